@@ -1,0 +1,46 @@
+"""From a scan to its fractal equivalent and to the contact of the patch itself.
+
+The scan is made up here; HeightField.read("scan.sur") reads the files of instruments (pip install SurfaceTopography).
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+import asperity as asp
+from asperity.fractal_fit import fit_fractal
+from asperity.measured import HeightField
+from asperity.surface import WeierstrassMandelbrot
+
+
+def made_up_scan() -> HeightField:
+    """A tilted, bent fractal surface of 40 um with a hole in the data."""
+    n, side = 161, 40e-6
+    z = WeierstrassMandelbrot(L=side, D=2.4, G=1e-10, f_max=9, seed=7).grid(n)
+    y, x = np.mgrid[0:n, 0:n] / n
+    z += 2e-6 * x - 1e-6 * y + 0.5e-6 * x**2
+    z[30:34, 90:97] = np.nan
+    return HeightField(z, side / (n - 1), side / (n - 1))
+
+
+def main() -> tuple[float, float]:
+    """Return the fractal dimension found and the greatest load P* of the patch."""
+    scan = made_up_scan().filled().levelled("curvature")
+    fit = fit_fractal(scan, trend="curvature", realisations=60)
+    print(f"D = {fit.D:.3f} ({fit.ci_D[0]:.3f} to {fit.ci_D[1]:.3f}), "
+          f"G = {fit.G:.2g} m ({fit.ci_G[0]:.1g} to {fit.ci_G[1]:.1g})")  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder:
+        patch = scan.filtered(4e-6).window(10e-6, 10e-6, 20e-6).save(Path(folder) / "patch.npz")
+        surface = asp.Surface.from_spec(kind="file", path=patch)
+    size = asp.MeshSize(6e-6, growth=1.0, h_max=10e-6)  # coarse, for an example
+    result = asp.solve_contact(surface, asp.Material(200e9, 0.3), delta_max=0.2e-6, steps=4, size=size)
+    load = float(result.curve.P_star[-1])
+    print(f"P* = {load:.4g} at delta* = {result.curve.delta_star[-1]:g}")
+    return fit.D, load
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,52 @@
+"""From a rough surface to its contact force and to the vibration of a mass on it.
+
+Importing the package is light: dolfinx, gmsh and matplotlib are loaded by the stage that needs them.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+__version__ = "0.1.0"
+
+# public name -> module that defines it
+_PUBLIC = {
+    "AsperityError": "errors",
+    "CheckpointError": "errors",
+    "CompatError": "errors",
+    "ConvergenceError": "errors",
+    "InputError": "errors",
+    "MeshError": "errors",
+    "RangeError": "errors",
+    "Surface": "surface",
+    "Curve": "curve",
+    "PowerLawFit": "curve",
+    "fit_power_law": "curve",
+    "Case": "case",
+    "ContactOscillator": "dynamics",
+    "PowerLaw": "dynamics",
+    "TableLaw": "dynamics",
+    "TaylorLaw": "dynamics",
+    "run": "simulation",
+    "Material": "material",
+    "MeshSize": "statics",
+    "Formulation": "statics",
+    "SolverOptions": "solve",
+    "solve_contact": "statics",
+    "reference": "",
+}
+
+__all__ = sorted(_PUBLIC)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PUBLIC:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if not _PUBLIC[name]:
+        return importlib.import_module(f"{__name__}.{name}")
+    return getattr(importlib.import_module(f"{__name__}.{_PUBLIC[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(set(globals()) | set(__all__))

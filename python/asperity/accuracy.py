@@ -1,0 +1,408 @@
+"""Accuracy as an input: meshes and load steps refined until the force has the error bar asked for.
+
+The force of a mesh of size h and of a load path in N steps differs from the limit by c h^p and b/N^2: p = 1.8 was
+measured for the meshes of `mesh.SizeField` (docs/accuracy.md), and the midpoint rule along a spreading plastic contact
+is of second order. Both limits are extrapolated, and each correction, which is the estimated error of the finer
+result, is the bar of the corrected one.
+
+A coarse mesh serves twice: it shows where the surface is touched, which guides the finer meshes, and it measures the
+error of the load steps, which hardly depends on the mesh. The finest mesh then needs no more steps than asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import PchipInterpolator
+
+from .curve import Curve
+from .errors import InputError
+from .loading import Callback
+from .material import Material
+from .mesh import Reach
+from .statics import ContactResult, MeshSize, solve_contact
+from .surface import Surface
+
+Floats = npt.NDArray[np.float64]
+
+MESH_ORDER = 1.8  # of the force in the element size; measured by benchmarks/work_precision.py
+STEP_ORDER = 2.0  # of the force in the load step: midpoint rule
+GUIDE = 0.1  # size of the guiding mesh [L]
+TYPICAL_ERROR = 0.035  # relative error of the force on the guiding mesh, as a first guess
+MESH_SHARE = 0.6  # part of the tolerance the mesh may use when load steps need the rest
+MAX_DOUBLINGS = 5  # of the load steps
+PATH_TRANSFER = 0.5  # part of the load-step correction taken for its bar (docs/accuracy.md)
+SMALLEST_REFINEMENT = 1.3  # below, the difference of two meshes says little about their error
+DOFS_ORDER = 1.8  # dofs grow as h^-DOFS_ORDER: refinement is confined to the contact
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What is asked for.
+
+    Attributes:
+        tolerance: greatest error bar of the force along the first loading, relative to the force, in (0, 1)
+        max_dofs: size no mesh may exceed
+        max_seconds: time after which no finer level is started; None for no limit
+
+    Raises:
+        InputError: a value outside its range
+    """
+
+    tolerance: float
+    max_dofs: int = 1_000_000
+    max_seconds: float | None = None
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.tolerance < 1.0:
+            raise InputError(
+                f"accuracy.tolerance = {self.tolerance!r} must lie between 0 and 1, for example 0.01 for 1 %"
+            )
+        if self.max_dofs < 1000:
+            raise InputError(f"accuracy.max_dofs = {self.max_dofs} must be at least 1000")
+        if self.max_seconds is not None and not self.max_seconds > 0:
+            raise InputError(f"accuracy.max_seconds = {self.max_seconds!r} must be positive")
+
+
+@dataclass(frozen=True)
+class Level:
+    """One computed curve: element size [length], dofs, planned steps, seconds."""
+
+    h: float
+    dofs: int
+    steps: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Error bars of P* at the rows of a curve, absolute, by their origin; `total` is their sum.
+
+    Attributes:
+        mesh: of the element size, the quadrature included, which the extrapolation removes with it
+        load_step: of the integration of plasticity along the path
+        algebraic: of the equations left unsolved, from the balance of forces
+    """
+
+    mesh: Floats
+    load_step: Floats
+    algebraic: Floats
+
+    @property
+    def total(self) -> Floats:
+        """Sum of the parts."""
+        return self.mesh + self.load_step + self.algebraic
+
+    def to_dict(self) -> dict[str, list[float]]:
+        """Columns of the budget for summary.json."""
+        return {k: getattr(self, k).tolist() for k in ("mesh", "load_step", "algebraic", "total")}
+
+
+@dataclass(frozen=True)
+class AccurateResult:
+    """A curve with error bars.
+
+    Attributes:
+        curve: rows of the finest mesh, force and P_star extrapolated, error_P_star filled in
+        raw: the same rows as computed
+        budget: parts of the error bar, rows as in the curve
+        levels: what was computed, in order
+        contact: the finest result, with mesh and last state
+        worst: greatest relative bar that is judged
+        met: whether the bar is within the tolerance along the first loading
+        reason: "done", or what stopped the refinement
+    """
+
+    curve: Curve
+    raw: Curve
+    budget: Budget
+    levels: tuple[Level, ...]
+    contact: ContactResult
+    worst: float
+    met: bool
+    reason: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """Sections "accuracy" and "error_budget" of summary.json."""
+        return {
+            "accuracy": {
+                "met": self.met,
+                "worst_relative_bar": self.worst,
+                "levels": [asdict(level) for level in self.levels],
+                "P_star_of_finest_mesh": self.raw.P_star.tolist(),
+            },
+            "error_budget": self.budget.to_dict(),
+        }
+
+
+def extrapolate(
+    coarse: Floats, fine: Floats, ratio: float, order: float
+) -> tuple[Floats, Floats]:
+    """Limit of a sequence with error c h^order, and the error of its last value.
+
+    Richardson's extrapolation; Roache, J. Fluids Eng. 116 (1994) 405.
+
+    Args:
+        coarse, fine: values at two sizes (n,)
+        ratio: coarse over fine size, above 1
+        order: of the error
+
+    Returns:
+        limit (n,) and fine - limit (n,)
+    """
+    error = (coarse - fine) / (ratio**order - 1.0)
+    return fine - error, error
+
+
+def steady(relative: Floats, reach: int = 2) -> Floats:
+    """Error bars that do not vanish where an error happens to change sign.
+
+    Each is at least the root mean square over its neighbours, `reach` to either side.
+
+    Args:
+        relative: estimated relative errors along a branch (n,)
+    """
+    padded = np.pad(relative**2, reach, mode="edge")
+    window = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)
+    return np.maximum(np.abs(relative), np.sqrt(window.mean(axis=1)))
+
+
+def loading_force(curve: Curve, delta_star: Floats) -> Floats:
+    """P* of the first loading at given deflections, by shape-preserving interpolation of its logarithms."""
+    branch = curve.loading()
+    law = PchipInterpolator(np.log(branch.delta_star), np.log(branch.P_star), extrapolate=True)
+    return np.exp(law(np.log(delta_star)))
+
+
+def solve_to_tolerance(
+    surface: Surface,
+    material: Material,
+    goal: Goal,
+    *,
+    delta_max: float | None = None,
+    force_max: float | None = None,
+    steps: int = 10,
+    on_stage: Callable[[str], None] | None = None,
+    on_step: Callback | None = None,
+    **settings: Any,
+) -> AccurateResult:
+    """Refine mesh and load steps until the force along the first loading has the error bar asked for; collective.
+
+    Args:
+        surface, material: as in `statics.solve_contact`, whose other arguments `settings` may hold
+        goal: tolerance and limits
+        delta_max, force_max, steps: as in `statics.solve_contact`; the steps of the result
+        on_stage, on_step: progress call-backs
+
+    Raises:
+        InputError: see `statics.solve_contact`
+        PartialResult: a load step does not converge
+    """
+    if "size" in settings or "block" in settings:
+        raise InputError("accuracy.tolerance chooses the mesh: leave out mesh.h_contact and mesh.file")
+    driven = dict(delta_max=delta_max, force_max=force_max)
+    run = _Runner(surface, material, driven | settings, on_stage, on_step)
+    steps_asked = steps
+    guide = run(GUIDE, steps)
+    reach = _reach(guide, surface.L)
+    path, coarse, share = None, guide.curve, 1.0
+    if material.plastic:
+        share = MESH_SHARE
+        path, steps, coarse = _choose_steps(run, guide.curve, steps, (1.0 - share) * goal.tolerance)
+    h = GUIDE
+    room = (goal.max_dofs / guide.dofs) ** (1.0 / DOFS_ORDER)
+    del guide  # its memory is needed for the next one
+    refinement = max(min(_refinement(TYPICAL_ERROR, share * goal.tolerance), room), SMALLEST_REFINEMENT)
+    while True:
+        h /= refinement
+        result = run(h, steps, reach)
+        curve, budget = _correct(result, coarse, refinement, path)
+        judged = _judged(curve, steps_asked)
+        worst = worst_error(curve, steps_asked)
+        if worst <= goal.tolerance:
+            return AccurateResult(curve, result.curve, budget, tuple(run.levels), result, worst, True, "done")
+        mesh = float(np.max((budget.mesh / curve.P_star)[judged]))
+        refinement = _refinement(mesh, share * goal.tolerance)
+        limit = run.limit(goal, mesh, share, refinement)
+        if limit:
+            reason = (
+                f"the force is known to {worst:.2%}, not to the {goal.tolerance:.2%} of accuracy.tolerance: {limit}"
+            )
+            return AccurateResult(curve, result.curve, budget, tuple(run.levels), result, worst, False, reason)
+        coarse = result.curve
+        del result
+
+
+def _refinement(error: float, wanted: float) -> float:
+    """Ratio of element sizes that should bring an error of the mesh down to the wanted one."""
+    return min(max(1.05 * (error / wanted) ** (1.0 / MESH_ORDER), SMALLEST_REFINEMENT), 4.0)
+
+
+def _judged(curve: Curve, steps: int) -> npt.NDArray[np.bool_]:
+    """Rows whose bar is judged: the first loading from the end of the first of the planned steps on.
+
+    The midpoint rule puts smaller ones before, where the contact is too small for a mesh made for the planned ones.
+    """
+    loading = curve.branch == "load"
+    return loading & (curve.delta_star >= 0.999 * curve.delta_star[loading].max() / steps)
+
+
+def worst_error(curve: Curve, steps: int) -> float:
+    """Greatest relative error bar along the first loading in `steps` planned steps, from the first one's end on."""
+    judged = _judged(curve, steps)
+    return float(np.max((curve.error_P_star / curve.P_star)[judged]))
+
+
+class _Runner:
+    """Solves one level after the other and keeps the account."""
+
+    def __init__(
+        self,
+        surface: Surface,
+        material: Material,
+        settings: dict[str, Any],
+        on_stage: Callable[[str], None] | None,
+        on_step: Callback | None,
+    ) -> None:
+        self._surface, self._material, self._settings = surface, material, settings
+        self._on_stage, self._on_step = on_stage, on_step
+        self._start = perf_counter()
+        self.levels: list[Level] = []
+
+    def __call__(self, h: float, steps: int, reach: Reach | None = None, loading_only: bool = False) -> ContactResult:
+        """Curve with elements of size h [L]."""
+        start = perf_counter()
+        L = self._surface.L
+        settings = self._settings | ({"unload_steps": 0, "cycles": 1} if loading_only else {})
+        if settings.get("checkpoint") is not None:
+            level = settings["checkpoint"].part(f"level-{len(self.levels) + 1}")
+            settings = settings | {"checkpoint": level}
+        result = solve_contact(
+            self._surface,
+            self._material,
+            steps=steps,
+            size=MeshSize(h * L, reach=reach),
+            on_stage=self._announce(f"h = {h:.3g} L, {steps} steps"),
+            on_step=self._on_step,
+            **settings,
+        )
+        self.levels.append(Level(h * L, result.dofs, steps, perf_counter() - start))
+        return result
+
+    def _announce(self, level: str) -> Callable[[str], None] | None:
+        if self._on_stage is None:
+            return None
+        on_stage = self._on_stage
+        return lambda name: on_stage(f"{level}: {name}")
+
+    def limit(self, goal: Goal, mesh: float, share: float, refinement: float) -> str:
+        """Why the next level must not be computed; empty when it may.
+
+        Args:
+            goal: with the limits
+            mesh: error of the mesh, relative to the force
+            share: part of the tolerance the mesh may use
+            refinement: of the next level
+        """
+        if mesh < 0.5 * share * goal.tolerance:
+            return "what is left comes from the load steps, raise loading.steps"
+        last = self.levels[-1]
+        dofs = int(last.dofs * refinement**DOFS_ORDER)
+        if dofs > goal.max_dofs:
+            return f"the next mesh has about {dofs} dofs, accuracy.max_dofs = {goal.max_dofs} allows no more"
+        elapsed = perf_counter() - self._start
+        needed = last.seconds * refinement ** (1.2 * DOFS_ORDER)
+        if goal.max_seconds is not None and elapsed + needed > goal.max_seconds:
+            return (
+                f"the next mesh takes about {needed:.0f} s after the {elapsed:.0f} s so far, accuracy.max_seconds = "
+                f"{goal.max_seconds:g} allows no more"
+            )
+        return ""
+
+
+def _reach(guide: ContactResult, L: float) -> Reach | None:
+    """What the guide touched, on rank 0; the meshes are made there."""
+    xy, touched_at = guide.press.reach()
+    return Reach(xy * L, touched_at * L) if len(xy) else None
+
+
+@dataclass(frozen=True)
+class _PathError:
+    """Error of the force from the load steps, relative, at deflections of the guiding mesh.
+
+    Attributes:
+        delta_star: deflections (n,)
+        correction: relative error with the steps chosen (n,)
+        bar: relative error left after the correction (n,)
+    """
+
+    delta_star: Floats
+    correction: Floats
+    bar: Floats
+
+
+def _choose_steps(
+    run: _Runner, curve: Curve, steps: int, wanted: float
+) -> tuple[_PathError, int, Curve]:
+    """Number of load steps whose error bar is the wanted one, and the guide's curve with as many.
+
+    The guiding mesh is loaded in N, 2 N, 4 N ... steps, and the limit extrapolated from the last two runs. What is
+    found there corrects the finest mesh as well; a part of the correction, which need not carry over and is itself
+    only known to leading order, is the bar.
+
+    Args:
+        run: solver of levels
+        curve: of the guiding mesh with `steps` steps
+        steps: least number of steps
+        wanted: relative error bar
+    """
+    at = curve.delta_star[_judged(curve, steps)]
+    curves = {steps: curve}
+    P = [loading_force(curve, at)]
+    for doublings in range(1, MAX_DOUBLINGS + 1):
+        n = steps * 2**doublings
+        curves[n] = run(GUIDE, n, loading_only=True).curve
+        P.append(loading_force(curves[n], at))
+        limit, _ = extrapolate(P[-2], P[-1], 2.0, STEP_ORDER)
+        for n, values in zip(curves, P, strict=True):
+            correction = values / limit - 1.0
+            path = _PathError(at, correction, PATH_TRANSFER * steady(correction))
+            if np.max(path.bar) <= wanted:
+                return path, n, curves[n]
+    return path, n, curves[n]
+
+
+def _correct(
+    result: ContactResult, coarse: Curve, refinement: float, path: _PathError | None
+) -> tuple[Curve, Budget]:
+    """Extrapolated curve of the finest level with its error bars.
+
+    Along the first loading the corrections are those of the rows. Later branches start from its end: they take its
+    corrections there as a factor, and their bars keep its size.
+    """
+    curve = result.curve
+    loading = curve.branch == "load"
+    at = curve.delta_star[loading]
+    raw = curve.P_star[loading]
+    _, mesh = extrapolate(loading_force(coarse, at), raw, refinement, MESH_ORDER)
+    correction = mesh / raw
+    mesh_bar = steady(correction)
+    path_bar = np.zeros(len(raw))
+    if path is not None:
+        correction = correction + np.interp(at, path.delta_star, path.correction)
+        path_bar = np.interp(at, path.delta_star, path.bar)
+    rows = np.where(loading, np.cumsum(loading) - 1, len(raw) - 1)
+    factor = 1.0 / (1.0 + correction[rows])
+    P = curve.P_star * factor
+    scale = np.where(loading, P, P[loading][-1] if loading.any() else 0.0)
+    algebraic = np.full(len(curve), result.checks.force_balance) * scale
+    budget = Budget(mesh_bar[rows] * scale, path_bar[rows] * scale, algebraic)
+    corrected = replace(
+        curve, force=curve.force * factor, P_star=P, error_P_star=budget.total
+    )
+    return corrected, budget

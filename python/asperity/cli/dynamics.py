@@ -1,0 +1,101 @@
+"""`asperity dynamics`: vibration of a mass on a computed, measured or assumed force law."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from asperity.cli import options
+from asperity.errors import InputError
+
+if TYPE_CHECKING:
+    from asperity.dynamics import Dynamics
+
+DAMPING = ("always", "contact", "hunt-crossley")
+LAWS = ("paper", "unload-reload", "table")
+MODELS = ("exact", "taylor")
+
+
+@click.command()
+@click.argument("source", required=False, metavar="[OUT|CURVE.csv]")
+@click.option("--power-law", "exponent", type=float, metavar="N", help="P* = k (delta*)^N instead.")
+@click.option("--k-fit", default=1.0, show_default=True, metavar="K", help="k of the power law.")
+@click.option("--law", type=click.Choice(LAWS), default="paper", show_default=True,
+              help="Law taken from a curve: power law fitted to the loading, computed unloading "
+              "branch, or the points of the loading.")  # fmt: skip
+@click.option("--preload", type=float, metavar="W", help="Weight of the mass; default half of the "
+              "greatest force.")  # fmt: skip
+@click.option("--zeta", default=0.01, show_default=True, help="Damping ratio.")
+@click.option("--damping", type=click.Choice(DAMPING), default="always", show_default=True,
+              help="When the damping acts.")  # fmt: skip
+@click.option("--forcing", type=float, multiple=True, default=(0.01,), show_default=True,
+              help="F^ = F/(n m g); repeatable.")  # fmt: skip
+@click.option("--model", "models", type=click.Choice(MODELS), multiple=True, default=MODELS,
+              show_default=True, help="Restoring force; repeatable.")  # fmt: skip
+@click.option("--omega", type=float, nargs=2, default=(0.5, 1.3), show_default=True,
+              help="Range of excitation frequency over omega_s.")  # fmt: skip
+@click.option("--sweeps/--no-sweeps", default=True, show_default=True,
+              help="Also integrate sweeps up and down.")  # fmt: skip
+@click.option("--detached", is_flag=True, help="Also search for detached loops.")
+@click.option("-o", "--output", metavar="DIR", help="Folder for free.csv, response.csv, "
+              "thresholds.json and the figures.")  # fmt: skip
+@options.serial
+def command(
+    source: str | None,
+    exponent: float | None,
+    k_fit: float,
+    output: str | None,
+    preload: float | None,
+    **settings: Any,
+) -> None:
+    """Free and forced vibration about the static deflection, with thresholds and stability.
+
+    The law comes from a run directory, from a CSV file with columns delta and force, or from
+    --power-law. Lengths and forces have the units of the curve.
+    """
+    from asperity.dynamics import PowerLaw, run_dynamics
+
+    if (source is None) == (exponent is None):
+        raise InputError("give either a run directory or curve, or --power-law N")
+    law = PowerLaw(exponent, k_fit) if exponent is not None else source
+    result = run_dynamics(law, load=preload, out_dir=output, figures=bool(output), **settings)
+    _show(result)
+    if output:
+        options.say(f"written to {Path(output)}")
+
+
+# attribute of Thresholds -> what it is
+_ROWS = {
+    "n_loc": "local exponent n",
+    "kappa": "backbone curvature kappa",
+    "softening": "at small amplitude",
+    "u_max": "largest free amplitude in contact",
+    "omega_loss": "omega/omega_s there",
+    "contact_loss": "F^ at the onset of contact loss",
+    "hysteresis": "F^ at the onset of hysteresis",
+    "period_doubling": "F^ at the onset of period doubling",
+}
+
+
+def _show(result: Dynamics) -> None:
+    models = list(result.thresholds)
+    first = next(iter(result.oscillators.values()))
+    about = f"{first.law.describe()}, zeta = {first.zeta:g} ({first.damping})"
+    values = [threshold.to_dict() for threshold in result.thresholds.values()]
+    rows = [(text, *(_text(value.get(name)) for value in values)) for name, text in _ROWS.items()]
+    for responses in zip(*result.responses.values(), strict=True):
+        setting = responses[0].setting
+        name = f"F^ = {setting.F_hat:g}, F/(m g) = {setting.F_over_mg:g}"
+        peaks = (response.peak for response in responses)
+        rows.append((name, *(f"peak {u:.4g} at {omega:.4g}" for omega, u in peaks)))
+    options.table(about, rows, ("", *models))
+    for note in result.notes:
+        options.say(f"note: {note}")
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.5g}" if isinstance(value, float) else str(value)

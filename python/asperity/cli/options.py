@@ -1,0 +1,51 @@
+"""Arguments and habits that commands share."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import click
+
+from asperity.progress import world_rank
+
+case_file = click.argument("case_file", metavar="CASE.toml")
+run_folder = click.argument("folder", metavar="OUT", type=click.Path(exists=True, file_okay=False))
+overrides = click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="SECTION.KEY=VALUE",
+    help="Replace a key of the case file; an empty value removes it. Repeatable.",
+)
+
+
+def serial(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Run a command on the first rank only."""
+
+    @functools.wraps(function)
+    def on_first_rank(*args: Any, **kwargs: Any) -> Any:
+        return function(*args, **kwargs) if world_rank() == 0 else 0
+
+    return on_first_rank
+
+
+def say(text: str = "") -> None:
+    """Print a line on the first rank."""
+    if world_rank() == 0:
+        click.echo(text)
+
+
+def table(title: str, rows: Iterable[tuple[str, ...]], header: tuple[str, ...] = ("", "")) -> None:
+    """Print a table; all columns but the first are right-aligned."""
+    from rich.console import Console
+    from rich.table import Table
+
+    grid = Table(title=title, title_justify="left", show_header=any(header))
+    for i, name in enumerate(header):
+        grid.add_column(name, justify="right" if i else "left", overflow="fold")
+    for row in rows:
+        grid.add_row(*row)
+    console = Console(highlight=False, markup=False)
+    console.print(grid)

@@ -1,0 +1,116 @@
+"""`asperity run`: the whole job of a case file."""
+
+from __future__ import annotations
+
+import shutil
+import warnings
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from asperity.cli import options
+from asperity.cli.ranks import on_first_rank
+from asperity.errors import InputError
+from asperity.progress import make_progress, world_rank
+
+if TYPE_CHECKING:
+    from asperity.case import Case
+
+# everything a run writes into its folder
+PRODUCTS = (
+    "case.toml", "curve.csv", "summary.json", "free.csv", "response.csv", "thresholds.json",
+    "report.html", "figures", "fields", "checkpoint",
+)  # fmt: skip
+
+
+@click.command()
+@options.case_file
+@click.option(
+    "-o", "--output", metavar="OUT", help="Run directory; default out/<name of the case>."
+)
+@click.option("--resume", is_flag=True, help="Continue the run in OUT from its checkpoint.")
+@click.option("--force", is_flag=True, help="Replace the run in OUT.")
+@click.option("-q", "--quiet", is_flag=True, help="Show no progress.")
+@options.overrides
+def command(
+    case_file: str,
+    output: str | None,
+    resume: bool,
+    force: bool,
+    quiet: bool,
+    overrides: tuple[str, ...],
+) -> None:
+    """Compute the force-deflection law of a case, and what its file asks for beside.
+
+    OUT receives case.toml (the completed input), curve.csv, summary.json and, when asked for,
+    dynamics, figures, fields and report.html.
+    """
+    from asperity.case import Case
+
+    case = Case.load(case_file, overrides)
+    folder = Path(output) if output else Path("out") / Path(case_file).stem
+    on_first_rank(partial(prepare, case, folder, resume=resume, force=force))
+    from asperity import simulation
+
+    progress = make_progress(quiet)
+    try:
+        result = simulation.run(case, folder, progress=progress, resume=resume)
+    finally:
+        progress.done()
+    if not quiet and world_rank() == 0:
+        if result.contact is None:
+            options.say(f"{folder} holds the complete run of {len(result.curve)} steps; nothing is left to do")
+        _show_fit(result.summary.get("fit") or {})
+        options.say(f"written to {folder}")
+
+
+def prepare(case: Case, folder: Path, *, resume: bool, force: bool) -> None:
+    """Make the run directory after everything that can be refused has been.
+
+    With `force` what an earlier run wrote is removed, and nothing else.
+
+    Raises:
+        InputError: the load leaves no gap; or the folder is a file, holds a run (without `resume`
+            or `force`), or holds foreign files.
+    """
+    from asperity.case import check_loading
+
+    if resume and force:
+        raise InputError("--resume continues the run in OUT and --force replaces it: give one of them")
+    for text in case.warnings() + check_loading(case, case.build_surface()):
+        warnings.warn(text, stacklevel=1)
+    check_folder(folder, resume=resume, force=force)
+    if resume:
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in PRODUCTS if force else ():
+        path = folder / name
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink(missing_ok=True)
+
+
+def check_folder(folder: Path, *, resume: bool, force: bool) -> None:
+    """Refuse a folder that holds something this run would write over, see `prepare`."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder} is a file; give a folder to -o")
+    names = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
+    # what a killed run was writing is hidden and ends in a process number
+    names = {n for n in names if not (n.startswith(".") and n.rpartition(".")[2].isdigit())}
+    ours = names & set(PRODUCTS)
+    if not names or force or (resume and ours):
+        return
+    if ours:
+        raise InputError(
+            f"{folder} already holds a run; --resume continues it, --force replaces it, "
+            "-o takes another folder"
+        )
+    raise InputError(f"{folder} is not empty and holds no run; give another folder to -o")
+
+
+def _show_fit(fit: dict[str, Any]) -> None:
+    if {"k", "n"} <= set(fit):
+        options.say(f"P* = {fit['k']:.5g} (delta/L)^{fit['n']:.4f}, R^2 = {fit['r2']:.5f}")

@@ -1,0 +1,62 @@
+"""`asperity study`: one case with some keys varied, over the ranks of a job."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from asperity.cli import options
+from asperity.cli.ranks import on_first_rank
+from asperity.progress import world_rank
+
+
+@click.command()
+@click.argument("study_file", metavar="STUDY.toml")
+@click.option("-o", "--output", metavar="OUT", help="Folder of the study; default out/<name of the file>.")
+@click.option("--ranks-per-case", default=1, show_default=True, metavar="N", help="Ranks that work on one case.")
+@click.option("--retry", is_flag=True, help="Repeat the cases that failed.")
+@click.option("--dry-run", is_flag=True, help="Check the file, count the cases and meshes, run nothing.")
+@click.option("--no-figures", is_flag=True, help="Write the table only.")
+@click.option("-q", "--quiet", is_flag=True, help="Show no progress.")
+@options.overrides
+def command(
+    study_file: str,
+    output: str | None,
+    ranks_per_case: int,
+    retry: bool,
+    dry_run: bool,
+    no_figures: bool,
+    quiet: bool,
+    overrides: tuple[str, ...],
+) -> None:
+    """Run a case over a grid of parameters, as many at a time as there are ranks (mpirun).
+
+    OUT receives results.csv (one row a case), cases/, meshes/ and figures/. Cases that are in OUT already are not
+    repeated, so the same command continues a study that was stopped. A case that fails is recorded in the table and
+    does not stop the others.
+    """
+    from asperity.study import Study
+
+    study = on_first_rank(lambda: Study.load(study_file, overrides))
+    if dry_run:
+        from asperity.study.run import mesh_key
+
+        meshes = len({mesh_key(entry.case) for entry in study.entries})
+        families = ", ".join(f"{f.name} ({sum(f.name in e.families for e in study.entries)})" for f in study.families)
+        options.say(f"{len(study.entries)} cases on {meshes} meshes: {families}")
+        return
+    from asperity.study import run_study
+
+    folder = Path(output) if output else Path("out") / Path(study_file).stem
+    say = None if quiet else lambda line: click.echo(line)
+    counts = run_study(study, folder, ranks_per_case=ranks_per_case, retry=retry, say=say)
+    if world_rank() != 0:
+        return
+    if not no_figures and counts.done:
+        from asperity.plot.families import plot_study
+
+        plot_study(folder)
+    if not quiet:
+        click.echo(f"{counts.done} of {counts.cases} cases done, {counts.failed} failed, {counts.run} run now")
+        click.echo(f"written to {folder}")

@@ -1,0 +1,69 @@
+"""`asperity validate`: the verification suite, as a table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from time import process_time
+from typing import TYPE_CHECKING
+
+import click
+
+from asperity.cli import options
+from asperity.errors import ConvergenceError
+from asperity.validation import NAMES
+
+if TYPE_CHECKING:
+    from asperity.validation.table import Row
+
+HEADER = ("case", "quantity", "reference", "its value", "computed", "error", "bar", "pass")
+
+
+@click.command()
+@click.argument("names", metavar="[NAME]...", nargs=-1, type=click.Choice(NAMES))
+@click.option("--level", type=click.Choice(["quick", "full"]), default="quick", show_default=True)
+@click.option("-o", "--output", metavar="FILE", type=click.Path(path_type=Path), help="Write all columns as CSV.")
+@click.option("--markdown", is_flag=True, help="Print a Markdown table.")
+@options.serial
+def command(names: tuple[str, ...], level: str, output: Path | None, markdown: bool) -> int:
+    """Compare the solver with reference solutions: closed forms, tables and fits of the literature.
+
+    NAME: patch, material, hertz, westergaard, double-sinusoid, thick-sphere, flattened-sphere, rough, rates; all
+    without one. A row passes when its error is within its bar, what the meshes and the reference leave open. Errors
+    and bars are relative. Exit code 0 when all rows pass, 3 when not.
+    """
+    from asperity.validation import validate
+    from asperity.validation.table import write_csv
+
+    if output is not None:
+        output.touch()  # a table that cannot be written is refused before the work
+    start = process_time()
+
+    def done(name: str, rows: list[Row]) -> None:
+        passed = sum(row.passed for row in rows)
+        click.echo(f"{name}: {passed} of {len(rows)} within the bar, {process_time() - start:.0f} s so far", err=True)
+
+    rows = validate(names, level, done)
+    if output is not None:
+        write_csv(rows, output)
+    if markdown:
+        for line in (HEADER, ("---",) * len(HEADER), *map(_texts, rows)):
+            options.say("| " + " | ".join(line) + " |")
+    else:
+        options.table("Verification", map(_texts, rows), HEADER)
+    missed = [row for row in rows if not row.passed]
+    if missed:
+        raise ConvergenceError(_summary(missed, len(rows)))
+    return 0
+
+
+def _texts(row: Row) -> tuple[str, ...]:
+    return (
+        row.case, row.quantity, row.source, f"{row.reference:.5g}", f"{row.value:.5g}", f"{row.error:.1e}",
+        f"{row.bar:.1e}", "yes" if row.passed else "NO",
+    )  # fmt: skip
+
+
+def _summary(missed: Iterable[Row], total: int) -> str:
+    names = [f"{row.case}: {row.quantity}" for row in missed]
+    return f"{len(names)} of {total} rows outside their bar ({'; '.join(names)})"

@@ -1,0 +1,60 @@
+"""What the solver and the load path need of a contact formulation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from ..solid import Floats
+from ..top import Area
+
+Rows = npt.NDArray[np.int32]
+
+__all__ = ["Area", "Contact", "Rows"]
+
+
+class Contact(Protocol):
+    """A formulation of contact with a flat, on the solid it was made for.
+
+    The flat puts a force on the nodes; internal force + contact force = 0 on free dofs, so a pressing flat adds a
+    positive z component. Some dofs may be prescribed instead.
+    """
+
+    symmetric: bool  # whether the tangent is symmetric, and positive definite with the solid's
+
+    def begin(self, z: float) -> None:
+        """Move the flat to height z [length]."""
+
+    def residual(self, force: Floats) -> tuple[Floats, Rows, Floats]:
+        """Complete the internal force of the current displacement; collective.
+
+        Args:
+            force: internal force on the owned nodes (owned, 3)
+
+        Returns:
+            residual (owned, 3); prescribed owned dofs; the displacement increment each of them still lacks
+        """
+
+    def add_tangent(self) -> None:
+        """Add the contact stiffness at the last residual to `solid.values`, the local matrix."""
+
+    def nodal_force(self, force: Floats) -> Floats:
+        """Normal force of the flat on the owned nodes (owned,), from the internal force (owned, 3)."""
+
+    def commit(self) -> None:
+        """Make the history of the last residual, if there is any, the committed one."""
+
+    def allowed_penetration(self) -> float:
+        """Depth by which a node may lie above the flat at the last residual [length]; of this process."""
+
+    def state(self) -> dict[str, Floats]:
+        """Committed history: arrays with a row per facet of the top (F, ...); empty when there is none."""
+
+    def restore_state(self, state: Mapping[str, Floats]) -> None:
+        """Take up a committed history that `state` gave."""
+
+    def area(self) -> Area:
+        """Area of contact at the last residual; collective."""

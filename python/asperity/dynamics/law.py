@@ -1,0 +1,388 @@
+"""Static laws of a contact: force against deflection, as a reversible spring.
+
+A law gives force, stiffness and potential at a deflection `z` (length), measured from the point where
+contact is made: a contact law is zero for ``z <= 0``. Vibration only ever sees a law through its normal
+form about a preload, `Restoring`:
+
+    f(u) = [F_s(z_s (1 + u)) - W] / (z_s F_s'(z_s)),    F_s(z_s) = W,    free flight f = -1/n_loc,
+
+with ``n_loc = z_s F_s'(z_s) / W``; contact is lost at ``u = -1``.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+
+from asperity.errors import InputError, RangeError
+
+Array = NDArray[Any]
+
+_GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(16)
+_SMALL = 0.05  # below this |u| the potential is summed, not subtracted
+
+
+def positive(name: str, value: float, *, zero: bool = False) -> float:
+    """Return `value` as a float, or raise `InputError` unless it is finite and positive (or zero)."""
+    number = float(value)
+    if not np.isfinite(number) or number < 0 or (number == 0 and not zero):
+        legal = "at least 0" if zero else "greater than 0"
+        raise InputError(f"{name} = {value} is not legal: it must be finite and {legal}")
+    return number
+
+
+class Law(ABC):
+    """Force-deflection law; subclasses are immutable."""
+
+    contact = True
+    """Whether the force vanishes for ``z <= 0`` (False for a truncated series)."""
+
+    extrapolate = True
+    """Whether deflections outside `z_range` are allowed."""
+
+    @abstractmethod
+    def both(self, z: Array) -> tuple[Array, Array]:
+        """Force and stiffness (force/length) at deflections `z` (length, any shape)."""
+
+    def push(self, z: Array) -> Array:
+        """Force alone at `z`, unchecked."""
+        return self.both(z)[0]
+
+    @abstractmethod
+    def potential(self, z: ArrayLike) -> Array:
+        """Energy stored at `z`, the integral of the force from 0 (force * length)."""
+
+    @abstractmethod
+    def derivatives(self, z: float) -> tuple[float, float, float]:
+        """First three derivatives of the force at `z` (force/length, /length^2, /length^3)."""
+
+    @abstractmethod
+    def describe(self) -> str:
+        """One line that names the law and its parameters."""
+
+    @property
+    def z_range(self) -> tuple[float, float]:
+        """Deflections the law is known on (length)."""
+        return (0.0, np.inf)
+
+    def force(self, z: ArrayLike) -> Array:
+        """Force at `z` (length); refuses deflections outside `z_range`."""
+        return self.both(self._checked(z))[0]
+
+    def stiffness(self, z: ArrayLike) -> Array:
+        """Tangent stiffness (force/length) at `z`; refuses deflections outside `z_range`."""
+        return self.both(self._checked(z))[1]
+
+    def deflection(self, load: float) -> float:
+        """Static deflection (length) under `load` (force).
+
+        Raises:
+            RangeError: the law does not reach the load.
+        """
+        load = positive("load", load)
+        low, high = self.z_range
+        top = float(self.both(np.array([high]))[0][0])
+        if load > top:
+            raise RangeError(
+                f"load = {load:g} lies outside the law, which ends at force {top:g}; lower the load, "
+                "or compute the curve further"
+            )
+        return float(brentq(lambda z: float(self.both(np.array([z]))[0][0]) - load, low, high,
+                            xtol=1e-15 * high, rtol=1e-14))
+
+    def n_loc(self, z: float) -> float:
+        """Local exponent ``z F'(z) / F(z)``; it equals n for a power law."""
+        return z * self.derivatives(z)[0] / float(self.both(np.array([z]))[0][0])
+
+    def kappa(self, z: float) -> float:
+        """Backbone curvature: omega/omega_s = 1 + kappa a^2 (a: amplitude over z).
+
+        ``kappa = (z^2/48) [3 P'''/P' - 5 (P''/P')^2]`` (multiple scales; Nayfeh & Mook 1979, section 2.3).
+        """
+        p1, p2, p3 = self.derivatives(z)
+        return z**2 / 48.0 * (3.0 * p3 / p1 - 5.0 * (p2 / p1) ** 2)
+
+    def well(self, u: Array, z_s: float, load: float, scale: float) -> Array:
+        """Normalised potential ``V(u)``, the integral of f from 0 to u."""
+        u = np.asarray(u, float)
+        inside = np.maximum(u, -1.0) if self.contact else u
+        value = (self.potential(z_s * (1 + inside)) - self.potential(z_s) - load * z_s * inside) / (scale * z_s)
+        small = np.abs(u) < _SMALL
+        if small.any():
+            v = u[small]
+            s = 0.5 * v[..., None] * (1.0 + _GAUSS_X)
+            f = (self.both(z_s * (1 + s))[0] - load) / scale
+            value = np.array(value)
+            value[small] = 0.5 * v * (f @ _GAUSS_W)
+        return value + (inside - u) * load / scale
+
+    def _checked(self, z: ArrayLike) -> Array:
+        z = np.asarray(z, float)
+        if not self.extrapolate:
+            low, high = self.z_range
+            if z.size and (z.max() > high * (1 + 1e-12) or (not self.contact and z.min() < low)):
+                worst = z.max() if z.max() > high else z.min()
+                raise RangeError(
+                    f"deflection {worst:g} lies outside the law, known from {low:g} to {high:g}; "
+                    "compute the curve further or ask for extrapolate=True"
+                )
+        return z
+
+
+@dataclass(frozen=True)
+class PowerLaw(Law):
+    """``F = K z^n`` for z > 0, zero otherwise.
+
+    Attributes:
+        n: exponent, > 0.
+        K: coefficient (force/length^n), > 0.
+        ci_n: 95 % confidence interval of n, or None.
+        ci_K: 95 % confidence interval of K, or None.
+        correlation: of the estimates of ln K and n.
+
+    Raises:
+        InputError: n or K is not finite and positive.
+    """
+
+    n: float
+    K: float = 1.0
+    ci_n: tuple[float, float] | None = None
+    ci_K: tuple[float, float] | None = None
+    correlation: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive("n", self.n)
+        positive("K", self.K)
+        for name, value, ci in (("n", self.n, self.ci_n), ("K", self.K, self.ci_K)):
+            if ci is not None and not (0 < ci[0] <= value <= ci[1]):
+                raise InputError(f"ci_{name} = {ci} must be positive and hold {name} = {value:g}")
+
+    @classmethod
+    def from_fit(cls, fit: Any, length: float = 1.0, force: float = 1.0) -> PowerLaw:
+        """Law ``F = force * k (z/length)^n`` of a `PowerLawFit`, with its confidence.
+
+        Args:
+            fit: k, n, ci_k, ci_n and correlation of a fit in dimensionless variables.
+            length: unit of the deflection (L for delta*).
+            force: unit of the force (A_0 E' for P*).
+        """
+        shift = np.log(length)
+        half_n = 0.5 * (fit.ci_n[1] - fit.ci_n[0])
+        half_k = 0.5 * np.log(fit.ci_k[1] / fit.ci_k[0])
+        covariance = fit.correlation * half_n * half_k
+        half_K = np.sqrt(max(half_k**2 - 2 * shift * covariance + shift**2 * half_n**2, 0.0))
+        mixed = covariance - shift * half_n**2
+        K = force * fit.k / length**fit.n
+        return cls(float(fit.n), float(K), (float(fit.n - half_n), float(fit.n + half_n)),
+                   (float(K * np.exp(-half_K)), float(K * np.exp(half_K))),
+                   float(np.clip(mixed / (half_n * half_K), -1, 1)) if half_n * half_K > 0 else 0.0)
+
+    def both(self, z: Array) -> tuple[Array, Array]:
+        s = np.maximum(z, 0.0)
+        if self.n < 1:  # the stiffness is infinite at the very point of separation
+            with np.errstate(divide="ignore"):
+                slope = np.where(s > 0, s ** (self.n - 1.0), 0.0)
+        else:
+            slope = s ** (self.n - 1.0)
+            if self.n == 1:
+                slope = np.where(np.asarray(z) > 0, 1.0, 0.0)
+        slope = self.K * slope
+        return slope * s, self.n * slope
+
+    def push(self, z: Array) -> Array:
+        return self.K * np.maximum(z, 0.0) ** self.n
+
+    def potential(self, z: ArrayLike) -> Array:
+        return self.K * np.maximum(np.asarray(z, float), 0.0) ** (self.n + 1.0) / (self.n + 1.0)
+
+    def derivatives(self, z: float) -> tuple[float, float, float]:
+        n, p1 = self.n, self.n * self.K * z ** (self.n - 1.0)
+        return p1, (n - 1) * p1 / z, (n - 1) * (n - 2) * p1 / z**2
+
+    def deflection(self, load: float) -> float:
+        return float((positive("load", load) / self.K) ** (1.0 / self.n))
+
+    def describe(self) -> str:
+        return f"power law n = {self.n:g}, K = {self.K:g}"
+
+    def well(self, u: Array, z_s: float, load: float, scale: float) -> Array:
+        n, u = self.n, np.asarray(u, float)
+        s = np.maximum(1.0 + u, 0.0)
+        value = (s ** (n + 1.0) / (n + 1.0) - (1.0 + u)) / n + 1.0 / (n + 1.0)
+        small = np.abs(u) < _SMALL
+        if small.any():  # binomial series: the closed form cancels
+            v = u[small]
+            term, total = v * v, v * v / 2.0
+            for j in range(2, 16):
+                term = term * v * (n - j + 1) / j
+                total = total + term / (j + 1)
+            value = np.array(value)
+            value[small] = total
+        return value
+
+
+@dataclass(frozen=True)
+class TaylorLaw(Law):
+    """Cubic Taylor series of a law about a static deflection; it knows no contact loss.
+
+    Attributes:
+        z_s: static deflection (length).
+        load: force at `z_s`.
+        p: first three derivatives of the force at `z_s`.
+    """
+
+    z_s: float
+    load: float
+    p: tuple[float, float, float]
+
+    contact = False
+
+    @classmethod
+    def about(cls, law: Law, load: float) -> TaylorLaw:
+        """Expand `law` about its static deflection under `load` (force)."""
+        z_s = law.deflection(load)
+        return cls(z_s, float(load), law.derivatives(z_s))
+
+    @property
+    def z_range(self) -> tuple[float, float]:
+        return (-np.inf, np.inf)
+
+    def both(self, z: Array) -> tuple[Array, Array]:
+        x = np.asarray(z, float) - self.z_s
+        p1, p2, p3 = self.p
+        return (self.load + x * (p1 + x * (p2 / 2 + x * p3 / 6)), p1 + x * (p2 + x * p3 / 2))
+
+    def potential(self, z: ArrayLike) -> Array:
+        p1, p2, p3 = self.p
+
+        def primitive(x: Array | float) -> Array | float:
+            return x * (self.load + x * (p1 / 2 + x * (p2 / 6 + x * p3 / 24)))
+
+        return np.asarray(primitive(np.asarray(z, float) - self.z_s) - primitive(-self.z_s))
+
+    def well(self, u: Array, z_s: float, load: float, scale: float) -> Array:
+        p1, p2, p3 = self.p
+        u = np.asarray(u, float)
+        x = z_s * u
+        return u * u * z_s * (p1 / 2 + x * (p2 / 6 + x * p3 / 24)) / scale
+
+    def derivatives(self, z: float) -> tuple[float, float, float]:
+        x = z - self.z_s
+        p1, p2, p3 = self.p
+        return p1 + x * (p2 + x * p3 / 2), p2 + x * p3, p3
+
+    def deflection(self, load: float) -> float:
+        if not np.isclose(load, self.load, rtol=1e-12):
+            raise RangeError(f"load = {load:g}: this series was expanded about load {self.load:g}")
+        return self.z_s
+
+    def describe(self) -> str:
+        return f"cubic Taylor series about z_s = {self.z_s:g}"
+
+    def rim(self) -> float:
+        """Deflection u of the saddle nearest below the well, -inf when there is none.
+
+        Motion that passes it escapes, a property of the truncation and not of the contact.
+        """
+        p1, p2, p3 = self.p
+        z = self.z_s
+        roots = np.roots([p3 * z * z / (6 * p1), p2 * z / (2 * p1), 1.0])
+        real = roots[np.abs(roots.imag) < 1e-12].real
+        below = real[real < 0]
+        return float(below.max()) if below.size else -np.inf
+
+    def rim_above(self) -> float:
+        """Deflection u of the saddle nearest above the well, +inf when there is none."""
+        p1, p2, p3 = self.p
+        z = self.z_s
+        roots = np.roots([p3 * z * z / (6 * p1), p2 * z / (2 * p1), 1.0])
+        above = roots[(np.abs(roots.imag) < 1e-12) & (roots.real > 0)].real
+        return float(above.min()) if above.size else np.inf
+
+
+@dataclass(frozen=True)
+class Restoring:
+    """Normal form of a law about a preload: the restoring force f(u) with f(0) = 0, f'(0) = 1.
+
+    Attributes:
+        law: the law.
+        load: preload W (force).
+        z_s: static deflection (length).
+        scale: z_s F'(z_s) (force); F^ = F / scale.
+        n_loc: scale / W.
+        a2, a3: f = u + a2 u^2 + a3 u^3 + ...
+        kappa: backbone curvature, omega/omega_s = 1 + kappa a^2.
+        u_range: deflections u the law is known on.
+    """
+
+    law: Law
+    load: float
+    z_s: float = field(init=False)
+    scale: float = field(init=False)
+    n_loc: float = field(init=False)
+    a2: float = field(init=False)
+    a3: float = field(init=False)
+    kappa: float = field(init=False)
+    u_range: tuple[float, float] = field(init=False)
+
+    def __post_init__(self) -> None:
+        z = self.law.deflection(self.load)
+        p1, p2, p3 = self.law.derivatives(z)
+        if not p1 > 0:
+            raise InputError(f"the law has stiffness {p1:g} at the operating point; it must be positive")
+        low, high = self.law.z_range
+        if self.law.contact:
+            low = -np.inf
+        values = {
+            "z_s": z, "scale": z * p1, "n_loc": z * p1 / self.load,
+            "a2": z * p2 / (2 * p1), "a3": z * z * p3 / (6 * p1), "kappa": self.law.kappa(z),
+            "u_range": (-np.inf, np.inf) if self.law.extrapolate else (low / z - 1.0, high / z - 1.0),
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def contact(self) -> bool:
+        """Whether contact is lost at u = -1."""
+        return self.law.contact
+
+    def pull(self, u: Array) -> tuple[Array, Array]:
+        """Contact force over `scale`, zero in flight, and its derivative with respect to u."""
+        force, slope = self.law.both(self.z_s * (1.0 + u))
+        return force / self.scale, slope * (self.z_s / self.scale)
+
+    def pull_only(self, u: Array) -> Array:
+        """Contact force over `scale` without its derivative: the inner loop of time integration."""
+        return self.law.push(self.z_s * (1.0 + u)) / self.scale
+
+    def f(self, u: ArrayLike) -> Array:
+        """Restoring force f(u)."""
+        return self.pull(np.asarray(u, float))[0] - 1.0 / self.n_loc
+
+    def df(self, u: ArrayLike) -> Array:
+        """Derivative f'(u)."""
+        return self.pull(np.asarray(u, float))[1]
+
+    def potential(self, u: ArrayLike) -> Array:
+        """Potential V(u), V(0) = 0."""
+        return self.law.well(np.asarray(u, float), self.z_s, self.load, self.scale)
+
+    def pulled(self, u: ArrayLike) -> Array:
+        """Energy stored in the contact since it was made at u = -1: the integral of `pull`."""
+        z = self.z_s * (1.0 + np.asarray(u, float))
+        return self.law.potential(z) / (self.scale * self.z_s)
+
+    def check_range(self, u_min: float, u_max: float) -> None:
+        """Raise `RangeError` when an orbit leaves the range the law is known on."""
+        low, high = self.u_range
+        if u_max > high * (1 + 1e-9) or u_min < low:
+            worst = u_max if u_max > high else u_min
+            raise RangeError(
+                f"the orbit reaches u = {worst:.6g}, outside the law, known for u from {low:g} to "
+                f"{high:.6g}; choose a smaller preload or amplitude, or extrapolate=True"
+            )

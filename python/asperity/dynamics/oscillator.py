@@ -1,0 +1,270 @@
+"""A mass on a contact: the entry to all of the dynamics."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from asperity.dynamics import sweep as _sweep
+from asperity.dynamics import thresholds as _thresholds
+from asperity.dynamics.damping import check_damping
+from asperity.dynamics.free import FreeVibration, contact_limit, free_vibration
+from asperity.dynamics.hbm import Balance
+from asperity.dynamics.law import Array, Law, Restoring, TaylorLaw, positive
+from asperity.dynamics.polish import polish as _polish
+from asperity.dynamics.response import FrequencyResponse, Setting, frequency_response
+from asperity.dynamics.shooting import Trajectory, integrate
+from asperity.dynamics.sweep import Attractor, Sweep
+from asperity.dynamics.table import TableLaw
+from asperity.dynamics.thresholds import Backbone, Thresholds
+from asperity.errors import InputError
+
+GRAVITY = 9.80665
+
+
+@dataclass(frozen=True)
+class ContactOscillator:
+    """A rigid mass pressed on a contact by its weight, with damping, under harmonic forcing.
+
+    In units of the static deflection z_s and of 1/omega_s, with u = (z - z_s)/z_s > 0 in compression:
+
+        u'' + 2 zeta g(u) u' + f(u) = F^ cos(Omega tau),   F^ = F/(n_loc m g);
+
+    contact is lost at u = -1. Every result states F^ and F/(m g), the damping, the law and its accuracy.
+
+    Attributes:
+        law: static force-deflection law.
+        load: preload W = m g (force); by default half of the greatest force of a table, or K (z_s = 1) for
+            a law without end.
+        zeta: damping ratio of small motion, >= 0.
+        damping: "always", "contact" or "hunt-crossley" (see `asperity.dynamics.damping`).
+        gravity: acceleration that makes the mass heavy (length/time^2).
+        restoring: normal form of the law (derived).
+
+    Raises:
+        InputError: a parameter is out of range.
+        RangeError: the law does not reach the load.
+    """
+
+    law: Law
+    load: float | None = None
+    zeta: float = 0.01
+    damping: str = "always"
+    gravity: float = GRAVITY
+    restoring: Restoring = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.law, Law):
+            raise InputError(f"law must be a force-deflection law (PowerLaw, TableLaw, ...), got "
+                             f"{type(self.law).__name__}")
+        positive("zeta", self.zeta, zero=True)
+        if self.zeta >= 1:
+            raise InputError(f"zeta = {self.zeta:g} is not legal: it must be below 1")
+        check_damping(self.damping)
+        positive("gravity", self.gravity)
+        load = self.load if self.load is not None else _default_load(self.law)
+        object.__setattr__(self, "load", positive("load", load))
+        object.__setattr__(self, "restoring", Restoring(self.law, float(load)))
+
+    @property
+    def model(self) -> str:
+        """ "exact" or "taylor"."""
+        return "exact" if self.restoring.contact else "taylor"
+
+    @property
+    def mass(self) -> float:
+        """Mass m = W/g (mass)."""
+        return self.restoring.load / self.gravity
+
+    @property
+    def omega_s(self) -> float:
+        """Small-amplitude frequency sqrt(n_loc g/z_s) (rad/time)."""
+        return float(np.sqrt(self.restoring.n_loc * self.gravity / self.restoring.z_s))
+
+    @property
+    def u_max(self) -> float:
+        """Largest release amplitude that keeps contact."""
+        return contact_limit(self.restoring)
+
+    def taylor(self) -> ContactOscillator:
+        """The same oscillator with its law truncated after the cubic term."""
+        law = TaylorLaw.about(self.law, self.restoring.load)
+        return replace(self, law=law, load=self.restoring.load)
+
+    def free(self, u0: ArrayLike | None = None) -> FreeVibration:
+        """Natural frequency against release amplitude, to 1e-12 for smooth laws.
+
+        Args:
+            u0: release deflections over z_s, > 0; by default 60 up to 1.5 u_max (or as far as the law goes).
+
+        Raises:
+            RangeError: an orbit leaves the table, or passes the rim of the Taylor well.
+        """
+        if u0 is None:
+            limit = contact_limit(self.restoring)
+            top = min(1.5 * limit if np.isfinite(limit) else 1.5, _thresholds.reach(self.restoring))
+            u0 = np.linspace(top / 60, top, 60)
+        return free_vibration(self.restoring, u0, model=self.model, omega_s=self.omega_s, damping=self.damping)
+
+    def backbone(self, u_max: float | None = None, points: int = 60) -> Backbone:
+        """Backbone curve with the forcing that sustains each amplitude at resonance.
+
+        Args:
+            u_max: largest amplitude; default 3 u_max of contact.
+            points: number of amplitudes.
+        """
+        limit = contact_limit(self.restoring)
+        top = positive("u_max", u_max) if u_max is not None else (3 * limit if np.isfinite(limit) else 2.0)
+        return _thresholds.backbone(self.restoring, model=self.model, damping=self.damping, u_max=top,
+                                    points=points)
+
+    def thresholds(self, forcing: float | Iterable[float] = ()) -> Thresholds:
+        """Onsets of contact loss, hysteresis and period doubling, and resonance peaks for `forcing` (F^)."""
+        values = (forcing,) if isinstance(forcing, (int, float)) else tuple(forcing)
+        return _thresholds.thresholds(self.restoring, model=self.model, zeta=self.zeta, damping=self.damping,
+                                      forcing=tuple(positive("forcing", f) for f in values))
+
+    def response(self, forcing: float, omega: Sequence[float] = (0.5, 1.3), *, tol: float = 1e-5,
+                 subharmonics: bool = True, detached: bool = False, polish: bool = False) -> FrequencyResponse:
+        """All periodic orbits over a window of frequencies, stable and unstable, with their bifurcations.
+
+        Args:
+            forcing: F^ = F/(n_loc m g), > 0.
+            omega: lowest and highest Omega.
+            tol: truncation error allowed, relative to the amplitude.
+            subharmonics: follow period-2 branches from period doublings.
+            detached: search for loops that no branch reaches, by integrating many initial states first.
+            polish: correct every point by event-accurate shooting to 1e-9 (slow: some 0.1 s a point).
+
+        Raises:
+            InputError: forcing or window is not legal.
+            ConvergenceError: no orbit is found at the ends of the window.
+        """
+        setting, window = self._setting(forcing), _window(omega)
+        balance = self._balance()
+        extra: tuple[tuple[int, Array, float], ...] = ()
+        if detached:
+            extra = self._seeds(setting.F_hat, window, tol)
+        result = frequency_response(balance, setting, window, tol=tol, subharmonics=subharmonics, extra=extra)
+        return _polish(result) if polish else result
+
+    def sweep(self, forcing: float | Iterable[float], omega: Sequence[float] = (0.5, 1.3), *, points: int = 81,
+              directions: Sequence[str] = ("up", "down"), tol: float = 1e-4, max_periods: int | None = None,
+              steps: int | None = None) -> tuple[Sweep, ...]:
+        """Runge-Kutta sweeps with carried state, all forcings and directions at once.
+
+        Args:
+            forcing: F^, or several.
+            omega: lowest and highest Omega.
+            points: frequencies.
+            directions: "up", "down" or both.
+            tol: distance from the steady state allowed, relative to the orbit.
+            max_periods: forcing periods per frequency at most; default 4/zeta (100 to 20000).
+            steps: Runge-Kutta steps per period; default from the stiffness met.
+
+        Returns:
+            One `Sweep` per forcing and direction.
+
+        Raises:
+            RangeError: the motion leaves a table.
+        """
+        values = (forcing,) if isinstance(forcing, (int, float)) else tuple(forcing)
+        if not values:
+            raise InputError("no forcing was given for the sweep")
+        for d in directions:
+            if d not in ("up", "down"):
+                raise InputError(f'direction = "{d}" is unknown: choose "up" or "down"')
+        low, high = _window(omega)
+        if points < 2:
+            raise InputError(f"points = {points} is not legal: a sweep needs at least 2")
+        return _sweep.sweep(self._balance(), [self._setting(f) for f in values], np.linspace(low, high, points),
+                            directions=tuple(directions), tol=positive("tol", tol), max_periods=max_periods,
+                            steps=steps)
+
+    def attractors(self, omega: ArrayLike, forcing: float, *, starts: int = 12, spread: float | None = None,
+                   tol: float = 1e-4, max_periods: int | None = None) -> tuple[Attractor, ...]:
+        """Steady motions reached from a grid of initial states (u, v), with the share of each.
+
+        Args:
+            omega: Omega, or several.
+            forcing: F^.
+            starts: initial states per side of the grid.
+            spread: half-width of the grid; default the resonance amplitude, at most 3.
+            tol: as in `sweep`.
+            max_periods: default 4/zeta (100 to 20000).
+        """
+        f = self._setting(forcing).F_hat
+        values = np.atleast_1d(np.asarray(omega, float))
+        if values.size == 0 or not (np.isfinite(values).all() and (values > 0).all()):
+            raise InputError(f"omega = {values.tolist()} must hold finite frequencies greater than 0")
+        if spread is None:
+            spread = float(np.clip(f / (2.0 * max(self.zeta, 1e-3)), 0.5, 3.0))
+        return _sweep.attractors(self._balance(), values, f, starts=starts, spread=positive("spread", spread),
+                                 tol=tol, max_periods=max_periods)
+
+    def simulate(self, omega: float, forcing: float, *, u: float = 0.0, v: float = 0.0, periods: float = 50.0,
+                 samples: int = 64, rtol: float = 1e-10) -> Trajectory:
+        """Integrate in time with located separations and landings.
+
+        Args:
+            omega: Omega (with forcing = 0: the unit of `periods` only).
+            forcing: F^, may be 0.
+            u, v: initial state, v = du/dtau.
+            periods: length in forcing periods.
+            samples: output points per forcing period.
+            rtol: tolerance of the integrator.
+
+        Raises:
+            RangeError: the motion escapes from a Taylor well, or leaves a table.
+        """
+        w = positive("omega", omega)
+        f = positive("forcing", forcing, zero=True)
+        duration = positive("periods", periods) * 2.0 * np.pi / w
+        path, _ = integrate(self._balance(), w, f, float(u), float(v), duration, rtol=rtol,
+                            samples=max(1, int(np.ceil(samples * w / (2.0 * np.pi)))))
+        self.restoring.check_range(float(path.u.min()), float(path.u.max()))
+        return path
+
+    def _balance(self) -> Balance:
+        return Balance(self.restoring, self.zeta, self.damping)
+
+    def _setting(self, forcing: float) -> Setting:
+        return Setting(self.model, self.law.describe(), self.restoring.n_loc, self.zeta, self.damping,
+                       positive("forcing", forcing))
+
+    def _seeds(self, forcing: float, window: tuple[float, float], tol: float) -> tuple[tuple[int, Array, float], ...]:
+        """Periodic orbits met from many initial states, as starting points of detached branches."""
+        from asperity.dynamics.polish import coefficients
+
+        if self.zeta == 0:
+            warnings.warn("without damping no motion settles: detached loops are not searched", stacklevel=3)
+            return ()
+        omega = np.linspace(*window, 14)[1:-1]
+        found = self.attractors(omega, forcing, starts=8, tol=1e-3)
+        seeds = []
+        for a in found:
+            if a.period:
+                balance = replace(self._balance(), order=a.period)
+                x = coefficients(balance, a.Omega, forcing, a.state)
+                if x is not None:
+                    seeds.append((a.period, x, a.Omega))
+        return tuple(seeds)
+
+
+def _default_load(law: Law) -> float:
+    if isinstance(law, TableLaw):
+        return 0.5 * float(law.F[-1])
+    if isinstance(law, TaylorLaw):
+        return law.load
+    return float(law.both(np.array([1.0]))[0][0])
+
+
+def _window(omega: Sequence[float]) -> tuple[float, float]:
+    values = tuple(float(w) for w in omega)
+    if len(values) != 2 or not (0 < values[0] < values[1] < np.inf):
+        raise InputError(f"omega = {list(values)} is not legal: give two frequencies 0 < low < high")
+    return values[0], values[1]

@@ -1,0 +1,224 @@
+"""All dynamics of one law, and the files free.csv, response.csv and thresholds.json."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asperity.curve import fit_power_law
+from asperity.dynamics.free import FreeVibration
+from asperity.dynamics.law import Law, PowerLaw
+from asperity.dynamics.oscillator import ContactOscillator
+from asperity.dynamics.response import FrequencyResponse
+from asperity.dynamics.sweep import ESCAPED, Sweep
+from asperity.dynamics.table import TableLaw, columns, unload_reload
+from asperity.dynamics.thresholds import Thresholds
+from asperity.dynamics.uncertainty import Uncertainty, uncertainty
+from asperity.errors import AsperityError, InputError
+
+FREE_COLUMNS = ("model", "u0", "omega_ratio", "u_min")
+RESPONSE_COLUMNS = ("model", "F_hat", "zeta", "Omega", "u_max", "u_min", "a1", "stable", "branch", "contact_loss")
+MODELS = ("exact", "taylor")
+LAWS = ("paper", "unload-reload", "table")
+_SWEEP_POINTS = 41
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """Everything computed for one law; mappings are by model ("exact", "taylor").
+
+    Attributes:
+        oscillators: the oscillators.
+        free: natural frequency against amplitude.
+        responses: one per forcing.
+        sweeps: one per forcing and direction (empty when not asked for).
+        thresholds: onsets and resonance peaks.
+        uncertainty: confidence carried from the law, None when the law has none.
+        notes: what a reader must know.
+    """
+
+    oscillators: dict[str, ContactOscillator]
+    free: dict[str, FreeVibration]
+    responses: dict[str, tuple[FrequencyResponse, ...]]
+    sweeps: dict[str, tuple[Sweep, ...]]
+    thresholds: dict[str, Thresholds]
+    uncertainty: Uncertainty | None
+    notes: tuple[str, ...]
+
+    def write(self, out_dir: str | os.PathLike[str]) -> None:
+        """Write free.csv, response.csv and thresholds.json into a directory, made when missing."""
+        path = Path(out_dir)
+        path.mkdir(parents=True, exist_ok=True)
+        _write(path / "free.csv", FREE_COLUMNS, (row for f in self.free.values() for row in f.rows()))
+        results = [r for group in (self.responses, self.sweeps) for many in group.values() for r in many]
+        _write(path / "response.csv", RESPONSE_COLUMNS, (row for r in results for row in r.rows()))
+        text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
+        (path / "thresholds.json").write_text(text + "\n")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Content of thresholds.json."""
+        first = next(iter(self.oscillators.values()))
+        out: dict[str, Any] = {
+            "normalisation": "u = (z - z_s)/z_s, Omega = omega/omega_s, F_hat = F/(n_loc m g)",
+            "law": first.law.describe(), "load": first.restoring.load, "z_s": first.restoring.z_s,
+            "mass": first.mass, "omega_s": first.omega_s, "n_loc": first.restoring.n_loc,
+            "kappa": first.restoring.kappa, "zeta": first.zeta, "damping": first.damping,
+            "uncertainty": self.uncertainty.to_dict() if self.uncertainty else None,
+            "notes": list(self.notes),
+        }
+        for model, values in self.thresholds.items():
+            out[model] = {
+                **values.to_dict(),
+                "free_tolerance": self.free[model].tolerance,
+                "free_valid": all(self.free[model].valid),
+                "responses": [_summary(r) for r in self.responses[model]],
+                "sweeps": [_sweep_summary(s) for s in self.sweeps.get(model, ())],
+            }
+        return out
+
+
+def law_from(source: Any, law: str = "paper", load: float | None = None) -> tuple[Law, float]:
+    """Static law and preload of a curve.
+
+    Args:
+        source: a `Law`, a `Curve`, a CSV file with columns delta and force, or a directory with curve.csv.
+        law: "paper" (power law fitted to the loading branch, as a reversible spring), "unload-reload" (the
+            branch computed about the preload), or "table" (the points of the loading branch).
+        load: preload (force); default half of the greatest force of the curve.
+
+    Raises:
+        InputError: an unknown law, or a curve that cannot give it.
+    """
+    if isinstance(source, Law):
+        return source, load if load is not None else ContactOscillator(source).restoring.load
+    if law not in LAWS:
+        raise InputError(f'law = "{law}" is unknown: choose one of {", ".join(LAWS)}')
+    if isinstance(source, (str, os.PathLike)):
+        path = Path(source)
+        if path.is_dir():
+            path = path / "curve.csv"
+        if not path.is_file():
+            raise InputError(f"there is no curve at {path}")
+        source = path
+    delta, force, branches = columns(source)
+    if delta.size == 0:
+        raise InputError("the curve is empty: it needs a row per deflection")
+    if load is None:
+        load = 0.5 * float(np.max(force))
+    if law == "unload-reload":
+        return unload_reload(source, load), load
+    if law == "table":
+        return TableLaw.from_curve(source), load
+    rows = np.ones(delta.size, bool) if branches is None else branches == "load"
+    length, unit = float(delta[rows].max(initial=0.0)), float(force[rows].max(initial=0.0))
+    if not (length > 0 and unit > 0):
+        raise InputError("the loading branch of the curve never makes contact: no power law can be fitted")
+    fit = fit_power_law(delta[rows] / length, force[rows] / unit)
+    return PowerLaw.from_fit(fit, length, unit), load
+
+
+def run_dynamics(source: Any, *, zeta: float = 0.01, damping: str = "always",
+                 forcing: float | Iterable[float] = (0.01,), models: Sequence[str] = MODELS,
+                 omega: Sequence[float] = (0.5, 1.3), load: float | None = None, law: str = "paper",
+                 out_dir: str | os.PathLike[str] | None = None, sweeps: bool = True, detached: bool = False,
+                 tol: float = 1e-5, figures: bool = False) -> Dynamics:
+    """Compute free vibration, frequency response, sweeps and thresholds of a mass on a contact.
+
+    Args:
+        source: a `Law`, a `Curve`, a CSV file with columns delta and force, or a run directory (curve.csv).
+        zeta: damping ratio of small motion, 0 <= zeta < 1.
+        damping: "always", "contact" or "hunt-crossley".
+        forcing: F^ = F/(n_loc m g), one or several, each > 0.
+        models: "exact" and/or "taylor".
+        omega: lowest and highest Omega = omega/omega_s.
+        load: preload W = m g (force); default half of the greatest force of the curve.
+        law: "paper", "unload-reload" or "table", see `law_from`; ignored when `source` is a `Law`.
+        out_dir: where free.csv, response.csv and thresholds.json go (and *.png with `figures`); None: nowhere.
+        sweeps: also run Runge-Kutta sweeps up and down (a few seconds; not for zeta = 0).
+        detached: also search for branches that no other reaches (some seconds).
+        tol: relative truncation error of the response.
+        figures: also draw the figures, see `asperity.dynamics.plots`.
+
+    Returns:
+        The results; nothing is written before all input is checked.
+
+    Raises:
+        InputError: an argument or the curve is wrong.
+        RangeError: the law does not reach the preload, or an orbit leaves a table at once.
+        ConvergenceError: no orbit can be found.
+    """
+    values = (float(forcing),) if isinstance(forcing, (int, float)) else tuple(float(f) for f in forcing)
+    if not values:
+        raise InputError("forcing is empty: give at least one F^ > 0")
+    names = tuple(models)
+    for name in names:
+        if name not in MODELS:
+            raise InputError(f'model = "{name}" is unknown: choose one of {", ".join(MODELS)}')
+    if not names:
+        raise InputError("model is empty: choose exact, taylor or both")
+    static, preload = law_from(source, law, load)
+    exact = ContactOscillator(static, load=preload, zeta=zeta, damping=damping)
+    oscillators = {name: exact if name == "exact" else exact.taylor() for name in names}
+    notes: list[str] = []
+    free: dict[str, FreeVibration] = {}
+    responses: dict[str, tuple[FrequencyResponse, ...]] = {}
+    swept: dict[str, tuple[Sweep, ...]] = {}
+    onset: dict[str, Thresholds] = {}
+    for name, oscillator in oscillators.items():
+        onset[name] = oscillator.thresholds(values)
+        free[name] = oscillator.free()
+        responses[name] = tuple(oscillator.response(f, omega, tol=tol, detached=detached) for f in values)
+        swept[name] = ()
+        if sweeps and zeta > 0:
+            try:
+                swept[name] = oscillator.sweep(values, omega, points=_SWEEP_POINTS)
+            except AsperityError as error:
+                notes.append(f"{name}: no sweep: {error}")
+        for r in responses[name]:
+            notes.extend(f"{name}, F^ = {r.setting.F_hat:g}: {note}" for note in r.notes)
+        for s in swept[name]:
+            if ESCAPED in s.status:
+                where = float(s.Omega[s.status.index(ESCAPED)])
+                notes.append(f"{name}, F^ = {s.setting.F_hat:g}: the sweep {s.direction} escapes from the Taylor "
+                             f"well at Omega = {where:.4g}, a property of the truncation")
+    try:
+        spread = uncertainty(exact)
+    except InputError:
+        spread = None
+    result = Dynamics(oscillators, free, responses, swept, onset, spread, tuple(notes))
+    if out_dir is not None:
+        result.write(out_dir)
+        if figures:
+            from asperity.dynamics.plots import save_figures
+
+            save_figures(result, out_dir)
+    return result
+
+
+def _summary(r: FrequencyResponse) -> dict[str, Any]:
+    omega, top = r.peak
+    return {"F_hat": r.setting.F_hat, "F_over_mg": r.setting.F_over_mg, "peak": {"Omega": omega, "u_max": top},
+            "events": [{"kind": e.kind, "branch": r.branches[e.branch].kind, "Omega": e.Omega, "u_max": e.u_max}
+                       for e in r.events],
+            "tolerance": r.tolerance, "determinant_error": r.det_error, "valid": r.valid, "notes": list(r.notes)}
+
+
+def _sweep_summary(s: Sweep) -> dict[str, Any]:
+    return {"F_hat": s.setting.F_hat, "direction": s.direction, "valid": bool(s.valid.all()),
+            "status": {name: s.status.count(name) for name in dict.fromkeys(s.status)}}
+
+
+def _write(path: Path, names: tuple[str, ...], rows: Iterable[dict[str, Any]]) -> None:
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, names, lineterminator="\n")
+        writer.writeheader()
+        for row in rows:
+            writer.writerow({k: repr(v) if isinstance(v, float) else str(v).lower() if isinstance(v, bool) else v
+                             for k, v in row.items()})

@@ -1,0 +1,58 @@
+"""Signals that ask a run to end: it finishes its step, saves its state, and leaves in order on all ranks."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from types import FrameType, TracebackType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+SIGNALS = (signal.SIGTERM, signal.SIGINT)
+
+
+class StopRequest:
+    """While entered, the first SIGTERM or SIGINT is only noted, and the next one ends the process at once.
+
+    Outside of the main thread, where Python handles no signals, nothing changes.
+
+    Args:
+        comm: ranks that stop together
+    """
+
+    def __init__(self, comm: MPI.Comm) -> None:
+        self._comm = comm
+        self._noted = 0
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> StopRequest:
+        if threading.current_thread() is threading.main_thread():
+            self._before = {s: signal.signal(s, self._note) for s in SIGNALS}
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        for s, handler in self._before.items():
+            signal.signal(s, signal.SIG_DFL if handler is None else handler)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self._noted = number
+        for s in SIGNALS:
+            signal.signal(s, signal.SIG_DFL)
+        name = signal.Signals(number).name
+        # print() may be what the signal interrupted, and is not re-entrant
+        os.write(2, f"{name}: the run ends after this step; once more ends it at once\n".encode())
+
+    def agreed(self) -> str:
+        """Name of the signal that any rank has received, empty for none; collective."""
+        from mpi4py import MPI
+
+        number = self._comm.allreduce(self._noted, op=MPI.MAX)
+        return signal.Signals(number).name if number else ""

@@ -1,0 +1,121 @@
+"""The linear system of a Newton iteration: prescribed dofs eliminated, then a direct or a multigrid solver."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .errors import InputError
+from .multigrid import PMultigrid
+
+if TYPE_CHECKING:
+    from .solid import Floats, Solid
+
+LU_LIMIT = 6_000  # dofs below which a factorisation beats CG with multigrid (benchmarks/linear.py)
+KINDS = ("auto", "lu", "cg", "gamg")
+PREFIX = "asperity_linear_"
+
+GAMG = {
+    "pc_gamg_coarse_eq_limit": 1000,
+    "pc_gamg_esteig_ksp_type": "cg",
+    "pc_gamg_esteig_ksp_max_it": 10,
+    "mg_levels_ksp_type": "chebyshev",
+    "mg_levels_pc_type": "jacobi",
+}
+
+
+class LinearSolver:
+    """Solves A y = r with some dofs of y prescribed; collective.
+
+    The prescribed dofs are eliminated symmetrically in place, so the matrix keeps its structure and near-null
+    space.
+
+    Args:
+        solid: whose matrix is solved with
+        kind: "lu" (MUMPS), "cg" (p-multigrid), "gamg" (algebraic multigrid), or "auto", which takes "lu" for small
+            problems and "cg" for others
+        rtol: relative tolerance of the iterative solvers, in the energy norm
+        symmetric: whether the matrix is symmetric and positive definite: Cholesky and CG, else LU and GMRES
+
+    Raises:
+        InputError: unknown kind
+    """
+
+    def __init__(self, solid: Solid, kind: str, rtol: float, symmetric: bool = True) -> None:
+        from petsc4py import PETSc
+
+        if kind not in KINDS:
+            raise InputError(f'solver.linear = "{kind}" is not one of {", ".join(KINDS)}')
+        if kind == "auto":
+            kind = "lu" if solid.dofs < LU_LIMIT else "cg"
+        self._solid = solid
+        self._ksp = PETSc.KSP().create(solid.comm)
+        self._ksp.setOptionsPrefix(PREFIX)
+        self._multigrid: PMultigrid | None = None
+        pc = self._ksp.getPC()
+        if kind == "lu":
+            self._ksp.setType("preonly")
+            pc.setType("cholesky" if symmetric else "lu")
+            pc.setFactorSolverType("mumps")
+        else:
+            self._ksp.setType("cg" if symmetric else "gmres")
+            self._ksp.setTolerances(rtol=rtol, max_it=1000)
+            if symmetric:
+                self._ksp.setNormType(PETSc.KSP.NormType.NATURAL)
+            if kind == "cg":
+                self._multigrid = PMultigrid(solid, pc)
+                set_defaults(PREFIX, self._multigrid.options)
+            else:
+                pc.setType("gamg")
+                set_defaults(PREFIX, GAMG)
+        solid.A.setOption(PETSc.Mat.Option.SYMMETRIC, symmetric)
+        solid.A.setOption(PETSc.Mat.Option.SPD, symmetric)
+        self._ksp.setOperators(solid.A)
+        self._ksp.setFromOptions()
+        self._b, self._y = solid.A.createVecRight(), solid.A.createVecRight()
+
+    def solve(
+        self, r: Any, rows: npt.NDArray[np.int32], values: Floats, y: Any
+    ) -> tuple[int, bool]:
+        """Solve with the current values of the matrix, which are changed by the elimination.
+
+        Args:
+            r: right-hand side, unchanged
+            rows: owned dofs to be zero besides the prescribed ones, which come last
+            values: of the prescribed dofs, for the last rows
+            y: receives the solution
+
+        Returns:
+            iterations, and whether the solver converged
+        """
+        A, phase = self._solid.A, self._solid.phases.phase
+        with phase("elimination"):
+            r.copy(self._b)
+            self._y.set(0.0)
+            self._y.array[rows[len(rows) - len(values) :]] = values
+            diagonal = A.getDiagonal().sum() / self._solid.dofs
+            A.zeroRowsColumns(rows + A.getOwnershipRange()[0], diag=diagonal, x=self._y, b=self._b)
+        with phase("preconditioner"):
+            self._ksp.setOperators(A)
+            if self._multigrid is not None:
+                self._multigrid.update(A, rows)
+            self._ksp.setUp()
+        with phase("linear solve"):
+            self._ksp.solve(self._b, y)
+        y.array[rows] = self._y.array_r[rows]  # an iterative solver only meets them to its tolerance
+        return self._ksp.getIterationNumber(), self._ksp.getConvergedReason() > 0
+
+
+def set_defaults(prefix: str, options: dict[str, Any]) -> None:
+    """Put options in PETSc's database where the user has not set them.
+
+    They stay there: PETSc reads those of multigrid levels only when the levels are built.
+    """
+    from petsc4py import PETSc
+
+    database = PETSc.Options(prefix)
+    for key, value in options.items():
+        if not database.hasName(key):
+            database[key] = value

@@ -1,0 +1,40 @@
+"""Figures of a measured patch."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from asperity.fractal_fit import FractalFit
+from asperity.plot import style
+from asperity.surface import Spectrum
+
+
+@style.styled
+def spectrum_figure(spectrum: Spectrum, fit: FractalFit | None = None, unit: str = "") -> Figure:
+    """Power spectral density, and the band variances with those of the Weierstrass-Mandelbrot equivalent.
+
+    Args:
+        spectrum: radial spectrum of the patch.
+        fit: its equivalent.
+        unit: of lengths.
+    """
+    columns = 1 if fit is None else 2
+    figure, axes = style.figure(style.SINGLE if fit is None else style.DOUBLE, 3.2, columns=columns)
+    left = np.atleast_1d(axes)[0]
+    there = spectrum.density > 0
+    left.loglog(spectrum.q[there], spectrum.density[there], color=style.BLUE)
+    left.set_xlabel(style.label("wave number $q$", f"1/{unit}" if unit else ""))
+    left.set_ylabel(style.label("density $C(q)$", f"{unit}$^4$" if unit else ""))
+    style.grid(left)
+    if fit is not None:
+        right = np.atleast_1d(axes)[1]
+        right.loglog(fit.wavelength, fit.variance, "o", color=style.BLUE, mfc="white", label="patch")
+        text = f"$D$ = {fit.D:.3f} ({fit.ci_D[0]:.3f} to {fit.ci_D[1]:.3f})\n$G$ = {fit.G:.3g} {unit}".rstrip()
+        right.loglog(fit.wavelength, fit.model, "-", color=style.VERMILION, label=text)
+        right.set_xlabel(style.label("wavelength", unit))
+        right.set_ylabel(style.label("variance in the band", f"{unit}$^2$" if unit else ""))
+        right.legend(loc="upper left")
+        style.grid(right)
+        style.letters(left, right)
+    return figure

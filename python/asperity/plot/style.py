@@ -1,0 +1,98 @@
+"""The look of all figures: sizes, colours, labels."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ParamSpec
+
+import matplotlib as mpl
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+P = ParamSpec("P")
+
+# Okabe and Ito's colours, told apart by colour-blind readers
+BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
+YELLOW, BLUE, VERMILION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
+GREY, PALE = "#7F7F7F", "#EDEDED"
+
+SINGLE, DOUBLE = 4.2, 7.6  # widths, inches
+DPI = 200
+
+_RC: dict[str, Any] = {
+    "font.size": 9.0,
+    "axes.titlesize": 9.0,
+    "axes.labelsize": 9.0,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "legend.handlelength": 1.8,
+    "axes.linewidth": 0.7,
+    "axes.axisbelow": True,
+    "lines.linewidth": 1.4,
+    "lines.markersize": 3.6,
+    "xtick.direction": "in",
+    "ytick.direction": "in",
+    "xtick.top": True,
+    "ytick.right": True,
+    "mathtext.fontset": "dejavusans",
+    "axes.formatter.use_mathtext": True,
+    "axes.formatter.limits": (-3, 4),
+}
+
+
+def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
+    """Let a function draw its figure in this style, whatever the user's settings are."""
+
+    @functools.wraps(draw)
+    def in_style(*args: P.args, **kwargs: P.kwargs) -> Figure:
+        with mpl.rc_context(mpl.rcParamsDefault), mpl.rc_context(_RC):
+            return draw(*args, **kwargs)
+
+    return in_style
+
+
+def figure(width: float, height: float, columns: int = 1, rows: int = 1) -> tuple[Figure, Any]:
+    """New figure and its axes (an array when there are several), sizes in inches."""
+    result = Figure(figsize=(width, height), layout="constrained")
+    return result, result.subplots(rows, columns)
+
+
+def save(figure: Figure, path: str | Path) -> Path:
+    """Write a figure as PNG and return its path."""
+    with mpl.rc_context(_RC):
+        figure.savefig(path, dpi=DPI)
+    return Path(path)
+
+
+def grid(*axes: Axes) -> None:
+    """Faint lines at the major ticks."""
+    for axis in axes:
+        axis.grid(color="#E2E2E2", linewidth=0.6)
+
+
+def label(quantity: str, unit: str) -> str:
+    """Text of an axis: "name (unit)"."""
+    return f"{quantity} ({unit})" if unit else quantity
+
+
+def letters(*axes: Axes) -> None:
+    """Mark panels (a), (b), ..."""
+    for axis, letter in zip(axes, "abcdefgh", strict=False):
+        axis.annotate(
+            f"({letter})", (0, 1), (-30, 5), xycoords="axes fraction", textcoords="offset points",
+            fontweight="bold",
+        )  # fmt: skip
+
+
+def logarithmic(axis: Axes) -> None:
+    """Both scales logarithmic; the lower one labelled at 1, 2 and 5."""
+    axis.set_xscale("log")
+    axis.set_yscale("log")
+    axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.xaxis.set_minor_formatter(NullFormatter())

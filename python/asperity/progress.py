@@ -1,0 +1,143 @@
+"""What a run tells its user while it works: nothing, one line a step, or a live bar.
+
+The solver calls `stage` when it turns to something new, `step` after each accepted load step and
+`done` at the end; only the first rank shows anything.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Mapping
+from typing import Any, TextIO
+
+
+class Progress:
+    """Silent progress, and the protocol of the others."""
+
+    def stage(self, name: str) -> None:
+        """Announce a phase, for example "mesh"."""
+
+    def step(self, row: Mapping[str, Any], fraction_done: float) -> None:
+        """Show an accepted load step.
+
+        Args:
+            row: values of the columns of curve.csv.
+            fraction_done: part of the load path behind us, 0 to 1.
+        """
+
+    def done(self) -> None:
+        """Finish; nothing is shown afterwards."""
+
+
+COLUMNS = ("step", "branch", "delta/L", "P*", "area", "Newton", "Krylov", "time", "left")
+_WIDTHS = (5, 7, 11, 11, 7, 6, 6, 8, 8)
+
+
+class StepLines(Progress):
+    """One plain line a step, with the time left; suits log files and batch jobs."""
+
+    def __init__(self, stream: TextIO | None = None):
+        self._stream = stream
+        self._start = time.monotonic()
+        self._first: float | None = None
+        self._headed = False
+
+    def _write(self, line: str) -> None:
+        print(line, file=self._stream or sys.stdout, flush=True)
+
+    def stage(self, name: str) -> None:
+        self._write(f"[{time.monotonic() - self._start:6.1f} s] {name}")
+        self._headed = False
+
+    def step(self, row: Mapping[str, Any], fraction_done: float) -> None:
+        if not self._headed:
+            self._write(_line(COLUMNS))
+            self._headed = True
+        self._write(_line(self._cells(row, fraction_done)))
+
+    def _cells(self, row: Mapping[str, Any], fraction_done: float) -> tuple[str, ...]:
+        now = time.monotonic()
+        if self._first is None:
+            self._first = now - float(row["seconds"])
+        elapsed = now - self._first
+        left = elapsed * (1 / fraction_done - 1) if fraction_done > 0 else float("nan")
+        return (
+            f"{row['step']}",
+            f"{row['branch']}",
+            f"{row['delta_star']:.4e}",
+            f"{row['P_star']:.4e}",
+            f"{row['area_fraction']:.4f}",
+            f"{row['newton']}",
+            f"{row['krylov']}",
+            f"{row['seconds']:.1f} s",
+            duration(left),
+        )
+
+    def done(self) -> None:
+        self._write(f"[{time.monotonic() - self._start:6.1f} s] end")
+
+
+class StepTable(StepLines):
+    """The same lines on a terminal, above a live bar with stage, part done and time left."""
+
+    def __init__(self) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn
+
+        super().__init__()
+        self._console = Console(highlight=False)
+        columns = (
+            SpinnerColumn(),
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.percentage:.0f} % {task.fields[left]}"),
+        )
+        self._bar = Progress(*columns, console=self._console, transient=True)
+        self._task = self._bar.add_task("start", total=1.0, left="")
+        self._bar.start()
+
+    def _write(self, line: str) -> None:
+        self._console.print(line, markup=False, soft_wrap=True)
+
+    def stage(self, name: str) -> None:
+        super().stage(name)
+        self._bar.update(self._task, description=name)
+
+    def step(self, row: Mapping[str, Any], fraction_done: float) -> None:
+        super().step(row, fraction_done)
+        left = self._cells(row, fraction_done)[-1]
+        self._bar.update(self._task, completed=fraction_done, left=f"{left} left")
+
+    def done(self) -> None:
+        self._bar.stop()
+        super().done()
+
+
+def make_progress(quiet: bool = False) -> Progress:
+    """Progress that fits: silent on all ranks but the first, live on a terminal, else lines."""
+    if quiet or world_rank() > 0:
+        return Progress()
+    return StepTable() if sys.stdout.isatty() else StepLines()
+
+
+def world_rank() -> int:
+    """Rank of this process under mpirun or srun, 0 alone; from the environment, MPI not started."""
+    names = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "MPI_RANKID", "SLURM_PROCID")
+    return next((int(os.environ[n]) for n in names if os.environ.get(n, "").isdigit()), 0)
+
+
+def duration(seconds: float) -> str:
+    """Seconds in words of at most 7 letters: 3.2 s, 4 m 05, 2 h 10."""
+    if not seconds < 1e8:
+        return "?"
+    if seconds < 60:
+        return f"{seconds:.1f} s"
+    if seconds < 3600:
+        return f"{seconds // 60:.0f} m {seconds % 60:02.0f}"
+    return f"{seconds // 3600:.0f} h {seconds % 3600 // 60:02.0f}"
+
+
+def _line(cells: tuple[str, ...]) -> str:
+    return " ".join(cell.rjust(width) for cell, width in zip(cells, _WIDTHS, strict=True))

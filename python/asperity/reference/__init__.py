@@ -1,0 +1,55 @@
+"""Reference solutions, each with its source: what the solver is held to.
+
+Lengths, forces and stresses in any consistent system of units.
+"""
+
+from __future__ import annotations
+
+from .elastic import (
+    DoubleSinusoid,
+    Hertz,
+    Westergaard,
+    area_coefficient,
+    block_modulus,
+    first_yield,
+    patch_test_slope,
+    reduced_modulus,
+    similar_coefficient,
+)
+from .halfspace import HalfSpaceContact, half_space_contact
+from .plastic import (
+    PressurisedSphere,
+    confined_stress,
+    ghaednia,
+    hardening_modulus,
+    j2_path,
+    jackson_green,
+    kogut_etsion,
+    uniaxial_stress,
+)
+from .tables import ROUGH_ELASTIC, ROUGH_ELASTIC_FITS, rough_elastic_surface
+
+__all__ = [
+    "ROUGH_ELASTIC",
+    "ROUGH_ELASTIC_FITS",
+    "DoubleSinusoid",
+    "HalfSpaceContact",
+    "Hertz",
+    "PressurisedSphere",
+    "Westergaard",
+    "area_coefficient",
+    "block_modulus",
+    "confined_stress",
+    "first_yield",
+    "ghaednia",
+    "half_space_contact",
+    "hardening_modulus",
+    "j2_path",
+    "jackson_green",
+    "kogut_etsion",
+    "patch_test_slope",
+    "reduced_modulus",
+    "rough_elastic_surface",
+    "similar_coefficient",
+    "uniaxial_stress",
+]

@@ -1,0 +1,319 @@
+"""The sections and keys of the case file: type, default, legal range, unit and meaning of each."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, Strict
+
+Real = Annotated[float, Strict(), Field(allow_inf_nan=False)]
+Whole = Annotated[int, Strict()]
+Flag = Annotated[bool, Strict()]
+Text = Annotated[str, Strict()]
+
+LENGTH, FORCE, STRESS = "length", "force", "force/length^2"
+
+
+def _key(
+    doc: str, default: Any = ..., *, unit: str = "", shown: str = "", hint: str = "", **limits: Any
+) -> Any:
+    """Declare a key: what it is, its default (`shown` when it follows from others), unit, hint."""
+    extra: dict[str, Any] = {"unit": unit, "shown": shown, "hint": hint}
+    return Field(default, description=doc, json_schema_extra=extra, **limits)
+
+
+class Section(BaseModel):
+    """A table of the case file."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    def parameters(self) -> dict[str, Any]:
+        """Keys and values, those without a value left out."""
+        return self.model_dump(exclude_none=True)
+
+
+class _Patch(Section):
+    L: Real = _key("side of the square patch", unit=LENGTH, gt=0, hint="1e-6 is 1 um in SI")
+
+
+class WeierstrassMandelbrotSection(_Patch):
+    """Fractal surface, modified two-variable Weierstrass-Mandelbrot function."""
+
+    kind: Literal["weierstrass-mandelbrot"]
+    D: Real = _key("fractal dimension", gt=2, lt=3, hint="2.4 is a usual value")
+    G: Real = _key("fractal roughness", unit=LENGTH, gt=0, hint="1.36e-11 m is a usual value")
+    M: Whole = _key("number of ridges", 10, ge=1, le=1000)
+    gamma: Real = _key("frequency ratio", 1.5, gt=1, le=100)
+    f_max: Whole | None = _key(
+        "highest frequency index", None, shown="5, or from L_s", ge=0, le=100
+    )
+    L_s: Real | None = _key("shortest wavelength, sets f_max", None, unit=LENGTH, gt=0)
+    seed: Whole = _key("seed of the random phases", 0, ge=0, lt=2**63)
+    ridges: Literal["0..M", "1..M"] = _key("ridges in the sum", "0..M")
+
+
+class SphereSection(_Patch):
+    """Sphere pressed by the flat."""
+
+    kind: Literal["sphere"]
+    radius: Real = _key("radius of the sphere", unit=LENGTH, gt=0)
+    centre: tuple[Real, Real] | None = _key(
+        "position of the summit (x, y)", None, shown="middle of the patch", unit=LENGTH
+    )
+    shape: Literal["sphere", "paraboloid"] = _key("profile", "sphere")
+
+
+class SinusoidSection(_Patch):
+    """Wavy surface in one or two directions."""
+
+    kind: Literal["sinusoid"]
+    amplitude: Real = _key("half of peak to valley", unit=LENGTH, gt=0)
+    wavelength: Real | None = _key("wavelength", None, shown="L", unit=LENGTH, gt=0)
+    dims: Whole = _key("1: waves along x; 2: along x and y", 1, ge=1, le=2)
+    centre: tuple[Real, Real] | None = _key(
+        "position of a crest (x, y)", None, shown="middle of the patch", unit=LENGTH
+    )
+
+
+class FlatSection(_Patch):
+    """Plane top."""
+
+    kind: Literal["flat"]
+
+
+class FileSection(_Patch):
+    """Height map on a regular grid."""
+
+    kind: Literal["file"]
+    path: Text = _key("file .npz, .npy or .csv", hint="a path relative to the case file")
+    order: Whole = _key("order of the interpolating spline", 3, ge=3, le=5)
+
+
+SURFACES = (
+    WeierstrassMandelbrotSection,
+    SphereSection,
+    SinusoidSection,
+    FlatSection,
+    FileSection,
+)
+
+
+class MaterialSection(Section):
+    """Isotropic solid, elastic or elastic-plastic (J2, linear isotropic hardening)."""
+
+    E: Real = _key("Young's modulus", unit=STRESS, gt=0, hint="200e9 Pa for steel")
+    nu: Real = _key("Poisson's ratio", gt=-1, lt=0.5, hint="0.3 for steel")
+    yield_strength: Real | None = _key(
+        "yield strength", None, shown="elastic", unit=STRESS, gt=0,
+        hint="leave it out for an elastic material",
+    )  # fmt: skip
+    tangent_modulus: Real | None = _key(
+        "slope of stress over strain after yield, below E", None,
+        shown="0, perfectly plastic", unit=STRESS, ge=0,
+    )  # fmt: skip
+
+    @property
+    def E_prime(self) -> float:
+        """Contact modulus against a rigid flat, E/(1 - nu^2) (force/length^2)."""
+        return self.E / (1.0 - self.nu**2)
+
+    @property
+    def confined_modulus(self) -> float:
+        """Modulus of uniaxial strain (force/length^2)."""
+        return self.E * (1.0 - self.nu) / ((1.0 + self.nu) * (1.0 - 2.0 * self.nu))
+
+
+class BlockSection(Section):
+    """The solid below the surface."""
+
+    height: Real = _key("height of the block", unit=LENGTH, shown="L", gt=0)
+    sides: Literal["rollers", "free"] = _key("side faces: no normal motion, or free", "rollers")
+
+
+class ContactSection(Section):
+    """How the flat and the surface interact."""
+
+    method: Literal["active-set", "penalty", "nitsche"] = _key("formulation", "active-set")
+    penalty: Real = _key("factor of E p^2/h (penalty)", 10.0, gt=0)
+    gamma: Real | None = _key(
+        "factor of E p^2/h (nitsche)", None, shown="1; 10 if theta is not 0", gt=0
+    )
+    theta: Whole = _key("symmetry of nitsche; 1 and -1 need an elastic solid", 0, ge=-1, le=1)
+
+
+class MeshSection(Section):
+    """Element sizes, or a saved mesh."""
+
+    h_contact: Real = _key(
+        "size at the surface where it is reached last", shown="0.04 L", unit=LENGTH, gt=0
+    )
+    growth: Real = _key("increase of size per unit distance", 0.25, gt=0, le=10)
+    h_max: Real = _key("largest size", shown="0.25 L", unit=LENGTH, gt=0)
+    file: Text | None = _key("a saved mesh instead", None)
+
+
+class LoadingSection(Section):
+    """Motion of the flat, or its force."""
+
+    delta_max: Real | None = _key(
+        "greatest approach from first touch (or force_max)", None, unit=LENGTH, gt=0,
+        hint="about 0.03 L",
+    )  # fmt: skip
+    force_max: Real | None = _key("greatest normal force (or delta_max)", None, unit=FORCE, gt=0)
+    steps: Whole = _key("least number of load steps", 10, ge=1, le=100_000)
+    unload: Flag = _key("unload after loading", False)
+    cycles: Whole = _key("number of load(-unload) cycles", 1, ge=1, le=1000)
+    unload_steps: Whole = _key("steps of an unloading", shown="steps // 2", ge=1, le=100_000)
+    integrator: Literal["midpoint", "backward-euler"] = _key(
+        "of plasticity along a loading: second or first order in the step", "midpoint"
+    )
+
+
+class AccuracySection(Section):
+    """Error control; without a tolerance one mesh of size h_contact is used."""
+
+    tolerance: Real | None = _key(
+        "relative error of the force", None, shown="one mesh", gt=0, lt=1,
+        hint="0.01 for one per cent",
+    )  # fmt: skip
+    max_dofs: Whole = _key("limit of unknowns", 1_000_000, ge=1000)
+    max_seconds: Real | None = _key("limit of time", None, shown="none", unit="s", gt=0)
+
+
+Model = Literal["exact", "taylor"]
+
+
+class DynamicsSection(Section):
+    """Vibration of a mass on the contact."""
+
+    law: Literal["paper", "unload-reload"] = _key(
+        "loading curve as a spring, or the unloading branch", "paper"
+    )
+    preload: Real | None = _key(
+        "weight of the mass", None, shown="half of the greatest force", unit=FORCE, gt=0
+    )
+    zeta: Real = _key("damping ratio", 0.01, ge=0, lt=1)
+    damping: Literal["always", "contact", "hunt-crossley"] = _key("when damping acts", "always")
+    forcing: tuple[Annotated[Real, Field(gt=0)], ...] = _key(
+        "amplitudes F/(m omega_s^2 z_s)", (0.01,), min_length=1, max_length=100
+    )
+    model: tuple[Model, ...] = _key(
+        "restoring force: exact, its Taylor expansion", ("exact", "taylor"), min_length=1,
+        max_length=2,
+    )  # fmt: skip
+    omega: tuple[Annotated[Real, Field(gt=0)], Annotated[Real, Field(gt=0)]] = _key(
+        "range of excitation frequency over omega_s", (0.5, 1.3)
+    )
+
+
+class SolverSection(Section):
+    """How the equations are solved."""
+
+    kernels: Literal["compiled", "ufl"] = _key("element kernels", "compiled")
+    linear: Literal["auto", "lu", "cg"] = _key("linear solver", "auto")
+    newton_max: Whole = _key("Newton steps before cutback", 30, ge=1, le=1000)
+    rtol: Real = _key("relative residual at convergence", 1e-8, gt=0, le=1e-2)
+
+
+class OutputSection(Section):
+    """What is written beside the curve and the summary."""
+
+    figures: Flag = _key("figures/*.png", False)
+    fields: Flag = _key("fields/ for ParaView", False)
+    report: Flag = _key("report.html", False)
+    snapshots: Whole = _key("load levels kept for the pressure map", 4, ge=0, le=1000)
+    checkpoint: Whole = _key("accepted steps from one checkpoint to the next, 0 for none", 1, ge=0)
+
+
+class Input(BaseModel):
+    """All sections of a case file."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    units: Literal["SI", "other"] = _key("'other' drops SI labels and checks", "SI")
+    surface: Annotated[
+        WeierstrassMandelbrotSection | SphereSection | SinusoidSection | FlatSection | FileSection,
+        Field(discriminator="kind"),
+    ]
+    material: MaterialSection
+    block: BlockSection
+    contact: ContactSection = ContactSection()
+    mesh: MeshSection
+    loading: LoadingSection
+    accuracy: AccuracySection = AccuracySection()
+    dynamics: DynamicsSection | None = None
+    solver: SolverSection = SolverSection()
+    output: OutputSection = OutputSection()
+
+
+def input_reference() -> Iterator[tuple[str, str, str, str, str, str]]:
+    """Rows (section, key, default, legal values, unit, meaning) of every key, for documentation."""
+    for name in Input.model_fields:
+        for model in sections(name):
+            section = name + (f" ({kind_of(model)})" if name == "surface" else "")
+            for key, about in properties(model).items():
+                if key != "kind":
+                    default = show(about["default"]) if "default" in about else "required"
+                    unit = about["unit"] or "-"
+                    default = about["shown"] or default
+                    yield section, key, default, legal(about), unit, about["description"]
+
+
+def sections(name: str) -> tuple[type[Section], ...]:
+    """Models a section may have; none for a name that is no section."""
+    if name == "surface":
+        return SURFACES
+    info = Input.model_fields.get(name)
+    found = [info.annotation, *get_args(info.annotation)] if info else []
+    return tuple(m for m in found if isinstance(m, type) and issubclass(m, Section))
+
+
+def kind_of(model: type[BaseModel]) -> str:
+    """Value of `kind` that selects a surface model."""
+    return str(properties(model)["kind"]["const"])
+
+
+def properties(model: type[BaseModel]) -> dict[str, dict[str, Any]]:
+    """JSON schema of each key of a section."""
+    schema: dict[str, dict[str, Any]] = model.model_json_schema()["properties"]
+    return schema
+
+
+def legal(about: dict[str, Any]) -> str:
+    """Legal values in words, from a key's JSON schema: choices or an interval."""
+    if "anyOf" in about:  # a value or nothing
+        return legal(about["anyOf"][0])
+    if "enum" in about:
+        return ", ".join(show(choice) for choice in about["enum"])
+    if about.get("type") == "array":
+        count = (
+            f"{about['minItems']} values "
+            if about["minItems"] == about.get("maxItems")
+            else "values "
+        )
+        return f"a list of {count}from {legal(about.get('items') or about['prefixItems'][0])}"
+    if about.get("type") in ("number", "integer"):
+        low, high = about.get("minimum", -math.inf), about.get("maximum", math.inf)
+        low, high = about.get("exclusiveMinimum", low), about.get("exclusiveMaximum", high)
+        left = "[" if "minimum" in about else "("
+        return f"{left}{low:g}, {high:g}{']' if 'maximum' in about else ')'}"
+    return {"boolean": "true, false", "string": "text"}[about["type"]]
+
+
+def show(value: Any) -> str:
+    """A value as it would stand in the file, shortened and free of control characters."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        text = json.dumps(value)
+    elif isinstance(value, list | tuple):
+        text = "[" + ", ".join(show(item) for item in value[:8]) + "]"
+    else:
+        try:
+            text = f"{value:.9g}" if isinstance(value, float) else str(value)
+        except ValueError:  # integers of thousands of digits
+            text = "a huge number"
+    return text if len(text) <= 80 else text[:77] + "..."

@@ -1,0 +1,258 @@
+"""The deformable block: displacement space, internal force, tangent, history.
+
+Inside the solver lengths are in units of the side L and stresses in units of E, so tolerances mean the same for
+every case. History is written to a trial copy with each residual and becomes the committed one by `commit` only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from . import compat
+from .material import Material
+from .mesh import BASE, SIDE_X, SIDE_Y
+from .phases import Phases
+
+Floats = npt.NDArray[np.float64]
+
+
+class Bulk(Protocol):
+    """Constitutive part of a solid: what both the compiled kernels and the UFL forms provide."""
+
+    plastic_points: int  # quadrature points flowing at the last residual, this process
+    volumes: Floats  # of the quadrature points of this process (cells, points)
+
+    def add_internal_force(self, u: Floats, b: Floats) -> None:
+        """Add the internal force of the nodal displacement u (nodes, 3) to b; writes the trial history."""
+
+    def tangent(self, u: Floats) -> Floats:
+        """Values of the local CSR matrix at u, the state of the last residual."""
+
+    def commit(self) -> None:
+        """Make the trial history the committed one."""
+
+    def restore(self, plastic_strain: Floats, accumulated: Floats) -> None:
+        """Take up a committed history that `history` gave."""
+
+    def history(self) -> tuple[Floats, Floats]:
+        """Committed plastic strain (cells, points, 6) and accumulated plastic strain (cells, points)."""
+
+    def stress(self, u: Floats) -> Floats:
+        """Stress (cells, points, 6) of u over the committed history."""
+
+
+class NodeGraph:
+    """Sparsity of the local matrix: nodes that share a cell of this process, ghost nodes included.
+
+    Attributes:
+        indptr, indices: CSR graph of the nodes (indices ascending)
+        rows, columns: CSR of the matrix with three dofs a node
+    """
+
+    def __init__(self, cell_nodes: npt.NDArray[np.int32], nodes: int) -> None:
+        from scipy import sparse
+
+        cells = len(cell_nodes)
+        incidence = sparse.csr_array(
+            (
+                np.ones(cell_nodes.size, dtype=np.int32),
+                cell_nodes.ravel(),
+                np.arange(cells + 1) * cell_nodes.shape[1],
+            ),
+            shape=(cells, nodes),
+        )
+        # the unit matrix keeps the diagonal of nodes that no local cell holds
+        graph = (incidence.T @ incidence + sparse.eye_array(nodes, dtype=np.int32)).tocsr()
+        graph.sort_indices()
+        self.indptr = graph.indptr.astype(np.int32)
+        self.indices = graph.indices.astype(np.int32)
+        width = np.diff(self.indptr)
+        self.rows = np.concatenate([[0], np.cumsum(np.repeat(3 * width, 3))]).astype(np.int32)
+        self.columns = self._columns(width)
+
+    def _columns(self, width: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
+        """Column numbers of the dofs: each node's list of columns, expanded and repeated for its three rows."""
+        expanded = (3 * self.indices[:, None] + np.arange(3, dtype=np.int32)).ravel()
+        out = np.empty(3 * len(expanded), dtype=np.int32)
+        start = 3 * self.indptr[:-1].astype(np.int64)
+        row_of = np.repeat(np.arange(len(width)), 3 * width)
+        local = np.arange(len(expanded)) - start[row_of]
+        for i in range(3):
+            out[3 * start[row_of] + i * 3 * width[row_of].astype(np.int64) + local] = expanded
+        return out
+
+
+class Solid:
+    """Second-order displacement on a distributed mesh, clamped base, rollers or free sides.
+
+    Args:
+        mesh, tags: what `mesh.distribute` gave
+        material: with stresses in units of E
+        sides: "rollers" (no normal displacement) or "free"
+        kernels: "compiled" or "ufl"
+        phases: collects where the time goes
+    """
+
+    def __init__(
+        self,
+        mesh: Any,
+        tags: Any,
+        material: Material,
+        sides: str = "rollers",
+        kernels: str = "compiled",
+        phases: Phases | None = None,
+    ) -> None:
+        from dolfinx import fem
+
+        self.phases = phases or Phases()
+
+        self.mesh, self.tags, self.material = mesh, tags, material
+        self.comm = mesh.comm
+        self.V = fem.functionspace(mesh, ("Lagrange", 2, (3,)))
+        self.u = fem.Function(self.V, name="displacement")
+        self.force = fem.Function(self.V, name="internal force")
+        index_map = self.V.dofmap.index_map
+        self.owned = index_map.size_local
+        self.nodes = index_map.size_local + index_map.num_ghosts
+        self.dofs = 3 * index_map.size_global
+        self.points = np.ascontiguousarray(self.V.tabulate_dof_coordinates())
+        cells = mesh.topology.index_map(3).size_local
+        self.cell_nodes = np.ascontiguousarray(self.V.dofmap.list[:cells])
+        self.graph = NodeGraph(self.cell_nodes, self.nodes)
+        self.fixed = self._fixed_rows(sides)
+        self.base = self.nodes_on(BASE)
+        self.bulk = self._make_bulk(kernels)
+        self._make_matrix()
+
+    def _make_bulk(self, kernels: str) -> Bulk:
+        if kernels == "ufl":
+            from .bulk_ufl import UflBulk
+
+            return UflBulk(self.V, self.material, self.graph)
+        from .bulk import CompiledBulk
+
+        x_nodes = compat.geometry_dofmap(self.mesh)[: len(self.cell_nodes)]
+        return CompiledBulk(
+            self.mesh.geometry.x, x_nodes, self.cell_nodes, self.material, self.graph
+        )
+
+    def nodes_on(self, tag: int) -> npt.NDArray[np.int32]:
+        """Owned nodes on the facets with a tag."""
+        from dolfinx import fem
+
+        found = fem.locate_dofs_topological(self.V, 2, self.tags.find(tag))
+        return found[found < self.owned]
+
+    def _fixed_rows(self, sides: str) -> npt.NDArray[np.int32]:
+        """Owned dofs without displacement."""
+        fixed: list[npt.NDArray[np.int32]] = [(3 * self.nodes_on(BASE)[:, None] + np.arange(3)).ravel()]
+        if sides == "rollers":
+            fixed += [3 * self.nodes_on(SIDE_X), 3 * self.nodes_on(SIDE_Y) + 1]
+        return np.unique(np.concatenate(fixed)).astype(np.int32)
+
+    # -- vectors and matrix ----------------------------------------------------------------------------------
+
+    def set_displacement(self, x: Any) -> None:
+        """Copy a PETSc vector to the displacement, ghosts included."""
+        self.u.x.array[: 3 * self.owned] = x.array_r
+        self.u.x.scatter_forward()
+
+    def with_ghosts(self, values: Floats) -> Floats:
+        """Owned dof values (3 owned,) as a nodal array with ghosts (nodes, 3); collective."""
+        from dolfinx import la
+
+        vector = la.vector(self.V.dofmap.index_map, 3)
+        vector.array[: 3 * self.owned] = values
+        vector.scatter_forward()
+        return vector.array.reshape(-1, 3)
+
+    def sum_ghosts(self, values: Floats) -> Floats:
+        """Nodal values (nodes, k) summed over the processes that hold a part: (owned, k); collective."""
+        from dolfinx import la
+
+        width = values.shape[1]
+        vector = la.vector(self.V.dofmap.index_map, width)
+        vector.array[:] = values.ravel()
+        vector.scatter_reverse(la.InsertMode.add)
+        return vector.array.reshape(-1, width)[: self.owned]
+
+    def internal_force(self) -> Floats:
+        """Internal force of the current displacement on the owned nodes (owned, 3); collective."""
+        from dolfinx import la
+
+        b = self.force.x.array
+        with self.phases.phase("residual"):
+            b[:] = 0.0
+            self.bulk.add_internal_force(self.u.x.array.reshape(-1, 3), b.reshape(-1, 3))
+            self.force.x.scatter_reverse(la.InsertMode.add)
+        return b.reshape(-1, 3)[: self.owned]
+
+    def _make_matrix(self) -> None:
+        """PETSc matrix over the local CSR: shared memory in one process, inserted row by row in several."""
+        from petsc4py import PETSc
+
+        self.values = np.zeros(len(self.graph.columns))
+        index_map = self.V.dofmap.index_map
+        sizes = (3 * index_map.size_local, 3 * index_map.size_global)
+        if self.comm.size == 1:
+            self.A = PETSc.Mat().createAIJWithArrays(
+                sizes, (self.graph.rows, self.graph.columns, self.values), bsize=3, comm=self.comm
+            )
+        else:
+            self.A = PETSc.Mat().create(self.comm)
+            self.A.setSizes((sizes, sizes), bsize=3)
+            self.A.setType("aij")
+            self.A.setUp()
+            lgmap = PETSc.LGMap().create(
+                index_map.local_to_global(np.arange(self.nodes, dtype=np.int32)).astype(
+                    PETSc.IntType
+                ),
+                bsize=3,
+                comm=self.comm,
+            )
+            self.A.setLGMap(lgmap, lgmap)
+        self.near_nullspace = self._rigid_modes()
+        self.A.setNearNullSpace(self.near_nullspace)
+
+    def assemble_tangent(self, add: Callable[[], None] = lambda: None) -> Any:
+        """Tangent at the state of the last internal force, without boundary conditions; collective.
+
+        Args:
+            add: adds what else there is to `values`, the local CSR matrix of `graph`
+        """
+        from petsc4py import PETSc
+
+        with self.phases.phase("tangent"):
+            np.copyto(self.values, self.bulk.tangent(self.u.x.array.reshape(-1, 3)))
+            add()
+            if self.comm.size > 1:
+                self.A.zeroEntries()
+                self.A.setValuesLocalCSR(
+                    self.graph.rows, self.graph.columns, self.values, PETSc.InsertMode.ADD
+                )
+            self.A.assemble()
+        return self.A
+
+    def _rigid_modes(self) -> Any:
+        """Six orthonormal rigid-body modes, the near-null space that algebraic multigrid needs."""
+        from petsc4py import PETSc
+
+        x = self.points[: self.owned] - 0.5
+        modes = np.zeros((6, self.owned, 3))
+        for k in range(3):
+            modes[k, :, k] = 1.0
+            i, j = (k + 1) % 3, (k + 2) % 3
+            modes[3 + k, :, i], modes[3 + k, :, j] = -x[:, j], x[:, i]
+        basis: list[Any] = []
+        for mode in modes:
+            v = self.A.createVecRight()
+            v.array = mode.ravel()
+            for b in basis:
+                v.axpy(-v.dot(b), b)
+            v.normalize()
+            basis.append(v)
+        return PETSc.NullSpace().create(vectors=basis, comm=self.comm)

@@ -1,0 +1,225 @@
+"""Newton's method for one position of the flat: PETSc SNES around a solid and a contact formulation."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .contact import Contact
+from .linear import LinearSolver, set_defaults
+from .solid import Floats, Solid
+
+OUT_OF_MEMORY = 55  # PETSC_ERR_MEM
+SLOPE_DROP = 0.3  # a step is long enough when the work rate along it has dropped to this part
+
+
+@dataclass(frozen=True)
+class SolverOptions:
+    """How the equations of a step are solved.
+
+    Attributes:
+        linear: see `linear.LinearSolver`
+        rtol: residual force relative to the contact force at which a step has converged
+        newton_max: Newton iterations after which a step is given up
+        krylov_rtol: relative tolerance of the linear solver
+    """
+
+    linear: str = "auto"
+    rtol: float = 1e-8
+    newton_max: int = 30
+    krylov_rtol: float = 1e-3
+
+
+@dataclass(frozen=True)
+class StepStats:
+    """What a solve took; `reason` is the name of the SNES reason."""
+
+    converged: bool
+    reason: str
+    newton: int
+    krylov: int
+
+
+class NewtonSolver:
+    """Solves for the equilibrium displacement of `solid` under `contact`; collective.
+
+    The linear system of an iteration prescribes the increment of some dofs (fixed ones, and the active ones of
+    exact contact). They are eliminated symmetrically inside the preconditioner of an outer `preonly` KSP, so the
+    matrix keeps its structure and near-null space and the inner solver can be CG.
+    """
+
+    def __init__(self, solid: Solid, contact: Contact, options: SolverOptions) -> None:
+        from petsc4py import PETSc
+
+        self.solid, self.contact, self.options = solid, contact, options
+        self._residual_vec = solid.A.createVecRight()
+        self.x = solid.A.createVecRight()
+        self._krylov = 0
+        self.linear = LinearSolver(solid, options.linear, options.krylov_rtol, contact.symmetric)
+        snes = PETSc.SNES().create(solid.comm)
+        snes.setOptionsPrefix("asperity_")
+        snes.setType("newtonls")
+        set_defaults("asperity_", {"snes_linesearch_type": "basic"})
+        # a strong reference held by PETSc is unseen by the garbage collector: nothing would ever be freed
+        me = weakref.proxy(self)
+        snes.setFunction(lambda *args: me._function(*args), self._residual_vec)
+        snes.setJacobian(lambda *args: me._jacobian(*args), solid.A)
+        snes.setConvergenceTest(lambda *args: me._test(*args))
+        snes.setTolerances(max_it=options.newton_max)
+        outer = snes.getKSP()
+        outer.setType("preonly")
+        pc = outer.getPC()
+        pc.setType("python")
+        pc.setPythonContext(_Preconditioner(me))
+        snes.setFromOptions()
+        self.snes = snes
+
+    # -- SNES call-backs -------------------------------------------------------------------------------------
+
+    def _function(self, snes: Any, x: Any, r: Any) -> None:
+        self.solid.set_displacement(x)
+        self.force = self.solid.internal_force().copy()
+        residual, self._rows, self._lacking = self.contact.residual(self.force)
+        flat = residual.reshape(-1)
+        flat[self.solid.fixed] = 0.0
+        r.array = flat
+
+    def _jacobian(self, snes: Any, x: Any, A: Any, P: Any) -> None:
+        self.solid.assemble_tangent(self.contact.add_tangent)
+
+    def _test(self, snes: Any, it: int, norms: Any) -> int | bool:
+        """Converged when forces balance and the flat is not penetrated, both relative to their own scales."""
+        comm = self.solid.comm
+        held = self.contact.nodal_force(self.force)
+        lacking = np.max(np.abs(self._lacking), initial=0.0)
+        out = self._residual_vec.array_r
+        sums = comm.allreduce(np.array([np.sum(held**2), np.sum(out**2)]))
+        gap = comm.allreduce(lacking, op=_max())
+        contact, unbalanced = np.sqrt(sums)
+        reasons = snes.ConvergedReason
+        if not np.isfinite(unbalanced):
+            return reasons.DIVERGED_FNORM_NAN
+        self.balance = unbalanced / contact if contact > 0 else unbalanced
+        if (
+            unbalanced <= self.options.rtol * contact + 1e-15
+            and gap <= self.options.rtol * self._scale + 1e-14
+        ):
+            return reasons.CONVERGED_FNORM_RELATIVE
+        return reasons.DIVERGED_MAX_IT if it >= self.options.newton_max else reasons.ITERATING
+
+    # -- python preconditioner of the outer KSP --------------------------------------------------
+
+    def setUp(self, pc: Any) -> None:
+        """Part of the preconditioner interface; everything happens in `apply`."""
+
+    def apply(self, pc: Any, r: Any, y: Any) -> None:
+        """Solve J y = r for the Newton step -y, prescribed increments included, and set its length."""
+        rows = np.concatenate([self.solid.fixed, self._rows])
+        iterations, solved = self.linear.solve(r, rows, -self._lacking, y)
+        self._krylov += iterations
+        if not solved:
+            pc.setFailedReason(_pc_failed())
+        elif self.solid.material.plastic:
+            y.scale(self._step_length(r, y))
+
+    def _step_length(self, r: Any, y: Any) -> float:
+        """Length in (0, 1] of the step -y: where the work rate of the free forces along it nearly vanishes.
+
+        Associative J2 plasticity is the minimisation of a convex incremental energy, whose slope along the step is
+        that work rate. A full step that overshoots the minimum is shortened by regula falsi (Illinois); trial
+        states only cost a residual, a hundredth of the linear solve. A step that starts uphill has to move
+        prescribed dofs and is taken whole.
+        """
+        free = np.ones(len(y.array_r), dtype=bool)
+        free[self.solid.fixed] = False
+        free[self._rows] = False
+        trial = y.duplicate()
+        start, direction = self.solid.u.x.array[: len(free)].copy(), y.array_r[free]
+
+        def slope(length: float) -> float:
+            trial.array = start - length * y.array_r
+            self.solid.set_displacement(trial)
+            force = self.solid.internal_force()
+            residual = self.contact.residual(force)[0].reshape(-1)
+            return -self.solid.comm.allreduce(float(direction @ residual[free]))
+
+        s0 = -self.solid.comm.allreduce(float(direction @ r.array_r[free]))
+        low, s_low, high, s_high = 0.0, s0, 1.0, slope(1.0)
+        length = 1.0
+        if s0 < 0.0 and s_high > -SLOPE_DROP * s0:
+            for _ in range(8):
+                length = (low * s_high - high * s_low) / (s_high - s_low)
+                s = slope(length)
+                if abs(s) <= -SLOPE_DROP * s0:
+                    break
+                if s > 0.0:
+                    high, s_high, s_low = length, s, 0.5 * s_low
+                else:
+                    low, s_low, s_high = length, s, 0.5 * s_high
+        return length
+
+    def _diagonal(self) -> float:
+        """Size of the diagonal for eliminated rows: the mean of the matrix."""
+        return self.solid.A.getDiagonal().sum() / self.solid.dofs
+
+    def solve(self, start: Floats, scale: float) -> StepStats:
+        """Solve from the displacement `start` (owned, 3); `scale` is the length penetration is measured by."""
+        self._scale = scale
+        self._krylov = 0
+        self.x.array = start.reshape(-1)
+        with _own_errors():
+            self.snes.solve(None, self.x)
+        reason = self.snes.getConvergedReason()
+        self._function(self.snes, self.x, self._residual_vec)
+        return StepStats(
+            reason > 0, _reason_name(reason), self.snes.getIterationNumber(), self._krylov
+        )
+
+
+class _Preconditioner:
+    """The python preconditioner of the outer KSP: calls `apply` of a solver that it does not keep alive."""
+
+    def __init__(self, solver: Any) -> None:
+        self._solver = solver
+
+    def apply(self, pc: Any, r: Any, y: Any) -> None:
+        self._solver.apply(pc, r, y)
+
+
+@contextmanager
+def _own_errors() -> Iterator[None]:
+    """Errors of call-backs, and PETSc's own lack of memory, as they would be without PETSc in between."""
+    from petsc4py import PETSc
+
+    try:
+        yield
+    except PETSc.Error as error:
+        if error.__cause__ is not None:
+            raise error.__cause__ from None
+        if error.ierr == OUT_OF_MEMORY:
+            raise MemoryError(str(error)) from None
+        raise
+
+
+def _max() -> Any:
+    from mpi4py import MPI
+
+    return MPI.MAX
+
+
+def _pc_failed() -> Any:
+    from petsc4py import PETSc
+
+    return PETSc.PC.FailedReason.SUBPC_ERROR
+
+
+def _reason_name(reason: int) -> str:
+    from petsc4py import PETSc
+
+    names = {v: k for k, v in vars(PETSc.SNES.ConvergedReason).items() if isinstance(v, int)}
+    return names.get(reason, str(reason)).lower()

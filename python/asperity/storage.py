@@ -1,0 +1,93 @@
+"""Files that are complete or not there at all: written aside, flushed to the disk, renamed."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from .errors import AsperityError, OutputError
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+T = TypeVar("T")
+
+
+def replace_file(path: Path, data: bytes) -> None:
+    """Write a file; whatever happens meanwhile, `path` holds either its old content or the new one.
+
+    Raises:
+        OSError: no space, no permission, no such folder; the old content is untouched
+    """
+    aside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with aside.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        aside.replace(path)
+    except OSError as error:
+        with suppress(OSError):
+            aside.unlink(missing_ok=True)
+        raise OSError(error.errno, error.strerror, str(path)) from None
+
+
+@contextmanager
+def files_into(folder: Path) -> Iterator[Path]:
+    """A folder to write files in, which are moved to `folder` when all of them are complete."""
+    aside = folder.with_name(f".{folder.name}.{os.getpid()}")
+    aside.mkdir(parents=True)
+    try:
+        yield aside
+        folder.mkdir(exist_ok=True)
+        for path in aside.iterdir():
+            path.replace(folder / path.name)
+    finally:
+        shutil.rmtree(aside, ignore_errors=True)
+
+
+def remove_asides(folder: Path) -> None:
+    """Remove what a killed process left half-written in a folder; nobody else may be writing there."""
+    for path in folder.glob(".*.[0-9]*"):
+        if not path.suffix[1:].isdigit():
+            continue
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink(missing_ok=True)
+
+
+def npz_bytes(arrays: Mapping[str, npt.NDArray[Any]]) -> bytes:
+    """Content of an uncompressed .npz file, a checksum for each array included."""
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, **arrays)
+    return buffer.getvalue()
+
+
+def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T:
+    """Do file work on rank 0; every rank gets the result, or the same error; collective.
+
+    Raises:
+        OutputError: for an OSError of `work`
+        AsperityError: what `work` raised
+    """
+    result: tuple[T | None, AsperityError | None] = None, None
+    if comm.rank == 0:
+        try:
+            result = work(), None
+        except AsperityError as error:
+            result = None, error
+        except OSError as error:
+            result = None, OutputError(f"cannot write {error.filename or 'the results'}: {error.strerror or error}")
+    value, failure = comm.bcast(result, root=0)
+    if failure is not None:
+        raise failure
+    return value

@@ -1,0 +1,21 @@
+"""Studies: one case with some keys varied, run as independent cases over the ranks of a job.
+
+    study = Study.load("study.toml")
+    run_study(study, "out/study")
+    results = StudyResults.read("out/study")
+"""
+
+from .definition import Entry, Family, Study
+from .results import Level, StudyResults, ensemble_curve, summarise_case
+from .run import run_study
+
+__all__ = [
+    "Entry",
+    "Family",
+    "Level",
+    "Study",
+    "StudyResults",
+    "ensemble_curve",
+    "run_study",
+    "summarise_case",
+]

@@ -1,0 +1,282 @@
+"""The study file: a base case, the keys that vary, and the complete cases that follow.
+
+    title = "..."
+    base = "base.toml"              # a case file, or a table [base] with the sections of one
+
+    [grid]                          # every combination
+    "surface.seed" = {first = 0, count = 10}
+    "surface.D" = [2.4, 2.5]
+    "loading.delta_max" = {from = 1e-9, to = 1e-8, count = 3, log = true}
+
+    [[points]]                      # combinations listed one by one, each with every one of the grid
+    "material.yield_strength" = 1e9
+
+    [families.hardening]            # several studies in one: each family has the top-level grid and points
+    title = "..."                   # and its own beside
+    grid = {"material.tangent_modulus" = [1e9, 1e10]}
+
+An empty text removes a key, as `--set` does. Cases that several families share are run once.
+"""
+
+from __future__ import annotations
+
+import copy
+import difflib
+import itertools
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..case import Case, _override, _read_toml
+from ..errors import InputError
+from ..schema import Input, sections, show
+
+#: Key whose values make an ensemble: levels differ in the other keys.
+ENSEMBLE = "surface.seed"
+#: Families and cases a study may have at most, against slips of the pen.
+MOST_CASES = 100_000
+
+Point = dict[str, Any]
+_KEYS = ("title", "base", "grid", "points", "families")
+_FAMILY_KEYS = ("title", "grid", "points")
+
+
+@dataclass(frozen=True)
+class Family:
+    """A part of a study with a title of its own.
+
+    Attributes:
+        name: as in the file; "study" when the file has no families.
+        title: for figures.
+        keys: dotted keys it varies, in the order of the file.
+    """
+
+    name: str
+    title: str
+    keys: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One case of a study.
+
+    Attributes:
+        key: "c" (so that no reader of a table takes it for a number) and 15 letters of the hash of the completed
+            case; names its folder.
+        case: the completed case.
+        families: names of the families it belongs to.
+    """
+
+    key: str
+    case: Case
+    families: tuple[str, ...]
+
+    def value(self, key: str) -> Any:
+        """Value of a dotted key in the completed case, None when absent."""
+        section, name = key.split(".")
+        return getattr(getattr(self.case, section), name, None)
+
+
+@dataclass(frozen=True)
+class Study:
+    """All cases of a study file, validated.
+
+    Attributes:
+        title: for figures.
+        families: parts of the study.
+        entries: different cases in the order of the file.
+        keys: every dotted key that some family varies.
+    """
+
+    title: str
+    families: tuple[Family, ...]
+    entries: tuple[Entry, ...]
+    keys: tuple[str, ...]
+
+    @staticmethod
+    def load(path: str | Path, overrides: Iterable[str] = ()) -> Study:
+        """Read a study file; relative paths inside it are taken from its folder.
+
+        Args:
+            path: TOML file.
+            overrides: texts "section.key=value" that replace keys of the base case.
+
+        Raises:
+            InputError: anything wrong, in one sentence.
+        """
+        path = Path(path)
+        return Study.from_dict(_read_toml(path), folder=path.parent, source=str(path), overrides=overrides)
+
+    @staticmethod
+    def from_dict(
+        data: Mapping[str, Any], *, folder: str | Path = ".", source: str = "study", overrides: Iterable[str] = ()
+    ) -> Study:
+        """Build from nested tables as in the file; not modified.
+
+        Args:
+            data: the tables.
+            folder: where relative paths start.
+            source: name of the input in messages.
+            overrides: texts "section.key=value" for the base case.
+
+        Raises:
+            InputError: anything wrong, in one sentence.
+        """
+        _check_keys(data, _KEYS, source, "the study file")
+        title = _text(data, "title", Path(source).stem, source)
+        base, base_folder = _base(data, Path(folder), source)
+        for text in overrides:
+            _override(base, text)
+        shared = _points(data, f"{source}:")
+        parts = _families(data, source, title)
+        cases: dict[str, tuple[Case, list[str]]] = {}
+        families, keys = [], dict.fromkeys(k for point in shared for k in point)
+        for name, family_title, own in parts:
+            where = f"{source}, family {name}" if data.get("families") else source
+            points = [a | b for a in shared for b in own]
+            if len(points) + len(cases) > MOST_CASES:
+                raise InputError(f"{where}: more than {MOST_CASES} cases; shorten a list of the grid")
+            for point in points:
+                case = _case(base, point, base_folder, where)
+                cases.setdefault("c" + case.hash()[:15], (case, []))[1].append(name)
+            varied = dict.fromkeys(k for point in points for k in point)
+            families.append(Family(name, family_title, tuple(varied)))
+            keys |= varied
+        entries = tuple(Entry(key, case, tuple(dict.fromkeys(names))) for key, (case, names) in cases.items())
+        return Study(title, tuple(families), entries, tuple(keys))
+
+
+def _base(data: Mapping[str, Any], folder: Path, source: str) -> tuple[dict[str, Any], Path]:
+    """Tables of the base case and the folder its paths start from."""
+    base = data.get("base")
+    if isinstance(base, str):
+        path = folder / base
+        if not path.is_file():
+            raise InputError(f"{source}: base = {show(base)}: there is no such file in {show(str(folder))}")
+        return _read_toml(path), path.parent
+    if isinstance(base, Mapping):
+        return copy.deepcopy(dict(base)), folder
+    raise InputError(
+        f'{source}: base is missing: give base = "case.toml", or a table [base] with the sections of a case'
+    )
+
+
+def _families(data: Mapping[str, Any], source: str, title: str) -> Iterator[tuple[str, str, list[Point]]]:
+    """Name, title and own points of each family."""
+    tables = data.get("families", {})
+    if not isinstance(tables, Mapping):
+        raise InputError(f"{source}: families must be tables [families.NAME]")
+    if not tables:
+        if "grid" not in data and "points" not in data:
+            raise InputError(f"{source}: nothing varies: give [grid], [[points]] or [families.NAME]")
+        yield "study", title, [{}]
+    for name, table in tables.items():
+        where = f"{source}: families.{name}"
+        if not isinstance(table, Mapping):
+            raise InputError(f"{where} must be a table")
+        _check_keys(table, _FAMILY_KEYS, where, f"[families.{name}]")
+        yield name, _text(table, "title", name, where), _points(table, where)
+
+
+def _points(table: Mapping[str, Any], where: str) -> list[Point]:
+    """Combinations of the points and the grid of a table; one without keys when it has neither."""
+    grid = _flat(table.get("grid", {}), f"{where} grid")
+    axes = {key: _values(value, f"{where} grid: {key}") for key, value in grid.items()}
+    count = math.prod(len(values) for values in axes.values())
+    if count > MOST_CASES:
+        raise InputError(f"{where} grid has {count} combinations, at most {MOST_CASES} are legal")
+    combinations: list[Point] = [dict(zip(axes, values, strict=True)) for values in itertools.product(*axes.values())]
+    listed = table.get("points", [{}])
+    if not isinstance(listed, Sequence) or isinstance(listed, str) or not listed:
+        raise InputError(f'{where} points must be a list of tables, for example [{{"surface.D" = 2.4}}]')
+    points = [_flat(point, f"{where} points[{i}]") for i, point in enumerate(listed)]
+    for point in points:
+        for key in point:
+            if key in axes:
+                raise InputError(f"{where} {key} stands in grid and in points; give it once")
+            if isinstance(point[key], Mapping):
+                raise InputError(f"{where} points: {key} must be one value")
+    return [point | combination for point in points for combination in combinations]
+
+
+def _flat(table: Any, where: str) -> Point:
+    """Table with dotted keys; `surface.D = ..` without quotes nests and is the same."""
+    if not isinstance(table, Mapping):
+        raise InputError(f'{where} must be a table of keys such as "surface.D"')
+    flat: Point = {}
+    for name, value in table.items():
+        nested = "." not in name and isinstance(value, Mapping)
+        flat |= {f"{name}.{key}": v for key, v in value.items()} if nested else {name: value}
+    for key in flat:
+        _check_key(key, where)
+    return flat
+
+
+def _check_key(key: str, where: str) -> None:
+    section, _, name = key.partition(".")
+    legal = {f"{s}.{k}": None for s in Input.model_fields for model in sections(s) for k in model.model_fields}
+    if key in legal and section and name:
+        return
+    near = difflib.get_close_matches(key, legal, n=1)
+    hint = f"; did you mean {show(near[0])}?" if near else '; write section.key, for example "surface.D"'
+    raise InputError(f"{where}: {show(key)} is not a key of a case{hint}")
+
+
+def _values(value: Any, where: str) -> list[Any]:
+    """Values of an axis: a list, {first, count}, or {from, to, count, log}."""
+    if isinstance(value, list):
+        if not value:
+            raise InputError(f"{where} is an empty list; give at least one value")
+        if any(value.count(v) > 1 for v in value):
+            raise InputError(f"{where} = {show(value)} names a value twice")
+        return value
+    if isinstance(value, Mapping):
+        count = value.get("count")
+        whole = isinstance(count, int) and not isinstance(count, bool) and 1 <= count <= MOST_CASES
+        if whole and set(value) == {"first", "count"} and isinstance(value["first"], int):
+            return list(range(value["first"], value["first"] + value["count"]))
+        if whole and {"from", "to", "count"} <= set(value) <= {"from", "to", "count", "log"}:
+            low, high = value["from"], value["to"]
+            if all(isinstance(v, int | float) and math.isfinite(v) for v in (low, high)):
+                if not value.get("log"):
+                    return [float(v) for v in np.linspace(low, high, value["count"])]
+                if low > 0 and high > 0:
+                    return [float(v) for v in np.geomspace(low, high, value["count"])]
+    raise InputError(
+        f"{where} = {show(dict(value)) if isinstance(value, Mapping) else show(value)} is no axis; give a list [..], "
+        "{first = 0, count = 10}, or {from = 1.0, to = 2.0, count = 5} with log = true for even ratios"
+    )
+
+
+def _case(base: Mapping[str, Any], point: Point, folder: Path, where: str) -> Case:
+    data = {name: dict(table) if isinstance(table, Mapping) else table for name, table in base.items()}
+    for key, value in point.items():
+        section, name = key.split(".")
+        table = data.setdefault(section, {})
+        if not isinstance(table, dict):
+            raise InputError(f"{where}: {section} is not a section in the base case")
+        if value == "":
+            table.pop(name, None)
+        else:
+            table[name] = value
+    varied = ", ".join(f"{key} = {show(value)}" for key, value in point.items())
+    return Case.from_dict(data, folder=folder, source=f"{where} ({varied})" if varied else where)
+
+
+def _check_keys(table: Mapping[str, Any], legal: Sequence[str], where: str, place: str) -> None:
+    for name in table:
+        if name not in legal:
+            near = difflib.get_close_matches(name, legal, n=1)
+            hint = f'did you mean "{near[0]}"?' if near else f"legal: {', '.join(legal)}"
+            raise InputError(f"{where}: {show(name)} is not a key of {place}; {hint}")
+
+
+def _text(table: Mapping[str, Any], key: str, default: str, where: str) -> str:
+    value = table.get(key, default)
+    if not isinstance(value, str):
+        raise InputError(f"{where}: {key} = {show(value)} must be a text in quotes")
+    return value

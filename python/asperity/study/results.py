@@ -1,0 +1,328 @@
+"""What a study found: a tidy table with one row a case, its levels, and ensembles of curves."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import warnings
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..case import Case
+from ..curve import Curve, PowerLawFit, fit_power_law, interface_deflection
+from ..errors import AsperityError, InputError
+from .definition import ENSEMBLE, Entry, Family, Study
+
+Array = NDArray[Any]
+Row = Mapping[str, Any]
+
+TABLE, ABOUT = "results.csv", "study.json"
+TEXTS = ("case", "families", "exit_reason", "norm")
+#: Columns of results.csv after "case", "families" and the keys that vary.
+FIGURES = (
+    "exit_reason", "delta_star_max", "P_star_max", "k", "n", "n_low", "n_high", "norm", "range_low", "range_high",
+    "points", "r2", "n_log", "n_interface", "stiffness", "preload", "slope", "n_loc", "n_loc_low", "n_loc_high",
+    "kappa_loc", "kappa", "u_loss", "omega_loss", "drive_loss", "slope_unload", "n_unload", "kappa_unload",
+    "omega_loss_unload", "area_fraction", "plastic_fraction", "max_plastic_strain", "block_load", "dofs", "cells",
+    "newton", "seconds",
+)  # fmt: skip
+
+
+def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict[str, Any]:
+    """Figures of one case; those that its curve cannot give are left out.
+
+    Fits take the planned deflections only, see `planned`.
+
+    Returns:
+        k, n, ...: linear-scale power law of the loading branch, with norm, range and interval;
+        n_log: exponent of the log-log fit; n_interface: linear-scale exponent of the interface alone, the block's
+        elastic compression taken off the deflection;
+        stiffness: K of F = K delta^n (force/length^n);
+        preload: half of the greatest P*; slope: dP*/d(delta*) there; n_loc, kappa_loc: local exponent and backbone
+        curvature there, from the points of the loading branch, with the 95 % interval of n_loc;
+        kappa, u_loss, omega_loss, drive_loss: of the fitted law as a spring: backbone curvature, amplitude and
+        frequency at which contact is lost, F^/(2 zeta) at which resonance loses contact;
+        ..._unload: the same of the unloading branch about the preload;
+        block_load: mean pressure over the pressure at which the block itself yields (sigma_y (1-nu)/(1-2nu) between
+        rollers, sigma_y with free sides).
+    """
+    load = curve.loading()
+    if not len(load):
+        return {}
+    side, solid = case.surface.L, case.material
+    row: dict[str, Any] = {
+        "delta_star_max": float(load.delta_star.max()),
+        "P_star_max": float(load.P_star.max()),
+        "area_fraction": float(load.area_fraction[-1]),
+        "plastic_fraction": float(load.plastic_fraction[-1]),
+        "max_plastic_strain": float(load.max_plastic_strain[-1]),
+        "seconds": sum((summary.get("seconds") or {}).values()) or None,
+        **{name: summary.get(name) for name in ("dofs", "cells", "newton")},
+    }
+    if solid.yield_strength is not None:
+        constraint = (1 - solid.nu) / (1 - 2 * solid.nu) if case.block.sides == "rollers" else 1.0
+        row["block_load"] = float(load.force[-1]) / (side**2 * solid.yield_strength * constraint)
+    points = planned(curve, case)
+    fit = _fit(points.delta_star, points.P_star)
+    if fit is not None:
+        row |= {
+            "k": fit.k, "n": fit.n, "n_low": fit.ci_n[0], "n_high": fit.ci_n[1], "norm": fit.norm,
+            "range_low": fit.range[0], "range_high": fit.range[1], "points": fit.points, "r2": fit.r2,
+            "n_log": points.fit("log").n, "stiffness": fit.stiffness(solid.E_prime, side),
+        }  # fmt: skip
+        modulus = solid.confined_modulus if case.block.sides == "rollers" else solid.E
+        force, height = points.force, case.block.height
+        gap = interface_deflection(points.delta, force, height=height, area=side**2, modulus=modulus)
+        own = _fit(gap / side, points.P_star)
+        row["n_interface"] = None if own is None else own.n
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # how well the points tell a local slope is in n_loc_low, n_loc_high
+            row |= _vibration(curve, fit, solid.E_prime * side**2, side)
+    return row
+
+
+def planned(curve: Curve, case: Case) -> Curve:
+    """Loading branch at the planned deflections, equal parts of delta_max.
+
+    The solver divides steps, more of them for some materials than for others; fits over all points would weigh the
+    light loads of one material more than those of another. A path driven by force keeps all points.
+    """
+    load = curve.loading()
+    if case.loading.delta_max is None:
+        return load
+    part = load.delta / case.loading.delta_max * case.loading.steps
+    return load.where(np.abs(part - np.rint(part)) < 1e-6)
+
+
+def _fit(delta_star: Array, P_star: Array) -> PowerLawFit | None:
+    used = (delta_star > 0) & (P_star > 0)
+    try:
+        return fit_power_law(delta_star[used], P_star[used])
+    except InputError:
+        return None
+
+
+def _vibration(curve: Curve, fit: PowerLawFit, force: float, side: float) -> dict[str, Any]:
+    """What the laws of a curve say about a mass that loads it to half of its greatest force."""
+    from ..dynamics import ContactOscillator, PowerLaw, TableLaw, unload_reload
+
+    preload = 0.5 * float(curve.loading().force.max())
+    row: dict[str, Any] = {"preload": preload / force}
+    paper = ContactOscillator(PowerLaw.from_fit(fit, side, force), preload).thresholds()
+    row |= {"kappa": paper.kappa, "u_loss": paper.u_max, "omega_loss": paper.omega_loss, "drive_loss": paper.drive_loss}
+    try:
+        table = TableLaw.from_curve(curve)
+        z = table.deflection(preload)
+        local = table.local_fit(z)
+        oscillator = ContactOscillator(table, preload)
+        low, high = local.interval("n_loc")
+        row |= {
+            "n_loc": oscillator.restoring.n_loc, "n_loc_low": low, "n_loc_high": high,
+            "kappa_loc": oscillator.restoring.kappa, "slope": table.derivatives(z)[0] * side / force,
+        }  # fmt: skip
+    except AsperityError:
+        pass
+    if "unload" not in curve.branch:
+        return row
+    try:
+        law = unload_reload(curve, preload)
+        oscillator = ContactOscillator(law, preload)
+        row |= {
+            "slope_unload": law.derivatives(law.deflection(preload))[0] * side / force,
+            "n_unload": oscillator.restoring.n_loc, "kappa_unload": oscillator.restoring.kappa,
+        }  # fmt: skip
+        row["omega_loss_unload"] = oscillator.thresholds().omega_loss
+    except AsperityError:
+        pass
+    return row
+
+
+def tabulate(study: Study, folder: Path) -> list[dict[str, Any]]:
+    """Rows of the cases of a study that are in its folder, finished or failed, in the order of the study."""
+    rows = []
+    for entry in study.entries:
+        done = case_state(folder, entry.key)
+        if done is None:
+            continue
+        row = {"case": entry.key, "families": " ".join(entry.families), **{k: entry.value(k) for k in study.keys}}
+        row |= {"exit_reason": done["exit_reason"], "seconds": done["seconds"]}
+        place = case_folder(folder, entry.key)
+        if (place / "curve.csv").is_file():
+            summary_file = place / "summary.json"
+            summary = json.loads(summary_file.read_text()) if summary_file.is_file() else {}
+            row = summarise_case(entry.case, Curve.read(place / "curve.csv"), summary) | row
+        rows.append(row)
+    return rows
+
+
+def write_tables(study: Study, folder: Path) -> list[dict[str, Any]]:
+    """Write results.csv and study.json; return the rows."""
+    rows = tabulate(study, folder)
+    names = ("case", "families", *study.keys, *FIGURES)
+    aside = folder / f".{TABLE}.{os.getpid()}"
+    with aside.open("w", newline="", encoding="utf-8") as file:
+        table = csv.DictWriter(file, names, restval="", lineterminator="\n")
+        table.writeheader()
+        table.writerows({k: "" if v is None else v for k, v in row.items()} for row in rows)
+    aside.replace(folder / TABLE)
+    families = [{"name": f.name, "title": f.title, "keys": f.keys} for f in study.families]
+    about = {"title": study.title, "families": families, "cases": len(study.entries), "keys": study.keys}
+    (folder / ABOUT).write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+    return rows
+
+
+def case_folder(folder: Path, key: str) -> Path:
+    """Where the files of a case are."""
+    return folder / "cases" / key
+
+
+def case_state(folder: Path, key: str) -> dict[str, Any] | None:
+    """How a case ended: exit_reason and seconds; None when it did not."""
+    try:
+        state: dict[str, Any] = json.loads((case_folder(folder, key) / "done.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return state
+
+
+@dataclass(frozen=True)
+class Level:
+    """Cases of a family that differ only in the seed.
+
+    Attributes:
+        parameters: values of the keys that vary in the family, without the seed.
+        rows: their rows of the table.
+    """
+
+    parameters: Mapping[str, Any]
+    rows: tuple[Row, ...]
+
+    def column(self, name: str) -> Array:
+        """Values of a column over the ensemble, NaN where missing."""
+        return np.array([math.nan if row.get(name) in (None, "") else float(row[name]) for row in self.rows])
+
+
+@dataclass(frozen=True)
+class StudyResults:
+    """The folder of a study.
+
+    Attributes:
+        folder: where it is.
+        title: of the study.
+        families: its parts.
+        rows: the table, numbers as floats, missing values None.
+    """
+
+    folder: Path
+    title: str
+    families: tuple[Family, ...]
+    rows: tuple[Row, ...]
+
+    @staticmethod
+    def read(folder: str | Path) -> StudyResults:
+        """Read the tables of a study.
+
+        Raises:
+            InputError: the folder holds none.
+        """
+        folder = Path(folder)
+        try:
+            about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+            with (folder / TABLE).open(newline="", encoding="utf-8") as file:
+                rows = tuple(
+                    {key: text if key in TEXTS else _number(text) for key, text in row.items()}
+                    for row in csv.DictReader(file)
+                )
+        except (OSError, ValueError) as error:
+            raise InputError(f"{folder} holds no study: {error}; run asperity study first") from None
+        families = tuple(Family(f["name"], f["title"], tuple(f["keys"])) for f in about["families"])
+        return StudyResults(folder, about["title"], families, rows)
+
+    def family(self, name: str) -> tuple[Row, ...]:
+        """Finished rows of a family.
+
+        Raises:
+            InputError: there is no such family.
+        """
+        if name not in {family.name for family in self.families}:
+            raise InputError(f"the study has no family {name!r}; it has {', '.join(f.name for f in self.families)}")
+        return tuple(r for r in self.rows if name in str(r["families"]).split() and r["exit_reason"] == "done")
+
+    def levels(self, name: str) -> tuple[Level, ...]:
+        """Cases of a family grouped by everything but the seed, in rising order, a missing value last."""
+        keys = next(family.keys for family in self.families if family.name == name)
+        rows = self.family(name)
+        varied = [k for k in keys if k != ENSEMBLE and len({row[k] for row in rows}) > 1]
+        groups: dict[tuple[Any, ...], list[Row]] = {}
+        for row in rows:
+            groups.setdefault(tuple(row[k] for k in varied), []).append(row)
+        ordered = sorted(groups.items(), key=lambda item: [_rank(value) for value in item[0]])
+        return tuple(Level(dict(zip(varied, values, strict=True)), tuple(group)) for values, group in ordered)
+
+    def curve(self, row: Row) -> Curve:
+        """Curve of a row."""
+        return Curve.read(case_folder(self.folder, str(row["case"])) / "curve.csv")
+
+    def case(self, row: Row) -> Case:
+        """Case of a row, as it was run."""
+        return Case.load(case_folder(self.folder, str(row["case"])) / "case.toml")
+
+
+def ensemble_curve(curves: Iterable[Curve], points: int = 60) -> tuple[Array, Array, Array]:
+    """Mean and standard deviation of P* over the loading branches of curves, on their common range.
+
+    Returns:
+        (delta*, mean, standard deviation), each (points,); the deviation of one curve is 0.
+
+    Raises:
+        InputError: no curve has a loading branch.
+    """
+    loads = [c.loading() for c in curves]
+    loads = [c for c in loads if len(c)]
+    if not loads:
+        raise InputError("an ensemble needs at least one curve with a loading branch")
+    x = np.linspace(0.0, min(float(c.delta_star.max()) for c in loads), points)
+    y = np.array([np.interp(x, np.r_[0.0, c.delta_star], np.r_[0.0, c.P_star]) for c in loads])
+    return x, y.mean(axis=0), y.std(axis=0, ddof=1) if len(y) > 1 else np.zeros(points)
+
+
+def entries_of(study: Study, family: str) -> Iterator[Entry]:
+    """Entries of a family."""
+    return (entry for entry in study.entries if family in entry.families)
+
+
+def _rank(value: Any) -> tuple[int, float, str]:
+    """Sorting key: numbers, then texts, then nothing."""
+    if value is None:
+        return 2, 0.0, ""
+    return (0, value, "") if isinstance(value, float) else (1, 0.0, str(value))
+
+
+def _number(text: str) -> Any:
+    if text == "":
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def mean_interval(values: Sequence[float] | Array, confidence: float = 0.95) -> tuple[float, float, float]:
+    """Mean of a sample with its confidence interval, Student's t: (mean, low, high); NaNs left out."""
+    from scipy.stats import t as student
+
+    sample = np.asarray(values, float)
+    sample = sample[np.isfinite(sample)]
+    if sample.size < 2:
+        centre = float(sample.mean()) if sample.size else math.nan
+        return centre, -math.inf, math.inf
+    half = float(student.ppf((1 + confidence) / 2, sample.size - 1) * sample.std(ddof=1) / math.sqrt(sample.size))
+    centre = float(sample.mean())
+    return centre, centre - half, centre + half

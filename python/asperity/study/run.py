@@ -1,0 +1,301 @@
+"""Running the cases of a study: groups of ranks pull them, meshes are shared, failures are recorded."""
+
+from __future__ import annotations
+
+import fcntl
+import gc
+import hashlib
+import json
+import os
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..errors import AsperityError, InputError
+from ..progress import duration
+from .definition import Entry, Study
+from .results import ABOUT, case_folder, case_state, write_tables
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from ..case import Case
+
+PORTIONS = 4  # a group gets its cases in about this many portions: fewer leave groups idle, more mesh twice
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class StudyCounts:
+    """How the cases of a study stand after a run.
+
+    Attributes:
+        cases: all of the study.
+        done: finished, now or before.
+        failed: with a recorded failure.
+        run: worked on now.
+    """
+
+    cases: int
+    done: int
+    failed: int
+    run: int
+
+
+def run_study(
+    study: Study,
+    folder: str | Path,
+    *,
+    ranks_per_case: int = 1,
+    retry: bool = False,
+    comm: MPI.Intracomm | None = None,
+    say: Say | None = None,
+) -> StudyCounts:
+    """Run what is missing of a study and write its tables; collective over `comm`.
+
+    The ranks are split into groups; the first rank of each pulls the next cases from a common counter. A case that
+    is in the folder already is not repeated: cases are known by the hash of the completed input. An error of the
+    solver is recorded with its case and the next one begins; an unforeseen error is recorded too where a group is a
+    single rank, and otherwise ends the job, which can be started again.
+
+    Args:
+        study: what to run.
+        folder: receives results.csv, study.json, cases/HASH/ and meshes/.
+        ranks_per_case: size of a group.
+        retry: repeat the cases that failed.
+        comm: communicator; default all ranks.
+        say: receives a line for each case, on the first rank of each group.
+
+    Raises:
+        InputError: the folder holds something else, or the ranks do not divide into groups.
+    """
+    from mpi4py import MPI
+
+    comm = MPI.COMM_WORLD if comm is None else comm
+    folder = Path(folder)
+    if ranks_per_case < 1 or comm.size % ranks_per_case:
+        raise InputError(
+            f"--ranks-per-case = {ranks_per_case} must divide the number of ranks, {comm.size}: "
+            f"with {max(comm.size // max(ranks_per_case, 1), 1) * max(ranks_per_case, 1)} ranks it would"
+        )
+    lock = _Lock(folder)
+    plan = _prepare(study, folder, lock, retry, comm.size // ranks_per_case) if comm.rank == 0 else None
+    portions, old = comm.bcast(plan)
+    if isinstance(portions, AsperityError):
+        lock.release()
+        raise portions
+    group = comm.Split(comm.rank // ranks_per_case, comm.rank)
+    queue = Queue(comm)
+    todo = sum(len(p) for p in portions)
+    start = perf_counter()
+    try:
+        while (turn := group.bcast(queue.take() if group.rank == 0 else None)) < len(portions):
+            entries = [study.entries[i] for i in portions[turn]]
+            for entry, state in run_portion(entries, folder, group):
+                if group.rank == 0 and say is not None:
+                    finished = queue.count()
+                    left = (perf_counter() - start) * (todo / finished - 1)
+                    say(_line(entry, state, study.keys, old + finished, len(study.entries), left))
+    except BaseException:
+        if comm.rank == 0:
+            write_tables(study, folder)  # a study that is stopped shows what it has
+        lock.release()
+        raise
+    queue.close()  # waits for all ranks
+    group.Free()
+    lock.release()
+    counts = None
+    if comm.rank == 0:
+        rows = write_tables(study, folder)
+        failed = sum(row["exit_reason"] != "done" for row in rows)
+        counts = StudyCounts(len(study.entries), len(rows) - failed, failed, todo)
+    return comm.bcast(counts)
+
+
+def run_portion(entries: Sequence[Entry], folder: Path, comm: MPI.Comm) -> Any:
+    """Run cases that share a mesh; yields each with how it ended; collective."""
+    mesh: Path | AsperityError | None = None
+    for entry in entries:
+        start = perf_counter()
+        place = case_folder(folder, entry.key)
+        if mesh is None and shares_mesh(entry.case):
+            mesh = shared_mesh(entry.case, folder, comm)
+        try:
+            if isinstance(mesh, AsperityError):
+                raise mesh
+            _run(entry.case, place, mesh, comm)
+            reason = "done"
+        except AsperityError as error:
+            reason = f"{type(error).__name__}: {error}"
+        except Exception as error:
+            if comm.size > 1:
+                raise
+            place.mkdir(parents=True, exist_ok=True)
+            (place / "error.txt").write_text(traceback.format_exc(), encoding="utf-8")
+            reason = f"{type(error).__name__}: {error}"
+        gc.collect()
+        state = {"exit_reason": reason, "seconds": round(perf_counter() - start, 3)}
+        if comm.rank == 0:
+            _write(place / "done.json", json.dumps(state, indent=2) + "\n")
+        yield entry, state
+
+
+def _run(case: Case, place: Path, mesh: Path | None, comm: MPI.Comm) -> None:
+    from ..case import check_loading
+    from ..simulation import run
+
+    check_loading(case, case.build_surface())
+    if mesh is not None:
+        case = case.model_copy(update={"mesh": case.mesh.model_copy(update={"file": str(mesh)})})
+    run(case, place, comm=comm)
+
+
+def shares_mesh(case: Case) -> bool:
+    """Whether the mesh of a case follows from its surface, block, sizes and deflection alone."""
+    return case.accuracy.tolerance is None and case.mesh.file is None and case.loading.delta_max is not None
+
+
+def mesh_key(case: Case) -> str:
+    """Name of the mesh of a case; cases of one name can share it."""
+    data = case.to_dict()
+    parts = [data["surface"], data["block"]["height"], data["mesh"], data["loading"].get("delta_max")]
+    if not shares_mesh(case):
+        parts.append(case.hash())
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def shared_mesh(case: Case, folder: Path, comm: MPI.Comm) -> Path | AsperityError:
+    """File of the mesh of a case, made when missing; or why it cannot be; collective."""
+    from ..statics import MeshSize, make_block
+
+    path = (folder / "meshes" / f"{mesh_key(case)}.npz").absolute()
+    if comm.bcast(path.is_file() if comm.rank == 0 else None):
+        return path
+    m, delta = case.mesh, case.loading.delta_max
+    assert delta is not None
+    try:
+        size = MeshSize(m.h_contact, m.growth, m.h_max)
+        block = make_block(comm, case.build_surface(), case.block.height, delta, size)
+    except AsperityError as error:
+        return error
+    if block is not None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        aside = path.with_name(f"{path.stem}.{os.getpid()}.aside.npz")
+        block.save(aside)
+        aside.replace(path)
+    comm.Barrier()
+    return path
+
+
+class _Lock:
+    """Keeps a second job out of the folder of a study; the system gives it up when the process ends."""
+
+    def __init__(self, folder: Path) -> None:
+        self._path, self._file = folder / ".lock", -1
+
+    def take(self) -> None:
+        """Lock the folder.
+
+        Raises:
+            InputError: another job has.
+        """
+        self._file = os.open(self._path, os.O_CREAT | os.O_WRONLY, 0o644)
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self.release()
+            folder = self._path.parent
+            raise InputError(f"a study is running in {folder}; wait for it, or choose another folder") from None
+        except OSError:
+            return  # a file system without locks
+
+    def release(self) -> None:
+        """Give the folder free, where it was taken."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1
+
+
+def _prepare(study: Study, folder: Path, lock: _Lock, retry: bool, groups: int) -> tuple[Any, int]:
+    """Portions of case numbers still to be run, and how many are there already; or an error."""
+    try:
+        if folder.exists() and not folder.is_dir():
+            raise InputError(f"{folder} is a file; give a folder to -o")
+        if folder.is_dir() and any(p.name != ".lock" for p in folder.iterdir()) and not (folder / ABOUT).is_file():
+            raise InputError(f"{folder} is not empty and holds no study; give another folder to -o")
+        folder.mkdir(parents=True, exist_ok=True)
+        lock.take()
+        write_tables(study, folder)
+    except AsperityError as error:
+        return error, 0
+    except OSError as error:
+        return InputError(f"{folder} cannot be written: {error.strerror}"), 0
+    states = [case_state(folder, entry.key) for entry in study.entries]
+    todo = [i for i, s in enumerate(states) if s is None or (retry and s["exit_reason"] != "done")]
+    return portions(study.entries, todo, groups), len(states) - len(todo)
+
+
+def portions(entries: Sequence[Entry], todo: Sequence[int], groups: int) -> list[list[int]]:
+    """Case numbers in portions of one mesh, small enough that all groups have work to the end."""
+    batches: dict[str, list[int]] = {}
+    for i in todo:
+        batches.setdefault(mesh_key(entries[i].case), []).append(i)
+    size = max(1, -(-len(todo) // (PORTIONS * groups))) if groups > 1 else len(todo)
+    return [batch[i : i + size] for batch in batches.values() for i in range(0, len(batch), size)]
+
+
+class Queue:
+    """Two counters that all ranks of a communicator share: portions taken and cases finished.
+
+    They live in the memory of its first rank and are changed by atomic one-sided operations, so that rank can
+    compute meanwhile.
+    """
+
+    def __init__(self, comm: MPI.Intracomm) -> None:
+        from mpi4py import MPI
+
+        self._comm, self._add = comm, MPI.SUM
+        size = MPI.INT64_T.Get_size()
+        self._window = MPI.Win.Allocate(2 * size if comm.rank == 0 else 0, size, comm=comm)
+        if comm.rank == 0:
+            np.frombuffer(self._window.tomemory(), dtype=np.int64)[:] = 0
+        comm.Barrier()
+
+    def take(self) -> int:
+        """Number of the next portion."""
+        return self._next(0)
+
+    def count(self) -> int:
+        """Note a finished case; return how many there are."""
+        return self._next(1) + 1
+
+    def _next(self, place: int) -> int:
+        one, before = np.ones(1, np.int64), np.zeros(1, np.int64)
+        self._window.Lock(0)
+        self._window.Fetch_and_op(one, before, 0, place, self._add)
+        self._window.Unlock(0)
+        return int(before[0])
+
+    def close(self) -> None:
+        """Free the counters when all ranks are here; collective."""
+        self._comm.Barrier()
+        self._window.Free()
+
+
+def _line(entry: Entry, state: dict[str, Any], keys: Sequence[str], done: int, total: int, left: float) -> str:
+    values = ", ".join(f"{k.split('.')[1]} {v:.6g}" for k in keys if isinstance(v := entry.value(k), int | float))
+    end = "" if state["exit_reason"] == "done" else f"  FAILED {state['exit_reason']}"
+    return f"{done:{len(str(total))}}/{total}  {values}  {state['seconds']:.1f} s, {duration(left)} left{end}"
+
+
+def _write(path: Path, text: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    aside = path.with_name(f".{path.name}.{os.getpid()}")
+    aside.write_text(text, encoding="utf-8")
+    aside.replace(path)

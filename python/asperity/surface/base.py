@@ -1,0 +1,258 @@
+"""What every surface can do, and the construction of one from the [surface] section of a case."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import numbers
+import warnings
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import InputError
+
+if TYPE_CHECKING:
+    from .statistics import Spectrum, SurfaceStatistics
+
+Array = NDArray[Any]
+
+#: Beyond this rms slope small-strain, small-slope contact theory loses its footing.
+SMALL_SLOPE = 0.1
+
+
+class SurfaceWarning(UserWarning):
+    """A surface is legal, but probably not what was meant or beyond small-slope theory."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Surface(ABC):
+    """A height field z(x, y) on the closed patch [0, L]^2; immutable.
+
+    Attributes:
+        L: side of the patch (length).
+    """
+
+    L: float
+
+    #: Name in the case file.
+    kind: ClassVar[str] = ""
+    #: Whether slope statistics over the patch describe the contact (not so for a single bump).
+    rough: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        check_positive("L", self.L)
+
+    @staticmethod
+    def from_spec(kind: str, **parameters: Any) -> Surface:
+        """Build a surface from the keys of the [surface] section.
+
+        Args:
+            kind: "weierstrass-mandelbrot", "sphere", "sinusoid", "flat" or "file".
+            parameters: the keys of that kind.
+
+        Raises:
+            InputError: unknown kind or key (the nearest legal name is offered), missing key, or
+                a value outside its legal range.
+        """
+        kinds = surface_kinds()
+        if kind not in kinds:
+            raise InputError(
+                f"surface.kind = {kind!r} is unknown{nearest(kind, kinds)}; "
+                f"legal: {', '.join(sorted(kinds))}."
+            )
+        cls = kinds[kind]
+        legal = {f.name: f.default is MISSING for f in fields(cls) if f.init}
+        for key in parameters:
+            if key not in legal:
+                raise InputError(
+                    f"surface.{key} is not a key of kind {kind!r}{nearest(key, legal)}; "
+                    f"legal: {', '.join(legal)}."
+                )
+        missing = [key for key, required in legal.items() if required and key not in parameters]
+        if missing:
+            raise InputError(f"surface.{missing[0]} is missing: kind {kind!r} needs it.")
+        surface = cls(**parameters)
+        if surface.rough:
+            surface.check_small_slope()
+        return surface
+
+    @abstractmethod
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Return z (length) at the points (x, y), in the broadcast shape of x and y."""
+
+    @abstractmethod
+    def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+        """Return (dz/dx, dz/dy), dimensionless, in the broadcast shape of x and y."""
+
+    @abstractmethod
+    def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
+        """Return (z_xx, z_xy, z_yy) (1/length), in the broadcast shape of x and y."""
+
+    @abstractmethod
+    def mean(self) -> float:
+        """Return the mean height over the patch (length)."""
+
+    @abstractmethod
+    def curvature_bound(self) -> float:
+        """Return an upper bound of the spectral norm of the Hessian over the patch (1/length)."""
+
+    @property
+    def feature_size(self) -> float:
+        """Shortest length on which the surface varies (length); it sets sampling grids."""
+        return self.L
+
+    def maximum(self) -> tuple[float, float, float]:
+        """Return (x, y, z) of the highest point of the closed patch, edges and corners included.
+
+        The global maximum by branch and bound with :meth:`curvature_bound`, polished by Newton
+        iteration: it does not depend on a grid.
+        """
+        return self._maximum
+
+    @cached_property
+    def _maximum(self) -> tuple[float, float, float]:
+        from .maximum import global_maximum
+
+        return global_maximum(self)
+
+    def grid(self, n: int) -> Array:
+        """Return heights (length) at the nodes linspace(0, L, n)^2, shape (n, n).
+
+        Index order is [iy, ix]: row iy has y = iy L/(n-1), column ix has x = ix L/(n-1).
+        """
+        return self._rows(n, lambda x, y: (self.height(x, y),))[0]
+
+    def grid_gradient(self, n: int) -> tuple[Array, Array]:
+        """Return (dz/dx, dz/dy) at the nodes of :meth:`grid`, each (n, n), index [iy, ix]."""
+        zx, zy = self._rows(n, self.gradient)
+        return zx, zy
+
+    def grid_hessian(self, n: int) -> tuple[Array, Array, Array]:
+        """Return (z_xx, z_xy, z_yy) at the nodes of :meth:`grid`, each (n, n), index [iy, ix]."""
+        xx, xy, yy = self._rows(n, self.hessian)
+        return xx, xy, yy
+
+    def _product(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
+        """Return (z, z_x, z_y) at all pairs of x (len nx) and y (len ny), each (ny, nx)."""
+        zx, zy = self.gradient(x[None, :], y[:, None])
+        return self.height(x[None, :], y[:, None]), zx, zy
+
+    def _rows(self, n: int, function: Any) -> tuple[Array, ...]:
+        s = nodes(self.L, n)
+        rows = max(1, 2**18 // n)
+        parts = [function(s[None, :], s[i : i + rows, None]) for i in range(0, n, rows)]
+        return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
+
+    def statistics(self, n: int = 1025) -> SurfaceStatistics:
+        """Return roughness parameters from an n x n grid; see :class:`SurfaceStatistics`."""
+        from .statistics import surface_statistics
+
+        return surface_statistics(self, n)
+
+    def bearing_curve(self, n: int = 1025, points: int = 201) -> tuple[Array, Array]:
+        """Return the bearing (Abbott-Firestone) curve.
+
+        Args:
+            n: nodes a side of the sampling grid.
+            points: points of the curve.
+
+        Returns:
+            (fraction, height): the share of the area that lies above `height` (length), from 0
+            at the highest node to 1 at the lowest.
+        """
+        from .statistics import bearing_curve
+
+        return bearing_curve(self, n, points)
+
+    def psd(self, n: int = 1024, direction: str = "radial", window: str = "hann") -> Spectrum:
+        """Return the power spectral density of the heights; see :func:`statistics.psd`."""
+        from .statistics import psd
+
+        return psd(self, n, direction, window)
+
+    def rms_slope(self) -> float:
+        """Return sqrt(<|grad z|^2>) over the patch (dimensionless)."""
+        zx, zy = self.grid_gradient(513)
+        return float(np.sqrt(np.mean(zx**2 + zy**2)))
+
+    def check_small_slope(self, limit: float = SMALL_SLOPE) -> None:
+        """Warn (SurfaceWarning) when the rms slope exceeds `limit`."""
+        slope = self.rms_slope()
+        if slope > limit:
+            warnings.warn(
+                f"surface: rms slope {slope:.3g} exceeds {limit:g}; small-strain results are "
+                "approximate (smaller G or larger D is smoother).",
+                SurfaceWarning,
+                stacklevel=3,
+            )
+
+
+def surface_kinds() -> Mapping[str, type[Surface]]:
+    """Return the concrete surfaces by their name in the case file."""
+    from . import fractal, heightmap, shapes
+
+    classes: tuple[type[Surface], ...] = (
+        fractal.WeierstrassMandelbrot,
+        shapes.Sphere,
+        shapes.Sinusoid,
+        shapes.Flat,
+        heightmap.HeightMap,
+    )
+    return {cls.kind: cls for cls in classes}
+
+
+def nodes(L: float, n: int) -> Array:
+    """Return linspace(0, L, n) after checking n."""
+    if not (is_integer(n) and n >= 2):
+        raise InputError(f"A grid needs an integer number of nodes a side >= 2, not {n!r}.")
+    return np.linspace(0.0, L, n)
+
+
+def nearest(name: str, legal: Any) -> str:
+    """Return ' (did you mean ...?)' with the closest legal name, or nothing."""
+    close = difflib.get_close_matches(str(name), list(legal), n=1)
+    return f" (did you mean {close[0]!r}?)" if close else ""
+
+
+def is_number(value: Any) -> bool:
+    """Tell whether value is a finite real number (booleans are not)."""
+    return isinstance(value, numbers.Real) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def is_integer(value: Any) -> bool:
+    """Tell whether value is an integer (booleans are not)."""
+    return isinstance(value, numbers.Integral) and not isinstance(value, bool)
+
+
+def check(legal: bool, key: str, value: Any, rule: str) -> None:
+    """Raise InputError 'surface.key = value is not legal: rule' unless legal."""
+    if not legal:
+        raise InputError(f"surface.{key} = {value!r} is not legal: it must be {rule}.")
+
+
+def check_positive(key: str, value: Any) -> None:
+    """Raise InputError unless value is a positive, finite length."""
+    check(is_number(value) and value > 0, key, value, "a positive length (SI: metres)")
+
+
+def check_integer(key: str, value: Any, least: int) -> None:
+    """Raise InputError unless value is an integer >= least."""
+    check(is_integer(value) and value >= least, key, value, f"an integer >= {least}")
+
+
+def check_point(key: str, value: Any, L: float) -> tuple[float, float]:
+    """Return value as a point (x, y) of the closed patch, or raise InputError."""
+    point = tuple(value) if isinstance(value, (tuple, list, np.ndarray)) else ()
+    check(
+        len(point) == 2 and all(is_number(c) and 0 <= c <= L for c in point),
+        key,
+        value,
+        f"two coordinates between 0 and L = {L:g}",
+    )
+    return float(point[0]), float(point[1])

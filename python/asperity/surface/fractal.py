@@ -1,0 +1,278 @@
+"""The modified two-variable Weierstrass-Mandelbrot surface, as a sum of plane waves."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .base import (
+    Array,
+    Surface,
+    SurfaceWarning,
+    check,
+    check_integer,
+    check_positive,
+    is_number,
+    nodes,
+)
+
+_CHUNK = 2**21  # angles evaluated at once: 16 MiB a temporary
+
+
+class Waves(NamedTuple):
+    """Plane waves a cos(kx x + ky y + phi), one entry a wave."""
+
+    a: Array  # amplitude (length)
+    kx: Array  # wave vector (1/length)
+    ky: Array
+    phi: Array
+
+
+def cut_off_index(L: float, L_s: float, gamma: float) -> int:
+    """Return floor(ln(L/L_s)/ln(gamma)), the index of the shortest wave not below L_s.
+
+    Args:
+        L: side of the patch (length).
+        L_s: cut-off wavelength (length), 0 < L_s <= L.
+        gamma: ratio of successive wave numbers, > 1.
+    """
+    # a cut-off that is exactly L/gamma^f must give f in spite of round-off
+    return math.floor(math.log(L / L_s) / math.log(gamma) + 1e-12)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WeierstrassMandelbrot(Surface):
+    """Fractal surface of Yan and Komvopoulos, J. Appl. Phys. 84 (1998) 3617, on [0, L]^2.
+
+    z(x, y) = L (G/L)^(D-2) sqrt(ln gamma / M) sum_mu sum_{f=0..f_max} gamma^(f(D-3))
+              {cos phi - cos[2 pi gamma^f (x cos(pi mu/M) + y sin(pi mu/M))/L + phi]}
+
+    with one phase phi per (mu, f). z(0, 0) = 0; the surface is not periodic.
+
+    Attributes:
+        D: fractal dimension, 2 < D < 3.
+        G: fractal roughness (length), 0 < G < L.
+        M: number that sets the ridge directions pi mu/M, >= 1.
+        gamma: ratio of successive wave numbers, > 1.
+        f_max: highest frequency index, >= 0; default from L_s, or 5 without it.
+        L_s: cut-off wavelength (length), optional; f_max = cut_off_index(L, L_s, gamma).
+        seed: of the phases, default_rng(seed).uniform(0, 2 pi, size=(M+1, f_max+1)).
+        ridges: "0..M" (all M+1 rows of the phases; rows 0 and M are collinear, so the x
+            direction has double power) or "1..M" (row 0 of the same phases is left out).
+        phases: explicit phases, shape (M+1, f_max+1), row mu, column f; replaces the seed.
+    """
+
+    D: float = 2.4
+    G: float = 1.36e-11
+    M: int = 10
+    gamma: float = 1.5
+    f_max: int | None = None
+    L_s: float | None = None
+    seed: int = 0
+    ridges: Literal["0..M", "1..M"] = "0..M"
+    phases: Array | None = field(default=None, repr=False)
+
+    kind: ClassVar[str] = "weierstrass-mandelbrot"
+    rough: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(is_number(self.D) and 2 < self.D < 3, "D", self.D, "a number between 2 and 3")
+        check(
+            is_number(self.G) and 0 < self.G < self.L,
+            "G",
+            self.G,
+            f"a length above 0 and below L = {self.L:g} (both in metres)",
+        )
+        check_integer("M", self.M, 1)
+        check(is_number(self.gamma) and self.gamma > 1, "gamma", self.gamma, "a number above 1")
+        check_integer("seed", self.seed, 0)
+        check(self.ridges in ("0..M", "1..M"), "ridges", self.ridges, '"0..M" or "1..M"')
+        object.__setattr__(self, "f_max", self._resolve_f_max())
+        object.__setattr__(self, "phases", self._resolve_phases())
+
+    def _resolve_f_max(self) -> int:
+        if self.f_max is not None:
+            check_integer("f_max", self.f_max, 0)
+        if self.L_s is None:
+            return 5 if self.f_max is None else self.f_max
+        check_positive("L_s", self.L_s)
+        check(self.L_s <= self.L, "L_s", self.L_s, f"at most L = {self.L:g}")
+        expected = cut_off_index(self.L, self.L_s, self.gamma)
+        if self.f_max is None or self.f_max == expected:
+            return expected
+        warnings.warn(
+            f"surface: L_s = {self.L_s:g} gives f_max = {expected}, but f_max = {self.f_max} is "
+            "given and used.",
+            SurfaceWarning,
+            stacklevel=5,
+        )
+        return self.f_max
+
+    def _resolve_phases(self) -> Array:
+        assert self.f_max is not None
+        shape = (self.M + 1, self.f_max + 1)
+        if self.phases is None:
+            phases = np.random.default_rng(self.seed).uniform(0, 2 * np.pi, size=shape)
+        else:
+            phases = np.array(self.phases, dtype=float)
+            check(
+                phases.shape == shape and bool(np.isfinite(phases).all()),
+                "phases",
+                phases.shape,
+                f"a finite array of shape (M+1, f_max+1) = {shape}",
+            )
+        phases.flags.writeable = False
+        return phases
+
+    @cached_property
+    def _waves(self) -> Waves:
+        assert self.phases is not None
+        rows = slice(1 if self.ridges == "1..M" else 0, None)
+        mu, f = np.indices(self.phases.shape)[:, rows]
+        scale = (
+            self.L * (self.G / self.L) ** (self.D - 2) * math.sqrt(math.log(self.gamma) / self.M)
+        )
+        a = scale * self.gamma ** (f * (self.D - 3.0))
+        k = 2 * np.pi * self.gamma ** f.astype(float) / self.L
+        angle = np.pi * mu / self.M
+        return Waves(
+            a.ravel(),
+            (k * np.cos(angle)).ravel(),
+            (k * np.sin(angle)).ravel(),
+            self.phases[rows].ravel(),
+        )
+
+    @cached_property
+    def _offset(self) -> float:
+        return float(self._waves.a @ np.cos(self._waves.phi))
+
+    @property
+    def feature_size(self) -> float:
+        """The shortest wavelength, L/gamma^f_max (length)."""
+        assert self.f_max is not None
+        return float(self.L / self.gamma**self.f_max)
+
+    def _at_points(
+        self, x: ArrayLike, y: ArrayLike, wave: Callable[[Array], Array], weights: list[Array]
+    ) -> tuple[Array, ...]:
+        """Return sum_j weights[i][j] wave(theta_j) at every point, one array for each i."""
+        x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        shape, xs, ys = x.shape, x.ravel(), y.ravel()
+        _, kx, ky, phi = self._waves
+        w = np.stack(weights, axis=1)
+        out = np.empty((xs.size, len(weights)))
+        step = max(1, _CHUNK // kx.size)
+        for i in range(0, xs.size, step):
+            part = slice(i, i + step)
+            theta = np.multiply.outer(xs[part], kx)
+            theta += np.multiply.outer(ys[part], ky)
+            theta += phi
+            out[part] = wave(theta) @ w
+        return tuple(column.reshape(shape) for column in out.T)
+
+    def _on_product(self, x: Array, y: Array, *weights: Array) -> tuple[Array, ...]:
+        """Return Re sum_j w_j exp(i theta_j) at all (x[i], y[j]) for each complex weight array w.
+
+        A plane wave separates, exp(i(kx x + ky y)) = exp(i kx x) exp(i ky y), so the sum over
+        all waves is one real matrix product (len(y) x 2 waves)(2 waves x len(x)).
+        """
+        _, kx, ky, phi = self._waves
+        along_x = np.exp(1j * np.multiply.outer(kx, x))
+        right = np.vstack([along_x.real, along_x.imag])
+        along_y = np.exp(1j * (np.multiply.outer(y, ky) + phi))
+        grids = []
+        for w in weights:
+            left = along_y * w
+            grids.append(np.hstack([left.real, -left.imag]) @ right)
+        return tuple(grids)
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
+        (z,) = self._at_points(x, y, np.cos, [-self._waves.a])
+        return z + self._offset
+
+    def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+        a, kx, ky, _ = self._waves
+        zx, zy = self._at_points(x, y, np.sin, [a * kx, a * ky])
+        return zx, zy
+
+    def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
+        a, kx, ky, _ = self._waves
+        xx, xy, yy = self._at_points(x, y, np.cos, [a * kx**2, a * kx * ky, a * ky**2])
+        return xx, xy, yy
+
+    def _product(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
+        a, kx, ky, _ = self._waves
+        z, zx, zy = self._on_product(x, y, -a, -1j * a * kx, -1j * a * ky)
+        z += self._offset
+        return z, zx, zy
+
+    def grid(self, n: int) -> Array:
+        s = nodes(self.L, n)
+        (z,) = self._on_product(s, s, -self._waves.a)
+        z += self._offset
+        return z
+
+    def grid_gradient(self, n: int) -> tuple[Array, Array]:
+        s = nodes(self.L, n)
+        a, kx, ky, _ = self._waves
+        zx, zy = self._on_product(s, s, -1j * a * kx, -1j * a * ky)
+        return zx, zy
+
+    def grid_hessian(self, n: int) -> tuple[Array, Array, Array]:
+        s = nodes(self.L, n)
+        a, kx, ky, _ = self._waves
+        xx, xy, yy = self._on_product(s, s, a * kx**2, a * kx * ky, a * ky**2)
+        return xx, xy, yy
+
+    def mean(self) -> float:
+        """Return the mean height over the patch (length), in closed form."""
+        a, kx, ky, phi = self._waves
+        return self._offset - float((a * np.exp(1j * phi) * self._patch_mean(kx, ky)).real.sum())
+
+    def _patch_mean(self, kx: Any, ky: Any) -> Any:
+        """Return the mean of exp(i(kx x + ky y)) over the patch."""
+
+        def side(k: Any) -> Any:
+            half = k * self.L / 2
+            return np.exp(1j * half) * np.sinc(half / np.pi)
+
+        return side(kx) * side(ky)
+
+    def exact_rms(self) -> tuple[float, float, float]:
+        """Return (Sq, rms slope, rms curvature) over the patch in closed form.
+
+        Units: length, 1, 1/length; curvature is half the Laplacian, as in SurfaceStatistics.
+        Products of two waves are waves of the sum and of the difference of their vectors, whose
+        mean over the patch is known.
+        """
+        a, kx, ky, phi = self._waves
+        c = a * np.exp(1j * phi)
+        plus = np.multiply.outer(c, c) * self._patch_mean(
+            np.add.outer(kx, kx), np.add.outer(ky, ky)
+        )
+        minus = np.multiply.outer(c, c.conj()) * self._patch_mean(
+            np.subtract.outer(kx, kx), np.subtract.outer(ky, ky)
+        )
+        dot = np.multiply.outer(kx, kx) + np.multiply.outer(ky, ky)
+        k2 = kx**2 + ky**2
+        squares = 0.5 * (plus + minus).real
+        variance = squares.sum() - (self.mean() - self._offset) ** 2
+        slope2 = (0.5 * (minus - plus).real * dot).sum()
+        curvature2 = (squares * np.multiply.outer(k2, k2)).sum() / 4
+        return math.sqrt(variance), math.sqrt(slope2), math.sqrt(curvature2)
+
+    def rms_slope(self) -> float:
+        """Return sqrt(<|grad z|^2>) over the patch, in closed form (dimensionless)."""
+        return self.exact_rms()[1]
+
+    def curvature_bound(self) -> float:
+        a, kx, ky, _ = self._waves
+        return float(a @ (kx**2 + ky**2))

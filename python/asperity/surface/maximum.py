@@ -1,0 +1,119 @@
+"""The global maximum of a surface: branch and bound over cells, Newton polish."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .base import Array, Surface
+
+_MAX_CELLS = 4_000_000
+_LEVELS = 40
+
+
+def global_maximum(surface: Surface) -> tuple[float, float, float]:
+    """Return (x, y, z) of the highest point of the closed patch.
+
+    In a cell of half-diagonal r about c no height exceeds z(c) + |grad z(c)| r + K r^2/2, K the
+    curvature bound. Cells that cannot hold a higher point than the best one known are dropped,
+    the others are quartered; a centre above the best known height starts a Newton climb.
+    """
+    L, K = surface.L, surface.curvature_bound()
+    n = int(np.clip(np.ceil(8 * L / surface.feature_size), 64, 4096))
+    half = L / (2 * n)
+    x, y, z, best = _first_cells(surface, n, K)
+    for _ in range(_LEVELS):
+        slack = 1e-14 * max(abs(best[2]), float(np.abs(z).max(initial=0.0)))
+        zx, zy = surface.gradient(x, y)
+        r = np.sqrt(2) * half
+        reach = z + np.hypot(zx, zy) * r + 0.5 * K * r**2
+        keep = reach > best[2] + slack
+        if not keep.any() or 0.5 * K * r**2 <= slack:
+            break
+        if np.count_nonzero(keep) > _MAX_CELLS // 4:
+            keep = np.argpartition(reach, -_MAX_CELLS // 4)[-_MAX_CELLS // 4 :]
+        half /= 2
+        x = (x[keep][:, None] + half * np.array([-1, 1, -1, 1])).ravel()
+        y = (y[keep][:, None] + half * np.array([-1, -1, 1, 1])).ravel()
+        z = surface.height(x, y)
+        best = _improve(surface, x, y, z, best, slack)
+    return best
+
+
+def _first_cells(
+    surface: Surface, n: int, K: float
+) -> tuple[Array, Array, Array, tuple[float, float, float]]:
+    """Return the n x n cell centres that may hold the maximum, and the best point known.
+
+    Row by row, so that only promising cells are held in memory.
+    """
+    L = surface.L
+    centres = (np.arange(n) + 0.5) * (L / n)
+    r = L / n / np.sqrt(2)
+    corner = max(
+        ((cx, cy) for cx in (0.0, L) for cy in (0.0, L)),
+        key=lambda c: float(surface.height(c[0], c[1])),
+    )
+    best = climb(surface, *corner)
+    kept: list[Array] = []
+    rows = max(1, 2**17 // n)
+    for i in range(0, n, rows):
+        x, y = (c.ravel() for c in np.meshgrid(centres, centres[i : i + rows]))
+        z, zx, zy = (f.ravel() for f in surface._product(centres, centres[i : i + rows]))
+        best = _improve(surface, x, y, z, best, 0.0)
+        reach = z + np.hypot(zx, zy) * r + 0.5 * K * r**2
+        kept.append(np.stack([x, y, z, reach])[:, reach > best[2]])
+    x, y, z, reach = np.concatenate(kept, axis=1)
+    keep = reach > best[2]
+    return x[keep], y[keep], z[keep], best
+
+
+def _improve(
+    surface: Surface,
+    x: Array,
+    y: Array,
+    z: Array,
+    best: tuple[float, float, float],
+    slack: float,
+) -> tuple[float, float, float]:
+    """Climb from the highest of the given points if it beats the best point."""
+    top = int(np.argmax(z))
+    if z[top] <= best[2] + slack:
+        return best
+    found = climb(surface, float(x[top]), float(y[top]))
+    return found if found[2] > best[2] else best
+
+
+def climb(surface: Surface, x: float, y: float) -> tuple[float, float, float]:
+    """Return the local maximum (x, y, z) of the closed patch reached from (x, y).
+
+    Newton iteration projected on the patch; where the Hessian is not negative definite, a
+    gradient step that the curvature bound makes safe.
+    """
+    L, K = surface.L, surface.curvature_bound()
+    p = np.array([x, y], dtype=float)
+    z = float(surface.height(*p))
+    for _ in range(200):
+        g = np.array(surface.gradient(*p), dtype=float)
+        free = ~(((p <= 0) & (g < 0)) | ((p >= L) & (g > 0)))
+        if not free.any() or not g[free].any():
+            break
+        xx, xy, yy = (float(h) for h in surface.hessian(*p))
+        hessian = np.array([[xx, xy], [xy, yy]])[np.ix_(free, free)]
+        step = np.zeros(2)
+        if np.linalg.eigvalsh(hessian).max() < 0:
+            step[free] = -np.linalg.solve(hessian, g[free])
+        else:
+            step[free] = g[free] / K if K > 0 else np.sign(g[free]) * L
+        new = np.clip(p + step, 0.0, L)
+        z_new = float(surface.height(*new))
+        if z_new < z:  # overshoot: the safe step always climbs, up to round-off
+            safe = g / K if K > 0 else np.sign(g) * L
+            new = np.clip(p + np.where(free, safe, 0.0), 0.0, L)
+            z_new = float(surface.height(*new))
+            if z_new <= z:
+                break
+        moved = float(np.abs(new - p).max())
+        p, z = new, z_new
+        if moved <= 1e-15 * L:
+            break
+    return float(p[0]), float(p[1]), z

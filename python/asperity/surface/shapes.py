@@ -1,0 +1,245 @@
+"""Surfaces with a textbook solution: sphere, sinusoid, flat."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .base import Array, Surface, check, check_point, check_positive
+
+
+def _points(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+    x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+    return x, y
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Flat(Surface):
+    """The plane z = 0."""
+
+    kind: ClassVar[str] = "flat"
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
+        return np.zeros(_points(x, y)[0].shape)
+
+    def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+        zero = self.height(x, y)
+        return zero, zero.copy()
+
+    def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
+        zero = self.height(x, y)
+        return zero, zero.copy(), zero.copy()
+
+    def mean(self) -> float:
+        return 0.0
+
+    def curvature_bound(self) -> float:
+        return 0.0
+
+    def maximum(self) -> tuple[float, float, float]:
+        """Return the middle of the patch; every point is a highest one."""
+        return self.L / 2, self.L / 2, 0.0
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sphere(Surface):
+    """One spherical bump with its apex at height 0.
+
+    shape "sphere": z = sqrt(R^2 - r^2) - R up to r = 0.8 R (slope 4/3), beyond it the tangent
+    cone, so that the surface is C1 and single-valued on any patch; "paraboloid": z = -r^2/(2R),
+    the profile of Hertz theory. With the centre in a corner the patch is a quarter of the bump
+    (sides u.n = 0 are then its planes of symmetry).
+
+    Attributes:
+        radius: R (length).
+        centre: (x, y) of the apex, on the patch (length); default the middle.
+        shape: "sphere" or "paraboloid".
+    """
+
+    radius: float
+    centre: tuple[float, float] | None = None
+    shape: Literal["sphere", "paraboloid"] = "sphere"
+
+    kind: ClassVar[str] = "sphere"
+    cap: ClassVar[float] = 0.8  # r/R where the cap hands over to the cone
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_positive("radius", self.radius)
+        centre = (self.L / 2, self.L / 2) if self.centre is None else self.centre
+        object.__setattr__(self, "centre", check_point("centre", centre, self.L))
+        check(
+            self.shape in ("sphere", "paraboloid"), "shape", self.shape, '"sphere" or "paraboloid"'
+        )
+
+    def _profile(self, r: Array) -> tuple[Array, Array, Array]:
+        """Return z, z'/r and (z'' - z'/r)/r^2 of the radial profile; all finite at r = 0."""
+        R = self.radius
+        if self.shape == "paraboloid":
+            return -(r**2) / (2 * R), np.full(r.shape, -1 / R), np.zeros(r.shape)
+        rim = self.cap * R
+        root = np.sqrt(R**2 - np.minimum(r, rim) ** 2)
+        slope = -rim / math.sqrt(R**2 - rim**2)
+        cap = r <= rim
+        outer = np.where(cap, rim, r)
+        z = np.where(cap, -(np.minimum(r, rim) ** 2) / (R + root), root - R + slope * (r - rim))
+        over_r = np.where(cap, -1 / root, slope / outer)
+        bend = np.where(cap, -1 / root**3, -slope / outer**3)
+        return z, over_r, bend
+
+    def _offset(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
+        assert self.centre is not None
+        x, y = _points(x, y)
+        dx, dy = x - self.centre[0], y - self.centre[1]
+        return dx, dy, np.hypot(dx, dy)
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
+        return self._profile(self._offset(x, y)[2])[0]
+
+    def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+        dx, dy, r = self._offset(x, y)
+        over_r = self._profile(r)[1]
+        return over_r * dx, over_r * dy
+
+    def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
+        dx, dy, r = self._offset(x, y)
+        _, over_r, bend = self._profile(r)
+        return over_r + bend * dx**2, bend * dx * dy, over_r + bend * dy**2
+
+    def mean(self) -> float:
+        """Return the mean height over the patch (length), by Gauss quadrature in polar sectors."""
+        assert self.centre is not None
+        cx, cy = self.centre
+        total = sum(
+            self._triangle(a, b) + self._triangle(b, a)
+            for a in (cx, self.L - cx)
+            for b in (cy, self.L - cy)
+        )
+        return total / self.L**2
+
+    def _triangle(self, a: float, b: float) -> float:
+        """Return the integral of z over the triangle (0,0), (a,0), (a,b) seen from the apex."""
+        if a == 0 or b == 0:
+            return 0.0
+        top = math.atan2(b, a)
+        rim = math.acos(min(1.0, a / (self.cap * self.radius)))  # beyond it the cone is crossed
+        cuts = sorted({0.0, min(rim, top), top})
+        t, w = np.polynomial.legendre.leggauss(40)
+        total = 0.0
+        for lo, hi in itertools.pairwise(cuts):
+            angle = lo + (hi - lo) * (t + 1) / 2
+            total += float((hi - lo) / 2 * (w @ self._sector(a / np.cos(angle))))
+        return total
+
+    def _sector(self, r: Array) -> Array:
+        """Return the integral of z(s) s ds from 0 to r."""
+        R = self.radius
+        if self.shape == "paraboloid":
+            return -(r**4) / (8 * R)
+        rim = self.cap * R
+        inner = np.minimum(r, rim)
+        total = (R**3 - (R**2 - inner**2) ** 1.5) / 3 - R * inner**2 / 2
+        root = math.sqrt(R**2 - rim**2)
+        slope, outer = -rim / root, np.maximum(r, rim)
+        level = root - R - slope * rim
+        return total + level * (outer**2 - rim**2) / 2 + slope * (outer**3 - rim**3) / 3
+
+    def curvature_bound(self) -> float:
+        R = self.radius
+        if self.shape == "paraboloid":
+            return 1 / R
+        return R**2 / (R**2 * (1 - self.cap**2)) ** 1.5  # meridian, at the rim of the cap
+
+    def maximum(self) -> tuple[float, float, float]:
+        """Return the apex."""
+        assert self.centre is not None
+        return (*self.centre, 0.0)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Sinusoid(Surface):
+    """z = A cos(k (x - x0)), or A cos(k (x - x0)) cos(k (y - y0)) with dims = 2; k = 2 pi/lambda.
+
+    Attributes:
+        amplitude: A (length), half the peak-to-valley height.
+        wavelength: lambda (length); default L.
+        dims: 1 (wave along x) or 2 (product of both).
+        centre: (x0, y0) of a crest, on the patch (length); default the middle.
+    """
+
+    amplitude: float
+    wavelength: float | None = None
+    dims: Literal[1, 2] = 1
+    centre: tuple[float, float] | None = None
+
+    kind: ClassVar[str] = "sinusoid"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_positive("amplitude", self.amplitude)
+        object.__setattr__(
+            self, "wavelength", self.L if self.wavelength is None else self.wavelength
+        )
+        check_positive("wavelength", self.wavelength)
+        check(self.dims in (1, 2) and self.dims is not True, "dims", self.dims, "1 or 2")
+        centre = (self.L / 2, self.L / 2) if self.centre is None else self.centre
+        object.__setattr__(self, "centre", check_point("centre", centre, self.L))
+
+    @property
+    def _k(self) -> tuple[float, float]:
+        assert self.wavelength is not None
+        k = 2 * math.pi / self.wavelength
+        return k, k * (self.dims - 1)
+
+    @property
+    def feature_size(self) -> float:
+        """The wavelength (length)."""
+        assert self.wavelength is not None
+        return self.wavelength
+
+    def _angles(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+        assert self.centre is not None
+        x, y = _points(x, y)
+        return self._k[0] * (x - self.centre[0]), self._k[1] * (y - self.centre[1])
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
+        u, v = self._angles(x, y)
+        return self.amplitude * np.cos(u) * np.cos(v)
+
+    def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+        u, v = self._angles(x, y)
+        kx, ky = self._k
+        return (
+            -self.amplitude * kx * np.sin(u) * np.cos(v),
+            -self.amplitude * ky * np.cos(u) * np.sin(v),
+        )
+
+    def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
+        u, v = self._angles(x, y)
+        kx, ky = self._k
+        z = self.amplitude * np.cos(u) * np.cos(v)
+        return -(kx**2) * z, self.amplitude * kx * ky * np.sin(u) * np.sin(v), -(ky**2) * z
+
+    def mean(self) -> float:
+        """Return the mean height over the patch (length), in closed form."""
+        assert self.centre is not None
+
+        def side(k: float, c: float) -> float:
+            return 1.0 if k == 0 else (math.sin(k * (self.L - c)) + math.sin(k * c)) / (k * self.L)
+
+        return self.amplitude * math.prod(
+            side(k, c) for k, c in zip(self._k, self.centre, strict=True)
+        )
+
+    def curvature_bound(self) -> float:
+        return self.amplitude * self._k[0] ** 2
+
+    def maximum(self) -> tuple[float, float, float]:
+        """Return the crest at the centre."""
+        assert self.centre is not None
+        return (*self.centre, self.amplitude)

@@ -1,0 +1,137 @@
+"""Roughness parameters, bearing curve and power spectra of a sampled surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from .base import SMALL_SLOPE, Array, Surface
+
+
+@dataclass(frozen=True)
+class SurfaceStatistics:
+    """Roughness over the patch from a regular grid; heights are taken about their mean.
+
+    Attributes:
+        n: nodes a side of the grid.
+        mean: mean height of the nodes (length).
+        Sq: rms height (length).
+        Sa: mean absolute height (length).
+        Sz: highest minus lowest node (length).
+        Sp: highest node above the mean (length).
+        skewness: <z^3>/Sq^3 (dimensionless; 0 for a flat).
+        kurtosis: <z^4>/Sq^4 (dimensionless; 3 for Gaussian heights; 0 for a flat).
+        rms_slope: sqrt(<|grad z|^2>) (dimensionless).
+        rms_curvature: sqrt(<(laplacian z)^2>)/2 (1/length).
+    """
+
+    n: int
+    mean: float
+    Sq: float
+    Sa: float
+    Sz: float
+    Sp: float
+    skewness: float
+    kurtosis: float
+    rms_slope: float
+    rms_curvature: float
+
+    @property
+    def small_slope(self) -> bool:
+        """Whether the rms slope is within the range of small-slope theory (0.1)."""
+        return self.rms_slope <= SMALL_SLOPE
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """A power spectral density.
+
+    Attributes:
+        q: angular wave number 2 pi/wavelength (1/length), rising, without 0.
+        density: length^4 (radial) or length^3 (along x or y).
+        direction: "radial", "x" or "y".
+        window: the taper used.
+    """
+
+    q: Array
+    density: Array
+    direction: str
+    window: str
+
+
+def surface_statistics(surface: Surface, n: int = 1025) -> SurfaceStatistics:
+    """Return the statistics of an n x n grid (nodes weigh equally); derivatives are analytic."""
+    z = surface.grid(n)
+    mean, top, bottom = float(z.mean()), float(z.max()), float(z.min())
+    z -= mean
+    Sq = float(np.sqrt(np.mean(z**2)))
+    skewness = kurtosis = 0.0
+    if Sq > 0:
+        skewness, kurtosis = (float(np.mean((z / Sq) ** power)) for power in (3, 4))
+    zx, zy = surface.grid_gradient(n)
+    slope = float(np.sqrt(np.mean(zx**2 + zy**2)))
+    xx, _, yy = surface.grid_hessian(n)
+    return SurfaceStatistics(
+        n=n,
+        mean=mean,
+        Sq=Sq,
+        Sa=float(np.mean(np.abs(z))),
+        Sz=top - bottom,
+        Sp=top - mean,
+        skewness=skewness,
+        kurtosis=kurtosis,
+        rms_slope=slope,
+        rms_curvature=float(np.sqrt(np.mean((xx + yy) ** 2))) / 2,
+    )
+
+
+def bearing_curve(surface: Surface, n: int = 1025, points: int = 201) -> tuple[Array, Array]:
+    """Return (fraction of the area above, height); see :meth:`Surface.bearing_curve`."""
+    if points < 2:
+        raise InputError(f"A bearing curve needs at least 2 points, not {points}.")
+    fraction = np.linspace(0.0, 1.0, points)
+    return fraction, np.quantile(surface.grid(n), 1.0 - fraction)
+
+
+def psd(
+    surface: Surface, n: int = 1024, direction: str = "radial", window: str = "hann"
+) -> Spectrum:
+    """Return the power spectral density, conventions of Jacobs, Junge and Pastewka (2017).
+
+    Surf. Topogr.: Metrol. Prop. 5 013001. The discrete transform carries dx dy, so that
+    <z^2> = sum of C(q)/L^2 over all wave vectors (2D), or of C(q)/L over positive and negative
+    q (1D). The windowed heights are rescaled to the power of the unwindowed ones.
+
+    Args:
+        surface: the surface; its mean is subtracted.
+        n: samples a side, at i L/n (the transform's period is L).
+        direction: "radial" (mean over rings of width 2 pi/L of the 2D density, length^4) or
+            "x", "y" (mean over profiles along that direction, length^3).
+        window: "hann" (against the jump at the edges of a patch that is not periodic) or "none".
+
+    Raises:
+        InputError: unknown direction or window.
+    """
+    if direction not in ("radial", "x", "y"):
+        raise InputError(f'psd direction must be "radial", "x" or "y", not {direction!r}.')
+    if window not in ("hann", "none"):
+        raise InputError(f'psd window must be "hann" or "none", not {window!r}.')
+    z = surface.grid(n + 1)[:-1, :-1]
+    z = z - z.mean()
+    taper = np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 2 if window == "hann" else np.ones(n)
+    taper = taper / np.sqrt(np.mean(taper**2))
+    dx = surface.L / n
+    index = np.arange(1, n // 2)
+    q = 2 * np.pi * index / surface.L
+    if direction == "radial":
+        power = np.abs(np.fft.fft2(z * taper * taper[:, None])) ** 2 * dx**4 / surface.L**2
+        k = np.fft.fftfreq(n, 1 / n)
+        ring = np.rint(np.hypot(k[:, None], k)).astype(int).ravel()
+        density = np.bincount(ring, power.ravel()) / np.bincount(ring)
+    else:
+        profiles = z if direction == "x" else z.T
+        density = np.mean(np.abs(np.fft.fft(profiles * taper, axis=1)) ** 2, axis=0)
+        density *= dx**2 / surface.L
+    return Spectrum(q, density[index], direction, window)

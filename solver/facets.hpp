@@ -1,0 +1,59 @@
+// Contact of facets with a rigid flat whose normal is z, integrated over quadrature points.
+//
+// P = < g d - k t >_+ is the pressure of the flat, d = height + u_z - z its penetration, t the z component of the
+// traction of the body, both per area projected on the flat: k = 0 is the penalty method, k = 1 Nitsche's method. The
+// virtual work of the contact is
+//     int P v_z - theta/g (P + t(u)) t[v],
+// with theta = 1, 0, -1 the symmetric, the incomplete and the skew variant: Chouly, Hild & Renard, Math. Comp. 84
+// (2015) 1089, eq. (9). In an elastic-plastic body t follows from the return map with a history at the points.
+#pragma once
+
+#include "cells.hpp"
+
+namespace asperity
+{
+/// Facets of second-order tetrahedra and a quadrature rule on them, tabulated for the four facets of a cell.
+struct Facets
+{
+  Array2<const double> x;                     // node coordinates (n, 3)
+  Array2<const int> x_dofs, u_dofs;           // of the cells of the facets (facets, 10)
+  Array1<const int> local;                    // number of the facet in its cell (facets)
+  nb::ndarray<const double, nb::ndim<4>, nb::c_contig, nb::device::cpu> gradients; // (4, points, 10, 3)
+  Array3<const double> shape;                 // shape functions (4, points, 10)
+  Array2<const double> normals;               // outward area vectors of the reference facets (4, 3)
+  Array1<const double> weights;               // on the reference triangle, of total 1/2 (points)
+
+  std::size_t count() const { return u_dofs.shape(0); }
+  std::size_t points() const { return weights.shape(0); }
+  const int* dofs_of(std::size_t f) const { return u_dofs.data() + nodes * f; }
+  const double* shape_at(std::size_t f, std::size_t q) const
+  {
+    return shape.data() + nodes * (local.data()[f] * points() + q);
+  }
+};
+
+/// A quadrature point of a facet: gradients, projected weight, and normal scaled to a z component of one.
+struct FacetPoint
+{
+  Gradients g;
+  std::array<double, 3> normal;
+  double weight;
+
+  FacetPoint(const Facets& facets, const Gradients& x, std::size_t f, std::size_t q)
+  {
+    const int k = facets.local.data()[f];
+    const double* reference = facets.gradients.data() + 30 * (k * facets.points() + q);
+    const double* n = facets.normals.data() + 3 * k;
+    double K[3][3];
+    const double det = cofactors(reference, x, K);
+    push_forward(reference, K, det, g);
+    for (int i = 0; i < 3; ++i)
+      normal[i] = K[0][i] * n[0] + K[1][i] * n[1] + K[2][i] * n[2];
+    weight = normal[2] * facets.weights.data()[q];
+    normal = {normal[0] / normal[2], normal[1] / normal[2], 1.0};
+  }
+};
+
+/// Register the kernels below in the module.
+void bind_facets(nb::module_& m);
+} // namespace asperity

@@ -1,0 +1,124 @@
+// Curved second-order tetrahedra: strain, residual and stiffness of one quadrature point.
+#pragma once
+
+#include "j2.hpp"
+
+#include <algorithm>
+#include <cstddef>
+
+namespace asperity
+{
+constexpr int nodes = 10;
+constexpr int dofs = 3 * nodes;
+
+using Gradients = std::array<std::array<double, 3>, nodes>;
+
+/// Cofactors K of the Jacobian at a point, J^-1 = K / det with K[i][j] = d xi_i/d x_j * det; returns det.
+inline double cofactors(const double* reference, const Gradients& x, double K[3][3])
+{
+  double J[3][3] = {};
+  for (int a = 0; a < nodes; ++a)
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j)
+        J[i][j] += x[a][i] * reference[3 * a + j];
+  K[0][0] = J[1][1] * J[2][2] - J[1][2] * J[2][1];
+  K[0][1] = J[0][2] * J[2][1] - J[0][1] * J[2][2];
+  K[0][2] = J[0][1] * J[1][2] - J[0][2] * J[1][1];
+  K[1][0] = J[1][2] * J[2][0] - J[1][0] * J[2][2];
+  K[1][1] = J[0][0] * J[2][2] - J[0][2] * J[2][0];
+  K[1][2] = J[0][2] * J[1][0] - J[0][0] * J[1][2];
+  K[2][0] = J[1][0] * J[2][1] - J[1][1] * J[2][0];
+  K[2][1] = J[0][1] * J[2][0] - J[0][0] * J[2][1];
+  K[2][2] = J[0][0] * J[1][1] - J[0][1] * J[1][0];
+  return J[0][0] * K[0][0] + J[0][1] * K[1][0] + J[0][2] * K[2][0];
+}
+
+/// Physical gradients of the ten shape functions from their reference gradients.
+inline void push_forward(const double* reference, const double K[3][3], double det, Gradients& g)
+{
+  const double inv = 1.0 / det;
+  for (int a = 0; a < nodes; ++a)
+    for (int i = 0; i < 3; ++i)
+      g[a][i] = inv
+                * (reference[3 * a] * K[0][i] + reference[3 * a + 1] * K[1][i]
+                   + reference[3 * a + 2] * K[2][i]);
+}
+
+/// The same from node coordinates; returns det J.
+inline double push_forward(const double* reference, const Gradients& x, Gradients& g)
+{
+  double K[3][3];
+  const double det = cofactors(reference, x, K);
+  push_forward(reference, K, det, g);
+  return det;
+}
+
+/// Small strain of the nodal displacement `u`.
+inline Sym strain(const Gradients& g, const Gradients& u)
+{
+  Sym e{};
+  for (int a = 0; a < nodes; ++a)
+  {
+    e[0] += g[a][0] * u[a][0];
+    e[1] += g[a][1] * u[a][1];
+    e[2] += g[a][2] * u[a][2];
+    e[3] += 0.5 * (g[a][1] * u[a][0] + g[a][0] * u[a][1]);
+    e[4] += 0.5 * (g[a][2] * u[a][0] + g[a][0] * u[a][2]);
+    e[5] += 0.5 * (g[a][2] * u[a][1] + g[a][1] * u[a][2]);
+  }
+  return e;
+}
+
+/// Product of a symmetric tensor with a vector.
+inline std::array<double, 3> apply(const Sym& s, const std::array<double, 3>& v)
+{
+  return {s[0] * v[0] + s[3] * v[1] + s[4] * v[2], s[3] * v[0] + s[1] * v[1] + s[5] * v[2],
+          s[4] * v[0] + s[5] * v[1] + s[2] * v[2]};
+}
+
+/// Add weight * B^T sigma to the element residual.
+inline void add_residual(const Gradients& g, const Sym& stress, double weight, Gradients& b)
+{
+  for (int a = 0; a < nodes; ++a)
+  {
+    const auto f = apply(stress, g[a]);
+    for (int i = 0; i < 3; ++i)
+      b[a][i] += weight * f[i];
+  }
+}
+
+/// Add weight * B^T C B, C = lambda 1x1 + 2 mu I + chi n x n, to the row-major 30 x 30 element matrix. Only the
+/// node pairs a <= b are filled.
+inline void add_stiffness(const Gradients& g, double lambda, double mu, double chi, const Sym& n,
+                          double weight, double* A)
+{
+  std::array<std::array<double, 3>, nodes> ng;
+  if (chi != 0.0)
+    for (int a = 0; a < nodes; ++a)
+      ng[a] = apply(n, g[a]);
+  for (int a = 0; a < nodes; ++a)
+    for (int b = a; b < nodes; ++b)
+    {
+      const double dot = g[a][0] * g[b][0] + g[a][1] * g[b][1] + g[a][2] * g[b][2];
+      for (int i = 0; i < 3; ++i)
+      {
+        double* row = A + (3 * a + i) * dofs + 3 * b;
+        for (int j = 0; j < 3; ++j)
+          row[j] += weight * (lambda * g[a][i] * g[b][j] + mu * g[a][j] * g[b][i]);
+        row[i] += weight * mu * dot;
+        if (chi != 0.0)
+          for (int j = 0; j < 3; ++j)
+            row[j] += weight * chi * ng[a][i] * ng[b][j];
+      }
+    }
+}
+
+/// Gather the rows `cell_dofs` of a nodal (n, 3) array.
+inline Gradients gather(const double* values, const int* cell_dofs)
+{
+  Gradients v;
+  for (int a = 0; a < nodes; ++a)
+    std::copy_n(values + 3 * static_cast<std::ptrdiff_t>(cell_dofs[a]), 3, v[a].begin());
+  return v;
+}
+} // namespace asperity

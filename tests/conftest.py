@@ -1,0 +1,86 @@
+"""Order between tests on several ranks, and small surfaces, materials and meshes."""
+
+from __future__ import annotations
+
+import gc
+import shutil
+import sys
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from asperity.material import Material
+from asperity.mesh import BlockMesh, SizeField, build_block, on_root
+from asperity.surface import Sinusoid, Sphere, Surface, WeierstrassMandelbrot
+
+ELASTIC = Material(1.0, 0.3)
+PLASTIC = Material(1.0, 0.3, 0.005, 0.05)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown() -> Iterator[None]:
+    """Destroy what a test leaves on all ranks at once: PETSc and dolfinx destructors are collective."""
+    yield
+    if "mpi4py.MPI" in sys.modules:
+        from mpi4py import MPI
+
+        # objects just freed are young; a full collection after each test would take longer than the tests
+        gc.collect(0)
+        MPI.COMM_WORLD.Barrier()
+
+
+@pytest.fixture
+def shared_path() -> Iterator[Path]:
+    """An empty directory that all ranks see; it is removed after the test."""
+    from mpi4py import MPI
+
+    comm = MPI.COMM_WORLD
+    path = comm.bcast(Path(tempfile.mkdtemp(prefix="asperity-")) if comm.rank == 0 else None)
+    yield path
+    comm.Barrier()
+    if comm.rank == 0:
+        shutil.rmtree(path)
+
+
+@pytest.fixture(scope="session")
+def rough() -> Surface:
+    """The fractal surface of the demo, side 1."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return WeierstrassMandelbrot(L=1.0, D=2.4, G=1.36e-5, M=10, gamma=1.5, f_max=5, seed=0)
+
+
+@pytest.fixture(scope="session")
+def wave() -> Surface:
+    """A crest in the middle of the patch and valleys in its corners, side 1."""
+    return Sinusoid(L=1.0, amplitude=0.05, dims=2)
+
+
+@pytest.fixture(scope="session")
+def cap() -> Surface:
+    """A quarter of a large sphere with the summit in a corner, side 1."""
+    return Sphere(L=1.0, radius=10.0, centre=(0.0, 0.0), shape="paraboloid")
+
+
+@pytest.fixture(scope="session")
+def coarse(rough: Surface) -> BlockMesh | None:
+    """The rough block in few cells, on rank 0."""
+    size = SizeField.of(rough, 0.03, 0.2, growth=0.5, h_max=0.5)
+    return _on_root(lambda: build_block(rough, 1.0, size.at))
+
+
+@pytest.fixture(scope="session")
+def coarse_wave(wave: Surface) -> BlockMesh | None:
+    """The block with the crest in few cells, on rank 0."""
+    size = SizeField.of(wave, 0.02, 0.15, growth=0.6, h_max=0.6)
+    return _on_root(lambda: build_block(wave, 1.0, size.at))
+
+
+def _on_root(build: Callable[[], Any]) -> Any:
+    from mpi4py import MPI
+
+    return on_root(MPI.COMM_WORLD, build)

@@ -1,0 +1,258 @@
+"""Runs that are killed, stopped, starved of disk, or fail on one rank; each in processes of its own."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asperity.curve import Curve
+
+ROOT = Path(__file__).parents[2]
+CASE = """
+units = "other"
+[surface]
+kind = "sinusoid"
+L = 1.0
+amplitude = 0.05
+dims = 2
+[material]
+E = 1.0
+nu = 0.3
+yield_strength = 0.005
+tangent_modulus = 0.05
+[mesh]
+h_contact = 0.2
+h_max = 0.5
+[loading]
+delta_max = 0.02
+steps = 4
+integrator = "backward-euler"
+unload = true
+"""
+# tests of other modules may have started MPI in this process; its children must not join that job
+CLEAN = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX_", "PRTE_", "PMI_"))}
+MPIRUN = ("mpirun", "--oversubscribe", "--bind-to", "none", "-n")
+needs_mpirun = pytest.mark.skipif(shutil.which("mpirun") is None, reason="there is no mpirun")
+
+# Breaks something on one rank after some calls, then runs the command line.
+SABOTAGE = """
+import sys
+from mpi4py import MPI
+import asperity.cli.ranks
+from asperity.bulk import CompiledBulk
+from asperity.cli import main
+
+asperity.cli.ranks.PATIENCE = 2.0
+rank, error = int(sys.argv[1]), {"MemoryError": MemoryError, "ValueError": ValueError}[sys.argv[2]]
+original, calls = CompiledBulk.add_internal_force, iter(range(10**9))
+
+def broken(self, u, b):
+    if MPI.COMM_WORLD.rank == rank and next(calls) == 15:
+        raise error("sabotage")
+    original(self, u, b)
+
+CompiledBulk.add_internal_force = broken
+main(sys.argv[3:])
+"""
+
+
+@pytest.fixture
+def case(tmp_path: Path) -> Path:
+    path = tmp_path / "case.toml"
+    path.write_text(CASE)
+    return path
+
+
+def asperity(*arguments: str | Path) -> list[str]:
+    return [sys.executable, "-W", "ignore", "-m", "asperity", *map(str, arguments)]
+
+
+def call(command: Sequence[str], timeout: float = 300.0) -> tuple[int, str, str]:
+    done = subprocess.run(
+        command, env=CLEAN, capture_output=True, text=True, timeout=timeout, check=False
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def run(case: Path, out: Path, *options: str, ranks: int = 1) -> Curve:
+    """A run that must succeed."""
+    command = asperity("run", case, "-o", out, "-q", *options)
+    code, _, err = call(command if ranks == 1 else [*MPIRUN, str(ranks), *command])
+    assert code == 0, err
+    return Curve.read(out / "curve.csv")
+
+
+def assert_same(one: Curve, two: Curve, tolerance: float) -> None:
+    assert len(one) == len(two)
+    for name in ("delta", "force", "area_fraction", "max_pressure", "max_plastic_strain"):
+        a, b = getattr(one, name), getattr(two, name)
+        np.testing.assert_allclose(a, b, rtol=0, atol=tolerance * np.abs(a).max())
+
+
+def start(command: Sequence[str]) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        command, env=CLEAN, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+
+
+def wait_for_steps(out: Path, steps: int) -> None:
+    """Wait until a run has accepted some steps."""
+    for _ in range(3000):
+        if (out / "curve.csv").is_file() and len(Curve.read(out / "curve.csv")) >= steps:
+            return
+        time.sleep(0.05)
+    raise AssertionError("the run did not get there")
+
+
+@pytest.mark.slow
+def test_killed_runs_go_on_as_if_nothing_had_happened() -> None:
+    code, out, err = call([sys.executable, str(ROOT / "benchmarks/kill_resume.py"), "--kills", "5"])
+    assert code == 0, out + err
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_ends_the_step_saves_and_says_so(case: Path, tmp_path: Path, number: signal.Signals) -> None:
+    straight, out = run(case, tmp_path / "straight"), tmp_path / "out"
+    process = start(asperity("run", case, "-o", out))
+    wait_for_steps(out, 2)
+    process.send_signal(number)
+    _, err = process.communicate(timeout=120)
+    assert process.returncode == 3
+    assert f"stopped by {number.name} after step" in err and "--resume" in err and "Traceback" not in err
+    assert 2 <= len(Curve.read(out / "curve.csv")) < len(straight)
+    assert_same(straight, run(case, out, "--resume"), 0.0)
+
+
+def test_a_second_signal_ends_at_once(case: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    process = start(asperity("run", case, "-o", out))
+    wait_for_steps(out, 1)
+    process.send_signal(signal.SIGINT)
+    assert process.stderr is not None
+    assert "once more" in process.stderr.readline()
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=120)
+    assert process.returncode in (-signal.SIGINT, 3)  # 3 when the step was over before
+    run(case, out, "--resume")
+
+
+def test_resuming_a_finished_run_changes_nothing(case: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    run(case, out)
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    code, text, _ = call(asperity("run", case, "-o", out, "--resume"))
+    assert code == 0 and "complete" in text
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+
+
+def test_a_finished_run_goes_on_to_more_cycles(case: Path, tmp_path: Path) -> None:
+    run(case, tmp_path / "out")
+    more = run(case, tmp_path / "out", "--resume", "--set", "loading.cycles=2")
+    assert_same(run(case, tmp_path / "two", "--set", "loading.cycles=2"), more, 0.0)
+
+
+def test_resume_refuses_what_it_cannot_continue(case: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    code, _, err = call(asperity("run", case, "-o", out, "--resume"))
+    assert code == 2 and "no checkpoint" in err and not out.exists()
+    run(case, out)
+    code, _, err = call(asperity("run", case, "-o", out, "--resume", "--set", "material.E=2.0"))
+    assert code == 2 and "material.E = 1 there, 2 here" in err
+    before = (out / "curve.csv").read_bytes()
+    state = out / "checkpoint" / "state.npz"
+    state.write_bytes(state.read_bytes()[:-1000])
+    (out / "summary.json").unlink()  # as if the run had not finished
+    code, _, err = call(asperity("run", case, "-o", out, "--resume"))
+    assert code == 2 and "damaged" in err and err.count("\n") == 1
+    assert (out / "curve.csv").read_bytes() == before
+    code, _, err = call(asperity("run", case, "-o", out, "--resume", "--force"))
+    assert code == 2 and "one of them" in err
+
+
+def test_a_full_disk_is_a_clear_error_and_costs_nothing(case: Path, tmp_path: Path) -> None:
+    """The limit on the size of a file stands for a disk with that much space left."""
+    straight, out = run(case, tmp_path / "straight"), tmp_path / "out"
+    files = (tmp_path / "straight" / "checkpoint").iterdir()
+    sizes = {path.name: path.stat().st_size for path in files}
+    limit = (sizes["state.npz"] + sizes["mesh.npz"]) // 2  # the mesh fits, the states of the last steps do not
+    assert sizes["mesh.npz"] < limit < sizes["state.npz"]
+    limited = f"import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit})); "
+    limited += "sys.argv[0] = 'asperity'; from asperity.cli import main; main(sys.argv[1:])"
+    code, _, err = call([sys.executable, "-c", limited, "run", str(case), "-o", str(out), "-q"])
+    assert code == 4
+    assert "cannot write" in err and "state.npz: File too large" in err and "--resume" in err
+    assert not list(out.rglob(".*"))
+    assert_same(straight, run(case, out, "--resume"), 0.0)
+
+
+def test_an_output_folder_that_vanishes_is_a_clear_error(case: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    process = start(asperity("run", case, "-o", out))
+    wait_for_steps(out, 1)
+    out.rename(tmp_path / "moved")
+    _, err = process.communicate(timeout=120)
+    assert process.returncode == 4 and "cannot write" in err and "No such file" in err
+    assert "Traceback" not in err
+    run(case, tmp_path / "moved", "--resume")
+
+
+@pytest.mark.slow
+@needs_mpirun
+def test_any_number_of_ranks_gives_the_same_curve(case: Path, tmp_path: Path) -> None:
+    alone = run(case, tmp_path / "1")
+    for ranks in (2, 3, 4):
+        assert_same(alone, run(case, tmp_path / str(ranks), ranks=ranks), 1e-8)
+
+
+@pytest.mark.slow
+@needs_mpirun
+def test_a_run_goes_on_on_other_ranks(case: Path, tmp_path: Path) -> None:
+    """Two ranks, stopped by a signal to one of them, continued by three, stopped again, continued by one."""
+    alone, out = run(case, tmp_path / "1"), tmp_path / "out"
+    for ranks, steps in ((2, 1), (3, 3)):
+        command = asperity("run", case, "-o", out, "-q", *(["--resume"] if steps > 1 else []))
+        # the last rank tells its process number, and is the one that gets the signal
+        note = tmp_path / f"pid{ranks}"
+        shell = f'[ "$OMPI_COMM_WORLD_RANK" = {ranks - 1} ] && echo $$ > {note}; exec "$@"'
+        process = start([*MPIRUN, str(ranks), "sh", "-c", shell, "sh", *command])
+        wait_for_steps(out, steps)
+        os.kill(int(note.read_text()), signal.SIGTERM)
+        _, err = process.communicate(timeout=300)
+        assert process.returncode == 3, err
+        assert err.count("stopped by SIGTERM after step") == 1
+    assert_same(alone, run(case, out, "--resume"), 1e-8)
+
+
+@pytest.mark.slow
+@needs_mpirun
+@pytest.mark.parametrize(
+    ("rank", "error", "code", "message"),
+    [(1, "MemoryError", 3, "out of memory"), (1, "ValueError", 1, "ValueError: sabotage")],
+)
+def test_an_error_on_one_rank_ends_all(
+    case: Path, tmp_path: Path, rank: int, error: str, code: int, message: str
+) -> None:
+    script = tmp_path / "sabotage.py"
+    script.write_text(SABOTAGE)
+    run_case = ["run", str(case), "-o", str(tmp_path / "out"), "-q"]
+    command = [*MPIRUN, "2", sys.executable, "-W", "ignore", str(script), str(rank), error, *run_case]
+    found, _, err = call(command)
+    assert found == code, err
+    assert err.count(message) == 1
+
+
+@pytest.mark.slow
+@needs_mpirun
+def test_ranks_without_contact_or_plastic_cells_take_part(case: Path, tmp_path: Path) -> None:
+    """A small contact spot on many ranks: most of them hold no facet of it and no cell that yields."""
+    local = ("--set", "mesh.h_contact=0.1", "--set", "loading.delta_max=0.005", "--set", "loading.unload=false")
+    assert_same(run(case, tmp_path / "1", *local), run(case, tmp_path / "6", *local, ranks=6), 1e-8)

@@ -1,0 +1,114 @@
+"""Error bars and tolerance-driven runs, and the order of the load step."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+import asperity as asp
+from asperity.accuracy import Goal, extrapolate, loading_force, solve_to_tolerance, steady
+from asperity.curve import Curve
+from asperity.reference import half_space_contact
+from asperity.statics import ContactResult
+
+ELASTIC = asp.Material(1.0, 0.3)
+PLASTIC = asp.Material(1.0, 0.3, 0.005, 0.05)
+
+
+def bump() -> asp.Surface:
+    """A quarter of a bump, its summit on a corner of the patch."""
+    return asp.Surface.from_spec(kind="sphere", L=1.0, radius=1.0, centre=(0.0, 0.0), shape="paraboloid")
+
+
+def ridges() -> asp.Surface:
+    """A fractal of two wavelengths, whose contact spreads in jumps."""
+    return asp.Surface.from_spec(kind="weierstrass-mandelbrot", L=1.0, D=2.4, G=1.36e-5, f_max=1)
+
+
+def wave() -> asp.Surface:
+    """A gentle wave in both directions."""
+    return asp.Surface.from_spec(kind="sinusoid", L=1.0, amplitude=0.01, dims=2)
+
+
+def press(steps: int, integrator: str) -> ContactResult:
+    """Elastic-plastic bump on a coarse mesh."""
+    return asp.solve_contact(
+        bump(), PLASTIC, delta_max=0.04, steps=steps, integrator=integrator, size=asp.MeshSize(0.4)
+    )
+
+
+def test_extrapolation_is_exact_for_a_power() -> None:
+    h = np.array([0.4, 0.1])
+    coarse, fine = (np.array([3.0 + 2.0 * x**1.8, 1.0 - x**1.8]) for x in h)
+    limit, error = extrapolate(coarse, fine, 4.0, 1.8)
+    assert limit == pytest.approx([3.0, 1.0], rel=1e-14)
+    assert error == pytest.approx(fine - limit, rel=1e-12)
+
+
+def test_bars_do_not_vanish_with_a_change_of_sign() -> None:
+    error = np.array([0.02, 0.01, 0.0, -0.01, -0.02])
+    bars = steady(error)
+    assert np.all(bars >= np.abs(error))
+    assert bars[2] == pytest.approx(np.sqrt(np.mean(error**2)))
+
+
+def test_loading_force_interpolates_a_power_law_exactly() -> None:
+    delta = np.linspace(0.01, 0.1, 6)
+    rows = [{"delta": d, "force": 1.0, "delta_star": d, "P_star": 2.0 * d**1.5} for d in delta]
+    at = np.array([0.013, 0.05, 0.1])
+    assert loading_force(Curve.from_rows(rows), at) == pytest.approx(2.0 * at**1.5, rel=1e-12)
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -0.1, 1.0, 1.5, float("nan")])
+def test_impossible_tolerance(tolerance: float) -> None:
+    with pytest.raises(asp.InputError, match=r"accuracy\.tolerance = .* between 0 and 1"):
+        Goal(tolerance)
+
+
+def test_mesh_and_tolerance_exclude_each_other() -> None:
+    with pytest.raises(asp.InputError, match="chooses the mesh"):
+        solve_to_tolerance(wave(), ELASTIC, Goal(0.1), delta_max=0.01, size=asp.MeshSize(0.1))
+
+
+def test_both_rules_of_the_path_have_one_limit_and_midpoint_is_nearer() -> None:
+    at = 0.04 * np.array([0.4, 0.6, 0.8, 1.0])
+
+    def force(rule: str, n: int) -> npt.NDArray[np.float64]:
+        result = asp.solve_contact(
+            ridges(), PLASTIC, delta_max=0.04, steps=n, integrator=rule, size=asp.MeshSize(0.3)
+        )
+        return loading_force(result.curve, at)
+
+    limit, _ = extrapolate(force("midpoint", 10), fine := force("midpoint", 20), 2.0, 2.0)
+    other, _ = extrapolate(force("backward-euler", 10), euler := force("backward-euler", 20), 2.0, 1.0)
+    assert other == pytest.approx(limit, rel=2e-3)
+    assert np.abs(fine / limit - 1.0).max() < 0.25 * np.abs(euler / limit - 1.0).max()
+
+
+def test_planned_stops_are_hit_by_both_rules() -> None:
+    for rule in ("midpoint", "backward-euler"):
+        delta = press(5, rule).curve.delta_star
+        for wanted in 0.008 * np.arange(1, 6):
+            assert np.min(np.abs(delta - wanted)) < 1e-12
+
+
+def test_bar_holds_the_error_against_an_independent_solution() -> None:
+    tolerance = 0.03
+    result = solve_to_tolerance(wave(), ELASTIC, Goal(tolerance), delta_max=0.012, steps=3)
+    assert result.met and result.reason == "done"
+    branch = result.curve.loading()
+    reference = [half_space_contact(wave(), 128, delta_star=float(d), height=1.0).P_star for d in branch.delta_star]
+    error = np.abs(branch.P_star / np.array(reference) - 1.0)
+    bar = branch.error_P_star / branch.P_star
+    assert np.all(bar <= tolerance)
+    # slopes up to 0.06 make the half-space theory good to some parts in a thousand only
+    assert np.all(error <= bar + 0.005)
+    assert result.budget.total == pytest.approx(result.curve.error_P_star)
+
+
+def test_limit_ends_the_refinement_with_what_is_known() -> None:
+    result = solve_to_tolerance(wave(), ELASTIC, Goal(1e-4, max_dofs=5000), delta_max=0.012, steps=2)
+    assert not result.met
+    assert "accuracy.max_dofs = 5000" in result.reason
+    assert np.all(np.isfinite(result.curve.error_P_star))

@@ -1,0 +1,154 @@
+"""Run-time checks: silent on correct runs, loud on each kind of wrong one."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import ELASTIC, PLASTIC
+
+from asperity.case import Case
+from asperity.contact import ActiveSet
+from asperity.errors import CheckError
+from asperity.loading import Record, Schedule, follow
+from asperity.mesh import BlockMesh
+from asperity.press import Press
+from asperity.simulation import run
+from asperity.solve import NewtonSolver
+from asperity.statics import Formulation, make_press
+from asperity.surface import Surface
+
+Break = Callable[[pytest.MonkeyPatch, Press], None]
+
+
+def pressed(press: Press, steps: int = 4, unload_steps: int = 0) -> Press:
+    schedule = Schedule(0.02, steps=steps, unload_steps=unload_steps)
+    follow(press, schedule, Record(1.0, 1.0, 1.0))
+    return press
+
+
+def make(surface: Surface, block: BlockMesh | None, method: str = "active-set", material: Any = PLASTIC) -> Press:
+    from mpi4py import MPI
+
+    return make_press(MPI.COMM_WORLD, surface, block, material, formulation=Formulation(method))
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("material", [ELASTIC, PLASTIC])
+@pytest.mark.parametrize("method", ["active-set", "penalty", "nitsche"])
+def test_correct_runs_pass(
+    wave: Surface, coarse_wave: BlockMesh | None, method: str, material: Any
+) -> None:
+    checks = pressed(make(wave, coarse_wave, method, material), unload_steps=3).checks
+    assert checks.violated == {}
+    assert checks.energy_excess == 0.0
+    assert checks.energy_ratio == pytest.approx(1.0, abs=0.1)
+    assert (checks.dissipated > 0.0) == material.plastic
+
+
+def test_the_energy_ratio_tends_to_one(wave: Surface, coarse_wave: BlockMesh | None) -> None:
+    """The trapezoidal rule for the work and the path of the force both converge with the steps."""
+    ratios = [pressed(make(wave, coarse_wave, material=ELASTIC), n).checks.energy_ratio for n in (3, 6, 12)]
+    errors = np.abs(np.array(ratios) - 1.0)
+    assert errors[0] > 2.0 * errors[1] > 4.0 * errors[2]
+    assert errors[2] < 0.01
+
+
+def too_much_force(patch: pytest.MonkeyPatch, press: Press) -> None:
+    right = ActiveSet.nodal_force
+    patch.setattr(ActiveSet, "nodal_force", lambda self, force: 1.001 * right(self, force))
+
+
+def pulling(patch: pytest.MonkeyPatch, press: Press) -> None:
+    right = ActiveSet.nodal_force
+
+    def wrong(self: ActiveSet, force: Any) -> Any:
+        out = right(self, force)
+        edges = np.setdiff1d(np.unique(press.top.nodes[:, 3:]), np.flatnonzero(out))
+        out[edges[:4]] = -1e-5
+        return out
+
+    patch.setattr(ActiveSet, "nodal_force", wrong)
+
+
+def too_high(patch: pytest.MonkeyPatch, press: Press) -> None:
+    right = ActiveSet.begin
+    patch.setattr(ActiveSet, "begin", lambda self, z: right(self, z + 1e-5))
+
+
+def forgetting(patch: pytest.MonkeyPatch, press: Press) -> None:
+    right = press.solid.bulk.commit
+
+    def wrong() -> None:
+        right()
+        for history in press.solid.bulk.history():
+            history *= 0.5
+
+    patch.setattr(press.solid.bulk, "commit", wrong)
+
+
+def flowing_backwards(patch: pytest.MonkeyPatch, press: Press) -> None:
+    right, bulk = press.solid.bulk.commit, press.solid.bulk
+
+    def wrong() -> None:
+        before = bulk.history()[0].copy()
+        right()
+        strain = bulk.history()[0]
+        strain[:] = before - 0.1 * (strain - before)
+
+    patch.setattr(bulk, "commit", wrong)
+
+
+def stopping_early(patch: pytest.MonkeyPatch, press: Press) -> None:
+    def loose(self: NewtonSolver, snes: Any, it: int, norms: Any) -> Any:
+        reasons = snes.ConvergedReason
+        return reasons.CONVERGED_FNORM_RELATIVE if it >= 3 else reasons.ITERATING
+
+    patch.setattr(NewtonSolver, "_test", loose)
+
+
+def not_a_number(patch: pytest.MonkeyPatch, press: Press) -> None:
+    patch.setattr(press.solid.bulk, "stress", lambda u: np.full((len(press.solid.cell_nodes), 4, 6), np.nan))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "kind"),
+    [
+        (too_much_force, "force_balance"),
+        (pulling, "tension"),
+        (too_high, "penetration"),
+        (forgetting, "plastic_strain"),
+        (flowing_backwards, "dissipation"),
+        (stopping_early, "force_balance"),
+        (not_a_number, "finite"),
+    ],
+)
+def test_wrong_runs_are_noticed(
+    monkeypatch: pytest.MonkeyPatch, wave: Surface, coarse_wave: BlockMesh | None, wrong: Break, kind: str
+) -> None:
+    press = make(wave, coarse_wave)
+    wrong(monkeypatch, press)
+    pressed(press)
+    assert kind in press.checks.violated
+    assert "delta/L" in press.checks.violated[kind]
+
+
+def test_a_wrong_run_ends_with_an_error_that_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    case = {
+        "units": "other",
+        "surface": {"kind": "sinusoid", "L": 1.0, "amplitude": 0.05, "dims": 2},
+        "material": {"E": 1.0, "nu": 0.3},
+        "mesh": {"h_contact": 0.2, "h_max": 0.5},
+        "loading": {"delta_max": 0.02, "steps": 2},
+    }
+    right = ActiveSet.nodal_force
+    monkeypatch.setattr(ActiveSet, "nodal_force", lambda self, force: 1.001 * right(self, force))
+    with pytest.raises(CheckError, match="do not use it: the force on the flat") as caught:
+        run(Case.from_dict(case), tmp_path / "out")
+    assert caught.value.exit_code == 3
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert "force_balance" in summary["checks"]["violated"] and not summary["finished"]

@@ -1,0 +1,322 @@
+"""The case file: completion, round trips, and one sentence for every mistake."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from asperity.case import Case, check_loading
+from asperity.checks import full_contact_pressure
+from asperity.errors import InputError
+from asperity.schema import Input, input_reference
+
+ROOT = Path(__file__).parent.parent
+DEMO = ROOT / "cases/demo.toml"
+CASES = sorted((ROOT / "cases").glob("*.toml"))
+
+MINIMAL: dict[str, dict[str, object]] = {
+    "surface": {"kind": "flat", "L": 2.0},
+    "material": {"E": 1.0, "nu": 0.25},
+    "loading": {"delta_max": 0.01},
+}
+
+
+def refusal(*overrides: str, path: Path = DEMO) -> str:
+    with pytest.raises(InputError) as caught:
+        Case.load(path, overrides)
+    message = str(caught.value)
+    assert "\n" not in message and caught.value.exit_code == 2
+    return message
+
+
+@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+def test_shipped_cases_load_without_a_warning_and_leave_a_gap(path: Path) -> None:
+    case = Case.load(path)
+    assert case.warnings() == []
+    assert check_loading(case, case.build_surface()) == []
+
+
+def test_demo_is_the_documented_case() -> None:
+    case = Case.load(DEMO)
+    surface = case.surface.parameters()
+    assert surface == {
+        "kind": "weierstrass-mandelbrot", "L": 1e-6, "D": 2.4, "G": 1.36e-11, "M": 10,
+        "gamma": 1.5, "f_max": 5, "seed": 0, "ridges": "0..M",
+    }  # fmt: skip
+    assert (case.material.E, case.material.nu) == (200e9, 0.3)
+    assert (case.material.yield_strength, case.material.tangent_modulus) == (1e9, 10e9)
+    assert case.block.height == case.surface.L
+    assert case.loading.delta_max == 0.03e-6
+    assert case.loading.steps >= 20 and case.loading.unload
+    assert case.dynamics is not None and case.dynamics.zeta == 0.01
+
+
+def test_defaults_follow_from_the_side_of_the_patch() -> None:
+    case = Case.from_dict(MINIMAL)
+    assert case.block.height == 2.0
+    assert case.mesh.h_contact == pytest.approx(0.08)
+    assert case.mesh.h_max == pytest.approx(0.5)
+    assert case.loading.unload_steps == case.loading.steps // 2 == 5
+    assert case.dynamics is None and case.accuracy.tolerance is None
+    one = Case.from_dict({**MINIMAL, "loading": {"delta_max": 0.01, "steps": 1}})
+    assert one.loading.unload_steps == 1
+
+
+def test_input_is_not_modified_and_the_case_is_frozen() -> None:
+    data = {name: dict(table) for name, table in MINIMAL.items()}
+    case = Case.from_dict(data)
+    assert data == MINIMAL
+    with pytest.raises(ValueError):
+        case.material.E = 2.0
+
+
+@pytest.mark.parametrize("path", CASES, ids=lambda path: path.stem)
+def test_the_completed_input_reads_back_equal(path: Path, tmp_path: Path) -> None:
+    case = Case.load(path)
+    copy = tmp_path / "case.toml"
+    copy.write_text(case.to_toml(), encoding="utf-8")
+    again = Case.load(copy)
+    assert again == case and again.hash() == case.hash() and again.to_toml() == case.to_toml()
+
+
+def test_hash_tells_physics_apart_but_not_output() -> None:
+    base = Case.load(DEMO)
+    assert Case.load(DEMO, ["material.nu=0.31"]).hash() != base.hash()
+    assert Case.load(DEMO, ["output.report=false"]).hash() == base.hash()
+    assert Case.load(DEMO, ["dynamics.zeta=0.02"]).hash() != base.hash()
+    less = ("output", "dynamics")
+    assert Case.load(DEMO, ["dynamics.zeta=0.02"]).hash(less) == base.hash(less)
+
+
+def test_none_stands_for_an_absent_key() -> None:
+    with_none = {**MINIMAL, "block": {"height": None}, "dynamics": None}
+    assert Case.from_dict(with_none) == Case.from_dict(MINIMAL)
+
+
+def test_files_are_taken_from_the_case_folder_and_hashed_by_content(tmp_path: Path) -> None:
+    heights = np.random.default_rng(0).normal(scale=1e-9, size=(16, 16))
+    np.savez(tmp_path / "map.npz", z=heights, L=2e-6)
+    text = (
+        '[surface]\nkind = "file"\npath = "map.npz"\n[material]\nE = 1e9\nnu = 0.3\n'
+        "[loading]\ndelta_max = 1e-9\n"
+    )
+    path = tmp_path / "case.toml"
+    path.write_text(text)
+    case = Case.load(path)
+    assert case.surface.L == 2e-6 and case.block.height == 2e-6
+    assert Path(case.surface.parameters()["path"]) == tmp_path / "map.npz"
+    before = case.hash()
+    np.savez(tmp_path / "map.npz", z=2 * heights, L=2e-6)
+    assert Case.load(path).hash() != before
+    np.save(tmp_path / "map.npy", heights)
+    assert "surface.L" in refusal("surface.path=map.npy", path=path)
+
+
+def test_an_override_replaces_adds_and_removes() -> None:
+    case = Case.load(
+        DEMO,
+        ["block.height=2e-6", "material.yield_strength=", "material.tangent_modulus=",
+         "contact.method=penalty", "dynamics.forcing=[0.01, 0.05]"],
+    )  # fmt: skip
+    assert case.block.height == 2e-6 and case.material.yield_strength is None
+    assert case.contact.method == "penalty"
+    assert case.dynamics is not None and case.dynamics.forcing == (0.01, 0.05)
+
+
+MISTAKES = {
+    "surface.gama=1.5": ("surface.gama", '"gamma"'),
+    "surface.kind=sphre": ("surface.kind", '"sphere"'),
+    "surface.kind=7": ("surface.kind", "7", "flat"),
+    "surface.kind=": ("surface.kind", "missing"),
+    "surface.D=3": ("surface.D = 3", "(2, 3)"),
+    "surface.D=2": ("surface.D = 2", "(2, 3)"),
+    "surface.D=": ("surface.D", "missing"),
+    "surface.G=13.6": ("surface.G", "surface.L", "same unit"),
+    "surface.seed=-1": ("surface.seed = -1",),
+    "surface=3": ("surface", "section"),
+    "materials.E=1": ("materials", '"material"'),
+    "material.delta_max=1": ("material.delta_max", "[loading]"),
+    "material.E=-1": ("material.E = -1", "(0, inf)"),
+    "material.E=0": ("material.E = 0", "(0, inf)"),
+    "material.E=200": ("yield_strength", "E = 200", "same unit"),
+    'material.E="200e9"': ('"200e9"', "must be a number"),
+    "material.E=true": ("material.E = true", "must be a number"),
+    "material.E=nan": ("material.E = nan", "finite"),
+    "material.E=-inf": ("material.E = -inf", "finite"),
+    "material.nu=0.5": ("material.nu = 0.5", "(-1, 0.5)"),
+    "material.nu=-1": ("material.nu = -1", "(-1, 0.5)"),
+    "material.nu=0,3": ("material.nu", "must be a number"),
+    "material.yield_strength=1": ("yield_strength = 1", "same unit"),
+    "material.yield_strength=": ("tangent_modulus", "yield_strength"),
+    "material.tangent_modulus=200e9": ("tangent_modulus = 2e+11", "below material.E"),
+    "material=": ("material", "missing"),
+    "block.height=1": ("block.height", "same unit"),
+    "contact.method=glue": ("contact.method", '"penalty"'),
+    "contact.penalty=0": ("contact.penalty = 0",),
+    "contact.theta=true": ("contact.theta = true",),
+    "mesh.file=nothing.npz": ("mesh.file", "nothing.npz", "no such file"),
+    "mesh.h_contact=0.5e-6": ("mesh.h_contact", "mesh.h_max"),
+    "loading.delta_max=": ("loading.delta_max", "missing"),
+    "loading.force_max=1e-4": ("loading.force_max", "exactly one"),
+    "loading.delta_max=30": ("loading.delta_max", "same unit"),
+    "loading.delta_max=2e-6": ("loading.delta_max", "exceeds the block"),
+    "loading.delta_max=30e-15": ("loading.delta_max", "same unit"),
+    "loading.steps=0": ("loading.steps = 0", "[1, 100000]"),
+    "loading.steps=2.5": ("loading.steps = 2.5", "whole number"),
+    "loading.unload=1": ("loading.unload = 1", "true or false"),
+    "accuracy.tolerance=0": ("accuracy.tolerance = 0", "(0, 1)"),
+    "accuracy.tolerance=-0.01": ("accuracy.tolerance = -0.01", "(0, 1)"),
+    "accuracy.tolerance=1.5": ("accuracy.tolerance = 1.5", "(0, 1)"),
+    "dynamics.forcing=[]": ("dynamics.forcing = []",),
+    "dynamics.forcing=[0]": ("dynamics.forcing", "(0, inf)"),
+    "dynamics.forcing=0.1": ("dynamics.forcing", "list"),
+    "dynamics.omega=[1.3, 0.5]": ("dynamics.omega", "rise"),
+    "dynamics.omega=[1]": ("dynamics.omega", "short"),
+    'dynamics.model=["exact", "exact"]': ("dynamics.model", "twice"),
+    "dynamics.zeta=-0.1": ("dynamics.zeta = -0.1",),
+    "units=mm": ("units", '"other"'),
+    "height=1": ("height", "case file"),
+    "block.height": ("block.height", "section.key=value"),
+    "a.b.c=1": ("section.key=value",),
+    "units.a=1": ("units", '"SI"'),
+}
+
+
+@pytest.mark.parametrize("override", MISTAKES)
+def test_each_mistake_gives_one_sentence_with_key_value_and_range(override: str) -> None:
+    message = refusal(override)
+    for part in MISTAKES[override]:
+        assert part in message
+
+
+def test_a_force_too_large_for_the_material_is_a_unit_mistake() -> None:
+    assert "check the units" in refusal("loading.delta_max=", "loading.force_max=1")
+
+
+def test_nitsche_variants_need_an_elastic_material() -> None:
+    assert "elastic" in refusal("contact.method=nitsche", "contact.theta=1")
+
+
+def test_unload_reload_law_needs_an_unloading() -> None:
+    assert "loading.unload" in refusal("dynamics.law=unload-reload", "loading.unload=false")
+
+
+@pytest.mark.parametrize(
+    ("content", "parts"),
+    [
+        (b"[surface\n", ("TOML", "line 1")),
+        (b"[a]\nx = 1\nx = 2\n", ("TOML", "line 3")),
+        (b'[a]\nx = "\xe4"\n', ("UTF-8", "line 2")),
+        (b"x = " + b"[" * 3000, ("TOML",)),
+        (b"", ("surface", "missing")),
+        (b"\x00", ("TOML",)),
+    ],
+)
+def test_files_that_are_no_case(tmp_path: Path, content: bytes, parts: tuple[str, ...]) -> None:
+    path = tmp_path / "case.toml"
+    path.write_bytes(content)
+    message = refusal(path=path)
+    assert all(part in message for part in parts)
+
+
+def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
+    assert "none.toml" in refusal(path=tmp_path / "none.toml")
+    assert str(tmp_path) in refusal(path=tmp_path)
+
+
+def test_the_source_of_a_mistake_is_named() -> None:
+    assert refusal("material.nu=0.7").startswith("--set: ")
+    assert refusal("material.E=200").startswith(str(DEMO))
+
+
+def test_other_units_are_accepted() -> None:
+    micro = {  # um, GPa and mN
+        "surface": {"kind": "weierstrass-mandelbrot", "L": 1.0, "D": 2.4, "G": 1.36e-5},
+        "material": {"E": 200.0, "nu": 0.3, "yield_strength": 1.0},
+        "loading": {"delta_max": 0.03},
+    }
+    assert len(Case.from_dict(micro).warnings()) == 1
+    assert Case.from_dict({**micro, "units": "other"}).warnings() == []
+    assert Case.from_dict({**MINIMAL, "units": "other"}).warnings() == []
+
+
+def test_a_modulus_in_gigapascal_beside_lengths_in_metre_is_refused() -> None:
+    elastic = ("material.yield_strength=", "material.tangent_modulus=", "material.E=200")
+    assert "Pa" in refusal(*elastic)
+    assert Case.load(DEMO, [*elastic, "units=other"]).material.E == 200
+
+
+def test_full_contact_pressure_of_a_wave_is_westergaards() -> None:
+    case = Case.load(ROOT / "cases/sinusoid.toml")
+    surface = case.build_surface()
+    expected = math.pi * case.material.E_prime * 2e-9 / 2e-6
+    assert full_contact_pressure(case, surface.grid(129)) == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_load_that_closes_every_gap_is_refused() -> None:
+    case = Case.load(DEMO, ["loading.delta_max=0.1e-6"])
+    with pytest.raises(InputError, match="no gap at all"):
+        check_loading(case, case.build_surface())
+    case = Case.load(DEMO, ["loading.delta_max=0.05e-6"])
+    assert "peak to valley" in check_loading(case, case.build_surface())[0]
+
+
+def test_a_flat_has_no_gap_to_leave() -> None:
+    case = Case.from_dict(MINIMAL)
+    assert check_loading(case, case.build_surface()) == []
+
+
+def test_the_reference_lists_every_key_once() -> None:
+    rows = list(input_reference())
+    names = [(section, key) for section, key, *_ in rows]
+    assert len(set(names)) == len(names)
+    assert {section.split()[0] for section, _ in names} == set(Input.model_fields) - {"units"}
+    assert all(all(cell for cell in row) for row in rows)
+
+
+VALUES = st.one_of(
+    st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=8),
+    st.sampled_from(["sphere", "flat", "file", "exact", "free", 10**400, -1e308, 1e-320, 1e-9]),
+    st.lists(st.floats(), max_size=3), st.dictionaries(st.text(max_size=3), st.integers()),
+)  # fmt: skip
+KEYS = [(section.split()[0], key) for section, key, *_ in input_reference()]
+
+
+@settings(max_examples=400, deadline=None)
+@given(st.lists(st.tuples(st.sampled_from(KEYS), VALUES), min_size=1, max_size=4))
+def test_any_values_give_a_case_or_a_sentence(
+    changes: list[tuple[tuple[str, str], object]],
+) -> None:
+    data: dict[str, dict[str, object]] = Case.load(DEMO).to_dict()
+    for (section, key), value in changes:
+        data[section][key] = value
+    try:
+        case = Case.from_dict(data)
+    except InputError as error:
+        assert str(error) and "\n" not in str(error) and len(str(error)) < 600
+    else:
+        assert Case.from_dict(case.to_dict()) == case
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    st.dictionaries(st.text(max_size=8), st.recursive(VALUES, lambda v: st.lists(v), max_leaves=4))
+)
+def test_any_table_is_refused_with_a_sentence(data: dict[str, object]) -> None:
+    with pytest.raises(InputError) as caught:
+        Case.from_dict(data)
+    assert "\n" not in str(caught.value)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.text(max_size=30))
+def test_any_override_gives_a_case_or_a_sentence(text: str) -> None:
+    try:
+        Case.load(DEMO, [text])
+    except InputError as error:
+        assert "\n" not in str(error)

@@ -1,0 +1,350 @@
+"""Checkpoints: what continues from one is what never stopped; what cannot be continued from is refused."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import ELASTIC, PLASTIC
+
+from asperity.case import Case
+from asperity.checkpoint import FORMAT, MESH, STATE, Checkpoint, differences, identity
+from asperity.errors import CheckpointError, Interrupted, OutputError
+from asperity.fields import gather_states
+from asperity.loading import Position, Schedule
+from asperity.material import Material
+from asperity.mesh import BlockMesh
+from asperity.statics import ContactResult, Formulation, PartialResult, solve_contact
+from asperity.storage import npz_bytes, remove_asides, replace_file
+from asperity.surface import Surface
+
+CASE = {
+    "surface": {"kind": "flat", "L": 1.0},
+    "material": {"E": 1.0, "nu": 0.3},
+    "loading": {"delta_max": 0.02},
+    "units": "other",
+}
+
+
+def comm() -> Any:
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD
+
+
+def stop_after(times: int) -> Callable[[], str]:
+    """What `solve_contact` asks at the beginning of a path and after each step; lets it go on so many times."""
+    left = iter(range(times, -1, -1))
+    return lambda: "" if next(left) else "the test"
+
+
+def in_pieces(
+    surface: Surface, material: Material, folder: Path, stops: tuple[int, ...], **settings: Any
+) -> ContactResult:
+    """A run that stops after some of its steps and goes on from its checkpoint each time."""
+    for steps in stops:
+        with pytest.raises(PartialResult, match="stopped by the test") as stopped:
+            checkpoint = Checkpoint(folder, {}, comm())
+            solve_contact(
+                surface, material, stop=stop_after(steps), checkpoint=checkpoint, **settings
+            )
+        assert isinstance(stopped.value.__cause__, Interrupted)
+    return solve_contact(surface, material, checkpoint=Checkpoint(folder, {}, comm()), **settings)
+
+
+def assert_same(one: ContactResult, two: ContactResult, rtol: float) -> None:
+    """Curves, counts and checks agree; to the last bit where one process does the same sums."""
+    exact = comm().size == 1
+    assert len(one.curve) == len(two.curve)
+    for name in ("delta", "force", "max_pressure", "area_fraction", "max_plastic_strain"):
+        a, b = getattr(one.curve, name), getattr(two.curve, name)
+        if exact:
+            np.testing.assert_array_equal(a, b)
+        np.testing.assert_allclose(a, b, rtol=rtol, atol=rtol * np.abs(a).max())
+    if exact:
+        assert one.counts == two.counts
+        assert one.checks == two.checks
+    assert not two.checks.violated
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    ("material", "method", "settings"),
+    [
+        (PLASTIC, "active-set", {"unload_steps": 2, "cycles": 2}),
+        (PLASTIC, "active-set", {"steps": 2, "integrator": "midpoint"}),
+        (PLASTIC, "nitsche", {"unload_steps": 2}),
+        (PLASTIC, "penalty", {"unload_steps": 2}),
+        (PLASTIC, "active-set", {"delta_max": None, "force_max": 1e-3, "steps": 2}),
+        (ELASTIC, "active-set", {}),
+    ],
+)
+def test_a_run_in_pieces_gives_the_same_curve(
+    wave: Surface,
+    coarse_wave: BlockMesh | None,
+    shared_path: Path,
+    material: Material,
+    method: str,
+    settings: dict[str, Any],
+) -> None:
+    settings = {
+        "delta_max": 0.02,
+        "steps": 4,
+        "integrator": "backward-euler",
+        "block": coarse_wave,
+        "formulation": Formulation(method),
+        "snapshots": 2,
+        **settings,
+    }
+    straight = solve_contact(wave, material, **settings)
+    pieces = in_pieces(wave, material, shared_path / "checkpoint", (2, 0), **settings)
+    assert_same(straight, pieces, 1e-10)
+    one, two = (gather_states(result, 1.0, 1.0) for result in (straight, pieces))
+    assert len(one) == len(two) and (one or comm().rank > 0)
+    for a, b in zip(one, two, strict=True):
+        assert (a.step, a.branch) == (b.step, b.branch)
+        np.testing.assert_allclose(a.pressure, b.pressure, atol=1e-9)
+        np.testing.assert_allclose(a.displacement, b.displacement, atol=1e-11)
+        np.testing.assert_allclose(a.plastic_strain, b.plastic_strain, atol=1e-11)
+    first_touch = [np.sort(result.press.reach()[1]) for result in (straight, pieces)]
+    np.testing.assert_allclose(*first_touch, rtol=1e-9)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("method", ["active-set", "nitsche"])
+def test_a_run_goes_on_on_another_number_of_ranks(
+    wave: Surface, coarse_wave: BlockMesh | None, shared_path: Path, method: str
+) -> None:
+    from mpi4py import MPI
+
+    settings: dict[str, Any] = {
+        "delta_max": 0.02,
+        "steps": 4,
+        "integrator": "backward-euler",
+        "unload_steps": 2,
+        "formulation": Formulation(method),
+        "block": coarse_wave,
+    }
+    straight = solve_contact(wave, PLASTIC, **settings)
+    if comm().rank == 0:
+        alone = MPI.COMM_SELF
+        with pytest.raises(PartialResult):
+            checkpoint = Checkpoint(shared_path, {}, alone)
+            solve_contact(
+                wave, PLASTIC, stop=stop_after(3), checkpoint=checkpoint, comm=alone, **settings
+            )
+    comm().Barrier()
+    together = solve_contact(wave, PLASTIC, checkpoint=Checkpoint(shared_path, {}, comm()), **settings)
+    assert_same(straight, together, 1e-8)
+
+
+def test_the_position_survives_json() -> None:
+    at = Position(2, (0.1, 1.0 / 3.0), 3, (0.2, 0.7), 0.12345678901234567, 1e-3, 5e-4)
+    assert Position.from_dict(json.loads(json.dumps(dataclasses.asdict(at)))) == at
+    assert Position.from_dict(json.loads(json.dumps(dataclasses.asdict(Position(3))))) == Position(3)
+
+
+def test_legs_of_a_schedule() -> None:
+    assert Schedule(0.1, steps=3).legs == [("load", 3)]
+    legs = Schedule(0.1, steps=3, unload_steps=2, cycles=2).legs
+    assert legs == [("load", 3), ("unload", 2), ("reload", 3), ("unload", 2)]
+
+
+@pytest.fixture
+def saved(wave: Surface, coarse_wave: BlockMesh | None, tmp_path: Path) -> Path:
+    """Folder of a checkpoint after two steps."""
+    checkpoint = Checkpoint(tmp_path, identity(Case.from_dict(CASE)), comm())
+    with pytest.raises(PartialResult):
+        solve_contact(
+            wave,
+            ELASTIC,
+            delta_max=0.02,
+            block=coarse_wave,
+            checkpoint=checkpoint,
+            stop=stop_after(2),
+        )
+    return tmp_path
+
+
+def damage(path: Path, change: Callable[[bytearray], bytes | bytearray]) -> None:
+    path.write_bytes(change(bytearray(path.read_bytes())))
+
+
+def flip(data: bytearray) -> bytearray:
+    data[len(data) // 2] ^= 1
+    return data
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        (STATE, lambda data: data[: len(data) // 2]),
+        (STATE, lambda data: b""),
+        (STATE, flip),
+        (STATE, lambda data: b"\x80\x04\x95not a checkpoint"),
+        (STATE, lambda data: npz_bytes({"u": np.zeros(3)})),
+        (STATE, lambda data: npz_bytes({"meta": np.frombuffer(b"[1]", dtype=np.uint8)})),
+        (MESH, lambda data: data[:-100]),
+        (MESH, flip),
+    ],
+)
+def test_a_damaged_checkpoint_is_refused_and_left_alone(
+    saved: Path, name: str, change: Callable[[bytearray], bytes]
+) -> None:
+    damage(saved / name, change)
+    before = {path: path.read_bytes() for path in saved.iterdir()}
+    with pytest.raises(CheckpointError, match=name):
+        Checkpoint(saved, identity(Case.from_dict(CASE)), comm()).load()
+    assert {path: path.read_bytes() for path in saved.iterdir()} == before
+
+
+def test_every_flipped_byte_is_noticed(saved: Path) -> None:
+    """Flips that np.load cannot see, in the padding of the zip format, leave what is read unchanged."""
+    good = (saved / STATE).read_bytes()
+    checkpoint = Checkpoint(saved, identity(Case.from_dict(CASE)), comm())
+    whole = checkpoint.load()
+    assert whole is not None
+    random = np.random.default_rng(1)
+    for at in random.integers(len(good), size=60):
+        data = bytearray(good)
+        data[at] ^= 0x10
+        (saved / STATE).write_bytes(data)
+        try:
+            found = checkpoint.load()
+        except CheckpointError:
+            continue
+        assert found is not None and found.meta == whole.meta
+        for name, array in whole.arrays.items():
+            np.testing.assert_array_equal(found.arrays[name], array)
+
+
+def test_a_mesh_of_another_run_is_refused(saved: Path) -> None:
+    with np.load(saved / MESH) as file:
+        arrays = dict(file)
+    arrays["points"][0, 0] += 1e-12
+    (saved / MESH).write_bytes(npz_bytes(arrays))
+    with pytest.raises(CheckpointError, match="not the mesh"):
+        Checkpoint(saved, identity(Case.from_dict(CASE)), comm()).load()
+
+
+def test_a_checkpoint_of_a_newer_version_is_refused(saved: Path) -> None:
+    with np.load(saved / STATE) as file:
+        arrays = dict(file)
+    meta = json.loads(arrays["meta"].tobytes()) | {"format": FORMAT + 1, "version": "9.1"}
+    arrays["meta"] = np.frombuffer(json.dumps(meta).encode(), dtype=np.uint8)
+    (saved / STATE).write_bytes(npz_bytes(arrays))
+    with pytest.raises(CheckpointError, match=r"written by asperity 9\.1"):
+        Checkpoint(saved, identity(Case.from_dict(CASE)), comm()).load()
+
+
+def test_a_checkpoint_of_another_case_names_the_keys(saved: Path) -> None:
+    other = Case.from_dict({**CASE, "material": {"E": 2.0, "nu": 0.3}})
+    with pytest.raises(CheckpointError, match=r"material\.E = 1 there, 2 here"):
+        Checkpoint(saved, identity(other), comm()).require()
+
+
+def test_no_checkpoint_is_an_error_where_one_is_required(tmp_path: Path) -> None:
+    assert Checkpoint(tmp_path, {}, comm()).load() is None
+    with pytest.raises(CheckpointError, match="no checkpoint"):
+        Checkpoint(tmp_path / "none", {}, comm()).require()
+    assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize(
+    ("section", "change", "free"),
+    [
+        ("output", {"figures": True}, True),
+        ("solver", {"linear": "lu"}, True),
+        ("dynamics", {"zeta": 0.1}, True),
+        ("accuracy", {"max_dofs": 5000}, True),
+        ("loading", {"delta_max": 0.02, "cycles": 2}, True),
+        ("loading", {"delta_max": 0.02, "steps": 11}, False),
+        ("loading", {"delta_max": 0.021}, False),
+        ("contact", {"method": "penalty"}, False),
+        ("mesh", {"growth": 0.5}, False),
+        ("block", {"sides": "free"}, False),
+    ],
+)
+def test_what_may_change_before_a_continuation(section: str, change: Any, free: bool) -> None:
+    one = identity(Case.from_dict(CASE))
+    two = identity(Case.from_dict({**CASE, section: change}))
+    assert (not differences(one, two)) == free
+
+
+def test_a_height_map_counts_by_its_content(tmp_path: Path) -> None:
+    heights = np.random.default_rng(0).normal(size=(9, 9)) * 1e-3
+    names = ("a", "b", "c")
+    for name, factor in zip(names, (1.0, 1.0, 1.1), strict=True):
+        np.save(tmp_path / f"{name}.npy", factor * heights)
+    a, b, c = (
+        identity(
+            Case.from_dict(
+                {**CASE, "surface": {"kind": "file", "path": f"{name}.npy", "L": 1.0}}, folder=tmp_path
+            )
+        )
+        for name in names
+    )
+    assert not differences(a, b)
+    assert differences(a, c) == ["surface.path has another content"]
+
+
+def test_clear_removes_only_checkpoints(saved: Path) -> None:
+    (saved / "notes.npz").write_text("mine")
+    part = saved / "level-1"
+    part.mkdir()
+    (part / STATE).write_text("old")
+    Checkpoint(saved, {}, comm()).clear()
+    assert sorted(p.name for p in saved.rglob("*") if p.is_file()) == ["notes.npz"]
+
+
+def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "state"
+    replace_file(path, b"old")
+
+    def full(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OSError, match=r"No space left on device.*state"):
+        replace_file(path, b"new")
+    assert path.read_bytes() == b"old" and list(tmp_path.iterdir()) == [path]
+
+
+def test_what_a_killed_process_left_is_removed(tmp_path: Path) -> None:
+    for name in (".state.npz.123", ".curve.csv.7", "state.npz", ".hidden", ".x.y"):
+        (tmp_path / name).write_text("")
+    (tmp_path / ".fields.55").mkdir()
+    remove_asides(tmp_path)
+    assert sorted(p.name for p in tmp_path.iterdir()) == [".hidden", ".x.y", "state.npz"]
+
+
+def test_a_folder_that_vanishes_is_a_clear_error(
+    wave: Surface, coarse_wave: BlockMesh | None, tmp_path: Path
+) -> None:
+    folder = tmp_path / "checkpoint"
+
+    def vanish(rows: Any, fraction: float) -> None:
+        for path in folder.iterdir():
+            path.unlink()
+        folder.rmdir()
+
+    with pytest.raises(OutputError, match=r"cannot write .*state\.npz: No such file"):
+        solve_contact(
+            wave,
+            ELASTIC,
+            delta_max=0.02,
+            block=coarse_wave,
+            checkpoint=Checkpoint(folder, {}, comm()),
+            on_step=vanish,
+        )
+
+
+def test_the_interval_says_when_to_save(tmp_path: Path) -> None:
+    every = Checkpoint(tmp_path, {}, comm(), 3)
+    assert [n for n in range(7) if every.due(n)] == [0, 3, 6]
+    assert not any(Checkpoint(tmp_path, {}, comm(), 0).due(n) for n in range(5))

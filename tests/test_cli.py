@@ -1,0 +1,298 @@
+"""The command line: exit codes, messages, what is written and what is left alone."""
+
+from __future__ import annotations
+
+import csv
+import subprocess
+import sys
+import types
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from made_up_run import write_run
+
+from asperity.cli import main
+from asperity.cli.run import check_folder
+from asperity.errors import ConvergenceError, InputError
+from asperity.progress import COLUMNS, Progress, StepLines, duration, make_progress
+
+ROOT = Path(__file__).parent.parent
+DEMO = str(ROOT / "cases/demo.toml")
+Cli = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def cli(capsys: pytest.CaptureFixture[str]) -> Cli:
+    """Call the command line; return exit code, stdout and stderr."""
+
+    def call(*arguments: str | Path) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as left:
+            main([str(argument) for argument in arguments])
+        out, err = capsys.readouterr()
+        assert "Traceback" not in err
+        return int(left.value.code or 0), out, err
+
+    return call
+
+
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
+    """Stand in for the solver: note the calls, report two steps."""
+    noted: list[dict[str, Any]] = []
+
+    def run(case: Any, folder: Path, *, progress: Progress, resume: bool) -> Any:
+        noted.append({"case": case, "folder": folder, "resume": resume})
+        (folder / "case.toml").write_text(case.to_toml())
+        progress.stage("solve")
+        row = dict(step=1, branch="load", delta_star=1e-3, P_star=2e-6, area_fraction=0.01)
+        progress.step({**row, "newton": 4, "krylov": 60, "seconds": 0.5}, 0.5)
+        fit = {"k": 0.5, "n": 1.5, "r2": 0.999}
+        return types.SimpleNamespace(summary={"fit": fit}, curve=None, contact=..., dynamics=None)
+
+    stand_in = types.ModuleType("asperity.simulation")
+    stand_in.run = run  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "asperity.simulation", stand_in)
+    monkeypatch.setattr("asperity.simulation", stand_in, raising=False)
+    return noted
+
+
+def test_run_hands_the_case_to_the_solver_and_shows_steps_and_fit(
+    cli: Cli, calls: list[dict[str, Any]], tmp_path: Path
+) -> None:
+    code, out, _ = cli("run", DEMO, "-o", tmp_path / "a/b", "--set", "block.height=2e-6")
+    assert code == 0
+    assert calls[0]["folder"] == tmp_path / "a/b" and not calls[0]["resume"]
+    assert calls[0]["case"].block.height == 2e-6
+    assert all(name in out for name in COLUMNS)
+    assert "P* = 0.5 (delta/L)^1.5000" in out
+
+
+def test_a_quiet_run_prints_nothing(cli: Cli, calls: list[Any], tmp_path: Path) -> None:
+    code, out, _ = cli("run", DEMO, "-o", tmp_path / "out", "--quiet")
+    assert (code, out, len(calls)) == (0, "", 1)
+
+
+def test_an_earlier_run_is_kept_unless_resumed_or_forced(
+    cli: Cli, calls: list[dict[str, Any]], tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    code, _, err = cli("run", DEMO, "-o", out)
+    assert code == 0 and err.count("rms slope") == 1  # a warning is shown once
+    (out / "curve.csv").write_text("precious")
+    code, _, err = cli("run", DEMO, "-o", out)
+    assert code == 2 and "--resume" in err and "--force" in err
+    assert (out / "curve.csv").read_text() == "precious"
+    assert cli("run", DEMO, "-o", out, "--resume")[0] == 0
+    assert calls[-1]["resume"] and (out / "curve.csv").exists()
+    (out / "notes.txt").write_text("mine")
+    assert cli("run", DEMO, "-o", out, "--force")[0] == 0
+    assert not (out / "curve.csv").exists() and (out / "notes.txt").read_text() == "mine"
+
+
+def test_a_foreign_folder_or_a_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("x")
+    with pytest.raises(InputError, match="not empty"):
+        check_folder(tmp_path, resume=False, force=False)
+    with pytest.raises(InputError, match="not empty"):
+        check_folder(tmp_path, resume=True, force=False)
+    with pytest.raises(InputError, match="is a file"):
+        check_folder(tmp_path / "thesis.tex", resume=False, force=True)
+    check_folder(tmp_path / "new", resume=True, force=False)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        (("run", "none.toml"), "none.toml"),
+        (("run", DEMO, "--set", "material.nu=0.7"), "(-1, 0.5)"),
+        (("run", DEMO, "--set", "loading.delta_max=0.2e-6"), "no gap"),
+        (("surface", DEMO, "--set", "surface.D=3.5"), "(2, 3)"),
+        (("run",), "CASE.toml"),
+        (("run", DEMO, "--resumee"), "--resume"),
+        (("rum",), "rum"),
+        (("plot", "nowhere"), "nowhere"),
+        (("report", str(ROOT / "tests")), "curve.csv"),
+        (("compare", DEMO, DEMO), "column"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(
+    cli: Cli, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], part: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, _, err = cli(*arguments)
+    errors = [line for line in err.splitlines() if not line.startswith("warning: ")]
+    assert code == 2 and len(errors) == 1
+    assert errors[0].startswith("error: ") and part in errors[0]
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("failure", "code", "part"),
+    [
+        (ConvergenceError("no convergence at step 7"), 3, "step 7"),
+        (MemoryError(), 3, "memory"),
+        (ModuleNotFoundError("no", name="dolfinx"), 4, "dolfinx"),
+        (OSError(28, "No space left on device", "curve.csv"), 4, "curve.csv: No space left"),
+        (KeyboardInterrupt(), 130, "stopped"),
+    ],
+)
+def test_failures_have_their_exit_codes(
+    cli: Cli, calls: list[Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
+    failure: BaseException, code: int, part: str,
+) -> None:  # fmt: skip
+    def fail(*_: Any, **__: Any) -> None:
+        raise failure
+
+    monkeypatch.setattr("asperity.simulation.run", fail)
+    left, _, err = cli("run", DEMO, "-o", tmp_path / "out")
+    assert left == code and part in err.splitlines()[-1]
+
+
+def test_an_unwritable_place_is_refused_before_the_work(
+    cli: Cli, calls: list[Any], tmp_path: Path
+) -> None:
+    (tmp_path / "file").write_text("x")
+    code, _, err = cli("run", DEMO, "-o", tmp_path / "file/out")
+    assert code == 4 and "file" in err and not calls
+
+
+def test_surface_prints_statistics_and_draws(cli: Cli, tmp_path: Path) -> None:
+    code, out, _ = cli("surface", DEMO, "-o", tmp_path)
+    assert code == 0 and "Sz, peak to valley" in out and "nm" in out
+    assert (tmp_path / "surface.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_compare_finds_what_differs(cli: Cli, tmp_path: Path) -> None:
+    a, b = (write_run(tmp_path / name, n=2) for name in "ab")
+    assert cli("compare", a, b / "curve.csv")[0] == 0
+    with (b / "curve.csv").open(newline="") as file:
+        rows = list(csv.reader(file))
+    column = rows[0].index("force")
+    rows[5][column] = str(float(rows[5][column]) * 1.5)
+    with (b / "curve.csv").open("w", newline="") as file:
+        csv.writer(file).writerows(rows)
+    code, out, _ = cli("compare", a, b)
+    assert code == 1 and out.startswith("force:")
+    assert cli("compare", a, b, "--rtol", "P_star=1e-9")[0] == 0
+    assert cli("compare", a, b, "--rtol", "force=0.5")[0] == 0
+    assert cli("compare", a, b, "--rtol", "force")[0] == 2
+    assert cli("compare", a, b, "--rtol", "farce=1")[0] == 2
+
+
+def test_keys_lists_the_case_file(cli: Cli) -> None:
+    code, out, _ = cli("keys", "--markdown")
+    assert code == 0 and "| material | nu | required | (-1, 0.5) |" in out
+
+
+def test_help_names_every_command(cli: Cli) -> None:
+    code, out, _ = cli("--help")
+    assert code == 0
+    assert all(name in out for name in ("run", "surface", "plot", "report", "compare", "keys"))
+    assert cli("--version")[0] == 0
+
+
+def test_importing_the_command_line_is_light() -> None:
+    heavy = "numpy", "matplotlib", "pydantic", "dolfinx", "mpi4py", "rich"
+    code = f"import sys, asperity.cli; print([m for m in {heavy!r} if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def parallel(code: str) -> subprocess.CompletedProcess[str]:
+    """Run Python code on two ranks, started afresh."""
+    command = ["mpirun", "--oversubscribe", "-n", "2", sys.executable, "-c", code]
+    return subprocess.run(command, capture_output=True, text=True, timeout=100)
+
+
+def test_ranks_end_with_one_message_and_one_code(tmp_path: Path) -> None:
+    arguments = ["run", DEMO, "-o", str(tmp_path / "out"), "--set", "material.nu=0.7"]
+    done = parallel(f"from asperity.cli import main; main({arguments!r})")
+    assert done.returncode == 2
+    assert done.stderr.count("error: ") == 1 and "material.nu = 0.7" in done.stderr
+
+
+def test_one_failed_rank_ends_a_job_that_waits_for_it() -> None:
+    done = parallel(
+        "import sys; from asperity.cli import ranks; ranks.PATIENCE = 0.5; job = ranks.Ranks()\n"
+        "from mpi4py import MPI\n"
+        "if MPI.COMM_WORLD.rank == 1: sys.exit(job.leave(3, 'lost at step 4'))\n"
+        "MPI.COMM_WORLD.Barrier()"
+    )
+    assert done.returncode == 3 and "lost at step 4 (rank 1" in done.stderr
+
+
+def test_an_error_of_the_first_rank_reaches_all() -> None:
+    done = parallel(
+        "from asperity.cli.ranks import on_first_rank\n"
+        "from asperity.errors import InputError\n"
+        "from mpi4py import MPI\n"
+        "def work(): raise InputError('no')\n"
+        "caught = 0\n"
+        "try: on_first_rank(work)\n"
+        "except InputError as error: caught = str(error) == 'no'\n"
+        "assert MPI.COMM_WORLD.allreduce(int(caught)) == 2"
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_progress_shows_time_left(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = StepLines()
+    row = dict(step=1, branch="load", delta_star=0.01, P_star=1e-3, area_fraction=0.1)
+    lines.stage("solve")
+    for i in (1, 2):
+        lines.step({**row, "step": i, "newton": 3, "krylov": 9, "seconds": 60.0}, 0.25 * i)
+    lines.done()
+    shown = capsys.readouterr().out.splitlines()
+    assert len(shown) == 5 and "solve" in shown[0] and shown[1].split()[0] == "step"
+    assert shown[2].split()[-3:] == ["3", "m", "00"]  # three quarters are left after a minute
+
+
+def test_progress_is_silent_when_quiet_or_not_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert type(make_progress(quiet=True)) is Progress
+    monkeypatch.setenv("PMIX_RANK", "1")
+    assert type(make_progress()) is Progress
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(3.21, "3.2 s"), (245, "4 m 05"), (7805, "2 h 10"), (float("nan"), "?"), (1e12, "?")],
+)
+def test_durations_in_words(seconds: float, text: str) -> None:
+    assert duration(seconds) == text
+
+
+def test_dynamics_of_a_power_law(cli: Cli, tmp_path: Path) -> None:
+    options = ("--no-sweeps", "--omega", "0.9", "1.1", "-o", tmp_path / "out")
+    code, out, err = cli("dynamics", "--power-law", "1.5", "--forcing", "0.005", *options)
+    assert (code, err) == (0, "")
+    assert "0.84202" in out and "F/(m g) = 0.0075" in out  # u_max = 2.5^(2/3) - 1
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names >= {"free.csv", "response.csv", "thresholds.json"}
+
+
+def test_dynamics_of_a_run(cli: Cli, tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run", n=2)
+    before = sorted(folder.iterdir())
+    quick = ("--no-sweeps", "--model", "exact", "--omega", "0.9", "1.1")
+    code, out, _ = cli("dynamics", folder, *quick)
+    assert code == 0 and "1.55" in out and "taylor" not in out
+    assert sorted(folder.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        ((), "--power-law"),
+        (("--power-law", "0"), "n"),
+        (("--power-law", "1.5", "--zeta", "-1"), "zeta"),
+        (("--power-law", "1.5", "--forcing", "0"), "forcing"),
+        (("--power-law", "1.5", "--omega", "1.3", "0.5"), "omega"),
+        (("--power-law", "1.5", "--damping", "some"), "hunt-crossley"),
+        (("nowhere.csv",), "nowhere.csv"),
+    ],
+)
+def test_dynamics_refuses_bad_input(cli: Cli, arguments: tuple[str, ...], part: str) -> None:
+    code, _, err = cli("dynamics", *arguments)
+    assert code == 2 and part in err and len(err.splitlines()) == 1

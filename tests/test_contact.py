@@ -1,0 +1,303 @@
+"""Contact formulations: Hertz, Westergaard, patch tests, complementarity, tangents, penalty against exact contact."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy import sparse
+from scipy.optimize import brentq
+
+from asperity import reference as ref
+from asperity.contact import Contact
+from asperity.errors import InputError
+from asperity.loading import Press
+from asperity.material import Material
+from asperity.mesh import BlockMesh, SizeField, build_block, distribute
+from asperity.solid import Solid
+from asperity.solve import SolverOptions
+from asperity.statics import Formulation, MeshSize, make_press, solve_contact
+from asperity.surface import Flat, Sinusoid, Surface, WeierstrassMandelbrot
+from asperity.top import Top
+
+Array = npt.NDArray[np.float64]
+
+NU = 0.3
+ELASTIC = Material(1.0, NU)
+PLASTIC = Material(1.0, NU, 0.005, 0.05)
+EXACT = Formulation()
+PENALTY = Formulation("penalty", 10.0)
+NITSCHE = Formulation("nitsche")
+SYMMETRIC, SKEW = Formulation("nitsche", gamma=20.0, theta=1), Formulation("nitsche", theta=-1)
+EACH = pytest.mark.parametrize("formulation", [EXACT, PENALTY, NITSCHE], ids=lambda f: f.method)
+
+
+def here() -> Any:
+    from mpi4py import MPI
+
+    return MPI.COMM_SELF
+
+
+def press_of(block: BlockMesh, surface: Surface, formulation: Formulation, material: Material = ELASTIC) -> Press:
+    return make_press(here(), surface, block, material, formulation=formulation)
+
+
+# --- closed forms ---------------------------------------------------------------------------------------------
+
+
+@EACH
+def test_hertz(cap: Surface, formulation: Formulation) -> None:
+    """Contact radius 0.004 L; the walls add half a per cent to the force."""
+    hertz, a = ref.Hertz(10.0, ref.reduced_modulus(1.0, NU)), 0.004
+    curve = solve_contact(
+        cap,
+        ELASTIC,
+        delta_max=a**2 / 10.0,
+        steps=2,
+        size=MeshSize(a / 5, growth=0.4, h_max=0.3),
+        formulation=formulation,
+        comm=here(),
+    ).curve
+    np.testing.assert_allclose(curve.force, hertz.force(curve.delta) / 4, rtol=0.01)
+    radius = np.sqrt(curve.area_fraction * 4 / np.pi)
+    np.testing.assert_allclose(radius, hertz.radius(curve.delta), rtol=0.03)
+    np.testing.assert_allclose(curve.max_pressure, hertz.peak_pressure(curve.delta), rtol=0.02)
+
+
+@EACH
+def test_sphere_on_a_layer(cap: Surface, formulation: Formulation) -> None:
+    """A contact of a tenth of the patch, walls and base included: a half-space solver with the layer's compliance."""
+    delta = 1e-3
+    expected = ref.half_space_contact(cap, 128, delta_star=delta, height=1.0, nu=NU)
+    result = solve_contact(
+        cap,
+        ELASTIC,
+        delta_max=delta,
+        steps=1,
+        size=MeshSize(0.025, growth=0.4),
+        formulation=formulation,
+        comm=here(),
+    )
+    assert result.curve.P_star[-1] == pytest.approx(expected.P_star, rel=0.003)
+    assert result.curve.area_fraction[-1] == pytest.approx(expected.area_fraction, rel=0.05)
+
+
+@EACH
+def test_westergaard(formulation: Formulation) -> None:
+    amplitude, height = 0.002, 2.0
+    surface = Sinusoid(L=1.0, amplitude=amplitude, wavelength=2.0, dims=1, centre=(0.0, 0.0))
+    wave = ref.Westergaard(amplitude, 2.0, ref.reduced_modulus(1.0, NU))
+    compliance = height / ref.block_modulus(1.0, NU)
+    curve = solve_contact(
+        surface,
+        ELASTIC,
+        height=height,
+        delta_max=1.5 * amplitude,
+        steps=3,
+        size=MeshSize(0.12, growth=0.5, h_max=0.5),
+        formulation=formulation,
+        comm=here(),
+    ).curve
+    mean = [
+        brentq(lambda p, d=d: float(wave.deflection(p)) + compliance * p - d, 0, wave.full_pressure, xtol=1e-18)
+        for d in curve.delta
+    ]
+    np.testing.assert_allclose(curve.force, mean, rtol=0.01)
+    np.testing.assert_allclose(curve.area_fraction, wave.area_fraction(mean), atol=0.02)
+
+
+def grid_press(formulation: Formulation, material: Material) -> Press:
+    """A flat block with a top of equal facets, whose penalty is uniform."""
+    block = build_block(Flat(L=1.0), 1.0, lambda x, y, depth: 1.0)
+    corners = block.points[block.points[:, 2] == 1.0]
+    assert len(corners) == 13  # four facets around the middle: 5 corners, 8 edges
+    return press_of(block, Flat(L=1.0), formulation, material)
+
+
+@pytest.mark.parametrize("beta", [0.1, 10.0, 1e4])
+def test_penalty_is_a_spring_in_series(beta: float) -> None:
+    """g = beta E p^2/h with h = L, the longest side of the four facets."""
+    press = grid_press(Formulation("penalty", beta), ELASTIC)
+    assert press.attempt(0.01).converged
+    compliance = 1.0 / ref.block_modulus(1.0, NU) + 1.0 / (4.0 * beta)
+    assert press.force == pytest.approx(0.01 / compliance, rel=1e-10)
+    assert press.checks.penetration == pytest.approx(press.force / (4.0 * beta), rel=1e-10)
+
+
+@pytest.mark.parametrize("gamma", [1.0, 10.0, 1000.0])
+@pytest.mark.parametrize("theta", [0, 1, -1])
+def test_nitsche_passes_the_patch_test(theta: int, gamma: float) -> None:
+    """It is consistent, whatever its parameters."""
+    if theta == 1 and gamma == 1.0:
+        gamma = 5.0  # the symmetric variant is only coercive above a trace constant
+    press = grid_press(Formulation("nitsche", gamma=gamma, theta=theta), ELASTIC)
+    assert press.attempt(0.01).converged
+    assert press.force == pytest.approx(0.01 * ref.block_modulus(1.0, NU), rel=1e-9)
+    assert press.checks.penetration < 1e-12
+
+
+@pytest.mark.parametrize("formulation", [EXACT, NITSCHE], ids=lambda f: f.method)
+def test_plastic_patch_test(formulation: Formulation) -> None:
+    """Nitsche's traction comes from a return map of its own at the facets: history there must follow."""
+    press = grid_press(formulation, PLASTIC)
+    path = np.array([0.004, 0.012, 0.02, 0.0195, 0.021])
+    stress, _, _ = ref.confined_stress(-path, 1.0, NU, 0.005, 0.05)
+    for delta, sigma in zip(path, stress, strict=True):
+        assert press.attempt(delta).converged
+        assert press.force == pytest.approx(-sigma, rel=1e-9)
+
+
+def test_rough_elastic_block() -> None:
+    """A fractal surface of small slope against the half-space solver with the compliance of the layer."""
+    surface = WeierstrassMandelbrot(L=1.0, D=2.5, G=1.36e-5, seed=3)
+    size = MeshSize(0.06, growth=0.4)
+    curve = solve_contact(surface, ELASTIC, delta_max=0.012, steps=3, size=size, comm=here()).curve
+    for delta, P_star, area in zip(curve.delta, curve.P_star, curve.area_fraction, strict=True):
+        expected = ref.half_space_contact(surface, 128, delta_star=delta, height=1.0, nu=NU)
+        assert P_star == pytest.approx(expected.P_star, rel=0.03)
+        assert area == pytest.approx(expected.area_fraction, rel=0.08)
+
+
+# --- properties -----------------------------------------------------------------------------------------------
+
+
+def test_exact_contact_neither_pulls_nor_penetrates(rough: Surface, coarse: BlockMesh) -> None:
+    """Complementarity at every node: a force only where the gap is closed."""
+    press = press_of(coarse, rough, EXACT, PLASTIC)
+    for delta in (0.01, 0.02, 0.03, 0.028, 0.025):
+        assert press.attempt(delta).converged
+        nodes = press.top.owned_nodes
+        gap, force = press.gap()[nodes], press.nodal_force
+        assert gap.min() > -1e-10
+        assert force.min() >= 0.0
+        assert not force[np.setdiff1d(np.arange(len(force)), nodes)].any()
+        assert np.abs(gap[force[nodes] > 0]).max() < 1e-10
+        assert np.sum(force > 0) > 5
+        pressure, _ = press.top_state()
+        # half of an edge force goes to either corner: no tension either
+        assert pressure.min() >= 0.0
+
+
+@EACH
+@pytest.mark.parametrize("material", [ELASTIC, PLASTIC], ids=["elastic", "plastic"])
+def test_force_on_the_flat_is_the_reaction_of_the_base(
+    rough: Surface, coarse: BlockMesh, formulation: Formulation, material: Material
+) -> None:
+    press = press_of(coarse, rough, formulation, material)
+    for delta in (0.01, 0.02, 0.03):
+        assert press.attempt(delta).converged
+        internal = press.solid.internal_force()
+        base = internal[press.solid.base, 2].sum()
+        assert base == pytest.approx(press.force, rel=1e-7)
+        assert press.force > 0
+    assert press.checks.force_balance < 1e-7
+    assert not press.checks.violated
+
+
+def test_penalty_converges_to_hard_contact(rough: Surface, coarse: BlockMesh) -> None:
+    """A flat with harder and harder springs: the force grows, by less and less."""
+    forces = []
+    for beta in (1.0, 10.0, 100.0, 1000.0):
+        press = press_of(coarse, rough, Formulation("penalty", beta))
+        for delta in (0.01, 0.02, 0.03):
+            assert press.attempt(delta).converged
+        forces.append(press.force)
+    steps = np.diff(forces)
+    assert np.all(steps > 0)
+    assert np.all(steps[1:] / steps[:-1] < 0.3)
+    exact = press_of(coarse, rough, EXACT)
+    for delta in (0.01, 0.02, 0.03):
+        assert exact.attempt(delta).converged
+    # constraints at quadrature points and at nodes are not quite the same
+    assert forces[-1] == pytest.approx(exact.force, rel=0.005)
+
+
+def test_formulations_agree_on_a_resolved_contact(wave: Surface, coarse_wave: BlockMesh) -> None:
+    forces = []
+    for formulation in (EXACT, Formulation("penalty", 100.0), NITSCHE, SYMMETRIC, SKEW):
+        press = press_of(coarse_wave, wave, formulation)
+        assert press.attempt(0.02).converged
+        forces.append(press.force)
+    np.testing.assert_allclose(forces, forces[0], rtol=0.01)
+
+
+# --- tangents -------------------------------------------------------------------------------------------------
+
+
+def contact_of(block: BlockMesh, formulation: Formulation, material: Material) -> tuple[Solid, Contact]:
+    solid = Solid(*distribute(here(), block, 1.0), material)
+    return solid, formulation.build(solid, Top(solid))
+
+
+def residual(solid: Solid, contact: Contact, u: Array) -> Array:
+    solid.u.x.array[:] = u.ravel()
+    return contact.residual(solid.internal_force().copy())[0].ravel()
+
+
+@pytest.mark.parametrize(
+    ("formulation", "material"),
+    [
+        (PENALTY, ELASTIC),
+        (PENALTY, PLASTIC),
+        (NITSCHE, ELASTIC),
+        (NITSCHE, PLASTIC),
+        (SYMMETRIC, ELASTIC),
+        (SKEW, ELASTIC),
+    ],
+    ids=["penalty", "penalty plastic", "nitsche", "nitsche plastic", "nitsche +1", "nitsche -1"],
+)
+def test_tangent_is_the_derivative_of_the_residual(
+    coarse: BlockMesh, formulation: Formulation, material: Material
+) -> None:
+    """By central differences, at a state with open, closed and half-closed facets over a plastic history."""
+    solid, contact = contact_of(coarse, formulation, material)
+    rng = np.random.default_rng(0)
+    contact.begin(float(solid.points[:, 2].max()) - 0.03)
+    squeeze = solid.points @ np.diag([0.001, 0.002, -0.015])
+    residual(solid, contact, 0.7 * squeeze)
+    solid.bulk.commit()
+    contact.commit()
+    u = squeeze + 1e-3 * rng.normal(size=squeeze.shape)
+    residual(solid, contact, u)
+    solid.assemble_tangent(contact.add_tangent)
+    J = sparse.csr_array(
+        (solid.values.copy(), solid.graph.columns, solid.graph.rows), shape=(3 * solid.nodes, 3 * solid.nodes)
+    )
+    asymmetry = abs(J - J.T).max() / abs(J).max()
+    assert (asymmetry < 1e-13) == contact.symmetric
+    for _ in range(3):
+        du = 1e-9 * rng.normal(size=u.shape)
+        slope = residual(solid, contact, u + du) - residual(solid, contact, u - du)
+        found = 2.0 * J @ du.ravel()
+        assert np.abs(found - slope).max() < 1e-6 * np.abs(slope).max()
+
+
+@EACH
+def test_newton_converges_in_a_few_steps(rough: Surface, coarse: BlockMesh, formulation: Formulation) -> None:
+    """A wrong tangent would not change the curve, only the work."""
+    press = press_of(coarse, rough, formulation)
+    taken = [press.attempt(delta).newton for delta in np.linspace(0.003, 0.03, 10)]
+    assert max(taken) <= 8
+    assert np.median(taken) <= 5
+
+
+def test_exact_contact_needs_no_more_newton_steps_on_a_finer_mesh(wave: Surface) -> None:
+    """With exact linear solves; an inexact one adds one or two."""
+    taken = []
+    for h in (0.12, 0.06):
+        block = build_block(wave, 1.0, SizeField.of(wave, 0.01, h, growth=0.6, h_max=0.5).at)
+        press = make_press(here(), wave, block, ELASTIC, options=SolverOptions("lu"))
+        taken.append([press.attempt(delta).newton for delta in (0.0025, 0.005, 0.0075, 0.01)])
+    assert np.median(taken[1]) <= 4
+    assert sum(taken[1]) <= sum(taken[0]) + 3
+
+
+def test_formulations_that_do_not_exist_are_refused(coarse: BlockMesh) -> None:
+    for formulation, message in (
+        (Formulation("glue"), r'contact\.method = "glue" is not one of active-set, penalty, nitsche'),
+        (SYMMETRIC, r"contact\.theta = 1 needs an elastic material"),
+    ):
+        with pytest.raises(InputError, match=message):
+            contact_of(coarse, formulation, PLASTIC)

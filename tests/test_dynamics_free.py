@@ -1,0 +1,140 @@
+"""Free vibration: closed forms, published values, direct integration, grazing, refusals."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.special import beta
+
+from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw
+from asperity.dynamics.free import free_orbit
+from asperity.errors import InputError, RangeError
+
+
+def omega_loss(n: float) -> float:
+    return 2 * np.pi / (np.sqrt(2 / n) * (n + 1) ** (1 / (2 * n)) * beta(1 / (2 * n), 0.5))
+
+
+@pytest.mark.parametrize("n", [0.6, 0.9, 1.0, 1.01, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0])
+def test_contact_loss_limit(n: float) -> None:
+    o = ContactOscillator(PowerLaw(n))
+    limit = (n + 1) ** (1 / n) - 1
+    assert o.u_max == pytest.approx(limit, rel=1e-12)
+    assert o.free(limit).omega_ratio[0] == pytest.approx(omega_loss(n), rel=1e-11)
+
+
+@pytest.mark.parametrize("n", [1.5, 2.5])
+def test_grazing_from_both_sides(n: float) -> None:
+    limit = (n + 1) ** (1 / n) - 1
+    below, above = ContactOscillator(PowerLaw(n)).free([limit - 1e-10, limit + 1e-10]).orbits
+    assert not below.contact_loss and above.contact_loss
+    # the frequency is smooth through grazing: its slope bounds the difference
+    assert below.omega == pytest.approx(omega_loss(n), abs=3e-10)
+    assert above.omega == pytest.approx(omega_loss(n), abs=3e-10)
+    assert below.omega > above.omega
+
+
+@pytest.mark.parametrize(
+    ("n", "published"),
+    [(1.5, (0.999575, 0.998259, 0.995960, 0.992540, 0.987785, 0.981349)),
+     (2.0, (0.998920, 0.995498, 0.989370, 0.980003, 0.966582, 0.947782))],
+)
+def test_published_frequencies(n: float, published: tuple[float, ...]) -> None:
+    found = ContactOscillator(PowerLaw(n)).free(np.arange(1, 7) / 10).omega_ratio
+    np.testing.assert_allclose(found, published, atol=5e-7)
+
+
+@pytest.mark.parametrize(("n", "u0"), [(0.8, 0.5), (1.5, 0.3), (1.5, 2.0), (2.0, 5.0), (3.0, 0.5)])
+def test_period_and_harmonic_against_time_integration(n: float, u0: float) -> None:
+    def field(t, y):
+        s = max(1 + y[0], 0.0)
+        return [y[1], -(s**n - 1) / n, y[1] ** 2]
+
+    def separate(t, y):
+        return y[0] + 1
+
+    def top(t, y):
+        return y[1] if t > 1e-6 else 1.0
+
+    events: list[Any] = [separate, top]
+    events[0].terminal = events[1].terminal = True
+    events[1].direction = 1.0
+    t, y = 0.0, [u0, 0.0, 0.0]
+    while True:  # integrate piecewise, so that no step straddles contact loss
+        run = solve_ivp(field, (t, 200.0), y, method="DOP853", rtol=1e-13, atol=1e-15, events=events,
+                        max_step=0.1)
+        t, y = run.t[-1], run.y[:, -1]
+        if run.t_events[1].size:
+            break
+        y[0] += np.sign(y[1]) * 1e-15
+    orbit = free_orbit(ContactOscillator(PowerLaw(n)).restoring, u0)
+    assert orbit.omega == pytest.approx(np.pi / t, rel=1e-10)
+    assert orbit.u_min == pytest.approx(y[0], rel=1e-9)
+    assert orbit.dissipation == pytest.approx(2 * y[2], rel=1e-9)
+
+
+def test_small_amplitude_follows_kappa() -> None:
+    for n in (0.7, 1.5, 3.0):
+        o = ContactOscillator(PowerLaw(n))
+        a = 1e-3
+        assert (o.free(a).omega_ratio[0] - 1) / a**2 == pytest.approx(o.restoring.kappa, rel=2e-3)
+
+
+def test_linear_contact_has_the_closed_form_with_flight() -> None:
+    u0 = 2.0  # half a cosine cut at u = -1, then a parabola
+    time = 2 * np.arccos(-1 / u0) + 2 * np.sqrt(u0**2 - 1)
+    assert ContactOscillator(PowerLaw(1.0)).free(u0).omega_ratio[0] == pytest.approx(2 * np.pi / time, rel=1e-12)
+
+
+def test_large_amplitude_tends_to_zero_frequency() -> None:
+    for n in (0.6, 1.5, 4.0):
+        orbit = ContactOscillator(PowerLaw(n)).free(1e3).orbits[0]
+        assert orbit.flight > 0.8 and orbit.omega < 0.1
+
+
+def test_taylor_and_exact_agree_for_integer_powers() -> None:
+    for n in (2.0, 3.0):
+        o = ContactOscillator(PowerLaw(n))
+        u0 = np.linspace(0.05, 0.999, 7) * o.u_max
+        np.testing.assert_allclose(o.taylor().free(u0).omega_ratio, o.free(u0).omega_ratio, rtol=1e-11)
+
+
+def test_taylor_is_marked_unphysical_and_refused_beyond_the_rim() -> None:
+    o = ContactOscillator(PowerLaw(1.5)).taylor()
+    found = o.free([0.5, 1.2])
+    assert found.valid == (True, False)
+    with pytest.raises(RangeError, match="rim"):
+        o.free(1.7)
+    assert o.free().u0[-1] < 1.7  # the default stays inside
+
+
+def test_false_hardening_of_the_truncated_law() -> None:
+    o = ContactOscillator(PowerLaw(3.5))
+    exact, series = o.free([0.2, 3.0]), o.taylor().free([0.2, 3.0])
+    assert exact.omega_ratio[1] < exact.omega_ratio[0] < 1
+    assert series.omega_ratio[1] > 1 and not series.valid[1]
+
+
+def test_table_agrees_with_its_power_law() -> None:
+    z = np.linspace(0, 2, 81)[1:]
+    table = ContactOscillator(TableLaw(z, z**1.5), load=1.0)
+    u0 = [0.1, 0.5, 0.9]
+    np.testing.assert_allclose(table.free(u0).omega_ratio, ContactOscillator(PowerLaw(1.5)).free(u0).omega_ratio,
+                               rtol=1e-10)
+
+
+def test_bad_amplitudes() -> None:
+    o = ContactOscillator(PowerLaw(1.5))
+    for bad in (0.0, -0.2, np.nan):
+        with pytest.raises(InputError, match="u0"):
+            o.free(bad)
+    with pytest.raises(InputError, match="no amplitude"):
+        o.free([])
+
+
+def test_rows_of_free_csv() -> None:
+    rows = list(ContactOscillator(PowerLaw(1.5)).free([0.3]).rows())
+    assert list(rows[0]) == ["model", "u0", "omega_ratio", "u_min"]

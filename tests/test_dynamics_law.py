@@ -1,0 +1,200 @@
+"""Static laws: closed forms, derivatives against differences, tables with noise, refusals."""
+
+from __future__ import annotations
+
+import csv
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from asperity.dynamics import (
+    ContactOscillator,
+    PowerLaw,
+    Restoring,
+    TableLaw,
+    TaylorLaw,
+    ensemble,
+    law_from,
+    uncertainty,
+    unload_reload,
+)
+from asperity.errors import InputError, RangeError
+
+Z = np.linspace(0.0, 1.0, 61)[1:]
+
+
+@pytest.mark.parametrize("n", [0.6, 1.0, 1.5, 2.0, 3.7])
+def test_power_law_matches_closed_forms(n: float) -> None:
+    law = PowerLaw(n, 3.0)
+    load = 2.5
+    r = Restoring(law, load)
+    assert r.z_s == pytest.approx((load / 3.0) ** (1 / n), rel=1e-14)
+    assert r.n_loc == pytest.approx(n, rel=1e-14)
+    assert r.a2 == pytest.approx((n - 1) / 2, abs=1e-14)
+    assert r.a3 == pytest.approx((n - 1) * (n - 2) / 6, abs=1e-14)
+    assert r.kappa == pytest.approx(-(n - 1) * (2 * n + 1) / 48, abs=1e-14)
+    assert r.f(-3.0) == pytest.approx(-1 / n, rel=1e-14)
+    assert law.force(-0.1) == 0.0
+
+
+@pytest.mark.parametrize("law", [PowerLaw(1.5), PowerLaw(0.8, 2.0), TaylorLaw.about(PowerLaw(1.5), 0.4),
+                                 TableLaw(Z, Z**1.5 + 0.3 * Z**2), TableLaw(Z, Z**1.5, values="fit")])
+def test_force_is_the_derivative_of_the_potential(law: TableLaw) -> None:
+    r = Restoring(law, 0.4)
+    for u in (-0.8, -0.3, -1e-3, 1e-5, 0.04, 0.06, 0.5):
+        value, _ = quad(r.f, 0.0, u, epsabs=1e-13, epsrel=1e-13, limit=400)
+        assert float(r.potential(u)) == pytest.approx(value, rel=1e-8, abs=1e-15)
+        h = 1e-6
+        slope = (r.f(u + h) - r.f(u - h)) / (2 * h)
+        assert float(r.df(u)) == pytest.approx(float(slope), rel=1e-6)
+
+
+def test_taylor_equals_exact_in_contact_for_integer_powers() -> None:
+    u = np.linspace(-0.99, 2.0, 50)
+    for n in (1, 2, 3):
+        exact = Restoring(PowerLaw(n), 1.0)
+        series = Restoring(TaylorLaw.about(PowerLaw(n), 1.0), 1.0)
+        np.testing.assert_allclose(series.f(u), exact.f(u), atol=1e-13)
+
+
+@pytest.mark.parametrize(("n", "rim"), [(1.2, -4.529), (1.5, -2.7446), (2.0, -2.0), (2.4, -1.9202)])
+def test_taylor_rim(n: float, rim: float) -> None:
+    assert TaylorLaw.about(PowerLaw(n), 1.0).rim() == pytest.approx(rim, abs=5e-4)
+
+
+def test_table_of_a_power_law_is_the_power_law() -> None:
+    law = TableLaw(Z, 2.0 * Z**1.5)
+    z = np.linspace(1e-4, 1.0, 200)
+    np.testing.assert_allclose(law.force(z), 2.0 * z**1.5, rtol=1e-12)
+    np.testing.assert_allclose(law.stiffness(z), 3.0 * z**0.5, rtol=1e-11)
+    np.testing.assert_allclose(law.potential(z), 0.8 * z**2.5, rtol=1e-11)
+    r = ContactOscillator(law, load=0.7).restoring
+    assert r.kappa == pytest.approx(-1 / 24, rel=1e-9)
+
+
+def test_noise_widens_the_interval_and_keeps_the_truth_inside() -> None:
+    inside = 0
+    for seed in range(20):
+        noise = 1 + 0.005 * np.random.default_rng(seed).standard_normal(Z.size)
+        law = TableLaw(Z, Z**1.5 * noise, values="fit")
+        interval = law.fit().ci_n
+        assert interval is not None
+        low, high = interval
+        inside += low <= 1.5 <= high
+        kappa = uncertainty(ContactOscillator(law)).kappa
+        assert kappa.low < kappa.value < kappa.high
+        assert kappa.high - kappa.low < 2e-3
+        assert kappa.value == pytest.approx(-1 / 24, abs=1e-3)
+        local = law.local_fit(0.6).interval("kappa")
+        assert local[1] - local[0] < 0.05
+    assert inside >= 17  # 95 % of 20 is 19
+
+
+def test_derivatives_never_come_from_the_interpolant() -> None:
+    noise = 1 + 0.003 * (-1.0) ** np.arange(Z.size)
+    with pytest.warns(UserWarning, match="noisy"):
+        r = ContactOscillator(TableLaw(Z, Z**1.5 * noise), load=0.9).restoring
+    assert r.n_loc == pytest.approx(1.5, abs=0.05)
+
+
+def test_confidence_reaches_omega_s() -> None:
+    law = PowerLaw(1.5, 1.0, (1.4, 1.6), (0.9, 1.1 / 0.99), 0.0)
+    spread = uncertainty(ContactOscillator(law, load=2.0))
+    # omega_s^2 = n g (K / W)^(1/n): linear propagation, n and ln K uncorrelated
+    half_k = 0.5 * np.log(1.1 / 0.99 / 0.9)
+    slope_n = 0.5 * (1 / 1.5 + np.log(2.0) / 1.5**2)
+    expected = np.hypot(slope_n * 0.1, 0.5 / 1.5 * half_k) * spread.omega_s.value
+    assert spread.omega_s.high - spread.omega_s.value == pytest.approx(expected, rel=0.05)
+    assert spread.softening == "softening"
+    flat = uncertainty(ContactOscillator(PowerLaw(1.02, 1.0, (0.95, 1.09), (0.9, 1.2))))
+    assert flat.softening == "undecided"
+    with pytest.raises(InputError, match="confidence"):
+        ensemble(PowerLaw(1.5))
+
+
+def _hysteretic() -> dict[str, np.ndarray]:
+    up = np.linspace(0, 1, 21)[1:]
+    down = np.linspace(1, 0.4, 13)[1:]
+    return {
+        "delta": np.concatenate([up, down]),
+        "force": np.concatenate([up**1.2, ((down - 0.4) / 0.6) ** 1.5]),
+        "branch": np.array(["load"] * 20 + ["unload"] * 12),
+    }
+
+
+def test_unload_branch_is_measured_from_separation() -> None:
+    law = unload_reload(_hysteretic(), 0.5)
+    assert law.origin == pytest.approx(0.4, abs=1e-6)
+    r = ContactOscillator(law, load=0.5).restoring
+    assert r.n_loc == pytest.approx(1.5, rel=1e-4)
+    assert r.z_s == pytest.approx(0.6 * 0.5 ** (1 / 1.5), rel=1e-5)
+
+
+def test_paper_law_is_the_fit_of_the_loading_branch(tmp_path) -> None:
+    curve = _hysteretic()
+    law, load = law_from(curve)
+    assert isinstance(law, PowerLaw) and law.n == pytest.approx(1.2, rel=1e-8)
+    assert law.K == pytest.approx(1.0, rel=1e-8)
+    assert load == 0.5
+    path = tmp_path / "curve.csv"
+    with path.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(curve)
+        writer.writerows(zip(*curve.values(), strict=True))
+    assert law_from(path)[0] == law_from(tmp_path)[0]
+    scaled, _ = law_from({**curve, "delta": curve["delta"] * 1e-8, "force": curve["force"] * 1e-3})
+    assert float(scaled.force(0.5e-8)) == pytest.approx(1e-3 * 0.5**1.2, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("build", "words"),
+    [
+        (lambda: PowerLaw(0.0), "n = 0.0"),
+        (lambda: PowerLaw(-1.5), "n = -1.5"),
+        (lambda: PowerLaw(1.5, float("nan")), "K = nan"),
+        (lambda: PowerLaw(1.5, ci_n=(1.6, 1.7)), "ci_n"),
+        (lambda: ContactOscillator(PowerLaw(1.5), zeta=-0.01), "zeta = -0.01"),
+        (lambda: ContactOscillator(PowerLaw(1.5), zeta=1.5), "zeta = 1.5"),
+        (lambda: ContactOscillator(PowerLaw(1.5), load=0.0), "load = 0.0"),
+        (lambda: ContactOscillator(PowerLaw(1.5), damping="coulomb"), "hunt-crossley"),
+        (lambda: ContactOscillator(cast(Any, 1.5)), "law must be"),
+        (lambda: TableLaw(np.array([]), np.array([])), "empty"),
+        (lambda: TableLaw(Z[:2], Z[:2]), "at least 5"),
+        (lambda: TableLaw(Z, Z[::-1]), "force does not rise"),
+        (lambda: TableLaw(Z[::-1], Z[::-1]), "deflection does not rise"),
+        (lambda: TableLaw(Z, np.where(Z > 0.5, np.nan, Z)), "not finite"),
+        (lambda: TableLaw(Z - 0.3, Z**1.5), "offset"),
+        (lambda: TableLaw(Z, np.maximum(Z - 0.3, 0.0) ** 1.5), "offset"),
+        (lambda: TableLaw(Z, Z[:5]), "shapes"),
+        (lambda: TableLaw(Z, Z, values="spline"), "interpolant"),
+        (lambda: unload_reload({"delta": Z, "force": Z}), "unload"),
+        (lambda: law_from({"delta": Z}), "force"),
+        (lambda: law_from("nowhere.csv"), "nowhere.csv"),
+        (lambda: law_from({"delta": Z, "force": Z}, law="hertz"), "hertz"),
+    ],
+)
+def test_bad_input_is_one_clear_sentence(build: Any, words: str) -> None:
+    with pytest.raises(InputError) as error:
+        build()
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_range_is_refused_unless_asked_for() -> None:
+    law = TableLaw(Z, Z**1.5)
+    with pytest.raises(RangeError, match="outside the law"):
+        law.force(1.2)
+    with pytest.raises(RangeError, match="load = 2"):
+        ContactOscillator(law, load=2.0)
+    assert float(TableLaw(Z, Z**1.5, extrapolate=True).force(1.2)) == pytest.approx(1.2**1.5, rel=1e-10)
+    with pytest.raises(RangeError, match=r"u = 0\.9"):
+        ContactOscillator(law).free([0.9])
+
+
+def test_offset_can_be_fitted() -> None:
+    law = TableLaw.from_curve({"delta": Z, "force": np.maximum(Z - 0.3, 0.0) ** 1.5}, origin="fit")
+    assert law.origin == pytest.approx(0.3, abs=1e-6)
+    with pytest.raises(InputError, match="origin"):
+        TableLaw.from_curve({"delta": Z, "force": Z}, origin="guess")

@@ -1,0 +1,301 @@
+"""Forced response: orbits checked by an independent time integration, known onsets, hard cases, refusals."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw
+from asperity.dynamics.free import free_orbit
+from asperity.dynamics.hbm import Balance
+from asperity.dynamics.shooting import shoot, state_at_phase_zero
+from asperity.errors import ConvergenceError, InputError, RangeError
+
+
+def one_period(n: float, zeta: float, forcing: float, omega: float, u: float, v: float, periods: int = 1):
+    """End state and extremes over whole forcing periods, by plain event-split integration of u'' itself."""
+
+    def field(t, y, contact):
+        force = (max(1 + y[0], 0.0) ** n if contact else 0.0) - 1
+        return [y[1], forcing * np.cos(omega * t) - force / n - 2 * zeta * y[1]]
+
+    def crossing(t, y, contact):
+        return y[0] + 1
+
+    def turning(t, y, contact):
+        return y[1]
+
+    events: list[Any] = [crossing, turning]
+    events[0].terminal = True
+    t, y, stop, seen = 0.0, np.array([u, v]), periods * 2 * np.pi / omega, [u]
+    while t < stop:
+        contact = y[0] > -1 or (y[0] == -1 and y[1] > 0)
+        events[0].direction = -1.0 if contact else 1.0
+        run = solve_ivp(field, (t, stop), y, method="DOP853", rtol=1e-12, atol=1e-14, args=(contact,),
+                        events=events, max_step=0.05)
+        seen.extend(run.y_events[1][:, 0] if run.t_events[1].size else [])
+        t, y = run.t[-1], run.y[:, -1].copy()
+        if run.t_events[0].size:
+            y[0] = -1.0
+    return y, max(seen), min(seen)
+
+
+@pytest.mark.parametrize(
+    ("n", "zeta", "forcing", "window"),
+    [(1.5, 0.01, 0.05, (0.5, 1.3)), (0.7, 0.02, 0.05, (0.6, 1.3)), (1.0, 0.01, 0.05, (0.6, 1.3)),
+     (2.0, 0.01, 0.05, (0.5, 1.3)), (3.0, 0.005, 0.02, (0.6, 1.2)), (4.0, 0.05, 0.3, (0.5, 1.5)),
+     (1.5, 0.05, 0.3, (1.3, 2.2))],
+)
+def test_orbits_close_under_independent_integration(n, zeta, forcing, window) -> None:
+    r = ContactOscillator(PowerLaw(n), zeta=zeta).response(forcing, window)
+    assert r.tolerance <= 1e-5 and r.det_error <= 1e-6
+    checked = 0
+    for omega in (float(w) for w in np.linspace(window[0], window[1], 5)):
+        for s in r.at(omega):
+            balance = Balance(r.balance.restoring, zeta, "always", s.order)
+            u, v = state_at_phase_zero(balance, s.coefficients, omega)
+            end, high, low = one_period(n, zeta, forcing, omega, u, v, s.order)
+            size = s.u_max - s.u_min
+            growth = 10.0 if s.stable else 1e3
+            np.testing.assert_allclose(end, [u, v], atol=growth * 1e-5 * size)
+            assert high == pytest.approx(s.u_max, abs=growth * 1e-5 * size)
+            assert low == pytest.approx(s.u_min, abs=growth * 1e-5 * size)
+            checked += 1
+    assert checked >= 5
+
+
+def test_reference_curve() -> None:
+    """The reference case: peak, folds and grazing by the balance at two tolerances, and by shooting."""
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.01)
+    loose, fine = o.response(0.05, tol=1e-4), o.response(0.05, tol=1e-7)
+    assert len(fine.branches) == 1 and fine.branches[0].end == "window"
+    assert [e.kind for e in fine.events] == ["grazing", "fold", "grazing", "fold"]
+    for a, b in zip(loose.events, fine.events, strict=True):
+        assert a.Omega == pytest.approx(b.Omega, rel=1e-5)
+        assert a.u_max == pytest.approx(b.u_max, rel=1e-4)
+    # energy balance gives the peak with an error of order zeta^2
+    peak = o.thresholds(0.05).peaks[0]
+    at_peak = max(fine.branches[0].a1)
+    assert at_peak == pytest.approx(peak["a1"], rel=5e-4)
+    assert fine["grazing"][0].u_min == pytest.approx(-1.0, abs=1e-9)
+
+
+def test_harmonic_balance_agrees_with_shooting_to_1e_9() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.01)
+    r = o.response(0.05, (0.8, 1.1), tol=1e-9)
+    b = max(r.branches, key=lambda b: float(b.u_max.max()))
+    for i in np.flatnonzero(b.contact_loss)[3::12]:
+        u, v = state_at_phase_zero(r.balance, b.coefficients[i], b.Omega[i])
+        shot = shoot(r.balance, b.Omega[i], 0.05, u, v)
+        assert b.u_max[i] == pytest.approx(shot.u_max, rel=2e-9)
+        assert b.u_min[i] == pytest.approx(shot.u_min, rel=2e-9)
+        assert b.a1[i] == pytest.approx(shot.a1, rel=2e-9)
+        assert b.radius[i] == pytest.approx(max(abs(m) for m in shot.multipliers), rel=2e-4)
+
+
+def test_polish_reaches_1e_9() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.05)
+    rough, fine = o.response(0.1, (0.86, 1.0), polish=True), o.response(0.1, (0.86, 1.0), tol=1e-9)
+    assert rough.tolerance < 1e-9
+    for omega in (0.9, 0.95):
+        i = int(np.argmin(np.abs(rough.branches[0].Omega - omega)))
+        exact = fine.at(float(rough.branches[0].Omega[i]))
+        assert min(abs(s.u_max - rough.branches[0].u_max[i]) for s in exact) < 2e-9
+
+
+@pytest.mark.parametrize("damping", ["always", "contact", "hunt-crossley"])
+def test_every_damping_agrees_with_shooting(damping: str) -> None:
+    r = ContactOscillator(PowerLaw(1.5), zeta=0.03, damping=damping).response(0.08, (0.7, 1.2), tol=1e-7)
+    b = r.branches[0]
+    assert b.contact_loss.any()
+    for i in np.flatnonzero(b.contact_loss)[::6]:
+        u, v = state_at_phase_zero(r.balance, b.coefficients[i], b.Omega[i])
+        shot = shoot(r.balance, b.Omega[i], 0.08, u, v)
+        assert b.u_max[i] == pytest.approx(shot.u_max, rel=1e-6)
+        assert b.radius[i] == pytest.approx(max(abs(m) for m in shot.multipliers), rel=1e-3)
+        expected = np.exp(-4 * np.pi * 0.03 / b.Omega[i])
+        if damping == "always":
+            assert np.prod(shot.multipliers).real == pytest.approx(expected, rel=1e-8)
+
+
+def test_linear_resonance() -> None:
+    r = ContactOscillator(PowerLaw(1.0), zeta=0.05).response(0.05, (0.5, 1.5), tol=1e-9)
+    b = r.branches[0]
+    np.testing.assert_allclose(b.u_max, 0.05 / np.abs(1 - b.Omega**2 + 0.1j * b.Omega), rtol=1e-9)
+    assert b.stable.all() and not r.events
+
+
+def test_sigma_of_the_hertz_literature() -> None:
+    r = ContactOscillator(PowerLaw(1.5), zeta=0.05).response(0.02, (0.9, 1.1))
+    assert r.setting.F_over_mg == pytest.approx(0.03)
+    assert "F^ = 0.02" in r.setting.describe() and "F/(m g) = 0.03" in r.setting.describe()
+
+
+def test_onset_of_hysteresis() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.002)
+    onset = o.thresholds().hysteresis
+    assert onset is not None
+    assert not o.response(0.97 * onset, (0.97, 1.02))["fold"]
+    assert len(o.response(1.03 * onset, (0.97, 1.02))["fold"]) == 2
+
+
+def test_onset_of_contact_loss() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.005)
+    onset = o.thresholds().contact_loss
+    assert onset is not None
+    assert not o.response(0.995 * onset, (0.9, 1.05))["grazing"]
+    assert len(o.response(1.005 * onset, (0.9, 1.05))["grazing"]) == 2
+
+
+def test_period_doubling_onset_and_branches() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.01)
+    onset = o.thresholds().period_doubling
+    assert onset is not None and onset == pytest.approx(0.24)
+    assert not o.response(0.993 * onset, (1.7, 2.3), subharmonics=False)["period doubling"]
+    r = o.response(1.007 * onset, (1.7, 2.3))
+    assert len(r["period doubling"]) == 2
+    sub = [b for b in r.branches if b.kind == "sub2"]
+    assert len(sub) == 2 and all(b.order == 2 for b in sub)
+    assert sub[0].stable.all() != sub[1].stable.all()
+
+
+def test_detached_loops_below_the_onset() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.01)
+    assert all(b.kind == "main" for b in o.response(0.15, (1.4, 2.2)).branches)
+    r = o.response(0.15, (1.4, 2.2), detached=True)
+    loops = [b for b in r.branches if b.kind == "detached"]
+    assert [b.order for b in loops] == [2]
+    assert loops[0].stable.any() and (~loops[0].stable).any()
+
+
+def test_taylor_equals_exact_in_contact_for_integer_powers() -> None:
+    for n in (2.0, 3.0):
+        o = ContactOscillator(PowerLaw(n), zeta=0.02)
+        exact, series = o.response(0.02, (0.7, 1.2), tol=1e-9), o.taylor().response(0.02, (0.7, 1.2), tol=1e-9)
+        assert exact.valid and series.valid
+        for omega in (0.75, 0.9, 1.0, 1.1):
+            for a, b in zip(exact.at(omega), series.at(omega), strict=True):
+                assert a.u_max == pytest.approx(b.u_max, rel=1e-8)
+
+
+def test_taylor_beyond_contact_is_marked() -> None:
+    r = ContactOscillator(PowerLaw(1.5), zeta=0.01).taylor().response(0.05)
+    assert not r.valid and any("unphysical" in note for note in r.notes)
+    b = r.branches[0]
+    np.testing.assert_array_equal(b.valid, b.u_min >= -1)
+
+
+@pytest.mark.parametrize("n", [1.5, 2.5])
+def test_grazing_within_1e_10_from_both_sides(n: float) -> None:
+    o = ContactOscillator(PowerLaw(n), zeta=0.05)
+    r = o.response(0.12, (0.8, 1.2), tol=1e-9)
+    graze = r["grazing"][0]
+    lower, upper = (
+        next(s for s in r.at(graze.Omega + d) if abs(s.u_min + 1) < 1e-6) for d in (-1e-10, 1e-10)
+    )
+    assert (lower.u_min + 1) * (upper.u_min + 1) < 0
+    for s in (lower, upper):
+        u, v = state_at_phase_zero(r.balance, s.coefficients, s.Omega)
+        end, high, low = one_period(n, 0.05, 0.12, s.Omega, u, v)
+        assert high == pytest.approx(s.u_max, abs=1e-8)
+        assert low == pytest.approx(s.u_min, abs=1e-8)
+        np.testing.assert_allclose(end, [u, v], atol=1e-8)
+
+
+def test_no_damping() -> None:
+    r = ContactOscillator(PowerLaw(1.5), zeta=0.0).response(0.01, (0.6, 1.3))
+    for b in r.branches:
+        assert (b.det_error < 1e-6).all()
+    s = r.at(0.95)
+    assert len(s) == 3
+    # the two large orbits lie on both sides of the free one of that frequency
+    free = free_orbit(r.balance.restoring, 0.8648).omega
+    assert free == pytest.approx(0.95, abs=2e-3)
+    assert s[1].u_max < 0.88 < s[2].u_max + 0.05
+
+
+def test_light_damping_traces_the_narrow_peak() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=1e-4)
+    r = o.response(1e-4, (0.8, 1.2))
+    peak = o.thresholds(1e-4).peaks[0]
+    assert r.branches[0].a1.max() == pytest.approx(peak["a1"], rel=1e-4)
+    assert r.branches[0].Omega[r.branches[0].a1.argmax()] == pytest.approx(peak["Omega"], rel=1e-5)
+
+
+def test_narrow_superharmonic_folds_are_not_stepped_over() -> None:
+    r = ContactOscillator(PowerLaw(1.5), zeta=5e-4).response(0.1, (0.4, 0.55), tol=1e-6)
+    lower = [b for b in r.branches if (b.u_max < 0.6).any()]
+    folds = [e for e in r["fold"] if 0.45 < e.Omega < 0.5 and e.u_max < 1.5]
+    assert lower and len(folds) >= 1
+    assert max(float(b.u_max.max()) for b in r.branches) > 0.5
+
+
+def test_mostly_flight() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.01)
+    r = o.response(0.2, (0.2, 1.3))
+    top = max(r.at(0.25), key=lambda s: s.u_max)
+    assert free_orbit(o.restoring, top.u_max).flight > 0.8
+    u, v = state_at_phase_zero(r.balance, top.coefficients, 0.25)
+    shot = shoot(r.balance, 0.25, 0.2, u, v)
+    size = top.u_max - top.u_min
+    assert shot.u_max == pytest.approx(top.u_max, abs=1e-5 * size)
+    assert shot.u_min == pytest.approx(top.u_min, abs=1e-5 * size)
+
+
+def test_several_separations_per_period() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.05)
+    r = o.response(0.8, (0.1, 0.14), tol=1e-4, subharmonics=False)
+    found = r.at(0.12)
+    assert found
+    many = 0
+    for s in found:
+        path = o.simulate(0.12, 0.8, u=float(s.coefficients.sum().real),
+                          v=state_at_phase_zero(r.balance, s.coefficients, 0.12)[1], periods=1.0)
+        many = max(many, len(path.flight))
+        if s.stable:
+            assert path.u.max() == pytest.approx(s.u_max, rel=1e-3)
+    assert many >= 2
+
+
+def test_table_response_follows_its_power_law_and_stops_at_its_end() -> None:
+    z = np.linspace(0, 1, 61)[1:]
+    table = ContactOscillator(TableLaw(z, z**1.5), zeta=0.02)
+    power = ContactOscillator(PowerLaw(1.5), zeta=0.02)
+    a, b = table.response(0.01, (0.8, 1.2)), power.response(0.01, (0.8, 1.2))
+    for omega in (0.9, 0.98, 1.1):
+        assert a.at(omega)[0].u_max == pytest.approx(b.at(omega)[0].u_max, rel=1e-6)
+    cut = table.response(0.1, (0.8, 1.2))
+    assert any("leaves the law" in note for note in cut.notes)
+    assert max(float(b.u_max.max()) for b in cut.branches) <= table.restoring.u_range[1]
+    with pytest.raises(RangeError):
+        table.response(5.0, (0.95, 1.05))
+
+
+@pytest.mark.parametrize("bad", [0.0, -0.1, np.nan, np.inf])
+def test_forcing_must_be_positive(bad: float) -> None:
+    with pytest.raises(InputError, match="forcing"):
+        ContactOscillator(PowerLaw(1.5)).response(bad)
+
+
+def test_bad_windows() -> None:
+    o = ContactOscillator(PowerLaw(1.5))
+    for window in ((1.3, 0.5), (0.0, 1.0), (0.5,)):
+        with pytest.raises(InputError, match="omega"):
+            o.response(0.05, window)
+    with pytest.raises(InputError, match="window"):
+        o.response(0.05, (0.9, 1.1)).at(2.0)
+
+
+def test_shooting_refuses_what_is_not_periodic() -> None:
+    balance = ContactOscillator(PowerLaw(1.5), zeta=0.01).response(0.01, (0.9, 1.1)).balance
+    with pytest.raises((ConvergenceError, np.linalg.LinAlgError)):
+        shoot(balance, 0.95, 5.0, 40.0, -7.0, rtol=1e-7)
+
+
+def test_rows_of_response_csv() -> None:
+    rows = list(ContactOscillator(PowerLaw(1.5), zeta=0.05).response(0.02, (0.9, 1.1)).rows())
+    assert list(rows[0]) == ["model", "F_hat", "zeta", "Omega", "u_max", "u_min", "a1", "stable", "branch",
+                             "contact_loss"]

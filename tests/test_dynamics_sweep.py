@@ -1,0 +1,174 @@
+"""Time integration, sweeps, attractors, thresholds and result files."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from asperity.dynamics import ContactOscillator, PowerLaw, response_band, run_dynamics
+from asperity.errors import InputError, RangeError
+
+
+def test_simulate_flight_is_a_parabola() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.0)
+    path = o.simulate(1.0, 0.0, u=2.0, periods=3.0)
+    energy = 0.5 * path.v**2 + o.restoring.potential(path.u)
+    assert np.ptp(energy) < 1e-9
+    orbit = o.free(2.0).orbits[0]
+    assert path.u.min() == pytest.approx(orbit.u_min, rel=1e-9)
+    length = np.diff(path.flight[0])[0]
+    assert length == pytest.approx(2 * 1.5 * orbit.v_s, rel=1e-9)
+    assert np.all(path.u[(path.tau > path.flight[0, 0] + 1e-9) & (path.tau < path.flight[0, 1] - 1e-9)] < -1)
+
+
+def test_free_decay_has_the_damping_ratio() -> None:
+    zeta = 0.02
+    path = ContactOscillator(PowerLaw(1.5), zeta=zeta).simulate(1.0, 0.0, u=0.01, periods=10.0, samples=256)
+    peaks = path.u[1:-1][(path.u[1:-1] > path.u[:-2]) & (path.u[1:-1] > path.u[2:])]
+    ratio = np.log(peaks[0] / peaks[5]) / 5
+    assert ratio == pytest.approx(2 * np.pi * zeta / np.sqrt(1 - zeta**2), rel=1e-3)
+
+
+def test_sweeps_lie_on_the_stable_branches() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.03)
+    up, down = o.sweep(0.1, (0.7, 1.2), points=26)
+    r = o.response(0.1, (0.7, 1.2))
+    for s in (up, down):
+        assert set(s.status) == {"settled"}
+        for omega, top, low in zip(s.Omega, s.u_max, s.u_min, strict=True):
+            nearest = min((x for x in r.at(omega) if x.stable), key=lambda x: abs(x.u_max - top))
+            assert top == pytest.approx(nearest.u_max, rel=2e-4)
+            assert low == pytest.approx(nearest.u_min, rel=2e-4)
+    folds = sorted(e.Omega for e in r["fold"])
+    inside = (up.Omega > folds[0]) & (up.Omega < folds[-1])
+    jumps = np.abs(up.u_max[inside] - down.u_max[::-1][inside])
+    assert inside.any() and bool(np.all(jumps > 0.1))
+
+
+def test_sweep_reports_period_two() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.03)
+    (down,) = o.sweep(0.9, (1.9, 2.1), points=5, directions=("down",))
+    assert any(s == "period 2" for s in down.status)
+
+
+def test_sweep_reports_what_has_not_settled() -> None:
+    (up,) = ContactOscillator(PowerLaw(1.5), zeta=1e-3).sweep(0.02, (0.95, 1.0), points=3, directions=("up",),
+                                                             max_periods=5)
+    assert "not settled" in up.status
+    assert not all(row["stable"] for row in up.rows())
+
+
+def test_taylor_sweep_escapes_and_says_so() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.02).taylor()
+    (down,) = o.sweep(0.2, (0.5, 1.2), points=15, directions=("down",))
+    assert "escaped" in down.status and not down.valid.all()
+    rows = list(down.rows())
+    assert len(rows) == sum(s != "escaped" for s in down.status)
+    assert all(np.isfinite(row["u_max"]) for row in rows)
+    with pytest.raises(RangeError, match="escapes"):
+        o.simulate(1.0, 0.0, u=2.0, periods=20)
+
+
+def test_attractors_are_the_stable_orbits() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.03)
+    found = o.attractors(0.87, 0.1, starts=6)
+    stable = [s for s in o.response(0.1, (0.7, 1.2)).at(0.87) if s.stable]
+    assert len(found) == len(stable) == 2
+    assert sum(a.share for a in found) == pytest.approx(1.0)
+    for a, s in zip(sorted(found, key=lambda a: a.u_max), stable, strict=True):
+        assert a.u_max == pytest.approx(s.u_max, rel=2e-3) and a.period == 1
+
+
+@pytest.mark.parametrize(("n", "drive"), [(1.2, 0.94898), (1.5, 0.88652), (2.0, 0.80758), (3.0, 0.70205)])
+def test_onset_of_contact_loss(n: float, drive: float) -> None:
+    t = ContactOscillator(PowerLaw(n), zeta=0.01).thresholds()
+    assert t.drive_loss == pytest.approx(drive, abs=6e-6)
+    assert t.contact_loss == pytest.approx(0.02 * drive, rel=1e-4)
+    assert t.u_max == pytest.approx((n + 1) ** (1 / n) - 1, rel=1e-12)
+    assert t.hysteresis == pytest.approx(np.sqrt(32e-6 / (3 * np.sqrt(3) * abs(t.kappa))), rel=1e-12)
+
+
+def test_damping_decides_whether_resonance_closes() -> None:
+    always, contact, force = (
+        ContactOscillator(PowerLaw(1.5), damping=d).thresholds(0.05) for d in ("always", "contact", "hunt-crossley")
+    )
+    assert always.closing is None and force.closing is None
+    assert contact.closing is not None and contact.closing < 0.05
+    assert contact.peaks[0]["u_max"] is None and always.peaks[0]["u_max"] is not None
+    # proportional to the contact force: the same loss, since INT f u'^2 dtau vanishes on a free orbit
+    assert force.peaks[0]["u_max"] == pytest.approx(always.peaks[0]["u_max"], rel=1e-6)
+
+
+def test_hardening_needs_n_below_one() -> None:
+    assert ContactOscillator(PowerLaw(0.9)).thresholds().softening == "hardening"
+    assert ContactOscillator(PowerLaw(1.1)).thresholds().softening == "softening"
+    assert ContactOscillator(PowerLaw(1.0)).thresholds().softening == "linear"
+    turns = ContactOscillator(PowerLaw(0.8)).backbone(3.0, points=200).turns
+    assert len(turns) == 1 and turns[0][1] > 1  # contact loss softens in the end
+
+
+def test_backbone_stays_inside_the_taylor_rim() -> None:
+    b = ContactOscillator(PowerLaw(1.5)).taylor().backbone(10.0)
+    assert b.u_max[-1] < 1.7 and np.isfinite(b.omega).all()
+
+
+def test_run_writes_its_files(tmp_path) -> None:
+    law = PowerLaw(1.5, 2.0, (1.45, 1.55), (1.9, 2.2), -0.3)
+    out = tmp_path / "out"
+    result = run_dynamics(law, zeta=0.05, forcing=[0.02, 0.04], omega=(0.9, 1.1), load=3.0, out_dir=out)
+    with (out / "free.csv").open() as file:
+        assert {row["model"] for row in csv.DictReader(file)} == {"exact", "taylor"}
+    with (out / "response.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert {row["branch"] for row in rows} == {"main", "sweep-up", "sweep-down"}
+    assert all("nan" not in row.values() for row in rows)
+    summary = json.loads((out / "thresholds.json").read_text())
+    assert summary["omega_s"] == pytest.approx(np.sqrt(1.5 * 9.80665 / (3 / 2) ** (2 / 3)))
+    assert summary["exact"]["F_over_mg"] == pytest.approx(1.5)
+    assert len(summary["uncertainty"]["omega_s"]) == 3
+    assert len(result.responses["exact"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [({"forcing": []}, "forcing"), ({"forcing": 0.0}, "forcing"), ({"models": ["cubic"]}, "cubic"),
+     ({"models": []}, "model"), ({"zeta": -1.0}, "zeta"), ({"damping": "no"}, "damping"),
+     ({"omega": (1.0, 0.5)}, "omega"), ({"load": -1.0}, "load")],
+)
+def test_bad_arguments_write_nothing(tmp_path, options, words) -> None:
+    with pytest.raises(InputError, match=words):
+        run_dynamics(PowerLaw(1.5), out_dir=tmp_path / "out", **options)
+    assert not (tmp_path / "out").exists()
+
+
+def test_band_holds_the_central_response() -> None:
+    o = ContactOscillator(PowerLaw(1.5, 1.0, (1.47, 1.53), (0.97, 1.03)), zeta=0.05)
+    band = response_band(o, 0.02, (0.9, 1.1), points=11)
+    centre = o.response(0.02, (0.9, 1.1))
+    for i in range(1, 10):
+        top = centre.at(float(band.Omega[i]))[-1].u_max
+        assert band.upper[0, i] <= top * 1.001 and band.upper[1, i] >= top * 0.999
+    assert (band.upper[1] - band.upper[0] > 1e-4).all()
+
+
+def test_bad_sweeps() -> None:
+    o = ContactOscillator(PowerLaw(1.5))
+    for options, words in (({"forcing": []}, "forcing"), ({"forcing": 0.1, "directions": ("left",)}, "left"),
+                           ({"forcing": 0.1, "points": 1}, "points")):
+        with pytest.raises(InputError, match=words):
+            o.sweep(**options)
+
+
+def test_figures_of_a_run(tmp_path) -> None:
+    from asperity.dynamics import plots
+
+    law = PowerLaw(1.5, 1.0, (1.45, 1.55), (0.97, 1.03))
+    result = run_dynamics(law, zeta=0.05, forcing=0.12, omega=(0.8, 1.1), sweeps=False)
+    names = {path.name for path in plots.save_figures(result, tmp_path)}
+    assert names == {"frequency.png", "response.png", "operating-point.png", "backbone.png", "phase.png"}
+    assert all((tmp_path / name).stat().st_size > 10_000 for name in names)
+    chart = plots.stability_chart(result.oscillators["exact"], [0.05, 0.2], (0.8, 1.1))
+    assert chart.axes[0].get_yscale() == "log"

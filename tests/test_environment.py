@@ -1,0 +1,259 @@
+"""The environment that ./run makes: what it holds, and how it is made.
+
+The making is tested with stand-ins for mmdebstrap and bubblewrap, on a copy of the script that is
+told the host is another system.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+PROJECT = Path(__file__).parents[1]
+PACKAGES = re.findall(r"^[a-z0-9.+-]+", (PROJECT / "packages.txt").read_text(), re.MULTILINE)
+
+
+def clean_environment() -> dict[str, str]:
+    """The environment without what an MPI process adds to it, so that a new MPI job can start."""
+    return {
+        k: v for k, v in os.environ.items() if not re.match("PMIX_|PRTE_(?!MCA)|OMPI_(?!MCA|A)", k)
+    }
+
+
+def run(*command: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [PROJECT / "run", *command],
+        env=clean_environment(),
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+
+
+# ---------------------------------------------------------------------------------- what it holds
+
+
+def test_packages_are_named_once_and_installed() -> None:
+    assert len(set(PACKAGES)) == len(PACKAGES) > 20
+    answer = subprocess.run(
+        ["dpkg-query", "-W", "-f", "${db:Status-Status} ${Package}\n", *PACKAGES],
+        capture_output=True,
+        text=True,
+    )
+    assert set(answer.stdout.splitlines()) == {f"installed {name}" for name in PACKAGES}
+
+
+def test_no_argument_prints_help() -> None:
+    answer = run()
+    assert answer.returncode == 0
+    assert "./run demo" in answer.stdout and "./run test" in answer.stdout
+
+
+def test_exit_code_and_directory_of_the_command(tmp_path: Path) -> None:
+    answer = subprocess.run(
+        [PROJECT / "run", "sh", "-c", "pwd; exit 7"], cwd=tmp_path, capture_output=True
+    )
+    assert answer.returncode == 7
+    assert answer.stdout.decode().strip() == str(tmp_path.resolve())
+
+
+def test_tools_see_the_package() -> None:
+    for tool in ("pytest", "mypy"):
+        assert run(tool, "--version").returncode == 0
+        script = shutil.which(tool)
+        assert script is not None and Path(script).parent == Path(sys.executable).parent
+
+
+@pytest.mark.parametrize("ranks", [2, 4])
+def test_mpirun_starts_more_ranks_than_cores(ranks: int) -> None:
+    program = (
+        "import os; from mpi4py import MPI; world = MPI.COMM_WORLD;"
+        "os.write(1, b'sum %d\\n' % world.allreduce(world.rank))"  # one write: lines stay whole
+    )
+    answer = run("mpirun", "-n", str(ranks), "python3", "-c", program)
+    assert answer.returncode == 0, answer.stderr
+    assert answer.stdout.splitlines() == [f"sum {ranks * (ranks - 1) // 2}"] * ranks
+
+
+def test_the_blas_is_not_the_reference_one() -> None:
+    library = Path("/etc/alternatives/libblas.so.3-x86_64-linux-gnu")
+    libraries = [library] if library.exists() else list(library.parent.glob("libblas.so.3-*"))
+    assert libraries and all("openblas" in str(path.resolve()) for path in libraries)
+
+
+# --------------------------------------------------------------------------------- how it is made
+
+STAND_INS = {
+    "dpkg-query": 'while [ "$1" != -- ]; do shift; done; shift; printf "installed %s\\n" "$@"',
+    "apt-get": "true",
+    "apt-config": "true",
+    "unshare": 'while [ "${1#-}" != "$1" ]; do shift; done; exec "$@"',
+    "bwrap": """
+        while [ "$1" != -- ]; do shift; done; shift
+        case $* in
+            *" pip "*) ;;
+            *" venv "*) for place; do :; done; mkdir -p "$place/bin" ;;
+            *) exec "$@" ;;
+        esac
+    """,
+    "mmdebstrap": """
+        echo made >>"$CALLS"
+        echo "I: downloading packages"
+        for target; do case $target in trixie) take=1;; *) [ -z "$take" ] || break;; esac; done
+        [ ! -e "$FAIL" ] || { echo "E: no such mirror"; exit 1; }
+        if [ "$target" = - ]; then tree=$(mktemp -d); else tree=$target; mkdir "$tree"; fi
+        mkdir -p "$tree/usr/bin" "$tree/etc" "$tree/var"
+        while [ -e "$HOLD" ]; do sleep 0.05; done
+        touch "$tree/complete"
+        [ "$target" != - ] || tar -C "$tree" -c .
+    """,
+}
+
+
+class Clone:
+    """A copy of the script on a system that is no Debian, with stand-ins for the tools."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path / "a clone"
+        self.cache = path / "cache" / "asperity"
+        self.calls, self.hold, self.fail = path / "calls", path / "hold", path / "fail"
+        tools = path / "tools"
+        for directory in (self.path / "solver", tools):
+            directory.mkdir(parents=True)
+        for name, body in STAND_INS.items():
+            (tools / name).write_text(f"#!/bin/sh\n{body}\n")
+            (tools / name).chmod(0o755)
+        (path / "os-release").write_text("ID=other\nVERSION_ID=1\n")
+        script = (PROJECT / "run").read_text().replace("/etc/os-release", str(path / "os-release"))
+        (self.path / "run").write_text(script)
+        for name in ("packages.txt", "CMakeLists.txt", "pyproject.toml"):
+            shutil.copy(PROJECT / name, self.path)
+        self.environment = clean_environment() | {
+            "PATH": f"{tools}:/usr/bin:/bin",
+            "XDG_CACHE_HOME": str(self.cache.parent),
+            "CALLS": str(self.calls),
+            "HOLD": str(self.hold),
+            "FAIL": str(self.fail),
+        }
+        self.environment.pop("ASPERITY_ENTERED", None)
+
+    def start(self, *command: str) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            ["bash", self.path / "run", *(command or ("echo", "inside"))],
+            env=self.environment,
+            cwd=self.path,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def roots(self) -> list[Path]:
+        return [path for path in self.cache.glob("root-*") if path.is_dir()]
+
+    def made(self) -> int:
+        return len(self.calls.read_text().split()) if self.calls.exists() else 0
+
+
+@pytest.fixture
+def clone(tmp_path: Path) -> Clone:
+    return Clone(tmp_path)
+
+
+def wait_until(condition: Callable[[], object]) -> None:
+    end = time.monotonic() + 30
+    while not condition():
+        assert time.monotonic() < end, "nothing happened for 30 s"
+        time.sleep(0.02)
+
+
+def test_the_root_is_made_once(clone: Clone) -> None:
+    for _ in range(2):
+        process = clone.start()
+        output, errors = process.communicate(timeout=60)
+        assert (process.returncode, output) == (0, "inside\n"), errors
+    assert clone.made() == 1
+    (root,) = clone.roots()
+    assert (root / "complete").exists() and root.suffix == ""
+
+
+def test_two_starts_at_once_make_one_root(clone: Clone) -> None:
+    clone.hold.touch()
+    first = clone.start()
+    wait_until(clone.made)
+    second = clone.start()
+    assert second.stderr is not None
+    assert "waiting for another start" in second.stderr.readline()
+    clone.hold.unlink()
+    assert [p.communicate(timeout=60)[0] for p in (first, second)] == ["inside\n"] * 2
+    assert clone.made() == 1
+
+
+def test_a_killed_start_leaves_neither_lock_nor_root(clone: Clone) -> None:
+    clone.hold.touch()
+    first = clone.start()
+    wait_until(clone.roots)
+    first.send_signal(signal.SIGKILL)
+    first.communicate(timeout=60)
+    assert all(path.suffix in (".new", ".tmp") for path in clone.roots())
+    clone.hold.unlink()
+    process = clone.start()
+    output, errors = process.communicate(timeout=60)
+    assert (process.returncode, output) == (0, "inside\n"), errors
+    (root,) = clone.roots()
+    assert root.suffix == ""
+
+
+def test_a_changed_list_of_packages_makes_another_root(clone: Clone) -> None:
+    clone.start().communicate(timeout=60)
+    with open(clone.path / "packages.txt", "a") as packages:
+        packages.write("python3-other  # a comment\n")
+    clone.start().communicate(timeout=60)
+    assert clone.made() == len(clone.roots()) == 2
+
+
+def test_a_failure_says_which_step_and_what_to_do(clone: Clone) -> None:
+    clone.fail.touch()
+    process = clone.start()
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 4
+    assert "making the Debian trixie environment failed" in errors
+    assert "E: no such mirror" in errors and "start ./run again" in errors
+    assert not clone.roots()
+    clone.fail.unlink()
+    assert clone.start().communicate(timeout=60)[0] == "inside\n"
+
+
+def test_a_cache_that_cannot_be_written(clone: Clone) -> None:
+    clone.environment["XDG_CACHE_HOME"] = "/proc/nowhere"
+    process = clone.start()
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 4
+    assert "/proc/nowhere" in errors and "XDG_CACHE_HOME" in errors
+
+
+def test_too_little_room(clone: Clone) -> None:
+    script = clone.path / "run"
+    script.write_text(
+        re.sub(r"(?m)^space_needed=\d+", f"space_needed={10**12}", script.read_text())
+    )
+    process = clone.start()
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 4
+    assert "are free in" in errors and clone.made() == 0
+
+
+def test_variables_of_another_python_do_not_enter(clone: Clone) -> None:
+    clone.environment |= {"PYTHONHOME": "/else", "LD_LIBRARY_PATH": "/else", "OMP_NUM_THREADS": "3"}
+    command = 'echo "$PYTHONHOME,$LD_LIBRARY_PATH,$OMP_NUM_THREADS"'
+    output, errors = clone.start("sh", "-c", command).communicate(timeout=60)
+    assert output == ",,3\n", errors

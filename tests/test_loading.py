@@ -1,0 +1,352 @@
+"""The load path: roll-back, cutback, must-points, unloading, force control, cycles, predictor, memory."""
+
+from __future__ import annotations
+
+import dataclasses
+import gc
+import warnings
+import weakref
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy.optimize import brentq
+
+from asperity import reference as ref
+from asperity.errors import ConvergenceError
+from asperity.loading import GROWTH, SMALLEST_CUT, Position, Record, Schedule, follow
+from asperity.material import Material
+from asperity.mesh import BlockMesh, build_block
+from asperity.press import Press
+from asperity.solve import NewtonSolver, SolverOptions, StepStats
+from asperity.statics import make_press
+from asperity.surface import Flat, Surface
+
+Array = npt.NDArray[np.float64]
+
+NU = 0.3
+ELASTIC = Material(1.0, NU)
+PLASTIC = Material(1.0, NU, 0.005, 0.05)
+DELTA = 0.03
+EACH = pytest.mark.parametrize("material", [ELASTIC, PLASTIC], ids=["elastic", "plastic"])
+
+
+def world() -> Any:
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD
+
+
+@pytest.fixture
+def press_of(rough: Surface, coarse: BlockMesh | None) -> Callable[..., Press]:
+    def make(material: Material, **options: Any) -> Press:
+        return make_press(world(), rough, coarse, material, options=SolverOptions(**options))
+
+    return make
+
+
+def drive(press: Press, **schedule: Any) -> Record:
+    record = Record(1.0, press.solid.material.E, press.solid.material.reduced_modulus)
+    follow(press, Schedule(**schedule), record)
+    return record
+
+
+def fail(monkeypatch: pytest.MonkeyPatch, when: Callable[[int], bool]) -> list[int]:
+    """Make solves fail after they have done their work on displacement and history; the numbers of the failed."""
+    true_solve = NewtonSolver.solve
+    calls, failed = [0], []
+
+    def solve(self: NewtonSolver, start: Any, scale: float) -> StepStats:
+        stats = true_solve(self, start, scale)
+        calls[0] += 1
+        if when(calls[0]):
+            failed.append(calls[0])
+            stats = dataclasses.replace(stats, converged=False, reason="forced")
+        return stats
+
+    monkeypatch.setattr(NewtonSolver, "solve", solve)
+    return failed
+
+
+def state(press: Press) -> dict[str, Any]:
+    """All that the next step starts from."""
+    return {
+        "u": press.solid.u.x.array.copy(),
+        "history": [h.copy() for h in press.solid.bulk.history()],
+        "last": {k: v.copy() for k, v in press.displacements().items()},
+        "touched": press.touched_at().copy(),
+        "numbers": {k: v for k, v in press.numbers().items() if k != "counts"},
+        "nodal force": press.nodal_force.copy(),
+        "pressure": press.pressure.copy(),
+    }
+
+
+# --- failed attempts ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.mpi
+@EACH
+def test_a_failed_attempt_leaves_every_bit_as_it_was(
+    press_of: Callable[..., Press], material: Material, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    press, twin = press_of(material), press_of(material)
+    for p in (press, twin):
+        assert p.attempt(0.01).converged and p.attempt(0.02).converged
+    before = state(press)
+    fail(monkeypatch, lambda call: True)
+    assert not press.attempt(0.04).converged
+    np.testing.assert_equal(state(press), before)
+    monkeypatch.undo()
+    for p in (press, twin):
+        assert p.attempt(0.03).converged
+    np.testing.assert_equal(state(press), state(twin))
+
+
+@pytest.mark.mpi
+def test_a_true_failure_is_rolled_back_too(press_of: Callable[..., Press]) -> None:
+    press = press_of(PLASTIC, newton_max=4)
+    assert press.attempt(0.0005).converged
+    before = state(press)
+    stats = press.attempt(0.06)
+    assert not stats.converged and stats.reason == "diverged_max_it"
+    np.testing.assert_equal(state(press), before)
+
+
+@EACH
+def test_a_cut_step_is_halved_grows_again_and_hits_the_planned_points(
+    press_of: Callable[..., Press], material: Material, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    planned = DELTA / 5
+    smooth = drive(press_of(material), delta_max=DELTA, steps=5).curve()
+    failed = fail(monkeypatch, lambda call: call in (2, 3))
+    press = press_of(material)
+    cut = drive(press, delta_max=DELTA, steps=5).curve()
+    assert failed == [2, 3] and press.counts.cutbacks == 2
+    np.testing.assert_array_equal(smooth.delta, DELTA * np.arange(1, 6) / 5)
+    assert set(smooth.delta) <= set(cut.delta)
+    moves = np.diff(cut.delta, prepend=0.0)
+    np.testing.assert_allclose(moves[:3], [planned, planned / 4, planned / 4 * GROWTH], rtol=1e-12)
+    assert np.all(moves <= planned * 1.0011)
+    if material is ELASTIC:
+        at = np.isin(cut.delta, smooth.delta)
+        np.testing.assert_allclose(cut.force[at], smooth.force, rtol=1e-7)
+
+
+def test_a_step_that_never_converges_ends_the_run_with_the_curve_so_far(
+    press_of: Callable[..., Press], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    press = press_of(PLASTIC)
+    record = Record(1.0, 1.0, PLASTIC.reduced_modulus)
+    fail(monkeypatch, lambda call: call > 2)
+    with pytest.raises(ConvergenceError, match=r"no convergence at delta/L = 0\.0120\d+ \(forced .* 0\.012 is kept"):
+        follow(press, Schedule(delta_max=DELTA, steps=5), record)
+    assert len(record.curve()) == 2
+    assert press.delta == record.curve().delta[-1] == 2 * DELTA / 5
+    assert press.counts.cutbacks - np.log2(1 / SMALLEST_CUT) in (0, 1)
+
+
+def test_force_control_gives_up_with_the_curve_so_far(
+    press_of: Callable[..., Press], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    press = press_of(ELASTIC)
+    record = Record(1.0, 1.0, ELASTIC.reduced_modulus)
+    fail(monkeypatch, lambda call: call > 3)
+    with pytest.raises(ConvergenceError, match=r"on the way to loading\.force_max \(forced\)"):
+        follow(press, Schedule(force_max=0.01, steps=5), record)
+    assert len(record.curve()) == 3
+
+
+# --- predictor and linear solvers -----------------------------------------------------------------------------
+
+
+@pytest.mark.mpi
+@EACH
+def test_the_predictor_saves_work_and_changes_nothing_else(press_of: Callable[..., Press], material: Material) -> None:
+    with_it, without = press_of(material, rtol=1e-10), press_of(material, rtol=1e-10)
+    newton = [0, 0]
+    for delta in DELTA * np.arange(1, 6) / 20:  # larger steps may fail without it
+        stats = with_it.attempt(delta)
+        without._previous = None
+        plain = without.attempt(delta)
+        assert stats.converged and plain.converged
+        newton = [newton[0] + stats.newton, newton[1] + plain.newton]
+        assert with_it.force == pytest.approx(without.force, rel=1e-8)
+        np.testing.assert_allclose(with_it.solid.u.x.array, without.solid.u.x.array, atol=1e-9 * DELTA)
+    assert newton[0] <= newton[1]
+
+
+@pytest.mark.mpi
+@EACH
+def test_linear_solvers_give_the_same_curve(press_of: Callable[..., Press], material: Material) -> None:
+    curves = [
+        drive(press_of(material, linear=kind, rtol=1e-10), delta_max=DELTA, steps=3, unload_steps=2).curve()
+        for kind in ("lu", "cg", "gamg")
+    ]
+    for other in curves[1:]:
+        np.testing.assert_allclose(other.force, curves[0].force, rtol=1e-8)
+
+
+# --- unloading ------------------------------------------------------------------------------------------------
+
+
+@EACH
+def test_unloading_ends_at_zero_force(press_of: Callable[..., Press], material: Material) -> None:
+    press = press_of(material)
+    curve = drive(press, delta_max=DELTA, steps=5, unload_steps=6).curve()
+    assert list(curve.branch[:5]) == ["load"] * 5 and set(curve.branch[5:]) == {"unload"}
+    down = curve.unloading()
+    assert down.force[-1] == 0.0
+    assert down.area_fraction[-1] == 0.0 and down.max_pressure[-1] == 0.0
+    assert np.all(np.diff(down.force) < 0)
+    assert np.all(np.diff(down.delta) < 0)
+    steps = -np.diff(np.append(curve.force[4], down.force)) / curve.force[4]
+    assert steps.max() < 2 / 6  # about equal steps of force
+    # what is left of the deflection is how much lower the flat touches
+    summit = world().allreduce(float(press._touch()))
+    residual = press.summit - summit
+    if material is ELASTIC:
+        assert abs(down.delta[-1]) < 1e-12
+        assert np.abs(press.solid.u.x.array).max() < 1e-12
+    else:
+        assert down.delta[-1] == pytest.approx(residual, abs=1e-12)
+        assert 0.3 * DELTA < residual < DELTA
+    assert not press.checks.violated
+
+
+def test_elastic_unloading_retraces_the_loading(press_of: Callable[..., Press]) -> None:
+    curve = drive(press_of(ELASTIC), delta_max=DELTA, steps=5, unload_steps=6).curve()
+    fresh = press_of(ELASTIC)
+    down = curve.unloading().where(curve.unloading().force > 0)
+    assert len(down) >= 4
+    for delta, force in sorted(zip(down.delta, down.force, strict=True)):
+        assert fresh.attempt(delta).converged
+        assert fresh.force == pytest.approx(force, rel=1e-7)
+
+
+def test_a_flat_unloads_along_confined_compression() -> None:
+    """To the strain at which the axial stress has vanished."""
+    from mpi4py import MPI
+
+    block = build_block(Flat(L=1.0), 1.0, lambda x, y, depth: 1.0)
+    press = make_press(MPI.COMM_SELF, Flat(L=1.0), block, PLASTIC)
+    curve = drive(press, delta_max=0.02, steps=4, unload_steps=8).curve()
+
+    def stress(delta: float) -> float:
+        return -float(ref.confined_stress([-0.02, -delta], 1.0, NU, 0.005, 0.05)[0][-1])
+
+    down = curve.unloading()
+    assert down.delta[-1] == pytest.approx(brentq(stress, 0.0, 0.02, xtol=1e-15), abs=1e-10)
+    for delta, force in zip(down.delta[:-1], down.force[:-1], strict=True):
+        assert force == pytest.approx(stress(delta), rel=1e-9)
+
+
+# --- force control and cycles ---------------------------------------------------------------------------------
+
+
+@pytest.mark.mpi
+@EACH
+@pytest.mark.parametrize("steps", [1, 4])
+def test_force_control_hits_its_force(press_of: Callable[..., Press], material: Material, steps: int) -> None:
+    force_star = 0.004
+    curve = drive(press_of(material), force_max=force_star, steps=steps, unload_steps=2, cycles=1 + (steps > 1)).curve()
+    force_max = force_star * material.reduced_modulus
+    for branch in sorted({"load", "reload"} & set(curve.branch)):
+        part = curve.where(curve.branch == branch)
+        assert part.force[-1] == pytest.approx(force_max, rel=1e-6)
+        assert np.all(np.diff(part.force) > 0)
+        assert np.all(part.force <= force_max * (1 + 1e-6))
+        assert len(part) >= steps
+    # the position found is the one that deflection control needs for that force
+    again = press_of(material)
+    for delta in curve.loading().delta:
+        assert again.attempt(delta).converged
+    assert again.force == pytest.approx(force_max, rel=1e-6)
+
+
+@EACH
+def test_cycles(press_of: Callable[..., Press], material: Material) -> None:
+    press = press_of(material)
+    curve = drive(press, delta_max=DELTA, steps=4, unload_steps=4, cycles=3).curve()
+    np.testing.assert_array_equal(curve.step, np.arange(1, len(curve) + 1))
+    branches = [curve.branch[0], *(b for a, b in zip(curve.branch, curve.branch[1:], strict=False) if a != b)]
+    assert branches == ["load", "unload", "reload", "unload", "reload", "unload"]
+    tops = curve.force[curve.delta == DELTA]
+    assert len(tops) == 3
+    assert np.all(np.diff(curve.max_plastic_strain) >= 0)
+    assert np.all(np.diff(curve.plastic_fraction) >= 0)
+    ends = curve.where(curve.force == 0.0)
+    assert len(ends) == 3
+    if material is ELASTIC:
+        np.testing.assert_allclose(tops, tops[0], rtol=1e-7)
+        np.testing.assert_allclose(curve.reloading().delta[:4], DELTA * np.arange(1, 5) / 4, atol=1e-12)
+        np.testing.assert_allclose(curve.reloading().force[:4], curve.loading().force, rtol=1e-7)
+    else:
+        # reloading from the residual deflection meets the loading curve again: shakedown, but for a little flow
+        np.testing.assert_allclose(tops, tops[0], rtol=0.02)
+        np.testing.assert_allclose(ends.delta, ends.delta[0], rtol=0.02)
+    assert not press.checks.violated
+
+
+def test_going_on_from_a_position_is_the_same_as_never_stopping(press_of: Callable[..., Press]) -> None:
+    """All that the path needs beside the press is in its position."""
+    schedule = Schedule(delta_max=DELTA, steps=4, unload_steps=3, cycles=2)
+    positions: list[Position] = []
+    whole = Record(1.0, 1.0, PLASTIC.reduced_modulus)
+    follow(press_of(PLASTIC), schedule, whole, on_position=positions.append)
+    press, record = press_of(PLASTIC), Record(1.0, 1.0, PLASTIC.reduced_modulus)
+
+    class Stop(Exception):
+        pass
+
+    def stop(rows: Any, fraction: float) -> None:
+        if len(rows) in (2, 5, 9):
+            raise Stop
+
+    position: Position | None = None
+    seen: list[Position] = []
+    for _ in range(4):
+        try:
+            follow(press, schedule, record, on_step=stop, position=position, on_position=seen.append)
+        except Stop:
+            position = positions[len(record.rows)]
+    assert len(record.rows) == len(whole.rows)
+    for column in ("delta", "force", "area_fraction", "max_plastic_strain"):
+        np.testing.assert_array_equal(getattr(record.curve(), column), getattr(whole.curve(), column))
+
+
+def test_progress_runs_from_zero_to_one(press_of: Callable[..., Press]) -> None:
+    record, parts = Record(1.0, 1.0, ELASTIC.reduced_modulus), []
+    schedule = Schedule(delta_max=DELTA, steps=3, unload_steps=3, cycles=2)
+    follow(press_of(ELASTIC), schedule, record, on_step=lambda rows, part: parts.append(part))
+    assert 0 < parts[0] < 0.2 and parts[-1] == 1.0
+    assert np.all(np.diff(parts) > 0)
+
+
+def test_snapshots_are_spread_over_the_loading(press_of: Callable[..., Press]) -> None:
+    press, record = press_of(PLASTIC), Record(1.0, 1.0, PLASTIC.reduced_modulus)
+    follow(press, Schedule(delta_max=DELTA, steps=6, unload_steps=2), record, snapshots=3)
+    assert [s.step for s in record.snapshots] == [2, 4, 6]
+    curve = record.curve()
+    for snapshot in record.snapshots:
+        row = snapshot.step - 1
+        assert snapshot.delta == curve.delta[row] and snapshot.branch == "load"
+        assert snapshot.pressure.max() == pytest.approx(curve.max_pressure[row])
+        assert snapshot.plastic_strain.max() == curve.max_plastic_strain[row]
+
+
+# --- memory ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("linear", ["lu", "cg", "gamg"])
+def test_a_press_gives_its_memory_back(press_of: Callable[..., Press], linear: str) -> None:
+    """PETSc's references to Python are hidden from the garbage collector: a cycle through them stays for ever."""
+    press = press_of(PLASTIC, linear=linear)
+    assert press.attempt(0.01).converged
+    left = [weakref.ref(x) for x in (press, press.newton, press.solid, press.newton.linear)]
+    del press
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        gc.collect()
+    assert [x() for x in left] == [None] * 4

@@ -1,0 +1,338 @@
+"""Material points, both kernels: closed forms, rate equations, each other, and tangents by differences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy import sparse
+
+from asperity import reference as ref
+from asperity.errors import InputError
+from asperity.material import Material
+from asperity.mesh import BlockMesh, build_block, distribute
+from asperity.solid import Bulk, Solid
+from asperity.surface import Flat
+
+Array = npt.NDArray[np.float64]
+
+E, NU, Y, E_T = 1.0, 0.3, 0.005, 0.05
+STEEL = Material(E, NU, Y, E_T)
+PERFECT = Material(E, NU, Y)
+KERNELS = ("compiled", "ufl")
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A small mesh driven by nodal displacements through one kind of kernels."""
+
+    solid: Solid
+
+    @property
+    def bulk(self) -> Bulk:
+        return self.solid.bulk
+
+    def force(self, u: Array) -> Array:
+        b = np.zeros((self.solid.nodes, 3))
+        self.bulk.add_internal_force(u, b)
+        return b
+
+    def tangent(self, u: Array) -> sparse.csr_array:
+        """Tangent of the last force."""
+        graph, n = self.solid.graph, 3 * self.solid.nodes
+        values = self.bulk.tangent(u).copy()
+        return sparse.csr_array((values, graph.columns, graph.rows), shape=(n, n))
+
+    def affine(self, strain: npt.ArrayLike) -> Array:
+        """Displacement of a uniform strain (3, 3)."""
+        return self.solid.points @ np.asarray(strain, float).T
+
+    def follow(self, strains: Iterable[Array]) -> tuple[Array, Array]:
+        """Stress (m, 3, 3) and accumulated plastic strain (m,) along uniform strains, each a step."""
+        stress, accumulated = [], []
+        for strain in strains:
+            u = self.affine(strain)
+            self.force(u)
+            points = self.bulk.stress(u).reshape(-1, 6)
+            np.testing.assert_allclose(points, np.broadcast_to(points[0], points.shape), atol=1e-15)
+            xx, yy, zz, xy, xz, yz = points[0]
+            stress.append([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            self.bulk.commit()
+            accumulated.append(self.bulk.history()[1].max())
+        return np.array(stress), np.array(accumulated)
+
+
+@pytest.fixture(scope="module")
+def cube() -> BlockMesh:
+    return build_block(Flat(L=1.0), 1.0, lambda x, y, depth: 1.0)
+
+
+@pytest.fixture(params=KERNELS)
+def kernels(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+def sample(block: BlockMesh | None, material: Material, kernels: str) -> Sample:
+    from mpi4py import MPI
+
+    return Sample(Solid(*distribute(MPI.COMM_SELF, block, 1.0), material, kernels=kernels))
+
+
+def difference(a: Any, b: Any) -> float:
+    """Largest difference relative to the largest magnitude."""
+    return float(np.max(np.abs(np.asarray(a) - np.asarray(b))) / np.max(np.abs(np.asarray(b))))
+
+
+# --- parameters -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("parameters", "key"),
+    [
+        ((0.0, 0.3), "E"),
+        ((-1.0, 0.3), "E"),
+        ((float("nan"), 0.3), "E"),
+        ((1.0, 0.5), "nu"),
+        ((1.0, -1.0), "nu"),
+        ((1.0, 0.3, 0.0), "yield_strength"),
+        ((1.0, 0.3, 0.1, 1.0), "tangent_modulus"),
+        ((1.0, 0.3, 0.1, -0.1), "tangent_modulus"),
+    ],
+)
+def test_parameters_outside_their_range_are_refused(parameters: tuple[float, ...], key: str) -> None:
+    with pytest.raises(InputError, match=rf"material\.{key} = "):
+        Material(*parameters)
+
+
+def test_derived_moduli() -> None:
+    lam, mu = STEEL.lame
+    assert lam + 2 * mu == pytest.approx(ref.block_modulus(E, NU), rel=1e-14)
+    assert mu * (3 * lam + 2 * mu) / (lam + mu) == pytest.approx(E, rel=1e-14)
+    assert STEEL.reduced_modulus == pytest.approx(ref.reduced_modulus(E, NU), rel=1e-14)
+    assert E * STEEL.hardening / (E + STEEL.hardening) == pytest.approx(E_T, rel=1e-14)
+    assert STEEL.plastic and not Material(E, NU).plastic
+    assert Material(200e9, NU, 1e9, 10e9).scaled(200e9) == STEEL
+
+
+# --- closed forms ---------------------------------------------------------------------------------------------
+
+PULL = np.linspace(0, 0.03, 8)[1:]
+CYCLE = np.concatenate([PULL, [0.02, 0.0, -0.01, -0.03, -0.04, 0.0, 0.03, 0.05, 0.048, 0.05]])
+
+
+@pytest.mark.parametrize("strain", [PULL, -PULL, CYCLE], ids=["tension", "compression", "cyclic"])
+@pytest.mark.parametrize("E_t", [E_T, 0.0, 0.5])
+def test_uniaxial_stress(cube: BlockMesh, kernels: str, strain: Array, E_t: float) -> None:
+    expected, accumulated = ref.uniaxial_stress(strain, E, Y, E_t)
+    lateral = -NU * expected / E - 0.5 * (strain - expected / E)  # elastic, and plastic of constant volume
+    stress, alpha = sample(cube, Material(E, NU, Y, E_t), kernels).follow(
+        np.diag([a, a, b]) for a, b in zip(lateral, strain, strict=True)
+    )
+    only_axial = np.zeros_like(stress)
+    only_axial[:, 2, 2] = expected
+    np.testing.assert_allclose(stress, only_axial, rtol=0, atol=1e-12 * Y)
+    np.testing.assert_allclose(alpha, accumulated, rtol=0, atol=1e-12 * Y / E)
+
+
+@pytest.mark.parametrize("strain", [-PULL, CYCLE], ids=["compression", "cyclic"])
+@pytest.mark.parametrize("E_t", [E_T, 0.0])
+def test_confined_compression(cube: BlockMesh, kernels: str, strain: Array, E_t: float) -> None:
+    axial, lateral, accumulated = ref.confined_stress(strain, E, NU, Y, E_t)
+    stress, alpha = sample(cube, Material(E, NU, Y, E_t), kernels).follow(np.diag([0, 0, e]) for e in strain)
+    expected = np.array([np.diag([b, b, a]) for a, b in zip(axial, lateral, strict=True)])
+    np.testing.assert_allclose(stress, expected, rtol=0, atol=1e-12 * Y)
+    np.testing.assert_allclose(alpha, accumulated, rtol=0, atol=1e-12 * Y / E)
+
+
+def test_pure_shear_yields_at_the_stress_of_mises(cube: BlockMesh, kernels: str) -> None:
+    shear = np.array([[0, 1, 0], [1, 0, 0], [0, 0, 0]])
+    stress, alpha = sample(cube, PERFECT, kernels).follow(k * Y / E * shear for k in (0.5, 2.0, 5.0))
+    mu = E / (2 * (1 + NU))
+    np.testing.assert_allclose(stress[:, 0, 1], [2 * mu * 0.5 * Y, Y / 3**0.5, Y / 3**0.5], rtol=1e-13)
+    assert alpha[0] == 0.0
+
+
+def test_elastic_stress_is_hookes(cube: BlockMesh, kernels: str) -> None:
+    strain = np.random.default_rng(0).normal(size=(3, 3))
+    strain += strain.T
+    s = sample(cube, Material(E, NU), kernels)
+    u = s.affine(strain)
+    s.force(u)
+    found = s.bulk.stress(u).reshape(-1, 6)
+    expected = E / (1 + NU) * (strain + NU / (1 - 2 * NU) * np.trace(strain) * np.eye(3))
+    assert difference(found, np.tile(expected[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]], (len(found), 1))) < 1e-14
+    assert s.bulk.history()[1].size == 0
+
+
+@pytest.mark.parametrize("E_t", [E_T, 0.0])
+def test_a_turning_path_converges_to_the_rate_equations(cube: BlockMesh, kernels: str, E_t: float) -> None:
+    """Backward Euler is of first order: half the error with half the steps, a quarter of it after extrapolation."""
+    stretch, shear = np.diag([-0.3, -0.3, 1.0]), np.array([[0, 1, 0], [1, 0, 0.5], [0, 0.5, 0]])
+    corners = np.array([0.012 * stretch, 0.012 * stretch + 0.01 * shear, -0.005 * stretch + 0.01 * shear])
+    expected, accumulated = ref.j2_path(corners, E, NU, Y, E_t)
+    path = np.concatenate([[np.zeros((3, 3))], corners])
+
+    def end(steps: int) -> Array:
+        t = np.linspace(0, 3, 3 * steps + 1)[1:]
+        which = np.minimum(t.astype(int), 2)
+        strains = [path[i] + (s - i) * (path[i + 1] - path[i]) for i, s in zip(which, t, strict=True)]
+        stress, alpha = sample(cube, Material(E, NU, Y, E_t), kernels).follow(strains)
+        return np.append(stress[-1].ravel() / Y, alpha[-1] * E / Y)
+
+    exact = np.append(expected[-1].ravel() / Y, accumulated[-1] * E / Y)
+    coarse, fine = end(20), end(40)
+    error = np.linalg.norm(fine - exact)
+    assert np.linalg.norm(coarse - exact) / error == pytest.approx(2.0, abs=0.1)
+    assert np.linalg.norm(2 * fine - coarse - exact) < 0.1 * error
+
+
+def test_unstrained_material_is_at_rest_and_stiff(cube: BlockMesh, kernels: str) -> None:
+    """The flow direction s/|s| is 0/0 there."""
+    plastic, elastic = sample(cube, STEEL, kernels), sample(cube, Material(E, NU), kernels)
+    u = np.zeros((plastic.solid.nodes, 3))
+    assert not plastic.force(u).any()
+    elastic.force(u)
+    assert difference(plastic.tangent(u).toarray(), elastic.tangent(u).toarray()) < 1e-14
+
+
+def test_stress_stays_on_or_inside_the_yield_surface(coarse: BlockMesh, kernels: str) -> None:
+    block = sample(coarse, STEEL, kernels)
+    rng = np.random.default_rng(1)
+    u = np.zeros((block.solid.nodes, 3))
+    for scale in (1e-3, 1e-2, 3e-3):
+        u = u + scale * rng.normal(size=u.shape)
+        block.force(u)
+        stress = block.bulk.stress(u)
+        block.bulk.commit()
+        plastic_strain, alpha = block.bulk.history()
+        mean = stress[..., :3].mean(axis=-1, keepdims=True)
+        deviator = np.concatenate([stress[..., :3] - mean, stress[..., 3:]], axis=-1)
+        mises = np.sqrt(1.5 * (deviator**2 @ [1, 1, 1, 2, 2, 2]))
+        excess = mises - (Y + STEEL.hardening * alpha)
+        assert excess.max() < 1e-12 * mises.max()
+        trace = plastic_strain[..., :3].sum(axis=-1)
+        assert np.abs(trace).max() < 1e-14 * np.abs(plastic_strain).max()
+
+
+# --- compiled against UFL, tangent against differences --------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class State:
+    """Displacement over a history of committed ones, and which part of the points flows there if one knows."""
+
+    history: tuple[Array, ...]
+    u: Array
+    flowing: float | None = None
+
+
+def states(solid: Solid) -> dict[str, State]:
+    """Kinds of states on a curved mesh; strains of 0.005 yield."""
+    rng = np.random.default_rng(2)
+    x = solid.points
+
+    def noise(scale: float) -> Array:
+        return scale * rng.normal(size=x.shape)
+
+    squeeze = x @ np.diag([0.001, -0.0005, -0.01]) + 1e-3 * x[:, [1]] * x  # every point yields, not uniformly
+    deep = 20 * squeeze
+    mixed = noise(1e-4)
+    turned = noise(3e-3)
+    return {
+        "elastic": State((), 0.1 * squeeze, 0.0),
+        "random": State((), mixed),
+        "random over a history": State((mixed, turned), mixed + noise(3e-3), 1.0),
+        "on the yield surface": State((squeeze,), squeeze),
+        "just beyond yield": State((squeeze,), squeeze * (1 + 1e-6), 1.0),
+        "just unloading": State((squeeze,), squeeze * (1 - 1e-6), 0.0),
+        "plastic": State((), squeeze, 1.0),
+        "deep plastic": State((squeeze,), deep, 1.0),
+        "unloading": State((deep,), 0.99 * deep, 0.0),
+        "reversed": State((deep,), -deep, 1.0),
+    }
+
+
+NAMES = (
+    "elastic",
+    "random",
+    "random over a history",
+    "on the yield surface",
+    "just beyond yield",
+    "just unloading",
+    "plastic",
+    "deep plastic",
+    "unloading",
+    "reversed",
+)
+
+
+def bring(s: Sample, state: State) -> Array:
+    """Put a fresh sample into a state; its internal force."""
+    for u in state.history:
+        s.force(u)
+        s.bulk.commit()
+    return s.force(state.u)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("material", [STEEL, PERFECT], ids=["hardening", "perfect"])
+def test_compiled_and_ufl_kernels_agree(coarse: BlockMesh, material: Material, name: str) -> None:
+    a, b = (sample(coarse, material, kernels) for kernels in KERNELS)
+    state = states(a.solid)[name]
+    np.testing.assert_array_equal(a.solid.points, b.solid.points)
+    assert difference(bring(a, state), bring(b, state)) < 1e-12
+    if name != "on the yield surface":  # where it has a jump, round-off picks the side
+        assert a.bulk.plastic_points == b.bulk.plastic_points
+        if state.flowing is not None:
+            assert a.bulk.plastic_points == state.flowing * a.bulk.volumes.size
+        assert difference(a.tangent(state.u).data, b.tangent(state.u).data) < 1e-12
+    assert difference(a.bulk.stress(state.u), b.bulk.stress(state.u)) < 1e-12
+    assert difference(a.bulk.volumes, b.bulk.volumes) < 1e-12
+    a.bulk.commit()
+    b.bulk.commit()
+    for x, y in zip(a.bulk.history(), b.bulk.history(), strict=True):
+        if name == "elastic":
+            assert not x.any() and not y.any()
+        else:
+            assert difference(x, y) < 1e-12
+
+
+def test_compiled_and_ufl_kernels_agree_on_an_elastic_material(coarse: BlockMesh) -> None:
+    a, b = (sample(coarse, Material(E, NU), kernels) for kernels in KERNELS)
+    u = np.random.default_rng(3).normal(size=(a.solid.nodes, 3))
+    assert difference(a.force(u), b.force(u)) < 1e-12
+    assert difference(a.tangent(u).data, b.tangent(u).data) < 1e-12
+    assert difference(a.bulk.stress(u), b.bulk.stress(u)) < 1e-12
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if n != "on the yield surface"])
+@pytest.mark.parametrize("material", [STEEL, PERFECT], ids=["hardening", "perfect"])
+def test_tangent_is_the_derivative_of_the_force(coarse: BlockMesh, kernels: str, material: Material, name: str) -> None:
+    """Central differences, by steps so small that no point changes between loading and unloading."""
+    s = sample(coarse, material, kernels)
+    state = states(s.solid)[name]
+    bring(s, state)
+    K = s.tangent(state.u)
+    assert difference(K.data, K.T.tocsr().sorted_indices().data) < 1e-12
+    rng = np.random.default_rng(4)
+    for _ in range(3):
+        du = rng.normal(size=state.u.shape) * np.abs(state.u).max()
+        step = 1e-9 if "just" in name else 1e-7
+        slope = (s.force(state.u + step * du) - s.force(state.u - step * du)) / (2 * step)
+        assert difference(K @ du.ravel(), slope.ravel()) < (1e-6 if "just" in name else 1e-8)
+
+
+def test_force_has_both_one_sided_slopes_on_the_yield_surface(coarse: BlockMesh, kernels: str) -> None:
+    s = sample(coarse, STEEL, kernels)
+    u = states(s.solid)["on the yield surface"].u
+    bring(s, State((u,), u))
+    step, here = 1e-6, s.force(u)
+    for sign, flowing in ((1.0, s.bulk.volumes.size), (-1.0, 0)):
+        there = s.force(u * (1 + sign * step))
+        assert s.bulk.plastic_points == flowing
+        K = s.tangent(u * (1 + sign * step))
+        assert difference(K @ u.ravel(), (there - here).ravel() / (sign * step)) < 1e-5

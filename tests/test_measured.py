@@ -1,0 +1,331 @@
+"""Height maps of instruments, their fractal equivalent, and two rough bodies as one."""
+
+from __future__ import annotations
+
+import builtins
+import math
+import runpy
+import sys
+import types
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from asperity.errors import CompatError, InputError
+from asperity.fractal_fit import fit_fractal
+from asperity.material import Material
+from asperity.measured import HeightField
+from asperity.surface import Sinusoid, Sphere, Surface, WeierstrassMandelbrot
+from asperity.twobody import SumSurface, composite_modulus, equivalent_block
+
+L = 1e-6
+
+
+def field(n: int = 65, **parameters: Any) -> HeightField:
+    """A fractal surface as an instrument would see it."""
+    surface = WeierstrassMandelbrot(L=L, **parameters)
+    return HeightField(surface.grid(n), L / (n - 1), L / (n - 1))
+
+
+# ---------------------------------------------------------------------------------------- reading
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.csv", "a.txt"])
+def test_matrices_need_the_distance_between_heights(tmp_path: Path, name: str) -> None:
+    z = np.arange(120.0).reshape(10, 12)
+    path = tmp_path / name
+    if name == "a.npy":
+        np.save(path, z)
+    else:
+        np.savetxt(path, z, delimiter="," if name == "a.csv" else " ")
+    with pytest.raises(InputError, match="--pixel"):
+        HeightField.read(path)
+    read = HeightField.read(path, pixel=0.5)
+    np.testing.assert_array_equal(read.z, z)
+    assert read.size == (5.5, 4.5)
+
+
+def test_npz_holds_lengths_in_three_ways(tmp_path: Path) -> None:
+    z, path = np.random.default_rng(0).normal(size=(9, 11)), tmp_path / "a.npz"
+    for lengths in ({"L": 20.0}, {"dx": 2.0}, {"x": np.arange(11) * 2.0, "y": np.arange(9) * 2.0}):
+        np.savez(path, z=z, **lengths)
+        read = HeightField.read(path)
+        assert (read.dx, read.dy) == (2.0, 2.0)
+
+
+@pytest.mark.parametrize("name", ["gone.npz", "torn.npz", "words.csv"])
+def test_unreadable_files_are_named(tmp_path: Path, name: str) -> None:
+    if name != "gone.npz":
+        (tmp_path / name).write_text("no heights")
+    with pytest.raises(InputError, match=name):
+        HeightField.read(tmp_path / name)
+
+
+def test_without_surfacetopography_the_remedy_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "scan.sur").write_bytes(b"x")
+    real = builtins.__import__
+
+    def absent(name: str, *args: Any, **kwargs: Any) -> Any:
+        if name.startswith("SurfaceTopography"):
+            raise ImportError(name)
+        return real(name, *args, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", absent)
+    with pytest.raises(CompatError, match="pip install SurfaceTopography"):
+        HeightField.read(tmp_path / "scan.sur")
+
+
+def test_instrument_files_come_through_surfacetopography(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stand-in with the package's interface: first index x, micrometres, masked heights."""
+    heights = np.ma.masked_greater(np.arange(80.0).reshape(10, 8), 78.5)
+
+    class Topography:
+        dim, is_uniform, unit, physical_sizes = 2, True, "um", (5.0, 8.0)
+        pixel_size = (0.5e-6, 1e-6)
+
+        def to_unit(self, unit: str) -> Topography:
+            assert unit == "m"
+            return self
+
+        def heights(self) -> Any:
+            return heights * 1e-6
+
+    channel = types.SimpleNamespace(physical_sizes=(5.0, 8.0), nb_grid_pts=(10, 8))
+    reader = types.SimpleNamespace(default_channel=channel, topography=lambda: Topography())
+    package, errors = types.ModuleType("SurfaceTopography"), types.ModuleType("SurfaceTopography.Exceptions")
+    package.open_topography = lambda path: reader  # type: ignore[attr-defined]
+    errors.ReadFileError = errors.CannotDetectFileFormat = RuntimeError  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "SurfaceTopography", package)
+    monkeypatch.setitem(sys.modules, "SurfaceTopography.Exceptions", errors)
+    (tmp_path / "scan.sur").write_bytes(b"x")
+    read = HeightField.read(tmp_path / "scan.sur")
+    assert read.z.shape == (8, 10) and (read.dx, read.dy) == (0.5e-6, 1e-6)
+    assert read.z[3, 5] == pytest.approx((5 * 8 + 3) * 1e-6)
+    assert np.isnan(read.z[7, 9]) and read.missing == pytest.approx(1 / 80)
+
+
+# ---------------------------------------------------------------------------------------- treatment
+
+
+def test_levelling_removes_its_polynomial_and_nothing_else() -> None:
+    y, x = np.mgrid[0:40, 0:60] / 40
+    bumps = np.sin(14 * x) * np.cos(11 * y)
+    for trend, polynomial in (
+        ("mean", 3.0 + 0 * x),
+        ("plane", 3.0 + 2 * x - y),
+        ("curvature", 3.0 + 2 * x - y + 5 * x**2 - 4 * x * y + y**2),
+    ):
+        bare = HeightField(bumps, 1, 1).levelled(trend)  # type: ignore[arg-type]
+        tilted = HeightField(bumps + polynomial, 1, 1).levelled(trend)  # type: ignore[arg-type]
+        np.testing.assert_allclose(tilted.z, bare.z, atol=1e-12)
+    with pytest.raises(InputError, match="trend"):
+        HeightField(bumps, 1, 1).levelled("cubic")  # type: ignore[arg-type]
+
+
+def test_gaps_are_filled_harmonically() -> None:
+    y, x = np.mgrid[0:30, 0:30] / 1.0
+    z = 2 + x - 3 * y + 0.1 * (x**2 - y**2)  # harmonic, also on the grid
+    holed = z.copy()
+    holed[10:15, 8:17] = holed[20, 3] = np.nan
+    filled = HeightField(holed, 1, 1).filled()
+    np.testing.assert_allclose(filled.z, z, atol=1e-9)
+    holed[:, 2:12] = np.nan
+    with pytest.raises(InputError, match="are missing"):
+        HeightField(holed, 1, 1).filled()
+    with pytest.raises(InputError, match="fill them"):
+        HeightField(holed, 1, 1).window(0, 0, 10)
+
+
+def test_the_filter_passes_half_at_the_cutoff() -> None:
+    x = np.arange(400) * 0.1
+    for wavelength, passed in ((4.0, 0.5), (8.0, 0.5**0.25), (2.0, 0.5**4)):
+        z = np.tile(np.cos(2 * np.pi * x / wavelength), (20, 1))
+        out = HeightField(z, 0.1, 0.1).filtered(4.0).z
+        inner = slice(100, 300)
+        gain = (out[10, inner] @ z[10, inner]) / (z[10, inner] @ z[10, inner])
+        assert gain == pytest.approx(passed, abs=2e-3)
+
+
+def test_windows_on_nodes_are_cut_and_others_resampled() -> None:
+    y, x = np.mgrid[0:50, 0:60] * 0.2
+    z = np.sin(x) + np.cos(0.7 * y)
+    whole = HeightField(z, 0.2, 0.2)
+    np.testing.assert_array_equal(whole.window(2.0, 1.0, 4.0).z, z[5:26, 10:31])
+    part = whole.window(2.05, 1.11, 4.0)
+    s = np.linspace(0, 4, 21)
+    exact = np.sin(2.05 + s) + np.cos(0.7 * (1.11 + s))[:, None]
+    np.testing.assert_allclose(part.z, exact, atol=2e-4)
+    assert whole.square().size == pytest.approx((9.8, 9.8))
+    with pytest.raises(InputError, match="not inside"):
+        whole.window(5.0, 5.0, 9.0)
+
+
+def test_rectangular_pixels_become_a_square_patch(tmp_path: Path) -> None:
+    y, x = np.meshgrid(np.arange(40) * 0.25, np.arange(30) * 0.4, indexing="ij")
+    patch = HeightField(np.sin(0.5 * x) * y, 0.4, 0.25).window(1.0, 2.0, 6.0)
+    surface = Surface.from_spec(kind="file", path=patch.save(tmp_path / "p.npz"))
+    assert surface.L == pytest.approx(6.0)
+    assert surface.height(2.0, 3.0) == pytest.approx(math.sin(0.5 * 3.0) * 5.0, abs=1e-3)
+
+
+def test_a_saved_patch_is_the_surface_again(tmp_path: Path) -> None:
+    original = WeierstrassMandelbrot(L=L, seed=2)
+    saved = HeightField(original.grid(129), L / 128, L / 128).save(tmp_path / "p.npz")
+    surface = Surface.from_spec(kind="file", path=saved)
+    assert surface.maximum()[2] == pytest.approx(original.maximum()[2], rel=1e-4)
+    with pytest.raises(InputError, match="square"):
+        HeightField(np.zeros((10, 12)), 1, 1).save(tmp_path / "q.npz")
+
+
+# ---------------------------------------------------------------------------------------- D and G
+
+
+@pytest.mark.parametrize(("D", "G"), [(2.25, 1e-12), (2.4, 1.36e-11), (2.6, 1e-11)])
+def test_generated_surfaces_give_their_D_and_G_back(D: float, G: float) -> None:
+    """Nine surfaces each; an interval of 95 % may miss one of nine (chance of two: 7 %)."""
+    fits = [fit_fractal(field(65, D=D, G=G, f_max=7, seed=s), shortest=L / 1.5**7, realisations=60) for s in range(9)]
+    assert fits[0].f_max == 7
+    assert sum(fit.ci_D[0] <= D <= fit.ci_D[1] for fit in fits) >= 8
+    assert sum(fit.ci_G[0] <= G <= fit.ci_G[1] for fit in fits) >= 8
+    # not biased: the mean of nine within three of its standard deviations
+    spread = np.std([fit.D for fit in fits], ddof=1)
+    assert abs(np.mean([fit.D for fit in fits]) - D) < 3 * spread / 3
+    # and not needlessly wide: a half-width is about two standard deviations of the estimates
+    half = np.mean([fit.ci_D[1] - fit.ci_D[0] for fit in fits]) / 2
+    assert 1.2 * spread < half < 4 * spread
+
+
+def test_heights_scale_G_and_leave_D() -> None:
+    patch = field(65, seed=4)
+    a = fit_fractal(patch, realisations=40)
+    b = fit_fractal(HeightField(3 * patch.z, patch.dx, patch.dy), realisations=40)
+    c = fit_fractal(HeightField(5 * patch.z, 5 * patch.dx, 5 * patch.dy), realisations=40)
+    assert b.D == pytest.approx(a.D, abs=1e-5)
+    assert b.G / a.G == pytest.approx(3 ** (1 / (a.D - 2)), rel=1e-3)
+    # all lengths times five: another unit
+    assert (c.D, c.G / a.G) == (pytest.approx(a.D, abs=1e-5), pytest.approx(5.0, rel=1e-3))
+
+
+def test_a_finer_patch_tells_D_better() -> None:
+    coarse = fit_fractal(field(129, f_max=11), shortest=L / 1.5**5, realisations=40)
+    fine = fit_fractal(field(129, f_max=11), shortest=L / 1.5**8, realisations=40)
+    assert np.ptp(fine.ci_D) < 0.7 * np.ptp(coarse.ci_D)
+
+
+def test_a_surface_of_another_kind_is_told() -> None:
+    waves = Sinusoid(L=L, amplitude=1e-8, wavelength=L / 4, dims=2)
+    fit = fit_fractal(HeightField(waves.grid(65), L / 64, L / 64), realisations=40)
+    assert fit.p_value < 1e-6
+    assert fit_fractal(field(65, f_max=7, seed=1), realisations=40).p_value > 0.01
+
+
+def test_the_equivalent_surface_has_the_heights_of_the_patch() -> None:
+    patch = field(129, f_max=8, seed=5).levelled("plane")
+    fit = fit_fractal(patch, shortest=L / 1.5**8, realisations=40)
+    equivalent = [HeightField(fit.surface(s).grid(129), patch.dx, patch.dy).levelled("plane") for s in range(20)]
+    assert np.std(patch.z) == pytest.approx(np.mean([np.std(e.z) for e in equivalent]), rel=0.25)
+
+
+@pytest.mark.parametrize(
+    ("patch", "options", "words"),
+    [
+        (HeightField(np.zeros((20, 20)), 1, 1), {}, "flat"),
+        (HeightField(np.random.default_rng(0).normal(size=(20, 21)), 1, 1), {}, "square"),
+        (HeightField(np.random.default_rng(0).normal(size=(20, 20)), 1, 1), {"shortest": 0.1}, "two pixels"),
+        (HeightField(np.random.default_rng(0).normal(size=(20, 20)), 1, 1), {"shortest": 14}, "bands"),
+        (HeightField(np.random.default_rng(0).normal(size=(20, 20)), 1, 1), {"realisations": 5}, "30"),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused(patch: HeightField, options: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        fit_fractal(patch, **options)
+
+
+# ---------------------------------------------------------------------------------------- two bodies
+
+
+def test_composite_modulus() -> None:
+    assert composite_modulus(200e9, 0.3, 200e9, 0.3) == pytest.approx(200e9 / 0.91 / 2)
+    assert composite_modulus(200e9, 0.3, 1e30, 0.3) == pytest.approx(200e9 / 0.91)
+    with pytest.raises(InputError):
+        composite_modulus(-1.0, 0.3, 1.0, 0.3)
+
+
+def test_the_equivalent_block_is_as_compliant_as_both() -> None:
+    steel, rubber = Material(200e9, 0.3), Material(3e6, 0.45)
+    for sides in ("rollers", "free"):
+        one = equivalent_block(steel, rubber, (1e-3, 2e-3), sides=sides)
+        assert one.material.reduced_modulus == pytest.approx(composite_modulus(200e9, 0.3, 3e6, 0.45))
+
+        def modulus(m: Material, sides: str = sides) -> float:
+            lame, mu = m.lame
+            return lame + 2 * mu if sides == "rollers" else m.E
+
+        both = 1e-3 / modulus(steel) + 2e-3 / modulus(rubber)
+        assert one.height / modulus(one.material) == pytest.approx(both)
+    with pytest.raises(InputError, match="yields"):
+        equivalent_block(Material(1.0, 0.3, 0.01), steel, (1, 1))
+
+
+def test_two_spheres_are_one_of_half_the_radius() -> None:
+    """Hertz: 1/R = 1/R_1 + 1/R_2."""
+    a = Sphere(L=1.0, radius=20.0, shape="paraboloid")
+    b = Sphere(L=1.0, radius=5.0, shape="paraboloid")
+    both = SumSurface.of(a, b)
+    one = Sphere(L=1.0, radius=4.0, shape="paraboloid")
+    x, y = np.random.default_rng(0).uniform(0, 1, (2, 50))
+    summit = both.maximum()[2] - one.maximum()[2]
+    np.testing.assert_allclose(both.height(x, y), one.height(x, y) + summit, atol=1e-14)
+    assert both.mean() == pytest.approx(one.mean() + summit)
+    assert both.maximum()[:2] == pytest.approx((0.5, 0.5))
+
+
+def test_the_sum_faces_the_turned_surface(tmp_path: Path) -> None:
+    a, b = WeierstrassMandelbrot(L=L, seed=0), WeierstrassMandelbrot(L=L, seed=1)
+    both = SumSurface.of(a, b)
+    x, y = np.random.default_rng(1).uniform(0.1 * L, 0.9 * L, (2, 20))
+    np.testing.assert_allclose(both.height(x, y), a.height(x, y) + b.height(L - x, y))
+    h = 1e-5 * L
+    zx, zy = both.gradient(x, y)
+    np.testing.assert_allclose(zx, (both.height(x + h, y) - both.height(x - h, y)) / (2 * h), atol=1e-7)
+    np.testing.assert_allclose(zy, (both.height(x, y + h) - both.height(x, y - h)) / (2 * h), atol=1e-7)
+    _, xy, _ = both.hessian(x, y)
+    slope = (both.gradient(x, y + h)[0] - both.gradient(x, y - h)[0]) / (2 * h)
+    np.testing.assert_allclose(xy, slope, atol=1e-6 * np.abs(slope).max())
+    # independent surfaces: variances add
+    Sq = [s.statistics(129).Sq for s in (a, b, both)]
+    assert Sq[2] == pytest.approx(math.hypot(Sq[0], Sq[1]), rel=0.25)
+    saved = Surface.from_spec(kind="file", path=both.save(tmp_path / "sum.npz", 257))
+    assert saved.maximum()[2] == pytest.approx(both.maximum()[2], rel=1e-4)
+    with pytest.raises(InputError, match="no sum"):
+        SumSurface(L=L, first=a, second=WeierstrassMandelbrot(L=2 * L))
+
+
+# ---------------------------------------------------------------------------------------- command
+
+
+def test_the_command_makes_a_case(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from asperity.case import Case
+    from asperity.cli import main
+
+    y, x = np.mgrid[0:65, 0:65] / 64
+    scan = field(65, f_max=6, seed=8)
+    np.savez(tmp_path / "scan.npz", z=scan.z + 1e-7 * x + 3e-7 * y, L=L)
+    with pytest.raises(SystemExit) as left:
+        main(["measure", str(tmp_path / "scan.npz"), "-o", str(tmp_path / "out")])
+    assert not left.value.code
+    case = Case.load(tmp_path / "out/case.toml")
+    assert case.surface.L == pytest.approx(L)
+    assert case.build_surface().statistics(129).Sq == pytest.approx(np.std(scan.levelled().z), rel=0.05)
+    assert (tmp_path / "out/spectrum.png").is_file()
+    assert "D" in capsys.readouterr().out
+
+
+def test_the_example_gives_its_numbers() -> None:
+    main = runpy.run_path(str(Path(__file__).parent.parent / "examples/measured_surface.py"))["main"]
+
+    D, load = main()
+    assert D == pytest.approx(2.425, abs=1e-3)
+    assert load == pytest.approx(3.226e-3, rel=0.02)  # another version of gmsh makes another mesh

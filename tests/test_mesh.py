@@ -1,0 +1,283 @@
+"""The block under the surface: exact top, tags, volumes, sizes, refusals, files, ranks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from asperity.errors import MeshError
+from asperity.fields import top_facets
+from asperity.material import Material
+from asperity.mesh import (
+    BASE,
+    SIDE_X,
+    SIDE_Y,
+    TOP,
+    BlockMesh,
+    Reach,
+    SizeField,
+    build_block,
+    check_distortion,
+    distribute,
+)
+from asperity.solid import Solid
+from asperity.statics import MeshSize, make_block, make_press
+from asperity.surface import Flat, Sinusoid, Sphere, Surface, WeierstrassMandelbrot
+from asperity.top import Top
+
+Array = npt.NDArray[Any]
+
+
+def here() -> Any:
+    from mpi4py import MPI
+
+    return MPI.COMM_SELF
+
+
+def world() -> Any:
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD
+
+
+def uniform(surface: Surface, size: float, height: float = 1.0) -> BlockMesh:
+    return build_block(surface, height, lambda x, y, depth: size)
+
+
+def solid_of(comm: Any, block: BlockMesh | None, material: Material | None = None) -> Solid:
+    return Solid(*distribute(comm, block, 1.0), material or Material(1.0, 0.3))
+
+
+# --- geometry -------------------------------------------------------------------------------------------------
+
+
+def test_every_top_node_lies_on_the_surface(rough: Surface, coarse: BlockMesh) -> None:
+    """Mid-edge nodes too; and no other node does."""
+    facets = top_facets(coarse)
+    nodes = np.unique(facets)
+    x, y, z = coarse.points.T
+    expected = coarse.height + rough.height(x, y) - rough.mean()
+    np.testing.assert_allclose(z[nodes], expected[nodes], rtol=0, atol=1e-14)
+    below = np.setdiff1d(np.arange(len(z)), nodes)
+    assert np.all(z[below] < expected[below] - 1e-3)
+    edges = facets[:, 3:]
+    corners = facets[:, [[0, 1], [1, 2], [2, 0]]]
+    plane = coarse.points[edges, :2] - coarse.points[corners, :2].mean(axis=2)
+    np.testing.assert_allclose(plane, 0, atol=1e-14)  # straight from above, curved only in height
+    sag = z[edges] - z[corners].mean(axis=2)
+    assert np.abs(sag).max() > 1e-3
+
+
+def test_the_summit_is_a_node(rough: Surface, coarse: BlockMesh) -> None:
+    x, y, z = rough.maximum()
+    summit = np.array([x, y, z + coarse.height - rough.mean()])
+    assert np.linalg.norm(coarse.points - summit, axis=1).min() < 1e-8
+    assert coarse.points[:, 2].max() == pytest.approx(summit[2], abs=1e-14)
+
+
+@pytest.mark.parametrize("centre", [(0.0, 0.37), (0.61, 1.0), (1.0, 0.0), (0.0004, 0.3), (0.5, 0.9997)])
+def test_a_summit_on_the_edge_of_the_patch_is_a_node(centre: tuple[float, float]) -> None:
+    """Else the first contact comes too late by the sag of an edge."""
+    surface = Sphere(L=1.0, radius=2.0, centre=centre, shape="paraboloid")
+    block = build_block(surface, 1.0, SizeField.of(surface, 0.01, 0.1, h_max=0.5).at)
+    lost = block.height - surface.mean() - block.points[:, 2].max()
+    assert 0 <= lost < 1e-5 * 0.01
+
+
+def test_base_and_sides_stay_plane(coarse: BlockMesh) -> None:
+    solid = solid_of(here(), coarse)
+    for tag, axis, planes in ((BASE, 2, [0.0]), (SIDE_X, 0, [0.0, 1.0]), (SIDE_Y, 1, [0.0, 1.0])):
+        found = solid.points[solid.nodes_on(tag), axis]
+        assert {round(plane, 12) for plane in found} == set(planes)
+
+
+def test_volume_and_areas(rough: Surface, coarse: BlockMesh) -> None:
+    solid = solid_of(here(), coarse)
+    # the mean plane of the exact surface is at `height`; cubic errors of the interpolation cancel
+    assert solid.bulk.volumes.sum() == pytest.approx(coarse.height, rel=2e-3)
+    assert solid.bulk.volumes.min() > 0
+    top = Top(solid)
+    assert top.area.sum() == pytest.approx(1.0, rel=1e-13)
+    every = solid.nodes_on(TOP), solid.nodes_on(BASE), solid.nodes_on(SIDE_X), solid.nodes_on(SIDE_Y)
+    assert len(np.unique(np.concatenate(every))) == len(outer_nodes(coarse))
+
+
+def outer_nodes(block: BlockMesh) -> Array:
+    """Nodes of faces that belong to one tetrahedron."""
+    faces = block.tets[:, [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]].reshape(-1, 3)
+    edges = block.tets[:, [[4, 5, 6], [4, 9, 7], [6, 8, 7], [5, 8, 9]]].reshape(-1, 3)
+    _, first, count = np.unique(np.sort(faces), axis=0, return_index=True, return_counts=True)
+    return np.unique(np.concatenate([faces[first[count == 1]], edges[first[count == 1]]]))
+
+
+def test_curved_volume_converges(wave: Surface) -> None:
+    """Quadratic interpolation of the surface: third order at least."""
+
+    def error(size: float) -> float:
+        return abs(solid_of(here(), uniform(wave, size)).bulk.volumes.sum() - 1.0)
+
+    errors = [error(size) for size in (0.4, 0.2, 0.1)]
+    assert errors[0] / errors[2] > 4.0**3
+    assert errors[2] < 1e-5
+
+
+@pytest.mark.parametrize("kind", ["wave", "fractal"])
+def test_units_do_not_matter(kind: str) -> None:
+    """gmsh makes another mesh of a size that differs in the last digit."""
+
+    def block(L: float) -> BlockMesh:
+        surface: Surface = Sinusoid(L=L, amplitude=0.05 * L, dims=2)
+        if kind == "fractal":
+            surface = WeierstrassMandelbrot(L=L, G=1.36e-5 * L, seed=1)
+        found = make_block(here(), surface, L, 0.02 * L, MeshSize(0.2 * L, h_max=0.6 * L))
+        assert found is not None
+        return found
+
+    one = block(1.0)
+    for unit in (1e-6, 2.54):
+        other = block(unit)
+        np.testing.assert_array_equal(other.tets, one.tets)
+        np.testing.assert_allclose(other.points / unit, one.points, rtol=0, atol=1e-14)
+
+
+# --- sizes ----------------------------------------------------------------------------------------------------
+
+
+def edge_lengths(block: BlockMesh, facets: Array) -> tuple[Array, Array]:
+    """Midpoints (n, 2) and horizontal lengths (n,) of the facets' edges."""
+    ends = block.points[facets[:, [[0, 1], [1, 2], [2, 0]]], :2].reshape(-1, 2, 2)
+    return ends.mean(axis=1), np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
+
+
+def test_size_field_is_fine_at_the_summit_and_grows_away() -> None:
+    surface = Sphere(L=1.0, radius=5.0, shape="paraboloid")
+    delta, h, growth, h_max = 0.004, 0.05, 0.4, 0.3  # reached up to r = 0.2
+    field = SizeField.of(surface, delta, h, h_min=0.3 * h, growth=growth, h_max=h_max)
+    assert field.at(0.5, 0.5, 0.0) == pytest.approx(0.3 * h, rel=0.05)
+    for r in (0.08, 0.14, 0.19):
+        size = h * np.sqrt((r * r / 10) / delta)
+        assert size * 0.9 < field.at(0.5 + r, 0.5, 0.0) < 1.25 * size
+    assert field.at(0.5 + 0.19, 0.5, 0.0) == pytest.approx(h, rel=0.15)
+    for depth in (0.05, 0.1, 0.3):
+        assert field.at(0.5, 0.5, depth) == pytest.approx(min(0.3 * h + growth * depth, h_max), rel=0.05)
+    assert field.at(0.0, 0.0, 0.0) == pytest.approx(h + growth * (0.5 * 2**0.5 - 0.2), rel=0.05)
+    assert field.at(0.5, 0.5, 1.0) == h_max
+
+
+def test_mesh_follows_the_size_field(rough: Surface, coarse: BlockMesh) -> None:
+    field = SizeField.of(rough, 0.03, 0.2, h_max=0.5)
+    middle, length = edge_lengths(coarse, top_facets(coarse))
+    wanted = np.array([field.at(x, y, 0.0) for x, y in middle])
+    assert 0.7 < np.median(length / wanted) < 1.2
+    assert np.quantile(length / wanted, 0.98) < 1.7
+
+
+def test_a_tiny_contact_is_resolved() -> None:
+    """The grid of the field zooms in on what is reached, here a hundred-thousandth of the area."""
+    surface = Sphere(L=1.0, radius=100.0, centre=(0.3, 0.6), shape="paraboloid")
+    field = SizeField.of(surface, 2e-8, 5e-4, h_min=1e-4, growth=0.4)  # reached up to r = 2e-3
+    assert field.at(0.3, 0.6, 0.0) == pytest.approx(1e-4, rel=0.01)
+    assert field.at(0.3019, 0.6, 0.0) == pytest.approx(5e-4, rel=0.2)
+    assert field.at(0.35, 0.6, 0.0) == pytest.approx(5e-4 + 0.4 * 0.048, rel=0.05)
+
+
+def test_what_a_coarse_solution_touched_replaces_the_geometry() -> None:
+    """All of a flat is reached at once by its geometry; a solution may say that only a corner is."""
+    surface = Flat(L=2.0)
+    xy = np.stack(np.meshgrid(np.linspace(0, 2, 41), np.linspace(0, 2, 41)), axis=-1).reshape(-1, 2)
+    r = np.hypot(*xy.T)
+    reach = Reach(xy, np.where(r < 0.6, 0.02 * (r / 0.6) ** 2, np.inf))
+    geometry = SizeField.of(surface, 0.02, 0.04, h_max=0.4)
+    solution = SizeField.of(surface, 0.02, 0.04, h_max=0.4, reach=reach)
+    assert geometry.at(0.9, 0.9, 0.0) == geometry.at(0.0, 0.0, 0.0) < 0.01
+    assert solution.at(0.0, 0.0, 0.0) == pytest.approx(geometry.at(0.0, 0.0, 0.0), rel=0.01)
+    assert solution.at(0.0, 0.27, 0.0) == pytest.approx(0.02, rel=0.2)
+    assert solution.at(0.9, 0.9, 0.0) == 0.2
+
+
+# --- refusals -------------------------------------------------------------------------------------------------
+
+
+def test_a_valley_below_the_base_is_refused() -> None:
+    surface = Sphere(L=1.0, radius=0.5, centre=(0.0, 0.0), shape="paraboloid")  # mean -2/3, lowest -2
+    with pytest.raises(MeshError, match=r"block\.height = 1 is less than the depth 1\.33333 .* valley"):
+        uniform(surface, 0.4)
+
+
+def test_a_surface_too_steep_for_its_mesh_is_refused() -> None:
+    """Slope 6 on elements of half a wavelength turns some of them inside out."""
+    surface = Sinusoid(L=1.0, amplitude=0.25, wavelength=0.25, dims=2)
+    block = uniform(surface, 0.2)
+    mesh, _ = distribute(here(), block, 1.0)
+    with pytest.raises(MeshError, match=r"too steep .* size 0\.\d+ is turned inside out \(slope \d.*h_contact"):
+        check_distortion(mesh, surface)
+
+
+@pytest.mark.mpi
+def test_refusals_reach_every_rank() -> None:
+    deep = Sphere(L=1.0, radius=0.5, centre=(0.0, 0.0), shape="paraboloid")
+    with pytest.raises(MeshError, match="valley"):
+        make_block(world(), deep, 1.0, 0.1, MeshSize(0.4))
+    steep = Sinusoid(L=1.0, amplitude=0.25, wavelength=0.25, dims=2)
+    block = uniform(steep, 0.2) if world().rank == 0 else None
+    with pytest.raises(MeshError, match="turned inside out"):
+        make_press(world(), steep, block, Material(1.0, 0.3))
+
+
+def test_a_mesh_of_another_surface_is_refused(rough: Surface, wave: Surface, coarse: BlockMesh) -> None:
+    """It would be pressed without a word, with wrong heights."""
+    with pytest.raises(MeshError, match=r"mesh\.file.* surface"):
+        make_press(here(), wave, coarse, Material(1.0, 0.3))
+    larger = Flat(L=2.0)
+    with pytest.raises(MeshError, match=r"mesh\.file.* side"):
+        make_press(here(), larger, uniform(Flat(L=1.0), 1.0), Material(1.0, 0.3))
+
+
+# --- files and ranks ------------------------------------------------------------------------------------------
+
+
+def test_a_saved_mesh_reads_back_to_the_same_bits(coarse: BlockMesh, tmp_path: Path) -> None:
+    coarse.save(tmp_path / "block.npz")
+    again = BlockMesh.read(tmp_path / "block.npz")
+    np.testing.assert_array_equal(again.points, coarse.points)
+    np.testing.assert_array_equal(again.tets, coarse.tets)
+    assert (again.side, again.height) == (coarse.side, coarse.height)
+
+
+@pytest.mark.parametrize("content", ["missing", "empty", "nonsense", "cut off", "something else"])
+def test_what_is_no_mesh_is_refused(coarse: BlockMesh, tmp_path: Path, content: str) -> None:
+    path = tmp_path / "block.npz"
+    coarse.save(path)
+    whole = path.read_bytes()
+    if content == "missing":
+        path.unlink()
+    elif content == "something else":
+        np.savez(path, points=np.zeros((3, 3)))
+    else:
+        path.write_bytes({"empty": b"", "nonsense": b"PK nonsense", "cut off": whole[:3000]}[content])
+    with pytest.raises(MeshError, match=r"mesh\.file: .*block\.npz is not a mesh"):
+        BlockMesh.read(path)
+
+
+@pytest.mark.mpi
+def test_distribution_keeps_volume_areas_and_nodes(coarse: BlockMesh | None) -> None:
+    comm = world()
+    block = comm.bcast(coarse)
+    alone, shared = solid_of(here(), block), solid_of(comm, coarse)
+    top_alone, top_shared = Top(alone), Top(shared)
+
+    def total(value: float) -> float:
+        return float(comm.allreduce(value))
+
+    assert total(shared.bulk.volumes.sum()) == pytest.approx(alone.bulk.volumes.sum(), rel=1e-13)
+    assert total(top_shared.area.sum()) == pytest.approx(1.0, rel=1e-13)
+    assert total(len(shared.cell_nodes)) == len(block.tets)
+    assert total(len(top_shared.nodes)) == len(top_alone.nodes)
+    assert shared.dofs == alone.dofs == 3 * len(block.points)
+    for tag in (BASE, SIDE_X, SIDE_Y, TOP):
+        assert total(len(shared.nodes_on(tag))) == len(alone.nodes_on(tag))
+    assert total(len(shared.fixed)) == len(alone.fixed)

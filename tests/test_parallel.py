@@ -1,0 +1,167 @@
+"""The same curve on one rank and on all of them: formulations, materials, solvers, and ranks without contact.
+
+Each case is solved by every rank alone (COMM_SELF) and by all together (COMM_WORLD).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from asperity.curve import Curve
+from asperity.fields import gather_states
+from asperity.material import Material
+from asperity.mesh import BlockMesh, build_block, on_root
+from asperity.simulation import run
+from asperity.solve import SolverOptions
+from asperity.statics import ContactResult, Formulation, MeshSize, make_press, solve_contact
+from asperity.surface import Sinusoid, Surface
+
+pytestmark = pytest.mark.mpi
+
+ELASTIC = Material(1.0, 0.3)
+PLASTIC = Material(1.0, 0.3, 0.005, 0.05)
+DELTA = 0.03
+
+
+def comms() -> tuple[Any, Any]:
+    from mpi4py import MPI
+
+    return MPI.COMM_SELF, MPI.COMM_WORLD
+
+
+def assert_same(a: Curve, b: Curve, tolerance: float = 1e-8) -> None:
+    """To 1e-8 of the largest value; plastic strains at single points to 1e-6."""
+    assert list(a.branch) == list(b.branch)
+    for column, allowed in (
+        ("delta", tolerance),
+        ("force", tolerance),
+        ("area_fraction", tolerance),
+        ("plastic_fraction", tolerance),
+        ("max_pressure", 1e-6),
+        ("max_plastic_strain", 1e-6),
+    ):
+        x, y = getattr(a, column), getattr(b, column)
+        assert np.max(np.abs(x - y)) <= allowed * np.max(np.abs(y)), column
+
+
+def solve_both(surface: Surface, block: BlockMesh | None, material: Material, **settings: Any) -> list[ContactResult]:
+    alone, together = comms()
+    whole = together.bcast(block)
+    return [
+        solve_contact(surface, material, block=given, delta_max=DELTA, comm=comm, **settings)
+        for comm, given in ((alone, whole), (together, block))
+    ]
+
+
+@pytest.mark.parametrize("linear", ["lu", "cg"])
+@pytest.mark.parametrize("material", [ELASTIC, PLASTIC], ids=["elastic", "plastic"])
+def test_curve_does_not_depend_on_the_ranks(
+    rough: Surface, coarse: BlockMesh | None, material: Material, linear: str
+) -> None:
+    one, all_ = solve_both(rough, coarse, material, steps=4, unload_steps=2, options=SolverOptions(linear))
+    assert_same(all_.curve, one.curve)
+    assert (all_.dofs, all_.cells) == (one.dofs, one.cells)
+    assert all_.curve.force.max() > 0
+    assert not all_.checks.violated
+
+
+@pytest.mark.parametrize(
+    ("formulation", "material"),
+    [(Formulation("penalty"), PLASTIC), (Formulation("nitsche"), PLASTIC), (Formulation("nitsche", theta=-1), ELASTIC)],
+    ids=["penalty", "nitsche", "skew"],
+)
+def test_formulations_do_not_depend_on_the_ranks(
+    rough: Surface, coarse: BlockMesh | None, formulation: Formulation, material: Material
+) -> None:
+    one, all_ = solve_both(rough, coarse, material, steps=3, unload_steps=1, formulation=formulation)
+    assert_same(all_.curve, one.curve)
+
+
+def test_ufl_kernels_do_not_depend_on_the_ranks(rough: Surface, coarse: BlockMesh | None) -> None:
+    compiled = solve_both(rough, coarse, PLASTIC, steps=2)[1]
+    one, all_ = solve_both(rough, coarse, PLASTIC, steps=2, kernels="ufl")
+    assert_same(all_.curve, one.curve)
+    assert_same(all_.curve, compiled.curve)
+
+
+@pytest.mark.parametrize("method", ["active-set", "penalty", "nitsche"])
+def test_ranks_without_top_facets(method: str) -> None:
+    """A tower: the partitioner cuts it across, so only one of two ranks has a top."""
+    surface = Sinusoid(L=1.0, amplitude=0.05, dims=2)
+    alone, together = comms()
+    block = on_root(together, lambda: build_block(surface, 6.0, lambda x, y, depth: 0.5))
+    one, all_ = (
+        make_press(comm, surface, given, PLASTIC, formulation=Formulation(method))
+        for comm, given in ((alone, together.bcast(block)), (together, block))
+    )
+    facets = together.allgather(len(all_.top.nodes))
+    assert sum(facets) == len(one.top.nodes)
+    if together.size > 1:
+        assert min(facets) == 0
+    for delta in (0.01, 0.03):
+        for press in (one, all_):
+            assert press.attempt(delta).converged
+        assert all_.force == pytest.approx(one.force, rel=1e-8)
+    assert all_.row() == pytest.approx(one.row(), rel=1e-6)
+
+
+def test_force_control_does_not_depend_on_the_ranks(rough: Surface, coarse: BlockMesh | None) -> None:
+    alone, together = comms()
+    curves = [
+        solve_contact(rough, PLASTIC, force_max=0.004 / 0.91, steps=3, block=given, comm=comm).curve
+        for comm, given in ((alone, together.bcast(coarse)), (together, coarse))
+    ]
+    assert_same(curves[1], curves[0])
+
+
+def test_a_mesh_made_by_all_is_the_mesh_made_by_one(rough: Surface) -> None:
+    size = MeshSize(0.2, growth=0.6, h_max=0.6)
+    alone, together = comms()
+    one, all_ = (solve_contact(rough, ELASTIC, delta_max=DELTA, steps=1, size=size, comm=c) for c in (alone, together))
+    assert_same(all_.curve, one.curve)
+    if together.rank == 0:
+        assert one.block is not None and all_.block is not None
+        np.testing.assert_array_equal(one.block.tets, all_.block.tets)
+
+
+def test_fields_are_numbered_like_the_mesh_on_any_ranks(rough: Surface, coarse: BlockMesh | None) -> None:
+    """Snapshots gathered from all ranks against those of one."""
+    one, all_ = solve_both(rough, coarse, PLASTIC, steps=2, snapshots=2)
+    (alone, together), states = comms(), gather_states(all_, 1.0, 1.0)
+    assert alone.size == 1
+    if together.rank == 0:
+        for a, b in zip(states, gather_states(one, 1.0, 1.0), strict=True):
+            assert (a.step, a.branch, a.delta) == (b.step, b.branch, b.delta)
+            np.testing.assert_allclose(a.displacement, b.displacement, rtol=0, atol=1e-8 * DELTA)
+            np.testing.assert_allclose(a.pressure, b.pressure, rtol=0, atol=1e-6 * b.pressure.max())
+            np.testing.assert_allclose(a.plastic_strain, b.plastic_strain, rtol=0, atol=1e-6 * b.plastic_strain.max())
+
+
+def test_a_run_writes_one_set_of_files(shared_path: Path) -> None:
+    case = {
+        "surface": {"kind": "sinusoid", "L": 1e-6, "amplitude": 0.03e-6, "dims": 2},
+        "material": {"E": 200e9, "nu": 0.3, "yield_strength": 1e9},
+        "mesh": {"h_contact": 0.2e-6, "growth": 0.6, "h_max": 0.6e-6},
+        "loading": {"delta_max": 0.01e-6, "steps": 2},
+        "output": {"fields": True},
+    }
+    from asperity.case import Case
+
+    alone, together = comms()
+    result = run(Case.from_dict(case), shared_path / "together", comm=together)
+    expected = run(Case.from_dict(case), comm=alone)
+    assert_same(result.curve, expected.curve)
+    together.Barrier()
+    stored = Curve.read(shared_path / "together" / "curve.csv")
+    np.testing.assert_array_equal(stored.force, result.curve.force)
+    assert result.summary["ranks"] == together.size
+    assert {p.name for p in (shared_path / "together").iterdir()} >= {
+        "case.toml",
+        "curve.csv",
+        "summary.json",
+        "fields",
+    }

@@ -1,0 +1,220 @@
+"""Figures of a run: which are drawn, what stands on them, and the geometry of the mesh cut."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from made_up_run import block, write_run
+
+from asperity.curve import Curve
+from asperity.errors import InputError
+from asperity.plot import (
+    CAPTIONS,
+    contact_area,
+    force_curve,
+    frequency,
+    mesh_cut,
+    plasticity,
+    plot_run,
+    pressure_maps,
+    response,
+    save,
+    surface_map,
+)
+from asperity.plot.curves import tex
+from asperity.plot.section import cut
+from asperity.results import Results
+from asperity.surface import Surface
+from asperity.units import prefix, quantity
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_run(tmp_path_factory.mktemp("run"), n=6)
+
+
+@pytest.fixture(scope="module")
+def results(folder: Path) -> Results:
+    return Results.read(folder)
+
+
+def area(polygon: np.ndarray) -> float:
+    x, z = polygon.T
+    return 0.5 * abs(np.dot(x, np.roll(z, -1)) - np.dot(z, np.roll(x, -1)))
+
+
+@pytest.mark.parametrize("y", [0.0, 0.31e-6, 0.5e-6, 1e-6])
+def test_the_cut_of_a_plain_block_covers_its_side(y: float) -> None:
+    points, tets, _ = block(Surface.from_spec(kind="flat", L=1e-6), 4)
+    polygons, sizes = cut(points, tets, y)
+    assert sum(map(area, polygons)) == pytest.approx(1e-12, rel=1e-6)
+    assert len(sizes) == len(polygons)
+
+
+def test_the_cut_follows_a_curved_top() -> None:
+    L, A, y = 1e-6, 5e-8, 0.37e-6
+    wave = Surface.from_spec(kind="sinusoid", L=L, amplitude=A, wavelength=L)
+    points, tets, _ = block(wave, 8)
+    polygons, _ = cut(points, tets, y, parts=8)
+    assert sum(map(area, polygons)) == pytest.approx(L * L + L * wave.mean(), rel=1e-3)
+    top = max(polygon[:, 1].max() for polygon in polygons)
+    assert top == pytest.approx(A, rel=2e-3)
+
+
+def test_size_of_an_element_is_the_edge_of_a_regular_one() -> None:
+    corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], dtype=float)
+    edges = ((0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3))
+    points = np.vstack([corners, [(corners[a] + corners[b]) / 2 for a, b in edges]])
+    polygons, sizes = cut(points, np.arange(10)[None], 0.0)
+    assert sizes == pytest.approx([np.sqrt(8.0)])
+    assert area(polygons[0]) == pytest.approx(2.0, rel=1e-5)  # the square half way up
+
+
+def test_a_run_gets_every_figure(folder: Path) -> None:
+    written = plot_run(folder)
+    assert {path.stem for path in written} >= set(CAPTIONS) - {"frequency", "response"}
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
+
+
+def test_an_elastic_run_without_fields_gets_what_it_has(tmp_path: Path) -> None:
+    write_run(tmp_path, n=2, material={"E": 200e9, "nu": 0.3})
+    shutil.rmtree(tmp_path / "fields")
+    assert {path.stem for path in plot_run(tmp_path)} == {"surface", "area", "curve"}
+    for name in ("case.toml", "summary.json"):
+        (tmp_path / name).unlink()
+    assert {path.stem for path in plot_run(tmp_path)} == {"area", "curve"}
+
+
+def test_every_axis_has_quantity_and_unit(results: Results) -> None:
+    surface = results.surface
+    heights = surface_map(surface.grid(33), surface.L, surface.maximum())
+    assert heights.axes[0].get_xlabel() == "$x$ (nm)"
+    assert heights.axes[1].get_ylabel() == "height above the mean plane (nm)"
+    section = mesh_cut(results)
+    assert [axis.get_ylabel() for axis in section.axes[:2]] == ["$z$ (nm)", "$z$ (nm)"]
+    maps = pressure_maps(results)
+    assert maps.axes[-1].get_ylabel().startswith("contact pressure (")
+    for figure in (contact_area(results), force_curve(results), plasticity(results)):
+        assert all(axis.get_xlabel() and axis.get_ylabel() for axis in figure.axes)
+
+
+def test_other_units_are_not_called_metres(results: Results) -> None:
+    unknown = Results(folder=results.folder, curve=results.curve, case={"units": "other"})
+    assert unknown.unit("length") == "" and results.unit("length") == "m"
+    surface = results.surface
+    figure = surface_map(surface.grid(33), surface.L, surface.maximum(), unit="")
+    assert figure.axes[0].get_xlabel() == "$x$"
+
+
+def test_the_curve_shows_branches_fit_and_error_band(results: Results) -> None:
+    linear, logarithmic = force_curve(results).axes
+    legend = [text.get_text() for text in linear.get_legend().get_texts()]
+    assert legend[0] == "loading" and "error bar" in legend and "unloading" in legend
+    assert any("1.550" in text for text in legend)
+    assert logarithmic.get_xscale() == logarithmic.get_yscale() == "log"
+    unloading = next(line for line in linear.lines if line.get_label() == "unloading")
+    assert unloading.get_linestyle() == "--"
+    assert len(linear.collections) == 2  # bands of loading and unloading
+
+
+def test_pressure_maps_share_one_scale_and_skip_empty_levels(results: Results) -> None:
+    figure = pressure_maps(results, count=3)
+    assert len(figure.axes) == 4  # and the colour bar
+    titles = [axis.get_title() for axis in figure.axes[:3]]
+    assert all("0.0000" not in title for title in titles)
+    assert titles[-1].startswith("unloading")
+
+
+def test_the_style_is_not_the_users(results: Results, tmp_path: Path) -> None:
+    plain = save(force_curve(results), tmp_path / "a.png").read_bytes()
+    with mpl.rc_context({"font.size": 30, "lines.linewidth": 9}):
+        assert save(force_curve(results), tmp_path / "b.png").read_bytes() == plain
+
+
+def test_branches_are_joined_where_they_meet(results: Results) -> None:
+    (load,) = results.branches("load")
+    (unload,) = results.branches("unload")
+    assert results.branches("reload") == []
+    assert len(load) == 12 and len(unload) == 7
+    assert unload.delta[0] == load.delta[-1]
+
+
+@pytest.mark.parametrize("name", ["curve.csv", "summary.json", "case.toml", "fields/top.npz"])
+def test_a_damaged_file_is_named(tmp_path: Path, name: str) -> None:
+    write_run(tmp_path, n=2)
+    (tmp_path / name).write_bytes(b"{[,\x01")
+    with pytest.raises(InputError, match=Path(name).name):
+        Results.read(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (4.455e-8, "m", "44.55 nm"), (1e-6, "m", "1 µm"), (2e11, "Pa", "200 GPa"),
+        (0.0, "N", "0 N"), (999.9999, "N", "1000 N"), (3e-20, "m", "3e-05 fm"), (0.25, "", "0.25"),
+        (-2e-3, "N", "-2 mN"),
+    ],
+)  # fmt: skip
+def test_quantities_have_sensible_prefixes(value: float, unit: str, text: str) -> None:
+    assert quantity(value, unit) == text
+    factor, name = prefix(value, unit)
+    assert name.endswith(unit) and factor > 0
+
+
+def test_numbers_in_formulas() -> None:
+    assert tex(0.42) == "0.42" and tex(1.5e-7) == "1.5\\times 10^{-7}"
+
+
+@pytest.mark.parametrize("rows", [0, 1])
+def test_a_run_that_stopped_early_has_figures(tmp_path: Path, rows: int) -> None:
+    write_run(tmp_path, n=2)
+    curve = Curve.read(tmp_path / "curve.csv")
+    curve.where(np.arange(rows)).write(tmp_path / "curve.csv")
+    fields = dict(np.load(tmp_path / "fields/top.npz"))
+    for name in ("steps", "branch", "delta", "pressure", "gap"):
+        fields[name] = fields[name][:rows]  # the first level carries no load
+    np.savez(tmp_path / "fields/top.npz", **fields)
+    expected = {"pressure", "area", "curve", "plasticity"} if rows else set()
+    assert {path.stem for path in plot_run(tmp_path)} == {"surface", "mesh"} | expected
+
+
+def write_vibration(folder: Path) -> None:
+    """free.csv of a softening law; response.csv with a fold, in two branches of one name."""
+    u = np.linspace(0, 2, 21)
+    free = [f"{m},{a},{1 - 0.05 * a * a},{-1.2 * a}" for m in ("exact", "taylor") for a in u]
+    (folder / "free.csv").write_text("\n".join(["model,u0,omega_ratio,u_min", *free]))
+    t = np.linspace(0, 1, 41)
+    omega, height = 0.8 + 0.5 * t**2 - 0.25 * t, np.sin(np.pi * t)
+    head = "model,F_hat,zeta,Omega,u_max,u_min,a1,stable,branch,contact_loss"
+    rows = []
+    for shift in (0.0, 2.0):
+        for w, a in zip(omega, height + shift, strict=True):
+            lost = a > 0.8
+            rows.append(f"exact,0.05,0.01,{w},{a},{-a},{a},{w > 0.77},main,{lost}")
+    rows += [f"exact,0.05,0.01,{w},0.1,-0.1,0.1,True,sweep-up,False" for w in omega]
+    (folder / "response.csv").write_text("\n".join([head, *rows]))
+
+
+def test_vibration_figures(tmp_path: Path) -> None:
+    write_run(tmp_path, n=2)
+    write_vibration(tmp_path)
+    assert {"frequency", "response"} <= {path.stem for path in plot_run(tmp_path)}
+    results = Results.read(tmp_path)
+    (axis,) = frequency(results).axes
+    legend = axis.get_legend()
+    assert legend is not None
+    names = [text.get_text() for text in legend.get_texts()]
+    assert names == ["exact law", "contact lost beyond", "Taylor law", "unphysical beyond"]
+    figure = response(results)
+    (axis,) = figure.axes
+    keys = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "sweep up" in keys and "sweep down" not in keys
+    assert any("F/(mg)$ = 0.0775" in key for key in keys)  # n_loc = 1.55 times 0.05
+    assert figure.get_suptitle() == "damping ratio $\\zeta$ = 0.01, acting always"
+    # no line runs from one branch to the other of the same name
+    lines = [np.asarray(line.get_ydata()) for line in axis.lines]
+    assert all(np.ptp(y) < 1.5 for y in lines)

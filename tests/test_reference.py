@@ -1,0 +1,383 @@
+"""Reference solutions against identities they do not contain, textbook numbers and each other."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.linalg import expm
+
+from asperity import reference as ref
+from asperity.curve import fit_power_law
+from asperity.errors import ConvergenceError, InputError
+from asperity.reference.halfspace import _compliance
+from asperity.surface import Flat, Sinusoid, Sphere, WeierstrassMandelbrot
+
+STEEL = {"E": 200e9, "nu": 0.3, "Y": 1e9}
+
+
+# --- elastic closed forms ---------------------------------------------------------------------
+
+
+def test_moduli():
+    assert ref.reduced_modulus(200.0, 0.3) == pytest.approx(219.7802, rel=1e-6)
+    assert ref.patch_test_slope(0.3) == pytest.approx(1.2250, abs=5e-5)
+    assert ref.patch_test_slope(0.3, aspect=2.0) == pytest.approx(1.2250 / 2, abs=5e-5)
+    assert ref.patch_test_slope(0.3, sides="free") == pytest.approx(0.91)
+    with pytest.raises(InputError, match="sides must be"):
+        ref.block_modulus(1.0, 0.3, "glued")  # type: ignore[arg-type]
+
+
+def test_hertz_is_consistent():
+    hertz, delta = ref.Hertz(R=2.0, E_prime=3.0), 0.01
+    a = float(hertz.radius(delta))
+    total, _ = quad(lambda r: 2 * math.pi * r * float(hertz.pressure(r, delta)), 0, a)
+    assert hertz.force(delta) == pytest.approx(total, rel=1e-6)
+    assert hertz.peak_pressure(delta) == pytest.approx(1.5 * total / (math.pi * a**2), rel=1e-6)
+    assert hertz.deflection(hertz.force(delta)) == pytest.approx(delta)
+    h = 1e-6  # a rigid punch of the contact's radius has stiffness 2 E' a
+    stiffness = (hertz.force(delta + h) - hertz.force(delta - h)) / (2 * h)
+    assert stiffness == pytest.approx(2 * 3.0 * a, rel=1e-6)
+    # displacement at the centre of a half-space: (1/(pi E')) times the integral of p/r
+    centre, _ = quad(lambda r: 2 * float(hertz.pressure(r, delta)) / 3.0, 0, a)
+    assert centre == pytest.approx(delta, rel=1e-6)
+    assert hertz.pressure(1.01 * a, delta) == 0
+
+
+def test_first_yield_of_the_textbooks():
+    ratio, depth = ref.first_yield(0.3)
+    assert ratio == pytest.approx(1.60, rel=0.01)
+    assert depth == pytest.approx(0.48, abs=0.005)
+
+
+def test_westergaard_is_consistent():
+    wave = ref.Westergaard(A=0.01, lam=2.0, E_prime=5.0)
+    mean = 0.3 * wave.full_pressure
+    half = float(wave.area_fraction(mean)) * wave.lam / 2
+    total, _ = quad(lambda x: float(wave.pressure(x, mean)), -half, half)
+    assert total / wave.lam == pytest.approx(mean, rel=1e-6)
+    assert wave.pressure(1.001 * half, mean) == 0
+    assert wave.mean_pressure(wave.area_fraction(mean)) == pytest.approx(mean)
+    assert wave.deflection(0.0) == 0
+    assert wave.deflection(wave.full_pressure) == pytest.approx(wave.A)
+
+
+def test_double_sinusoid_table():
+    wave = ref.DoubleSinusoid(A=0.01, lam=1.0, E_prime=2.0)
+    assert wave.full_pressure == pytest.approx(math.sqrt(2) * math.pi * 2.0 * 0.01)
+    r = np.array([0.01, 0.05, 0.1, 0.3, 0.5, 0.7, 0.9, 0.99])
+    area = [0.0364, 0.1131, 0.1906, 0.5139, 0.7042, 0.8400, 0.9506, 0.9952]
+    delta = [0.18167, 0.44359, 0.61521, 0.87508, 0.95488, 0.98883, 0.99931, 0.99996]
+    np.testing.assert_allclose(wave.area_fraction(r * wave.full_pressure), area, atol=4e-4)
+    np.testing.assert_allclose(wave.deflection(r * wave.full_pressure) / 0.01, delta, atol=3e-4)
+
+
+def test_double_sinusoid_meets_hertz_at_light_load():
+    """Two crests a period, radius of curvature 1/(k^2 A)."""
+    wave = ref.DoubleSinusoid(A=0.01, lam=1.0, E_prime=1.0)
+    hertz = ref.Hertz(R=1 / ((2 * math.pi) ** 2 * 0.01), E_prime=1.0)
+    pressure = 0.0005 * wave.full_pressure
+    delta = hertz.deflection(pressure / 2)
+    assert wave.area_fraction(pressure) == pytest.approx(2 * math.pi * hertz.R * delta, rel=0.05)
+
+
+def test_double_sinusoid_between_its_nodes():
+    wave = ref.DoubleSinusoid(A=0.01, lam=1.0, E_prime=1.0)
+    surface = Sinusoid(L=1.0, amplitude=0.01, dims=2)
+    for r in (0.03, 0.225, 0.35, 0.7, 0.9):
+        pressure = r * wave.full_pressure
+        computed = ref.half_space_contact(surface, 256, P_star=pressure)
+        assert wave.area_fraction(pressure) == pytest.approx(computed.area_fraction, abs=2e-3)
+        assert wave.deflection(pressure) == pytest.approx(computed.delta_star, abs=2e-5)
+
+
+def test_similarity_law_against_computation():
+    """Heights times s at loads times s: deflection times s, the same area."""
+    low, high = (WeierstrassMandelbrot(L=1e-6, G=G, D=2.5, seed=2) for G in (1e-12, 4e-12))
+    s = 4**0.5
+    a = ref.half_space_contact(low, 64, P_star=1e-4)
+    b = ref.half_space_contact(high, 64, P_star=s * 1e-4)
+    assert b.delta_star == pytest.approx(s * a.delta_star, rel=1e-6)
+    assert b.area_fraction == pytest.approx(a.area_fraction)
+    k, n = 3.0, 1.7
+    k_new = ref.similar_coefficient(k, n, 1e-12, 4e-12, 2.5)
+    assert k_new * (s * 0.01) ** n == pytest.approx(s * k * 0.01**n)
+
+
+def test_area_coefficients():
+    assert ref.area_coefficient("persson") == pytest.approx(1.596, abs=1e-3)
+    assert ref.area_coefficient("bush-gibson-thomas") == pytest.approx(2.507, abs=1e-3)
+    with pytest.raises(InputError, match="theory must be one of"):
+        ref.area_coefficient("archard")  # type: ignore[arg-type]
+
+
+# --- material point ---------------------------------------------------------------------------
+
+E, NU, Y, E_T = 200.0, 0.3, 1.0, 10.0
+MU, BULK, H = E / 2.6, E / 1.2, E * E_T / (E - E_T)
+
+
+def test_uniaxial_loading_and_reversal():
+    """Yield at strain 0.005, slope E_t to 1.25; reversed yield at -1.25, slope E_t again."""
+    stress, p = ref.uniaxial_stress([0.004, 0.005, 0.03, 0.0175, 0.0075, -0.01], E, Y, E_T)
+    np.testing.assert_allclose(stress, [0.8, 1.0, 1.25, -1.25, -1.35, -1.525], rtol=1e-12)
+    forward = 0.03 - 1.25 / E
+    np.testing.assert_allclose(p[:4], [0, 0, forward, forward], atol=1e-15)
+    assert p[4] - p[3] == pytest.approx(0.01 * (1 - E_T / E))
+
+
+def test_confined_compression():
+    onset = Y / (2 * MU)
+    axial, lateral, p = ref.confined_stress([-onset, -2 * onset], E, NU, Y, E_T)
+    assert abs(axial[0] - lateral[0]) == pytest.approx(Y, rel=1e-12)
+    assert axial[0] == pytest.approx(-(BULK + 4 / 3 * MU) * onset)
+    assert p[0] == pytest.approx(0, abs=1e-15)
+    # plastic slope K + (4/3) mu H/(H + 3 mu)
+    slope = (axial[1] - axial[0]) / -onset
+    assert slope == pytest.approx(BULK + 4 / 3 * MU * H / (H + 3 * MU))
+    assert abs(axial[1] - lateral[1]) == pytest.approx(Y + H * p[1])
+
+
+def test_rate_integration_agrees_with_confined_compression():
+    history = np.array([-0.002, -0.02, 0.01, -0.03])
+    strain = np.zeros((4, 3, 3))
+    strain[:, 2, 2] = history
+    stress, p = ref.j2_path(strain, E, NU, Y, E_T)
+    axial, lateral, q = ref.confined_stress(history, E, NU, Y, E_T)
+    np.testing.assert_allclose(stress[:, 2, 2], axial, rtol=1e-9)
+    np.testing.assert_allclose(stress[:, 0, 0], lateral, rtol=1e-9)
+    np.testing.assert_allclose(p, q, rtol=1e-8, atol=1e-14)
+
+
+def radial_return(path: np.ndarray, steps: int) -> tuple[np.ndarray, float]:
+    """Return (stress, p) at the end of a strain path by backward Euler."""
+    e_p, p, before = np.zeros((3, 3)), 0.0, np.zeros((3, 3))
+    for corner in path:
+        for t in np.linspace(0, 1, steps + 1)[1:]:
+            strain = before + t * (corner - before)
+            s = 2 * MU * (strain - np.trace(strain) / 3 * np.eye(3) - e_p)
+            q = math.sqrt(1.5) * np.linalg.norm(s)
+            flow = max(0.0, float(q) - Y - H * p) / (3 * MU + H)
+            e_p = e_p + flow * 1.5 * s / q
+            p += flow
+        before = corner
+    return s * (1 - 3 * MU * flow / q) + BULK * np.trace(strain) * np.eye(3), p
+
+
+def test_rate_integration_is_the_limit_of_radial_return():
+    path = np.random.default_rng(6).normal(0, 0.01, size=(3, 3, 3))
+    path = path + path.transpose(0, 2, 1)
+    stress, p = ref.j2_path(path, E, NU, Y, E_T)
+    assert math.sqrt(1.5) * np.linalg.norm(
+        stress[-1] - np.trace(stress[-1]) / 3 * np.eye(3)
+    ) == pytest.approx(Y + H * p[-1], rel=1e-8)
+    coarse, fine = (radial_return(path, steps) for steps in (100, 200))
+    errors = [np.linalg.norm(s - stress[-1]) for s in (coarse[0], fine[0])]
+    assert errors[1] < 0.55 * errors[0] < 0.01 * np.linalg.norm(stress[-1])
+    extrapolated = 2 * fine[1] - coarse[1]
+    assert extrapolated == pytest.approx(p[-1], rel=1e-4)
+
+
+def test_tangent_modulus_must_be_below_E():
+    with pytest.raises(InputError, match="must lie between 0 and E"):
+        ref.hardening_modulus(1.0, 1.0)
+
+
+# --- thick sphere -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("E_t", [0.0, 20.0, 150.0])
+def test_pressurised_sphere_satisfies_every_equation(E_t):
+    sphere = ref.PressurisedSphere(a=1.0, b=2.0, E=E, nu=NU, Y=Y, E_t=E_t)
+    c, h = 1.6, 1e-5
+    r = np.array([1.0 + h, 1.2, 1.4, 1.7, 1.9])
+    radial, hoop = sphere.radial_stress(r, c), sphere.hoop_stress(r, c)
+    slope = (sphere.radial_stress(r + h, c) - sphere.radial_stress(r - h, c)) / (2 * h)
+    np.testing.assert_allclose(slope, 2 * (hoop - radial) / r, rtol=1e-6)
+    p = sphere.plastic_strain(r, c)
+    plastic = r < c
+    np.testing.assert_allclose(
+        (hoop - radial)[plastic], Y + ref.hardening_modulus(E, E_t) * p[plastic]
+    )
+    assert np.all(hoop - radial <= Y + ref.hardening_modulus(E, E_t) * p + 1e-12)
+    assert not p[~plastic].any()
+    u = sphere.displacement(r, c)
+    du = (sphere.displacement(r + h, c) - sphere.displacement(r - h, c)) / (2 * h)
+    np.testing.assert_allclose(u / r, (hoop * (1 - NU) - NU * radial) / E + p / 2, rtol=1e-9)
+    np.testing.assert_allclose(du, (radial - 2 * NU * hoop) / E - p, rtol=1e-5)
+    assert sphere.radial_stress(2.0, c) == pytest.approx(0, abs=1e-14)
+    assert sphere.pressure(c) == pytest.approx(-float(sphere.radial_stress(1.0, c)))
+
+
+def test_pressurised_sphere_limits():
+    sphere = ref.PressurisedSphere(a=1.0, b=2.0, E=E, nu=NU, Y=Y)
+    assert sphere.pressure(1.0) == pytest.approx(2 / 3 * (1 - 1 / 8))  # first yield
+    assert sphere.pressure(2.0) == pytest.approx(2 * math.log(2))  # collapse
+    with pytest.raises(InputError, match="plastic radius 3"):
+        sphere.pressure(3.0)
+
+
+# --- flattened sphere -------------------------------------------------------------------------
+
+
+def critical_deflection(R: float) -> float:
+    """Return Jackson and Green's delta_c for STEEL."""
+    C = 1.295 * math.exp(0.736 * 0.3)
+    return (math.pi * C * 1e9 / (2 * 200e9 / 0.91)) ** 2 * R
+
+
+def test_jackson_green_numbers():
+    w, R = np.array([6.0, 10.0, 50.0, 110.0]), 1e-3
+    hertz = ref.Hertz(R, ref.reduced_modulus(200e9, 0.3))
+    critical = float(hertz.force(critical_deflection(R)))
+    force, area = ref.jackson_green(w * critical_deflection(R), R, **STEEL)
+    np.testing.assert_allclose(force / critical, [13.00, 25.88, 201.0, 502.9], rtol=3e-4)
+    other, other_area = ref.kogut_etsion(w * critical_deflection(R), R, **STEEL)
+    np.testing.assert_allclose(other, force, rtol=0.06)
+    np.testing.assert_allclose(other_area, area, rtol=0.06)
+    small = 0.5 * critical_deflection(R)
+    for model in (ref.jackson_green, ref.kogut_etsion):
+        assert model(small, R, **STEEL)[0] == pytest.approx(float(hertz.force(small)))
+    assert np.isnan(ref.kogut_etsion(200 * critical_deflection(R), R, **STEEL)[0])
+
+
+def test_ghaednia_numbers():
+    R = 1e-3
+    delta = 50 * critical_deflection(R)
+    elastic = float(ref.Hertz(R, ref.reduced_modulus(200e9, 0.3)).force(delta))
+    for ratio, expected in [(0.0, 0.569), (0.1, 0.691), (0.3, 0.841), (0.5, 0.918)]:
+        force, area = ref.ghaednia(delta, R, **STEEL, E_t=ratio * 200e9)
+        assert force / elastic == pytest.approx(expected, abs=6e-4)
+        assert math.pi * R * delta * (1 - 1e-9) <= area < 2 * math.pi * R * delta
+    small = critical_deflection(R)
+    assert ref.ghaednia(small, R, **STEEL, E_t=1e9)[0] == pytest.approx(
+        float(ref.Hertz(R, ref.reduced_modulus(200e9, 0.3)).force(small))
+    )
+
+
+# --- half-space solver ------------------------------------------------------------------------
+
+
+def test_half_space_on_westergaard():
+    wave = ref.Westergaard(A=0.01, lam=1.0, E_prime=1.0)
+    surface = Sinusoid(L=1.0, amplitude=0.01)
+    for r, bar in ((0.1, 3e-5), (0.5, 1e-5), (0.9, 1e-5)):
+        pressure = r * wave.full_pressure
+        computed = ref.half_space_contact(surface, 512, P_star=pressure)
+        assert computed.delta_star == pytest.approx(float(wave.deflection(pressure)), rel=bar)
+        assert computed.P_star == pytest.approx(pressure)
+        row = computed.pressure[7]
+        assert 2 * row.sum() / 512 == pytest.approx(2 * pressure)
+        x = (np.arange(512) + 0.5) / 512 - 0.5
+        assert abs(row - wave.pressure(x, pressure)).max() < 0.06 * row.max()
+
+
+def test_half_space_on_hertz():
+    """Contact radius 5 % of the patch, so that the images hardly matter for the peak."""
+    surface = Sphere(L=1.0, radius=1.0, centre=(0.0, 0.0), shape="paraboloid")
+    hertz = ref.Hertz(R=1.0, E_prime=1.0)
+    delta = 0.1**2
+    quarter = float(hertz.force(delta)) / 4
+    computed = ref.half_space_contact(surface, 256, P_star=quarter)
+    assert computed.pressure.max() == pytest.approx(float(hertz.peak_pressure(delta)), rel=0.01)
+    assert computed.area_fraction == pytest.approx(math.pi * delta / 4, rel=0.02)
+
+
+def test_rough_elastic_table():
+    surface = ref.rough_elastic_surface()
+    for point in ref.ROUGH_ELASTIC:
+        computed = ref.half_space_contact(surface, 256, P_star=point.P_star)
+        assert computed.delta_star == pytest.approx(point.delta_star, rel=1e-4)
+        assert computed.area_fraction == pytest.approx(point.area_fraction, abs=3e-4)
+    kappa = ref.ROUGH_ELASTIC[2].area_fraction / ref.ROUGH_ELASTIC[2].P_star * surface.rms_slope()
+    assert ref.area_coefficient("persson") < kappa < ref.area_coefficient("bush-gibson-thomas")
+
+
+@pytest.mark.parametrize(("D", "G"), [(2.4, 1e-12), (2.5, 1.36e-11)])
+def test_rough_elastic_exponents(D, G):
+    deflections, exponents = np.linspace(0.002, 0.02, 10), []
+    for seed in range(6):
+        surface, pressure = ref.rough_elastic_surface(D, G, seed), None
+        loads, approach = np.geomspace(1e-6, 0.02, 25), []
+        for load in loads:
+            contact = ref.half_space_contact(
+                surface, 64, P_star=load, start=pressure, tolerance=1e-5
+            )
+            pressure = contact.pressure
+            approach.append(contact.delta_star + load / ref.patch_test_slope(0.3))
+        P_star = np.exp(np.interp(np.log(deflections), np.log(approach), np.log(loads)))
+        exponents.append(fit_power_law(deflections, P_star).n)
+    mean, deviation = ref.ROUGH_ELASTIC_FITS[D, G]
+    assert np.mean(exponents) == pytest.approx(mean, abs=0.03)
+    assert np.std(exponents) == pytest.approx(deviation, rel=0.35)
+
+
+def layer_compliance(q: float, height: float, nu: float) -> float:
+    """Return E' u/p for a wave cos(qx) on a bonded layer, by the exponential of its ODE.
+
+    State (U, W, S, T): u_x = U sin, u_z = W cos, sigma_zz = S cos, sigma_xz = T sin (E = 1).
+    """
+    mu, lam = 1 / (2 * (1 + nu)), nu / ((1 + nu) * (1 - 2 * nu))
+    M = lam + 2 * mu
+    rate = np.array(
+        [
+            [0, q, 0, 1 / mu],
+            [-lam * q / M, 0, 1 / M, 0],
+            [0, 0, 0, -q],
+            [q * q * (M - lam**2 / M), 0, q * lam / M, 0],
+        ]
+    )
+    top = expm(rate * height)[:, 2:]  # from U = W = 0 at the base
+    base = np.linalg.solve(top[2:], [-1.0, 0.0])
+    return float(-(top[1] @ base)) / (1 - nu**2)
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.3, 0.45])
+@pytest.mark.parametrize("height", [0.1, 1.0])
+def test_layer_compliance_against_its_differential_equation(nu, height):
+    table = _compliance(4, height, nu)
+    for i, j in [(0, 1), (1, 0), (1, 1), (0, 3)]:
+        q = math.pi * math.hypot(i, j)
+        assert table[i, j] == pytest.approx(layer_compliance(q, height, nu), rel=1e-9)
+    # confined compression h/M, E' = 1
+    assert table[0, 0] == pytest.approx(height / ref.patch_test_slope(nu))
+
+
+def test_layer_under_deflection_and_load_control():
+    surface = WeierstrassMandelbrot(L=1e-6, D=2.5)
+    load = ref.half_space_contact(surface, 64, P_star=0.004, height=1e-6)
+    deflection = ref.half_space_contact(surface, 64, delta_star=load.delta_star, height=1e-6)
+    assert deflection.P_star == pytest.approx(0.004, rel=1e-6)
+    half_space = ref.half_space_contact(surface, 64, P_star=0.004)
+    block = 0.004 / ref.patch_test_slope(0.3)
+    assert load.delta_star == pytest.approx(half_space.delta_star + block, rel=0.02)
+    again = ref.half_space_contact(surface, 64, P_star=0.0041, start=half_space.pressure)
+    assert again.iterations < half_space.iterations
+
+
+def test_a_flat_layer_is_the_patch_test():
+    contact = ref.half_space_contact(Flat(L=1.0), 16, delta_star=0.01, height=0.5)
+    assert contact.P_star == pytest.approx(0.01 * ref.patch_test_slope(0.3, aspect=0.5))
+    assert contact.area_fraction == 1.0
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, "exactly one"),
+        ({"P_star": 1e-3, "delta_star": 1e-3}, "exactly one"),
+        ({"P_star": -1.0}, "P_star = -1.0 must be positive"),
+        ({"delta_star": 0.01}, "needs the height"),
+        ({"P_star": 1e-3, "height": 0.0}, "height = 0.0 must be positive"),
+    ],
+)
+def test_bad_loads_are_refused(options, message):
+    with pytest.raises(InputError, match=message):
+        ref.half_space_contact(Flat(L=1.0), 8, **options)
+
+
+def test_too_few_iterations_are_reported():
+    with pytest.raises(ConvergenceError, match="after 3 iterations"):
+        ref.half_space_contact(ref.rough_elastic_surface(), 32, P_star=0.01, max_iterations=3)

@@ -1,0 +1,114 @@
+"""The report: self-contained, complete, and safe whatever the input says."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from made_up_run import write_run
+
+from asperity.errors import InputError
+from asperity.publications import publications
+from asperity.report import write_report
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return write_run(tmp_path / "run", n=3)
+
+
+class Page(HTMLParser):
+    """Tags, attributes and text of a page; every opened tag must be closed."""
+
+    EMPTY = ("meta", "img", "br")
+
+    def __init__(self, path: Path):
+        super().__init__()
+        self.tags: list[str] = []
+        self.links: list[str] = []
+        self.words: list[str] = []
+        self._open: list[str] = []
+        self.feed(path.read_text(encoding="utf-8"))
+        assert self._open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.links += [value or "" for name, value in attrs if name in ("src", "href")]
+        if tag not in self.EMPTY:
+            self._open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+
+    @property
+    def text(self) -> str:
+        return re.sub(r"\s+", " ", " ".join(self.words))
+
+
+def test_the_page_holds_law_outcome_input_run_and_citations(folder: Path) -> None:
+    page = Page(write_report(folder))
+    for part in (
+        "0.42 (95 % interval 0.4 to 0.44)", "1.55 (95 % interval 1.52 to 1.58)", "R² = 0.99870",
+        "402.5 µN", "30 nm", "yield_strength 1e+09", "error budget", "load step 0.008",
+        "dofs 51234",
+        "dolfinx 0.9.0", "peak memory MiB 640", "18 accepted steps", "Komvopoulos", "kappa -0.047",
+        "peaks 1.Omega 0.987",
+    ):  # fmt: skip
+        assert part in page.text
+
+
+def test_nothing_is_loaded_from_elsewhere(folder: Path) -> None:
+    page = Page(write_report(folder))
+    assert page.tags.count("img") == len(list((folder / "figures").glob("*.png"))) >= 6
+    assert all(link.startswith("data:image/png;base64,") for link in page.links)
+    assert "script" not in page.tags and "link" not in page.tags
+
+
+def test_what_came_from_input_is_escaped(tmp_path: Path) -> None:
+    evil = "<script>alert('x')</script>"
+    folder = write_run(tmp_path / "<b>run", n=2)
+    summary = json.loads((folder / "summary.json").read_text())
+    summary |= {"exit_reason": evil, evil: {evil: evil}}
+    (folder / "summary.json").write_text(json.dumps(summary))
+    page = Page(write_report(folder))
+    assert "script" not in page.tags and "b" not in page.tags
+    assert "<b>run" in page.text and evil in page.text
+
+
+def test_a_partial_run_is_reported(folder: Path) -> None:
+    (folder / "summary.json").write_text('{"exit_reason": "no convergence at step 3"}')
+    (folder / "case.toml").unlink()
+    page = Page(write_report(folder))
+    assert "no convergence at step 3" in page.text and "Power law" not in page.text
+
+
+def test_figures_are_drawn_again_only_after_the_curve_changed(folder: Path) -> None:
+    write_report(folder)
+    picture = folder / "figures/curve.png"
+    before = picture.stat().st_mtime_ns
+    write_report(folder)
+    assert picture.stat().st_mtime_ns == before
+    later = before + 10**9
+    os.utime(folder / "curve.csv", ns=(later, later))
+    write_report(folder)
+    assert picture.stat().st_mtime_ns != before
+
+
+def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"curve\.csv"):
+        write_report(tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_only_what_was_used_is_cited() -> None:
+    elastic = {"surface": {"kind": "sphere"}, "material": {}, "contact": {"method": "penalty"}}
+    plastic = {**elastic, "material": {"yield_strength": 1.0}, "dynamics": {}}
+    assert set(publications(plastic)) > set(publications(elastic))
+    assert any("DOLFINx" in text for text in publications({}))

@@ -1,0 +1,271 @@
+"""A case from its file to its results: what is written, what is left alone, exit codes, units."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import asperity
+from asperity.case import Case
+from asperity.cli import main
+from asperity.curve import COLUMNS, Curve
+from asperity.errors import ConvergenceError, InputError, MeshError
+from asperity.mesh import BlockMesh
+from asperity.results import Results
+from asperity.simulation import RunResult, run
+from asperity.solve import NewtonSolver
+
+SURFACE: dict[str, Any] = {"kind": "weierstrass-mandelbrot", "L": 1e-6, "D": 2.4, "G": 1.36e-11}
+STEEL: dict[str, Any] = {"E": 200e9, "nu": 0.3, "yield_strength": 1e9, "tangent_modulus": 10e9}
+MESH: dict[str, Any] = {"h_contact": 0.2e-6, "growth": 0.6, "h_max": 0.5e-6}
+LOADING: dict[str, Any] = {"delta_max": 0.03e-6, "steps": 6, "unload": True, "unload_steps": 3}
+CASE: dict[str, Any] = {"surface": SURFACE, "material": STEEL, "mesh": MESH, "loading": LOADING}
+
+
+def case_of(**sections: Mapping[str, Any]) -> Case:
+    return Case.from_dict({**CASE, **sections})
+
+
+def write_case(path: Path, **sections: Mapping[str, Any]) -> Path:
+    path.write_text(case_of(**sections).to_toml(), encoding="utf-8")
+    return path
+
+
+@pytest.fixture(scope="module")
+def full(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunResult]:
+    """A run with everything a case can ask for."""
+    folder = tmp_path_factory.mktemp("full") / "new" / "folder"
+    everything = {"figures": True, "fields": True, "report": True, "snapshots": 2}
+    case = case_of(output=everything, dynamics={"zeta": 0.05, "forcing": [0.02], "model": ["exact"]})
+    return folder, run(case, folder)
+
+
+# --- files ----------------------------------------------------------------------------------------------------
+
+
+def test_files_of_a_run(full: tuple[Path, RunResult]) -> None:
+    folder, _ = full
+    files = {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()}
+    promised = {
+        "case.toml",
+        "curve.csv",
+        "summary.json",
+        "free.csv",
+        "response.csv",
+        "thresholds.json",
+        "report.html",
+        "fields/top.npz",
+        "fields/mesh.npz",
+        "fields/contact.vtkhdf",
+    }
+    assert promised <= files
+    assert not [name for name in files if Path(name).name.startswith(".")]
+    assert any(name.endswith(".png") for name in files)
+
+
+def test_stored_curve_is_the_one_returned(full: tuple[Path, RunResult]) -> None:
+    folder, result = full
+    stored = Curve.read(folder / "curve.csv")
+    for column in COLUMNS:
+        np.testing.assert_array_equal(getattr(stored, column), getattr(result.curve, column))
+    assert list(stored.branch) == ["load"] * 6 + ["unload"] * (len(stored) - 6)
+    np.testing.assert_allclose(stored.delta_star * SURFACE["L"], stored.delta, rtol=1e-15)
+    prime = STEEL["E"] / (1 - STEEL["nu"] ** 2)
+    np.testing.assert_allclose(stored.P_star * prime * SURFACE["L"] ** 2, stored.force, rtol=1e-15)
+    loading = stored.loading()
+    np.testing.assert_allclose(loading.delta, LOADING["delta_max"] * np.arange(1, 7) / 6, rtol=1e-14)
+    assert np.all(np.diff(loading.force) > 0) and stored.force[-1] == 0.0
+    assert 1e9 < stored.max_pressure.max() < 10e9  # between yield strength and some hardnesses, in Pa
+    assert np.all(stored.seconds > 0) and np.all(stored.newton > 0)
+
+
+def test_summary(full: tuple[Path, RunResult]) -> None:
+    folder, result = full
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    assert summary["exit_reason"] == "done" and summary["finished"] is True
+    fit = summary["fit"]
+    assert {"k", "n", "norm", "range", "points", "r2", "ci"} <= set(fit)
+    assert fit["points"] == 6 and fit["range"] == pytest.approx([0.005, 0.03])
+    refit = asperity.fit_power_law(result.curve.loading().delta_star, result.curve.loading().P_star)
+    assert (fit["k"], fit["n"]) == pytest.approx((refit.k, refit.n))
+    assert summary["dofs"] > 1000 and summary["cells"] > 100 and summary["ranks"] == 1
+    assert summary["steps"] == len(result.curve)
+    assert summary["newton"] >= result.curve.newton.sum()
+    assert summary["seed"] == 0
+    assert summary["checks"]["force_balance"] < 1e-6 and summary["checks"]["violated"] == {}
+    assert {"mesh", "set-up", "tangent", "residual", "linear solve", "dynamics", "fields"} <= set(summary["seconds"])
+    assert {"asperity", "python", "dolfinx", "numpy", "petsc4py", "gmsh"} <= set(summary["versions"])
+    assert summary["case_hash"] == Case.load(folder / "case.toml").hash()
+    assert 10 < summary["peak_memory_MiB"] < 10_000
+
+
+def test_the_completed_case_runs_to_the_same_curve(full: tuple[Path, RunResult]) -> None:
+    folder, result = full
+    again = run(Case.load(folder / "case.toml", ["output.figures=false", "output.report=false"]))
+    np.testing.assert_array_equal(again.curve.force, result.curve.force)
+
+
+def test_fields(full: tuple[Path, RunResult]) -> None:
+    folder, result = full
+    L = SURFACE["L"]
+    with np.load(folder / "fields" / "top.npz") as top:
+        assert list(top["steps"]) == [3, 6] and list(top["branch"]) == ["load", "load"]
+        np.testing.assert_allclose(top["delta"], result.curve.delta[[2, 5]])
+        np.testing.assert_allclose(top["pressure"].max(axis=1), result.curve.max_pressure[[2, 5]])
+        assert top["gap"].min() >= 0.0 and top["gap"].max() < 0.3 * L
+        x, triangles = top["points"], top["triangles"]
+        a, b, c = (x[triangles[:, k]] for k in range(3))
+        areas = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+        assert areas.sum() == pytest.approx(L**2)
+        for k, force in enumerate(result.curve.force[[2, 5]]):
+            pressure = top["pressure"][k][triangles].mean(axis=1)
+            assert areas @ pressure == pytest.approx(force, rel=1e-9)
+    with np.load(folder / "fields" / "mesh.npz") as mesh:
+        assert mesh["tets"].shape == (result.summary["cells"], 10)
+        assert 3 * len(mesh["points"]) == result.summary["dofs"]
+        assert mesh["points"][:, :2].max() == pytest.approx(L)
+
+
+def test_results_are_read_back(full: tuple[Path, RunResult]) -> None:
+    """By the module that figures and report are drawn from."""
+    folder, result = full
+    stored = Results.read(folder)
+    np.testing.assert_array_equal(stored.curve.force, result.curve.force)
+
+
+def test_nothing_is_written_without_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = run(case_of(loading={"delta_max": 0.01e-6, "steps": 1}))
+    assert len(result.curve) == 1 and result.fit is None
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_saved_mesh_is_used(tmp_path: Path, full: tuple[Path, RunResult]) -> None:
+    _, result = full
+    assert result.contact is not None and result.contact.block is not None
+    result.contact.block.save(tmp_path / "block.npz")
+    again = run(case_of(mesh={**MESH, "file": str(tmp_path / "block.npz")}))
+    np.testing.assert_array_equal(again.curve.force, result.curve.force)
+    with pytest.raises(MeshError, match=r"mesh\.file: the mesh has the height 1e-06, block\.height is 2e-06"):
+        run(case_of(mesh={**MESH, "file": str(tmp_path / "block.npz")}, block={"height": 2e-6}))
+    with pytest.raises(MeshError, match=r"mesh\.file: the top of the mesh is not this surface"):
+        run(case_of(mesh={**MESH, "file": str(tmp_path / "block.npz")}, surface={**SURFACE, "seed": 1}))
+
+
+# --- failures -------------------------------------------------------------------------------------------------
+
+
+def fail_from(monkeypatch: pytest.MonkeyPatch, call: int) -> None:
+    """Make all solves from a certain one on fail."""
+    true_solve, calls = NewtonSolver.solve, [0]
+
+    def solve(self: NewtonSolver, start: Any, scale: float) -> Any:
+        import dataclasses
+
+        calls[0] += 1
+        stats = true_solve(self, start, scale)
+        return stats if calls[0] < call else dataclasses.replace(stats, converged=False, reason="forced")
+
+    monkeypatch.setattr(NewtonSolver, "solve", solve)
+
+
+def call(*arguments: object) -> object:
+    """Exit code of the command line."""
+    with pytest.raises(SystemExit) as left:
+        main([str(argument) for argument in arguments])
+    return left.value.code
+
+
+def test_a_run_that_does_not_converge_keeps_its_curve(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fail_from(monkeypatch, 5)
+    case = write_case(tmp_path / "case.toml", output={"figures": True})
+    out = tmp_path / "out"
+    assert call("run", case, "-o", out) == 3
+    assert "no convergence at delta/L = 0.02" in capsys.readouterr().err
+    curve = Curve.read(out / "curve.csv")
+    np.testing.assert_allclose(curve.delta, 0.005e-6 * np.arange(1, 5), rtol=1e-14)
+    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert "no convergence" in summary["exit_reason"] and summary["finished"] is False
+    assert summary["fit"]["points"] == 4
+
+
+def test_a_run_that_never_converges_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fail_from(monkeypatch, 1)
+    with pytest.raises(ConvergenceError, match=r"no convergence at delta/L"):
+        run(case_of(), tmp_path / "out")
+    assert len(Curve.read(tmp_path / "out" / "curve.csv")) == 0
+
+
+def test_too_few_newton_steps_end_in_a_partial_curve(tmp_path: Path) -> None:
+    """A true failure, without any help."""
+    with pytest.raises(ConvergenceError, match=r"diverged_max_it after 3 Newton iterations"):
+        run(case_of(solver={"newton_max": 3}), tmp_path / "out")
+    assert len(Curve.read(tmp_path / "out" / "curve.csv")) < 6
+
+
+@pytest.mark.parametrize("trouble", ["steep", "deep", "no mesh", "another surface"])
+def test_a_bad_mesh_leaves_an_older_run_alone(tmp_path: Path, trouble: str) -> None:
+    """Exit code 2: nothing has been written."""
+    out = tmp_path / "out"
+    out.mkdir()
+    for name in ("case.toml", "curve.csv", "summary.json"):
+        (out / name).write_text("older", encoding="utf-8")
+    steep = {"kind": "sinusoid", "L": 1e-6, "amplitude": 0.25e-6, "wavelength": 0.25e-6, "dims": 2}
+    deep = {"kind": "sphere", "L": 1e-6, "radius": 0.45e-6, "centre": [0.0, 0.0], "shape": "paraboloid"}
+    block = BlockMesh(np.zeros((10, 3)), np.arange(10)[None, :], 1e-6, 1e-6)
+    block.save(tmp_path / "other.npz")
+    kinds: dict[str, dict[str, Any]] = {
+        "steep": {"surface": steep, "mesh": {"h_contact": 0.15e-6, "h_max": 0.15e-6}},
+        "deep": {"surface": deep},
+        "no mesh": {"mesh": {"file": str(tmp_path / "missing.npz")}},
+        "another surface": {"mesh": {"file": str(tmp_path / "other.npz")}},
+    }
+    case = tmp_path / "case.toml"
+    case.write_text(Case.from_dict({**CASE, **kinds[trouble], "units": "other"}).to_toml(), encoding="utf-8")
+    assert call("run", case, "-o", out) == 2
+    assert {p.name for p in out.iterdir()} == {"case.toml", "curve.csv", "summary.json"}
+    assert all(p.read_text(encoding="utf-8") == "older" for p in out.iterdir())
+
+
+def test_a_missing_case_file_is_an_input_error() -> None:
+    with pytest.raises(InputError, match=r"nowhere\.toml"):
+        run("nowhere.toml")
+
+
+# --- units ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("plastic", [True, False], ids=["plastic", "elastic"])
+def test_micrometres_and_gigapascal_give_the_curve_of_metres_and_pascal(plastic: bool) -> None:
+    steel = STEEL if plastic else {"E": 200e9, "nu": 0.3}
+
+    def curve(length: float, stress: float) -> Curve:
+        def scaled(section: Mapping[str, Any], unit: float, *keys: str) -> dict[str, Any]:
+            return {k: v / unit if k in keys else v for k, v in section.items()}
+
+        return run(
+            Case.from_dict(
+                {
+                    "units": "other",
+                    "surface": scaled(SURFACE, length, "L", "G"),
+                    "material": scaled(steel, stress, "E", "yield_strength", "tangent_modulus"),
+                    "mesh": scaled(MESH, length, "h_contact", "h_max"),
+                    "loading": scaled(LOADING, length, "delta_max"),
+                }
+            )
+        ).curve
+
+    si, micro = curve(1.0, 1.0), curve(1e-6, 1e9)
+    assert list(si.branch) == list(micro.branch)
+    for column in ("delta_star", "P_star", "area_fraction", "plastic_fraction", "max_plastic_strain"):
+        a, b = getattr(micro, column), getattr(si, column)
+        np.testing.assert_allclose(a, b, rtol=0, atol=1e-8 * np.max(b, initial=1e-300), err_msg=column)
+    np.testing.assert_allclose(micro.force * 1e9 * 1e-12, si.force, rtol=1e-7, atol=1e-8 * si.force.max())
+    np.testing.assert_allclose(micro.max_pressure * 1e9, si.max_pressure, rtol=0, atol=1e-6 * si.max_pressure.max())

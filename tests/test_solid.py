@@ -1,0 +1,314 @@
+"""The deformable block: patch tests, equilibrium, its matrix, its linear solvers, orders of convergence."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from asperity import reference as ref
+from asperity.errors import InputError
+from asperity.linear import LinearSolver
+from asperity.loading import Press
+from asperity.material import Material
+from asperity.mesh import BlockMesh, build_block, distribute, on_root
+from asperity.solid import Solid
+from asperity.statics import make_press
+from asperity.surface import Flat, Sinusoid, Surface
+from asperity.top import Top
+
+Array = npt.NDArray[np.float64]
+
+NU = 0.3
+ELASTIC = Material(1.0, NU)
+
+
+def here() -> Any:
+    from mpi4py import MPI
+
+    return MPI.COMM_SELF
+
+
+def world() -> Any:
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD
+
+
+def block_of(comm: Any, surface: Surface, height: float, size: float) -> BlockMesh | None:
+    return on_root(comm, lambda: build_block(surface, height, lambda x, y, depth: size))
+
+
+def solid_of(comm: Any, block: BlockMesh | None, **options: Any) -> Solid:
+    return Solid(*distribute(comm, block, 1.0), options.pop("material", ELASTIC), **options)
+
+
+def press_of(height: float, material: Material, sides: str = "rollers", kernels: str = "compiled") -> Press:
+    surface = Flat(L=1.0)
+    block = block_of(world(), surface, height, 0.6)
+    return make_press(world(), surface, block, material, sides=sides, kernels=kernels)
+
+
+def same_everywhere(comm: Any, values: Array, expected: float, tolerance: float) -> None:
+    worst = comm.allreduce(float(np.max(np.abs(values - expected), initial=0.0)))
+    assert worst <= tolerance * abs(expected)
+
+
+# --- patch tests with contact ---------------------------------------------------------------------------------
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("height", [1.0, 0.4, 2.5])
+@pytest.mark.parametrize("sides", ["rollers", "free"])
+def test_patch_test(sides: str, height: float) -> None:
+    """Uniform compression; free sides without Poisson's ratio, for the base is clamped in its plane too."""
+    nu = NU if sides == "rollers" else 0.0
+    material = Material(200e9, nu)
+    press = press_of(height, material, sides)
+    delta = 0.01
+    assert press.attempt(delta).converged
+    mean = press.force * material.E / material.reduced_modulus  # A_0 = 1, forces in units of E
+    assert mean == pytest.approx(delta * ref.patch_test_slope(nu, height, sides), rel=1e-12)  # type: ignore[arg-type]
+    pressure, gap = press.top_state()
+    corners = press.top.nodes[:, :3]
+    same_everywhere(world(), pressure[corners], press.force, 1e-10)
+    assert world().allreduce(float(np.max(np.abs(gap[press.top.nodes]), initial=0.0))) < 1e-14
+    assert press.row()["area_fraction"] == pytest.approx(1.0, rel=1e-12)
+    stress = press.solid.bulk.stress(press.solid.u.x.array.reshape(-1, 3))
+    same_everywhere(world(), stress[..., 2], -press.force, 1e-10)
+    lateral = -press.force * (nu / (1 - nu) if sides == "rollers" else 0.0)
+    same_everywhere(world(), stress[..., :2] - lateral + press.force, press.force, 1e-10)
+    same_everywhere(world(), stress[..., 3:] + press.force, press.force, 1e-10)
+    assert press.checks.force_balance < 1e-10
+
+
+@pytest.mark.parametrize("kernels", ["compiled", "ufl"])
+@pytest.mark.parametrize("E_t", [0.05, 0.0])
+def test_plastic_patch_test(kernels: str, E_t: float) -> None:
+    """Confined compression beyond yield, a release and a reload through the whole solver."""
+    Y, height = 0.005, 0.8
+    press = press_of(height, Material(1.0, NU, Y, E_t), kernels=kernels)
+    path = np.array([0.002, 0.006, 0.012, 0.016, 0.0155, 0.02])
+    stress, _, alpha = ref.confined_stress(-path / height, 1.0, NU, Y, E_t)
+    for delta, sigma, strain in zip(path, stress, alpha, strict=True):
+        assert press.attempt(delta).converged
+        assert press.force == pytest.approx(-sigma, rel=1e-10)
+        assert press.row()["max_plastic_strain"] == pytest.approx(strain, rel=1e-10, abs=1e-15)
+    assert press.row()["plastic_fraction"] == pytest.approx(1.0)
+
+
+def test_a_clamped_base_makes_free_sides_stiffer_than_a_bar_and_softer_than_rollers() -> None:
+    press = press_of(1.0, ELASTIC, "free")
+    assert press.attempt(0.01).converged
+    bar, confined = ref.block_modulus(1.0, NU, "free"), ref.block_modulus(1.0, NU, "rollers")
+    assert 1.01 * bar < press.force / 0.01 < 0.95 * confined
+
+
+# --- equilibrium and matrix -----------------------------------------------------------------------------------
+
+
+def rigid_modes(x: Array) -> Array:
+    """Three translations and three infinitesimal rotations (6, n, 3)."""
+    axes = np.eye(3)
+    return np.stack([np.broadcast_to(a, x.shape) for a in axes] + [np.cross(a, x) for a in axes])
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("kernels", ["compiled", "ufl"])
+def test_rigid_modes_do_no_work(coarse: BlockMesh | None, kernels: str) -> None:
+    solid = solid_of(world(), coarse, kernels=kernels)
+    modes = rigid_modes(solid.points)
+    scale = world().allreduce(float(np.abs(solid.assemble_tangent().getDiagonal().array).max()))
+    for mode in modes:
+        solid.u.x.array[:] = mode.ravel()
+        force = solid.internal_force()
+        assert world().allreduce(float(np.abs(force).max())) < 1e-13 * scale
+    # and no displacement has a resulting force or moment
+    x = solid.A.createVecRight()
+    x.array = np.random.default_rng(world().rank).normal(size=3 * solid.owned)
+    solid.set_displacement(x)
+    force = solid.internal_force()
+    result = world().allreduce(np.einsum("mna,na->m", modes[:, : solid.owned], force))
+    assert np.abs(result).max() < 1e-11 * world().allreduce(float(np.abs(force).sum()))
+
+
+@pytest.mark.mpi
+def test_near_null_space_is_orthonormal_and_rigid(coarse: BlockMesh | None) -> None:
+    solid = solid_of(world(), coarse)
+    A, basis = solid.assemble_tangent(), solid.near_nullspace.getVecs()
+    assert len(basis) == 6
+    gram = np.array([[a.dot(b) for b in basis] for a in basis])
+    np.testing.assert_allclose(gram, np.eye(6), atol=1e-12)
+    scale, y = A.norm(), A.createVecLeft()
+    for v in basis:
+        A.mult(v, y)
+        assert y.norm() < 1e-13 * scale
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("kernels", ["compiled", "ufl"])
+def test_matrix_is_that_of_dolfinx(coarse: BlockMesh | None, kernels: str) -> None:
+    """The elastic stiffness by dolfinx's own assembly into its own matrix."""
+    import ufl
+    from dolfinx.fem import form
+    from dolfinx.fem.petsc import assemble_matrix
+
+    solid = solid_of(world(), coarse, kernels=kernels)
+    u, v = ufl.TrialFunction(solid.V), ufl.TestFunction(solid.V)
+    lam, mu = ELASTIC.lame
+    stress = lam * ufl.tr(ufl.grad(u)) * ufl.Identity(3) + 2 * mu * ufl.sym(ufl.grad(u))
+    dx = ufl.Measure("dx", solid.mesh, metadata={"quadrature_degree": 2})
+    expected = assemble_matrix(form(ufl.inner(stress, ufl.sym(ufl.grad(v))) * dx))
+    expected.assemble()
+    scale = expected.norm()
+    expected.axpy(-1.0, solid.assemble_tangent(), structure=expected.Structure.DIFFERENT_NONZERO_PATTERN)
+    assert expected.norm() < 1e-13 * scale
+
+
+# --- linear solvers -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("kind", ["lu", "cg", "gamg"])
+def test_linear_solver_with_prescribed_dofs(coarse: BlockMesh | None, kind: str) -> None:
+    """Prescribed dofs are exact, the free rows are in equilibrium."""
+    solid = solid_of(world(), coarse)
+    held = 3 * solid.nodes_on(4) + 2
+    rng = np.random.default_rng(world().rank)
+    values = -0.01 * rng.uniform(size=len(held))
+    rows = np.concatenate([solid.fixed, held]).astype(np.int32)
+    solver = LinearSolver(solid, kind, 1e-11)
+    for _ in range(2):  # the second time with everything set up
+        A = solid.assemble_tangent()
+        r, y, out = A.createVecRight(), A.createVecRight(), A.createVecRight()
+        r.array = 1e-4 * rng.normal(size=3 * solid.owned)
+        right = r.array_r.copy()
+        iterations, solved = solver.solve(r, rows, values, y)
+        assert solved
+        np.testing.assert_array_equal(r.array_r, right)
+        np.testing.assert_allclose(y.array_r[held], values, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(y.array_r[solid.fixed], 0.0, rtol=0, atol=1e-12)
+        solid.assemble_tangent().mult(y, out)
+        lacking = out.array_r - right
+        lacking[rows] = 0.0
+        assert np.sqrt(world().allreduce(lacking @ lacking)) < 1e-7 * out.norm()
+    assert iterations <= {"lu": 1, "cg": 40, "gamg": 80}[kind]
+
+
+def test_multigrid_iterations_do_not_grow_with_the_mesh() -> None:
+    counts = []
+    for size in (0.35, 0.175):
+        solid = solid_of(here(), block_of(here(), Flat(L=1.0), 1.0, size))
+        A = solid.assemble_tangent()
+        r, y = A.createVecRight(), A.createVecRight()
+        r.array = np.random.default_rng(0).normal(size=3 * solid.owned)
+        counts.append(LinearSolver(solid, "cg", 1e-8).solve(r, solid.fixed, np.empty(0), y)[0])
+    assert counts[1] <= 1.25 * counts[0] + 1
+    assert counts[1] < 40
+
+
+def test_unknown_linear_solver_is_refused(coarse: BlockMesh) -> None:
+    with pytest.raises(InputError, match=r'solver\.linear = "qr" is not one of auto, lu, cg'):
+        LinearSolver(solid_of(here(), coarse), "qr", 1e-8)
+
+
+# --- orders of convergence ------------------------------------------------------------------------------------
+
+
+def structured_block(surface: Surface, n: int) -> BlockMesh:
+    """n^3 cubes of six tetrahedra, so that meshes of different n are similar."""
+    m = 2 * n + 1
+    t = np.linspace(0.0, 1.0, m)
+    x, y, z = (a.ravel() for a in np.meshgrid(t, t, t, indexing="ij"))
+    points = np.stack([x, y, z * (1.0 + surface.height(x, y) - surface.mean())], axis=1)
+    first = 2 * np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), axis=-1).reshape(-1, 1, 3)
+    tets = []
+    even, odd = ((0, 1, 2), (1, 2, 0), (2, 0, 1)), ((0, 2, 1), (1, 0, 2), (2, 1, 0))
+    for axes in even + odd:
+        corner = np.zeros((4, 3), dtype=int)
+        for k, axis in enumerate(axes):
+            corner[k + 1 :, axis] += 2
+        a, b, c, d = corner if axes in even else corner[[0, 2, 1, 3]]
+        edges = [(a, b), (b, c), (a, c), (a, d), (c, d), (b, d)]  # in the order of gmsh
+        tets.append(first + np.array([a, b, c, d, *((p + q) // 2 for p, q in edges)]))
+    return BlockMesh(points, np.concatenate(tets) @ [m * m, m, 1], 1.0, 1.0)
+
+
+def projection_errors(block: BlockMesh) -> tuple[float, float]:
+    """Errors of displacement and of its gradient, in L2, for a smooth solution with rollers and a clamped base.
+
+    The load is that of the exact stress, in weak form, so the solution is known on a curved block too.
+    """
+    import ufl
+    from dolfinx import fem
+
+    solid = solid_of(here(), block)
+    x = ufl.SpatialCoordinate(solid.mesh)
+    sx, sy, cx, cy = ufl.sin(ufl.pi * x[0]), ufl.sin(ufl.pi * x[1]), ufl.cos(ufl.pi * x[0]), ufl.cos(ufl.pi * x[1])
+    f = ufl.sin(1.5 * x[2])
+    exact = ufl.as_vector([sx * cy * f, -0.7 * cx * sy * f, (0.5 + cx * cy) * f * ufl.exp(0.3 * x[2])])
+    lam, mu = ELASTIC.lame
+    strain = ufl.sym(ufl.grad(exact))
+    stress = lam * ufl.tr(strain) * ufl.Identity(3) + 2 * mu * strain
+    dx = ufl.Measure("dx", solid.mesh, metadata={"quadrature_degree": 6})
+    load = fem.assemble_vector(fem.form(ufl.inner(stress, ufl.sym(ufl.grad(ufl.TestFunction(solid.V)))) * dx))
+    A = solid.assemble_tangent()
+    r, y = A.createVecRight(), A.createVecRight()
+    r.array = load.array
+    r.array[solid.fixed] = 0.0
+    assert LinearSolver(solid, "cg", 1e-12).solve(r, solid.fixed, np.empty(0), y)[1]
+    solid.set_displacement(y)
+    e = solid.u - exact
+
+    def norm(form: Any) -> float:
+        return float(np.sqrt(fem.assemble_scalar(fem.form(form * dx))))
+
+    return norm(ufl.inner(e, e)), norm(ufl.inner(ufl.grad(e), ufl.grad(e)))
+
+
+@pytest.mark.parametrize("surface", [Flat(L=1.0), Sinusoid(L=1.0, amplitude=0.1, dims=2)], ids=["plane", "curved"])
+def test_displacement_converges_with_order_three_and_strain_with_two(surface: Surface) -> None:
+    coarse, fine = (np.array(projection_errors(structured_block(surface, n))) for n in (4, 8))
+    assert np.all(np.log2(coarse / fine) > np.array([3.0, 2.0]) - 0.1)
+
+
+# --- pressures from nodal forces ------------------------------------------------------------------------------
+
+
+@pytest.mark.mpi
+def test_pressure_from_nodal_forces(coarse: BlockMesh | None) -> None:
+    """A uniform pressure is found exactly; any other keeps its total force."""
+    top = Top(solid_of(world(), coarse))
+    x, corners = top.solid.points, np.unique(top.nodes[:, :3])
+    uniform = top.pressure(consistent_load(top, np.ones(len(x))))
+    assert world().allreduce(float(np.abs(uniform[corners] - 1.0).max(initial=0.0))) < 1e-12
+    inclined = 1.0 + x[:, 0] - 2.0 * x[:, 1]
+    found = top.pressure(consistent_load(top, inclined))
+    error = np.abs(found - inclined)[corners].max(initial=0.0)
+    assert world().allreduce(error, op=_max()) < 0.25
+    force = top.area / 3.0 @ found[top.nodes[:, :3]].sum(axis=1)
+    assert world().allreduce(float(force)) == pytest.approx(0.5, abs=1e-12)
+
+
+def _max() -> Any:
+    from mpi4py import MPI
+
+    return MPI.MAX
+
+
+def consistent_load(top: Top, pressure: Array) -> Array:
+    """Nodal forces (nodes,) of a pressure that is quadratic on each facet."""
+    import ufl
+    from dolfinx import fem, la
+
+    solid = top.solid
+    p = fem.Function(fem.functionspace(solid.mesh, ("Lagrange", 2)))
+    p.x.array[:] = pressure
+    ds = ufl.Measure("ds", solid.mesh, subdomain_data=solid.tags, subdomain_id=4)
+    n = ufl.FacetNormal(solid.mesh)
+    load = fem.assemble_vector(fem.form(p * n[2] * ufl.TestFunction(p.function_space) * ds))
+    load.scatter_reverse(la.InsertMode.add)
+    load.scatter_forward()
+    return load.array

@@ -1,0 +1,291 @@
+"""Studies: what a file means, how its cases are run and continued, and what is made of them."""
+
+from __future__ import annotations
+
+import csv
+import os
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tomli_w
+
+from asperity.case import Case
+from asperity.curve import Curve
+from asperity.errors import InputError
+from asperity.study import Level, Study, StudyResults, ensemble_curve, run_study, summarise_case
+from asperity.study.results import mean_interval
+from asperity.study.run import mesh_key, portions
+from asperity.study.trend import CONDITIONAL, FAILS, HOLDS, Condition, Trend, trend, verdict
+
+ROOT = Path(__file__).parent.parent
+
+# a wavy surface in some 500 unknowns: seconds for a whole study
+BASE: dict[str, Any] = {
+    "units": "other",
+    "surface": {"kind": "sinusoid", "L": 1.0, "amplitude": 0.05, "dims": 2},
+    "material": {"E": 1.0, "nu": 0.3, "yield_strength": 0.01, "tangent_modulus": 0.05},
+    "mesh": {"h_contact": 0.4, "h_max": 1.0, "growth": 1.0},
+    "loading": {"delta_max": 0.02, "steps": 6},
+}
+ROUGH = {"kind": "weierstrass-mandelbrot", "L": 1.0, "D": 2.4, "G": 1.36e-5}
+
+
+def study(**tables: Any) -> Study:
+    """A study of BASE."""
+    return Study.from_dict({"base": BASE, **tables})
+
+
+def test_a_grid_is_every_combination_and_an_empty_text_removes_a_key() -> None:
+    made = study(grid={"block.height": [1.0, 2.0], "material.tangent_modulus": [0.01, ""]})
+    found = [(e.value("block.height"), e.value("material.tangent_modulus")) for e in made.entries]
+    assert found == [(1.0, 0.01), (1.0, None), (2.0, 0.01), (2.0, None)]
+    assert made.keys == ("block.height", "material.tangent_modulus")
+    assert BASE["material"]["tangent_modulus"] == 0.05
+
+
+def test_axes_and_unquoted_keys() -> None:
+    made = study(grid={"block": {"height": {"from": 1, "to": 4, "count": 3, "log": True}}})
+    assert [e.value("block.height") for e in made.entries] == pytest.approx([1, 2, 4])
+    base = BASE | {"surface": ROUGH}
+    seeds = Study.from_dict({"base": base, "grid": {"surface.seed": {"first": 3, "count": 2}}})
+    assert [e.value("surface.seed") for e in seeds.entries] == [3, 4]
+
+
+def test_points_go_with_every_grid_value_and_families_share_cases() -> None:
+    made = study(
+        grid={"block.height": [1.0, 2.0]},
+        families={
+            "a": {"grid": {"material.tangent_modulus": [0.01, 0.05]}},
+            "b": {"points": [{"material.yield_strength": 0.02}, {"material.yield_strength": 0.01}], "title": "B"},
+        },
+    )
+    # both families hold the two cases of the base material
+    assert len(made.entries) == 6
+    assert sorted(e.families for e in made.entries).count(("a", "b")) == 2
+    assert [(f.name, f.title) for f in made.families] == [("a", "a"), ("b", "B")]
+
+
+def test_the_key_of_a_case_is_its_hash() -> None:
+    entry = study(grid={"block.height": [1.5]}).entries[0]
+    assert entry.key == "c" + Case.from_dict(BASE | {"block": {"height": 1.5}}).hash()[:15]
+
+
+@pytest.mark.parametrize(
+    ("tables", "words"),
+    [
+        ({}, "nothing varies"),
+        ({"grit": {}}, 'did you mean "grid"'),
+        ({"grid": {"surface.amplitud": [0.1]}}, 'did you mean "surface.amplitude"'),
+        ({"grid": {"surface.amplitude": 0.1}}, "is no axis"),
+        ({"grid": {"surface.amplitude": []}}, "empty list"),
+        ({"grid": {"surface.amplitude": [0.1, 0.1]}}, "twice"),
+        ({"grid": {"surface.amplitude": {"from": 0, "to": 1, "count": 3, "log": True}}}, "is no axis"),
+        ({"grid": {"material.nu": [0.3, 0.7]}}, "material.nu = 0.7"),
+        ({"grid": {"surface.seed": {"first": 0, "count": 10_000_000}}}, "is no axis"),
+        ({"grid": {"block.height": list(range(1, 400)), "material.nu": [i / 1000 for i in range(400)]}}, "at most"),
+        ({"points": [{"block.height": [1.0]}]}, "block.height"),
+        ({"points": []}, "list of tables"),
+        ({"grid": {"block.height": [1.0]}, "points": [{"block.height": 2.0}]}, "give it once"),
+        ({"families": {"a": {"grids": {}}}}, 'did you mean "grid"'),
+        ({"title": 3, "grid": {"block.height": [1.0]}}, "title = 3"),
+    ],
+)
+def test_each_mistake_is_one_sentence(tables: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError) as error:
+        study(**tables)
+    assert words in str(error.value) and "\n" not in str(error.value)
+
+
+def test_a_missing_base_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "s.toml"
+    path.write_text('base = "gone.toml"\n[grid]\n"surface.D" = [2.4]\n')
+    with pytest.raises(InputError, match=r"gone\.toml"):
+        Study.load(path)
+
+
+@pytest.mark.parametrize("name", ["study", "full"])
+def test_the_studies_of_the_paper_are_legal(name: str) -> None:
+    made = Study.load(ROOT / f"cases/paper/{name}.toml")
+    assert {"D", "G", "similar", "E_t", "E_t_soft", "sigma_y"} <= {f.name for f in made.families}
+    for family in ("D", "G", "E_t", "sigma_y"):
+        seeds = {e.value("surface.seed") for e in made.entries if family in e.families}
+        assert len(seeds) >= 10
+
+
+def test_materials_share_a_mesh_and_portions_keep_groups_busy() -> None:
+    made = study(grid={"block.height": [1.0, 2.0], "material.tangent_modulus": [0.01, 0.02, 0.03, 0.04]})
+    assert len({mesh_key(e.case) for e in made.entries}) == 2
+    todo = list(range(8))
+    assert portions(made.entries, todo, 1) == [[0, 1, 2, 3], [4, 5, 6, 7]]
+    assert portions(made.entries, todo, 2) == [[i] for i in todo]
+    free = Case.from_dict(BASE | {"loading": {"force_max": 1e-3}})
+    other = Case.from_dict(BASE | {"loading": {"force_max": 1e-3}, "material": {"E": 1.0, "nu": 0.3}})
+    assert mesh_key(free) != mesh_key(other)
+
+
+def test_a_study_is_run_continued_and_tabled(tmp_path: Path) -> None:
+    tables = {"material.tangent_modulus": [0.01, 0.1], "loading.delta_max": [0.02, 0.9]}
+    made = study(grid=tables)
+    lines: list[str] = []
+    counts = run_study(made, tmp_path / "out", say=lines.append)
+    # a deflection of 0.9 leaves no gap and is recorded, not fatal
+    assert (counts.cases, counts.done, counts.failed, counts.run) == (4, 2, 2, 4)
+    assert len(lines) == 4 and sum("FAILED" in line for line in lines) == 2
+    again = run_study(made, tmp_path / "out", say=lines.append)
+    assert (again.done, again.run, len(lines)) == (2, 0, 4)
+    assert run_study(made, tmp_path / "out", retry=True).run == 2
+
+    results = StudyResults.read(tmp_path / "out")
+    soft, hard = results.levels("study")
+    assert soft.parameters == {"material.tangent_modulus": 0.01}
+    assert soft.column("P_star_max")[0] < hard.column("P_star_max")[0]
+    assert [r["exit_reason"][:10] for r in results.rows if r["loading.delta_max"] == 0.9] == ["InputError"] * 2
+    row = soft.rows[0]
+    curve = results.curve(row)
+    whole = curve.where(np.isin(np.rint(curve.delta / 0.02 * 6e6), np.arange(1, 7) * 10**6))
+    assert len(whole) == row["points"] == 6 <= len(curve)
+    assert (row["k"], row["n"]) == (whole.fit().k, whole.fit().n)
+    assert results.case(row).material.tangent_modulus == 0.01
+    # a shared mesh changes nothing: the case alone, with a mesh of its own, gives the same curve
+    from asperity.simulation import run
+
+    alone = run(next(e.case for e in made.entries if e.key == row["case"]))
+    np.testing.assert_allclose(alone.curve.force, results.curve(row).force, rtol=1e-9)
+
+
+def test_a_folder_with_other_things_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "thesis.tex").write_text("x")
+    with pytest.raises(InputError, match="holds no study"):
+        run_study(study(grid={"block.height": [1.0]}), tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_two_jobs_do_not_work_in_one_folder(tmp_path: Path) -> None:
+    made, messages = study(grid={"block.height": [1.0, 2.0]}), []
+
+    def start_another(line: str) -> None:
+        with pytest.raises(InputError, match="is running") as error:
+            run_study(made, tmp_path / "out")
+        messages.append(str(error.value))
+
+    assert run_study(made, tmp_path / "out", say=start_another).done == 2
+    assert len(messages) == 2
+    assert run_study(made, tmp_path / "out").run == 0
+
+
+def test_ranks_that_do_not_divide_are_refused(tmp_path: Path) -> None:
+    from mpi4py import MPI
+
+    with pytest.raises(InputError, match="ranks-per-case"):
+        run_study(study(grid={"block.height": [1.0]}), tmp_path / "out", ranks_per_case=MPI.COMM_WORLD.size + 1)
+
+
+@pytest.mark.parametrize("ranks_per_case", [1, 2])
+def test_two_ranks_share_the_cases(tmp_path: Path, ranks_per_case: int) -> None:
+    path = tmp_path / "s.toml"
+    path.write_text(tomli_w.dumps({"base": BASE, "grid": {"material.tangent_modulus": [0.01, 0.05, 0.1]}}))
+    command = ["mpirun", "-n", "2", sys.executable, "-m", "asperity", "study", str(path), "-o", str(tmp_path / "out")]
+    # tests may themselves run under mpirun: its variables would join the new job to the old one
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PRTE_"))}
+    environment |= {k: v for k, v in os.environ.items() if k.startswith(("OMPI_ALLOW", "OMPI_MCA"))}
+    command += ["--ranks-per-case", str(ranks_per_case)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert "3 of 3 cases done, 0 failed" in done.stdout
+    with (tmp_path / "out/results.csv").open() as file:
+        loads = [float(row["P_star_max"]) for row in csv.DictReader(file)]
+    assert loads == sorted(loads) and len(loads) == 3
+    assert (tmp_path / "out/figures/family_study.png").is_file()
+
+
+def power_law_curve(k: float, n: float, steps: int = 12, unload: float = 0.0) -> Curve:
+    """P* = k delta*^n up to delta* = 0.03 in steps that case files plan, and back along (delta* - unload)^1.5."""
+    delta = np.linspace(0, 0.03, steps + 1)[1:]
+    rows = [{"delta": d, "delta_star": d, "P_star": k * d**n, "force": k * d**n / 0.91} for d in delta]
+    if unload:
+        top = rows[-1]["force"]
+        for d in np.linspace(0.03, unload, 9)[1:]:
+            f = top * ((d - unload) / (0.03 - unload)) ** 1.5
+            rows.append({"delta": d, "delta_star": d, "P_star": f * 0.91, "force": f, "branch": "unload"})
+    full = {"area_fraction": 0.5, "plastic_fraction": 0.1, "max_plastic_strain": 0.02}
+    return Curve.from_rows([full | row for row in rows])
+
+
+def test_the_figures_of_an_exact_power_law() -> None:
+    case = Case.from_dict(BASE | {"loading": {"delta_max": 0.03, "steps": 12, "unload": True}})
+    row = summarise_case(case, power_law_curve(2.0, 2.2, unload=0.01), {"dofs": 7})
+    assert (row["k"], row["n"], row["n_log"]) == pytest.approx((2.0, 2.2, 2.2))
+    assert row["kappa"] == pytest.approx(-(1.2 * 5.4) / 48)
+    assert row["u_loss"] == pytest.approx(3.2 ** (1 / 2.2) - 1)
+    assert row["n_loc"] == pytest.approx(2.2, rel=1e-3)
+    # E' = 1/0.91: P* of the curve in units of E' L^2
+    assert row["stiffness"] == pytest.approx(2.0 / 0.91)
+    assert row["preload"] == pytest.approx(0.5 * 2.0 * 0.03**2.2)
+    assert row["n_unload"] == pytest.approx(1.5, rel=1e-2)
+    # between rollers the block yields at sigma_y (1 - nu)/(1 - 2 nu)
+    assert row["block_load"] == pytest.approx(2.0 * 0.03**2.2 / 0.91 / (0.01 * 0.7 / 0.4))
+    assert row["dofs"] == 7
+
+
+def test_the_ensemble_is_the_mean_on_the_common_range() -> None:
+    curves = [power_law_curve(k, 1.0) for k in (1.0, 2.0, 3.0)]
+    x, mean, spread = ensemble_curve(curves, points=5)
+    assert x[-1] == 0.03
+    np.testing.assert_allclose(mean, 2 * x)
+    np.testing.assert_allclose(spread, x)
+    with pytest.raises(InputError):
+        ensemble_curve([])
+
+
+def test_conditions_take_the_exponent_they_say() -> None:
+    curve = power_law_curve(1.5, 1.8)
+    for condition in (Condition(), Condition("log"), Condition(share=0.5)):
+        assert condition.exponent(curve, side=1, height=1, modulus=1) == pytest.approx(1.8)
+    # an interface of exponent 2.5 in series with a block: delta = g + P h/M
+    g = np.linspace(0.001, 0.02, 15)
+    force = 3 * g**2.5
+    rows = [{"delta": d, "delta_star": d, "force": f, "P_star": f} for d, f in zip(g + force / 0.1, force, strict=True)]
+    series = Curve.from_rows(rows)
+    assert Condition(interface=True).exponent(series, side=1, height=1, modulus=0.1) == pytest.approx(2.5)
+    assert Condition().exponent(series, side=1, height=1, modulus=0.1) < 2.4
+    assert np.isnan(Condition(share=0.01).exponent(series, side=1, height=1, modulus=0.1))
+
+
+def test_trends_are_paired_over_the_seeds() -> None:
+    rng = np.random.default_rng(1)
+    surface = rng.normal(0, 1, 12)  # scatter between surfaces far above the effect
+    levels = [
+        Level({"x": i}, tuple({"surface.seed": s, "n": surface[s] + 0.1 * i + 0.01 * rng.normal()} for s in range(12)))
+        for i in range(3)
+    ]
+    found = trend(levels, lambda row: row["n"], "made up")
+    assert found.rises and not found.falls and not found.level
+    assert found.seeds == 12 and found.agreeing == (1.0, 0.0)
+    assert all(low < 0.1 < high for _, low, high in found.steps)
+    missing = trend([levels[0], Level({}, levels[1].rows[:5])], lambda row: row["n"], "")
+    assert missing.seeds == 5
+    assert Trend("", np.array([[1.0, 2.0, 3.0], [1.1, 1.9, 3.0]])).level
+
+
+def test_verdicts() -> None:
+    assert verdict([True, True]) == HOLDS
+    assert verdict([True, False]) == CONDITIONAL
+    assert verdict([False, False]) == FAILS
+
+
+def test_the_interval_of_a_mean_is_students() -> None:
+    # textbook: t(0.975, 4) = 2.776, sd/sqrt(n) of 1..5 = 0.7071
+    assert mean_interval([1, 2, 3, 4, 5]) == pytest.approx((3, 3 - 1.9633, 3 + 1.9633), rel=1e-4)
+    assert mean_interval([1.0])[1:] == (-np.inf, np.inf)
+
+
+def test_the_example_gives_its_numbers() -> None:
+    main = runpy.run_path(str(ROOT / "examples/parallel_study.py"))["main"]
+
+    soft, hard = main()
+    assert (soft, hard) == (pytest.approx(1.706, abs=0.03), pytest.approx(1.702, abs=0.03))

@@ -1,0 +1,471 @@
+"""Surfaces against published numbers, closed forms and independent quadrature."""
+
+from __future__ import annotations
+
+import itertools
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import dblquad
+
+from asperity.errors import InputError
+from asperity.surface import (
+    Flat,
+    HeightMap,
+    Sinusoid,
+    Sphere,
+    Surface,
+    SurfaceWarning,
+    WeierstrassMandelbrot,
+    cut_off_index,
+)
+
+L = 1e-6
+
+
+def fractal(**options: object) -> WeierstrassMandelbrot:
+    """Return the base surface, D = 2.4, G = 13.6 pm, seed 0, with changes."""
+    return WeierstrassMandelbrot(**{"L": L, **options})  # type: ignore[arg-type]
+
+
+def equation_1(surface: WeierstrassMandelbrot, x: float, y: float) -> float:
+    """Evaluate the defining double sum term by term in polar coordinates."""
+    s, total = surface, 0.0
+    assert s.f_max is not None and s.phases is not None
+    r, angle = np.hypot(x, y), np.arctan2(y, x)
+    for mu in range(0 if s.ridges == "0..M" else 1, s.M + 1):
+        for f in range(s.f_max + 1):
+            phi = s.phases[mu, f]
+            theta = 2 * np.pi * s.gamma**f * r / s.L * np.cos(angle - np.pi * mu / s.M) + phi
+            total += s.gamma ** (f * (s.D - 3)) * (np.cos(phi) - np.cos(theta))
+    return float(s.L * (s.G / s.L) ** (s.D - 2) * np.sqrt(np.log(s.gamma) / s.M) * total)
+
+
+SURFACES = {
+    "fractal": fractal(),
+    "ridges": fractal(ridges="1..M", M=7, gamma=1.7, D=2.6, seed=3),
+    "sphere": Sphere(L=1.0, radius=0.7),
+    "sphere and cone": Sphere(L=1.0, radius=0.3, centre=(0.3, 0.6)),
+    "paraboloid": Sphere(L=1.0, radius=2.0, centre=(0.0, 0.0), shape="paraboloid"),
+    "sinusoid": Sinusoid(L=1.0, amplitude=0.01, wavelength=0.4, centre=(0.1, 0.7)),
+    "double sinusoid": Sinusoid(L=1.0, amplitude=0.01, wavelength=0.4, dims=2, centre=(0.1, 0.7)),
+    "flat": Flat(L=1.0),
+}
+
+
+@pytest.mark.parametrize(
+    ("ridges", "f_max", "heights"),
+    [
+        ("0..M", 5, (9.65929359e-08, 8.98139885e-08, 9.92733348e-08)),
+        ("0..M", 4, (8.71072304e-08, 7.88098729e-08, None)),
+        ("1..M", 5, (8.61422284e-08, 8.16684468e-08, None)),
+        ("1..M", 4, (7.71353764e-08, 7.19000460e-08, None)),
+    ],
+)
+def test_heights_with_zero_phases(ridges, f_max, heights):
+    surface = fractal(ridges=ridges, f_max=f_max, phases=np.zeros((11, f_max + 1)))
+    points = [(0.5e-6, 1e-6 / 3), (1e-6, 1e-6), (0.1e-6, 0.7e-6)]
+    for point, height in zip(points, heights, strict=True):
+        if height is not None:
+            assert surface.height(*point) == pytest.approx(height, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ["fractal", "ridges"])
+def test_heights_follow_the_definition(name):
+    surface = SURFACES[name]
+    assert isinstance(surface, WeierstrassMandelbrot)
+    for x, y in np.random.default_rng(1).uniform(0, L, size=(5, 2)):
+        assert surface.height(x, y) == pytest.approx(equation_1(surface, x, y), rel=1e-9)
+    assert abs(surface.height(0.0, 0.0)) < 1e-15 * L
+
+
+def test_the_ensemble_over_seeds():
+    for D, Sq, Sz, slope in [(2.4, 7.899e-9, 44.55e-9, 0.1309), (2.5, 2.727e-9, 15.73e-9, 0.0493)]:
+        ensemble = [fractal(D=D, seed=seed).statistics(257) for seed in range(20)]
+        assert np.mean([s.Sq for s in ensemble]) == pytest.approx(Sq, rel=1e-4)
+        assert np.mean([s.Sz for s in ensemble]) == pytest.approx(Sz, rel=3e-4)
+        assert np.mean([s.rms_slope for s in ensemble]) == pytest.approx(slope, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("D", "G", "Sq", "Sz", "slope"),
+    [
+        (2.2, 1.36e-11, 69.5e-9, 366e-9, 0.96),
+        (2.3, 1.36e-11, 23.7e-9, 128e-9, 0.36),
+        (2.4, 1e-12, 2.87e-9, 15.7e-9, 0.047),
+        (2.6, 1.36e-11, 0.98e-9, 5.6e-9, 0.019),
+    ],
+)
+def test_other_ensembles_agree_to_their_scatter(D, G, Sq, Sz, slope):
+    ensemble = [fractal(D=D, G=G, seed=seed).statistics(129) for seed in range(20)]
+    for name, expected in (("Sq", Sq), ("Sz", Sz), ("rms_slope", slope)):
+        values = [getattr(s, name) for s in ensemble]
+        assert abs(np.mean(values) - expected) < 0.05 * expected
+
+
+def test_heights_scale_with_G():
+    smooth, rough = fractal(G=1e-13), fractal(G=1e-10)
+    x, y = np.random.default_rng(2).uniform(0, L, size=(2, 50))
+    np.testing.assert_allclose(rough.height(x, y), 1000**0.4 * smooth.height(x, y), rtol=1e-12)
+
+
+def test_ridges_1_to_M_leave_out_the_first_row_of_the_same_phases():
+    phases = fractal().phases
+    np.testing.assert_array_equal(
+        phases, np.random.default_rng(0).uniform(0, 2 * np.pi, size=(11, 6))
+    )
+    alone = fractal(ridges="1..M")
+    np.testing.assert_array_equal(alone.phases, phases)
+    whole = fractal()
+    wave = whole.height(0.3e-6, 0.0) - alone.height(0.3e-6, 0.0)
+    assert abs(whole.height(0.3e-6, 0.8e-6) - alone.height(0.3e-6, 0.8e-6) - wave) < 1e-20
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_grid_and_points_agree(name):
+    surface = SURFACES[name]
+    s = np.linspace(0, surface.L, 33)
+    x, y = s[None, :], s[:, None]
+    pairs: list[tuple[np.ndarray, np.ndarray]] = [(surface.grid(33), surface.height(x, y))]
+    pairs += zip(surface.grid_gradient(33), surface.gradient(x, y), strict=True)
+    pairs += zip(surface.grid_hessian(33), surface.hessian(x, y), strict=True)
+    for grid, points in pairs:
+        assert grid.shape == points.shape == (33, 33)
+        np.testing.assert_allclose(grid, points, rtol=1e-9, atol=1e-12 * abs(points).max())
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_derivatives_against_central_differences(name):
+    surface = SURFACES[name]
+    x, y = np.random.default_rng(4).uniform(0.01, 0.99, size=(2, 200)) * surface.L
+    h = 1e-5 * surface.L
+    zx = (surface.height(x + h, y) - surface.height(x - h, y)) / (2 * h)
+    zy = (surface.height(x, y + h) - surface.height(x, y - h)) / (2 * h)
+    for analytic, difference in zip(surface.gradient(x, y), (zx, zy), strict=True):
+        np.testing.assert_allclose(analytic, difference, atol=2e-6 * (abs(zx).max() + 1e-30))
+    (ax, ay), (bx, by) = surface.gradient(x + h, y), surface.gradient(x - h, y)
+    _, up = surface.gradient(x, y + h)
+    _, down = surface.gradient(x, y - h)
+    numerical = ((ax - bx) / (2 * h), (ay - by) / (2 * h), (up - down) / (2 * h))
+    scale = surface.curvature_bound() + 1e-30
+    for analytic, difference in zip(surface.hessian(x, y), numerical, strict=True):
+        np.testing.assert_allclose(analytic, difference, atol=1e-6 * scale)
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_exact_mean_against_quadrature(name):
+    surface = SURFACES[name]
+    t, w = np.polynomial.legendre.leggauss(400)  # the kink of the cap's curvature limits it
+    s = surface.L * (t + 1) / 2
+    numerical = w @ surface.height(s[None, :], s[:, None]) @ w / 4
+    assert surface.mean() == pytest.approx(numerical, rel=1e-6, abs=1e-9 * surface.L)
+
+
+def test_mean_of_the_sphere_against_adaptive_quadrature():
+    sphere = Sphere(L=1.0, radius=0.7)
+    value, _ = dblquad(lambda y, x: float(sphere.height(x, y)), 0.5, 1, 0.5, 1, epsabs=1e-10)
+    assert sphere.mean() == pytest.approx(4 * value, rel=1e-8)
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_curvature_bound_holds(name):
+    surface = SURFACES[name]
+    xx, xy, yy = surface.grid_hessian(129)
+    norm = abs((xx + yy) / 2) + np.hypot((xx - yy) / 2, xy)
+    assert norm.max() <= surface.curvature_bound() * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_maximum_is_global_and_not_grid_limited(seed):
+    surface = fractal(seed=seed)
+    x, y, z = surface.maximum()
+    grid = surface.grid(2049)
+    assert 0 <= z - grid.max() < 1e-4 * (z - grid.min())
+    assert z == pytest.approx(float(surface.height(x, y)), rel=1e-14)
+    zx, zy = surface.gradient(x, y)
+    for place, slope in ((x, zx), (y, zy)):
+        if place in (0.0, L):
+            assert slope * (1 if place == L else -1) >= 0
+        else:
+            assert abs(slope) < 1e-9
+
+
+def test_maximum_of_many_short_waves():
+    surface = fractal(f_max=11, M=4)
+    window = np.linspace(-1e-9, 1e-9, 201)
+    x, y, z = surface.maximum()
+    assert z >= surface.grid(4097).max()
+    around = surface.height(np.clip(x + window, 0, L)[None, :], np.clip(y + window, 0, L)[:, None])
+    assert around.max() <= z * (1 + 1e-12)
+
+
+class Slope(Flat):
+    """A surface whose highest point is a corner or an edge: z = (x - 1)^2 + s y."""
+
+    rise = 1.0
+
+    def height(self, x, y):
+        return (np.asarray(x, dtype=float) - 1.0) ** 2 + self.rise * np.asarray(y, dtype=float)
+
+    def gradient(self, x, y):
+        zero = np.zeros(np.broadcast(x, y).shape)
+        return 2 * (np.asarray(x) - 1) + zero, zero + self.rise
+
+    def hessian(self, x, y):
+        zero = np.zeros(np.broadcast(x, y).shape)
+        return zero + 2, zero, zero
+
+    def curvature_bound(self):
+        return 2.0
+
+    def maximum(self):
+        return Surface.maximum(self)
+
+
+def test_maximum_in_a_corner():
+    assert Slope(L=1.0).maximum() == (0.0, 1.0, 2.0)
+
+
+def test_closed_form_maxima():
+    assert SURFACES["sphere and cone"].maximum() == (0.3, 0.6, 0.0)
+    assert SURFACES["sinusoid"].maximum() == (0.1, 0.7, 0.01)
+    for name in ("sphere and cone", "double sinusoid"):
+        found = Surface.maximum(SURFACES[name])
+        assert found[2] == pytest.approx(SURFACES[name].maximum()[2], abs=1e-15)
+
+
+def test_statistics_of_a_sinusoid():
+    stats = Sinusoid(L=1.0, amplitude=0.01).statistics(2049)
+    assert stats.Sq == pytest.approx(0.01 / np.sqrt(2), rel=2e-3)
+    assert stats.Sa == pytest.approx(0.02 / np.pi, rel=2e-3)
+    assert stats.Sz == pytest.approx(0.02, rel=1e-12)
+    assert stats.kurtosis == pytest.approx(1.5, rel=2e-3)
+    assert stats.rms_slope == pytest.approx(2 * np.pi * 0.01 / np.sqrt(2), rel=2e-3)
+    assert stats.rms_curvature == pytest.approx((2 * np.pi) ** 2 * 0.01 / np.sqrt(8), rel=2e-3)
+    assert stats.small_slope
+    assert Flat(L=1.0).statistics(9).kurtosis == 0.0
+
+
+def test_exact_rms_values_are_the_limit_of_fine_grids():
+    surface = fractal()
+    exact = surface.exact_rms()
+    coarse, fine = surface.statistics(257), surface.statistics(1025)
+    for value, *grids in zip(
+        exact,
+        *[(s.Sq, s.rms_slope, s.rms_curvature) for s in (coarse, fine)],
+        strict=True,
+    ):
+        error = [abs(grid - value) for grid in grids]
+        assert error[1] < 0.3 * error[0] < 1e-3 * value
+    assert surface.rms_slope() == exact[1]
+
+
+def test_bearing_curve_of_a_wave():
+    fraction, height = Sinusoid(L=1.0, amplitude=1.0).bearing_curve(4097, points=11)
+    assert height[0] == 1.0 and height[-1] == -1.0
+    np.testing.assert_allclose(height, np.cos(np.pi * fraction), atol=2e-3)
+
+
+def test_psd_keeps_the_power_and_finds_the_wave():
+    wave = Sinusoid(L=1.0, amplitude=0.3, wavelength=1 / 16)
+    for window in ("none", "hann"):
+        line = wave.psd(256, direction="x", window=window)
+        assert line.q[np.argmax(line.density)] == pytest.approx(2 * np.pi * 16)
+        power = 2 * line.density.sum()  # both signs of q; L = 1
+        assert power == pytest.approx(0.3**2 / 2, rel=1e-6)
+    assert wave.psd(256, direction="y", window="none").density.max() < 1e-20
+    ring = wave.psd(256, window="none")
+    around = np.rint(np.hypot(*np.mgrid[-128:128, -128:128])).astype(int)
+    counts = np.bincount(around.ravel())[1:128]
+    assert (ring.density * counts).sum() == pytest.approx(0.3**2 / 2, rel=1e-6)
+
+
+def test_psd_slope_of_the_fractal():
+    """C(q) ~ q^(2D-8): the amplitude of index f is A_f ~ k^(D-3), one wave a ring of area ~ k^2."""
+    densities = [fractal(seed=s, f_max=11, ridges="1..M").psd(1024) for s in range(4)]
+    q = densities[0].q * L / (2 * np.pi)
+    mean = np.mean([d.density for d in densities], axis=0)
+    edges = 1.5 ** np.arange(2.5, 11)
+    bands = [(mean * q)[(q >= a) & (q < b)].sum() for a, b in itertools.pairwise(edges)]
+    slope = np.polyfit(np.log(np.sqrt(edges[1:] * edges[:-1])), np.log(bands), 1)[0]
+    assert slope == pytest.approx(2 * (2.4 - 3), abs=0.15)
+
+
+def test_cut_off_and_its_warning():
+    assert cut_off_index(1e-6, 150e-9, 1.5) == 4  # ln(1000/150)/ln(1.5) = 4.679
+    assert cut_off_index(1.0, 1.5**-7, 1.5) == 7
+    assert fractal(L_s=150e-9).f_max == 4
+    assert fractal().f_max == 5
+    with pytest.warns(SurfaceWarning, match="f_max = 4, but f_max = 5 is given and used"):
+        assert fractal(L_s=150e-9, f_max=5).f_max == 5
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        fractal(L_s=150e-9, f_max=4)
+
+
+def test_steep_surfaces_warn():
+    with pytest.warns(SurfaceWarning, match=r"rms slope 0\.134 exceeds 0\.1"):
+        Surface.from_spec("weierstrass-mandelbrot", L=L)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        Surface.from_spec("weierstrass-mandelbrot", L=L, D=2.5)
+
+
+@pytest.mark.parametrize(
+    ("spec", "message"),
+    [
+        ({"kind": "spheer"}, r"surface.kind = 'spheer' is unknown \(did you mean 'sphere'\?\)"),
+        ({"kind": "flat"}, "surface.L is missing"),
+        ({"kind": "flat", "L": 0.0}, "surface.L = 0.0 is not legal"),
+        ({"kind": "flat", "L": "1"}, "surface.L = '1' is not legal"),
+        ({"kind": "flat", "L": True}, "surface.L = True"),
+        ({"kind": "flat", "L": float("nan")}, "surface.L = nan"),
+        ({"kind": "sphere", "L": 1.0}, "surface.radius is missing"),
+        ({"kind": "sphere", "L": 1.0, "radius": -1.0}, "surface.radius = -1.0"),
+        ({"kind": "sphere", "L": 1.0, "radus": 1.0}, r"did you mean 'radius'\?"),
+        ({"kind": "sphere", "L": 1.0, "radius": 1.0, "centre": (2, 0)}, "between 0 and L = 1"),
+        ({"kind": "sphere", "L": 1.0, "radius": 1.0, "shape": "cube"}, "surface.shape = 'cube'"),
+        ({"kind": "sinusoid", "L": 1.0, "amplitude": 0.1, "dims": 3}, "surface.dims = 3"),
+        ({"kind": "sinusoid", "L": 1.0, "amplitude": 0.1, "wavelength": 0}, "surface.wavelength"),
+        ({"D": 3.0}, "surface.D = 3.0 is not legal: it must be a number between 2 and 3"),
+        ({"D": 2}, "surface.D = 2"),
+        ({"G": 13.6}, "both in metres"),
+        ({"G": 0.0}, "surface.G = 0.0"),
+        ({"M": 0}, "surface.M = 0 is not legal: it must be an integer >= 1"),
+        ({"M": 2.5}, "surface.M = 2.5"),
+        ({"gamma": 1.0}, "surface.gamma = 1.0"),
+        ({"f_max": -1}, "surface.f_max = -1"),
+        ({"L_s": 1e-3}, "surface.L_s = 0.001"),
+        ({"seed": -1}, "surface.seed = -1"),
+        ({"ridges": "all"}, "surface.ridges = 'all'"),
+        ({"phases": np.zeros((3, 3))}, r"shape \(M\+1, f_max\+1\) = \(11, 6\)"),
+        ({"frequency": 1}, "surface.frequency is not a key"),
+    ],
+)
+def test_bad_input_is_one_clear_sentence(spec, message):
+    if "kind" not in spec:
+        spec = {"kind": "weierstrass-mandelbrot", "L": L, **spec}
+    with pytest.raises(InputError, match=message):
+        Surface.from_spec(**spec)
+
+
+def test_surfaces_are_immutable():
+    surface = fractal()
+    with pytest.raises(AttributeError):
+        surface.D = 2.5  # type: ignore[misc]
+    with pytest.raises(ValueError, match="read-only"):
+        surface.phases[0, 0] = 1.0  # type: ignore[index]
+
+
+@pytest.fixture
+def smooth_map() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Heights of a smooth function with spacing 1/40 in x and 1/32 in y."""
+    x, y = np.linspace(0, 1, 41), np.linspace(0, 1, 33)
+    return x, y, 0.1 * np.sin(3 * x[None, :] + 0.3) * np.cos(2 * y[:, None])
+
+
+def exact(x, y):
+    """Return the function behind smooth_map."""
+    return 0.1 * np.sin(3 * x + 0.3) * np.cos(2 * y)
+
+
+def write(path: Path, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> Path:
+    """Store a map with lengths in the format that the suffix asks for."""
+    if path.suffix == ".npz":
+        np.savez(path, x=x + 5, y=y - 2, z=z)
+    elif path.suffix == ".npy":
+        np.save(path, z)
+    elif path.stem == "points":
+        yy, xx = np.meshgrid(y, x, indexing="ij")
+        table = np.stack([xx.ravel(), yy.ravel(), z.ravel()], axis=1)
+        table = np.random.default_rng(0).permutation(table)
+        np.savetxt(path, table, delimiter=",", header="x,y,z", comments="", fmt="%.17g")
+    else:
+        np.savetxt(path, z, delimiter=",", fmt="%.17g")
+    return path
+
+
+@pytest.mark.parametrize("name", ["map.npz", "map.npy", "points.csv", "map.csv"])
+def test_height_maps_from_every_format(tmp_path, smooth_map, name):
+    path = write(tmp_path / name, *smooth_map)
+    given = {} if name in ("map.npz", "points.csv") else {"L": 1.0}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SurfaceWarning)
+        surface = Surface.from_spec("file", path=str(path), **given)
+    assert surface.L == pytest.approx(1.0)
+    px, py = np.random.default_rng(3).uniform(0, 1, size=(2, 300))
+    np.testing.assert_allclose(surface.height(px, py), exact(px, py), atol=1e-6)
+    zx, zy = surface.gradient(px, py)
+    np.testing.assert_allclose(zx, 0.3 * np.cos(3 * px + 0.3) * np.cos(2 * py), atol=1e-4)
+    np.testing.assert_allclose(zy, -0.2 * np.sin(3 * px + 0.3) * np.sin(2 * py), atol=1e-4)
+    top = surface.maximum()
+    assert top[0] == pytest.approx((np.pi / 2 - 0.3) / 3, abs=1e-4)
+    assert top[1] == pytest.approx(0.0, abs=1e-4)
+    assert top[2] == pytest.approx(0.1, rel=1e-6)
+    integral = (np.cos(0.3) - np.cos(3.3)) / 3 * np.sin(2) / 2 * 0.1
+    assert surface.mean() == pytest.approx(integral, rel=1e-6)
+
+
+def test_a_sampled_fractal_has_the_same_summit(tmp_path):
+    surface = fractal(D=2.5)
+    path = tmp_path / "map.npy"
+    np.save(path, surface.grid(257))
+    copy = HeightMap(path=path, L=L)
+    for a, b in zip(copy.maximum(), surface.maximum(), strict=True):
+        assert a == pytest.approx(b, rel=1e-5)
+    s = np.linspace(0, L, 33)
+    for grid, points in (
+        *zip(copy.grid_gradient(33), copy.gradient(s[None, :], s[:, None]), strict=True),
+        *zip(copy.grid_hessian(33), copy.hessian(s[None, :], s[:, None]), strict=True),
+        (copy.grid(33), copy.height(s[None, :], s[:, None])),
+    ):
+        np.testing.assert_allclose(grid, points, rtol=1e-10, atol=1e-12 * abs(points).max())
+    xx, xy, yy = copy.grid_hessian(513)
+    assert (abs((xx + yy) / 2) + np.hypot((xx - yy) / 2, xy)).max() <= copy.curvature_bound()
+
+
+def bent(x: np.ndarray) -> np.ndarray:
+    """Return coordinates with one step out of rhythm."""
+    return np.where(np.arange(x.size) == 3, x + 0.3 * (x[1] - x[0]), x)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "options", "message"),
+    [
+        (lambda x, y, z: {"z": z}, {}, "surface.L is missing"),
+        (lambda x, y, z: {"z": z, "L": -1.0}, {}, "surface.L = -1.0"),
+        (lambda x, y, z: {"z": z, "x": x, "y": y}, {"L": 2.0}, "disagrees with the side 1"),
+        (lambda x, y, z: {"h": z}, {}, "no array 'z'; it has h"),
+        (lambda x, y, z: {"z": z[:3], "L": 1.0}, {}, "at least 4 points"),
+        (lambda x, y, z: {"z": z[0], "L": 1.0}, {}, "two dimensions"),
+        (lambda x, y, z: {"z": np.where(z > 0.099, np.nan, z), "L": 1.0}, {}, "not finite"),
+        (lambda x, y, z: {"z": z, "x": bent(x), "y": y}, {}, "x is not regularly spaced"),
+        (lambda x, y, z: {"z": z, "x": x, "y": 2 * y}, {}, "patch must be square"),
+        (lambda x, y, z: {"z": z.T, "x": x, "y": y}, {}, r"expected \(len\(y\), len\(x\)\)"),
+        (lambda x, y, z: {"z": z, "x": x[::-1], "y": y}, {}, "rising sequence"),
+        (lambda x, y, z: {"z": z, "L": 1.0}, {"order": 1}, "surface.order = 1"),
+    ],
+)
+def test_bad_height_maps_are_refused(tmp_path, smooth_map, arrays, options, message):
+    path = tmp_path / "map.npz"
+    np.savez(path, **arrays(*smooth_map))
+    with pytest.raises(InputError, match=message):
+        HeightMap(path=path, **options)
+
+
+def test_unreadable_height_maps_are_refused(tmp_path):
+    with pytest.raises(InputError, match="must be the name of a file"):
+        HeightMap(path=None, L=1.0)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="there is no such file"):
+        HeightMap(path=tmp_path / "none.npy", L=1.0)
+    with pytest.raises(InputError, match=r"legal: \.npz, \.npy, \.csv"):
+        HeightMap(path=tmp_path / "map.tif", L=1.0)
+    for name in ("map.csv", "map.npy", "map.npz"):
+        (tmp_path / name).write_text("1,2,three\n")
+        with pytest.raises(InputError, match="cannot be read as a height map"):
+            HeightMap(path=tmp_path / name, L=1.0)
+    (tmp_path / "points.csv").write_text("x,y,z\n0,0,1\n1,0,1\n0,1,1\n")
+    with pytest.raises(InputError, match="3 points do not fill a regular map"):
+        HeightMap(path=tmp_path / "points.csv")
