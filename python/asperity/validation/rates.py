@@ -41,7 +41,8 @@ def rates(level: Level) -> Iterator[Row]:
         if exact:
             yield _order(f"force, Hertz, {method}", 2.0, h, forces[method] / hertz - 1.0)
         else:
-            yield _order(f"force, Hertz, {method} against {METHODS[0]}", 1.0, h, forces[method] / forces[METHODS[0]] - 1)
+            difference = forces[method] / forces[METHODS[0]] - 1.0
+            yield _order(f"force, Hertz, {method} against {METHODS[0]}", 1.0, h, difference)
 
 
 def _order(name: str, expected: float, sizes: Floats, errors: Floats) -> Row:
