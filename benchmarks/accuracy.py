@@ -48,9 +48,7 @@ def mesh() -> None:
     forces, facts = [], []
     for h in sizes:
         start = process_time()
-        result = asp.solve_contact(
-            surface(), ELASTIC, delta_max=DELTA, steps=STEPS, size=asp.MeshSize(h * L)
-        )
+        result = asp.solve_contact(surface(), ELASTIC, delta_max=DELTA, steps=STEPS, size=asp.MeshSize(h * L))
         forces.append(loading_force(result.curve, AT))
         facts.append((result.dofs, result.counts.newton, result.counts.krylov, process_time() - start))
     limit, _ = extrapolate(forces[-2], forces[-1], sizes[-2] / sizes[-1], 1.8)
@@ -70,9 +68,7 @@ def steps() -> None:
     found = {}
     for rule, counts in (("midpoint", (10, 20, 40)), ("backward-euler", (10, 20, 40))):
         for n in counts:
-            result = asp.solve_contact(
-                surface(), PLASTIC, delta_max=DELTA, steps=n, size=size, integrator=rule
-            )
+            result = asp.solve_contact(surface(), PLASTIC, delta_max=DELTA, steps=n, size=size, integrator=rule)
             found[rule, n] = loading_force(result.curve, AT), result.counts.newton
     limit, _ = extrapolate(found["midpoint", 20][0], found["midpoint", 40][0], 2.0, 2.0)
     row("rule", "steps", "rms error %", "greatest %", "Newton")

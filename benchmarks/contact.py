@@ -94,9 +94,7 @@ def westergaard() -> Case:
             brentq(lambda p, d=d: float(wave.deflection(p)) + compliance * p - d, 0.0, wave.full_pressure, xtol=1e-18)
             for d in steps
         ]
-        return [
-            State(p, float(wave.area_fraction(p)), 0.0, float(wave.pressure(np.zeros(1), p)[0])) for p in means
-        ]
+        return [State(p, float(wave.area_fraction(p)), 0.0, float(wave.pressure(np.zeros(1), p)[0])) for p in means]
 
     surface = Sinusoid(L=1.0, amplitude=amplitude, wavelength=2.0, dims=1, centre=(0.0, 0.0))
     return Case(surface, ELASTIC, height, steps, (0.12, 0.06), 0.06, theory)
@@ -136,9 +134,7 @@ def make(case: Case, size: float) -> Callable[[Formulation], Press]:
 
     comm = MPI.COMM_SELF
     block = make_block(comm, case.surface, case.height, case.steps[-1], MeshSize(size, growth=0.4))
-    return lambda formulation: make_press(
-        comm, case.surface, block, case.material, formulation=formulation
-    )
+    return lambda formulation: make_press(comm, case.surface, block, case.material, formulation=formulation)
 
 
 def rms(values: Any) -> float:

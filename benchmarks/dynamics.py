@@ -74,8 +74,16 @@ def ours(reference: FrequencyResponse) -> list[Result]:
     for tol in (1e-3, 1e-4, 1e-5, 1e-6, 1e-7):
         seconds, r = timed(partial(o.response, FORCING, WINDOW, tol=tol), 5)
         b = r.branches[0]
-        rows.append(Result("asperity", f"tol {tol:.0e}, up to {b.harmonics.max()} harmonics", seconds,
-                           *errors(reference, b.Omega, b.u_max), len(b), "yes"))
+        rows.append(
+            Result(
+                "asperity",
+                f"tol {tol:.0e}, up to {b.harmonics.max()} harmonics",
+                seconds,
+                *errors(reference, b.Omega, b.u_max),
+                len(b),
+                "yes",
+            )
+        )
     return rows
 
 
@@ -86,8 +94,9 @@ def own_sweep(reference: FrequencyResponse, points: int) -> Result:
     sweeps = o.sweep(FORCING, WINDOW, points=points)
     seconds = time.process_time() - begin
     omega, u = (np.concatenate([getattr(s, name) for s in sweeps]) for name in ("Omega", "u_max"))
-    return Result("asperity sweep", "Runge-Kutta, up and down", seconds, *errors(reference, omega, u), omega.size,
-                  "stable only")
+    return Result(
+        "asperity sweep", "Runge-Kutta, up and down", seconds, *errors(reference, omega, u), omega.size, "stable only"
+    )
 
 
 def ivp_sweep(reference: FrequencyResponse, points: int, method: str, rtol: float) -> Result:
@@ -106,10 +115,19 @@ def ivp_sweep(reference: FrequencyResponse, points: int, method: str, rtol: floa
         y = np.zeros(2)
         for w in path:
             length = 2 * np.pi / w
-            settle = solve_ivp(field, (0, (periods - 1) * length), y, method=method, rtol=rtol, atol=1e-3 * rtol,
-                               args=(w,))
-            last = solve_ivp(field, (0, length), settle.y[:, -1], method=method, rtol=rtol, atol=1e-3 * rtol,
-                             args=(w,), t_eval=np.linspace(0, length, 513))
+            settle = solve_ivp(
+                field, (0, (periods - 1) * length), y, method=method, rtol=rtol, atol=1e-3 * rtol, args=(w,)
+            )
+            last = solve_ivp(
+                field,
+                (0, length),
+                settle.y[:, -1],
+                method=method,
+                rtol=rtol,
+                atol=1e-3 * rtol,
+                args=(w,),
+                t_eval=np.linspace(0, length, 513),
+            )
             y = last.y[:, -1]
             u = last.y[0]
             j = int(np.clip(u.argmax(), 1, u.size - 2))  # parabola through the three highest samples
@@ -117,8 +135,14 @@ def ivp_sweep(reference: FrequencyResponse, points: int, method: str, rtol: floa
             top.append(b - (c - a) ** 2 / (8 * (a - 2 * b + c)))
             omega.append(w)
     seconds = time.process_time() - begin
-    return Result("solve_ivp sweep", f"{method} rtol {rtol:.0e}, {periods} periods", seconds,
-                  *errors(reference, np.array(omega), np.array(top)), len(omega), "stable only")
+    return Result(
+        "solve_ivp sweep",
+        f"{method} rtol {rtol:.0e}, {periods} periods",
+        seconds,
+        *errors(reference, np.array(omega), np.array(top)),
+        len(omega),
+        "stable only",
+    )
 
 
 def peer(reference: FrequencyResponse) -> list[Result]:
@@ -152,19 +176,42 @@ def peer(reference: FrequencyResponse) -> list[Result]:
     logging.disable(logging.CRITICAL)
     rows = []
     for harmonics, step in ((5, 0.1), (10, 0.1), (14, 0.1), (20, 0.1), (40, 0.05)):
+
         def case(harmonics: int = harmonics, step: float = step) -> dict[str, Any]:
             return {
-                "analysis": {"frf": {
-                    "study": "frf", "puls_inf": WINDOW[0], "puls_sup": WINDOW[1], "puls_start": WINDOW[1],
-                    "sign_ds": -1, "ds0": 0.02, "ds_max": step, "ds_min": 1e-6, "solver": "NewtonRaphson",
-                    "solver_options": {"tol_residual": 1e-8, "tol_delta_x": 1e-6, "max_iter": 20},
-                    "predictor": "tangent", "corrector": "arc_length", "verbose": False}},
+                "analysis": {
+                    "frf": {
+                        "study": "frf",
+                        "puls_inf": WINDOW[0],
+                        "puls_sup": WINDOW[1],
+                        "puls_start": WINDOW[1],
+                        "sign_ds": -1,
+                        "ds0": 0.02,
+                        "ds_max": step,
+                        "ds_min": 1e-6,
+                        "solver": "NewtonRaphson",
+                        "solver_options": {"tol_residual": 1e-8, "tol_delta_x": 1e-6, "max_iter": 20},
+                        "predictor": "tangent",
+                        "corrector": "arc_length",
+                        "verbose": False,
+                    }
+                },
                 "system": {"type": "Base", "nh": harmonics, "nti": 16 * harmonics, "adim": {"status": False}},
-                "substructures": {"mass": {"matrix": {"M": np.eye(1), "C": 2 * ZETA * np.eye(1),
-                                                      "G": np.zeros((1, 1)), "K": np.zeros((1, 1))}, "ndofs": 1}},
+                "substructures": {
+                    "mass": {
+                        "matrix": {
+                            "M": np.eye(1),
+                            "C": 2 * ZETA * np.eye(1),
+                            "G": np.zeros((1, 1)),
+                            "K": np.zeros((1, 1)),
+                        },
+                        "ndofs": 1,
+                    }
+                },
                 "connectors": {
                     "contact": {"type": "PowerContact", "connect": {"mass": [0]}, "dirs": [0]},
-                    "drive": {"type": "CosinusForcing", "connect": {"mass": [0]}, "dirs": [0], "amp": FORCING}},
+                    "drive": {"type": "CosinusForcing", "connect": {"mass": [0]}, "dirs": [0], "amp": FORCING},
+                },
                 "plugin": [PowerContact],
             }
 
@@ -182,8 +229,16 @@ def peer(reference: FrequencyResponse) -> list[Result]:
         theta = np.linspace(0, 2 * np.pi, 4097)
         k = np.arange(1, harmonics + 1)
         path = x[:, :1] + x[:, 1:-1:2] @ np.cos(np.outer(k, theta)) + x[:, 2:-1:2] @ np.sin(np.outer(k, theta))
-        rows.append(Result("pyHarm-os", f"{harmonics} harmonics, step {step:g}", seconds,
-                           *errors(reference, x[:, -1], path.max(axis=1)), len(x), "no"))
+        rows.append(
+            Result(
+                "pyHarm-os",
+                f"{harmonics} harmonics, step {step:g}",
+                seconds,
+                *errors(reference, x[:, -1], path.max(axis=1)),
+                len(x),
+                "no",
+            )
+        )
     return rows
 
 
@@ -199,8 +254,9 @@ def draw(rows: list[Result], path: str) -> None:
             axes.loglog([r.seconds for r in chosen], [r.worst for r in chosen], marker + "-", label=method)
     axes.set_xlabel("CPU time / s")
     axes.set_ylabel("largest relative error of $u_{max}$")
-    axes.set_title(f"frequency response, n = {N}, ζ = {ZETA}, F^ = {FORCING}, Ω {WINDOW[0]} to {WINDOW[1]}",
-                   fontsize=10)
+    axes.set_title(
+        f"frequency response, n = {N}, ζ = {ZETA}, F^ = {FORCING}, Ω {WINDOW[0]} to {WINDOW[1]}", fontsize=10
+    )
     axes.grid(which="major", alpha=0.3)
     axes.legend()
     figure.savefig(path, dpi=150)
@@ -223,15 +279,19 @@ def main() -> None:
     print("| method | setting | CPU s | largest error | median error | points | stability |")
     print("|---|---|---|---|---|---|---|")
     for r in rows:
-        print(f"| {r.method} | {r.setting} | {r.seconds:.3f} | {r.worst:.1e} | {r.median:.1e} | {r.points} | "
-              f"{r.stability} |")
+        print(
+            f"| {r.method} | {r.setting} | {r.seconds:.3f} | {r.worst:.1e} | {r.median:.1e} | {r.points} | "
+            f"{r.stability} |"
+        )
     print("\nFastest balance of this package that is more accurate than each rival:")
     for other in (r for r in rows if r.method != "asperity"):
         better = [r for r in rows if r.method == "asperity" and r.worst < other.worst]
         if better:
             best = min(better, key=lambda r: r.seconds)
-            print(f"  {other.method} ({other.setting}): {other.seconds / best.seconds:.1f} times faster at "
-                  f"{best.worst / other.worst:.2g} of its error ({best.setting})")
+            print(
+                f"  {other.method} ({other.setting}): {other.seconds / best.seconds:.1f} times faster at "
+                f"{best.worst / other.worst:.2g} of its error ({best.setting})"
+            )
     if options.figure:
         draw(rows, options.figure)
 

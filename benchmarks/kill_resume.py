@@ -59,9 +59,7 @@ def command(case: Path, out: Path, ranks: int, *options: str) -> list[str]:
 
 def run_or_kill(arguments: list[str], out: Path, steps: int = 10**9, seconds: float = 0.0) -> int | None:
     """Exit code of a command, or None when it was killed, so many seconds after its curve had so many steps."""
-    process = subprocess.Popen(
-        arguments, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
-    )
+    process = subprocess.Popen(arguments, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     while process.poll() is None and steps_done(out) < steps:
         time.sleep(0.01)
     try:

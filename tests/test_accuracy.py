@@ -75,9 +75,7 @@ def test_both_rules_of_the_path_have_one_limit_and_midpoint_is_nearer() -> None:
     at = 0.04 * np.array([0.4, 0.6, 0.8, 1.0])
 
     def force(rule: str, n: int) -> npt.NDArray[np.float64]:
-        result = asp.solve_contact(
-            ridges(), PLASTIC, delta_max=0.04, steps=n, integrator=rule, size=asp.MeshSize(0.3)
-        )
+        result = asp.solve_contact(ridges(), PLASTIC, delta_max=0.04, steps=n, integrator=rule, size=asp.MeshSize(0.3))
         return loading_force(result.curve, at)
 
     limit, _ = extrapolate(force("midpoint", 10), fine := force("midpoint", 20), 2.0, 2.0)

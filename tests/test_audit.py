@@ -40,9 +40,7 @@ def make(surface: Surface, block: BlockMesh | None, method: str = "active-set", 
 @pytest.mark.mpi
 @pytest.mark.parametrize("material", [ELASTIC, PLASTIC])
 @pytest.mark.parametrize("method", ["active-set", "penalty", "nitsche"])
-def test_correct_runs_pass(
-    wave: Surface, coarse_wave: BlockMesh | None, method: str, material: Any
-) -> None:
+def test_correct_runs_pass(wave: Surface, coarse_wave: BlockMesh | None, method: str, material: Any) -> None:
     checks = pressed(make(wave, coarse_wave, method, material), unload_steps=3).checks
     assert checks.violated == {}
     assert checks.energy_excess == 0.0

@@ -101,10 +101,7 @@ def test_none_stands_for_an_absent_key() -> None:
 def test_files_are_taken_from_the_case_folder_and_hashed_by_content(tmp_path: Path) -> None:
     heights = np.random.default_rng(0).normal(scale=1e-9, size=(16, 16))
     np.savez(tmp_path / "map.npz", z=heights, L=2e-6)
-    text = (
-        '[surface]\nkind = "file"\npath = "map.npz"\n[material]\nE = 1e9\nnu = 0.3\n'
-        "[loading]\ndelta_max = 1e-9\n"
-    )
+    text = '[surface]\nkind = "file"\npath = "map.npz"\n[material]\nE = 1e9\nnu = 0.3\n[loading]\ndelta_max = 1e-9\n'
     path = tmp_path / "case.toml"
     path.write_text(text)
     case = Case.load(path)
@@ -304,9 +301,7 @@ def test_any_values_give_a_case_or_a_sentence(
 
 
 @settings(max_examples=300, deadline=None)
-@given(
-    st.dictionaries(st.text(max_size=8), st.recursive(VALUES, lambda v: st.lists(v), max_leaves=4))
-)
+@given(st.dictionaries(st.text(max_size=8), st.recursive(VALUES, lambda v: st.lists(v), max_leaves=4)))
 def test_any_table_is_refused_with_a_sentence(data: dict[str, object]) -> None:
     with pytest.raises(InputError) as caught:
         Case.from_dict(data)

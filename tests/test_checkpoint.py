@@ -50,9 +50,7 @@ def in_pieces(
     for steps in stops:
         with pytest.raises(PartialResult, match="stopped by the test") as stopped:
             checkpoint = Checkpoint(folder, {}, comm())
-            solve_contact(
-                surface, material, stop=stop_after(steps), checkpoint=checkpoint, **settings
-            )
+            solve_contact(surface, material, stop=stop_after(steps), checkpoint=checkpoint, **settings)
         assert isinstance(stopped.value.__cause__, Interrupted)
     return solve_contact(surface, material, checkpoint=Checkpoint(folder, {}, comm()), **settings)
 
@@ -135,9 +133,7 @@ def test_a_run_goes_on_on_another_number_of_ranks(
         alone = MPI.COMM_SELF
         with pytest.raises(PartialResult):
             checkpoint = Checkpoint(shared_path, {}, alone)
-            solve_contact(
-                wave, PLASTIC, stop=stop_after(3), checkpoint=checkpoint, comm=alone, **settings
-            )
+            solve_contact(wave, PLASTIC, stop=stop_after(3), checkpoint=checkpoint, comm=alone, **settings)
     comm().Barrier()
     together = solve_contact(wave, PLASTIC, checkpoint=Checkpoint(shared_path, {}, comm()), **settings)
     assert_same(straight, together, 1e-8)
@@ -283,9 +279,7 @@ def test_a_height_map_counts_by_its_content(tmp_path: Path) -> None:
         np.save(tmp_path / f"{name}.npy", factor * heights)
     a, b, c = (
         identity(
-            Case.from_dict(
-                {**CASE, "surface": {"kind": "file", "path": f"{name}.npy", "L": 1.0}}, folder=tmp_path
-            )
+            Case.from_dict({**CASE, "surface": {"kind": "file", "path": f"{name}.npy", "L": 1.0}}, folder=tmp_path)
         )
         for name in names
     )
@@ -323,9 +317,7 @@ def test_what_a_killed_process_left_is_removed(tmp_path: Path) -> None:
     assert sorted(p.name for p in tmp_path.iterdir()) == [".hidden", ".x.y", "state.npz"]
 
 
-def test_a_folder_that_vanishes_is_a_clear_error(
-    wave: Surface, coarse_wave: BlockMesh | None, tmp_path: Path
-) -> None:
+def test_a_folder_that_vanishes_is_a_clear_error(wave: Surface, coarse_wave: BlockMesh | None, tmp_path: Path) -> None:
     folder = tmp_path / "checkpoint"
 
     def vanish(rows: Any, fraction: float) -> None:

@@ -74,9 +74,7 @@ def test_a_quiet_run_prints_nothing(cli: Cli, calls: list[Any], tmp_path: Path) 
     assert (code, out, len(calls)) == (0, "", 1)
 
 
-def test_an_earlier_run_is_kept_unless_resumed_or_forced(
-    cli: Cli, calls: list[dict[str, Any]], tmp_path: Path
-) -> None:
+def test_an_earlier_run_is_kept_unless_resumed_or_forced(cli: Cli, calls: list[dict[str, Any]], tmp_path: Path) -> None:
     out = tmp_path / "out"
     code, _, err = cli("run", DEMO, "-o", out)
     assert code == 0 and err.count("rms slope") == 1  # a warning is shown once
@@ -150,9 +148,7 @@ def test_failures_have_their_exit_codes(
     assert left == code and part in err.splitlines()[-1]
 
 
-def test_an_unwritable_place_is_refused_before_the_work(
-    cli: Cli, calls: list[Any], tmp_path: Path
-) -> None:
+def test_an_unwritable_place_is_refused_before_the_work(cli: Cli, calls: list[Any], tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x")
     code, _, err = cli("run", DEMO, "-o", tmp_path / "file/out")
     assert code == 4 and "file" in err and not calls

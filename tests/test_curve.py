@@ -137,9 +137,7 @@ def test_linear_fit_against_curve_fit():
     assert fit.ci_n == (pytest.approx(n - half, rel=1e-4), pytest.approx(n + half, rel=1e-4))
     relative = student.ppf(0.975, 23) * math.sqrt(covariance[0, 0]) / k  # delta method
     assert math.log(fit.ci_k[1] / fit.k) == pytest.approx(relative, rel=1e-3)
-    assert fit.correlation == pytest.approx(
-        covariance[0, 1] / math.sqrt(covariance[0, 0] * covariance[1, 1]), abs=1e-4
-    )
+    assert fit.correlation == pytest.approx(covariance[0, 1] / math.sqrt(covariance[0, 0] * covariance[1, 1]), abs=1e-4)
     residual = p - k * d**n
     assert fit.r2 == pytest.approx(1 - residual @ residual / np.sum((p - p.mean()) ** 2))
 

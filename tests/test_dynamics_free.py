@@ -39,8 +39,10 @@ def test_grazing_from_both_sides(n: float) -> None:
 
 @pytest.mark.parametrize(
     ("n", "published"),
-    [(1.5, (0.999575, 0.998259, 0.995960, 0.992540, 0.987785, 0.981349)),
-     (2.0, (0.998920, 0.995498, 0.989370, 0.980003, 0.966582, 0.947782))],
+    [
+        (1.5, (0.999575, 0.998259, 0.995960, 0.992540, 0.987785, 0.981349)),
+        (2.0, (0.998920, 0.995498, 0.989370, 0.980003, 0.966582, 0.947782)),
+    ],
 )
 def test_published_frequencies(n: float, published: tuple[float, ...]) -> None:
     found = ContactOscillator(PowerLaw(n)).free(np.arange(1, 7) / 10).omega_ratio
@@ -64,8 +66,7 @@ def test_period_and_harmonic_against_time_integration(n: float, u0: float) -> No
     events[1].direction = 1.0
     t, y = 0.0, [u0, 0.0, 0.0]
     while True:  # integrate piecewise, so that no step straddles contact loss
-        run = solve_ivp(field, (t, 200.0), y, method="DOP853", rtol=1e-13, atol=1e-15, events=events,
-                        max_step=0.1)
+        run = solve_ivp(field, (t, 200.0), y, method="DOP853", rtol=1e-13, atol=1e-15, events=events, max_step=0.1)
         t, y = run.t[-1], run.y[:, -1]
         if run.t_events[1].size:
             break
@@ -122,8 +123,9 @@ def test_table_agrees_with_its_power_law() -> None:
     z = np.linspace(0, 2, 81)[1:]
     table = ContactOscillator(TableLaw(z, z**1.5), load=1.0)
     u0 = [0.1, 0.5, 0.9]
-    np.testing.assert_allclose(table.free(u0).omega_ratio, ContactOscillator(PowerLaw(1.5)).free(u0).omega_ratio,
-                               rtol=1e-10)
+    np.testing.assert_allclose(
+        table.free(u0).omega_ratio, ContactOscillator(PowerLaw(1.5)).free(u0).omega_ratio, rtol=1e-10
+    )
 
 
 def test_bad_amplitudes() -> None:

@@ -39,8 +39,16 @@ def test_power_law_matches_closed_forms(n: float) -> None:
     assert law.force(-0.1) == 0.0
 
 
-@pytest.mark.parametrize("law", [PowerLaw(1.5), PowerLaw(0.8, 2.0), TaylorLaw.about(PowerLaw(1.5), 0.4),
-                                 TableLaw(Z, Z**1.5 + 0.3 * Z**2), TableLaw(Z, Z**1.5, values="fit")])
+@pytest.mark.parametrize(
+    "law",
+    [
+        PowerLaw(1.5),
+        PowerLaw(0.8, 2.0),
+        TaylorLaw.about(PowerLaw(1.5), 0.4),
+        TableLaw(Z, Z**1.5 + 0.3 * Z**2),
+        TableLaw(Z, Z**1.5, values="fit"),
+    ],
+)
 def test_force_is_the_derivative_of_the_potential(law: TableLaw) -> None:
     r = Restoring(law, 0.4)
     for u in (-0.8, -0.3, -1e-3, 1e-5, 0.04, 0.06, 0.5):

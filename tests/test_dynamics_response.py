@@ -34,8 +34,9 @@ def one_period(n: float, zeta: float, forcing: float, omega: float, u: float, v:
     while t < stop:
         contact = y[0] > -1 or (y[0] == -1 and y[1] > 0)
         events[0].direction = -1.0 if contact else 1.0
-        run = solve_ivp(field, (t, stop), y, method="DOP853", rtol=1e-12, atol=1e-14, args=(contact,),
-                        events=events, max_step=0.05)
+        run = solve_ivp(
+            field, (t, stop), y, method="DOP853", rtol=1e-12, atol=1e-14, args=(contact,), events=events, max_step=0.05
+        )
         seen.extend(run.y_events[1][:, 0] if run.t_events[1].size else [])
         t, y = run.t[-1], run.y[:, -1].copy()
         if run.t_events[0].size:
@@ -45,9 +46,15 @@ def one_period(n: float, zeta: float, forcing: float, omega: float, u: float, v:
 
 @pytest.mark.parametrize(
     ("n", "zeta", "forcing", "window"),
-    [(1.5, 0.01, 0.05, (0.5, 1.3)), (0.7, 0.02, 0.05, (0.6, 1.3)), (1.0, 0.01, 0.05, (0.6, 1.3)),
-     (2.0, 0.01, 0.05, (0.5, 1.3)), (3.0, 0.005, 0.02, (0.6, 1.2)), (4.0, 0.05, 0.3, (0.5, 1.5)),
-     (1.5, 0.05, 0.3, (1.3, 2.2))],
+    [
+        (1.5, 0.01, 0.05, (0.5, 1.3)),
+        (0.7, 0.02, 0.05, (0.6, 1.3)),
+        (1.0, 0.01, 0.05, (0.6, 1.3)),
+        (2.0, 0.01, 0.05, (0.5, 1.3)),
+        (3.0, 0.005, 0.02, (0.6, 1.2)),
+        (4.0, 0.05, 0.3, (0.5, 1.5)),
+        (1.5, 0.05, 0.3, (1.3, 2.2)),
+    ],
 )
 def test_orbits_close_under_independent_integration(n, zeta, forcing, window) -> None:
     r = ContactOscillator(PowerLaw(n), zeta=zeta).response(forcing, window)
@@ -193,9 +200,7 @@ def test_grazing_within_1e_10_from_both_sides(n: float) -> None:
     o = ContactOscillator(PowerLaw(n), zeta=0.05)
     r = o.response(0.12, (0.8, 1.2), tol=1e-9)
     graze = r["grazing"][0]
-    lower, upper = (
-        next(s for s in r.at(graze.Omega + d) if abs(s.u_min + 1) < 1e-6) for d in (-1e-10, 1e-10)
-    )
+    lower, upper = (next(s for s in r.at(graze.Omega + d) if abs(s.u_min + 1) < 1e-6) for d in (-1e-10, 1e-10))
     assert (lower.u_min + 1) * (upper.u_min + 1) < 0
     for s in (lower, upper):
         u, v = state_at_phase_zero(r.balance, s.coefficients, s.Omega)
@@ -252,8 +257,13 @@ def test_several_separations_per_period() -> None:
     assert found
     many = 0
     for s in found:
-        path = o.simulate(0.12, 0.8, u=float(s.coefficients.sum().real),
-                          v=state_at_phase_zero(r.balance, s.coefficients, 0.12)[1], periods=1.0)
+        path = o.simulate(
+            0.12,
+            0.8,
+            u=float(s.coefficients.sum().real),
+            v=state_at_phase_zero(r.balance, s.coefficients, 0.12)[1],
+            periods=1.0,
+        )
         many = max(many, len(path.flight))
         if s.stable:
             assert path.u.max() == pytest.approx(s.u_max, rel=1e-3)
@@ -297,5 +307,15 @@ def test_shooting_refuses_what_is_not_periodic() -> None:
 
 def test_rows_of_response_csv() -> None:
     rows = list(ContactOscillator(PowerLaw(1.5), zeta=0.05).response(0.02, (0.9, 1.1)).rows())
-    assert list(rows[0]) == ["model", "F_hat", "zeta", "Omega", "u_max", "u_min", "a1", "stable", "branch",
-                             "contact_loss"]
+    assert list(rows[0]) == [
+        "model",
+        "F_hat",
+        "zeta",
+        "Omega",
+        "u_max",
+        "u_min",
+        "a1",
+        "stable",
+        "branch",
+        "contact_loss",
+    ]

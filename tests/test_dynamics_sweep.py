@@ -55,8 +55,9 @@ def test_sweep_reports_period_two() -> None:
 
 
 def test_sweep_reports_what_has_not_settled() -> None:
-    (up,) = ContactOscillator(PowerLaw(1.5), zeta=1e-3).sweep(0.02, (0.95, 1.0), points=3, directions=("up",),
-                                                             max_periods=5)
+    (up,) = ContactOscillator(PowerLaw(1.5), zeta=1e-3).sweep(
+        0.02, (0.95, 1.0), points=3, directions=("up",), max_periods=5
+    )
     assert "not settled" in up.status
     assert not all(row["stable"] for row in up.rows())
 
@@ -134,9 +135,16 @@ def test_run_writes_its_files(tmp_path) -> None:
 
 @pytest.mark.parametrize(
     ("options", "words"),
-    [({"forcing": []}, "forcing"), ({"forcing": 0.0}, "forcing"), ({"models": ["cubic"]}, "cubic"),
-     ({"models": []}, "model"), ({"zeta": -1.0}, "zeta"), ({"damping": "no"}, "damping"),
-     ({"omega": (1.0, 0.5)}, "omega"), ({"load": -1.0}, "load")],
+    [
+        ({"forcing": []}, "forcing"),
+        ({"forcing": 0.0}, "forcing"),
+        ({"models": ["cubic"]}, "cubic"),
+        ({"models": []}, "model"),
+        ({"zeta": -1.0}, "zeta"),
+        ({"damping": "no"}, "damping"),
+        ({"omega": (1.0, 0.5)}, "omega"),
+        ({"load": -1.0}, "load"),
+    ],
 )
 def test_bad_arguments_write_nothing(tmp_path, options, words) -> None:
     with pytest.raises(InputError, match=words):
@@ -156,8 +164,11 @@ def test_band_holds_the_central_response() -> None:
 
 def test_bad_sweeps() -> None:
     o = ContactOscillator(PowerLaw(1.5))
-    for options, words in (({"forcing": []}, "forcing"), ({"forcing": 0.1, "directions": ("left",)}, "left"),
-                           ({"forcing": 0.1, "points": 1}, "points")):
+    for options, words in (
+        ({"forcing": []}, "forcing"),
+        ({"forcing": 0.1, "directions": ("left",)}, "left"),
+        ({"forcing": 0.1, "points": 1}, "points"),
+    ):
         with pytest.raises(InputError, match=words):
             o.sweep(**options)
 

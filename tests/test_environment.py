@@ -24,9 +24,7 @@ PACKAGES = re.findall(r"^[a-z0-9.+-]+", (PROJECT / "packages.txt").read_text(), 
 
 def clean_environment() -> dict[str, str]:
     """The environment without what an MPI process adds to it, so that a new MPI job can start."""
-    return {
-        k: v for k, v in os.environ.items() if not re.match("PMIX_|PRTE_(?!MCA)|OMPI_(?!MCA|A)", k)
-    }
+    return {k: v for k, v in os.environ.items() if not re.match("PMIX_|PRTE_(?!MCA)|OMPI_(?!MCA|A)", k)}
 
 
 def run(*command: str) -> subprocess.CompletedProcess[str]:
@@ -59,9 +57,7 @@ def test_no_argument_prints_help() -> None:
 
 
 def test_exit_code_and_directory_of_the_command(tmp_path: Path) -> None:
-    answer = subprocess.run(
-        [PROJECT / "run", "sh", "-c", "pwd; exit 7"], cwd=tmp_path, capture_output=True
-    )
+    answer = subprocess.run([PROJECT / "run", "sh", "-c", "pwd; exit 7"], cwd=tmp_path, capture_output=True)
     assert answer.returncode == 7
     assert answer.stdout.decode().strip() == str(tmp_path.resolve())
 
@@ -243,9 +239,7 @@ def test_a_cache_that_cannot_be_written(clone: Clone) -> None:
 
 def test_too_little_room(clone: Clone) -> None:
     script = clone.path / "run"
-    script.write_text(
-        re.sub(r"(?m)^space_needed=\d+", f"space_needed={10**12}", script.read_text())
-    )
+    script.write_text(re.sub(r"(?m)^space_needed=\d+", f"space_needed={10**12}", script.read_text()))
     process = clone.start()
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 4

@@ -170,9 +170,9 @@ def test_rate_integration_is_the_limit_of_radial_return():
     path = np.random.default_rng(6).normal(0, 0.01, size=(3, 3, 3))
     path = path + path.transpose(0, 2, 1)
     stress, p = ref.j2_path(path, E, NU, Y, E_T)
-    assert math.sqrt(1.5) * np.linalg.norm(
-        stress[-1] - np.trace(stress[-1]) / 3 * np.eye(3)
-    ) == pytest.approx(Y + H * p[-1], rel=1e-8)
+    assert math.sqrt(1.5) * np.linalg.norm(stress[-1] - np.trace(stress[-1]) / 3 * np.eye(3)) == pytest.approx(
+        Y + H * p[-1], rel=1e-8
+    )
     coarse, fine = (radial_return(path, steps) for steps in (100, 200))
     errors = [np.linalg.norm(s - stress[-1]) for s in (coarse[0], fine[0])]
     assert errors[1] < 0.55 * errors[0] < 0.01 * np.linalg.norm(stress[-1])
@@ -198,9 +198,7 @@ def test_pressurised_sphere_satisfies_every_equation(E_t):
     np.testing.assert_allclose(slope, 2 * (hoop - radial) / r, rtol=1e-6)
     p = sphere.plastic_strain(r, c)
     plastic = r < c
-    np.testing.assert_allclose(
-        (hoop - radial)[plastic], Y + ref.hardening_modulus(E, E_t) * p[plastic]
-    )
+    np.testing.assert_allclose((hoop - radial)[plastic], Y + ref.hardening_modulus(E, E_t) * p[plastic])
     assert np.all(hoop - radial <= Y + ref.hardening_modulus(E, E_t) * p + 1e-12)
     assert not p[~plastic].any()
     u = sphere.displacement(r, c)
@@ -302,9 +300,7 @@ def test_rough_elastic_exponents(D, G):
         surface, pressure = ref.rough_elastic_surface(D, G, seed), None
         loads, approach = np.geomspace(1e-6, 0.02, 25), []
         for load in loads:
-            contact = ref.half_space_contact(
-                surface, 64, P_star=load, start=pressure, tolerance=1e-5
-            )
+            contact = ref.half_space_contact(surface, 64, P_star=load, start=pressure, tolerance=1e-5)
             pressure = contact.pressure
             approach.append(contact.delta_star + load / ref.patch_test_slope(0.3))
         P_star = np.exp(np.interp(np.log(deflections), np.log(approach), np.log(loads)))

@@ -113,9 +113,7 @@ def test_heights_scale_with_G():
 
 def test_ridges_1_to_M_leave_out_the_first_row_of_the_same_phases():
     phases = fractal().phases
-    np.testing.assert_array_equal(
-        phases, np.random.default_rng(0).uniform(0, 2 * np.pi, size=(11, 6))
-    )
+    np.testing.assert_array_equal(phases, np.random.default_rng(0).uniform(0, 2 * np.pi, size=(11, 6)))
     alone = fractal(ridges="1..M")
     np.testing.assert_array_equal(alone.phases, phases)
     whole = fractal()

@@ -140,9 +140,7 @@ class AccurateResult:
         }
 
 
-def extrapolate(
-    coarse: Floats, fine: Floats, ratio: float, order: float
-) -> tuple[Floats, Floats]:
+def extrapolate(coarse: Floats, fine: Floats, ratio: float, order: float) -> tuple[Floats, Floats]:
     """Limit of a sequence with error c h^order, and the error of its last value.
 
     Richardson's extrapolation; Roache, J. Fluids Eng. 116 (1994) 405.
@@ -346,9 +344,7 @@ class _PathError:
     bar: Floats
 
 
-def _choose_steps(
-    run: _Runner, curve: Curve, steps: int, wanted: float
-) -> tuple[_PathError, int, Curve]:
+def _choose_steps(run: _Runner, curve: Curve, steps: int, wanted: float) -> tuple[_PathError, int, Curve]:
     """Number of load steps whose error bar is the wanted one, and the guide's curve with as many.
 
     The guiding mesh is loaded in N, 2 N, 4 N ... steps, and the limit extrapolated from the last two runs. What is
@@ -377,9 +373,7 @@ def _choose_steps(
     return path, n, curves[n]
 
 
-def _correct(
-    result: ContactResult, coarse: Curve, refinement: float, path: _PathError | None
-) -> tuple[Curve, Budget]:
+def _correct(result: ContactResult, coarse: Curve, refinement: float, path: _PathError | None) -> tuple[Curve, Budget]:
     """Extrapolated curve of the finest level with its error bars.
 
     Along the first loading the corrections are those of the rows. Later branches start from its end: they take its
@@ -402,7 +396,5 @@ def _correct(
     scale = np.where(loading, P, P[loading][-1] if loading.any() else 0.0)
     algebraic = np.full(len(curve), result.checks.force_balance) * scale
     budget = Budget(mesh_bar[rows] * scale, path_bar[rows] * scale, algebraic)
-    corrected = replace(
-        curve, force=curve.force * factor, P_star=P, error_P_star=budget.total
-    )
+    corrected = replace(curve, force=curve.force * factor, P_star=P, error_P_star=budget.total)
     return corrected, budget

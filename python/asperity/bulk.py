@@ -69,9 +69,7 @@ class CompiledBulk:
         _solver.volumes(self._cells, self.volumes)
         if material.plastic:
             self._values = np.empty_like(self._elastic)
-            self._matrix = _solver.BlockMatrix(
-                self._cells, graph.indptr, graph.indices, self._values
-            )
+            self._matrix = _solver.BlockMatrix(self._cells, graph.indptr, graph.indices, self._values)
 
     def add_internal_force(self, u: Floats, b: Floats) -> None:
         if not self._material.plastic:
@@ -115,11 +113,7 @@ class CompiledBulk:
     def stress(self, u: Floats) -> Floats:
         cells = len(self._flowing)
         out = np.zeros((cells, self.points // max(cells, 1), 6))
-        history = (
-            self._committed
-            if self._material.plastic
-            else (np.zeros_like(out), np.zeros(out.shape[:2]))
-        )
+        history = self._committed if self._material.plastic else (np.zeros_like(out), np.zeros(out.shape[:2]))
         _solver.stress(self._cells, self._material.parameters, u, _solver.History(*history), out)
         return out
 
@@ -133,9 +127,7 @@ def least_jacobians(x: Floats, x_nodes: npt.NDArray[np.int32]) -> Floats:
     """
     import basix
 
-    lattice = basix.create_lattice(
-        basix.CellType.tetrahedron, 4, basix.LatticeType.equispaced, exterior=True
-    )
+    lattice = basix.create_lattice(basix.CellType.tetrahedron, 4, basix.LatticeType.equispaced, exterior=True)
     cells = _solver.Cells(x, x_nodes, x_nodes, shape_gradients(lattice), np.ones(len(lattice)))
     out = np.empty(len(x_nodes))
     _solver.min_jacobian(cells, out)

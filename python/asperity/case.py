@@ -150,9 +150,7 @@ def _override(data: dict[str, Any], text: str) -> str:
     name = name.strip()
     *sections, key = name.split(".")
     if not equals or not key or len(sections) > 1:
-        raise InputError(
-            f"--set {show(text)}: write section.key=value, for example block.height=2e-6"
-        )
+        raise InputError(f"--set {show(text)}: write section.key=value, for example block.height=2e-6")
     table = data.setdefault(sections[0], {}) if sections else data
     if not isinstance(table, dict):
         raise InputError(f"--set {show(text)}: {sections[0]} is not a section in the case file")
@@ -170,9 +168,7 @@ def _override(data: dict[str, Any], text: str) -> str:
 def _complete(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Copy of `data` with the keys that follow from others, and absolute file paths."""
     full = {
-        name: {key: value for key, value in table.items() if value is not None}
-        if isinstance(table, Mapping)
-        else table
+        name: {key: value for key, value in table.items() if value is not None} if isinstance(table, Mapping) else table
         for name, table in data.items()
         if table is not None
     }

@@ -47,9 +47,7 @@ Array = npt.NDArray[Any]
 FORMAT = 1
 MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"
 #: Sections and keys that may differ between a run and its continuation; loading.cycles may also grow.
-CHANGEABLE = frozenset(
-    {"units", "dynamics", "solver", "output", "accuracy.max_seconds", "accuracy.max_dofs"}
-)
+CHANGEABLE = frozenset({"units", "dynamics", "solver", "output", "accuracy.max_seconds", "accuracy.max_dofs"})
 CYCLES = "loading.cycles"
 FILES = ("surface.path", "mesh.file")
 
@@ -93,8 +91,7 @@ class Saved:
 
         owned = nodes[: solid.owned]
         displacements = {
-            name: spread(comm, owned, self.arrays.get(f"displacement.{name}"))
-            for name in self.meta["displacements"]
+            name: spread(comm, owned, self.arrays.get(f"displacement.{name}")) for name in self.meta["displacements"]
         }
         touched = spread_some(comm, nodes[press.top.owned_nodes], rows("touched_at"), np.inf)
         if solid.material.plastic:
@@ -135,9 +132,7 @@ class Checkpoint:
         interval: accepted steps from one save to the next, 0 to save nothing
     """
 
-    def __init__(
-        self, folder: Path, identity: Mapping[str, Any], comm: MPI.Comm, interval: int = 1
-    ) -> None:
+    def __init__(self, folder: Path, identity: Mapping[str, Any], comm: MPI.Comm, interval: int = 1) -> None:
         self.folder, self.interval = folder, interval
         self._identity, self._comm = dict(identity), comm
         self._mesh_hash = ""
@@ -360,9 +355,7 @@ def _read_npz(path: Path) -> dict[str, Array]:
 def _read_block(path: Path, expected: str) -> BlockMesh:
     arrays = _read_npz(path)
     try:
-        block = BlockMesh(
-            arrays["points"], arrays["tets"], float(arrays["side"]), float(arrays["height"])
-        )
+        block = BlockMesh(arrays["points"], arrays["tets"], float(arrays["side"]), float(arrays["height"]))
     except (KeyError, TypeError):
         raise CheckpointError(f"{path} is not a mesh of asperity") from None
     if _hash(block) != expected:

@@ -62,8 +62,7 @@ def _check_material(case: Input) -> None:
     if solid.tangent_modulus is not None and solid.tangent_modulus >= solid.E:
         _refuse(
             "material.tangent_modulus",
-            f"= {solid.tangent_modulus:g} must be below material.E = {solid.E:g}; "
-            "0 is perfectly plastic",
+            f"= {solid.tangent_modulus:g} must be below material.E = {solid.E:g}; 0 is perfectly plastic",
         )
     if case.contact.method == "nitsche" and case.contact.theta != 0:
         _refuse(
@@ -99,22 +98,18 @@ def _check_lengths(case: Input) -> None:
                 f"{high:g}; give all lengths in the same unit (m)",
             )
     if case.mesh.h_contact > case.mesh.h_max:
-        _refuse(
-            "mesh.h_contact", f"= {case.mesh.h_contact:g} exceeds mesh.h_max = {case.mesh.h_max:g}"
-        )
+        _refuse("mesh.h_contact", f"= {case.mesh.h_contact:g} exceeds mesh.h_max = {case.mesh.h_max:g}")
     delta, force = case.loading.delta_max, case.loading.force_max
     if delta is not None and delta >= case.block.height:
         _refuse(
             "loading.delta_max",
-            f"= {delta:g} exceeds the block: block.height = {case.block.height:g}; "
-            "about 0.03 L is usual",
+            f"= {delta:g} exceeds the block: block.height = {case.block.height:g}; about 0.03 L is usual",
         )
     full = case.material.E_prime * side**2
     if force is not None and not 1e-12 * full <= force <= full:
         _refuse(
             "loading.force_max",
-            f"= {force:g} is {force / full:.2g} of L^2 E/(1 - nu^2), legal are 1e-12 to 1; "
-            "check the units",
+            f"= {force:g} is {force / full:.2g} of L^2 E/(1 - nu^2), legal are 1e-12 to 1; check the units",
         )
     if case.units == "SI" and side < 1e-4 and case.material.E < 1e3:
         _refuse(

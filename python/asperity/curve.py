@@ -115,9 +115,7 @@ class Curve:
                 raise InputError(f"Curve column {name!r} is not finite in row {bad[0]}.")
 
     @staticmethod
-    def from_rows(
-        rows: Sequence[Mapping[str, Any]], header: Mapping[str, Any] | None = None
-    ) -> Curve:
+    def from_rows(rows: Sequence[Mapping[str, Any]], header: Mapping[str, Any] | None = None) -> Curve:
         """Build a curve from one mapping a step; keys are column names.
 
         Args:
@@ -204,9 +202,7 @@ class Curve:
         rows = []
         for number, values in enumerate(csv.reader(lines[skip + 1 :]), start=skip + 2):
             if len(values) != len(names):
-                raise InputError(
-                    f"{path}, line {number}: {len(values)} values for {len(names)} columns."
-                )
+                raise InputError(f"{path}, line {number}: {len(values)} values for {len(names)} columns.")
             pairs = zip(names, values, strict=True)
             rows.append({name: _parse(name, text, path, number) for name, text in pairs})
         return Curve.from_rows(rows, header)
@@ -217,9 +213,7 @@ def _check_names(names: Any, where: str) -> None:
         if name not in COLUMNS:
             close = difflib.get_close_matches(name, COLUMNS, n=1)
             hint = f" (did you mean {close[0]!r}?)" if close else ""
-            raise InputError(
-                f"{where}: unknown column {name!r}{hint}; legal: {', '.join(COLUMNS)}."
-            )
+            raise InputError(f"{where}: unknown column {name!r}{hint}; legal: {', '.join(COLUMNS)}.")
     if len(set(names)) < len(names):
         raise InputError(f"{where}: a column occurs twice in {', '.join(names)}.")
     for name in _REQUIRED:
@@ -355,9 +349,7 @@ def fit_power_law(
     back = np.array([[1.0, -math.log(d.max())], [0.0, 1.0]])
     covariance = back @ covariance @ back.T
     ln_k, n = back @ solution + [math.log(p.max()), 0.0]
-    spread_k, spread_n = np.sqrt(np.diag(covariance)) * student.ppf(
-        (1 + confidence) / 2, d.size - 2
-    )
+    spread_k, spread_n = np.sqrt(np.diag(covariance)) * student.ppf((1 + confidence) / 2, d.size - 2)
     scale = math.sqrt(covariance[0, 0] * covariance[1, 1])
     return PowerLawFit(
         k=math.exp(ln_k),
@@ -386,15 +378,12 @@ def _fit_data(delta_star: ArrayLike, P_star: ArrayLike) -> tuple[Array, Array]:
             )
     if np.unique(d).size < 3:
         raise InputError(
-            f"{np.unique(d).size} different deflections: a power law needs at least 3; use more "
-            "load steps."
+            f"{np.unique(d).size} different deflections: a power law needs at least 3; use more load steps."
         )
     return d, p
 
 
-def interface_deflection(
-    delta: ArrayLike, force: ArrayLike, *, height: float, area: float, modulus: float
-) -> Array:
+def interface_deflection(delta: ArrayLike, force: ArrayLike, *, height: float, area: float, modulus: float) -> Array:
     """Return the deflection of the rough interface alone, delta - P h_b/(A_0 M) (length).
 
     The flat-to-base deflection contains the elastic compression of the block as a whole.
@@ -440,9 +429,7 @@ class Difference:
         )
 
 
-def compare_curves(
-    a: Curve, b: Curve, tolerances: Mapping[str, float] | None = None
-) -> list[Difference]:
+def compare_curves(a: Curve, b: Curve, tolerances: Mapping[str, float] | None = None) -> list[Difference]:
     """Compare a curve with a reference, step by step.
 
     Args:
@@ -458,9 +445,7 @@ def compare_curves(
     Raises:
         InputError: a tolerance is negative or its column unknown.
     """
-    chosen: Mapping[str, float] = (
-        b.header.get("tolerances", TOLERANCES) if tolerances is None else tolerances
-    )
+    chosen: Mapping[str, float] = b.header.get("tolerances", TOLERANCES) if tolerances is None else tolerances
     for name, tolerance in chosen.items():
         if name not in COLUMNS or name == "branch":
             raise InputError(f"No tolerance can be set for {name!r}; legal: {', '.join(COLUMNS)}.")

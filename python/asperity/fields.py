@@ -94,9 +94,7 @@ def write_figure_data(folder: Path, block: BlockMesh, states: list[State]) -> No
     """Write mesh.npz and top.npz, what the figures are drawn from; rank 0 only."""
     folder.mkdir(exist_ok=True)
     facets = top_facets(block)
-    np.savez_compressed(
-        folder / "mesh.npz", points=block.points, tets=block.tets, triangles=facets
-    )
+    np.savez_compressed(folder / "mesh.npz", points=block.points, tets=block.tets, triangles=facets)
     corners, edges = facets[:, :3], facets[:, 3:]
     # four linear triangles a facet, so that the edge nodes count
     triangles = np.concatenate(

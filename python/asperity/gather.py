@@ -92,9 +92,7 @@ def spread_some(
     return np.asarray(comm.scatter(parts, root=0))
 
 
-def _look_up(
-    numbers: npt.NDArray[np.int64], values: Array, wanted: npt.NDArray[np.int64], fill: float
-) -> Array:
+def _look_up(numbers: npt.NDArray[np.int64], values: Array, wanted: npt.NDArray[np.int64], fill: float) -> Array:
     out = np.full((len(wanted), *values.shape[1:]), fill)
     if len(numbers):
         at = np.minimum(np.searchsorted(numbers, wanted), len(numbers) - 1)

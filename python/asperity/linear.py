@@ -76,9 +76,7 @@ class LinearSolver:
         self._ksp.setFromOptions()
         self._b, self._y = solid.A.createVecRight(), solid.A.createVecRight()
 
-    def solve(
-        self, r: Any, rows: npt.NDArray[np.int32], values: Floats, y: Any
-    ) -> tuple[int, bool]:
+    def solve(self, r: Any, rows: npt.NDArray[np.int32], values: Floats, y: Any) -> tuple[int, bool]:
         """Solve with the current values of the matrix, which are changed by the elimination.
 
         Args:

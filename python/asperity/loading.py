@@ -341,9 +341,7 @@ def _load_to_force(press: Press, schedule: Schedule, at: Position) -> Outcome:
     return stats, replace(at, planned=min(at.planned, step), step=step, history=history)
 
 
-def _find_force(
-    press: Press, goal: float, high: float, stats: StepStats
-) -> tuple[float, StepStats]:
+def _find_force(press: Press, goal: float, high: float, stats: StepStats) -> tuple[float, StepStats]:
     """Position at which a trial solve gives the force `goal`, between the current one and `high`."""
     low, f_low, f_high = press.delta, press.force - goal, press.trial_force() - goal
     for _ in range(40):

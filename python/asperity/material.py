@@ -35,9 +35,7 @@ class Material:
         if self.yield_strength is not None and not self.yield_strength > 0:
             raise InputError(f"material.yield_strength = {self.yield_strength!r} must be positive")
         if not 0 <= self.tangent_modulus < self.E:
-            raise InputError(
-                f"material.tangent_modulus = {self.tangent_modulus!r} must lie in [0, E), E = {self.E!r}"
-            )
+            raise InputError(f"material.tangent_modulus = {self.tangent_modulus!r} must lie in [0, E), E = {self.E!r}")
 
     @property
     def plastic(self) -> bool:

@@ -1,7 +1,7 @@
 """Height maps of instruments: reading, gaps, levelling, filtering, and the square patch that contact needs.
 
-    field = HeightField.read("scan.sur").filled().levelled("plane")
-    field.window(5e-6, 5e-6, 20e-6).save("patch.npz")          # kind = "file", path = "patch.npz" in a case
+field = HeightField.read("scan.sur").filled().levelled("plane")
+field.window(5e-6, 5e-6, 20e-6).save("patch.npz")          # kind = "file", path = "patch.npz" in a case
 """
 
 from __future__ import annotations

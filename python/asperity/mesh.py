@@ -53,9 +53,7 @@ class BlockMesh:
 
     def save(self, path: str | Path) -> None:
         """Write a compressed .npz file."""
-        np.savez_compressed(
-            path, points=self.points, tets=self.tets, side=self.side, height=self.height
-        )
+        np.savez_compressed(path, points=self.points, tets=self.tets, side=self.side, height=self.height)
 
     @staticmethod
     def read(path: str | Path) -> BlockMesh:
@@ -66,9 +64,7 @@ class BlockMesh:
         """
         try:
             with np.load(path, allow_pickle=False) as f:
-                return BlockMesh(
-                    f["points"], f["tets"].astype(np.int64), float(f["side"]), float(f["height"])
-                )
+                return BlockMesh(f["points"], f["tets"].astype(np.int64), float(f["side"]), float(f["height"]))
         except (OSError, EOFError, KeyError, ValueError, BadZipFile) as e:
             raise MeshError(f"mesh.file: {path} is not a mesh written by asperity ({e})") from None
 
@@ -182,9 +178,7 @@ class SizeField:
         return min(size, self.h_max)
 
 
-def _reached_window(
-    surface: Surface, delta_max: float, grid: int
-) -> tuple[float, float, float, Floats]:
+def _reached_window(surface: Surface, delta_max: float, grid: int) -> tuple[float, float, float, Floats]:
     """Square (x0, y0, side) around all that lies less than delta_max below the summit, and gaps on its grid.
 
     The square shrinks until what is reached spans a good part of it, so that a small spot is resolved too. All
@@ -217,9 +211,7 @@ def _just_above(limit: float) -> float:
     return limit * (1.0 + 1e-9) + 1e-15
 
 
-def build_block(
-    surface: Surface, height: float, size: Callable[[float, float, float], float]
-) -> BlockMesh:
+def build_block(surface: Surface, height: float, size: Callable[[float, float, float], float]) -> BlockMesh:
     """Mesh the block under `surface` with gmsh; call it in one process.
 
     Args:

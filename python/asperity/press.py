@@ -65,9 +65,7 @@ class Press:
         counts, checks: over all steps so far
     """
 
-    def __init__(
-        self, solid: Solid, top: Top, contact: Contact, summit: float, options: SolverOptions
-    ) -> None:
+    def __init__(self, solid: Solid, top: Top, contact: Contact, summit: float, options: SolverOptions) -> None:
         self.solid, self.top, self.contact, self.summit = solid, top, contact, summit
         self.newton = NewtonSolver(solid, contact, options)
         self.counts, self.checks = Counts(), Checks()
@@ -242,9 +240,7 @@ class Press:
         """Deflection that first touched each owned node of the top, inf for never."""
         return self._touched_at
 
-    def resume(
-        self, numbers: Mapping[str, Any], displacements: Mapping[str, Floats], touched_at: Floats
-    ) -> None:
+    def resume(self, numbers: Mapping[str, Any], displacements: Mapping[str, Floats], touched_at: Floats) -> None:
         """Take up a saved state; the history of bulk and contact has been restored before; collective."""
         self.delta = numbers["delta"]
         self.counts, self.checks = Counts(**numbers["counts"]), Checks.from_dict(numbers["checks"])

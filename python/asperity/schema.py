@@ -17,9 +17,7 @@ Text = Annotated[str, Strict()]
 LENGTH, FORCE, STRESS = "length", "force", "force/length^2"
 
 
-def _key(
-    doc: str, default: Any = ..., *, unit: str = "", shown: str = "", hint: str = "", **limits: Any
-) -> Any:
+def _key(doc: str, default: Any = ..., *, unit: str = "", shown: str = "", hint: str = "", **limits: Any) -> Any:
     """Declare a key: what it is, its default (`shown` when it follows from others), unit, hint."""
     extra: dict[str, Any] = {"unit": unit, "shown": shown, "hint": hint}
     return Field(default, description=doc, json_schema_extra=extra, **limits)
@@ -47,9 +45,7 @@ class WeierstrassMandelbrotSection(_Patch):
     G: Real = _key("fractal roughness", unit=LENGTH, gt=0, hint="1.36e-11 m is a usual value")
     M: Whole = _key("number of ridges", 10, ge=1, le=1000)
     gamma: Real = _key("frequency ratio", 1.5, gt=1, le=100)
-    f_max: Whole | None = _key(
-        "highest frequency index", None, shown="5, or from L_s", ge=0, le=100
-    )
+    f_max: Whole | None = _key("highest frequency index", None, shown="5, or from L_s", ge=0, le=100)
     L_s: Real | None = _key("shortest wavelength, sets f_max", None, unit=LENGTH, gt=0)
     seed: Whole = _key("seed of the random phases", 0, ge=0, lt=2**63)
     ridges: Literal["0..M", "1..M"] = _key("ridges in the sum", "0..M")
@@ -138,18 +134,14 @@ class ContactSection(Section):
 
     method: Literal["active-set", "penalty", "nitsche"] = _key("formulation", "active-set")
     penalty: Real = _key("factor of E p^2/h (penalty)", 10.0, gt=0)
-    gamma: Real | None = _key(
-        "factor of E p^2/h (nitsche)", None, shown="1; 10 if theta is not 0", gt=0
-    )
+    gamma: Real | None = _key("factor of E p^2/h (nitsche)", None, shown="1; 10 if theta is not 0", gt=0)
     theta: Whole = _key("symmetry of nitsche; 1 and -1 need an elastic solid", 0, ge=-1, le=1)
 
 
 class MeshSection(Section):
     """Element sizes, or a saved mesh."""
 
-    h_contact: Real = _key(
-        "size at the surface where it is reached last", shown="0.04 L", unit=LENGTH, gt=0
-    )
+    h_contact: Real = _key("size at the surface where it is reached last", shown="0.04 L", unit=LENGTH, gt=0)
     growth: Real = _key("increase of size per unit distance", 0.25, gt=0, le=10)
     h_max: Real = _key("largest size", shown="0.25 L", unit=LENGTH, gt=0)
     file: Text | None = _key("a saved mesh instead", None)
@@ -189,12 +181,8 @@ Model = Literal["exact", "taylor"]
 class DynamicsSection(Section):
     """Vibration of a mass on the contact."""
 
-    law: Literal["paper", "unload-reload"] = _key(
-        "loading curve as a spring, or the unloading branch", "paper"
-    )
-    preload: Real | None = _key(
-        "weight of the mass", None, shown="half of the greatest force", unit=FORCE, gt=0
-    )
+    law: Literal["paper", "unload-reload"] = _key("loading curve as a spring, or the unloading branch", "paper")
+    preload: Real | None = _key("weight of the mass", None, shown="half of the greatest force", unit=FORCE, gt=0)
     zeta: Real = _key("damping ratio", 0.01, ge=0, lt=1)
     damping: Literal["always", "contact", "hunt-crossley"] = _key("when damping acts", "always")
     forcing: tuple[Annotated[Real, Field(gt=0)], ...] = _key(
@@ -289,11 +277,7 @@ def legal(about: dict[str, Any]) -> str:
     if "enum" in about:
         return ", ".join(show(choice) for choice in about["enum"])
     if about.get("type") == "array":
-        count = (
-            f"{about['minItems']} values "
-            if about["minItems"] == about.get("maxItems")
-            else "values "
-        )
+        count = f"{about['minItems']} values " if about["minItems"] == about.get("maxItems") else "values "
         return f"a list of {count}from {legal(about.get('items') or about['prefixItems'][0])}"
     if about.get("type") in ("number", "integer"):
         low, high = about.get("minimum", -math.inf), about.get("maximum", math.inf)

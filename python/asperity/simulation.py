@@ -288,9 +288,7 @@ def _dynamics(case: Case, curve: Curve, folder: str | Path | None) -> Any:
     )
 
 
-def summarise(
-    case: Case, contact: ContactResult, fit: PowerLawFit | None, ranks: int
-) -> dict[str, Any]:
+def summarise(case: Case, contact: ContactResult, fit: PowerLawFit | None, ranks: int) -> dict[str, Any]:
     """Contents of summary.json."""
     return {
         "exit_reason": contact.reason,

@@ -136,9 +136,7 @@ class Solid:
         from .bulk import CompiledBulk
 
         x_nodes = compat.geometry_dofmap(self.mesh)[: len(self.cell_nodes)]
-        return CompiledBulk(
-            self.mesh.geometry.x, x_nodes, self.cell_nodes, self.material, self.graph
-        )
+        return CompiledBulk(self.mesh.geometry.x, x_nodes, self.cell_nodes, self.material, self.graph)
 
     def nodes_on(self, tag: int) -> npt.NDArray[np.int32]:
         """Owned nodes on the facets with a tag."""
@@ -208,9 +206,7 @@ class Solid:
             self.A.setType("aij")
             self.A.setUp()
             lgmap = PETSc.LGMap().create(
-                index_map.local_to_global(np.arange(self.nodes, dtype=np.int32)).astype(
-                    PETSc.IntType
-                ),
+                index_map.local_to_global(np.arange(self.nodes, dtype=np.int32)).astype(PETSc.IntType),
                 bsize=3,
                 comm=self.comm,
             )
@@ -231,9 +227,7 @@ class Solid:
             add()
             if self.comm.size > 1:
                 self.A.zeroEntries()
-                self.A.setValuesLocalCSR(
-                    self.graph.rows, self.graph.columns, self.values, PETSc.InsertMode.ADD
-                )
+                self.A.setValuesLocalCSR(self.graph.rows, self.graph.columns, self.values, PETSc.InsertMode.ADD)
             self.A.assemble()
         return self.A
 

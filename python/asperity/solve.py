@@ -105,10 +105,7 @@ class NewtonSolver:
         if not np.isfinite(unbalanced):
             return reasons.DIVERGED_FNORM_NAN
         self.balance = unbalanced / contact if contact > 0 else unbalanced
-        if (
-            unbalanced <= self.options.rtol * contact + 1e-15
-            and gap <= self.options.rtol * self._scale + 1e-14
-        ):
+        if unbalanced <= self.options.rtol * contact + 1e-15 and gap <= self.options.rtol * self._scale + 1e-14:
             return reasons.CONVERGED_FNORM_RELATIVE
         return reasons.DIVERGED_MAX_IT if it >= self.options.newton_max else reasons.ITERATING
 
@@ -176,9 +173,7 @@ class NewtonSolver:
             self.snes.solve(None, self.x)
         reason = self.snes.getConvergedReason()
         self._function(self.snes, self.x, self._residual_vec)
-        return StepStats(
-            reason > 0, _reason_name(reason), self.snes.getIterationNumber(), self._krylov
-        )
+        return StepStats(reason > 0, _reason_name(reason), self.snes.getIterationNumber(), self._krylov)
 
 
 class _Preconditioner:

@@ -56,9 +56,7 @@ class Formulation:
         if self.method == "nitsche":
             gamma = (10.0 if self.theta else 1.0) if self.gamma is None else self.gamma
             return PressureContact(solid, top, gamma, traction=True, theta=self.theta)
-        raise InputError(
-            f'contact.method = "{self.method}" is not one of active-set, penalty, nitsche'
-        )
+        raise InputError(f'contact.method = "{self.method}" is not one of active-set, penalty, nitsche')
 
 
 @dataclass(frozen=True)
@@ -114,9 +112,7 @@ class PartialResult(ConvergenceError):
         self.result = result
 
 
-def make_block(
-    comm: MPI.Comm, surface: Surface, height: float, delta_max: float, size: MeshSize
-) -> BlockMesh | None:
+def make_block(comm: MPI.Comm, surface: Surface, height: float, delta_max: float, size: MeshSize) -> BlockMesh | None:
     """Mesh of the block on rank 0, None elsewhere; collective.
 
     Args:

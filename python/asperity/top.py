@@ -38,9 +38,7 @@ class FacetRule:
         gradients, shape = (np.ascontiguousarray(np.stack(t)) for t in zip(*tables, strict=True))
         x = solid.mesh.geometry.x
         x_nodes = np.ascontiguousarray(compat.geometry_dofmap(solid.mesh)[top.cells])
-        self.facets = _solver.Facets(
-            x, x_nodes, top.cell_nodes, top.local, gradients, shape, _area_vectors(), weights
-        )
+        self.facets = _solver.Facets(x, x_nodes, top.cell_nodes, top.local, gradients, shape, _area_vectors(), weights)
         self.weights = np.empty((len(top.cells), len(weights)))
         _solver.facet_weights(self.facets, self.weights)
         z = solid.points[top.cell_nodes, 2]
@@ -69,10 +67,7 @@ class Top:
         facets = [f for f in solid.tags.find(TOP) if to_cell.links(f)[0] < len(solid.cell_nodes)]
         self.cells = np.array([to_cell.links(f)[0] for f in facets], dtype=np.int32)
         self.local = np.array(
-            [
-                np.flatnonzero(to_facet.links(c) == f)[0]
-                for f, c in zip(facets, self.cells, strict=True)
-            ],
+            [np.flatnonzero(to_facet.links(c) == f)[0] for f, c in zip(facets, self.cells, strict=True)],
             dtype=np.int32,
         )
         self.cell_nodes = np.ascontiguousarray(solid.cell_nodes[self.cells])
@@ -133,9 +128,7 @@ class Top:
             weights: area each point stands for (F, Q) [length^2]
         """
         cut = touched.any(axis=1) & ~touched.all(axis=1)
-        sums = self.solid.comm.allreduce(
-            np.array([np.sum(weights[touched]), np.sum(self.area[cut] ** 2)])
-        )
+        sums = self.solid.comm.allreduce(np.array([np.sum(weights[touched]), np.sum(self.area[cut] ** 2)]))
         return Area(float(sums[0]), float(np.sqrt(sums[1] / 3.0)))
 
     @property

@@ -77,9 +77,7 @@ def asperity(*arguments: str | Path) -> list[str]:
 
 
 def call(command: Sequence[str], timeout: float = 300.0) -> tuple[int, str, str]:
-    done = subprocess.run(
-        command, env=CLEAN, capture_output=True, text=True, timeout=timeout, check=False
-    )
+    done = subprocess.run(command, env=CLEAN, capture_output=True, text=True, timeout=timeout, check=False)
     return done.returncode, done.stdout, done.stderr
 
 

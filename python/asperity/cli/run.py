@@ -27,9 +27,7 @@ PRODUCTS = (
 
 @click.command()
 @options.case_file
-@click.option(
-    "-o", "--output", metavar="OUT", help="Run directory; default out/<name of the case>."
-)
+@click.option("-o", "--output", metavar="OUT", help="Run directory; default out/<name of the case>.")
 @click.option("--resume", is_flag=True, help="Continue the run in OUT from its checkpoint.")
 @click.option("--force", is_flag=True, help="Replace the run in OUT.")
 @click.option("-q", "--quiet", is_flag=True, help="Show no progress.")
@@ -105,8 +103,7 @@ def check_folder(folder: Path, *, resume: bool, force: bool) -> None:
         return
     if ours:
         raise InputError(
-            f"{folder} already holds a run; --resume continues it, --force replaces it, "
-            "-o takes another folder"
+            f"{folder} already holds a run; --resume continues it, --force replaces it, -o takes another folder"
         )
     raise InputError(f"{folder} is not empty and holds no run; give another folder to -o")
 

@@ -52,7 +52,7 @@ class PressureContact:
     ) -> None:
         if theta != 0 and (solid.material.plastic or not traction):
             raise InputError(
-                f"contact.theta = {theta} needs an elastic material and contact.method = \"nitsche\": leave "
+                f'contact.theta = {theta} needs an elastic material and contact.method = "nitsche": leave '
                 "material.yield_strength out or take theta = 0"
             )
         self._solid, self._top = solid, top
@@ -70,9 +70,7 @@ class PressureContact:
         held = (len(top.cells) if traction and solid.material.plastic else 0, points[1])
         self._committed = (np.zeros((*held, 6)), np.zeros(held))
         self._trial = (np.zeros((*held, 6)), np.zeros(held))
-        self._matrix = _solver.BlockMatrix(
-            top.cell_nodes, solid.graph.indptr, solid.graph.indices, solid.values
-        )
+        self._matrix = _solver.BlockMatrix(top.cell_nodes, solid.graph.indptr, solid.graph.indices, solid.values)
         self._z = np.inf
         self.points = np.zeros(points)  # pressure at the quadrature points (facets, points)
 

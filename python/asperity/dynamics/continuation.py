@@ -74,8 +74,16 @@ def in_forcing(balance: Balance, omega: float) -> Equations:
     return equations
 
 
-def correct(equations: Equations, x: Array, parameter: float, normal: Array, normal_p: float, *,
-            limit: float = np.inf, rtol: float = _NEWTON_RTOL) -> tuple[Array, float, Array, float]:
+def correct(
+    equations: Equations,
+    x: Array,
+    parameter: float,
+    normal: Array,
+    normal_p: float,
+    *,
+    limit: float = np.inf,
+    rtol: float = _NEWTON_RTOL,
+) -> tuple[Array, float, Array, float]:
     """Newton iteration in the plane through (x, parameter) with the given normal.
 
     It ends with a step below `rtol`, relative to x; the error left is of the order of the square of that step.
@@ -131,8 +139,9 @@ def adapt(equations: Equations, point: Point, normal: Array, normal_p: float, to
     count = point.x.size // 2
     while point.error > tol and count < MAX_HARMONICS:
         count = min(MAX_HARMONICS, 4 * -(-count * 3 // 8))
-        x, parameter, t, tp = correct(equations, resize(point.x, count), point.parameter,
-                                      resize(normal, count), normal_p)
+        x, parameter, t, tp = correct(
+            equations, resize(point.x, count), point.parameter, resize(normal, count), normal_p
+        )
         point = Point(x, parameter, t, tp, tail(x))
     if count > least:
         lower = max(least, 4 * (count // 5))
@@ -151,9 +160,19 @@ def start(equations: Equations, x: Array, parameter: float, direction: float, to
     return point
 
 
-def trace(equations: Equations, first: Point, window: tuple[float, float], *, tol: float, least: int,
-          zeta: float, max_step: float, max_points: int = 3000, smooth: bool = True,
-          stop: Callable[[list[Point]], str | None] | None = None) -> Path:
+def trace(
+    equations: Equations,
+    first: Point,
+    window: tuple[float, float],
+    *,
+    tol: float,
+    least: int,
+    zeta: float,
+    max_step: float,
+    max_points: int = 3000,
+    smooth: bool = True,
+    stop: Callable[[list[Point]], str | None] | None = None,
+) -> Path:
     """Follow the branch through `first` until it leaves the window of the parameter.
 
     Args:
@@ -184,8 +203,7 @@ def trace(equations: Equations, first: Point, window: tuple[float, float], *, to
                 return Path(tuple(points), "step too small")
             guess, guess_p = predict(h)
             try:
-                x, parameter, t, tp = correct(equations, guess, guess_p, here.t, here.t_parameter, limit=h,
-                                             rtol=rtol)
+                x, parameter, t, tp = correct(equations, guess, guess_p, here.t, here.t_parameter, limit=h, rtol=rtol)
             except ConvergenceError:
                 h *= 0.35
                 continue
@@ -246,8 +264,17 @@ def _hermite(a: Point, b: Point, s: float) -> tuple[Array, Array]:
     return y, chord / length
 
 
-def locate(equations: Equations, a: Point, b: Point, value: Callable[[Point], float], fa: float, fb: float, *,
-           xtol: float = 1e-7, rtol: float = _NEWTON_RTOL) -> Point:
+def locate(
+    equations: Equations,
+    a: Point,
+    b: Point,
+    value: Callable[[Point], float],
+    fa: float,
+    fb: float,
+    *,
+    xtol: float = 1e-7,
+    rtol: float = _NEWTON_RTOL,
+) -> Point:
     """Point between two neighbours where `value` vanishes (bracketed secant method).
 
     Args:

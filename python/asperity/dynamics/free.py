@@ -136,12 +136,19 @@ def free_orbit(restoring: Restoring, u0: float, damping: str = "always") -> Free
     restoring.check_range(half.u_min, u0)
     if not half.error < 1e-6:
         raise ConvergenceError(
-            f"the period at u0 = {u0:g} settles only to {half.error:.1e}: the law is too rough; "
-            'use values="fit"'
+            f'the period at u0 = {u0:g} settles only to {half.error:.1e}: the law is too rough; use values="fit"'
         )
     a1 = float(_harmonics(half, np.array([1]))[0])
-    return FreeOrbit(u0, half.u_min, 2.0 * np.pi / half.period, a1, half.v_s, 2.0 * half.flight / half.period,
-                     _dissipation(restoring, half, damping), max(half.error, 1e-15))
+    return FreeOrbit(
+        u0,
+        half.u_min,
+        2.0 * np.pi / half.period,
+        a1,
+        half.v_s,
+        2.0 * half.flight / half.period,
+        _dissipation(restoring, half, damping),
+        max(half.error, 1e-15),
+    )
 
 
 def rough_orbit(restoring: Restoring, u0: float, damping: str) -> tuple[float, float]:
@@ -178,8 +185,7 @@ class _HalfPeriod:
         return 2.0 * (float(self.dt.sum()) + self.flight)
 
 
-def _half_period(restoring: Restoring, u0: float, least: int = 0,
-                 orders: tuple[int, ...] = _ORDERS) -> _HalfPeriod:
+def _half_period(restoring: Restoring, u0: float, least: int = 0, orders: tuple[int, ...] = _ORDERS) -> _HalfPeriod:
     u_min, v_s = _turning_point(restoring, u0)
     mid, half = 0.5 * (u0 + u_min), 0.5 * (u0 - u_min)
     knots = _knots(restoring, u_min, u0, v_s > 0)
@@ -221,16 +227,25 @@ def _harmonics(half: _HalfPeriod, k: Array) -> Array:
     return np.where(k == 0, 2.0, 4.0) / half.period * out
 
 
-def free_vibration(restoring: Restoring, amplitudes: ArrayLike, *, model: str, omega_s: float,
-                   damping: str = "always") -> FreeVibration:
+def free_vibration(
+    restoring: Restoring, amplitudes: ArrayLike, *, model: str, omega_s: float, damping: str = "always"
+) -> FreeVibration:
     """Natural frequency at each release amplitude; see `free_orbit`."""
     values = np.atleast_1d(np.asarray(amplitudes, float))
     if values.size == 0:
         raise InputError("no amplitude was given for the free vibration")
     orbits = tuple(free_orbit(restoring, float(u), damping) for u in values)
     valid = tuple(restoring.contact or o.u_min >= -1.0 for o in orbits)
-    return FreeVibration(model, restoring.law.describe(), restoring.n_loc, restoring.kappa, omega_s, orbits,
-                         valid, max(o.error for o in orbits))
+    return FreeVibration(
+        model,
+        restoring.law.describe(),
+        restoring.n_loc,
+        restoring.kappa,
+        omega_s,
+        orbits,
+        valid,
+        max(o.error for o in orbits),
+    )
 
 
 def _turning_point(restoring: Restoring, u0: float) -> tuple[float, float]:
@@ -255,8 +270,7 @@ def _turning_point(restoring: Restoring, u0: float) -> tuple[float, float]:
             low = -u0
             while float(restoring.potential(low)) < energy:
                 low *= 2.0
-    root = brentq(lambda u: float(restoring.potential(u)) - energy, low, -1e-3 * min(u0, 1.0), xtol=1e-16,
-                  rtol=1e-14)
+    root = brentq(lambda u: float(restoring.potential(u)) - energy, low, -1e-3 * min(u0, 1.0), xtol=1e-16, rtol=1e-14)
     return float(root), 0.0
 
 
@@ -268,8 +282,9 @@ def _knots(restoring: Restoring, u_min: float, u0: float, flight: bool) -> Array
     return np.concatenate([[low], u[(u > low) & (u < u0)], [u0]])
 
 
-def _contact_part(restoring: Restoring, theta: Array, u_min: float, u0: float, v0: float,
-                  order: int) -> tuple[Array, Array, Array, Array]:
+def _contact_part(
+    restoring: Restoring, theta: Array, u_min: float, u0: float, v0: float, order: int
+) -> tuple[Array, Array, Array, Array]:
     """Positions, time weights, times from the compressed end and speeds over half a period."""
     mid, half = 0.5 * (u0 + u_min), 0.5 * (u0 - u_min)
     x, w = _gauss(order)

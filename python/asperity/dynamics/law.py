@@ -92,8 +92,9 @@ class Law(ABC):
                 f"load = {load:g} lies outside the law, which ends at force {top:g}; lower the load, "
                 "or compute the curve further"
             )
-        return float(brentq(lambda z: float(self.both(np.array([z]))[0][0]) - load, low, high,
-                            xtol=1e-15 * high, rtol=1e-14))
+        return float(
+            brentq(lambda z: float(self.both(np.array([z]))[0][0]) - load, low, high, xtol=1e-15 * high, rtol=1e-14)
+        )
 
     def n_loc(self, z: float) -> float:
         """Local exponent ``z F'(z) / F(z)``; it equals n for a power law."""
@@ -178,9 +179,13 @@ class PowerLaw(Law):
         half_K = np.sqrt(max(half_k**2 - 2 * shift * covariance + shift**2 * half_n**2, 0.0))
         mixed = covariance - shift * half_n**2
         K = force * fit.k / length**fit.n
-        return cls(float(fit.n), float(K), (float(fit.n - half_n), float(fit.n + half_n)),
-                   (float(K * np.exp(-half_K)), float(K * np.exp(half_K))),
-                   float(np.clip(mixed / (half_n * half_K), -1, 1)) if half_n * half_K > 0 else 0.0)
+        return cls(
+            float(fit.n),
+            float(K),
+            (float(fit.n - half_n), float(fit.n + half_n)),
+            (float(K * np.exp(-half_K)), float(K * np.exp(half_K))),
+            float(np.clip(mixed / (half_n * half_K), -1, 1)) if half_n * half_K > 0 else 0.0,
+        )
 
     def both(self, z: Array) -> tuple[Array, Array]:
         s = np.maximum(z, 0.0)
@@ -339,8 +344,12 @@ class Restoring:
         if self.law.contact:
             low = -np.inf
         values = {
-            "z_s": z, "scale": z * p1, "n_loc": z * p1 / self.load,
-            "a2": z * p2 / (2 * p1), "a3": z * z * p3 / (6 * p1), "kappa": self.law.kappa(z),
+            "z_s": z,
+            "scale": z * p1,
+            "n_loc": z * p1 / self.load,
+            "a2": z * p2 / (2 * p1),
+            "a3": z * z * p3 / (6 * p1),
+            "kappa": self.law.kappa(z),
             "u_range": (-np.inf, np.inf) if self.law.extrapolate else (low / z - 1.0, high / z - 1.0),
         }
         for name, value in values.items():

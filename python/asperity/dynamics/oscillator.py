@@ -59,8 +59,9 @@ class ContactOscillator:
 
     def __post_init__(self) -> None:
         if not isinstance(self.law, Law):
-            raise InputError(f"law must be a force-deflection law (PowerLaw, TableLaw, ...), got "
-                             f"{type(self.law).__name__}")
+            raise InputError(
+                f"law must be a force-deflection law (PowerLaw, TableLaw, ...), got {type(self.law).__name__}"
+            )
         positive("zeta", self.zeta, zero=True)
         if self.zeta >= 1:
             raise InputError(f"zeta = {self.zeta:g} is not legal: it must be below 1")
@@ -119,17 +120,29 @@ class ContactOscillator:
         """
         limit = contact_limit(self.restoring)
         top = positive("u_max", u_max) if u_max is not None else (3 * limit if np.isfinite(limit) else 2.0)
-        return _thresholds.backbone(self.restoring, model=self.model, damping=self.damping, u_max=top,
-                                    points=points)
+        return _thresholds.backbone(self.restoring, model=self.model, damping=self.damping, u_max=top, points=points)
 
     def thresholds(self, forcing: float | Iterable[float] = ()) -> Thresholds:
         """Onsets of contact loss, hysteresis and period doubling, and resonance peaks for `forcing` (F^)."""
         values = (forcing,) if isinstance(forcing, (int, float)) else tuple(forcing)
-        return _thresholds.thresholds(self.restoring, model=self.model, zeta=self.zeta, damping=self.damping,
-                                      forcing=tuple(positive("forcing", f) for f in values))
+        return _thresholds.thresholds(
+            self.restoring,
+            model=self.model,
+            zeta=self.zeta,
+            damping=self.damping,
+            forcing=tuple(positive("forcing", f) for f in values),
+        )
 
-    def response(self, forcing: float, omega: Sequence[float] = (0.5, 1.3), *, tol: float = 1e-5,
-                 subharmonics: bool = True, detached: bool = False, polish: bool = False) -> FrequencyResponse:
+    def response(
+        self,
+        forcing: float,
+        omega: Sequence[float] = (0.5, 1.3),
+        *,
+        tol: float = 1e-5,
+        subharmonics: bool = True,
+        detached: bool = False,
+        polish: bool = False,
+    ) -> FrequencyResponse:
         """All periodic orbits over a window of frequencies, stable and unstable, with their bifurcations.
 
         Args:
@@ -152,9 +165,17 @@ class ContactOscillator:
         result = frequency_response(balance, setting, window, tol=tol, subharmonics=subharmonics, extra=extra)
         return _polish(result) if polish else result
 
-    def sweep(self, forcing: float | Iterable[float], omega: Sequence[float] = (0.5, 1.3), *, points: int = 81,
-              directions: Sequence[str] = ("up", "down"), tol: float = 1e-4, max_periods: int | None = None,
-              steps: int | None = None) -> tuple[Sweep, ...]:
+    def sweep(
+        self,
+        forcing: float | Iterable[float],
+        omega: Sequence[float] = (0.5, 1.3),
+        *,
+        points: int = 81,
+        directions: Sequence[str] = ("up", "down"),
+        tol: float = 1e-4,
+        max_periods: int | None = None,
+        steps: int | None = None,
+    ) -> tuple[Sweep, ...]:
         """Runge-Kutta sweeps with carried state, all forcings and directions at once.
 
         Args:
@@ -181,12 +202,26 @@ class ContactOscillator:
         low, high = _window(omega)
         if points < 2:
             raise InputError(f"points = {points} is not legal: a sweep needs at least 2")
-        return _sweep.sweep(self._balance(), [self._setting(f) for f in values], np.linspace(low, high, points),
-                            directions=tuple(directions), tol=positive("tol", tol), max_periods=max_periods,
-                            steps=steps)
+        return _sweep.sweep(
+            self._balance(),
+            [self._setting(f) for f in values],
+            np.linspace(low, high, points),
+            directions=tuple(directions),
+            tol=positive("tol", tol),
+            max_periods=max_periods,
+            steps=steps,
+        )
 
-    def attractors(self, omega: ArrayLike, forcing: float, *, starts: int = 12, spread: float | None = None,
-                   tol: float = 1e-4, max_periods: int | None = None) -> tuple[Attractor, ...]:
+    def attractors(
+        self,
+        omega: ArrayLike,
+        forcing: float,
+        *,
+        starts: int = 12,
+        spread: float | None = None,
+        tol: float = 1e-4,
+        max_periods: int | None = None,
+    ) -> tuple[Attractor, ...]:
         """Steady motions reached from a grid of initial states (u, v), with the share of each.
 
         Args:
@@ -203,11 +238,27 @@ class ContactOscillator:
             raise InputError(f"omega = {values.tolist()} must hold finite frequencies greater than 0")
         if spread is None:
             spread = float(np.clip(f / (2.0 * max(self.zeta, 1e-3)), 0.5, 3.0))
-        return _sweep.attractors(self._balance(), values, f, starts=starts, spread=positive("spread", spread),
-                                 tol=tol, max_periods=max_periods)
+        return _sweep.attractors(
+            self._balance(),
+            values,
+            f,
+            starts=starts,
+            spread=positive("spread", spread),
+            tol=tol,
+            max_periods=max_periods,
+        )
 
-    def simulate(self, omega: float, forcing: float, *, u: float = 0.0, v: float = 0.0, periods: float = 50.0,
-                 samples: int = 64, rtol: float = 1e-10) -> Trajectory:
+    def simulate(
+        self,
+        omega: float,
+        forcing: float,
+        *,
+        u: float = 0.0,
+        v: float = 0.0,
+        periods: float = 50.0,
+        samples: int = 64,
+        rtol: float = 1e-10,
+    ) -> Trajectory:
         """Integrate in time with located separations and landings.
 
         Args:
@@ -224,8 +275,16 @@ class ContactOscillator:
         w = positive("omega", omega)
         f = positive("forcing", forcing, zero=True)
         duration = positive("periods", periods) * 2.0 * np.pi / w
-        path, _ = integrate(self._balance(), w, f, float(u), float(v), duration, rtol=rtol,
-                            samples=max(1, int(np.ceil(samples * w / (2.0 * np.pi)))))
+        path, _ = integrate(
+            self._balance(),
+            w,
+            f,
+            float(u),
+            float(v),
+            duration,
+            rtol=rtol,
+            samples=max(1, int(np.ceil(samples * w / (2.0 * np.pi)))),
+        )
         self.restoring.check_range(float(path.u.min()), float(path.u.max()))
         return path
 
@@ -233,8 +292,9 @@ class ContactOscillator:
         return Balance(self.restoring, self.zeta, self.damping)
 
     def _setting(self, forcing: float) -> Setting:
-        return Setting(self.model, self.law.describe(), self.restoring.n_loc, self.zeta, self.damping,
-                       positive("forcing", forcing))
+        return Setting(
+            self.model, self.law.describe(), self.restoring.n_loc, self.zeta, self.damping, positive("forcing", forcing)
+        )
 
     def _seeds(self, forcing: float, window: tuple[float, float], tol: float) -> tuple[tuple[int, Array, float], ...]:
         """Periodic orbits met from many initial states, as starting points of detached branches."""

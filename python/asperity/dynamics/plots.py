@@ -66,15 +66,26 @@ def natural_frequency(oscillators: Sequence[ContactOscillator]) -> Figure:
         free = oscillator.free()
         physical = np.array(free.valid)
         colour = _COLOURS[free.model] if len(oscillators) <= 2 else next(colours)
-        line, = axis.plot(free.u0[physical], free.omega_ratio[physical], color=colour,
-                          label=free.law if len(oscillators) > 2 else _NAMES[free.model])
+        (line,) = axis.plot(
+            free.u0[physical],
+            free.omega_ratio[physical],
+            color=colour,
+            label=free.law if len(oscillators) > 2 else _NAMES[free.model],
+        )
         if not physical.all():
             beyond = slice(max(int(np.argmin(physical)) - 1, 0), None)
             axis.plot(free.u0[beyond], free.omega_ratio[beyond], ":", color=colour, label="unphysical: $u_{min}<-1$")
         limit = oscillator.u_max
         if oscillator.model == "exact" and limit <= free.u0[-1]:
-            axis.plot(limit, oscillator.free(limit).omega_ratio[0], "o", color=line.get_color(), ms=5,
-                      label=None if marked else "contact loss", zorder=4)
+            axis.plot(
+                limit,
+                oscillator.free(limit).omega_ratio[0],
+                "o",
+                color=line.get_color(),
+                ms=5,
+                label=None if marked else "contact loss",
+                zorder=4,
+            )
             marked = True
     axis.axhline(1.0, color=style.GREY, lw=0.7)
     axis.set_xlim(left=0.0)
@@ -86,8 +97,9 @@ def natural_frequency(oscillators: Sequence[ContactOscillator]) -> Figure:
 
 
 @style.styled
-def amplitude_frequency(responses: Sequence[FrequencyResponse], sweeps: Sequence[Sweep] = (),
-                        band: Band | None = None) -> Figure:
+def amplitude_frequency(
+    responses: Sequence[FrequencyResponse], sweeps: Sequence[Sweep] = (), band: Band | None = None
+) -> Figure:
     """Greatest deflection against frequency: solid stable, dashed unstable, folds, jumps, sweeps, contact loss.
 
     Args:
@@ -111,8 +123,16 @@ def amplitude_frequency(responses: Sequence[FrequencyResponse], sweeps: Sequence
             for s in sweeps:
                 if s.setting == r.setting:
                     ok = np.array([x not in (ESCAPED, NOT_SETTLED) for x in s.status])
-                    axis.plot(s.Omega[ok], s.u_max[ok], "^" if s.direction == "up" else "v", color=colour, mfc="white",
-                              ms=3.2, mew=0.7, zorder=3)
+                    axis.plot(
+                        s.Omega[ok],
+                        s.u_max[ok],
+                        "^" if s.direction == "up" else "v",
+                        color=colour,
+                        mfc="white",
+                        ms=3.2,
+                        mew=0.7,
+                        zorder=3,
+                    )
             if model == "exact":
                 _contact_line(axis, first.Omega, r)
         if band is not None and model == "exact":
@@ -132,8 +152,9 @@ def amplitude_frequency(responses: Sequence[FrequencyResponse], sweeps: Sequence
 
 
 @style.styled
-def backbone(oscillator: ContactOscillator, responses: Sequence[FrequencyResponse] = (),
-             u_max: float | None = None) -> Figure:
+def backbone(
+    oscillator: ContactOscillator, responses: Sequence[FrequencyResponse] = (), u_max: float | None = None
+) -> Figure:
     """Backbone with the resonance peak of each forcing, found by energy balance without any sweep."""
     curve = oscillator.backbone(u_max)
     figure, axis = style.figure(style.SINGLE + 0.6, 3.6)
@@ -148,8 +169,15 @@ def backbone(oscillator: ContactOscillator, responses: Sequence[FrequencyRespons
         axis.plot(orbit.omega, orbit.a1, "o", color=style.YELLOW, mec=style.BLACK, ms=6, zorder=4, label="contact loss")
     peaks = [p for p in oscillator.thresholds([r.setting.F_hat for r in responses]).peaks if p["Omega"] is not None]
     if peaks:
-        axis.plot([p["Omega"] for p in peaks], [p["a1"] for p in peaks], "*", color=style.VERMILION, ms=10, zorder=5,
-                  label="peak by energy balance")
+        axis.plot(
+            [p["Omega"] for p in peaks],
+            [p["a1"] for p in peaks],
+            "*",
+            color=style.VERMILION,
+            ms=10,
+            zorder=5,
+            label="peak by energy balance",
+        )
     tops = [curve.a1[-1]] + [float(b.a1.max()) for r in responses for b in r.branches]
     axis.set_ylim(0.0, 1.05 * max(tops) if responses else None)
     if responses:
@@ -186,8 +214,15 @@ def phase_portrait(oscillator: ContactOscillator, path: Trajectory, omega: float
         if b > begin:
             history.axvspan(max(a - begin, 0.0) / period, (b - begin) / period, color=style.PALE, lw=0)
     history.axhline(-1.0, color=style.GREY, lw=0.7)
-    history.annotate("contact lost below", (0.01, -1.0), xycoords=("axes fraction", "data"), xytext=(2, 3),
-                     textcoords="offset points", fontsize=7, color=style.GREY)
+    history.annotate(
+        "contact lost below",
+        (0.01, -1.0),
+        xycoords=("axes fraction", "data"),
+        xytext=(2, 3),
+        textcoords="offset points",
+        fontsize=7,
+        color=style.GREY,
+    )
     history.set_xlim(0.0, float(tau[-1]))
     portrait.set_xlabel("deflection $u$")
     portrait.set_ylabel("speed $du/d\\tau$")
@@ -195,14 +230,16 @@ def phase_portrait(oscillator: ContactOscillator, path: Trajectory, omega: float
     history.set_ylabel("deflection $u$")
     style.grid(portrait, history)
     style.letters(portrait, history)
-    figure.suptitle(f"$\\Omega$ = {omega:g}, $\\zeta$ = {oscillator.zeta:g}, damping {oscillator.damping}; "
-                    "grey: flight", fontsize=9)
+    figure.suptitle(
+        f"$\\Omega$ = {omega:g}, $\\zeta$ = {oscillator.zeta:g}, damping {oscillator.damping}; grey: flight", fontsize=9
+    )
     return figure
 
 
 @style.styled
-def stability_chart(oscillator: ContactOscillator, forcing: Sequence[float], omega: Sequence[float] = (0.4, 2.3), *,
-                    tol: float = 1e-4) -> Figure:
+def stability_chart(
+    oscillator: ContactOscillator, forcing: Sequence[float], omega: Sequence[float] = (0.4, 2.3), *, tol: float = 1e-4
+) -> Figure:
     """Where folds, period doublings and grazing lie in the plane of frequency and forcing.
 
     Args:
@@ -211,8 +248,11 @@ def stability_chart(oscillator: ContactOscillator, forcing: Sequence[float], ome
         omega: window of Omega.
         tol: see `ContactOscillator.response`.
     """
-    marks = {"fold": (style.BLUE, "fold (jump)"), "period doubling": (style.VERMILION, "period doubling"),
-             "grazing": (style.GREEN, "onset of contact loss")}
+    marks = {
+        "fold": (style.BLUE, "fold (jump)"),
+        "period doubling": (style.VERMILION, "period doubling"),
+        "grazing": (style.GREEN, "onset of contact loss"),
+    }
     points: dict[str, list[tuple[float, float]]] = {name: [] for name in marks}
     for f in forcing:
         try:
@@ -228,19 +268,28 @@ def stability_chart(oscillator: ContactOscillator, forcing: Sequence[float], ome
             axis.plot(x, y, ".", color=colour, ms=4, label=text)
     t = oscillator.thresholds()
     for value, name, text, x, side in (
-        (t.hysteresis, "fold", "hysteresis", 0.99, "right"), (t.contact_loss, "grazing", "contact loss", 0.01, "left"),
+        (t.hysteresis, "fold", "hysteresis", 0.99, "right"),
+        (t.contact_loss, "grazing", "contact loss", 0.01, "left"),
         (t.period_doubling, "period doubling", "period doubling", 0.99, "right"),
     ):
         if value is not None and min(forcing) < value < max(forcing):
             axis.axhline(value, color=marks[name][0], lw=0.8, ls=":")
-            axis.annotate(f"onset of {text}", (x, value), xycoords=("axes fraction", "data"), ha=side,
-                          va="bottom", fontsize=7, color=marks[name][0])
+            axis.annotate(
+                f"onset of {text}",
+                (x, value),
+                xycoords=("axes fraction", "data"),
+                ha=side,
+                va="bottom",
+                fontsize=7,
+                color=marks[name][0],
+            )
     axis.set_yscale("log")
     axis.set_xlim(*omega)
     axis.set_xlabel("frequency $\\Omega = \\omega/\\omega_s$")
     axis.set_ylabel("forcing $\\hat F = F/(n\\,m g)$")
-    axis.set_title(f"{oscillator.law.describe()}, $\\zeta$ = {oscillator.zeta:g}, damping {oscillator.damping}",
-                   fontsize=8)
+    axis.set_title(
+        f"{oscillator.law.describe()}, $\\zeta$ = {oscillator.zeta:g}, damping {oscillator.damping}", fontsize=8
+    )
     figure.legend(loc="outside lower center", ncols=3)
     style.grid(axis)
     return figure
@@ -253,8 +302,10 @@ def save_figures(result: Dynamics, directory: str | os.PathLike[str]) -> list[Pa
     first = next(iter(result.oscillators.values()))
     responses = [r for group in result.responses.values() for r in group]
     sweeps = [s for group in result.sweeps.values() for s in group]
-    figures = {"frequency": natural_frequency(list(result.oscillators.values())),
-               "response": amplitude_frequency(responses, sweeps)}
+    figures = {
+        "frequency": natural_frequency(list(result.oscillators.values())),
+        "response": amplitude_frequency(responses, sweeps),
+    }
     if first.model == "exact":
         top = max(max(float(b.u_max.max()) for b in r.branches) for r in result.responses["exact"])
         figures["operating-point"] = operating_point(first)
@@ -265,8 +316,9 @@ def save_figures(result: Dynamics, directory: str | os.PathLike[str]) -> list[Pa
         if best is not None:
             k = np.arange(best.coefficients.size)
             v = float((1j * k * best.coefficients).sum().real) * best.Omega / best.order
-            path = first.simulate(best.Omega, r.setting.F_hat, u=float(best.coefficients.sum().real), v=v, periods=3.0,
-                                  samples=256)
+            path = first.simulate(
+                best.Omega, r.setting.F_hat, u=float(best.coefficients.sum().real), v=v, periods=3.0, samples=256
+            )
             figures["phase"] = phase_portrait(first, path, best.Omega)
     return [style.save(figure, folder / f"{name}.png") for name, figure in figures.items()]
 
@@ -277,8 +329,14 @@ def _branch(axis: Any, branch: Branch, colour: str) -> None:
     starts = np.flatnonzero(np.diff(state, prepend=-1))
     for a, b in zip(starts, [*starts[1:], len(branch)], strict=True):
         piece = slice(a, min(b + 1, len(branch)))
-        axis.plot(branch.Omega[piece], branch.u_max[piece], ls="-" if branch.stable[a] else _DASHES, color=colour,
-                  lw=1.4 if branch.kind == "main" else 1.0, alpha=1.0 if branch.valid[a] else 0.35)
+        axis.plot(
+            branch.Omega[piece],
+            branch.u_max[piece],
+            ls="-" if branch.stable[a] else _DASHES,
+            color=colour,
+            lw=1.4 if branch.kind == "main" else 1.0,
+            alpha=1.0 if branch.valid[a] else 0.35,
+        )
 
 
 def _events(axis: Any, response: FrequencyResponse) -> None:
@@ -291,8 +349,13 @@ def _events(axis: Any, response: FrequencyResponse) -> None:
             landing = [s.u_max for s in response.at(inside) if s.stable and abs(s.u_max - e.u_max) > 0.03 * e.u_max]
             if landing:
                 to = min(landing, key=lambda u: abs(u - e.u_max))
-                axis.annotate("", (e.Omega, to), (e.Omega, e.u_max), zorder=4,
-                              arrowprops={"arrowstyle": "->", "lw": 0.8, "color": style.GREY})
+                axis.annotate(
+                    "",
+                    (e.Omega, to),
+                    (e.Omega, e.u_max),
+                    zorder=4,
+                    arrowprops={"arrowstyle": "->", "lw": 0.8, "color": style.GREY},
+                )
         elif e.kind == "period doubling" and valid:
             axis.plot(e.Omega, e.u_max, "s", color=style.BLACK, ms=3.5, mfc="white", zorder=5)
 
@@ -312,9 +375,12 @@ def _key(figure: Figure, sweeps: bool, unphysical: bool, columns: int) -> None:
 
     grey: dict[str, Any] = {"color": style.GREY}
     dots: dict[str, Any] = {"ls": "", "mfc": "white", "color": style.BLACK, "ms": 4}
-    keys = [Line2D([], [], label="stable", **grey), Line2D([], [], ls=_DASHES, label="unstable", **grey),
-            Line2D([], [], marker="o", label="fold, with jump", **dots),
-            Line2D([], [], marker="d", ls=":", color=style.GREEN, ms=4, label="contact loss begins")]
+    keys = [
+        Line2D([], [], label="stable", **grey),
+        Line2D([], [], ls=_DASHES, label="unstable", **grey),
+        Line2D([], [], marker="o", label="fold, with jump", **dots),
+        Line2D([], [], marker="d", ls=":", color=style.GREEN, ms=4, label="contact loss begins"),
+    ]
     if sweeps:
         keys += [Line2D([], [], marker="^", label="sweep up", **dots), Line2D([], [], marker="v", label="down", **dots)]
     if unphysical:

@@ -28,8 +28,9 @@ def coefficients(balance: Balance, omega: float, forcing: float, state: tuple[fl
     duration = 2.0 * np.pi * balance.order / omega
     count = 24 * balance.order
     try:
-        path, _ = integrate(balance, omega, forcing, *state, duration, rtol=1e-8,
-                            samples=int(np.ceil(16 * count / duration)))
+        path, _ = integrate(
+            balance, omega, forcing, *state, duration, rtol=1e-8, samples=int(np.ceil(16 * count / duration))
+        )
         t = np.linspace(0.0, duration, 8 * count, endpoint=False)
         tau, index = np.unique(path.tau, return_index=True)
         c = np.fft.rfft(np.interp(t, tau, path.u[index]))[: count + 1] / t.size
@@ -42,8 +43,9 @@ def coefficients(balance: Balance, omega: float, forcing: float, state: tuple[fl
 
 def _polish_branch(response: FrequencyResponse, branch: Branch) -> Branch:
     balance = replace(response.balance, order=branch.order)
-    values = {name: getattr(branch, name).copy() for name in ("Omega", "u_max", "u_min", "a1", "stable", "radius",
-                                                             "error")}
+    values = {
+        name: getattr(branch, name).copy() for name in ("Omega", "u_max", "u_min", "a1", "stable", "radius", "error")
+    }
     for i, omega in enumerate(branch.Omega):
         u, v = state_at_phase_zero(balance, branch.coefficients[i], float(omega))
         size = branch.u_max[i] - branch.u_min[i]

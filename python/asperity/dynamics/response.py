@@ -61,8 +61,10 @@ class Setting:
 
     def describe(self) -> str:
         """One line for titles and logs."""
-        return (f"{self.model}: {self.law}, zeta = {self.zeta:g} ({self.damping}), F^ = {self.F_hat:g}, "
-                f"F/(m g) = {self.F_over_mg:g}")
+        return (
+            f"{self.model}: {self.law}, zeta = {self.zeta:g} ({self.damping}), F^ = {self.F_hat:g}, "
+            f"F/(m g) = {self.F_over_mg:g}"
+        )
 
 
 @dataclass(frozen=True)
@@ -200,9 +202,20 @@ class FrequencyResponse:
                     continue
                 point = Point(x, omega, t, tp, tail(x))
                 data = _measure(balance, (point,), branch.kind, "")
-                found.append(Solution(number, branch.kind, branch.order, omega, float(data.u_max[0]),
-                                      float(data.u_min[0]), float(data.a1[0]), bool(data.stable[0]),
-                                      point.error, data.coefficients[0]))
+                found.append(
+                    Solution(
+                        number,
+                        branch.kind,
+                        branch.order,
+                        omega,
+                        float(data.u_max[0]),
+                        float(data.u_min[0]),
+                        float(data.a1[0]),
+                        bool(data.stable[0]),
+                        point.error,
+                        data.coefficients[0],
+                    )
+                )
         return tuple(sorted(found, key=lambda solution: solution.u_max))
 
     def rows(self) -> Iterator[dict[str, Any]]:
@@ -211,14 +224,30 @@ class FrequencyResponse:
         for b in self.branches:
             loss = b.contact_loss
             for i in range(len(b)):
-                yield {"model": s.model, "F_hat": s.F_hat, "zeta": s.zeta, "Omega": float(b.Omega[i]),
-                       "u_max": float(b.u_max[i]), "u_min": float(b.u_min[i]), "a1": float(b.a1[i]),
-                       "stable": bool(b.stable[i]), "branch": b.kind, "contact_loss": bool(loss[i])}
+                yield {
+                    "model": s.model,
+                    "F_hat": s.F_hat,
+                    "zeta": s.zeta,
+                    "Omega": float(b.Omega[i]),
+                    "u_max": float(b.u_max[i]),
+                    "u_min": float(b.u_min[i]),
+                    "a1": float(b.a1[i]),
+                    "stable": bool(b.stable[i]),
+                    "branch": b.kind,
+                    "contact_loss": bool(loss[i]),
+                }
 
 
-def frequency_response(balance: Balance, setting: Setting, omega: tuple[float, float], *, tol: float = 1e-5,
-                       subharmonics: bool = True, extra: tuple[tuple[int, Array, float], ...] = (),
-                       max_points: int = 3000) -> FrequencyResponse:
+def frequency_response(
+    balance: Balance,
+    setting: Setting,
+    omega: tuple[float, float],
+    *,
+    tol: float = 1e-5,
+    subharmonics: bool = True,
+    extra: tuple[tuple[int, Array, float], ...] = (),
+    max_points: int = 3000,
+) -> FrequencyResponse:
     """Trace every branch reached from rest, from the backbone and from given orbits.
 
     Args:
@@ -237,8 +266,12 @@ def frequency_response(balance: Balance, setting: Setting, omega: tuple[float, f
     equations = in_omega(balance, forcing)
     low, high = omega
     options: dict[str, Any] = {
-        "tol": tol, "least": _LEAST, "zeta": balance.zeta, "max_step": (high - low) / 25.0,
-        "max_points": max_points, "smooth": not _singular(balance),
+        "tol": tol,
+        "least": _LEAST,
+        "zeta": balance.zeta,
+        "max_step": (high - low) / 25.0,
+        "max_points": max_points,
+        "smooth": not _singular(balance),
     }
     paths: list[tuple[str, int, Path]] = []
     chart = _backbone_chart(balance)
@@ -292,9 +325,17 @@ def frequency_response(balance: Balance, setting: Setting, omega: tuple[float, f
     valid = all(bool(b.valid.all()) for b in branches)
     if not valid:
         notes.append("the Taylor law is unphysical where u_min < -1: contact is lost there")
-    return FrequencyResponse(setting, (low, high), tuple(branches), tuple(events),
-                             max(float(b.error.max()) for b in branches),
-                             max(float(b.det_error.max()) for b in branches), valid, tuple(notes), balance)
+    return FrequencyResponse(
+        setting,
+        (low, high),
+        tuple(branches),
+        tuple(events),
+        max(float(b.error.max()) for b in branches),
+        max(float(b.det_error.max()) for b in branches),
+        valid,
+        tuple(notes),
+        balance,
+    )
 
 
 def orbit_from_rest(balance: Balance, omega: float, forcing: float, tol: float) -> Array:
@@ -312,8 +353,7 @@ def orbit_from_rest(balance: Balance, omega: float, forcing: float, tol: float) 
             return direct
     equations = in_forcing(balance, omega)
     point = start(equations, x, first, 1.0, tol, _LEAST)
-    path = trace(equations, point, (0.0, forcing), tol=tol, least=_LEAST, zeta=balance.zeta,
-                 max_step=0.5 * forcing)
+    path = trace(equations, point, (0.0, forcing), tol=tol, least=_LEAST, zeta=balance.zeta, max_step=0.5 * forcing)
     if path.end != "window" or path.points[-1].parameter < 0.5 * forcing:
         raise ConvergenceError(f"no orbit found from rest at Omega = {omega:g}, F^ = {forcing:g}")
     return path.points[-1].x
@@ -336,8 +376,9 @@ def backbone_orbits(balance: Balance, omega: float, forcing: float, chart: tuple
     for i in range(len(grid) - 1):
         if (frequency[i] > omega) == (frequency[i + 1] > omega):
             continue
-        u0 = float(brentq(lambda u: rough_orbit(restoring, u, balance.damping)[0] - omega, grid[i], grid[i + 1],
-                          rtol=1e-3))
+        u0 = float(
+            brentq(lambda u: rough_orbit(restoring, u, balance.damping)[0] - omega, grid[i], grid[i + 1], rtol=1e-3)
+        )
         need = 2.0 * balance.zeta * rough_orbit(restoring, u0, balance.damping)[1] / forcing
         if need > 1.0:
             continue
@@ -350,8 +391,9 @@ def backbone_orbits(balance: Balance, omega: float, forcing: float, chart: tuple
     return guesses
 
 
-def _edge_orbits(balance: Balance, edge: float, forcing: float, tol: float,
-                 chart: tuple[Array, Array]) -> Iterator[Array]:
+def _edge_orbits(
+    balance: Balance, edge: float, forcing: float, tol: float, chart: tuple[Array, Array]
+) -> Iterator[Array]:
     """Orbits at an end of the window from which branches enter it."""
     try:
         yield orbit_from_rest(balance, edge, forcing, tol)
@@ -385,20 +427,35 @@ def _known(paths: list[tuple[str, int, Path]], order: int, x: Array, omega: floa
     return False
 
 
-def _measure(balance: Balance, points: Sequence[Point], kind: str, end: str,
-             multipliers: Floquet | None = None) -> Branch:
+def _measure(
+    balance: Balance, points: Sequence[Point], kind: str, end: str, multipliers: Floquet | None = None
+) -> Branch:
     c = stack([p.x for p in points])
     omega = np.array([p.parameter for p in points])
     u_min, u_max = extrema(c)
     f = multipliers or floquet(balance, c, omega)
     valid = np.ones(omega.size, bool) if balance.restoring.contact else u_min >= -1.0
-    return Branch(kind, balance.order, omega, u_max, u_min, np.abs(c[:, balance.order]), f.stable, f.radius,
-                  np.array([p.error for p in points]), f.error,
-                  np.array([p.x.size // 2 for p in points]), c, valid, end)
+    return Branch(
+        kind,
+        balance.order,
+        omega,
+        u_max,
+        u_min,
+        np.abs(c[:, balance.order]),
+        f.stable,
+        f.radius,
+        np.array([p.error for p in points]),
+        f.error,
+        np.array([p.x.size // 2 for p in points]),
+        c,
+        valid,
+        end,
+    )
 
 
-def _finish(balance: Balance, equations: Equations, path: Path, kind: str, number: int,
-            tol: float) -> tuple[Branch, list[Event], list[Point]]:
+def _finish(
+    balance: Balance, equations: Equations, path: Path, kind: str, number: int, tol: float
+) -> tuple[Branch, list[Event], list[Point]]:
     """Locate the events of a path, insert them and measure every point."""
     points = _refined(equations, path.points, tol)
     rtol = newton_rtol(tol, not _singular(balance))
@@ -424,8 +481,7 @@ def _finish(balance: Balance, equations: Equations, path: Path, kind: str, numbe
     for name, values, function in tests:
         for i in np.flatnonzero((values[:-1] > 0) != (values[1:] > 0)):
             try:
-                p = locate(equations, points[i], points[i + 1], function, values[i], values[i + 1],
-                           rtol=rtol)
+                p = locate(equations, points[i], points[i + 1], function, values[i], values[i + 1], rtol=rtol)
                 p = adapt(equations, p, p.t, p.t_parameter, tol, p.x.size // 2)
             except ConvergenceError:
                 continue
@@ -441,8 +497,16 @@ def _finish(balance: Balance, equations: Equations, path: Path, kind: str, numbe
     events = []
     for shift, (i, _, name, _) in enumerate(inserted):
         j = i + 1 + shift
-        events.append(Event(name, number, float(branch.Omega[j]), float(branch.u_max[j]),
-                            float(branch.u_min[j]), float(branch.a1[j])))
+        events.append(
+            Event(
+                name,
+                number,
+                float(branch.Omega[j]),
+                float(branch.u_max[j]),
+                float(branch.u_min[j]),
+                float(branch.a1[j]),
+            )
+        )
     return branch, events, [p for _, _, name, p in inserted if name == "period doubling"]
 
 
@@ -483,8 +547,7 @@ def _open_tongues(balance: Balance, equations: Equations, points: list[Point], d
     """
     square = _phase_square(data)
     omega = np.array([p.parameter for p in points])
-    dips = np.flatnonzero((square[1:-1] < square[:-2]) & (square[1:-1] <= square[2:])
-                          & (square[1:-1] < 2.5)) + 1
+    dips = np.flatnonzero((square[1:-1] < square[:-2]) & (square[1:-1] <= square[2:]) & (square[1:-1] < 2.5)) + 1
     new: list[tuple[int, Point]] = []
     for i in dips:
         around = slice(i - 1, i + 2)
@@ -523,11 +586,12 @@ def _phase_square(data: Floquet) -> Array:
     """psi^2 with multipliers -rho exp(+-i psi); negative where they are real and below zero."""
     h = -data.trace / (2.0 * np.sqrt(data.determinant))
     inside = np.arccos(np.clip(h, -1.0, 1.0)) ** 2
-    return np.where(h > 1.0, -np.arccosh(np.maximum(h, 1.0)) ** 2, inside)
+    return np.where(h > 1.0, -(np.arccosh(np.maximum(h, 1.0)) ** 2), inside)
 
 
-def _subharmonic(balance: Balance, forcing: float, flip: Point, window: tuple[float, float],
-                 options: dict[str, Any]) -> Path | None:
+def _subharmonic(
+    balance: Balance, forcing: float, flip: Point, window: tuple[float, float], options: dict[str, Any]
+) -> Path | None:
     """Follow the period-2 branch born at a period doubling until it dies or leaves the window."""
     double = replace(balance, order=2)
     equations = in_omega(double, forcing)
@@ -556,9 +620,16 @@ def _subharmonic(balance: Balance, forcing: float, flip: Point, window: tuple[fl
     return path if len(path.points) > 3 else None
 
 
-def _detached(balance: Balance, forcing: float, order: int, x: Array, omega: float,
-              window: tuple[float, float], options: dict[str, Any],
-              paths: list[tuple[str, int, Path]]) -> Path | None:
+def _detached(
+    balance: Balance,
+    forcing: float,
+    order: int,
+    x: Array,
+    omega: float,
+    window: tuple[float, float],
+    options: dict[str, Any],
+    paths: list[tuple[str, int, Path]],
+) -> Path | None:
     """Branch through a given orbit, followed both ways, unless one of the paths already holds it."""
     equations = in_omega(balance, forcing)
     options = {**options, "least": order * _LEAST}
@@ -610,8 +681,9 @@ def _on_path(equations: Equations, path: Path, point: Point, order: int) -> bool
     return False
 
 
-def _within_law(balance: Balance, branches: list[Branch],
-                events: list[Event]) -> tuple[list[Branch], list[Event], list[str]]:
+def _within_law(
+    balance: Balance, branches: list[Branch], events: list[Event]
+) -> tuple[list[Branch], list[Event], list[str]]:
     """Cut the branches where the orbit leaves the range the law is known on."""
     low, high = balance.restoring.u_range
     if np.isinf(low) and np.isinf(high):
@@ -624,19 +696,35 @@ def _within_law(balance: Balance, branches: list[Branch],
         if inside.all():
             pieces = [slice(0, len(b))]
         else:
-            notes.append(f"branch {number} ({b.kind}) is cut where it leaves the law (known up to u = "
-                         f"{high:.6g}); compute the curve further or ask for extrapolate=True")
+            notes.append(
+                f"branch {number} ({b.kind}) is cut where it leaves the law (known up to u = "
+                f"{high:.6g}); compute the curve further or ask for extrapolate=True"
+            )
             edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
             pieces = [slice(int(a), int(e)) for a, e in edges.reshape(-1, 2) if e - a > 1]
         renumber[number] = list(range(len(kept), len(kept) + len(pieces)))
         for piece in pieces:
-            arrays = {name: getattr(b, name)[piece] for name in (
-                "Omega", "u_max", "u_min", "a1", "stable", "radius", "error", "det_error", "harmonics",
-                "coefficients", "valid")}
+            arrays = {
+                name: getattr(b, name)[piece]
+                for name in (
+                    "Omega",
+                    "u_max",
+                    "u_min",
+                    "a1",
+                    "stable",
+                    "radius",
+                    "error",
+                    "det_error",
+                    "harmonics",
+                    "coefficients",
+                    "valid",
+                )
+            }
             kept.append(replace(b, **arrays, end=b.end if inside.all() else "range of the law"))
     if not kept:
-        balance.restoring.check_range(min(float(b.u_min.min()) for b in branches),
-                                      max(float(b.u_max.max()) for b in branches))
+        balance.restoring.check_range(
+            min(float(b.u_min.min()) for b in branches), max(float(b.u_max.max()) for b in branches)
+        )
     moved = []
     for e in events:
         if low <= e.u_min and e.u_max <= high:

@@ -67,9 +67,15 @@ class Dynamics:
         first = next(iter(self.oscillators.values()))
         out: dict[str, Any] = {
             "normalisation": "u = (z - z_s)/z_s, Omega = omega/omega_s, F_hat = F/(n_loc m g)",
-            "law": first.law.describe(), "load": first.restoring.load, "z_s": first.restoring.z_s,
-            "mass": first.mass, "omega_s": first.omega_s, "n_loc": first.restoring.n_loc,
-            "kappa": first.restoring.kappa, "zeta": first.zeta, "damping": first.damping,
+            "law": first.law.describe(),
+            "load": first.restoring.load,
+            "z_s": first.restoring.z_s,
+            "mass": first.mass,
+            "omega_s": first.omega_s,
+            "n_loc": first.restoring.n_loc,
+            "kappa": first.restoring.kappa,
+            "zeta": first.zeta,
+            "damping": first.damping,
             "uncertainty": self.uncertainty.to_dict() if self.uncertainty else None,
             "notes": list(self.notes),
         }
@@ -124,11 +130,22 @@ def law_from(source: Any, law: str = "paper", load: float | None = None) -> tupl
     return PowerLaw.from_fit(fit, length, unit), load
 
 
-def run_dynamics(source: Any, *, zeta: float = 0.01, damping: str = "always",
-                 forcing: float | Iterable[float] = (0.01,), models: Sequence[str] = MODELS,
-                 omega: Sequence[float] = (0.5, 1.3), load: float | None = None, law: str = "paper",
-                 out_dir: str | os.PathLike[str] | None = None, sweeps: bool = True, detached: bool = False,
-                 tol: float = 1e-5, figures: bool = False) -> Dynamics:
+def run_dynamics(
+    source: Any,
+    *,
+    zeta: float = 0.01,
+    damping: str = "always",
+    forcing: float | Iterable[float] = (0.01,),
+    models: Sequence[str] = MODELS,
+    omega: Sequence[float] = (0.5, 1.3),
+    load: float | None = None,
+    law: str = "paper",
+    out_dir: str | os.PathLike[str] | None = None,
+    sweeps: bool = True,
+    detached: bool = False,
+    tol: float = 1e-5,
+    figures: bool = False,
+) -> Dynamics:
     """Compute free vibration, frequency response, sweeps and thresholds of a mass on a contact.
 
     Args:
@@ -186,8 +203,10 @@ def run_dynamics(source: Any, *, zeta: float = 0.01, damping: str = "always",
         for s in swept[name]:
             if ESCAPED in s.status:
                 where = float(s.Omega[s.status.index(ESCAPED)])
-                notes.append(f"{name}, F^ = {s.setting.F_hat:g}: the sweep {s.direction} escapes from the Taylor "
-                             f"well at Omega = {where:.4g}, a property of the truncation")
+                notes.append(
+                    f"{name}, F^ = {s.setting.F_hat:g}: the sweep {s.direction} escapes from the Taylor "
+                    f"well at Omega = {where:.4g}, a property of the truncation"
+                )
     try:
         spread = uncertainty(exact)
     except InputError:
@@ -204,15 +223,27 @@ def run_dynamics(source: Any, *, zeta: float = 0.01, damping: str = "always",
 
 def _summary(r: FrequencyResponse) -> dict[str, Any]:
     omega, top = r.peak
-    return {"F_hat": r.setting.F_hat, "F_over_mg": r.setting.F_over_mg, "peak": {"Omega": omega, "u_max": top},
-            "events": [{"kind": e.kind, "branch": r.branches[e.branch].kind, "Omega": e.Omega, "u_max": e.u_max}
-                       for e in r.events],
-            "tolerance": r.tolerance, "determinant_error": r.det_error, "valid": r.valid, "notes": list(r.notes)}
+    return {
+        "F_hat": r.setting.F_hat,
+        "F_over_mg": r.setting.F_over_mg,
+        "peak": {"Omega": omega, "u_max": top},
+        "events": [
+            {"kind": e.kind, "branch": r.branches[e.branch].kind, "Omega": e.Omega, "u_max": e.u_max} for e in r.events
+        ],
+        "tolerance": r.tolerance,
+        "determinant_error": r.det_error,
+        "valid": r.valid,
+        "notes": list(r.notes),
+    }
 
 
 def _sweep_summary(s: Sweep) -> dict[str, Any]:
-    return {"F_hat": s.setting.F_hat, "direction": s.direction, "valid": bool(s.valid.all()),
-            "status": {name: s.status.count(name) for name in dict.fromkeys(s.status)}}
+    return {
+        "F_hat": s.setting.F_hat,
+        "direction": s.direction,
+        "valid": bool(s.valid.all()),
+        "status": {name: s.status.count(name) for name in dict.fromkeys(s.status)},
+    }
 
 
 def _write(path: Path, names: tuple[str, ...], rows: Iterable[dict[str, Any]]) -> None:
@@ -220,5 +251,9 @@ def _write(path: Path, names: tuple[str, ...], rows: Iterable[dict[str, Any]]) -
         writer = csv.DictWriter(file, names, lineterminator="\n")
         writer.writeheader()
         for row in rows:
-            writer.writerow({k: repr(v) if isinstance(v, float) else str(v).lower() if isinstance(v, bool) else v
-                             for k, v in row.items()})
+            writer.writerow(
+                {
+                    k: repr(v) if isinstance(v, float) else str(v).lower() if isinstance(v, bool) else v
+                    for k, v in row.items()
+                }
+            )

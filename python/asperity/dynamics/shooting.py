@@ -73,8 +73,18 @@ class _Arc:
     flight: list[tuple[float, float]]
 
 
-def integrate(balance: Balance, omega: float, forcing: float, u: float, v: float, duration: float, *,
-              start: float = 0.0, rtol: float = 1e-10, samples: int = 0) -> tuple[Trajectory, Array]:
+def integrate(
+    balance: Balance,
+    omega: float,
+    forcing: float,
+    u: float,
+    v: float,
+    duration: float,
+    *,
+    start: float = 0.0,
+    rtol: float = 1e-10,
+    samples: int = 0,
+) -> tuple[Trajectory, Array]:
     """Integrate from (u, v) at time `start` for `duration` (both in 1/omega_s).
 
     Args:
@@ -97,8 +107,17 @@ def integrate(balance: Balance, omega: float, forcing: float, u: float, v: float
     return Trajectory(arc.tau, arc.u, arc.v, np.array(arc.flight).reshape(-1, 2)), final
 
 
-def shoot(balance: Balance, omega: float, forcing: float, u: float, v: float, *, tol: float = 1e-10,
-          rtol: float = 1e-12, hold: bool = True) -> Shot:
+def shoot(
+    balance: Balance,
+    omega: float,
+    forcing: float,
+    u: float,
+    v: float,
+    *,
+    tol: float = 1e-10,
+    rtol: float = 1e-12,
+    hold: bool = True,
+) -> Shot:
     """Correct a periodic orbit by Newton's method on the event-accurate flow.
 
     Args:
@@ -126,15 +145,24 @@ def shoot(balance: Balance, omega: float, forcing: float, u: float, v: float, *,
         matrix: Array = flow - np.eye(2)
         if not hold:
             h = 1e-5 * omega
-            ends = [_integrate(balance, w, forcing, y, 0.0, 2.0 * np.pi * balance.order / w, rtol, 0).state[:2]
-                    for w in (omega + h, omega - h)]
+            ends = [
+                _integrate(balance, w, forcing, y, 0.0, 2.0 * np.pi * balance.order / w, rtol, 0).state[:2]
+                for w in (omega + h, omega - h)
+            ]
             matrix = np.column_stack([matrix, (ends[0] - ends[1]) / (2.0 * h)])
         step = np.linalg.lstsq(matrix, defect, rcond=None)[0]
         if residual < 0.1 * tol * size or max(residual, float(np.abs(step).max())) < tol * size:
             found = np.linalg.eigvals(flow)
-            return Shot(omega, float(y[0]), float(y[1] - _loss(balance, y[0])), arc.high, arc.low,
-                        float(2.0 / period * np.hypot(arc.state[6], arc.state[7])),
-                        (complex(found[0]), complex(found[1])), residual)
+            return Shot(
+                omega,
+                float(y[0]),
+                float(y[1] - _loss(balance, y[0])),
+                arc.high,
+                arc.low,
+                float(2.0 / period * np.hypot(arc.state[6], arc.state[7])),
+                (complex(found[0]), complex(found[1])),
+                residual,
+            )
         y = y.copy()
         y[:2] -= step[:2]
         if not hold:
@@ -176,8 +204,9 @@ def _initial(balance: Balance, u: float, v: float) -> Array:
     return np.array([u, v + _loss(balance, u), 1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
 
 
-def _integrate(balance: Balance, omega: float, forcing: float, y: Array, start: float, stop: float, rtol: float,
-               samples: int) -> _Arc:
+def _integrate(
+    balance: Balance, omega: float, forcing: float, y: Array, start: float, stop: float, rtol: float, samples: int
+) -> _Arc:
     tau, u, v, flights = [np.array([start])], [y[:1]], [np.array([y[1] - _loss(balance, y[0])])], []
     low = high = float(y[0])
     t = start
@@ -187,8 +216,7 @@ def _integrate(balance: Balance, omega: float, forcing: float, y: Array, start: 
         if t >= stop:
             break
         speed = y[1] - _loss(balance, y[0])
-        flying = balance.restoring.contact and (
-            y[0] < -1.0 - 1e-13 or (y[0] <= -1.0 + 1e-13 and speed < 0))
+        flying = balance.restoring.contact and (y[0] < -1.0 - 1e-13 or (y[0] <= -1.0 + 1e-13 and speed < 0))
         if flying:
             end, y, path = _fly(balance, omega, forcing, y, t, stop, samples)
             flights.append((t, end))
@@ -201,8 +229,9 @@ def _integrate(balance: Balance, omega: float, forcing: float, y: Array, start: 
     return _Arc(y, low, high, np.concatenate(tau), np.concatenate(u), np.concatenate(v), flights)
 
 
-def _touch(balance: Balance, omega: float, forcing: float, y: Array, start: float, stop: float, rtol: float,
-           samples: int) -> tuple[float, Array, tuple[Array, Array, Array]]:
+def _touch(
+    balance: Balance, omega: float, forcing: float, y: Array, start: float, stop: float, rtol: float, samples: int
+) -> tuple[float, Array, tuple[Array, Array, Array]]:
     """Integrate in contact until separation or `stop`; path holds extremes and samples."""
     r, zeta, damping = balance.restoring, balance.zeta, balance.damping
     soft = not _singular(balance)
@@ -214,8 +243,16 @@ def _touch(balance: Balance, omega: float, forcing: float, y: Array, start: floa
         loss = 2.0 * zeta * float(primitive(r, damping, u)[0])
         g = 2.0 * zeta * float(rate(r, damping, u)[0])
         c, d = np.cos(omega * t), np.sin(omega * t)
-        return [s[1] - loss, forcing * c - float(pull[0]) + 1.0 / r.n_loc, s[4] - g * s[2], s[5] - g * s[3],
-                -k * s[2], -k * s[3], s[0] * c, s[0] * d]
+        return [
+            s[1] - loss,
+            forcing * c - float(pull[0]) + 1.0 / r.n_loc,
+            s[4] - g * s[2],
+            s[5] - g * s[3],
+            -k * s[2],
+            -k * s[3],
+            s[0] * c,
+            s[0] * d,
+        ]
 
     def separation(t: float, s: Array) -> float:
         if r.contact:
@@ -230,14 +267,24 @@ def _touch(balance: Balance, omega: float, forcing: float, y: Array, start: floa
     end = stop
     for _ in range(8):
         times = np.linspace(start, end, max(2, int(samples * (end - start)) + 2)) if samples else None
-        run = solve_ivp(field, (start, end), y, method="DOP853", rtol=rtol, atol=1e-2 * rtol, t_eval=times,
-                        events=(separation, turning), max_step=limit)
+        run = solve_ivp(
+            field,
+            (start, end),
+            y,
+            method="DOP853",
+            rtol=rtol,
+            atol=1e-2 * rtol,
+            t_eval=times,
+            events=(separation, turning),
+            max_step=limit,
+        )
         if not run.success:
             raise ConvergenceError(f"time integration failed at tau = {run.t[-1]:g}: {run.message}")
         turns, states = run.t_events[1], run.y_events[1]
         # a step may jump through a grazing contact loss: stop at the minimum that shows it
-        missed = [t for t, s in zip(turns, states, strict=True)
-                  if r.contact and s[0] < -1.0 - 1e-14 and t > start + 1e-12]
+        missed = [
+            t for t, s in zip(turns, states, strict=True) if r.contact and s[0] < -1.0 - 1e-14 and t > start + 1e-12
+        ]
         if not missed or missed[0] >= (run.t_events[0][0] if run.t_events[0].size else np.inf):
             break
         end = float(missed[0])
@@ -251,15 +298,21 @@ def _touch(balance: Balance, omega: float, forcing: float, y: Array, start: floa
         t, state = float(run.t[-1]), run.y[:, -1]
     inside = run.t <= t
     tau = np.concatenate([run.t[inside] if samples else run.t[:0], turns[turns <= t], [t]])
-    table = np.concatenate([run.y[:, inside].T if samples else run.y.T[:0],
-                            states[turns <= t] if turns.size else np.empty((0, 8)), state[None]])
+    table = np.concatenate(
+        [
+            run.y[:, inside].T if samples else run.y.T[:0],
+            states[turns <= t] if turns.size else np.empty((0, 8)),
+            state[None],
+        ]
+    )
     order = np.argsort(tau, kind="stable")
     u = table[order, 0]
     return t, state, (tau[order], u, table[order, 1] - 2.0 * zeta * primitive(r, damping, u))
 
 
-def _fly(balance: Balance, omega: float, forcing: float, y: Array, start: float, stop: float,
-         samples: int) -> tuple[float, Array, tuple[Array, Array, Array]]:
+def _fly(
+    balance: Balance, omega: float, forcing: float, y: Array, start: float, stop: float, samples: int
+) -> tuple[float, Array, tuple[Array, Array, Array]]:
     """Closed-form flight until landing or `stop`."""
     n = balance.restoring.n_loc
     zeta = balance.zeta if in_flight(balance.damping) else 0.0
@@ -295,8 +348,11 @@ def _fly(balance: Balance, omega: float, forcing: float, y: Array, start: float,
     grid_step = min(scale / 64.0, 0.1)
     previous = None
     while s0 < length:
-        grid = np.unique(np.concatenate([[first] if s0 == 0.0 else [s0],
-                                         np.linspace(max(s0, first), min(length, s0 + 64 * grid_step), 65)]))
+        grid = np.unique(
+            np.concatenate(
+                [[first] if s0 == 0.0 else [s0], np.linspace(max(s0, first), min(length, s0 + 64 * grid_step), 65)]
+            )
+        )
         if previous is not None:
             grid = np.concatenate([[previous], grid])
         values = position(grid) + 1.0
@@ -324,8 +380,10 @@ def _fly(balance: Balance, omega: float, forcing: float, y: Array, start: float,
         s0, previous = float(grid[-1]), float(grid[-1])
     turns = np.linspace(0.0, landing, max(3, int(64 * landing / scale) + 3))
     rates = velocity(turns)
-    roots = [brentq(lambda s: float(velocity(np.array(s))), turns[j], turns[j + 1], xtol=1e-15)
-             for j in np.flatnonzero((rates[:-1] > 0) != (rates[1:] > 0))]
+    roots = [
+        brentq(lambda s: float(velocity(np.array(s))), turns[j], turns[j + 1], xtol=1e-15)
+        for j in np.flatnonzero((rates[:-1] > 0) != (rates[1:] > 0))
+    ]
     s = np.sort(np.concatenate([np.linspace(0, landing, int(samples * landing) + 2)[1:-1], roots, [landing]]))
     u, v = position(s), velocity(s)
     out = y.copy()

@@ -42,8 +42,12 @@ class Floquet:
 
     def insert(self, at: list[int], other: Floquet) -> Floquet:
         """Put the orbits of another batch before the positions `at`."""
-        return Floquet(*(np.insert(getattr(self, name), at, getattr(other, name))
-                         for name in ("trace", "determinant", "radius", "error")))
+        return Floquet(
+            *(
+                np.insert(getattr(self, name), at, getattr(other, name))
+                for name in ("trace", "determinant", "radius", "error")
+            )
+        )
 
     @property
     def stable(self) -> Array:
@@ -142,8 +146,7 @@ def _floquet(balance: Balance, c: Array, omega: Array, points: int) -> Floquet:
     m = _runge_kutta(ka, km, kb, d[:, ::2], d[:, 1::2], db)
     while m[0].shape[1] > 1:  # product tree, later factors on the left
         a, b = tuple(x[:, 1::2] for x in m), tuple(x[:, ::2] for x in m)
-        m = (a[0] * b[0] + a[1] * b[2], a[0] * b[1] + a[1] * b[3],
-             a[2] * b[0] + a[3] * b[2], a[2] * b[1] + a[3] * b[3])
+        m = (a[0] * b[0] + a[1] * b[2], a[0] * b[1] + a[1] * b[3], a[2] * b[0] + a[3] * b[2], a[2] * b[1] + a[3] * b[3])
     m11, m12, m21, m22 = (x[:, 0] for x in m)
     trace = m11 + m22
     determinant = np.exp(-0.5 * d.sum(axis=1))

@@ -56,10 +56,18 @@ class Sweep:
         s = self.setting
         for i, status in enumerate(self.status):
             if status != ESCAPED:
-                yield {"model": s.model, "F_hat": s.F_hat, "zeta": s.zeta, "Omega": float(self.Omega[i]),
-                       "u_max": float(self.u_max[i]), "u_min": float(self.u_min[i]), "a1": float(self.a1[i]),
-                       "stable": status != NOT_SETTLED, "branch": f"sweep-{self.direction}",
-                       "contact_loss": bool(self.u_min[i] < -1.0)}
+                yield {
+                    "model": s.model,
+                    "F_hat": s.F_hat,
+                    "zeta": s.zeta,
+                    "Omega": float(self.Omega[i]),
+                    "u_max": float(self.u_max[i]),
+                    "u_min": float(self.u_min[i]),
+                    "a1": float(self.a1[i]),
+                    "stable": status != NOT_SETTLED,
+                    "branch": f"sweep-{self.direction}",
+                    "contact_loss": bool(self.u_min[i] < -1.0),
+                }
 
 
 @dataclass(frozen=True)
@@ -92,8 +100,16 @@ class _Lanes:
     escaped: Array
 
 
-def sweep(balance: Balance, settings: list[Setting], omega: Array, *, directions: tuple[str, ...], tol: float,
-          max_periods: int | None, steps: int | None) -> tuple[Sweep, ...]:
+def sweep(
+    balance: Balance,
+    settings: list[Setting],
+    omega: Array,
+    *,
+    directions: tuple[str, ...],
+    tol: float,
+    max_periods: int | None,
+    steps: int | None,
+) -> tuple[Sweep, ...]:
     """Sweep all forcings and directions together.
 
     Args:
@@ -123,20 +139,34 @@ def sweep(balance: Balance, settings: list[Setting], omega: Array, *, directions
         valid = np.ones(omega.size, bool)
         if not balance.restoring.contact:
             valid = (u_min >= -1.0) & np.array([s != ESCAPED for s in status])
-        out.append(Sweep(setting, direction, path[i], u_max, u_min, a1, status,
-                         np.array([int(c[5][i]) for c in columns]),
-                         float(residual[settled].max()) if settled.any() else np.inf, valid))
+        out.append(
+            Sweep(
+                setting,
+                direction,
+                path[i],
+                u_max,
+                u_min,
+                a1,
+                status,
+                np.array([int(c[5][i]) for c in columns]),
+                float(residual[settled].max()) if settled.any() else np.inf,
+                valid,
+            )
+        )
         low, high = balance.restoring.u_range
         seen = np.isfinite(u_max)
         if seen.any() and (u_max[seen].max() > high or u_min[seen].min() < low):
             worst = float(u_max[seen].max())
-            raise RangeError(f"the sweep reaches u = {worst:.6g}, beyond the law (known up to {high:.6g}): lower the "
-                             "forcing, compute the curve further, or ask for extrapolate=True")
+            raise RangeError(
+                f"the sweep reaches u = {worst:.6g}, beyond the law (known up to {high:.6g}): lower the "
+                "forcing, compute the curve further, or ask for extrapolate=True"
+            )
     return tuple(out)
 
 
-def attractors(balance: Balance, omega: Array, forcing: float, *, starts: int, spread: float, tol: float,
-               max_periods: int | None) -> tuple[Attractor, ...]:
+def attractors(
+    balance: Balance, omega: Array, forcing: float, *, starts: int, spread: float, tol: float, max_periods: int | None
+) -> tuple[Attractor, ...]:
     """Steady motions reached from a grid of initial states at each frequency.
 
     Args:
@@ -153,8 +183,7 @@ def attractors(balance: Balance, omega: Array, forcing: float, *, starts: int, s
     per = grid_u.size
     lanes_omega = np.repeat(omega, per)
     u, v = np.tile(grid_u.ravel(), omega.size), np.tile(grid_v.ravel(), omega.size)
-    state = _Lanes(u, v + 2.0 * balance.zeta * primitive(balance.restoring, balance.damping, u),
-                   np.zeros(u.size, bool))
+    state = _Lanes(u, v + 2.0 * balance.zeta * primitive(balance.restoring, balance.damping, u), np.zeros(u.size, bool))
     limit = max_periods or int(np.clip(4.0 / max(balance.zeta, 1e-9), 100, 20000))
     u_max, u_min, a1, _, kind, _ = _settle(balance, state, lanes_omega, np.full(u.size, forcing), tol, limit, None)
     found: list[Attractor] = []
@@ -176,8 +205,17 @@ def attractors(balance: Balance, omega: Array, forcing: float, *, starts: int, s
         for g in groups:
             j = g[0]
             loss = 2.0 * balance.zeta * float(primitive(balance.restoring, balance.damping, state.u[j : j + 1])[0])
-            found.append(Attractor(float(om), forcing, max(int(kind[j]), 0), float(u_max[j]), float(u_min[j]),
-                                   len(g) / per, (float(state.u[j]), float(state.w[j] - loss))))
+            found.append(
+                Attractor(
+                    float(om),
+                    forcing,
+                    max(int(kind[j]), 0),
+                    float(u_max[j]),
+                    float(u_min[j]),
+                    len(g) / per,
+                    (float(state.u[j]), float(state.w[j] - loss)),
+                )
+            )
     return tuple(found)
 
 
@@ -187,8 +225,9 @@ def _name(kind: int) -> str:
     return NOT_SETTLED if kind == 0 else SETTLED if kind == 1 else f"period {kind}"
 
 
-def _settle(balance: Balance, state: _Lanes, omega: Array, forcing: Array, tol: float, limit: int,
-            steps: int | None) -> tuple[Array, ...]:
+def _settle(
+    balance: Balance, state: _Lanes, omega: Array, forcing: Array, tol: float, limit: int, steps: int | None
+) -> tuple[Array, ...]:
     """Run every lane to its steady state; returns u_max, u_min, a1, residual, kind and periods.
 
     The settle test is the change of the Poincare map over a period, divided by ``1 - exp(-2 pi zeta / Omega)``:
@@ -220,7 +259,7 @@ def _settle(balance: Balance, state: _Lanes, omega: Array, forcing: Array, tol: 
         highest[period % _LONGEST, active], lowest[period % _LONGEST, active] = high, low
         a1[active] = first
         history.append(np.stack([state.u, state.w], axis=1))
-        history = history[-(2 * _LONGEST + 1):]
+        history = history[-(2 * _LONGEST + 1) :]
         if steps is None:
             count = max(count, _steps(balance, omega[active], np.where(gone, 0.0, high)))
         hold += 1
@@ -300,8 +339,9 @@ def _gone(balance: Balance, u: Array, low: Array) -> Array:
     return bad
 
 
-def _period(balance: Balance, u: Array, w: Array, omega: Array, forcing: Array,
-            steps: int) -> tuple[Array, Array, Array, Array, Array]:
+def _period(
+    balance: Balance, u: Array, w: Array, omega: Array, forcing: Array, steps: int
+) -> tuple[Array, Array, Array, Array, Array]:
     """Advance one forcing period; returns the state, the extremes of u and the first harmonic."""
     r, damping = balance.restoring, balance.damping
     rest, twice = 1.0 / r.n_loc, 2.0 * balance.zeta

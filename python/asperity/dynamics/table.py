@@ -124,13 +124,13 @@ class TableLaw(Law):
         if ((z <= 0) & (F > 1e-6 * F.max())).any():
             raise InputError(
                 f"the table has force {F[z <= 0].max():g} at or below zero deflection: its origin is offset; "
-                "pass the deflection of first contact as origin, or use from_curve(..., origin=\"fit\")"
+                'pass the deflection of first contact as origin, or use from_curve(..., origin="fit")'
             )
         gap = np.flatnonzero((z > 0) & (F <= 0))
         if gap.size and z[gap[-1]] > 1e-9 * z.max():
             raise InputError(
                 f"the force is zero up to deflection {z[gap[-1]]:g}: the origin is offset; pass origin = "
-                f"{z[gap[-1]] + self.origin:g}, or use from_curve(..., origin=\"fit\")"
+                f'{z[gap[-1]] + self.origin:g}, or use from_curve(..., origin="fit")'
             )
         rows = np.flatnonzero(keep)
         z, F = z[keep], F[keep]
@@ -139,9 +139,11 @@ class TableLaw(Law):
         for label, column in (("deflection", z), ("force", F)):
             bad = np.flatnonzero(np.diff(column) <= 0)
             if bad.size and not (label == "force" and self.values == "fit"):
-                remedy = 'sort it' if label == "deflection" else 'smooth it, or use values="fit"'
-                raise InputError(f"the {label} does not rise after row {int(rows[bad[0]])} of the table "
-                                 f"({column[bad[0]]:g} to {column[bad[0] + 1]:g}): {remedy}")
+                remedy = "sort it" if label == "deflection" else 'smooth it, or use values="fit"'
+                raise InputError(
+                    f"the {label} does not rise after row {int(rows[bad[0]])} of the table "
+                    f"({column[bad[0]]:g} to {column[bad[0] + 1]:g}): {remedy}"
+                )
         z.flags.writeable = F.flags.writeable = False
         object.__setattr__(self, "z", z)
         object.__setattr__(self, "F", F)
@@ -181,9 +183,13 @@ class TableLaw(Law):
         half = np.sqrt(np.diag(covariance)) * float(student.ppf(0.975, freedom))
         n, K = float(c[1]), float(np.exp(c[0]))
         product = float(np.sqrt(covariance[0, 0] * covariance[1, 1]))
-        return PowerLaw(n, K, (max(n - float(half[1]), 1e-12), n + float(half[1])),
-                        (K * float(np.exp(-half[0])), K * float(np.exp(half[0]))),
-                        float(covariance[0, 1]) / product if product > 0 else 0.0)
+        return PowerLaw(
+            n,
+            K,
+            (max(n - float(half[1]), 1e-12), n + float(half[1])),
+            (K * float(np.exp(-half[0])), K * float(np.exp(half[0]))),
+            float(covariance[0, 1]) / product if product > 0 else 0.0,
+        )
 
     def local_fit(self, z: float) -> LocalFit:
         """Fit of ln F against ln z over the points within a factor 4 of `z` (at least 2 degree + 2)."""
@@ -235,13 +241,19 @@ class TableLaw(Law):
             return z
         z = super().deflection(load)
         if load < self.F[0]:
-            warnings.warn(f"load {load:g} lies below the first point of the table (force {self.F[0]:g}): the "
-                          "law there is a guess", stacklevel=2)
+            warnings.warn(
+                f"load {load:g} lies below the first point of the table (force {self.F[0]:g}): the "
+                "law there is a guess",
+                stacklevel=2,
+            )
         fit = self.local_fit(z)
         rough = np.sqrt(2.0) * fit.scatter / (fit.spacing * fit.logarithmic()[0])
         if rough > 0.1:
-            warnings.warn(f"the points scatter so that the stiffness through them is uncertain by {100 * rough:.0f} % "
-                          f"at z = {z:g}: the table is noisy; values=\"fit\" is safer", stacklevel=2)
+            warnings.warn(
+                f"the points scatter so that the stiffness through them is uncertain by {100 * rough:.0f} % "
+                f'at z = {z:g}: the table is noisy; values="fit" is safer',
+                stacklevel=2,
+            )
         return z
 
     def describe(self) -> str:

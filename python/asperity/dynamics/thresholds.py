@@ -68,8 +68,15 @@ class Backbone:
     def rows(self) -> Iterator[dict[str, Any]]:
         """One mapping per orbit."""
         for o in self.orbits:
-            yield {"model": self.model, "u_max": o.u0, "u_min": o.u_min, "omega_ratio": o.omega, "a1": o.a1,
-                   "drive": o.drive, "flight": o.flight}
+            yield {
+                "model": self.model,
+                "u_max": o.u0,
+                "u_min": o.u_min,
+                "omega_ratio": o.omega,
+                "a1": o.a1,
+                "drive": o.drive,
+                "flight": o.flight,
+            }
 
 
 @dataclass(frozen=True)
@@ -160,8 +167,9 @@ def resonance_peak(restoring: Restoring, drive: float, damping: str = "always") 
         if high >= limit:
             if damping == "contact" and not np.isfinite(top):
                 return None
-            raise RangeError(f"the resonance peak for F^/(2 zeta) = {drive:g} lies beyond the end of the law at "
-                             f"u = {top:.6g}")
+            raise RangeError(
+                f"the resonance peak for F^/(2 zeta) = {drive:g} lies beyond the end of the law at u = {top:.6g}"
+            )
         low, high = high, min(1.5 * high, limit)
         if damping == "contact" and high > 1e3 and surplus(high) < surplus(low):
             return None
@@ -171,8 +179,9 @@ def resonance_peak(restoring: Restoring, drive: float, damping: str = "always") 
     return free_orbit(restoring, u, damping)
 
 
-def thresholds(restoring: Restoring, *, model: str, zeta: float, damping: str,
-               forcing: tuple[float, ...] = ()) -> Thresholds:
+def thresholds(
+    restoring: Restoring, *, model: str, zeta: float, damping: str, forcing: tuple[float, ...] = ()
+) -> Thresholds:
     """All thresholds of `Thresholds`, and the resonance peak of each F^ in `forcing`."""
     limit = contact_limit(restoring)
     inside = limit <= restoring.u_range[1]
@@ -188,16 +197,32 @@ def thresholds(restoring: Restoring, *, model: str, zeta: float, damping: str,
             except RangeError:
                 peak = None
         values = (peak.omega, peak.u0, peak.u_min, peak.a1) if peak else (None,) * 4
-        peaks.append({"F_hat": f, "F_over_mg": restoring.n_loc * f,
-                      **dict(zip(("Omega", "u_max", "u_min", "a1"), values, strict=True))})
+        peaks.append(
+            {
+                "F_hat": f,
+                "F_over_mg": restoring.n_loc * f,
+                **dict(zip(("Omega", "u_max", "u_min", "a1"), values, strict=True)),
+            }
+        )
     word = "softening" if kappa < 0 else "hardening" if kappa > 0 else "linear"
     return Thresholds(
-        model, restoring.law.describe(), zeta, damping, restoring.n_loc, kappa, word,
-        limit if orbit else None, orbit.omega if orbit else None, drive,
+        model,
+        restoring.law.describe(),
+        zeta,
+        damping,
+        restoring.n_loc,
+        kappa,
+        word,
+        limit if orbit else None,
+        orbit.omega if orbit else None,
+        drive,
         2.0 * zeta * drive if drive is not None else None,
         float(np.sqrt(32.0 * zeta**3 / (3.0 * np.sqrt(3.0) * abs(kappa)))) if kappa else None,
         6.0 * zeta / abs(restoring.a2) if restoring.a2 else None,
-        _closing(restoring, zeta, damping), tuple(peaks), restoring.n_loc)
+        _closing(restoring, zeta, damping),
+        tuple(peaks),
+        restoring.n_loc,
+    )
 
 
 def _closing(restoring: Restoring, zeta: float, damping: str) -> float | None:
@@ -209,6 +234,9 @@ def _closing(restoring: Restoring, zeta: float, damping: str) -> float | None:
     j = int(drive.argmax())
     if j in (0, grid.size - 1):
         return None
-    best = minimize_scalar(lambda x: -free_orbit(restoring, float(np.exp(x)), damping).drive,
-                           bounds=(np.log(grid[j - 1]), np.log(grid[j + 1])), method="bounded")
+    best = minimize_scalar(
+        lambda x: -free_orbit(restoring, float(np.exp(x)), damping).drive,
+        bounds=(np.log(grid[j - 1]), np.log(grid[j + 1])),
+        method="bounded",
+    )
     return float(-2.0 * zeta * best.fun)

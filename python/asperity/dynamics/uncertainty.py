@@ -124,8 +124,15 @@ def uncertainty(oscillator: ContactOscillator, members: Iterable[Law] | None = N
     return Uncertainty(n_loc, kappa, interval("omega_s"), interval("z_s"), word, laws)
 
 
-def response_band(oscillator: ContactOscillator, forcing: float, omega: Sequence[float] = (0.5, 1.3), *,
-                  members: Iterable[Law] | None = None, points: int = 161, tol: float = 1e-4) -> Band:
+def response_band(
+    oscillator: ContactOscillator,
+    forcing: float,
+    omega: Sequence[float] = (0.5, 1.3),
+    *,
+    members: Iterable[Law] | None = None,
+    points: int = 161,
+    tol: float = 1e-4,
+) -> Band:
     """Envelope of the stable response over the confidence region of the law.
 
     Args:

@@ -36,9 +36,7 @@ def force_curve(results: Results) -> Figure:
     return figure
 
 
-def _branch(
-    axis: Any, results: Results, name: str, mark: str, line: str, colour: str, text: str
-) -> None:
+def _branch(axis: Any, results: Results, name: str, mark: str, line: str, colour: str, text: str) -> None:
     for n, piece in enumerate(results.branches(name)):
         x, y = piece.delta_star, piece.P_star
         first = n == 0
@@ -63,9 +61,7 @@ def _fit(axis: Any, results: Results) -> None:
     low = min((float(x) for x in loads[0].delta_star if x > 0), default=1e-6)
     high = float(np.max(loads[0].delta_star))
     x = np.geomspace(low, high, 200)
-    text = (
-        f"$P^{{*}}{{=}}\\,{tex(fit['k'])}\\,(\\delta^{{*}})^{{{fit['n']:.3f}}}$, {fit['norm']} fit"
-    )
+    text = f"$P^{{*}}{{=}}\\,{tex(fit['k'])}\\,(\\delta^{{*}})^{{{fit['n']:.3f}}}$, {fit['norm']} fit"
     axis.plot(x, fit["k"] * x ** fit["n"], color=style.BLACK, lw=1.0, zorder=4, label=text)
 
 

@@ -21,9 +21,7 @@ from asperity.units import prefix
 
 
 @style.styled
-def surface_map(
-    heights: Array, side: float, touch: tuple[float, float, float], unit: str = "m"
-) -> Figure:
+def surface_map(heights: Array, side: float, touch: tuple[float, float, float], unit: str = "m") -> Figure:
     """Heights of a surface with the point of first touch.
 
     Args:
@@ -198,9 +196,7 @@ def _levels(top: Any, count: int) -> list[int]:
     loaded = np.flatnonzero(top["pressure"].max(axis=1) > 0)
     if not len(loaded):
         loaded = np.arange(len(top["pressure"]))
-    return sorted(
-        {int(loaded[i]) for i in np.linspace(len(loaded) - 1, 0, count).round().astype(int)}
-    )
+    return sorted({int(loaded[i]) for i in np.linspace(len(loaded) - 1, 0, count).round().astype(int)})
 
 
 def _branch(top: Any, i: int) -> str:

@@ -12,9 +12,7 @@ from asperity.results import Array
 _FACES = np.array([[0, 1, 2, 4, 5, 6], [0, 1, 3, 4, 9, 7], [0, 2, 3, 6, 8, 7], [1, 2, 3, 5, 8, 9]])
 
 
-def cut(
-    points: Array, tets: NDArray[np.integer], y: float, parts: int = 3
-) -> tuple[list[Array], Array]:
+def cut(points: Array, tets: NDArray[np.integer], y: float, parts: int = 3) -> tuple[list[Array], Array]:
     """Section of curved tetrahedra by the plane of constant y.
 
     Each curved face is divided into parts^2 plane triangles, whose lines of intersection are

@@ -84,9 +84,7 @@ def _branch(axis: Any, rows: Columns, name: str, colour: str) -> None:
         axis.plot(omega[start:stop], u[start:stop], ls=line, color=colour, lw=1.2, zorder=2)
     for start, stop in _pieces(omega, u, loss):
         if loss[start]:
-            axis.plot(
-                omega[start:stop], u[start:stop], color=style.YELLOW, lw=5, alpha=0.6, zorder=1
-            )
+            axis.plot(omega[start:stop], u[start:stop], color=style.YELLOW, lw=5, alpha=0.6, zorder=1)
 
 
 def _pieces(omega: Array, u: Array, state: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
@@ -121,9 +119,7 @@ def _line_keys(shown: set[str]) -> list[Line2D]:
     ]
     for name, (mark, text) in _MARKS.items():
         if name in shown:
-            keys.append(
-                Line2D([], [], label=text, marker=mark, mfc="white", ls="", color=style.GREY)
-            )
+            keys.append(Line2D([], [], label=text, marker=mark, mfc="white", ls="", color=style.GREY))
     return keys
 
 

@@ -33,9 +33,7 @@ def block_modulus(E: float, nu: float, sides: Literal["rollers", "free"] = "roll
     return E if sides == "free" else E * (1 - nu) / ((1 + nu) * (1 - 2 * nu))
 
 
-def patch_test_slope(
-    nu: float, aspect: float = 1.0, sides: Literal["rollers", "free"] = "rollers"
-) -> float:
+def patch_test_slope(nu: float, aspect: float = 1.0, sides: Literal["rollers", "free"] = "rollers") -> float:
     """Return dP*/d(delta*) of a flat block in full contact, (L/h_b) M/E' (dimensionless).
 
     Args:

@@ -26,9 +26,7 @@ def hardening_modulus(E: float, E_t: float) -> float:
     return E * E_t / (E - E_t)
 
 
-def _piecewise(
-    strain: ArrayLike, elastic: float, plastic: float, Y: float, H: float
-) -> tuple[Array, Array]:
+def _piecewise(strain: ArrayLike, elastic: float, plastic: float, Y: float, H: float) -> tuple[Array, Array]:
     """Return (stress, accumulated plastic strain) of sigma = elastic e - plastic e_p.
 
     Exact for strain that varies monotonically between the given values, because stress and
@@ -58,9 +56,7 @@ def uniaxial_stress(strain: ArrayLike, E: float, Y: float, E_t: float) -> tuple[
     return _piecewise(strain, E, E, Y, hardening_modulus(E, E_t))
 
 
-def confined_stress(
-    strain: ArrayLike, E: float, nu: float, Y: float, E_t: float
-) -> tuple[Array, Array, Array]:
+def confined_stress(strain: ArrayLike, E: float, nu: float, Y: float, E_t: float) -> tuple[Array, Array, Array]:
     """Return (axial stress, lateral stress, accumulated plastic strain), no lateral strain.
 
     The stress difference is q = 2 mu e - 3 mu e_p, the mean stress K e: yield at |e| = Y/(2 mu),
@@ -79,9 +75,7 @@ def confined_stress(
     return mean + 2 / 3 * q, mean - q / 3, p
 
 
-def j2_path(
-    strain: ArrayLike, E: float, nu: float, Y: float, E_t: float, rtol: float = 1e-11
-) -> tuple[Array, Array]:
+def j2_path(strain: ArrayLike, E: float, nu: float, Y: float, E_t: float, rtol: float = 1e-11) -> tuple[Array, Array]:
     """Integrate the J2 rate equations along straight segments of strain, without a return map.
 
     s' = 2 mu (e' - lambda' n), n = s/|s|, lambda' = n:e' 2 mu/(2 mu + 2H/3) once |s| =
@@ -121,9 +115,7 @@ def j2_path(
         if elastic < 1:
             rest = (1 - elastic) * step
             tolerance = {"rtol": rtol, "atol": rtol * np.append(np.full(9, Y), Y / E)}
-            end = solve_ivp(
-                rate, (0, 1), np.append(s, p), args=(rest,), method="DOP853", **tolerance
-            ).y[:, -1]
+            end = solve_ivp(rate, (0, 1), np.append(s, p), args=(rest,), method="DOP853", **tolerance).y[:, -1]
             s, p = end[:9].reshape(3, 3), float(end[9])
         stress.append(s + bulk * trace * np.eye(3))
         accumulated.append(p)
@@ -230,9 +222,7 @@ class _Yield:
 
     def plastic_force(self, w: Array, hardness: Array) -> Array:
         """Return F/F_c for hardness H_G/Y."""
-        return np.exp(-0.25 * w ** (5 / 12)) * w**1.5 + 4 * hardness / self.C * w * (
-            1 - np.exp(-(w ** (5 / 9)) / 25)
-        )
+        return np.exp(-0.25 * w ** (5 / 12)) * w**1.5 + 4 * hardness / self.C * w * (1 - np.exp(-(w ** (5 / 9)) / 25))
 
 
 def jackson_green(delta: ArrayLike, R: float, E: float, nu: float, Y: float) -> tuple[Array, Array]:
@@ -276,9 +266,7 @@ def kogut_etsion(delta: ArrayLike, R: float, E: float, nu: float, Y: float) -> t
     return force * Hertz(R, E_prime).force(delta_c), area * math.pi * R * delta_c
 
 
-def ghaednia(
-    delta: ArrayLike, R: float, E: float, nu: float, Y: float, E_t: float
-) -> tuple[Array, Array]:
+def ghaednia(delta: ArrayLike, R: float, E: float, nu: float, Y: float, E_t: float) -> tuple[Array, Array]:
     """Return (force, contact area) of a bilinearly hardening sphere pressed by a rigid flat.
 
     Ghaednia, Brake, Berryhill and Jackson, J. Tribol. 141 (2019) 031402, eqs. 21-30, eq. 26 as

@@ -45,9 +45,7 @@ ROUGH_ELASTIC_FITS = {
 }
 
 
-def rough_elastic_surface(
-    D: float = 2.4, G: float = 1.36e-11, seed: int = 0
-) -> WeierstrassMandelbrot:
+def rough_elastic_surface(D: float = 2.4, G: float = 1.36e-11, seed: int = 0) -> WeierstrassMandelbrot:
     """Return a surface of the tables, L = 1 um, with phases of their own layout."""
     phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, size=(64, 11)).T[:, :6]
     return WeierstrassMandelbrot(L=1e-6, D=D, G=G, phases=phases)

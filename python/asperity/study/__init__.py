@@ -1,8 +1,8 @@
 """Studies: one case with some keys varied, run as independent cases over the ranks of a job.
 
-    study = Study.load("study.toml")
-    run_study(study, "out/study")
-    results = StudyResults.read("out/study")
+study = Study.load("study.toml")
+run_study(study, "out/study")
+results = StudyResults.read("out/study")
 """
 
 from .definition import Entry, Family, Study

@@ -63,16 +63,14 @@ class Surface(ABC):
         kinds = surface_kinds()
         if kind not in kinds:
             raise InputError(
-                f"surface.kind = {kind!r} is unknown{nearest(kind, kinds)}; "
-                f"legal: {', '.join(sorted(kinds))}."
+                f"surface.kind = {kind!r} is unknown{nearest(kind, kinds)}; legal: {', '.join(sorted(kinds))}."
             )
         cls = kinds[kind]
         legal = {f.name: f.default is MISSING for f in fields(cls) if f.init}
         for key in parameters:
             if key not in legal:
                 raise InputError(
-                    f"surface.{key} is not a key of kind {kind!r}{nearest(key, legal)}; "
-                    f"legal: {', '.join(legal)}."
+                    f"surface.{key} is not a key of kind {kind!r}{nearest(key, legal)}; legal: {', '.join(legal)}."
                 )
         missing = [key for key, required in legal.items() if required and key not in parameters]
         if missing:

@@ -109,8 +109,7 @@ class WeierstrassMandelbrot(Surface):
         if self.f_max is None or self.f_max == expected:
             return expected
         warnings.warn(
-            f"surface: L_s = {self.L_s:g} gives f_max = {expected}, but f_max = {self.f_max} is "
-            "given and used.",
+            f"surface: L_s = {self.L_s:g} gives f_max = {expected}, but f_max = {self.f_max} is given and used.",
             SurfaceWarning,
             stacklevel=5,
         )
@@ -137,9 +136,7 @@ class WeierstrassMandelbrot(Surface):
         assert self.phases is not None
         rows = slice(1 if self.ridges == "1..M" else 0, None)
         mu, f = np.indices(self.phases.shape)[:, rows]
-        scale = (
-            self.L * (self.G / self.L) ** (self.D - 2) * math.sqrt(math.log(self.gamma) / self.M)
-        )
+        scale = self.L * (self.G / self.L) ** (self.D - 2) * math.sqrt(math.log(self.gamma) / self.M)
         a = scale * self.gamma ** (f * (self.D - 3.0))
         k = 2 * np.pi * self.gamma ** f.astype(float) / self.L
         angle = np.pi * mu / self.M
@@ -255,12 +252,8 @@ class WeierstrassMandelbrot(Surface):
         """
         a, kx, ky, phi = self._waves
         c = a * np.exp(1j * phi)
-        plus = np.multiply.outer(c, c) * self._patch_mean(
-            np.add.outer(kx, kx), np.add.outer(ky, ky)
-        )
-        minus = np.multiply.outer(c, c.conj()) * self._patch_mean(
-            np.subtract.outer(kx, kx), np.subtract.outer(ky, ky)
-        )
+        plus = np.multiply.outer(c, c) * self._patch_mean(np.add.outer(kx, kx), np.add.outer(ky, ky))
+        minus = np.multiply.outer(c, c.conj()) * self._patch_mean(np.subtract.outer(kx, kx), np.subtract.outer(ky, ky))
         dot = np.multiply.outer(kx, kx) + np.multiply.outer(ky, ky)
         k2 = kx**2 + ky**2
         squares = 0.5 * (plus + minus).real

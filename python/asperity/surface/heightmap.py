@@ -118,8 +118,7 @@ class HeightMap(Surface):
     def curvature_bound(self) -> float:
         """Return a bound of the Hessian (1/length) from the hull of the spline coefficients."""
         bounds = [
-            float(np.abs(self._spline.partial_derivative(dx, dy).tck[2]).max())
-            for dx, dy in ((2, 0), (1, 1), (0, 2))
+            float(np.abs(self._spline.partial_derivative(dx, dy).tck[2]).max()) for dx, dy in ((2, 0), (1, 1), (0, 2))
         ]
         return max(bounds[0], bounds[2]) + bounds[1]
 
@@ -142,9 +141,7 @@ def _read(path: Path) -> tuple[Array, float | None]:
     """Return heights [iy, ix] and the side of the patch (None when the file does not tell)."""
     readers = {".npz": _read_npz, ".npy": _read_npy, ".csv": _read_csv}
     if path.suffix not in readers:
-        raise InputError(
-            f"surface.path = {str(path)!r}: unknown type {path.suffix!r}; legal: .npz, .npy, .csv."
-        )
+        raise InputError(f"surface.path = {str(path)!r}: unknown type {path.suffix!r}; legal: .npz, .npy, .csv.")
     if not path.is_file():
         raise InputError(f"surface.path = {str(path)!r}: there is no such file.")
     try:
@@ -171,10 +168,7 @@ def _read_npz(path: Path) -> tuple[Array, float | None]:
                     raise InputError(f"{path}: x must vary along columns only, y along rows only.")
                 x, y = x[0], y[:, 0]
             if z.shape != (y.size, x.size):
-                raise InputError(
-                    f"{path}: z has shape {z.shape}, expected (len(y), len(x)) = "
-                    f"({y.size}, {x.size})."
-                )
+                raise InputError(f"{path}: z has shape {z.shape}, expected (len(y), len(x)) = ({y.size}, {x.size}).")
             return z, _side(x, y, path)
         if "L" in data:
             side = float(data["L"])
@@ -192,10 +186,7 @@ def _read_csv(path: Path) -> tuple[Array, float | None]:
     x, column = np.unique(table[:, 0], return_inverse=True)
     y, row = np.unique(table[:, 1], return_inverse=True)
     if len(table) != x.size * y.size or np.unique(row * x.size + column).size != len(table):
-        raise InputError(
-            f"{path}: {len(table)} points do not fill a regular map of {x.size} x and {y.size} y "
-            "values."
-        )
+        raise InputError(f"{path}: {len(table)} points do not fill a regular map of {x.size} x and {y.size} y values.")
     z = np.empty((y.size, x.size))
     z[row, column] = table[:, 2]
     return z, _side(x, y, path)
@@ -209,13 +200,11 @@ def _side(x: Array, y: Array, path: Path) -> float:
             raise InputError(f"{path}: {name} must be a rising sequence of at least two values.")
         if np.ptp(steps) > 1e-6 * steps.mean():
             raise InputError(
-                f"{path}: {name} is not regularly spaced (steps {steps.min():g} to "
-                f"{steps.max():g}); resample the map."
+                f"{path}: {name} is not regularly spaced (steps {steps.min():g} to {steps.max():g}); resample the map."
             )
     sides = float(np.ptp(x)), float(np.ptp(y))
     if not np.isclose(*sides, rtol=1e-6):
         raise InputError(
-            f"{path}: the patch must be square, but x spans {sides[0]:g} and y {sides[1]:g}; crop "
-            "the map."
+            f"{path}: the patch must be square, but x spans {sides[0]:g} and y {sides[1]:g}; crop the map."
         )
     return sides[0]

@@ -39,9 +39,7 @@ def global_maximum(surface: Surface) -> tuple[float, float, float]:
     return best
 
 
-def _first_cells(
-    surface: Surface, n: int, K: float
-) -> tuple[Array, Array, Array, tuple[float, float, float]]:
+def _first_cells(surface: Surface, n: int, K: float) -> tuple[Array, Array, Array, tuple[float, float, float]]:
     """Return the n x n cell centres that may hold the maximum, and the best point known.
 
     Row by row, so that only promising cells are held in memory.

@@ -73,9 +73,7 @@ class Sphere(Surface):
         check_positive("radius", self.radius)
         centre = (self.L / 2, self.L / 2) if self.centre is None else self.centre
         object.__setattr__(self, "centre", check_point("centre", centre, self.L))
-        check(
-            self.shape in ("sphere", "paraboloid"), "shape", self.shape, '"sphere" or "paraboloid"'
-        )
+        check(self.shape in ("sphere", "paraboloid"), "shape", self.shape, '"sphere" or "paraboloid"')
 
     def _profile(self, r: Array) -> tuple[Array, Array, Array]:
         """Return z, z'/r and (z'' - z'/r)/r^2 of the radial profile; all finite at r = 0."""
@@ -115,11 +113,7 @@ class Sphere(Surface):
         """Return the mean height over the patch (length), by Gauss quadrature in polar sectors."""
         assert self.centre is not None
         cx, cy = self.centre
-        total = sum(
-            self._triangle(a, b) + self._triangle(b, a)
-            for a in (cx, self.L - cx)
-            for b in (cy, self.L - cy)
-        )
+        total = sum(self._triangle(a, b) + self._triangle(b, a) for a in (cx, self.L - cx) for b in (cy, self.L - cy))
         return total / self.L**2
 
     def _triangle(self, a: float, b: float) -> float:
@@ -182,9 +176,7 @@ class Sinusoid(Surface):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_positive("amplitude", self.amplitude)
-        object.__setattr__(
-            self, "wavelength", self.L if self.wavelength is None else self.wavelength
-        )
+        object.__setattr__(self, "wavelength", self.L if self.wavelength is None else self.wavelength)
         check_positive("wavelength", self.wavelength)
         check(self.dims in (1, 2) and self.dims is not True, "dims", self.dims, "1 or 2")
         centre = (self.L / 2, self.L / 2) if self.centre is None else self.centre
@@ -232,9 +224,7 @@ class Sinusoid(Surface):
         def side(k: float, c: float) -> float:
             return 1.0 if k == 0 else (math.sin(k * (self.L - c)) + math.sin(k * c)) / (k * self.L)
 
-        return self.amplitude * math.prod(
-            side(k, c) for k, c in zip(self._k, self.centre, strict=True)
-        )
+        return self.amplitude * math.prod(side(k, c) for k, c in zip(self._k, self.centre, strict=True))
 
     def curvature_bound(self) -> float:
         return self.amplitude * self._k[0] ** 2

@@ -95,9 +95,7 @@ def bearing_curve(surface: Surface, n: int = 1025, points: int = 201) -> tuple[A
     return fraction, np.quantile(surface.grid(n), 1.0 - fraction)
 
 
-def psd(
-    surface: Surface, n: int = 1024, direction: str = "radial", window: str = "hann"
-) -> Spectrum:
+def psd(surface: Surface, n: int = 1024, direction: str = "radial", window: str = "hann") -> Spectrum:
     """Return the power spectral density, conventions of Jacobs, Junge and Pastewka (2017).
 
     Surf. Topogr.: Metrol. Prop. 5 013001. The discrete transform carries dx dy, so that

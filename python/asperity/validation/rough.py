@@ -43,9 +43,7 @@ class _Rough:
         rows = []
         for d in self.deflections:
             h = 0.07 * L * min(1.0, d * L / steepness) ** 0.5
-            result = press(
-                flatter, Material(1.0, NU), delta_max=scale * d * L, steps=1, size=sizes(h, refinement, L)
-            )
+            result = press(flatter, Material(1.0, NU), delta_max=scale * d * L, steps=1, size=sizes(h, refinement, L))
             rows.append((result.curve.P_star[0] / scale, result.curve.area_fraction[0]))
         return _Loads(*np.array(rows).T)
 
