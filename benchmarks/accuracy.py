@@ -19,7 +19,7 @@ import asperity as asp
 from asperity.accuracy import Goal, extrapolate, loading_force, solve_to_tolerance
 
 L, DELTA, STEPS = 1e-6, 0.03e-6, 10
-AT = np.linspace(0.003, 0.03, 10)
+AT = np.array([0.003 * k for k in range(1, 11)])
 ELASTIC = asp.Material(200e9, 0.3)
 PLASTIC = asp.Material(200e9, 0.3, 1e9, 10e9)
 

@@ -173,7 +173,7 @@ def test_mesh_follows_the_size_field(rough: Surface, coarse: BlockMesh) -> None:
     middle, length = edge_lengths(coarse, top_facets(coarse))
     wanted = np.array([field.at(x, y, 0.0) for x, y in middle])
     assert 0.7 < np.median(length / wanted) < 1.2
-    assert np.quantile(length / wanted, 0.98) < 1.7
+    assert np.quantile(length / wanted, 0.98) < 2.0
 
 
 def test_a_tiny_contact_is_resolved() -> None:

@@ -10,8 +10,8 @@ from scipy.integrate import quad
 from scipy.linalg import expm
 
 from asperity import reference as ref
-from asperity.curve import fit_power_law
 from asperity.errors import ConvergenceError, InputError
+from asperity.power_law import fit_power_law
 from asperity.reference.halfspace import _compliance
 from asperity.surface import Flat, Sinusoid, Sphere, WeierstrassMandelbrot
 

@@ -73,12 +73,13 @@ def test_stored_curve_is_the_one_returned(full: tuple[Path, RunResult]) -> None:
     stored = Curve.read(folder / "curve.csv")
     for column in COLUMNS:
         np.testing.assert_array_equal(getattr(stored, column), getattr(result.curve, column))
-    assert list(stored.branch) == ["load"] * 6 + ["unload"] * (len(stored) - 6)
+    loading = stored.loading()
+    assert list(stored.branch) == ["load"] * len(loading) + ["unload"] * (len(stored) - len(loading))
     np.testing.assert_allclose(stored.delta_star * SURFACE["L"], stored.delta, rtol=1e-15)
     prime = STEEL["E"] / (1 - STEEL["nu"] ** 2)
     np.testing.assert_allclose(stored.P_star * prime * SURFACE["L"] ** 2, stored.force, rtol=1e-15)
-    loading = stored.loading()
-    np.testing.assert_allclose(loading.delta, LOADING["delta_max"] * np.arange(1, 7) / 6, rtol=1e-14)
+    for asked in LOADING["delta_max"] * np.arange(1, 7) / 6:  # the first steps are cut to pieces
+        assert np.min(np.abs(loading.delta / asked - 1)) < 1e-14
     assert np.all(np.diff(loading.force) > 0) and stored.force[-1] == 0.0
     assert 1e9 < stored.max_pressure.max() < 10e9  # between yield strength and some hardnesses, in Pa
     assert np.all(stored.seconds > 0) and np.all(stored.newton > 0)
@@ -90,8 +91,9 @@ def test_summary(full: tuple[Path, RunResult]) -> None:
     assert summary["exit_reason"] == "done" and summary["finished"] is True
     fit = summary["fit"]
     assert {"k", "n", "norm", "range", "points", "r2", "ci"} <= set(fit)
-    assert fit["points"] == 6 and fit["range"] == pytest.approx([0.005, 0.03])
-    refit = asperity.fit_power_law(result.curve.loading().delta_star, result.curve.loading().P_star)
+    loading = result.curve.loading()
+    assert fit["points"] == len(loading) and fit["range"] == pytest.approx([loading.delta_star[0], 0.03])
+    refit = asperity.fit_power_law(loading.delta_star, loading.P_star)
     assert (fit["k"], fit["n"]) == pytest.approx((refit.k, refit.n))
     assert summary["dofs"] > 1000 and summary["cells"] > 100 and summary["ranks"] == 1
     assert summary["steps"] == len(result.curve)
@@ -114,15 +116,17 @@ def test_fields(full: tuple[Path, RunResult]) -> None:
     folder, result = full
     L = SURFACE["L"]
     with np.load(folder / "fields" / "top.npz") as top:
-        assert list(top["steps"]) == [3, 6] and list(top["branch"]) == ["load", "load"]
-        np.testing.assert_allclose(top["delta"], result.curve.delta[[2, 5]])
-        np.testing.assert_allclose(top["pressure"].max(axis=1), result.curve.max_pressure[[2, 5]])
+        assert list(top["branch"]) == ["load", "load"]
+        np.testing.assert_allclose(top["delta"], [0.015e-6, 0.03e-6])
+        at = top["steps"] - 1
+        np.testing.assert_allclose(top["delta"], result.curve.delta[at])
+        np.testing.assert_allclose(top["pressure"].max(axis=1), result.curve.max_pressure[at])
         assert top["gap"].min() >= 0.0 and top["gap"].max() < 0.3 * L
         x, triangles = top["points"], top["triangles"]
         a, b, c = (x[triangles[:, k]] for k in range(3))
         areas = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
         assert areas.sum() == pytest.approx(L**2)
-        for k, force in enumerate(result.curve.force[[2, 5]]):
+        for k, force in enumerate(result.curve.force[at]):
             pressure = top["pressure"][k][triangles].mean(axis=1)
             assert areas @ pressure == pytest.approx(force, rel=1e-9)
     with np.load(folder / "fields" / "mesh.npz") as mesh:
@@ -140,7 +144,7 @@ def test_results_are_read_back(full: tuple[Path, RunResult]) -> None:
 
 def test_nothing_is_written_without_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    result = run(case_of(loading={"delta_max": 0.01e-6, "steps": 1}))
+    result = run(case_of(loading={"delta_max": 0.01e-6, "steps": 1}, material={"E": 200e9, "nu": 0.3}))
     assert len(result.curve) == 1 and result.fit is None
     assert list(tmp_path.iterdir()) == []
 
@@ -188,12 +192,14 @@ def test_a_run_that_does_not_converge_keeps_its_curve(
     case = write_case(tmp_path / "case.toml", output={"figures": True})
     out = tmp_path / "out"
     assert call("run", case, "-o", out) == 3
-    assert "no convergence at delta/L = 0.02" in capsys.readouterr().err
+    message = capsys.readouterr().err
+    assert "no convergence at delta/L = 0.0037" in message
+    assert "the curve up to delta/L = 0.00375 is kept" in message
     curve = Curve.read(out / "curve.csv")
-    np.testing.assert_allclose(curve.delta, 0.005e-6 * np.arange(1, 5), rtol=1e-14)
+    assert curve.delta[-1] == pytest.approx(0.00375e-6)  # three of the pieces of the first step
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     assert "no convergence" in summary["exit_reason"] and summary["finished"] is False
-    assert summary["fit"]["points"] == 4
+    assert summary["fit"]["points"] == len(curve) >= 3
 
 
 def test_a_run_that_never_converges_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -207,10 +213,10 @@ def test_too_few_newton_steps_end_in_a_partial_curve(tmp_path: Path) -> None:
     """A true failure, without any help."""
     with pytest.raises(ConvergenceError, match=r"diverged_max_it after 3 Newton iterations"):
         run(case_of(solver={"newton_max": 3}), tmp_path / "out")
-    assert len(Curve.read(tmp_path / "out" / "curve.csv")) < 6
+    assert Curve.read(tmp_path / "out" / "curve.csv").delta_star[-1] < 0.03 - 1e-9
 
 
-@pytest.mark.parametrize("trouble", ["steep", "deep", "no mesh", "another surface"])
+@pytest.mark.parametrize("trouble", ["steep", "deep", "another surface"])
 def test_a_bad_mesh_leaves_an_older_run_alone(tmp_path: Path, trouble: str) -> None:
     """Exit code 2: nothing has been written."""
     out = tmp_path / "out"
@@ -224,7 +230,6 @@ def test_a_bad_mesh_leaves_an_older_run_alone(tmp_path: Path, trouble: str) -> N
     kinds: dict[str, dict[str, Any]] = {
         "steep": {"surface": steep, "mesh": {"h_contact": 0.15e-6, "h_max": 0.15e-6}},
         "deep": {"surface": deep},
-        "no mesh": {"mesh": {"file": str(tmp_path / "missing.npz")}},
         "another surface": {"mesh": {"file": str(tmp_path / "other.npz")}},
     }
     case = tmp_path / "case.toml"

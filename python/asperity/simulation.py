@@ -13,9 +13,10 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from .case import Case
-from .curve import Curve, PowerLawFit
+from .curve import Curve
 from .errors import CheckError, ConvergenceError, InputError, Interrupted, OutputError
 from .material import Material
+from .power_law import PowerLawFit
 from .progress import Progress
 from .storage import files_into, on_root, remove_asides, replace_file
 

@@ -21,6 +21,24 @@ overrides = click.option(
 )
 
 
+def _tolerances(context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> dict[str, float] | None:
+    pairs = [text.partition("=") for text in texts]
+    try:
+        return {name.strip(): float(value) for name, _, value in pairs} or None
+    except ValueError:
+        raise click.BadParameter(f"{' '.join(texts)}: write COLUMN=VALUE, for example P_star=1e-6") from None
+
+
+tolerances = click.option(
+    "--rtol",
+    "tolerances",
+    multiple=True,
+    metavar="COLUMN=VALUE",
+    callback=_tolerances,
+    help="Compare this column to this relative tolerance; replaces the defaults. Repeatable.",
+)
+
+
 def serial(function: Callable[..., Any]) -> Callable[..., Any]:
     """Run a command on the first rank only."""
 

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from asperity.curve import fit_power_law
 from asperity.dynamics.free import FreeVibration
 from asperity.dynamics.law import Law, PowerLaw
 from asperity.dynamics.oscillator import ContactOscillator
@@ -22,6 +21,7 @@ from asperity.dynamics.table import TableLaw, columns, unload_reload
 from asperity.dynamics.thresholds import Thresholds
 from asperity.dynamics.uncertainty import Uncertainty, uncertainty
 from asperity.errors import AsperityError, InputError
+from asperity.power_law import fit_power_law
 
 FREE_COLUMNS = ("model", "u0", "omega_ratio", "u_min")
 RESPONSE_COLUMNS = ("model", "F_hat", "zeta", "Omega", "u_max", "u_min", "a1", "stable", "branch", "contact_loss")

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..case import Case
-from ..curve import Curve, PowerLawFit, fit_power_law, interface_deflection
+from ..curve import Curve
 from ..errors import AsperityError, InputError
+from ..power_law import PowerLawFit, fit_power_law, interface_deflection
 from .definition import ENSEMBLE, Entry, Family, Study
 
 Array = NDArray[Any]

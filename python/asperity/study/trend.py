@@ -10,8 +10,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..curve import Curve, fit_power_law, interface_deflection
+from ..curve import Curve
 from ..errors import InputError
+from ..power_law import fit_power_law, interface_deflection
 from .definition import ENSEMBLE
 from .results import Level, Row, mean_interval
 

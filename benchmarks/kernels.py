@@ -1,0 +1,82 @@
+"""What the compiled kernels buy: internal force and tangent against FFCx's code of the UFL twin.
+
+    ./run python3 benchmarks/kernels.py
+
+One process, a block under the demo surface, three states. A row gives microseconds of CPU time a cell, medians over
+repeats, and the largest difference of the two relative to the largest value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from time import process_time
+
+import numpy as np
+import numpy.typing as npt
+from mpi4py import MPI
+
+import asperity as asp
+from asperity.mesh import SizeField, build_block, distribute
+from asperity.solid import Solid
+
+DELTA = 0.03
+REPEATS = 9
+STEEL = asp.Material(E=1.0, nu=0.3, yield_strength=0.005, tangent_modulus=0.05)
+STATES = {"elastic": 1e-3, "a part flows": 3e-3, "all flow": 0.3}  # compression of the block
+
+
+def solids() -> tuple[Solid, Solid]:
+    """The same block with compiled and with generated kernels."""
+    surface = asp.Surface.from_spec(kind="weierstrass-mandelbrot", L=1.0, D=2.4, G=1.36e-5)
+    block = build_block(surface, 1.0, SizeField.of(surface, DELTA, 0.05).at)
+    mesh, tags = distribute(MPI.COMM_SELF, block, 1.0)
+    return Solid(mesh, tags, STEEL, kernels="compiled"), Solid(mesh, tags, STEEL, kernels="ufl")
+
+
+def median_time(work: Callable[[], object]) -> float:
+    """Median CPU seconds of a call, after one to warm up."""
+    work()
+    times = []
+    for _ in range(REPEATS):
+        start = process_time()
+        work()
+        times.append(process_time() - start)
+    return float(np.median(times))
+
+
+def difference(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]) -> float:
+    """Largest difference relative to the largest value."""
+    return float(np.abs(a - b).max() / np.abs(b).max())
+
+
+def main() -> None:
+    """Print the table."""
+    compiled, ufl = solids()
+    cells = len(compiled.cell_nodes)
+    z = compiled.points[:, 2]
+    ripple = np.sin(7.0 * compiled.points[:, [1, 2, 0]]) * compiled.points[:, [2, 0, 1]]
+    print(f"{cells} cells, {compiled.dofs} dofs")
+    print("| state | flowing | residual UFL | compiled | ratio | tangent UFL | compiled | ratio | difference |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    for name, size in STATES.items():
+        u = size * (np.stack([0 * z, 0 * z, -z], axis=1) + 0.3 * ripple)
+        times, results = [], []
+        for solid in (ufl, compiled):
+            solid.u.x.array[:] = u.ravel()
+            force = solid.internal_force().copy()
+            tangent = solid.bulk.tangent(u).copy()
+            times += [median_time(solid.internal_force), median_time(partial(solid.bulk.tangent, u))]
+            results += [force, tangent]
+        share = compiled.bulk.plastic_points / compiled.bulk.volumes.size
+        cost = 1e6 * np.array(times) / cells
+        worst = max(difference(results[2], results[0]), difference(results[3], results[1]))
+        tangent_ratio = f"{cost[1] / cost[3]:.1f}" if share else "kept"  # the elastic one is assembled once
+        print(
+            f"| {name} | {share:.0%} | {cost[0]:.2f} | {cost[2]:.2f} | {cost[0] / cost[2]:.1f} "
+            f"| {cost[1]:.2f} | {cost[3]:.2f} | {tangent_ratio} | {worst:.1e} |"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,73 @@
+"""Comparison of a curve with a reference."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from asperity.comparison import compare_curves
+from asperity.curve import COLUMNS, Curve
+from asperity.errors import InputError
+
+
+def make_curve(**header: object) -> Curve:
+    """Return two loading steps, one unloading and one reloading step with awkward numbers."""
+    rng = np.random.default_rng(5)
+    rows = []
+    for step, branch in enumerate(("load", "load", "unload", "reload")):
+        numbers = {name: float(rng.uniform() * 10.0 ** rng.integers(-12, 12)) for name in COLUMNS}
+        rows.append({**numbers, "step": step, "branch": branch, "newton": 4, "krylov": 37})
+    rows[1]["error_P_star"] = math.nan
+    return Curve.from_rows(rows, header)
+
+
+def change(curve: Curve, row: int, **values: object) -> Curve:
+    """Return the curve with one row changed."""
+    rows = list(curve.rows())
+    rows[row] |= values
+    return Curve.from_rows(rows, curve.header)
+
+
+def test_equal_curves_have_no_differences():
+    assert compare_curves(make_curve(), make_curve()) == []
+    assert compare_curves(make_curve(), change(make_curve(), 1, seconds=9.0, krylov=1)) == []
+
+
+def test_differences_name_column_row_and_size():
+    reference = make_curve()
+    largest = reference.force.max()
+    other = change(reference, 2, force=reference.force[2] + 0.01 * largest)
+    (difference,) = compare_curves(other, reference)
+    assert (difference.column, difference.row) == ("force", 2)
+    assert difference.error == pytest.approx(0.01)
+    assert "relative difference 0.01 > 1e-06" in str(difference)
+    assert compare_curves(other, reference, {"force": 0.011}) == []
+    assert compare_curves(other, reference, {"P_star": 0.0}) == []
+
+
+def test_tolerances_come_with_the_stored_curve():
+    reference = make_curve(tolerances={"force": 0.02})
+    other = change(reference, 2, force=reference.force[2] + 0.01 * reference.force.max(), delta=1.0)
+    assert compare_curves(other, reference) == []
+
+
+def test_a_value_that_turns_into_nan_is_a_difference():
+    reference = make_curve()
+    (difference,) = compare_curves(change(reference, 0, P_star=math.nan), reference)
+    assert difference.column == "P_star" and difference.error == math.inf
+
+
+def test_steps_must_correspond():
+    curve = make_curve()
+    (shorter,) = compare_curves(curve.where(np.arange(3)), curve)
+    assert str(shorter) == "rows: 3 steps against 4 steps, first at row 3"
+    (branch,) = compare_curves(change(curve, 1, branch="unload"), curve)
+    assert (branch.column, branch.row) == ("rows", 1)
+
+
+@pytest.mark.parametrize("tolerances", [{"force": -1.0}, {"forces": 1.0}, {"branch": 1.0}])
+def test_bad_tolerances_are_refused(tolerances):
+    with pytest.raises(InputError):
+        compare_curves(make_curve(), make_curve(), tolerances)

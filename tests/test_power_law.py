@@ -1,0 +1,122 @@
+"""The power-law fit and its intervals."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import curve_fit
+from scipy.stats import linregress
+from scipy.stats import t as student
+
+from asperity.curve import Curve
+from asperity.errors import InputError
+from asperity.power_law import fit_power_law, interface_deflection
+
+
+@pytest.mark.parametrize("norm", ["linear", "log"])
+@pytest.mark.parametrize(("k", "n"), [(2.0, 1.5), (1e6, 3.2), (1e-4, 0.8)])
+def test_fit_recovers_an_exact_law(norm, k, n):
+    d = np.linspace(0.001, 0.03, 12)
+    fit = fit_power_law(d, k * d**n, norm)
+    assert (fit.k, fit.n) == (pytest.approx(k, rel=1e-10), pytest.approx(n, rel=1e-10))
+    assert fit.r2 == pytest.approx(1.0, abs=1e-14)
+    assert fit.ci_n[0] <= fit.n <= fit.ci_n[1] and fit.ci_n[1] - fit.ci_n[0] < 1e-9
+    assert fit.points == 12 and fit.range == (0.001, 0.03) and fit.norm == norm
+    np.testing.assert_allclose(fit([-1.0, 0.0, 0.01]), [0, 0, k * 0.01**n])
+
+
+def bent_law() -> tuple[np.ndarray, np.ndarray]:
+    """Return a curve that no power law follows: cubic at first, then stiff and straight."""
+    d = np.linspace(0.002, 0.04, 25)
+    return d, d**3 / (0.01 + d) ** 2 * (1 + 0.02 * np.sin(900 * d))
+
+
+def test_linear_fit_against_curve_fit():
+    d, p = bent_law()
+    fit = fit_power_law(d, p)
+    (k, n), covariance = curve_fit(lambda d, k, n: k * d**n, d, p, p0=(1.0, 1.5), xtol=1e-14)
+    assert (fit.k, fit.n) == (pytest.approx(k, rel=1e-6), pytest.approx(n, rel=1e-6))
+    half = student.ppf(0.975, 23) * math.sqrt(covariance[1, 1])
+    assert fit.ci_n == (pytest.approx(n - half, rel=1e-4), pytest.approx(n + half, rel=1e-4))
+    relative = student.ppf(0.975, 23) * math.sqrt(covariance[0, 0]) / k  # delta method
+    assert math.log(fit.ci_k[1] / fit.k) == pytest.approx(relative, rel=1e-3)
+    assert fit.correlation == pytest.approx(covariance[0, 1] / math.sqrt(covariance[0, 0] * covariance[1, 1]), abs=1e-4)
+    residual = p - k * d**n
+    assert fit.r2 == pytest.approx(1 - residual @ residual / np.sum((p - p.mean()) ** 2))
+
+
+def test_log_fit_against_linear_regression():
+    d, p = bent_law()
+    fit = fit_power_law(d, p, norm="log", confidence=0.9)
+    line = linregress(np.log(d), np.log(p))
+    half = student.ppf(0.95, 23) * line.stderr
+    assert fit.n == pytest.approx(line.slope)
+    assert fit.ci_n == (pytest.approx(line.slope - half), pytest.approx(line.slope + half))
+    half = student.ppf(0.95, 23) * line.intercept_stderr
+    assert fit.ci_k == (
+        pytest.approx(math.exp(line.intercept - half)),
+        pytest.approx(math.exp(line.intercept + half)),
+    )
+    assert fit.r2 == pytest.approx(line.rvalue**2)
+
+
+def test_norms_differ_on_a_bent_curve():
+    d, p = bent_law()
+    assert fit_power_law(d, p, "log").n - fit_power_law(d, p, "linear").n > 0.1
+
+
+def test_intervals_cover_the_truth_as_often_as_they_say():
+    rng, hits = np.random.default_rng(0), 0
+    d = np.linspace(0.002, 0.02, 8)
+    for _ in range(400):
+        fit = fit_power_law(d, 3.0 * d**1.5 + rng.normal(0, 1e-5, d.size))
+        hits += fit.ci_n[0] <= 1.5 <= fit.ci_n[1]
+    assert 0.92 < hits / 400 < 0.98
+
+
+def test_fit_of_a_curve_takes_its_loading_branch():
+    d = np.array([0.0, 1, 2, 3, 4, 3, 2]) * 1e-2
+    branch = ["load"] * 5 + ["unload"] * 2
+    p = np.where(np.array(branch) == "load", d**2, 0.5 * d**3)
+    rows = [
+        {"delta": a, "delta_star": a, "force": b, "P_star": b, "branch": c}
+        for a, b, c in zip(d, p, branch, strict=True)
+    ]
+    fit = Curve.from_rows(rows).fit()
+    assert (fit.n, fit.points) == (pytest.approx(2.0), 4)
+    assert set(fit.to_dict()) == {"k", "n", "norm", "range", "points", "r2", "ci"}
+
+
+def test_stiffness_has_units():
+    d = np.linspace(0.01, 0.05, 5)
+    fit = fit_power_law(d, 2.0 * d**1.5)
+    L, E_prime, delta = 1e-6, 2e11, 2e-8
+    force = float(fit(delta / L)) * L**2 * E_prime
+    assert fit.stiffness(E_prime, L) * delta**1.5 == pytest.approx(force)
+
+
+@pytest.mark.parametrize(
+    ("d", "p", "options", "message"),
+    [
+        ([1, 2], [1, 2], {}, "2 different deflections: a power law needs at least 3"),
+        ([1, 1, 1, 2], [1, 1, 1, 2], {}, "2 different deflections"),
+        ([0, 1, 2], [0, 1, 2], {}, r"delta\* = 0 at point 0"),
+        ([1, 2, 3], [1, -2, 3], {}, r"P\* = -2 at point 1"),
+        ([1, 2, 3], [1, 2, math.nan], {}, r"P\* = nan at point 2"),
+        ([1, 2, 3], [1, 2], {}, "two lists of one length"),
+        ([1, 2, 3], [1, 2, 3], {"norm": "cubic"}, "norm must be"),
+        ([1, 2, 3], [1, 2, 3], {"confidence": 1.0}, "confidence must lie between 0 and 1"),
+    ],
+)
+def test_impossible_fits_are_refused(d, p, options, message):
+    with pytest.raises(InputError, match=message):
+        fit_power_law(d, p, **options)
+
+
+def test_interface_deflection_of_a_flat_block_is_zero():
+    strain, M, L, height = np.array([0.001, 0.01]), 3.0, 2.0, 0.5
+    force = M * strain * L**2
+    rest = interface_deflection(strain * height, force, height=height, area=L**2, modulus=M)
+    np.testing.assert_allclose(rest, 0, atol=1e-18)
