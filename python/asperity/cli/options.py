@@ -66,4 +66,6 @@ def table(title: str, rows: Iterable[tuple[str, ...]], header: tuple[str, ...] =
     for row in rows:
         grid.add_row(*row)
     console = Console(highlight=False, markup=False)
+    if not console.is_terminal:
+        console.width = 200  # a file or a pipe has no width to fold to
     console.print(grid)

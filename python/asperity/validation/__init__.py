@@ -39,7 +39,7 @@ def validate(
 
     Args:
         names: of NAMES; all when empty
-        level: "quick" (about a minute) or "full" (finer meshes, all loads, materials and formulations)
+        level: "quick" (under two minutes) or "full" (finer meshes, all loads, materials and formulations)
         on_case: called with the name and the rows of each case when it is done
 
     Raises:

@@ -145,6 +145,15 @@ def convergence_bar(values: Sequence[npt.ArrayLike], order: float = FORCE, ratio
     return SAFETY * np.where(observed >= 1.0, extrapolated, np.maximum(after, both / (ratio**2 - 1.0)))
 
 
+def norm_bar(values: Sequence[npt.ArrayLike], order: float, ratio: float = RATIO) -> Floats:
+    """Greatest last one of three error norms at sizes that fall by `ratio`: the norms must fall at least with `order`.
+
+    A norm scatters with where the edge of contact cuts the elements, so the coarser two are both asked.
+    """
+    first, second, _ = (np.atleast_1d(np.asarray(v, dtype=float)) for v in values)
+    return SAFETY * np.maximum(first / ratio ** (2.0 * order), second / ratio**order)
+
+
 def rows_along(
     case: str,
     quantities: Iterable[str],
@@ -161,12 +170,12 @@ def rows_along(
         case, source, scale: as in `Row`
         quantities: a name for each load
         values: three arrays (n,), the finest mesh last
-        references: (n,)
+        references: (n,); zero for the norm of an error
         theory: relative to the references or the scale, (n,) or one for all
         order: greatest order in the element size, FORCE or LOCAL
     """
     references = np.atleast_1d(np.asarray(references, dtype=float))
-    bars = convergence_bar(values, order)
+    bars = np.where(references == 0.0, norm_bar(values, order), convergence_bar(values, order))
     theory = np.broadcast_to(np.asarray(theory, dtype=float), references.shape)
     finest = np.atleast_1d(np.asarray(values[-1], dtype=float))
     out = []
