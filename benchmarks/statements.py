@@ -12,7 +12,7 @@ import numpy as np
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.study import Level, StudyResults
-from asperity.study.results import Row, planned
+from asperity.study.results import Row
 from asperity.study.trend import CONDITIONS, FAILS, HOLDS, Condition, Trend, trend, verdict
 from asperity.surface import Surface, WeierstrassMandelbrot
 
@@ -73,7 +73,7 @@ class Exponents:
         curve, case = self._loaded(str(row["case"]))
         solid = case.material
         modulus = solid.confined_modulus if case.block.sides == "rollers" else solid.E
-        points = planned(curve, case)
+        points = curve.planned()
         return condition.exponent(points, side=case.surface.L, height=case.block.height, modulus=modulus)
 
     def trends(self, levels: Sequence[Level], conditions: Sequence[Condition] = CONDITIONS) -> list[Trend]:

@@ -99,3 +99,13 @@ def test_missing_and_binary_files_are_refused(tmp_path):
     (tmp_path / "curve.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match="cannot be read as a curve"):
         Curve.read(tmp_path / "curve.csv")
+
+
+def test_planned_points_are_those_of_equal_steps():
+    planned, pieces = [1.0, 2.0, 3.0, 4.0], [0.25, 0.5, 0.75, 1.5, 2.25]
+    rows = [{"delta": d * 0.1 / 4, "force": d} for d in sorted(planned + pieces)]
+    curve = Curve.from_rows([*rows, {"delta": 0.05, "force": 1.0, "branch": "unload"}])
+    assert curve.planned().force.tolist() == planned
+    measured = Curve.from_rows([{"delta": d, "force": d} for d in (0.1, 0.25, 0.33)])
+    assert len(measured.planned()) == 3
+    assert len(curve.where(np.array([], dtype=int)).planned()) == 0

@@ -17,7 +17,7 @@ from asperity.validation.table import RATIO, Row, convergence_bar, norm_bar, row
 @pytest.mark.parametrize("order", [1.0, 1.8, 3.0])
 def test_bar_covers_the_error_of_a_convergent_sequence(order: float) -> None:
     h = 0.1 * RATIO ** -np.arange(3)
-    limit, slope = np.array([2.0, 3.0]), np.array([0.7, -4.0])
+    limit, slope = np.array([2.0, 3.0]), np.array([0.7, 1.05])  # of equal relative errors
     values = [limit + slope * size**order for size in h]
     error = np.abs(values[-1] - limit)
     bar = convergence_bar(values)

@@ -144,6 +144,21 @@ class Curve:
         """Return the first loading, branch "load"."""
         return self.where(self.branch == "load")
 
+    def planned(self) -> Curve:
+        """Return the first loading at equal parts of its deflection, the largest increment being one part.
+
+        A solver cuts some steps to pieces, more of them for some materials than for others: a fit over all points
+        would weigh light loads the more, the more pieces there are. A path without such parts (driven by force, or
+        measured) keeps all its points.
+        """
+        load = self.loading()
+        increments = np.diff(load.delta, prepend=0.0)
+        if not len(load) or np.any(increments <= 0):
+            return load
+        part = load.delta / increments.max()
+        whole = np.abs(part - np.rint(part)) < 1e-6
+        return load.where(whole & (part > 0.5)) if whole[-1] else load
+
     def unloading(self) -> Curve:
         """Return the steps of branch "unload"."""
         return self.where(self.branch == "unload")
@@ -153,11 +168,11 @@ class Curve:
         return self.where(self.branch == "reload")
 
     def fit(self, norm: Literal["linear", "log"] = "linear") -> PowerLawFit:
-        """Return the power law of the loading branch, points with delta* > 0 and P* > 0 only."""
+        """Return the power law of the planned points of the loading branch, those with delta* > 0 and P* > 0."""
         from .power_law import fit_power_law
 
-        loading = self.loading()
-        used = loading.where((loading.delta_star > 0) & (loading.P_star > 0))
+        points = self.planned()
+        used = points.where((points.delta_star > 0) & (points.P_star > 0))
         return fit_power_law(used.delta_star, used.P_star, norm)
 
     def write(self, path: str | Path) -> None:

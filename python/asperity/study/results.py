@@ -39,7 +39,7 @@ FIGURES = (
 def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict[str, Any]:
     """Figures of one case; those that its curve cannot give are left out.
 
-    Fits take the planned deflections only, see `planned`.
+    Fits take the planned deflections only, see `Curve.planned`.
 
     Returns:
         k, n, ...: linear-scale power law of the loading branch, with norm, range and interval;
@@ -70,7 +70,7 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
     if solid.yield_strength is not None:
         constraint = (1 - solid.nu) / (1 - 2 * solid.nu) if case.block.sides == "rollers" else 1.0
         row["block_load"] = float(load.force[-1]) / (side**2 * solid.yield_strength * constraint)
-    points = planned(curve, case)
+    points = curve.planned()
     fit = _fit(points.delta_star, points.P_star)
     if fit is not None:
         row |= {
@@ -87,19 +87,6 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
             warnings.simplefilter("ignore")  # how well the points tell a local slope is in n_loc_low, n_loc_high
             row |= _vibration(curve, fit, solid.E_prime * side**2, side)
     return row
-
-
-def planned(curve: Curve, case: Case) -> Curve:
-    """Loading branch at the planned deflections, equal parts of delta_max.
-
-    The solver divides steps, more of them for some materials than for others; fits over all points would weigh the
-    light loads of one material more than those of another. A path driven by force keeps all points.
-    """
-    load = curve.loading()
-    if case.loading.delta_max is None:
-        return load
-    part = load.delta / case.loading.delta_max * case.loading.steps
-    return load.where(np.abs(part - np.rint(part)) < 1e-6)
 
 
 def _fit(delta_star: Array, P_star: Array) -> PowerLawFit | None:
