@@ -1,6 +1,7 @@
 // Python interface of the element kernels; kernels of the cells.
 #include "cells.hpp"
 #include "facets.hpp"
+#include "product.hpp"
 
 using namespace asperity;
 
@@ -187,4 +188,5 @@ NB_MODULE(_solver, m)
   m.def("stress", &stress, nb::arg("cells"), nb::arg("material"), nb::arg("u"), nb::arg("committed"),
         nb::arg("out"));
   bind_facets(m);
+  bind_product(m);
 }

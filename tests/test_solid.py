@@ -14,6 +14,7 @@ from asperity.linear import LinearSolver
 from asperity.loading import Press
 from asperity.material import Material
 from asperity.mesh import BlockMesh, build_block, distribute, on_root
+from asperity.multigrid import PMultigrid
 from asperity.solid import Solid
 from asperity.statics import make_press
 from asperity.surface import Flat, Sinusoid, Surface
@@ -195,6 +196,38 @@ def test_linear_solver_with_prescribed_dofs(coarse: BlockMesh | None, kind: str)
         lacking[rows] = 0.0
         assert np.sqrt(world().allreduce(lacking @ lacking)) < 1e-7 * out.norm()
     assert iterations <= {"lu": 1, "cg": 40, "gamg": 80}[kind]
+
+
+def test_single_precision_product_is_that_of_the_matrix(coarse: BlockMesh) -> None:
+    from asperity import _solver
+
+    solid = solid_of(here(), coarse)
+    A = solid.assemble_tangent()
+    x, y = A.createVecRight(), A.createVecRight()
+    x.array = np.random.default_rng(0).normal(size=3 * solid.owned)
+    A.mult(x, y)
+    single = x.array_r.astype(np.float32).reshape(-1, 3)
+    out = np.empty_like(single)
+    _solver.product(solid.graph.indptr, solid.graph.indices, solid.values.astype(np.float32), single, out)
+    np.testing.assert_allclose(out.ravel(), y.array_r, rtol=0, atol=1e-5 * np.abs(y.array_r).max())
+
+
+def test_multigrid_is_symmetric_and_bounded() -> None:
+    """A V-cycle M of a symmetric A has x.My = Mx.y, and the spectrum of M A lies in (0, 1 + a little)."""
+    solid = solid_of(here(), block_of(here(), Flat(L=1.0), 1.0, 0.35))
+    A = solid.assemble_tangent()
+    A.zeroRowsColumns(solid.fixed, diag=A.getDiagonal().sum() / solid.dofs)
+    cycle = PMultigrid(solid)
+    cycle.update(A, solid.fixed)
+    rng = np.random.default_rng(0)
+    x, y, Mx, My, AMx = (A.createVecRight() for _ in range(5))
+    for _ in range(5):
+        x.array, y.array = rng.normal(size=(2, 3 * solid.owned))
+        cycle.apply(None, x, Mx)
+        cycle.apply(None, y, My)
+        assert x.dot(My) == pytest.approx(y.dot(Mx), rel=1e-4, abs=1e-5 * np.sqrt(x.dot(Mx) * y.dot(My)))
+        A.mult(Mx, AMx)
+        assert 0.0 < Mx.dot(AMx) <= 1.05 * x.dot(Mx)
 
 
 def test_multigrid_iterations_do_not_grow_with_the_mesh() -> None:

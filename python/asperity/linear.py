@@ -65,8 +65,9 @@ class LinearSolver:
             if symmetric:
                 self._ksp.setNormType(PETSc.KSP.NormType.NATURAL)
             if kind == "cg":
-                self._multigrid = PMultigrid(solid, pc)
-                set_defaults(PREFIX, self._multigrid.options)
+                self._multigrid = PMultigrid(solid)
+                pc.setType("python")
+                pc.setPythonContext(self._multigrid)
             else:
                 pc.setType("gamg")
                 set_defaults(PREFIX, GAMG)
@@ -102,6 +103,9 @@ class LinearSolver:
             self._ksp.setUp()
         with phase("linear solve"):
             self._ksp.solve(self._b, y)
+            if self._multigrid is not None and self._ksp.getConvergedReason() < 0:
+                self._multigrid.estimate()
+                self._ksp.solve(self._b, y)
         y.array[rows] = self._y.array_r[rows]  # an iterative solver only meets them to its tolerance
         return self._ksp.getIterationNumber(), self._ksp.getConvergedReason() > 0
 

@@ -2,6 +2,9 @@
 
 The coarse space is an eighth of the size, so it can be factorised where the second-order problem of the same mesh
 is far too large for that, and is set up in a fraction of the time of an algebraic hierarchy on the fine level.
+
+Smoothing costs what reading the matrix costs, and a preconditioner needs few digits: the fine level works on a copy
+in single precision (benchmarks/linear.py).
 """
 
 from __future__ import annotations
@@ -10,9 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import eigh_tridiagonal
+
+from . import _solver
 
 if TYPE_CHECKING:
     from .solid import Solid
+
+Singles = npt.NDArray[np.float32]
 
 EDGES = (
     (2, 3),
@@ -24,58 +32,59 @@ EDGES = (
 )  # corners of edge k of a cell, in the order of basix
 COARSE_LU_LIMIT = 60_000  # coarse dofs up to which the coarse problem is factorised
 
-LEVELS = {
-    "mg_levels_ksp_type": "chebyshev",
-    "mg_levels_ksp_max_it": 2,
-    "mg_levels_pc_type": "jacobi",
-    "mg_levels_esteig_ksp_type": "cg",
-    "mg_levels_esteig_ksp_max_it": 10,
-}
-COARSE_LU = {
-    "mg_coarse_ksp_type": "preonly",
-    "mg_coarse_pc_type": "cholesky",
-    "mg_coarse_pc_factor_mat_solver_type": "mumps",
-}
+PREFIX = "asperity_coarse_"
+COARSE_LU = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
 COARSE_GAMG = {
-    "mg_coarse_ksp_type": "preonly",
-    "mg_coarse_pc_type": "gamg",
-    "mg_coarse_pc_gamg_coarse_eq_limit": 1000,
-    "mg_coarse_pc_gamg_esteig_ksp_type": "cg",
-    "mg_coarse_pc_gamg_esteig_ksp_max_it": 10,
-    "mg_coarse_mg_levels_ksp_type": "chebyshev",
-    "mg_coarse_mg_levels_pc_type": "jacobi",
+    "ksp_type": "preonly",
+    "pc_type": "gamg",
+    "pc_gamg_coarse_eq_limit": 1000,
+    "pc_gamg_esteig_ksp_type": "cg",
+    "pc_gamg_esteig_ksp_max_it": 10,
+    "mg_levels_ksp_type": "chebyshev",
+    "mg_levels_pc_type": "jacobi",
 }
+
+SWEEPS = 2  # of the smoother, before and after the coarse correction
+LANCZOS, UPDATE = 20, 4  # steps of an estimate of the greatest eigenvalue: from anew, and for the next matrix
+NOISE = 0.1  # in the start of an update, relative to the vector the last one led to
+SMOOTHED = (0.1, 1.1)  # part of the spectrum that is damped, in units of the estimate
 
 
 class PMultigrid:
-    """Preconditioner for the eliminated tangent of a solid; collective.
+    """Preconditioner for the eliminated tangent of a solid, as a python context of PETSc; collective.
 
-    Eliminated dofs (unit rows of the matrix) are taken out of the interpolation, so a coarse correction never moves
-    them, and eliminated corners get a unit row of their own.
+    A V-cycle with Chebyshev's iteration on the Jacobi-scaled matrix as smoother (Adams et al., J. Comput. Phys. 188
+    (2003) 593). Eliminated dofs are masked, on the fine level and in the interpolation, so that the cycle never moves
+    them; eliminated corners get a unit row in the coarse matrix.
 
     Args:
         solid: whose matrix is preconditioned
-        pc: PETSc preconditioner that becomes the multigrid one
-
-    Attributes:
-        options: PETSc options the levels need
     """
 
-    def __init__(self, solid: Solid, pc: Any) -> None:
+    def __init__(self, solid: Solid) -> None:
         from dolfinx import fem
+        from petsc4py import PETSc
 
-        self._solid, self._pc = solid, pc
+        from .linear import set_defaults
+
+        self._solid = solid
         coarse = fem.functionspace(solid.mesh, ("Lagrange", 1, (3,))).dofmap
         self._corners = self._corner_nodes(coarse)
         self._P = self._interpolation(coarse)
-        self._masked = self._P.copy()
-        self._keep = self._P.createVecLeft(), self._P.createVecRight()
+        self._mask = self._P.createVecLeft(), self._P.createVecRight()
+        self._fine, self._rhs, self._correction = self._P.createVecLeft(), *(self._P.createVecRight() for _ in "ab")
         self._coarse: Any = None
-        pc.setType("mg")
-        pc.setMGLevels(2)
-        pc.setMGInterpolation(1, self._masked)
+        self._ksp = PETSc.KSP().create(solid.comm)
+        self._ksp.setOptionsPrefix(PREFIX)
         direct = 3 * coarse.index_map.size_global <= COARSE_LU_LIMIT
-        self.options = LEVELS | (COARSE_LU if direct else COARSE_GAMG)
+        set_defaults(PREFIX, COARSE_LU if direct else COARSE_GAMG)
+        self._ksp.setFromOptions()
+        self._values = np.zeros(len(solid.values), dtype=np.float32)
+        self._vector = np.zeros((solid.nodes, 3), dtype=np.float32)
+        self._image = np.zeros_like(self._vector)
+        noise = np.random.default_rng(solid.comm.rank).normal(size=3 * solid.owned)
+        self._noise = (NOISE * noise / np.sqrt(solid.dofs)).astype(np.float32)
+        self._extreme, self._greatest = self._noise, 0.0
 
     def _corner_nodes(self, coarse: Any) -> npt.NDArray[np.int32]:
         """Local second-order node at each local first-order node, ghosts included."""
@@ -113,16 +122,101 @@ class PMultigrid:
 
     def update(self, A: Any, eliminated: npt.NDArray[np.int32]) -> None:
         """Adapt to new values of the matrix and a new set of eliminated owned dofs; collective."""
-        fine, coarse = self._keep
+        fine, coarse = self._mask
         fine.set(1.0)
         fine.array[eliminated] = 0.0
         kept = self._solid.with_ghosts(fine.array_r)
         coarse.array = kept[self._corners].ravel()[: coarse.getLocalSize()]
-        self._P.copy(self._masked)
-        self._masked.diagonalScale(fine, coarse)
-        # with the constant P the product can be reused; what the unit rows add to it only stiffens corners next
+        # without a mask in P the symbolic product can be reused; what unit rows add to it only stiffens corners next
         # to eliminated edges
         self._coarse = A.ptap(self._P, result=self._coarse)
         rows = np.flatnonzero(coarse.array_r == 0.0).astype(np.int32)
         self._coarse.zeroRowsColumns(rows + coarse.getOwnershipRange()[0])
-        self._pc.getMGCoarseSolve().setOperators(self._coarse)
+        self._ksp.setOperators(self._coarse)
+        self._ksp.setUp()
+        np.copyto(self._values, self._solid.values, casting="same_kind")
+        self._inverse = (1.0 / A.getDiagonal().array_r).astype(np.float32)
+        self._free = fine.array_r.astype(np.float32)
+        self._scaling = self._free * self._inverse
+        if self._greatest > 0.0:
+            self._greatest = max(self._greatest, self._greatest_eigenvalue(UPDATE))
+        else:
+            self.estimate()
+
+    def estimate(self) -> None:
+        """Estimate the greatest eigenvalue from anew; collective.
+
+        It grows when cells yield (from 3.6 to 4.5 has been seen). The smoother works with the greatest one so far,
+        for one too great costs little and one too small by a fifth makes the cycle indefinite.
+        """
+        self._extreme = self._noise
+        self._greatest = max(self._greatest, self._greatest_eigenvalue(LANCZOS))
+
+    def apply(self, pc: Any, r: Any, z: Any) -> None:
+        """One V-cycle from zero: z is about the solution for r."""
+        b = r.array_r.astype(np.float32)
+        x, left = self._smooth(np.zeros_like(b), self._free * b)
+        coarse_mask = self._mask[1]
+        self._fine.array = left
+        self._P.multTranspose(self._fine, self._rhs)
+        self._rhs.pointwiseMult(self._rhs, coarse_mask)
+        self._ksp.solve(self._rhs, self._correction)
+        self._correction.pointwiseMult(self._correction, coarse_mask)
+        self._P.mult(self._correction, self._fine)
+        correction = self._free * self._fine.array_r.astype(np.float32)
+        x, _ = self._smooth(x + correction, left - self._product(correction), last=True)
+        z.array = x + (1.0 - self._free) * self._inverse * b
+
+    def _smooth(self, x: Singles, residual: Singles, last: bool = False) -> tuple[Singles, Singles]:
+        """Chebyshev's iteration (Saad, Iterative Methods, 2003, algorithm 12.1); the last residual only if needed."""
+        low, high = (self._greatest * part for part in SMOOTHED)
+        middle, half = 0.5 * (high + low), 0.5 * (high - low)
+        rho = half / middle
+        step = self._scaling * residual * np.float32(1.0 / middle)
+        for k in range(SWEEPS):
+            x = x + step
+            if last and k == SWEEPS - 1:
+                break
+            residual = residual - self._product(step)
+            before, rho = rho, 1.0 / (2.0 * middle / half - rho)
+            step = np.float32(rho * before) * step + np.float32(2.0 * rho / half) * self._scaling * residual
+        return x, residual
+
+    def _product(self, x: Singles) -> Singles:
+        """Matrix times vector of owned dofs, in the rows of the free ones; collective."""
+        solid = self._solid
+        if solid.comm.size == 1:
+            self._vector.reshape(-1)[:] = x
+            _solver.product(solid.graph.indptr, solid.graph.indices, self._values, self._vector, self._image)
+            return self._free * self._image.reshape(-1)
+        self._vector[:] = solid.with_ghosts(x)
+        _solver.product(solid.graph.indptr, solid.graph.indices, self._values, self._vector, self._image)
+        return self._free * solid.sum_ghosts(self._image).astype(np.float32).reshape(-1)
+
+    def _greatest_eigenvalue(self, steps: int) -> float:
+        """Of the Jacobi-scaled matrix, by Lanczos' method from the vector it led to last time; collective."""
+        comm = self._solid.comm
+        root = np.sqrt(self._scaling)
+
+        def dot(a: Singles, b: Singles) -> float:
+            return float(comm.allreduce(float(np.dot(a, b))))
+
+        v = self._free * self._extreme
+        v /= np.float32(np.sqrt(dot(v, v)))
+        before, beta = np.zeros_like(v), 0.0
+        basis, diagonal, beside = [], [], []
+        for _ in range(steps):
+            basis.append(v)
+            w = root * self._product(root * v) - np.float32(beta) * before
+            diagonal.append(dot(w, v))
+            w -= np.float32(diagonal[-1]) * v
+            beta = np.sqrt(dot(w, w))
+            if beta <= 1e-5 * diagonal[0]:  # the space is exhausted
+                break
+            beside.append(beta)
+            before, v = v, w / np.float32(beta)
+        size = len(diagonal)
+        values, vectors = eigh_tridiagonal(diagonal, beside[: size - 1])
+        # the noise lets a mode grow that has become the greatest one somewhere else
+        self._extreme = sum(np.float32(c) * v for c, v in zip(vectors[:, -1], basis, strict=True)) + self._noise
+        return float(values[-1])
