@@ -1,4 +1,4 @@
-"""Where the time goes: process seconds per phase."""
+"""Where the time goes: seconds of the clock per phase."""
 
 from __future__ import annotations
 

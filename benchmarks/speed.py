@@ -1,0 +1,122 @@
+"""Where the time of a run goes, how it grows with size, and what a second rank brings.
+
+    ./run python3 benchmarks/speed.py profile [H ...]      phases of elastic-plastic runs, one process
+    ./run python3 benchmarks/speed.py scaling [H ...]      the same run on one rank and on two (starts mpirun)
+    ./run mpirun -n 2 python3 benchmarks/speed.py one H    one run
+
+The demo surface with its elastic-plastic material is pressed to 0.02 L in four planned steps. H is the element size
+in the contact in units of L. Phases are seconds of the clock: on a busy machine compare shares and ratios.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import warnings
+from collections.abc import Iterable
+from time import perf_counter, process_time
+from typing import Any
+
+import asperity as asp
+
+L = 1e-6
+STEEL = asp.Material(200e9, 0.3, 1e9, 10e9)
+DELTA, STEPS = 0.02, 4
+SIZES = {"profile": (0.08, 0.04, 0.024, 0.0155, 0.0095), "scaling": (0.04, 0.024)}
+PHASES = ("residual", "tangent", "elimination", "preconditioner", "linear solve")
+
+
+def one(h: float) -> dict[str, Any]:
+    """Facts of one run; collective."""
+    from mpi4py import MPI
+
+    comm = MPI.COMM_WORLD
+    warnings.simplefilter("ignore")
+    surface = asp.Surface.from_spec(kind="weierstrass-mandelbrot", L=L, D=2.4, G=1.36e-11)
+    cpu, wall = process_time(), perf_counter()
+    result = asp.solve_contact(surface, STEEL, delta_max=DELTA * L, steps=STEPS, size=asp.MeshSize(h * L))
+    owned = result.press.top.owned_nodes
+    spread = comm.gather((len(result.press.solid.cell_nodes), len(owned)))
+    memory = comm.allreduce(result.memory) if comm.size > 1 else result.memory
+    return {
+        "h": h,
+        "ranks": comm.size,
+        "dofs": result.dofs,
+        "steps": result.counts.steps,
+        "newton": result.counts.newton,
+        "krylov": result.counts.krylov,
+        "cpu": process_time() - cpu,
+        "wall": perf_counter() - wall,
+        "seconds": result.phases.seconds,
+        "memory": memory,
+        "spread": spread,
+        "force": float(result.curve.force[-1]),
+    }
+
+
+def row(cells: Iterable[object]) -> None:
+    """Print a row of a table."""
+    print("| " + " | ".join(f"{c:.3g}" if isinstance(c, float) else str(c) for c in cells) + " |", flush=True)
+
+
+def profile(sizes: tuple[float, ...]) -> None:
+    """Phases against size, with the exponent of the growth of time."""
+    row(("dofs", "steps", "Newton a step", "Krylov a solve", "mesh", "set-up", *PHASES, "sum", "s a step", "order",
+         "bytes a dof"))  # fmt: skip
+    row(["---"] * (11 + len(PHASES) - 1))
+    before: tuple[int, float] | None = None
+    for h in sizes:
+        facts = run_apart(h, 1)
+        seconds = facts["seconds"]
+        spent = [seconds.get(name, 0.0) for name in PHASES]
+        step = sum(spent) / facts["steps"]
+        order = "" if before is None else f"{_slope(before, (facts['dofs'], step)):.2f}"
+        before = facts["dofs"], step
+        row((facts["dofs"], facts["steps"], facts["newton"] / facts["steps"], facts["krylov"] / facts["newton"],
+             seconds["mesh"], seconds["set-up"], *spent, sum(seconds.values()), step, order,
+             round(facts["memory"] / facts["dofs"])))  # fmt: skip
+
+
+def _slope(a: tuple[int, float], b: tuple[int, float]) -> float:
+    from math import log
+
+    return log(b[1] / a[1]) / log(b[0] / a[0])
+
+
+def run_apart(h: float, ranks: int) -> dict[str, Any]:
+    """A run in processes of its own, so that its memory is its own."""
+    command = [sys.executable, __file__, "one", str(h)]
+    if ranks > 1:
+        command = ["mpirun", "-n", str(ranks), *command]
+    out = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    facts: dict[str, Any] = json.loads(out.splitlines()[-1])
+    return facts
+
+
+def scaling(sizes: tuple[float, ...]) -> None:
+    """One rank against two."""
+    row(("dofs", "ranks", "wall s of the load path", "speed-up", "efficiency", "Krylov", "cells a rank",
+         "contact nodes a rank", "MiB", "force"))  # fmt: skip
+    row(["---"] * 10)
+    for h in sizes:
+        base = 0.0
+        for ranks in (1, 2):
+            facts = run_apart(h, ranks)
+            path = sum(facts["seconds"].get(name, 0.0) for name in PHASES)
+            base = base or path
+            cells, nodes = zip(*facts["spread"], strict=True)
+            row((facts["dofs"], ranks, path, base / path, base / path / ranks, facts["krylov"], list(cells),
+                 list(nodes), round(facts["memory"] / 2**20), f"{facts['force']:.9e}"))  # fmt: skip
+
+
+if __name__ == "__main__":
+    job, *numbers = sys.argv[1:] or ["profile"]
+    if job == "one":
+        facts = one(float(numbers[0]))
+        from mpi4py import MPI
+
+        if MPI.COMM_WORLD.rank == 0:
+            print(json.dumps(facts))
+    else:
+        {"profile": profile, "scaling": scaling}[job](tuple(map(float, numbers)) or SIZES[job])
