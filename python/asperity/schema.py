@@ -201,7 +201,9 @@ class SolverSection(Section):
     """How the equations are solved."""
 
     kernels: Literal["compiled", "ufl"] = _key("element kernels", "compiled")
-    linear: Literal["auto", "lu", "cg"] = _key("linear solver", "auto")
+    linear: Literal["auto", "lu", "cg", "gamg"] = _key(
+        "linear solver: direct, CG with p-multigrid, or with algebraic multigrid", "auto"
+    )
     newton_max: Whole = _key("Newton steps before cutback", 30, ge=1, le=1000)
     rtol: Real = _key("relative residual at convergence", 1e-8, gt=0, le=1e-2)
 

@@ -1,0 +1,189 @@
+"""Work against precision: error of the force against CPU time for each choice the program offers.
+
+    ./run python3 benchmarks/work_precision.py [-o FOLDER] [hertz] [elastic] [plastic]
+
+Scenes: a paraboloid against the elastic layer it stands on (Hertz with the block's compliance, solved by boundary
+elements, `reference.layer_force`), and the demo surface, elastic and elastic-plastic, against the extrapolated limit
+of finer guided meshes (and load steps). Prints Markdown tables and writes work_precision.png. Errors are root mean
+squares over the path, relative to the force at each deflection; seconds are CPU seconds of one process, from surface
+to curve, without start-up; the limit of the demo scenes is the program's own, so below some 0.1 % it is no judge.
+"""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import asperity as asp
+from asperity.accuracy import extrapolate, loading_force
+from asperity.mesh import Reach
+from asperity.plot import style
+from asperity.surface import Surface
+from asperity.validation.hertz import CONTACT, RADIUS, SPHERE, layer_force
+
+Floats = npt.NDArray[np.float64]
+
+ELASTIC = asp.Material(1.0, 0.3)
+STEEL = asp.Material(1.0, 0.3, 0.005, 0.05)
+ORDER = 1.8  # of the force in the element size, for the limit
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is pressed, how far, and what the force is.
+
+    Attributes:
+        surface, material, delta, steps, height: L = E = 1
+        at: deflections compared (n,)
+        limit: force there, P* (n,)
+        sizes: elements in the contact, coarse to fine
+    """
+
+    name: str
+    surface: Surface
+    material: asp.Material
+    delta: float
+    steps: int
+    at: Floats
+    limit: Callable[[], Floats]
+    sizes: tuple[float, ...]
+    height: float = 1.0
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A variant: what is changed from the defaults."""
+
+    name: str
+    settings: dict[str, Any] = field(default_factory=dict)
+    size: Callable[[float], asp.MeshSize] = asp.MeshSize
+    guided: bool = False
+    plastic_only: bool = False
+
+
+def uniform(h: float) -> asp.MeshSize:
+    """The same size everywhere."""
+    return asp.MeshSize(h, growth=1e-6, h_max=h)
+
+
+CHOICES = (
+    Choice("default: active set, graded mesh"),
+    Choice("guided mesh", guided=True),
+    Choice("uniform mesh", size=uniform),
+    Choice("penalty, factor 10", {"formulation": asp.Formulation("penalty", 10.0)}),
+    Choice("penalty, factor 100", {"formulation": asp.Formulation("penalty", 100.0)}),
+    Choice("Nitsche, theta 0", {"formulation": asp.Formulation("nitsche")}),
+    Choice("UFL kernels", {"kernels": "ufl"}),
+    Choice("backward Euler", {"integrator": "backward-euler"}, plastic_only=True),
+)
+
+
+def solve(scene: Scene, size: asp.MeshSize, **settings: Any) -> tuple[Floats, Any]:
+    """Force at the deflections compared."""
+    settings = {"steps": scene.steps} | settings
+    result = asp.solve_contact(
+        scene.surface, scene.material, delta_max=scene.delta, height=scene.height, size=size, **settings
+    )
+    return loading_force(result.curve, scene.at), result
+
+
+def reach_of(scene: Scene) -> Reach:
+    """What a coarse solution touches."""
+    return Reach(*solve(scene, asp.MeshSize(0.1))[1].press.reach())
+
+
+def guided_limit(scene: Scene, fine: float, steps: int) -> Floats:
+    """Richardson's limit of two guided meshes, and of the load steps on the coarser one."""
+    reach = reach_of(scene)
+    forces = [solve(scene, asp.MeshSize(h, reach=reach))[0] for h in (fine * 2**0.5, fine)]
+    limit, _ = extrapolate(*forces, 2**0.5, ORDER)
+    if scene.material.plastic:
+        coarse = [solve(scene, asp.MeshSize(0.14), steps=n)[0] for n in (scene.steps, steps, 2 * steps)]
+        settled, _ = extrapolate(coarse[1], coarse[2], 2.0, 2.0)
+        limit *= settled / coarse[0]
+    return limit
+
+
+def scenes() -> Iterator[Scene]:
+    """The three scenes."""
+    depth = CONTACT**2 / RADIUS
+    at = depth * np.arange(1, 6) / 5
+    yield Scene("hertz", SPHERE, ELASTIC, depth, 5, at, lambda: layer_force(at, 512)[0],
+                (0.04, 0.028, 0.02, 0.014, 0.01))  # fmt: skip
+    rough = Surface.from_spec(kind="weierstrass-mandelbrot", L=1.0, D=2.4, G=1.36e-5)
+    at = 0.003 * np.arange(1, 11)
+    for name, material, fine, sizes in (
+        ("elastic", ELASTIC, 0.018, (0.2, 0.14, 0.1, 0.07, 0.05, 0.035)),
+        ("plastic", STEEL, 0.028, (0.2, 0.14, 0.1, 0.07, 0.05)),
+    ):
+        scene = Scene(name, rough, material, 0.03, 10, at, lambda: at, sizes)
+        yield Scene(name, rough, material, 0.03, 10, at, lambda s=scene, f=fine: guided_limit(s, f, 40), sizes)
+
+
+def measure(scene: Scene) -> list[tuple[str, float, int, float, float]]:
+    """Choice, h, dofs, CPU seconds and rms error in per cent of every run."""
+    limit = scene.limit()
+    out = []
+    for choice in CHOICES:
+        if choice.plastic_only and not scene.material.plastic:
+            continue
+        for h in scene.sizes:
+            if h < 0.045 and choice.name == "uniform mesh":
+                continue  # memory and time without end
+            start = process_time()
+            reach = reach_of(scene) if choice.guided else None
+            size = asp.MeshSize(h, reach=reach) if choice.guided else choice.size(h)
+            force, result = solve(scene, size, **choice.settings)
+            seconds = process_time() - start
+            error = 100.0 * float(np.sqrt(np.mean((force / limit - 1.0) ** 2)))
+            out.append((choice.name, h, result.dofs, seconds, error))
+            print(f"| {scene.name} | {choice.name} | {h:g} | {result.dofs} | {seconds:.1f} | {error:.2f} |", flush=True)
+    return out
+
+
+def main() -> None:
+    """Print the tables and draw the figure."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("-o", "--output", type=Path, default=Path("out"))
+    parser.add_argument("names", nargs="*", default=["hertz", "elastic", "plastic"])
+    arguments = parser.parse_args()
+    warnings.simplefilter("ignore")
+    chosen = [scene for scene in scenes() if scene.name in arguments.names]
+    print("| scene | choice | h | dofs | CPU s | rms error % |\n|---|---|---|---|---|---|")
+    draw([(scene.name, measure(scene)) for scene in chosen], arguments.output / "work_precision.png")
+
+
+@style.styled
+def figure(found: list[tuple[str, list[tuple[str, float, int, float, float]]]]) -> Any:
+    """Error against time, a panel a scene."""
+    drawn, axes = style.figure(style.DOUBLE, 3.4, columns=len(found))
+    colours = (style.BLACK, style.BLUE, style.GREY, style.ORANGE, style.VERMILION, style.GREEN, style.PURPLE, style.SKY)
+    for axis, (scene, rows) in zip(np.ravel(axes), found, strict=True):
+        for choice, colour in zip(CHOICES, colours, strict=True):
+            points = np.array([(seconds, error) for name, _, _, seconds, error in rows if name == choice.name])
+            if len(points):
+                axis.loglog(*points.T, "o-", color=colour, ms=3.5, lw=1.0, label=choice.name)
+        axis.set(title=scene, xlabel="CPU time (s)", ylabel="rms error of the force (%)")
+        style.grid(axis)
+    handles, labels = np.ravel(axes)[-1].get_legend_handles_labels()
+    drawn.legend(handles, labels, loc="outside lower center", ncols=3)
+    return drawn
+
+
+def draw(found: list[tuple[str, list[tuple[str, float, int, float, float]]]], path: Path) -> None:
+    """Write the figure."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    style.save(figure(found), path)
+    print(f"\nfigure: {path}")
+
+
+if __name__ == "__main__":
+    main()
