@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 Array = npt.NDArray[Any]
 
 FORMAT = 1
+OF_CELLS = ("stress", "plastic_strain")  # fields of a snapshot with a row a cell
 MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"
 #: Sections and keys that may differ between a run and its continuation; loading.cycles may also grow.
 CHANGEABLE = frozenset({"units", "dynamics", "solver", "output", "accuracy.max_seconds", "accuracy.max_dofs"})
@@ -107,7 +108,7 @@ class Saved:
         record.rows[:] = self.meta["rows"]
         for k, about in enumerate(self.meta["snapshots"]):
             fields = {
-                name: spread(comm, cells if name == "plastic_strain" else nodes, self._snapshot(k, name))
+                name: spread(comm, cells if name in OF_CELLS else nodes, self._snapshot(k, name))
                 for name in about["fields"]
             }
             fields.setdefault("plastic_strain", solid.bulk.history()[1].copy())
@@ -324,7 +325,7 @@ def _fields(press: Press) -> dict[str, Array]:
 
 
 def _snapshot_names(press: Press) -> list[str]:
-    names = ["pressure", "gap", "displacement"]
+    names = ["pressure", "gap", "displacement", "stress"]
     return [*names, "plastic_strain"] if press.solid.material.plastic else names
 
 
@@ -333,7 +334,7 @@ def _snapshot_fields(press: Press, snapshot: Snapshot) -> dict[str, Array]:
     solid, out = press.solid, {}
     for name in _snapshot_names(press):
         values = getattr(snapshot, name)
-        if name == "plastic_strain":
+        if name in OF_CELLS:
             rows = collect(solid.comm, cell_numbers(solid), values)
         else:
             rows = collect(solid.comm, node_numbers(solid)[: solid.owned], values[: solid.owned])

@@ -19,6 +19,7 @@ Array = npt.NDArray[Any]
 
 VTK_QUADRATIC_TETRA = 24
 GMSH_TO_VTK = (0, 1, 2, 3, 4, 5, 6, 7, 9, 8)  # the last two edges change places
+TO_VTK_TENSOR = (0, 1, 2, 3, 5, 4)  # xx yy zz xy yz xz
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,7 @@ class State:
         displacement: (N, 3) [length]
         pressure: contact pressure at the nodes, mean of the corners on an edge (N,) [force/length^2]
         gap: distance of the nodes of the top from the flat (N,) [length]
+        stress: mean of the cells, xx yy zz xy xz yz (M, 6) [force/length^2]
         plastic_strain: mean accumulated plastic strain of the cells (M,); empty for an elastic material
     """
 
@@ -39,6 +41,7 @@ class State:
     displacement: Array
     pressure: Array
     gap: Array
+    stress: Array
     plastic_strain: Array
 
 
@@ -58,12 +61,13 @@ def gather_states(result: ContactResult, side: float, E: float) -> list[State]:
         u = collect(solid.comm, nodes, s.displacement[owned] * side)
         p = collect(solid.comm, nodes, _on_edges(result.press.top, s)[owned] * E)
         gap = collect(solid.comm, nodes, s.gap[owned] * side)
+        stress = collect(solid.comm, cells, s.stress * E)
         alpha = None
         if solid.material.plastic:
             alpha = collect(solid.comm, cells, s.plastic_strain.mean(axis=1))
-        if u is not None and p is not None and gap is not None:
+        if u is not None and p is not None and gap is not None and stress is not None:
             mean = np.empty(0) if alpha is None else alpha
-            states.append(State(s.step, s.branch, s.delta * side, u, p, gap, mean))
+            states.append(State(s.step, s.branch, s.delta * side, u, p, gap, stress, mean))
     return states
 
 
@@ -118,6 +122,13 @@ def write_figure_data(folder: Path, block: BlockMesh, states: list[State]) -> No
     )
 
 
+def von_mises(stress: Array) -> Array:
+    """Equivalent stress of xx yy zz xy xz yz in the last axis."""
+    normal, shear = stress[..., :3], stress[..., 3:]
+    deviator = normal - normal.mean(axis=-1, keepdims=True)
+    return np.asarray(np.sqrt(1.5 * (deviator**2).sum(axis=-1) + 3.0 * (shear**2).sum(axis=-1)))
+
+
 def write_vtkhdf(path: Path, block: BlockMesh, states: list[State]) -> None:
     """Write the snapshots for ParaView (VTKHDF 2.0 unstructured grid, time = deflection); rank 0 only.
 
@@ -149,7 +160,10 @@ def write_vtkhdf(path: Path, block: BlockMesh, states: list[State]) -> None:
             "displacement": [s.displacement / block.side for s in states],
             "pressure": [s.pressure for s in states],
         }
-        cell_data = {}
+        cell_data = {
+            "stress": [s.stress[:, TO_VTK_TENSOR] for s in states],
+            "von Mises stress": [von_mises(s.stress) for s in states],
+        }
         if states and states[0].plastic_strain.size:
             cell_data["plastic strain"] = [s.plastic_strain for s in states]
         for kind, fields, rows in (("PointData", point_data, n), ("CellData", cell_data, m)):

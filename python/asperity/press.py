@@ -26,6 +26,8 @@ class Snapshot:
         pressure: at the local nodes [E]
         gap: at the local nodes [L]
         displacement: (nodes, 3) [L]
+        stress: mean over each owned cell, xx yy zz xy xz yz (cells, 6) [E]
+        plastic_strain: accumulated, at the quadrature points of the owned cells (cells, points); empty when elastic
     """
 
     step: int
@@ -34,6 +36,7 @@ class Snapshot:
     pressure: Floats
     gap: Floats
     displacement: Floats
+    stress: Floats
     plastic_strain: Floats
 
 
@@ -75,6 +78,7 @@ class Press:
         self._u = np.zeros((solid.owned, 3))
         self._previous: tuple[float, Floats] | None = None
         self._led = False  # whether the committed history is ahead of the displacement
+        self._own: tuple[Floats, Floats] | None = None  # the history of the displacement where it is
         self._first_touch = self._touch()
         self._touched_at: Floats = np.full(len(top.owned_nodes), np.inf)
 
@@ -134,9 +138,10 @@ class Press:
         self._touched_at[touched] = np.minimum(self._touched_at[touched], delta)
         with solid.phases.phase("checks"):
             audit(self, before, base, exact=lead == 0.0 and not self._led)
-        self._led = lead > 0.0
+        self._led, self._own = lead > 0.0, None
         if self._led:
-            strain, accumulated = solid.bulk.history()
+            strain, accumulated = (values.copy() for values in solid.bulk.history())
+            self._own = strain, accumulated
             solid.bulk.restore(
                 strain + lead * (strain - before.plastic_strain),
                 accumulated + lead * (accumulated - before.accumulated),
@@ -214,8 +219,18 @@ class Press:
     def snapshot(self, step: int, branch: str) -> Snapshot:
         """Copy of the state for fields and figures."""
         u = self.solid.u.x.array.reshape(-1, 3).copy()
-        strain = self.solid.bulk.history()[1].copy()
-        return Snapshot(step, branch, self.delta, *self.top_state(), u, strain)
+        stress, strain = self._mean_stress(u)
+        return Snapshot(step, branch, self.delta, *self.top_state(), u, stress, strain)
+
+    def _mean_stress(self, u: Floats) -> tuple[Floats, Floats]:
+        """Mean stress of the owned cells (cells, 6) and accumulated plastic strain (cells, points) of displacement u."""
+        bulk = self.solid.bulk
+        committed = tuple(values.copy() for values in bulk.history())
+        bulk.restore(*(self._own or committed))
+        stress = bulk.stress(u)
+        bulk.restore(*committed)
+        mean = np.einsum("cq,cqi->ci", bulk.volumes, stress) / bulk.volumes.sum(axis=1, keepdims=True)
+        return mean, (self._own or committed)[1]
 
     # -- what a checkpoint keeps -------------------------------------------------------------------------------
 

@@ -9,9 +9,15 @@ from asperity.cli import options
 
 @click.command()
 @options.run_folder
+@click.option("--3d", "solid", is_flag=True, help="Draw figures/scene.png, the block in three dimensions, instead.")
 @options.serial
-def command(folder: str) -> None:
+def command(folder: str, solid: bool) -> None:
     """Draw OUT/figures/*.png from the files of a run."""
+    if solid:
+        from asperity.plot.scene import scene
+
+        options.say(f"written {scene(folder)}")
+        return
     from asperity.plot import plot_run
 
     for path in plot_run(folder):

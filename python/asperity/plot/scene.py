@@ -1,0 +1,147 @@
+"""Picture of the loaded block in three dimensions, by PyVista, without a screen."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asperity.errors import CompatError, InputError
+from asperity.results import Results
+from asperity.units import prefix
+
+SIZE = (1500, 640)  # pixels
+DEPTH = 0.5  # part of the height that is shown
+FIELD_FILE = "fields/contact.vtkhdf"
+_NOTHING = 1e-3  # part of the greatest pressure below which the top carries no load
+
+
+def scene(folder: str | Path, path: str | Path | None = None) -> Path:
+    """Draw the block at its greatest load: stress inside, with a quarter cut away, and pressure on the top.
+
+    Args:
+        folder: of a run with `output.fields = true`.
+        path: of the picture; default figures/scene.png in the folder.
+
+    Raises:
+        InputError: the run holds no fields.
+        CompatError: PyVista is not installed.
+    """
+    if importlib.util.find_spec("pyvista") is None:
+        raise CompatError(
+            "a picture in three dimensions needs PyVista: pip install pyvista, here ./run pip install pyvista"
+        )
+    results = Results.read(folder)
+    source = results.folder / FIELD_FILE
+    if not source.is_file():
+        raise InputError(f"{source} is missing: a picture in three dimensions needs a run with output.fields = true")
+    if not os.environ.get("DISPLAY"):
+        os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+    import pyvista as pv
+
+    grid = read_step(source)
+    stress = np.asarray(grid.cell_data["von Mises stress"])
+    pressure = np.asarray(grid.point_data["pressure"])
+    scale, unit = prefix(float(pressure.max()) or float(stress.max()), results.unit("stress"))
+    block = _linear(grid, {"stress shown": stress * scale}, {"pressure shown": pressure * scale})
+    # a spot of high stress would leave the rest without colour
+    highest = float(np.quantile(stress, 0.999)) * scale
+    plotter = pv.Plotter(off_screen=True, shape=(1, 2), window_size=list(SIZE), border=False)
+    plotter.subplot(0, 0)
+    plotter.add_mesh(_open(block), scalars="stress shown", cmap="cividis", clim=_limits(highest), ambient=0.2,
+                     scalar_bar_args=_bar("von Mises stress", unit))  # fmt: skip
+    _view(plotter, block)
+    plotter.subplot(0, 1)
+    loaded = block.point_data["pressure shown"]
+    loaded[loaded < _NOTHING * loaded.max()] = np.nan
+    plotter.add_mesh(_cut(block).extract_surface(algorithm="dataset_surface"), scalars="pressure shown",
+                     cmap="inferno_r", nan_color="#B8B8B8", clim=_limits(float(pressure.max()) * scale), ambient=0.2,
+                     scalar_bar_args=_bar("contact pressure", unit))  # fmt: skip
+    _view(plotter, block)
+    target = Path(path) if path is not None else results.folder / "figures" / "scene.png"
+    target.parent.mkdir(exist_ok=True)
+    plotter.screenshot(target)
+    plotter.close()
+    return target
+
+
+def read_step(path: Path, step: int = -1) -> Any:
+    """One step of a time series of fields, with all its arrays, as a PyVista grid; lengths in units of L."""
+    import pyvista as pv
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+
+    reader = vtkHDFReader()
+    reader.SetFileName(str(path))
+    reader.UpdateInformation()
+    steps = reader.GetNumberOfSteps()
+    reader.SetStep(step % steps if steps else 0)
+    reader.Update()
+    return pv.wrap(reader.GetOutput())
+
+
+# a second-order tetrahedron in VTK's order as eight linear ones
+_PARTS = (
+    (0, 4, 6, 7),
+    (4, 1, 5, 8),
+    (6, 5, 2, 9),
+    (7, 8, 9, 3),
+    (4, 9, 5, 6),
+    (4, 9, 6, 7),
+    (4, 9, 7, 8),
+    (4, 9, 8, 5),
+)
+
+
+def _linear(grid: Any, cell_data: dict[str, Any], point_data: dict[str, Any]) -> Any:
+    """The deformed block in linear tetrahedra through all its nodes, which can be clipped."""
+    import pyvista as pv
+
+    tets = grid.cells_dict[pv.CellType.QUADRATIC_TETRA]
+    cells = tets[:, np.array(_PARTS)].reshape(-1, 4)
+    block = pv.UnstructuredGrid({pv.CellType.TETRA: cells}, grid.points + grid.point_data["displacement"])
+    for name, values in cell_data.items():
+        block.cell_data[name] = np.repeat(values, len(_PARTS))
+    for name, values in point_data.items():
+        block.point_data[name] = values
+    return block
+
+
+def _cut(block: Any) -> Any:
+    """The upper part of the block."""
+    x0, x1, y0, y1, z0, z1 = block.bounds
+    return block.clip_box((x0 - 1, x1 + 1, y0 - 1, y1 + 1, z0 - 1, z1 - DEPTH * (z1 - z0)), invert=True)
+
+
+def _open(block: Any) -> Any:
+    """The upper part of the block without the quarter in front of its most stressed place."""
+    centres = block.cell_centers().points
+    x, y, _ = centres[int(np.argmax(block.cell_data["stress shown"]))]
+    x0, x1, y0, y1, z0, z1 = block.bounds
+    # a cut too near a side would show nothing
+    x, y = (float(np.clip(c, a + 0.2 * (b - a), b - 0.2 * (b - a))) for c, a, b in ((x, x0, x1), (y, y0, y1)))
+    return _cut(block).clip_box((x, x1 + 1, y0 - 1, y, z0 - 1, z1 + 1), invert=True)
+
+
+def _limits(highest: float) -> tuple[float, float]:
+    """From zero to the highest value, rounded up to two digits."""
+    if not highest > 0.0:
+        return 0.0, 1.0
+    digit = 10.0 ** (np.floor(np.log10(highest)) - 1)
+    return 0.0, float(np.ceil(highest / digit) * digit)
+
+
+def _bar(name: str, unit: str) -> dict[str, Any]:
+    return {"title": f"{name} ({unit})\n" if unit else f"{name}\n", "title_font_size": 22, "label_font_size": 20,
+            "color": "black", "fmt": "%.3g", "width": 0.6, "height": 0.07, "position_x": 0.2, "position_y": 0.03,
+            "n_labels": 5}  # fmt: skip
+
+
+def _view(plotter: Any, block: Any) -> None:
+    plotter.set_background("white")
+    x0, x1, y0, y1, z0, z1 = block.bounds
+    middle = np.array([(x0 + x1) / 2, (y0 + y1) / 2, z1 - 0.95 * DEPTH * (z1 - z0)])
+    away = 2.8 * np.array([0.6, -0.6, 0.65]) * max(x1 - x0, DEPTH * (z1 - z0))
+    plotter.camera_position = [tuple(middle + away), tuple(middle), (0, 0, 1)]

@@ -1,0 +1,126 @@
+"""Fields of a run: what stands in the file for ParaView, by h5py and by VTK's own reader, and the picture of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asperity.cli import main
+from asperity.errors import CompatError, InputError
+from asperity.fields import State, gather_states, von_mises, write_vtkhdf
+from asperity.material import Material
+from asperity.mesh import BlockMesh
+from asperity.statics import ContactResult, solve_contact
+from asperity.surface import Surface
+
+DELTA = 0.02
+SOLID = Material(1.0, 0.3, 0.01, 0.05)
+
+
+@pytest.fixture(scope="module")
+def pressed(wave: Surface, coarse_wave: BlockMesh | None) -> ContactResult:
+    """A crest pressed by the midpoint rule, the history ahead of the displacement between the steps."""
+    return solve_contact(wave, SOLID, delta_max=DELTA, steps=4, block=coarse_wave, snapshots=2)
+
+
+@pytest.fixture(scope="module")
+def states(pressed: ContactResult) -> list[State]:
+    return gather_states(pressed, 1.0, 1.0)
+
+
+@pytest.fixture(scope="module")
+def file(pressed: ContactResult, states: list[State], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The file as a run writes it, where a run writes it."""
+    folder = tmp_path_factory.mktemp("run")
+    (folder / "fields").mkdir()
+    pressed.curve.write(folder / "curve.csv")
+    assert pressed.block is not None
+    write_vtkhdf(folder / "fields/contact.vtkhdf", pressed.block, states)
+    return folder / "fields/contact.vtkhdf"
+
+
+def test_stress_is_in_balance_with_the_force(pressed: ContactResult, states: list[State]) -> None:
+    """The integral of the vertical stress is the force times the height it acts at (virtual displacement z e_z)."""
+    volumes = pressed.press.solid.bulk.volumes.sum(axis=1)
+    cells = pressed.press.solid.mesh.topology.original_cell_index
+    summit = pressed.press.summit
+    for state in states:
+        force = pressed.curve.force[state.step - 1]
+        moment = float(np.sum(volumes * state.stress[cells, 2]))
+        assert -moment == pytest.approx(force * summit, rel=DELTA)
+
+
+def test_stress_of_a_midpoint_step_is_on_the_yield_surface(states: list[State]) -> None:
+    """Where the whole cell flows, at the hardened yield stress of its own history, not of the one carried on."""
+    lam = SOLID.hardening
+    for state in states:
+        flowing = state.plastic_strain > 1e-3
+        assert flowing.any()
+        bound = SOLID.parameters[2] + lam * state.plastic_strain[flowing]
+        ratio = von_mises(state.stress[flowing]) / bound
+        assert np.all(ratio < 1 + 1e-6) and ratio.max() > 0.95  # a mean of tensors is not larger than the mean size
+
+
+def test_von_mises_of_known_states() -> None:
+    assert von_mises(np.array([2.0, 0, 0, 0, 0, 0])) == pytest.approx(2.0)
+    assert von_mises(np.array([0.0, 0, 0, 0, 3.0, 0])) == pytest.approx(3.0 * np.sqrt(3.0))
+    assert von_mises(np.array([[5.0, 5, 5, 0, 0, 0]])) == pytest.approx([0.0])
+
+
+def test_vtk_reads_every_step(file: Path, pressed: ContactResult, states: list[State]) -> None:
+    pytest.importorskip("vtk")
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkFiltersVerdict import vtkCellSizeFilter
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+
+    block = pressed.block
+    assert block is not None and len(states) == 2
+    reader = vtkHDFReader()
+    reader.SetFileName(str(file))
+    reader.UpdateInformation()
+    assert reader.GetNumberOfSteps() == len(states)
+    for k, state in enumerate(states):
+        reader.SetStep(k)
+        reader.Update()
+        grid = reader.GetOutput()
+        assert reader.GetTimeValue() == state.delta
+        points, cells = grid.GetPointData(), grid.GetCellData()
+        np.testing.assert_array_equal(vtk_to_numpy(grid.GetPoints().GetData()), block.points)
+        np.testing.assert_array_equal(vtk_to_numpy(points.GetArray("displacement")), state.displacement)
+        np.testing.assert_array_equal(vtk_to_numpy(points.GetArray("pressure")), state.pressure)
+        np.testing.assert_array_equal(vtk_to_numpy(cells.GetArray("plastic strain")), state.plastic_strain)
+        xx_yy_zz_xy_yz_xz = vtk_to_numpy(cells.GetArray("stress"))
+        np.testing.assert_array_equal(xx_yy_zz_xy_yz_xz[:, [0, 1, 2, 3, 5, 4]], state.stress)
+        sizes = vtkCellSizeFilter()
+        sizes.SetInputData(grid)
+        sizes.Update()
+        # VTK takes second-order cells in its own order of nodes; a wrong one would turn them over
+        volume = vtk_to_numpy(sizes.GetOutput().GetCellData().GetArray("Volume"))
+        assert volume.min() > 0 and volume.sum() == pytest.approx(1.0, rel=1e-2)
+
+
+def test_plot_3d_draws_the_block(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("pyvista")
+    from matplotlib.image import imread
+
+    with pytest.raises(SystemExit) as left:
+        main(["plot", str(file.parent.parent), "--3d"])
+    assert not left.value.code, capsys.readouterr().err
+    picture = imread(file.parent.parent / "figures/scene.png")
+    shown = np.ptp(picture[..., :3], axis=-1) > 0.2  # coloured, where background and untouched top are grey
+    left_half, right_half = np.array_split(shown, 2, axis=1)
+    assert 0.02 < left_half.mean() < 0.8 and 0.005 < right_half.mean() < 0.8
+
+
+def test_plot_3d_says_what_is_missing(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from asperity.plot.scene import scene
+
+    (tmp_path / "curve.csv").write_bytes((file.parent.parent / "curve.csv").read_bytes())
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "pyvista" else name)
+    with pytest.raises(CompatError, match="pip install pyvista"):
+        scene(tmp_path)
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: name)
+    with pytest.raises(InputError, match=r"output\.fields = true"):
+        scene(tmp_path)
