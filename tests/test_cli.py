@@ -7,6 +7,7 @@ import subprocess
 import sys
 import types
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from made_up_run import write_run
 
 from asperity.cli import main
 from asperity.cli.run import check_folder
+from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError
 from asperity.progress import COLUMNS, Progress, StepLines, duration, make_progress
 
@@ -175,6 +177,25 @@ def test_compare_finds_what_differs(cli: Cli, tmp_path: Path) -> None:
     assert cli("compare", a, b, "--rtol", "force=0.5")[0] == 0
     assert cli("compare", a, b, "--rtol", "force")[0] == 2
     assert cli("compare", a, b, "--rtol", "farce=1")[0] == 2
+
+
+def test_compare_takes_the_tolerances_of_a_stored_curve(cli: Cli, tmp_path: Path) -> None:
+    run = write_run(tmp_path / "run", n=2)
+    curve = Curve.read(run / "curve.csv")
+    stored = tmp_path / "stored.csv"
+    slower = replace(curve, seconds=2 * curve.seconds, P_star=curve.P_star * (1 + 1e-4))
+    replace(slower, header={"tolerances": {"P_star": 1e-3, "area_fraction": 1e-6}, "mesh": "made up"}).write(stored)
+    assert cli("compare", run, stored)[0] == 0
+    replace(slower, header={"tolerances": {"P_star": 1e-5}}).write(stored)
+    code, out, _ = cli("compare", run, stored)
+    assert code == 1 and out.startswith("P_star:") and "1e-05" in out
+    assert cli("compare", run, stored, "--rtol", "delta=0")[0] == 0  # the command line goes first
+    stored.write_text("# not JSON\n" + stored.read_text())
+    code, _, err = cli("compare", run, stored)
+    assert code == 2 and "not JSON" in err
+    shorter = tmp_path / "shorter.csv"
+    curve.where(slice(0, -1)).write(shorter)
+    assert cli("compare", run, shorter)[0] == 1
 
 
 def test_keys_lists_the_case_file(cli: Cli) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import os
-import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -282,10 +281,3 @@ def test_the_interval_of_a_mean_is_students() -> None:
     # textbook: t(0.975, 4) = 2.776, sd/sqrt(n) of 1..5 = 0.7071
     assert mean_interval([1, 2, 3, 4, 5]) == pytest.approx((3, 3 - 1.9633, 3 + 1.9633), rel=1e-4)
     assert mean_interval([1.0])[1:] == (-np.inf, np.inf)
-
-
-def test_the_example_gives_its_numbers() -> None:
-    main = runpy.run_path(str(ROOT / "examples/parallel_study.py"))["main"]
-
-    soft, hard = main()
-    assert (soft, hard) == (pytest.approx(1.630, abs=0.003), pytest.approx(1.630, abs=0.003))  # 20 steps: 1.629, 1.630

@@ -215,7 +215,7 @@ def solve_to_tolerance(
     h = GUIDE
     room = (goal.max_dofs / guide.dofs) ** (1.0 / DOFS_ORDER)
     del guide  # its memory is needed for the next one
-    refinement = max(min(_refinement(TYPICAL_ERROR, share * goal.tolerance), room), SMALLEST_REFINEMENT)
+    refinement = max(min(refinement_for(TYPICAL_ERROR, share * goal.tolerance), room), SMALLEST_REFINEMENT)
     while True:
         h /= refinement
         result = run(h, steps, reach)
@@ -225,7 +225,7 @@ def solve_to_tolerance(
         if worst <= goal.tolerance:
             return AccurateResult(curve, result.curve, budget, tuple(run.levels), result, worst, True, "done")
         mesh = float(np.max((budget.mesh / curve.P_star)[judged]))
-        refinement = _refinement(mesh, share * goal.tolerance)
+        refinement = refinement_for(mesh, share * goal.tolerance)
         limit = run.limit(goal, mesh, share, refinement)
         if limit:
             reason = (
@@ -236,7 +236,7 @@ def solve_to_tolerance(
         del result
 
 
-def _refinement(error: float, wanted: float) -> float:
+def refinement_for(error: float, wanted: float) -> float:
     """Ratio of element sizes that should bring an error of the mesh down to the wanted one."""
     return min(max(1.05 * (error / wanted) ** (1.0 / MESH_ORDER), SMALLEST_REFINEMENT), 4.0)
 

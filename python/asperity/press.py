@@ -223,7 +223,7 @@ class Press:
         return Snapshot(step, branch, self.delta, *self.top_state(), u, stress, strain)
 
     def _mean_stress(self, u: Floats) -> tuple[Floats, Floats]:
-        """Mean stress of the owned cells (cells, 6) and accumulated plastic strain (cells, points) of displacement u."""
+        """Mean stress of the owned cells (cells, 6) and accumulated plastic strain (cells, points) at u."""
         bulk = self.solid.bulk
         committed = tuple(values.copy() for values in bulk.history())
         bulk.restore(*(self._own or committed))

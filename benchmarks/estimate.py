@@ -1,0 +1,99 @@
+"""Measure what an unknown costs:  python3 benchmarks/estimate.py
+
+Runs the surface of the demo on a row of meshes, each in a process of its own, and prints the table of docs/cluster.md
+and the constants of `asperity.estimate`. CPU seconds, so that other work on the machine matters little.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from asperity.case import Case
+from asperity.estimate import NODES, Rates, estimate
+
+SIZES = (0.1, 0.06, 0.04, 0.03)  # h_contact [L]
+DEMO = Path(__file__).parent.parent / "cases/demo.toml"
+COMMON = ("output.figures=false", "output.fields=false", "output.report=false", "loading.unload=false",
+          "loading.steps=6")  # fmt: skip
+MATERIALS = {"elastic": ("material.yield_strength=", "material.tangent_modulus="), "plastic": ()}
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One run: its input, what it was, what it took."""
+
+    case: Case
+    dofs: int
+    steps: int
+    setup: float
+    seconds: float
+    memory: float
+
+
+def measure(kind: str, h: float) -> Sample:
+    """Run a case and read what it took; seconds of CPU, memory in bytes."""
+    keys = [*COMMON, *MATERIALS[kind], f"mesh.h_contact={h}e-6"]
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "out"
+        data = Case.load(DEMO, keys).to_dict()
+        data.pop("dynamics")
+        case = Case.from_dict(data)
+        (Path(folder) / "case.toml").write_text(case.to_toml(), encoding="utf-8")
+        command = [sys.executable, "-m", "asperity", "run", f"{folder}/case.toml", "-o", str(out), "--quiet"]
+        process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+        _, status, usage = os.wait4(process.pid, 0)
+        if status:
+            raise SystemExit(f"{' '.join(command)} failed")
+        process.returncode = 0
+        summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    phases = summary["seconds"]
+    cpu = usage.ru_utime + usage.ru_stime
+    # shares of the wall time carry over to the CPU time
+    setup = (phases["mesh"] + phases["set-up"]) / sum(phases.values())
+    return Sample(case, summary["dofs"], summary["steps"], setup * cpu, cpu, usage.ru_maxrss * 1024.0)
+
+
+def rates(samples: list[Sample]) -> Rates:
+    """Least squares in the logarithms of the step, straight lines in memory."""
+    dofs = np.array([s.dofs for s in samples], dtype=float)
+    step = np.array([(s.seconds - s.setup) / s.steps for s in samples])
+    growth, logarithm = np.polyfit(np.log(dofs / 1e4), np.log(step / 1e4), 1)
+    per_dof, base = np.polyfit(dofs, [s.memory for s in samples], 1)
+    return Rates(float(np.mean([s.setup / s.dofs for s in samples])), float(np.exp(logarithm)), float(growth),
+                 float(base), float(per_dof))  # fmt: skip
+
+
+def main() -> None:
+    """Print the table and the constants."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--sizes", type=float, nargs="+", default=SIZES, help="h_contact [L]")
+    arguments = parser.parse_args()
+    print("| solid | h_contact/L | unknowns | estimated | CPU s | estimated | MiB | estimated |")
+    print("|---|---|---|---|---|---|---|---|")
+    everything = []
+    constants = {}
+    for kind in MATERIALS:
+        samples = [measure(kind, h) for h in arguments.sizes]
+        for h, s in zip(arguments.sizes, samples, strict=True):
+            e = estimate(s.case)
+            print(f"| {kind} | {h:g} | {s.dofs} | {e.dofs} | {s.seconds:.1f} | {e.seconds:.1f} | "
+                  f"{s.memory / 2**20:.0f} | {e.memory / 2**20:.0f} |", flush=True)  # fmt: skip
+        constants[kind] = rates(samples)
+        everything += samples
+    nodes = np.mean([NODES * s.dofs / estimate(s.case).dofs for s in everything])
+    print(f"\nNODES = {nodes:.3g}")
+    for kind, r in constants.items():
+        print(f"{kind.upper()} = Rates({r.mesh:.2g}, {r.step:.2g}, {r.growth:.3g}, {r.base:.3g}, {r.per_dof:.3g})")
+
+
+if __name__ == "__main__":
+    main()

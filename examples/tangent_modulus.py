@@ -1,0 +1,25 @@
+"""The exponent of the force-deflection law over the tangent modulus, one surface and one mesh for all."""
+
+from __future__ import annotations
+
+import asperity as asp
+
+
+def main() -> list[float]:
+    """Return the exponents, the softest material first."""
+    surface = asp.Surface.from_spec(kind="weierstrass-mandelbrot", L=1e-6, D=2.4, G=1.36e-11, seed=0)
+    size = asp.MeshSize(h_contact=0.15e-6, growth=0.6)  # coarse, for an example
+    block, exponents = None, []
+    for E_t in (2e9, 20e9, 100e9):
+        steel = asp.Material(E=200e9, nu=0.3, yield_strength=1e9, tangent_modulus=E_t)
+        result = asp.solve_contact(surface, steel, delta_max=30e-9, steps=5, size=size, block=block)
+        block = result.block  # the next material takes the same mesh
+        fit = result.curve.fit()
+        yielded = result.curve.plastic_fraction[-1]
+        print(f"E_t = {E_t:.3g} Pa: P* = {fit.k:.3f} (delta/L)^{fit.n:.3f}, {yielded:.1%} of the volume yielded")
+        exponents.append(fit.n)
+    return exponents
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,172 @@
+"""Unknowns, memory and time of a case before it is run.
+
+The size field of the mesh says how many nodes there will be; how many seconds and bytes an unknown costs was measured
+by `benchmarks/estimate.py`, which prints the constants below.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from .accuracy import GUIDE, MESH_SHARE, SMALLEST_REFINEMENT, TYPICAL_ERROR, refinement_for
+from .errors import InputError
+from .loading import BACKWARD_EULER, Schedule
+from .mesh import BlockMesh, SizeField
+
+if TYPE_CHECKING:
+    from .case import Case
+    from .surface import Surface
+
+Size = Callable[[float, float, float], float]
+
+NODES = 10.5  # in a volume h^3; 24 meshes of cases/paper have 11.4 +- 0.5, those of a slower growth some 10 % less
+
+
+@dataclass(frozen=True)
+class Rates:
+    """What an unknown costs, measured on one core of the machine named in docs/cluster.md.
+
+    Attributes:
+        mesh: seconds of meshing and set-up per unknown.
+        step: seconds of a load step per unknown at 10,000 unknowns.
+        growth: exponent of the unknowns in the seconds of a step.
+        base: memory of a rank without a mesh [bytes].
+        per_dof: memory per unknown [bytes].
+    """
+
+    mesh: float
+    step: float
+    growth: float
+    base: float
+    per_dof: float
+
+
+ELASTIC = Rates(2e-4, 2e-5, 1.2, 250e6, 9e3)
+PLASTIC = Rates(2e-4, 4e-5, 1.2, 250e6, 12e3)
+
+
+@dataclass(frozen=True)
+class Level:
+    """One mesh of a run.
+
+    Attributes:
+        h_contact: element size where the surface is reached last [length].
+        dofs: unknowns.
+        steps: load steps, those of unloadings too.
+        seconds: of one core.
+    """
+
+    h_contact: float
+    dofs: int
+    steps: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a case will take.
+
+    Attributes:
+        levels: the meshes, the last one the finest.
+        ranks: processes the memory is for.
+        memory: of all ranks [bytes].
+    """
+
+    levels: tuple[Level, ...]
+    ranks: int
+    memory: float
+
+    @property
+    def dofs(self) -> int:
+        """Unknowns of the finest mesh."""
+        return self.levels[-1].dofs
+
+    @property
+    def seconds(self) -> float:
+        """Time of one core for everything."""
+        return sum(level.seconds for level in self.levels)
+
+
+def estimate(case: Case, ranks: int = 1) -> Estimate:
+    """What a case will take, without meshing or solving it.
+
+    With `accuracy.tolerance` the meshes are those a run plans for a usual error of its first mesh; a harder surface
+    gets a finer one more.
+
+    Raises:
+        InputError: the case is driven by a force, so nobody knows yet how deep it goes.
+    """
+    if case.loading.delta_max is None:
+        raise InputError(
+            "an estimate needs loading.delta_max: the deflection at loading.force_max is only known after a run; "
+            "replace it, for example --set loading.force_max= --set loading.delta_max=2e-8"
+        )
+    surface, rates = case.build_surface(), PLASTIC if case.material.yield_strength is not None else ELASTIC
+    levels = []
+    for h, steps in _plan(case):
+        dofs = _given_dofs(case) or count_dofs(surface, case, h)
+        levels.append(Level(h, dofs, steps, _seconds(rates, dofs, steps)))
+    memory = ranks * rates.base + rates.per_dof * levels[-1].dofs
+    return Estimate(tuple(levels), ranks, memory)
+
+
+def _plan(case: Case) -> list[tuple[float, int]]:
+    """Size h_contact [length] and load steps of each mesh."""
+    loading, plastic = case.loading, case.material.yield_strength is not None
+    integrator = loading.integrator if plastic else BACKWARD_EULER
+
+    def steps(planned: int, whole: bool = True) -> int:
+        schedule = Schedule(delta_max=1.0, steps=planned, integrator=integrator)
+        unloading = loading.unload_steps if loading.unload and whole else 0
+        return (len(schedule.stops()) + unloading) * (loading.cycles if whole else 1)
+
+    if case.accuracy.tolerance is None:
+        return [(case.mesh.h_contact, steps(loading.steps))]
+    L, share = case.surface.L, MESH_SHARE if plastic else 1.0
+    finer = max(refinement_for(TYPICAL_ERROR, share * case.accuracy.tolerance), SMALLEST_REFINEMENT)
+    guide = [(GUIDE * L, steps(loading.steps))]
+    doubled = [(GUIDE * L, steps(2 * loading.steps, whole=False))] if plastic else []
+    return [*guide, *doubled, (GUIDE * L / finer, steps(loading.steps))]
+
+
+def _given_dofs(case: Case) -> int:
+    return 0 if case.mesh.file is None else 3 * len(BlockMesh.read(case.mesh.file).points)
+
+
+def count_dofs(surface: Surface, case: Case, h_contact: float) -> int:
+    """Unknowns of the mesh of a case with a given size h_contact [length]."""
+    assert case.loading.delta_max is not None
+    mesh, L = case.mesh, surface.L
+    adaptive = case.accuracy.tolerance is not None
+    growth, h_max = (0.25, None) if adaptive else (mesh.growth, mesh.h_max)
+    field = SizeField.of(surface, case.loading.delta_max, h_contact, growth=growth, h_max=h_max)
+    return round(3 * NODES * integral(field.at, case.block.height / L))
+
+
+def integral(size: Size, height: float) -> float:
+    """Integral of 1/h^3 over the block, by cubes of at most 2 h.
+
+    Args:
+        size: h at (x, y, depth), in units of L
+        height: of the block [L]
+    """
+    total = 0.0
+    layers = max(round(8 * height), 1)
+    edges = (1 / 8, 1 / 8, height / layers)
+    todo = [((i + 0.5) / 8, (j + 0.5) / 8, (k + 0.5) * edges[2], edges)
+            for i in range(8) for j in range(8) for k in range(layers)]  # fmt: skip
+    while todo:
+        x, y, z, (a, b, c) = todo.pop()
+        h = size(x, y, z)
+        if max(a, b, c) <= 2.0 * h:
+            total += a * b * c / h**3
+            continue
+        todo += [(x + sx * a / 4, y + sy * b / 4, z + sz * c / 4, (a / 2, b / 2, c / 2))
+                 for sx in (-1, 1) for sy in (-1, 1) for sz in (-1, 1)]  # fmt: skip
+    return total
+
+
+def _seconds(rates: Rates, dofs: int, steps: int) -> float:
+    return rates.mesh * dofs + steps * rates.step * dofs * (dofs / 1e4) ** (rates.growth - 1.0)

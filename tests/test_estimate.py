@@ -1,0 +1,86 @@
+"""The estimate of a case against the run itself."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from asperity.case import Case
+from asperity.cli import main
+from asperity.errors import InputError
+from asperity.estimate import ELASTIC, PLASTIC, estimate, integral
+from asperity.simulation import run
+
+ROOT = Path(__file__).parent.parent
+QUICK = [
+    "mesh.h_contact=0.15e-6",
+    "loading.steps=3",
+    "output.figures=false",
+    "output.report=false",
+    "dynamics.zeta=0.05",
+]
+
+
+def test_dofs_steps_and_memory_are_those_of_the_run() -> None:
+    data = Case.load(ROOT / "cases/demo.toml", QUICK).to_dict()
+    del data["dynamics"]
+    case = Case.from_dict(data)
+    found = estimate(case)
+    summary = run(case).summary
+    assert found.dofs == pytest.approx(summary["dofs"], rel=0.25)
+    assert summary["steps"] - 3 <= found.levels[0].steps <= summary["steps"]  # lifting off may take some steps more
+    # what pytest has loaded besides counts for the run
+    assert 0.4 < found.memory / 2**20 / summary["peak_memory_MiB"] < 2
+    assert found.seconds > 0
+
+
+def test_the_integral_of_a_graded_field() -> None:
+    # h = 0.01 + 0.2 depth: integral of h^-3 over depth in closed form
+    exact = (0.01**-2 - (0.01 + 0.2 * 1.5) ** -2) / (2 * 0.2)
+    assert integral(lambda x, y, depth: 0.01 + 0.2 * depth, 1.5) == pytest.approx(exact, rel=0.25)
+    assert integral(lambda x, y, depth: 0.1, 2.0) == pytest.approx(2.0 / 0.1**3, rel=1e-12)
+
+
+def test_what_costs_more_is_estimated_higher() -> None:
+    def of(*changes: str) -> float:
+        return estimate(Case.load(ROOT / "cases/demo.toml", [*QUICK, *changes])).seconds
+
+    assert of("mesh.h_contact=0.1e-6") > 1.3 * of()
+    assert of("loading.steps=6") > 1.3 * of()
+    assert of("material.yield_strength=", "material.tangent_modulus=") < of()
+    assert np.all(np.array([r.step for r in (ELASTIC, PLASTIC)]) > 0)
+
+
+def test_a_tolerance_makes_several_meshes() -> None:
+    found = estimate(Case.load(ROOT / "cases/elastic.toml"), ranks=4)
+    sizes = [level.dofs for level in found.levels]
+    assert len(sizes) == 2 and sizes[1] > sizes[0] and found.ranks == 4
+    assert found.memory > 4 * ELASTIC.base
+
+
+def test_a_force_is_refused() -> None:
+    case = Case.load(ROOT / "cases/demo.toml", ["loading.delta_max=", "loading.force_max=1e-4"])
+    with pytest.raises(InputError, match=r"loading\.delta_max"):
+        estimate(case)
+
+
+def test_command(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(["estimate", str(ROOT / "cases/demo.toml"), "--ranks", "2"])
+    assert not left.value.code
+    out = capsys.readouterr().out
+    assert "unknowns" in out and "memory of 2 ranks" in out
+
+
+def test_no_solver_is_loaded() -> None:
+    code = (
+        "import sys; from asperity.case import Case; from asperity.estimate import estimate\n"
+        f"estimate(Case.load({str(ROOT / 'cases/elastic.toml')!r}))\n"
+        "print([m for m in ('gmsh', 'dolfinx', 'petsc4py', 'mpi4py') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,51 @@
+"""Each script of examples/ runs and gives its numbers; another version of gmsh makes another mesh."""
+
+from __future__ import annotations
+
+import runpy
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+EXAMPLES = Path(__file__).parent.parent / "examples"
+
+
+def run(name: str) -> Any:
+    """What `main` of an example returns."""
+    return runpy.run_path(str(EXAMPLES / f"{name}.py"))["main"]()
+
+
+def test_each_has_a_test() -> None:
+    tested = {name.removeprefix("test_") for name in globals() if name.startswith("test_")}
+    assert {path.stem for path in EXAMPLES.glob("*.py")} <= tested
+
+
+def test_hertz() -> None:
+    assert run("hertz") < 0.03  # of the closed form; the mesh is coarse
+
+
+def test_tangent_modulus() -> None:
+    assert run("tangent_modulus") == pytest.approx([2.352, 2.311, 2.262], abs=0.03)
+
+
+def test_custom_surface() -> None:
+    assert run("custom_surface") == pytest.approx(4.32e-3, rel=0.01)
+
+
+def test_vibration() -> None:
+    # the power laws 1.5 and 1.7 between which the table lies have 0.9877 and 0.9824 at u = 0.5
+    ratio, peak = run("vibration")
+    assert ratio == pytest.approx(0.98559, abs=1e-4)
+    assert peak == pytest.approx(0.9322, abs=1e-3)
+
+
+def test_parallel_study() -> None:
+    # 40 steps instead of 5 give 1.628 and 1.630
+    assert run("parallel_study") == [pytest.approx(1.630, abs=0.003), pytest.approx(1.630, abs=0.003)]
+
+
+def test_measured_surface() -> None:
+    D, load = run("measured_surface")
+    assert D == pytest.approx(2.425, abs=1e-3)
+    assert load == pytest.approx(3.226e-3, rel=0.02)
