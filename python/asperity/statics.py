@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Formulation:
-    """Contact formulation and its parameters, see docs/contact.md.
+    """Contact formulation and its parameters, see docs/theory.md.
 
     Attributes:
         method: "active-set", "penalty" or "nitsche"

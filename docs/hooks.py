@@ -1,0 +1,35 @@
+"""What mkdocs takes from elsewhere: the README as the front page, the input reference from the schema."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parent.parent
+MARK = re.compile(r"^<!-- insert (\w+) -->$", re.MULTILINE)
+
+
+def readme() -> str:
+    """The README, its links seen from the site; files outside docs/ are only named."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8").replace("](docs/", "](")
+    return re.sub(r"\[([^]]+)\]\((?!https?:)([A-Z]+(?:\.md)?)\)", r"`\2`", text)
+
+
+def keys() -> str:
+    """A table for each section of the case file."""
+    from asperity.schema import input_reference
+
+    tables: dict[str, list[str]] = {}
+    for section, key, default, legal, unit, meaning in input_reference():
+        tables.setdefault(section, []).append(f"| `{key}` | {meaning} | {legal} | {default} | {unit} |")
+    head = "| key | meaning | legal values | default | unit |\n|---|---|---|---|---|\n"
+    return "\n\n".join(f"## {name}\n\n{head}" + "\n".join(rows) for name, rows in tables.items())
+
+
+PARTS = {"readme": readme, "keys": keys}
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Replace the marks of a page."""
+    return MARK.sub(lambda mark: PARTS[mark[1]](), markdown)

@@ -1,0 +1,184 @@
+"""The documentation: its Python runs, its commands and case files are legal, and it knows every error message."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import shlex
+import shutil
+import tomllib
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import pytest
+from made_up_run import write_run
+
+from asperity.case import Case
+from asperity.cli import group, main
+
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+MUST_RUN = {"keys", "estimate", "surface", "compare"}  # commands that take no time
+
+
+# stands for the study file of docs/studies.md
+STUDY = """
+base = {units = "other", surface = {kind = "sinusoid", L = 1.0, amplitude = 0.05}, material = {E = 1.0, nu = 0.3},
+    mesh = {h_contact = 0.4, h_max = 1.0, growth = 1.0}, loading = {delta_max = 0.02, steps = 3}}
+grid = {"block.height" = [1.0, 2.0]}
+""".replace(",\n   ", ",")
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    """Fenced blocks of a language."""
+    return [code for name, code in FENCE.findall(page.read_text(encoding="utf-8")) if name == language]
+
+
+def commands() -> list[str]:
+    """Lines of all pages that call something, without what is only an option of `./run`."""
+    found = []
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        fenced = "\n".join(code for name, code in FENCE.findall(text) if name in ("sh", "bash"))
+        indented = re.findall(r"^    (\S.*)$", FENCE.sub("", text), re.MULTILINE)
+        for line in [*fenced.splitlines(), *indented]:
+            words = shlex.split(line, comments=True)
+            while words and (words[0] in ("./run", "mpirun", "-n") or words[0].isdigit() or "$" in words[0]):
+                words = words[1:]
+            if words and words[0] in ("asperity", "python3"):
+                found.append(shlex.join(words))
+    return sorted({c for c in found if "$" not in c})
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder with the cases and with finished runs, studies and maps of the names the pages use."""
+    for name in ("cases", "examples", "benchmarks"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    for name in ("demo", "new"):
+        write_run(tmp_path / "out" / name, n=2)
+    (tmp_path / "tests/curves").mkdir(parents=True)
+    shutil.copy(tmp_path / "out/demo/curve.csv", tmp_path / "tests/curves/demo.csv")
+    (tmp_path / "out/paper").mkdir()
+    (tmp_path / "s.toml").write_text(STUDY, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield tmp_path
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, "python")], ids=lambda p: str(p.relative_to(ROOT)))
+def test_python_runs(page: Path, place: Path) -> None:
+    """The blocks of a page one after the other, as a reader types them."""
+    names: dict[str, object] = {"__name__": "page"}
+    for code in blocks(page, "python"):
+        exec(compile(code, f"{page.name}: {code[:40]}", "exec"), names)
+
+
+@pytest.mark.parametrize("line", commands())
+def test_command_is_legal(line: str, place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    program, *arguments = shlex.split(line)
+    arguments = ["0.1" if word == "..." else word for word in arguments]
+    if program == "python3":
+        assert os.path.exists(arguments[0]) or arguments[0] == "driver.py"
+        return
+    assert arguments
+    context = click.Context(group, info_name="asperity")
+    command = group.get_command(context, arguments[0])
+    if arguments[0].startswith("-") or arguments == ["..."]:
+        return
+    assert command is not None, line
+    files = [word for word in arguments if word.startswith("cases/")]
+    assert all(os.path.exists(name) for name in files)
+    if arguments[0] in MUST_RUN:
+        with pytest.raises(SystemExit) as left:
+            main(arguments)
+        assert not left.value.code, capsys.readouterr().err
+    else:
+        command.make_context(arguments[0], arguments[1:], parent=context)
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, "toml")], ids=lambda p: p.name)
+def test_case_files_are_legal(page: Path) -> None:
+    for code in blocks(page, "toml"):
+        data = tomllib.loads(code)
+        if {"surface", "material", "loading"} <= set(data):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                Case.from_dict(data)
+
+
+# --- messages -------------------------------------------------------------------------------------------------
+
+RAISED = re.compile(
+    r"(?<!Key)(?<!Value)(?<!Attribute)(?<!OS)(?<!Memory)(?<!NotFound)(Error|Interrupted|Mistake|_refuse)$"
+)
+PLACE = {"Mistake": 1, "_refuse": 1, "judge": 2}  # of the message among the arguments
+
+
+def template(node: ast.expr) -> str:
+    """Text of an expression with an ellipsis for each value."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return node.value
+    if isinstance(node, ast.JoinedStr):
+        return "".join(template(v) if isinstance(v, ast.Constant) else "…" for v in node.values)
+    if isinstance(node, ast.BinOp):
+        return template(node.left) + template(node.right)
+    return "…"
+
+
+def messages() -> Iterator[tuple[str, str]]:
+    """Where and what of every error message of the package that is written as a text."""
+    for path in sorted((ROOT / "python/asperity").rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(node, ast.Call):
+                continue
+            name = getattr(node.func, "id", getattr(node.func, "attr", ""))
+            if (RAISED.search(name) and name[0] != "_") or name in PLACE:
+                index = PLACE.get(name, 0)
+                text = template(node.args[index]) if len(node.args) > index else "…"
+                if any(c.isalpha() for c in text):
+                    yield f"{path.relative_to(ROOT)}:{node.lineno}", text
+
+
+def documented() -> list[list[str]]:
+    """Fragments of each message in the first column of docs/troubleshooting.md."""
+    page = (ROOT / "docs/troubleshooting.md").read_text(encoding="utf-8")
+    rows = [line.split(" | ")[0] for line in page.splitlines() if line.startswith("| `")]
+    return [pattern.split("…") for row in rows for pattern in re.findall(r"`([^`]+)`", row)]
+
+
+def matches(fragments: list[str], text: str) -> bool:
+    """Whether the fragments follow one another in a message."""
+    at = 0
+    for fragment in fragments:
+        found = text.find(fragment.strip(), at)
+        if found < 0:
+            return False
+        at = found + len(fragment.strip())
+    return len("".join(fragments).replace(" ", "")) > 5
+
+
+def test_every_message_is_documented() -> None:
+    known = documented()
+    lost = [f"{where}: {text}" for where, text in messages() if not any(matches(k, text) for k in known)]
+    assert not lost, "add to docs/troubleshooting.md:\n" + "\n".join(lost)
+
+
+def test_no_documented_message_is_gone() -> None:
+    texts = [(ROOT / "run").read_text(encoding="utf-8")]
+    for path in (ROOT / "python/asperity").rglob("*.py"):
+        nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        texts += [template(n) for n in nodes if isinstance(n, ast.Constant | ast.JoinedStr | ast.BinOp)]
+    gone = ["…".join(k) for k in documented() if not any(matches(k, text) for text in texts)]
+    assert not gone
+
+
+def test_the_messages_are_found() -> None:
+    texts = [text for _, text in messages()]
+    assert len(texts) > 200
+    assert any("…" in text and "leaves no gap" in text for text in texts)
