@@ -9,7 +9,7 @@ import argparse
 import warnings
 from pathlib import Path
 
-from PIL import Image
+from pictures import shrink
 
 from asperity.case import Case
 from asperity.plot import plot_run
@@ -17,12 +17,13 @@ from asperity.plot.scene import scene
 from asperity.simulation import run
 
 ROOT = Path(__file__).parent.parent
-WIDTH, COLOURS = 1200, 128
 # run -> case, changes, figures
 RUNS = {
     "demo": ("demo", ["mesh.h_contact=0.05e-6"], ("surface", "mesh", "pressure", "area", "plasticity", "response",
                                                   "frequency", "scene")),
-    "sphere": ("hertz", ["mesh.h_contact=2e-6", "output.fields=true"], ("pressure",)),
+    "wavy": ("sinusoid", ["surface.dims=2", "surface.wavelength=0.5e-6", "surface.amplitude=10e-9",
+                          "surface.centre=[0.25e-6, 0.25e-6]", "loading.delta_max=10e-9", "mesh.h_contact=0.06e-6",
+                          "output.fields=true"], ("pressure",)),
 }  # fmt: skip
 
 
@@ -45,15 +46,6 @@ def main() -> None:
             target = pictures / (f"{figure}.png" if name == "demo" else f"{name}_{figure}.png")
             shrink(out / f"figures/{figure}.png", target)
             print(f"{target.relative_to(ROOT)}  {target.stat().st_size / 1000:.0f} kB")
-
-
-def shrink(source: Path, target: Path) -> None:
-    """Copy a picture with fewer pixels and colours."""
-    with Image.open(source) as image:
-        flat = image.convert("RGB")
-        if flat.width > WIDTH:
-            flat = flat.resize((WIDTH, round(flat.height * WIDTH / flat.width)), Image.Resampling.LANCZOS)
-        flat.quantize(COLOURS, dither=Image.Dither.NONE).save(target, optimize=True)
 
 
 if __name__ == "__main__":

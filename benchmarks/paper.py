@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from pictures import shrink
 from statements import Statement, all_statements, passing
 
 from asperity.dynamics import ContactOscillator, PowerLaw
@@ -47,7 +49,7 @@ def main() -> None:
     pictures = arguments.docs / "paper"
     pictures.mkdir(parents=True, exist_ok=True)
     for name, figure in figures(results):
-        style.save(figure, pictures / f"{name}.png")
+        shrink(style.save(figure, pictures / f"{name}.png"))
     found = all_statements(results)
     (arguments.docs / "paper.md").write_text(page(results, found), encoding="utf-8")
     for statement in found:
@@ -85,6 +87,7 @@ def curve_families(results: StudyResults) -> Figure:
     for axis, name in zip(axes.ravel(), ("D", "G", "E_t", "sigma_y"), strict=True):
         levels = results.levels(name)
         draw_curves(axis, results, levels, labels(name, levels))
+        axis.xaxis.set_major_locator(MaxNLocator(5))
         axis.legend(loc="upper left")
     style.letters(*axes.ravel())
     return figure
@@ -181,7 +184,7 @@ def response_families(results: StudyResults) -> Figure:
             axis.plot(branch.Omega, branch.u_max, "--", color=style.BLACK, lw=0.5)
         axis.plot([], [], "--", color=style.BLACK, lw=0.5, label="Taylor")
         axis.set_xlim(0.75, 1.1)
-        axis.set_ylim(bottom=0)
+        axis.set_ylim(0, 1.05)  # room for the legend
         axis.set_xlabel("frequency $\\Omega$")
         axis.set_ylabel("$u_{max}$")
         axis.legend(loc="upper left", fontsize=6.5)

@@ -247,6 +247,7 @@ def input_reference() -> Iterator[tuple[str, str, str, str, str, str]]:
             for key, about in properties(model).items():
                 if key != "kind":
                     default = show(about["default"]) if "default" in about else "required"
+                    default = "none" if default == "None" else default
                     unit = about["unit"] or "-"
                     default = about["shown"] or default
                     yield section, key, default, legal(about), unit, about["description"]

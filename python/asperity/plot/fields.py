@@ -126,7 +126,7 @@ def pressure_maps(results: Results, count: int = 4) -> Figure:
         image = axis.tricontourf(mesh, top["pressure"][i] * scale, levels, cmap="inferno_r")
         axis.set_aspect("equal")
         axis.set_xlabel(style.label("$x$", across_unit))
-        axis.set_title(f"{_branch(top, i)}$\\delta/L$ = {_strain(results, i):.4f}")
+        axis.set_title(f"{_branch(top, i)}$\\delta/L$ = {_strain(results, i):.3g}")
         if axis.get_subplotspec().is_first_col():
             axis.set_ylabel(style.label("$y$", across_unit))
         else:
@@ -164,7 +164,7 @@ def _patches(axis: Any, results: Results, count: int) -> None:
             # positive in contact, negative outside: its zero line runs between the nodes
             state = pressure / pressure.max() - gap / (gap.max() or 1.0)
             axis.tricontourf(mesh, state, [0.0, np.inf], colors=[shade])
-        keys.append(Patch(color=shade, label=f"{_strain(results, i):.4f}"))
+        keys.append(Patch(color=shade, label=f"{_strain(results, i):.3g}"))
     axis.set_facecolor(style.PALE)
     axis.set_aspect("equal")
     axis.set_xlabel(style.label("$x$", across_unit))
