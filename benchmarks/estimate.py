@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from asperity.case import Case
-from asperity.estimate import NODES, Rates, estimate
+from asperity.estimate import Rates, estimate
 
 SIZES = (0.1, 0.06, 0.04, 0.03)  # h_contact [L]
 DEMO = Path(__file__).parent.parent / "cases/demo.toml"
@@ -79,7 +79,6 @@ def main() -> None:
     arguments = parser.parse_args()
     print("| solid | h_contact/L | unknowns | estimated | CPU s | estimated | MiB | estimated |")
     print("|---|---|---|---|---|---|---|---|")
-    everything = []
     constants = {}
     for kind in MATERIALS:
         samples = [measure(kind, h) for h in arguments.sizes]
@@ -88,9 +87,7 @@ def main() -> None:
             print(f"| {kind} | {h:g} | {s.dofs} | {e.dofs} | {s.seconds:.1f} | {e.seconds:.1f} | "
                   f"{s.memory / 2**20:.0f} | {e.memory / 2**20:.0f} |", flush=True)  # fmt: skip
         constants[kind] = rates(samples)
-        everything += samples
-    nodes = np.mean([NODES * s.dofs / estimate(s.case).dofs for s in everything])
-    print(f"\nNODES = {nodes:.3g}")
+    print()
     for kind, r in constants.items():
         print(f"{kind.upper()} = Rates({r.mesh:.2g}, {r.step:.2g}, {r.growth:.3g}, {r.base:.3g}, {r.per_dof:.3g})")
 

@@ -317,6 +317,16 @@ def resolution(results: StudyResults) -> str:
     return table(("solid", "mesh and steps", "unknowns", "n", "n, log fit", "P*max", "against the last line"), rows)
 
 
+def failures(results: StudyResults) -> str:
+    """Why cases failed, in brackets."""
+    found = [
+        f"seed {row['surface.seed']:.0f} of {row['families']}: {str(row['exit_reason']).partition(': ')[2]}"
+        for row in results.rows
+        if row["exit_reason"] != "done"
+    ]
+    return f" ({'; '.join(found)})" if found else ""
+
+
 def versions(results: StudyResults) -> dict[str, Any]:
     """Versions that ran the study."""
     path = results.folder / "cases" / str(results.rows[0]["case"]) / "summary.json"
@@ -340,7 +350,7 @@ def page(results: StudyResults, found: Sequence[Statement]) -> str:
     peaks = ", ".join(f"{p['u_max']:.3f} at Ω = {p['Omega']:.3f}" for p in limits.peaks if p["u_max"] is not None)
     fields = {
         "title": results.title, "cases": len(results.rows), "done": len(done), "failed": len(results.rows) - len(done),
-        "cost": f"{cost / 60:.0f}", "software": software, "verdicts": verdicts, "under": under,
+        "reasons": failures(results), "cost": f"{cost / 60:.0f}", "software": software, "verdicts": verdicts, "under": under,
         "fits": fits(results), "conditions": conditions(found, results),
         "half_space": half_space(results), "physical": physical(results),
         "resolution": resolution(results), "n": f"{law.n:.3f}", "u_loss": f"{limits.u_max or 0:.3f}",
@@ -369,8 +379,9 @@ as high as wide, fixed below, with sides that do not move outwards; the flat is 
 strains are small. E = 200 GPa, ν = 0.3; elastic-plastic solids harden bilinearly. P* = P/(A₀E'), δ* = δ/L
 from first touch.
 
-Study: {title}. {cases} cases, {failed} failed, {cost} minutes of computing in all ({software}).
-`cases/paper/full.toml` is the full grid, on finer meshes.
+Study: {title}. {cases} cases, {failed} refused or failed{reasons}; {cost} minutes of wall time summed over the cases, on a
+machine busy with other work ({software}). `cases/paper/full.toml` is the full grid, on finer meshes; it continues
+where it was stopped.
 
 ## Verdicts
 
