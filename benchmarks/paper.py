@@ -350,7 +350,8 @@ def page(results: StudyResults, found: Sequence[Statement]) -> str:
     peaks = ", ".join(f"{p['u_max']:.3f} at Ω = {p['Omega']:.3f}" for p in limits.peaks if p["u_max"] is not None)
     fields = {
         "title": results.title, "cases": len(results.rows), "done": len(done), "failed": len(results.rows) - len(done),
-        "reasons": failures(results), "cost": f"{cost / 60:.0f}", "software": software, "verdicts": verdicts, "under": under,
+        "reasons": failures(results), "cost": f"{cost / 60:.0f}", "software": software,
+        "verdicts": verdicts, "under": under,
         "fits": fits(results), "conditions": conditions(found, results),
         "half_space": half_space(results), "physical": physical(results),
         "resolution": resolution(results), "n": f"{law.n:.3f}", "u_loss": f"{limits.u_max or 0:.3f}",
@@ -379,9 +380,9 @@ as high as wide, fixed below, with sides that do not move outwards; the flat is 
 strains are small. E = 200 GPa, ν = 0.3; elastic-plastic solids harden bilinearly. P* = P/(A₀E'), δ* = δ/L
 from first touch.
 
-Study: {title}. {cases} cases, {failed} refused or failed{reasons}; {cost} minutes of wall time summed over the cases, on a
-machine busy with other work ({software}). `cases/paper/full.toml` is the full grid, on finer meshes; it continues
-where it was stopped.
+Study: {title}. {cases} cases, {failed} refused or failed{reasons}; {cost} minutes of wall time summed over the
+cases, on a machine busy with other work ({software}). `cases/paper/full.toml` is the full grid, on finer meshes; it
+continues where it was stopped.
 
 ## Verdicts
 

@@ -15,4 +15,4 @@ def shrink(source: Path, target: Path | None = None) -> None:
         flat = image.convert("RGB")
     if flat.width > WIDTH:
         flat = flat.resize((WIDTH, round(flat.height * WIDTH / flat.width)), Image.Resampling.LANCZOS)
-    flat.quantize(COLOURS, dither=Image.Dither.NONE).save(target or source, optimize=True)
+    flat.quantize(COLOURS, kmeans=4, dither=Image.Dither.NONE).save(target or source, optimize=True)
