@@ -45,8 +45,8 @@ class Rates:
     per_dof: float
 
 
-ELASTIC = Rates(2e-4, 2e-5, 1.2, 250e6, 9e3)
-PLASTIC = Rates(2e-4, 4e-5, 1.2, 250e6, 12e3)
+ELASTIC = Rates(3.7e-5, 3.0e-5, 1.07, 239e6, 2.53e3)
+PLASTIC = Rates(4.6e-5, 3.6e-5, 1.25, 235e6, 3.45e3)
 
 
 @dataclass(frozen=True)
