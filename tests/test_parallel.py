@@ -138,6 +138,7 @@ def test_fields_are_numbered_like_the_mesh_on_any_ranks(rough: Surface, coarse: 
             assert (a.step, a.branch, a.delta) == (b.step, b.branch, b.delta)
             np.testing.assert_allclose(a.displacement, b.displacement, rtol=0, atol=1e-8 * DELTA)
             np.testing.assert_allclose(a.pressure, b.pressure, rtol=0, atol=1e-6 * b.pressure.max())
+            np.testing.assert_allclose(a.stress, b.stress, rtol=0, atol=1e-6 * np.abs(b.stress).max())
             np.testing.assert_allclose(a.plastic_strain, b.plastic_strain, rtol=0, atol=1e-6 * b.plastic_strain.max())
 
 
