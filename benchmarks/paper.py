@@ -1,6 +1,6 @@
-"""Rebuild docs/paper.md and its figures from a finished study:  python3 benchmarks/paper.py out/paper
+"""Run the paper's studies and write docs/paper.md with its figures:  mpirun -n 2 python3 benchmarks/paper.py out/paper
 
-The study comes first:  mpirun -n 2 asperity study cases/paper/study.toml -o out/paper
+What the folder holds already is not repeated.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from mpi4py import MPI
 from pictures import shrink
 from statements import Statement, all_statements, passing
 
@@ -24,9 +25,10 @@ from asperity.plot import style
 from asperity.plot.families import colours, draw_column, draw_curves, label_of
 from asperity.reference.tables import ROUGH_ELASTIC_FITS
 from asperity.schema import WeierstrassMandelbrotSection
-from asperity.study import Level, StudyResults
+from asperity.study import Level, Study, StudyResults, run_study
 from asperity.study.trend import CONDITIONS
 
+ROOT = Path(__file__).parent.parent
 ZETA, FORCING, OMEGA = 0.01, (0.01, 0.03), (0.6, 1.2)
 FAMILY_FORCING = 0.015
 SCALE = {
@@ -39,22 +41,29 @@ FAMILIES = {"D": ("surface.D",), "G": ("surface.G",), "similar": ("surface.G",),
 
 
 def main() -> None:
-    """Write the page and its figures."""
+    """Run the study, on all ranks, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("study", type=Path, help="folder of the study")
-    parser.add_argument("--docs", type=Path, default=Path(__file__).parent.parent / "docs", help="folder of the page")
+    parser.add_argument("folder", type=Path, help="of the study")
+    parser.add_argument("--study", type=Path, default=ROOT / "cases/paper/study.toml", help="study file")
+    parser.add_argument("--docs", type=Path, default=ROOT / "docs", help="folder of the page")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
-    results = StudyResults.read(arguments.study)
-    pictures = arguments.docs / "paper"
+    run_study(Study.load(arguments.study), arguments.folder, say=lambda line: print(line, flush=True))
+    if MPI.COMM_WORLD.rank == 0:
+        write(StudyResults.read(arguments.folder), arguments.docs)
+
+
+def write(results: StudyResults, docs: Path) -> None:
+    """Write the page and its figures into the folder of the documentation."""
+    pictures = docs / "paper"
     pictures.mkdir(parents=True, exist_ok=True)
     for name, figure in figures(results):
         shrink(style.save(figure, pictures / f"{name}.png"))
     found = all_statements(results)
-    (arguments.docs / "paper.md").write_text(page(results, found), encoding="utf-8")
+    (docs / "paper.md").write_text(page(results, found), encoding="utf-8")
     for statement in found:
         print(f"{statement.name}  {statement.verdict}: {statement.note}")
-    print(f"written {arguments.docs / 'paper.md'}")
+    print(f"written {docs / 'paper.md'}")
 
 
 def labels(name: str, levels: Sequence[Level]) -> list[str]:
@@ -371,8 +380,9 @@ Jana, Mitra and Sahoo, *Dynamic contact interactions of fractal surfaces*, Appl.
 This page repeats their studies, each over an ensemble of surfaces, and tests each statement. It is written by
 a script; every figure and number comes from
 
-    ./run mpirun -n 2 asperity study cases/paper/study.toml -o out/paper
-    ./run python3 benchmarks/paper.py out/paper
+    ./run mpirun -n 2 python3 benchmarks/paper.py out/paper
+
+which runs `cases/paper/study.toml`, as `asperity study` would, and repeats nothing that is there already.
 
 The paper's own D, G, material and block are not given in the part of it that we have, so the values here are
 ours: `cases/paper/base.toml`. The surface is Eq. (1) with L = 1 µm, M = 10, γ = 1.5, f_max = 5; the block is
