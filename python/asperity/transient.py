@@ -23,7 +23,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from . import _solver, compat
 from .audit import energies
@@ -221,6 +220,10 @@ class Transient:
         dashpot: c [E L T]
         scheme: of integration
 
+    Attributes:
+        added_mass: of the block, which adds to that of the plate as long as the block follows quasi-statically:
+            omega falls by sqrt(1 + added_mass/mass) (Rayleigh) [E L T^2]
+
     Raises:
         InputError: density, mass or load is not positive, or dashpot is negative
     """
@@ -271,8 +274,8 @@ class Transient:
         solid.u.x.scatter_forward()
         self.bulk.shift = 0.0
         resisting = solid.comm.allreduce(float(np.vdot(shape, solid.internal_force())))
-        inertia = self.mass + 2.0 * self._kinetic(shape)
-        w = (self.load - self.dashpot * velocity - resisting) / inertia
+        self.added_mass = 2.0 * self._kinetic(shape)
+        w = (self.load - self.dashpot * velocity - resisting) / (self.mass + self.added_mass)
         self.block = Motion(x, shape * velocity, shape * w, shape * w)
         self.plate = Motion(press.delta, velocity, w, w)
 
