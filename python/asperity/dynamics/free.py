@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from asperity.dynamics.damping import in_flight, rate
-from asperity.dynamics.law import Array, Restoring, TaylorLaw, positive
+from asperity.dynamics.law import Array, TaylorLaw, positive
+from asperity.dynamics.restoring import Restoring
 from asperity.errors import ConvergenceError, InputError, RangeError
 
 _ORDERS = (24, 48, 96, 192, 384)

@@ -14,13 +14,14 @@ from asperity.dynamics import thresholds as _thresholds
 from asperity.dynamics.damping import check_damping
 from asperity.dynamics.free import FreeVibration, contact_limit, free_vibration
 from asperity.dynamics.hbm import Balance
-from asperity.dynamics.law import Array, Law, Restoring, TaylorLaw, positive
+from asperity.dynamics.law import Array, Law, TaylorLaw, positive
 from asperity.dynamics.polish import polish as _polish
 from asperity.dynamics.response import FrequencyResponse, Setting, frequency_response
-from asperity.dynamics.shooting import Trajectory, integrate
+from asperity.dynamics.restoring import Restoring
 from asperity.dynamics.sweep import Attractor, Sweep
 from asperity.dynamics.table import TableLaw
 from asperity.dynamics.thresholds import Backbone, Thresholds
+from asperity.dynamics.trajectory import Trajectory, integrate
 from asperity.errors import InputError
 
 GRAVITY = 9.80665

@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from asperity.dynamics.branch import Branch
 from asperity.dynamics.law import Array
 from asperity.dynamics.oscillator import ContactOscillator
-from asperity.dynamics.response import Branch, FrequencyResponse
+from asperity.dynamics.response import FrequencyResponse
 from asperity.dynamics.run import Dynamics
-from asperity.dynamics.shooting import Trajectory
 from asperity.dynamics.sweep import ESCAPED, NOT_SETTLED, Sweep
 from asperity.dynamics.table import TableLaw
+from asperity.dynamics.trajectory import Trajectory
 from asperity.dynamics.uncertainty import Band
 from asperity.errors import AsperityError
 from asperity.plot import style

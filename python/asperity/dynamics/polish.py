@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from asperity.dynamics.branch import Branch
 from asperity.dynamics.hbm import Balance, tail
 from asperity.dynamics.law import Array
-from asperity.dynamics.response import Branch, FrequencyResponse
-from asperity.dynamics.shooting import integrate, shoot, state_at_phase_zero
+from asperity.dynamics.response import FrequencyResponse
+from asperity.dynamics.shooting import shoot, state_at_phase_zero
+from asperity.dynamics.trajectory import integrate
 from asperity.errors import AsperityError, ConvergenceError
 
 

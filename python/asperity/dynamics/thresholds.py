@@ -16,7 +16,8 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from asperity.dynamics.free import FreeOrbit, contact_limit, free_orbit
-from asperity.dynamics.law import Array, Restoring, TaylorLaw
+from asperity.dynamics.law import Array, TaylorLaw
+from asperity.dynamics.restoring import Restoring
 from asperity.errors import RangeError
 
 _LARGEST = 1e6
