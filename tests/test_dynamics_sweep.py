@@ -174,11 +174,11 @@ def test_bad_sweeps() -> None:
 
 
 def test_figures_of_a_run(tmp_path) -> None:
-    from asperity.dynamics import plots
+    from asperity.plot import oscillator as plots
 
     law = PowerLaw(1.5, 1.0, (1.45, 1.55), (0.97, 1.03))
     result = run_dynamics(law, zeta=0.05, forcing=0.12, omega=(0.8, 1.1), sweeps=False)
-    names = {path.name for path in plots.save_figures(result, tmp_path)}
+    names = {path.name for path in plots.plot_dynamics(result, tmp_path)}
     assert names == {"frequency.png", "response.png", "operating-point.png", "backbone.png", "phase.png"}
     assert all((tmp_path / name).stat().st_size > 10_000 for name in names)
     chart = plots.stability_chart(result.oscillators["exact"], [0.05, 0.2], (0.8, 1.1))

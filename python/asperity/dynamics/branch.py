@@ -10,6 +10,7 @@ import numpy as np
 from asperity.dynamics.continuation import Point
 from asperity.dynamics.hbm import Balance
 from asperity.dynamics.law import Array
+from asperity.dynamics.shooting import state_at_phase_zero
 from asperity.dynamics.stability import Floquet, extrema, floquet, stack
 
 
@@ -83,6 +84,11 @@ class Solution:
     stable: bool
     error: float
     coefficients: Array
+
+    @property
+    def start(self) -> tuple[float, float]:
+        """(u, v) at forcing phase 0, to hand to `ContactOscillator.simulate`."""
+        return state_at_phase_zero(self.coefficients, self.Omega, self.order)
 
 
 def measure(

@@ -19,7 +19,7 @@ from asperity.dynamics.response import FrequencyResponse
 from asperity.dynamics.sweep import ESCAPED, Sweep
 from asperity.dynamics.table import TableLaw, columns, unload_reload
 from asperity.dynamics.thresholds import Thresholds
-from asperity.dynamics.uncertainty import Uncertainty, uncertainty
+from asperity.dynamics.uncertainty import BAND_COLUMNS, Band, Uncertainty, response_band, uncertainty
 from asperity.errors import AsperityError, InputError
 from asperity.power_law import fit_power_law
 
@@ -41,6 +41,7 @@ class Dynamics:
         sweeps: one per forcing and direction (empty when not asked for).
         thresholds: onsets and resonance peaks.
         uncertainty: confidence carried from the law, None when the law has none.
+        bands: confidence of the exact response, one per forcing, where the law has one and it was asked for.
         notes: what a reader must know.
     """
 
@@ -50,15 +51,18 @@ class Dynamics:
     sweeps: dict[str, tuple[Sweep, ...]]
     thresholds: dict[str, Thresholds]
     uncertainty: Uncertainty | None
+    bands: tuple[Band, ...]
     notes: tuple[str, ...]
 
     def write(self, out_dir: str | os.PathLike[str]) -> None:
-        """Write free.csv, response.csv and thresholds.json into a directory, made when missing."""
+        """Write free.csv, response.csv, thresholds.json, and band.csv if there are bands, into a directory."""
         path = Path(out_dir)
         path.mkdir(parents=True, exist_ok=True)
         _write(path / "free.csv", FREE_COLUMNS, (row for f in self.free.values() for row in f.rows()))
         results = [r for group in (self.responses, self.sweeps) for many in group.values() for r in many]
         _write(path / "response.csv", RESPONSE_COLUMNS, (row for r in results for row in r.rows()))
+        if self.bands:
+            _write(path / "band.csv", BAND_COLUMNS, (row for band in self.bands for row in band.rows()))
         text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
         (path / "thresholds.json").write_text(text + "\n")
 
@@ -143,6 +147,7 @@ def run_dynamics(
     out_dir: str | os.PathLike[str] | None = None,
     sweeps: bool = True,
     detached: bool = False,
+    bands: bool = True,
     tol: float = 1e-5,
     figures: bool = False,
 ) -> Dynamics:
@@ -160,8 +165,9 @@ def run_dynamics(
         out_dir: where free.csv, response.csv and thresholds.json go (and *.png with `figures`); None: nowhere.
         sweeps: also run Runge-Kutta sweeps up and down (a few seconds; not for zeta = 0).
         detached: also search for branches that no other reaches (some seconds).
+        bands: also carry the confidence of the law, where it has one, to the response (a second or so a forcing).
         tol: relative truncation error of the response.
-        figures: also draw the figures, see `asperity.dynamics.plots`.
+        figures: also draw the figures, see `asperity.plot.oscillator`.
 
     Returns:
         The results; nothing is written before all input is checked.
@@ -211,13 +217,20 @@ def run_dynamics(
         spread = uncertainty(exact)
     except InputError:
         spread = None
-    result = Dynamics(oscillators, free, responses, swept, onset, spread, tuple(notes))
+    enveloped: list[Band] = []
+    if bands and spread is not None and "exact" in oscillators:
+        for f in values:
+            try:
+                enveloped.append(response_band(exact, f, omega))
+            except AsperityError as error:
+                notes.append(f"exact, F^ = {f:g}: no confidence band: {error}")
+    result = Dynamics(oscillators, free, responses, swept, onset, spread, tuple(enveloped), tuple(notes))
     if out_dir is not None:
         result.write(out_dir)
         if figures:
-            from asperity.dynamics.plots import save_figures
+            from asperity.plot.oscillator import plot_dynamics
 
-            save_figures(result, out_dir)
+            plot_dynamics(result, out_dir)
     return result
 
 
@@ -228,7 +241,8 @@ def _summary(r: FrequencyResponse) -> dict[str, Any]:
         "F_over_mg": r.setting.F_over_mg,
         "peak": {"Omega": omega, "u_max": top},
         "events": [
-            {"kind": e.kind, "branch": r.branches[e.branch].kind, "Omega": e.Omega, "u_max": e.u_max} for e in r.events
+            {"kind": e.kind, "branch": r.branches[e.branch].kind, "Omega": e.Omega, "u_max": e.u_max, "u_min": e.u_min}
+            for e in r.events
         ],
         "tolerance": r.tolerance,
         "determinant_error": r.det_error,

@@ -97,10 +97,10 @@ def shoot(
     raise ConvergenceError(f"shooting did not converge at Omega = {omega:g} (defect {residual:.1e})")
 
 
-def state_at_phase_zero(balance: Balance, c: Array, omega: float) -> tuple[float, float]:
+def state_at_phase_zero(c: Array, omega: float, order: int = 1) -> tuple[float, float]:
     """(u, v) at forcing phase 0 of an orbit with complex coefficients `c`."""
     k = np.arange(c.size)
-    return float(c.sum().real), float((1j * k * c).sum().real) * omega / balance.order
+    return float(c.sum().real), float((1j * k * c).sum().real) * omega / order
 
 
 def _differences(balance: Balance, omega: float, forcing: float, y: Array, period: float, rtol: float) -> Array:
