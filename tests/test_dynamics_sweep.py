@@ -152,6 +152,43 @@ def test_bad_arguments_write_nothing(tmp_path, options, words) -> None:
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("force", "load", "error", "words"),
+    [
+        ([1, 2, 4, 6, 9], 10.0, RangeError, "outside the curve, which ends at force 9"),
+        ([1, 5, 3, 6, 9], None, InputError, "falls from 5 to 3"),
+        ([], None, InputError, "empty"),
+    ],
+)
+def test_bad_curves_are_refused_as_a_paper_law(force, load, error, words) -> None:
+    curve = {"delta": [float(k + 1) for k in range(len(force))], "force": force}
+    with pytest.raises(error, match=words):
+        run_dynamics(curve, load=load)
+
+
+def test_response_beyond_the_fitted_curve_says_so() -> None:
+    z = np.linspace(0.1, 1.0, 10)
+    result = run_dynamics({"delta": z, "force": z**1.5}, zeta=0.05, forcing=0.15, models=["exact"], sweeps=False)
+    assert any("rests on the fit alone" in note for note in result.notes)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda o: o.response("much"), "forcing = 'much'"),
+        (lambda o: o.response(0.1, tol=0.0), "tol = 0"),
+        (lambda o: o.simulate(1.0, 0.1, u=np.nan), "u = nan"),
+        (lambda o: o.backbone(points=0), "points = 0"),
+        (lambda o: o.attractors(1.0, 0.1, starts=0), "starts = 0"),
+        (lambda o: o.attractors([], 0.1), "omega is empty"),
+        (lambda o: o.free("far"), "u0 = 'far'"),
+    ],
+)
+def test_bad_calls_are_one_sentence(call, words) -> None:
+    with pytest.raises(InputError, match=words):
+        call(ContactOscillator(PowerLaw(1.5)))
+
+
 def test_band_holds_the_central_response() -> None:
     o = ContactOscillator(PowerLaw(1.5, 1.0, (1.47, 1.53), (0.97, 1.03)), zeta=0.05)
     band = response_band(o, 0.02, (0.9, 1.1), points=11)

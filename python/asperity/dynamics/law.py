@@ -12,6 +12,7 @@ with ``n_loc = z_s F_s'(z_s) / W``; contact is lost at ``u = -1``.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,11 +30,25 @@ _SMALL = 0.05  # below this |u| the potential is summed, not subtracted
 
 def positive(name: str, value: float, *, zero: bool = False) -> float:
     """Return `value` as a float, or raise `InputError` unless it is finite and positive (or zero)."""
-    number = float(value)
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} = {value!r} is not legal: it must be a number") from None
     if not np.isfinite(number) or number < 0 or (number == 0 and not zero):
         legal = "at least 0" if zero else "greater than 0"
         raise InputError(f"{name} = {value} is not legal: it must be finite and {legal}")
     return number
+
+
+def positives(name: str, values: Any) -> tuple[float, ...]:
+    """Return one number or several as a tuple, or raise `InputError` unless there is one and all are positive."""
+    several = isinstance(values, Iterable) and not isinstance(values, str)
+    if isinstance(values, np.ndarray):
+        several = values.ndim > 0
+    numbers = tuple(positive(name, value) for value in (values if several else (values,)))
+    if not numbers:
+        raise InputError(f"{name} is empty: give at least one value greater than 0")
+    return numbers
 
 
 class Law(ABC):
@@ -145,6 +160,7 @@ class PowerLaw(Law):
         ci_n: 95 % confidence interval of n, or None.
         ci_K: 95 % confidence interval of K, or None.
         correlation: of the estimates of ln K and n.
+        fitted_to: greatest deflection of the points it was fitted to (length); results say where they pass it.
 
     Raises:
         InputError: n or K is not finite and positive.
@@ -155,6 +171,7 @@ class PowerLaw(Law):
     ci_n: tuple[float, float] | None = None
     ci_K: tuple[float, float] | None = None
     correlation: float = 0.0
+    fitted_to: float = np.inf
 
     def __post_init__(self) -> None:
         positive("n", self.n)
@@ -182,9 +199,10 @@ class PowerLaw(Law):
         return cls(
             float(fit.n),
             float(K),
-            (float(fit.n - half_n), float(fit.n + half_n)),
+            (max(float(fit.n - half_n), 1e-12), float(fit.n + half_n)),
             (float(K * np.exp(-half_K)), float(K * np.exp(half_K))),
             float(np.clip(mixed / (half_n * half_K), -1, 1)) if half_n * half_K > 0 else 0.0,
+            float(fit.range[1] * length),
         )
 
     def both(self, z: Array) -> tuple[Array, Array]:
