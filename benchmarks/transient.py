@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import warnings
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -166,7 +167,7 @@ def free(subject: Subject, steps: int, ratios: tuple[float, ...]) -> None:
     """Free decay after a release: frequency over two periods and what amplitude is left after them."""
     oscillator = subject.oscillator(FREE_ZETA)
     r = oscillator.restoring
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for u0 in AMPLITUDES:
         path = oscillator.simulate(1.0, 0.0, u=u0, periods=2.5, samples=400)
         times, tops = maxima(path.tau, path.u)
@@ -198,8 +199,11 @@ def forced(subject: Subject, steps: int, ratios: tuple[float, ...]) -> None:
     """Steady vibration, started on the orbit of the one-degree model."""
     oscillator = subject.oscillator(FORCED_ZETA)
     response = oscillator.response(FORCING, (0.6, 1.2))
-    scale = oscillator.restoring.scale
-    rows = []
+
+    def drive(omega: float, time: float) -> float:
+        return FORCING * oscillator.restoring.scale * float(np.cos(omega * time))
+
+    rows: list[tuple[str, ...]] = []
     for omega in FREQUENCIES:
         orbit = next(s for s in response.at(omega) if s.stable)
         u0, v0 = orbit.start
@@ -207,9 +211,7 @@ def forced(subject: Subject, steps: int, ratios: tuple[float, ...]) -> None:
             begun = process_time()
             t = subject.transient(u0, ratio, FORCED_ZETA, v0)
             h = 2.0 * np.pi / omega / round(steps / omega)
-            history = t.run(
-                FORCED_PERIODS * 2.0 * np.pi / omega, h, lambda s, w=omega: FORCING * scale * np.cos(w * s)
-            )  # fmt: skip
+            history = t.run(FORCED_PERIODS * 2.0 * np.pi / omega, h, partial(drive, omega))
             u = subject.u(history)
             _, tops = maxima(history.time, u)
             last = u[-round(2.0 * np.pi / omega / h) :]
@@ -238,7 +240,7 @@ def main() -> None:
     case = Case.load(CASE).material
     materials = {
         "elastic": Material(case.E, case.nu),
-        "plastic": Material(case.E, case.nu, case.yield_strength, case.tangent_modulus),
+        "plastic": Material(case.E, case.nu, case.yield_strength, case.tangent_modulus or 0.0),
     }
     for name, material in materials.items():
         if options.only not in (None, name):

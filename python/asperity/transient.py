@@ -303,7 +303,8 @@ class Transient:
             work = (self.load + 0.5 * (was + push(self.time))) * moved
             work -= 0.5 * h * self.dashpot * (old.v**2 + self.plate.v**2)
             rows.append(self._row(self._energy(), rows[-1][5] + work))
-        return History(*np.array(rows).T, self.press.counts.newton - newton)
+        time, approach, velocity, force, energy, supplied = np.array(rows).T
+        return History(time, approach, velocity, force, energy, supplied, self.press.counts.newton - newton)
 
     def step(self, h: float, push: float) -> None:
         """One step `h`, at whose end the forcing is `push` [E L^2]."""

@@ -126,7 +126,8 @@ def amplitude_frequency(
     events = [
         _Event(r.setting.model, r.setting.F_hat, e.kind, e.Omega, e.u_max, e.u_min) for r in responses for e in r.events
     ]
-    rows = _columns(row for result in (*responses, *sweeps) for row in result.rows())
+    results: list[FrequencyResponse | Sweep] = [*responses, *sweeps]
+    rows = _columns(row for result in results for row in result.rows())
     first = responses[0].setting
     title = heading([first.zeta], first.damping, first.n_loc)
     return _response(rows, events, title, first.n_loc, _columns(row for band in bands for row in band.rows()))
@@ -202,7 +203,7 @@ def _events(axis: Any, events: Sequence[_Event], rows: Columns) -> None:
         if e.kind == "fold":
             landing = [u for u in _stable_at(e.Omega, rows) if abs(u - e.u_max) > 0.03 * e.u_max]
             if landing:
-                to = min(landing, key=lambda u, e=e: abs(u - e.u_max))
+                to = landing[int(np.argmin(np.abs(np.array(landing) - e.u_max)))]
                 arrow = {"arrowstyle": "->", "lw": 0.8, "color": style.GREY}
                 axis.annotate("", (e.Omega, to), (e.Omega, e.u_max), zorder=4, arrowprops=arrow)
     points = sorted((e.Omega, e.u_max) for e in events if e.kind == "grazing" and e.model == "exact")
