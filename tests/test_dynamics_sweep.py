@@ -189,6 +189,27 @@ def test_bad_calls_are_one_sentence(call, words) -> None:
         call(ContactOscillator(PowerLaw(1.5)))
 
 
+def test_every_result_states_what_it_holds_for() -> None:
+    """Law, damping, F^ and F/(m g), tolerance reached and validity stand on every result."""
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.05).taylor()
+    forced = [
+        o.response(0.03, (0.9, 1.1)),
+        *o.sweep(0.03, (0.9, 1.1), points=2),
+        *o.attractors(1.0, 0.03, starts=2),
+        o.simulate(1.0, 0.03),
+    ]
+    for result in forced:
+        s = result.setting
+        assert s is not None and s.F_over_mg == pytest.approx(1.5 * s.F_hat) == pytest.approx(0.045)
+        assert (s.zeta, s.damping, s.model) == (0.05, "always", "taylor") and s.law
+        assert 0 < result.tolerance < 1e-2 and np.all(result.valid)
+    for result in (o.free(0.5), o.backbone(0.5), o.thresholds(0.03)):
+        assert result.law and result.model == "taylor" and result.n_loc == pytest.approx(1.5)
+        assert 0 <= result.tolerance < 1e-2 and np.all(result.valid)
+    assert not o.thresholds(0.1).valid
+    assert not o.simulate(0.9, 0.3, periods=1.0, u=1.2).valid
+
+
 def test_band_holds_the_central_response() -> None:
     o = ContactOscillator(PowerLaw(1.5, 1.0, (1.47, 1.53), (0.97, 1.03)), zeta=0.05)
     band = response_band(o, 0.02, (0.9, 1.1), points=11)
@@ -216,7 +237,14 @@ def test_figures_of_a_run(tmp_path) -> None:
     law = PowerLaw(1.5, 1.0, (1.45, 1.55), (0.97, 1.03))
     result = run_dynamics(law, zeta=0.05, forcing=0.12, omega=(0.8, 1.1), sweeps=False)
     names = {path.name for path in plots.plot_dynamics(result, tmp_path)}
-    assert names == {"frequency.png", "response.png", "operating-point.png", "backbone.png", "phase.png"}
+    assert names == {
+        "frequency.png",
+        "response.png",
+        "operating-point.png",
+        "backbone.png",
+        "phase.png",
+        "stability.png",
+    }
     assert all((tmp_path / name).stat().st_size > 10_000 for name in names)
     chart = plots.stability_chart(result.oscillators["exact"], [0.05, 0.2], (0.8, 1.1))
     assert chart.axes[0].get_yscale() == "log"

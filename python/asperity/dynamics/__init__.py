@@ -13,9 +13,10 @@ from asperity.dynamics.free import FreeOrbit, FreeVibration
 from asperity.dynamics.law import Law, PowerLaw, TaylorLaw
 from asperity.dynamics.local_fit import LocalFit
 from asperity.dynamics.oscillator import ContactOscillator
-from asperity.dynamics.response import FrequencyResponse, Setting
+from asperity.dynamics.response import FrequencyResponse
 from asperity.dynamics.restoring import Restoring
 from asperity.dynamics.run import Dynamics, law_from, run_dynamics
+from asperity.dynamics.setting import Setting
 from asperity.dynamics.sweep import Attractor, Sweep
 from asperity.dynamics.table import TableLaw, unload_reload
 from asperity.dynamics.thresholds import Backbone, Thresholds

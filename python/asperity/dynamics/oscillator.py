@@ -16,8 +16,9 @@ from asperity.dynamics.free import FreeVibration, contact_limit, free_vibration
 from asperity.dynamics.hbm import Balance
 from asperity.dynamics.law import Array, Law, TaylorLaw, positive, positives
 from asperity.dynamics.polish import polish as _polish
-from asperity.dynamics.response import FrequencyResponse, Setting, frequency_response
+from asperity.dynamics.response import FrequencyResponse, frequency_response
 from asperity.dynamics.restoring import Restoring
+from asperity.dynamics.setting import Setting
 from asperity.dynamics.sweep import Attractor, Sweep
 from asperity.dynamics.table import TableLaw
 from asperity.dynamics.thresholds import Backbone, Thresholds
@@ -160,7 +161,8 @@ class ContactOscillator:
             InputError: forcing or window is not legal.
             ConvergenceError: no orbit is found at the ends of the window.
         """
-        setting, window, tol = self._setting(forcing), _window(omega), positive("tol", tol)
+        setting = self._setting(positive("forcing", forcing))
+        window, tol = _window(omega), positive("tol", tol)
         balance = self._balance()
         extra: tuple[tuple[int, Array, float], ...] = ()
         if detached:
@@ -233,7 +235,8 @@ class ContactOscillator:
             tol: as in `sweep`.
             max_periods: default 4/zeta (100 to 20000).
         """
-        f = self._setting(forcing).F_hat
+        setting = self._setting(positive("forcing", forcing))
+        f = setting.F_hat
         values = np.array(positives("omega", omega))
         if starts < 1:
             raise InputError(f"starts = {starts} is not legal: give at least 1 initial state per side")
@@ -242,7 +245,7 @@ class ContactOscillator:
         return _sweep.attractors(
             self._balance(),
             values,
-            f,
+            setting,
             starts=starts,
             spread=positive("spread", spread),
             tol=positive("tol", tol),
@@ -289,15 +292,21 @@ class ContactOscillator:
             rtol=positive("rtol", rtol),
             samples=max(1, int(np.ceil(samples * w / (2.0 * np.pi)))),
         )
-        self.restoring.check_range(float(path.u.min()), float(path.u.max()))
-        return path
+        low = float(path.u.min())
+        self.restoring.check_range(low, float(path.u.max()))
+        return replace(path, setting=self._setting(f), tolerance=rtol, valid=self.restoring.contact or low >= -1.0)
 
     def _balance(self) -> Balance:
         return Balance(self.restoring, self.zeta, self.damping)
 
     def _setting(self, forcing: float) -> Setting:
         return Setting(
-            self.model, self.law.describe(), self.restoring.n_loc, self.zeta, self.damping, positive("forcing", forcing)
+            self.model,
+            self.law.describe(),
+            self.restoring.n_loc,
+            self.zeta,
+            self.damping,
+            positive("forcing", forcing, zero=True),
         )
 
     def _seeds(self, forcing: float, window: tuple[float, float], tol: float) -> tuple[tuple[int, Array, float], ...]:

@@ -17,6 +17,7 @@ from scipy.optimize import brentq
 from asperity.dynamics.damping import in_flight, primitive, rate
 from asperity.dynamics.hbm import Balance
 from asperity.dynamics.law import Array
+from asperity.dynamics.setting import Setting
 from asperity.errors import ConvergenceError, RangeError
 
 ESCAPED = 1e3
@@ -30,12 +31,18 @@ class Trajectory:
         tau: times, including every separation and landing.
         u, v: deflection and speed at these times.
         flight: intervals (k, 2) of time without contact.
+        setting: law, damping and forcing, where it comes from an oscillator.
+        tolerance: of the integrator, relative.
+        valid: False where a Taylor law passes u = -1.
     """
 
     tau: Array
     u: Array
     v: Array
     flight: Array
+    setting: Setting | None = None
+    tolerance: float = np.nan
+    valid: bool = True
 
 
 @dataclass(frozen=True)

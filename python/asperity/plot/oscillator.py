@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
+from asperity.dynamics.law import positives
 from asperity.dynamics.table import TableLaw
 from asperity.errors import AsperityError
 from asperity.plot import style
@@ -21,6 +23,8 @@ from asperity.plot.vibration import amplitude_frequency, natural_frequency
 
 if TYPE_CHECKING:
     from asperity.dynamics import ContactOscillator, Dynamics, FrequencyResponse, Trajectory
+
+_CHART = 21  # forcings of a stability chart
 
 
 @style.styled
@@ -137,7 +141,7 @@ def phase_portrait(oscillator: ContactOscillator, path: Trajectory, omega: float
 
 @style.styled
 def stability_chart(
-    oscillator: ContactOscillator, forcing: Sequence[float], omega: Sequence[float] = (0.4, 2.3), *, tol: float = 1e-4
+    oscillator: ContactOscillator, forcing: ArrayLike, omega: Sequence[float] = (0.4, 2.3), *, tol: float = 1e-4
 ) -> Figure:
     """Where folds, period doublings and grazing lie in the plane of frequency and forcing.
 
@@ -153,7 +157,8 @@ def stability_chart(
         "grazing": (style.GREEN, "onset of contact loss"),
     }
     points: dict[str, list[tuple[float, float]]] = {name: [] for name in marks}
-    for f in forcing:
+    values = positives("forcing", forcing)
+    for f in values:
         try:
             r = oscillator.response(f, omega, tol=tol, subharmonics=False)
         except AsperityError:
@@ -166,19 +171,19 @@ def stability_chart(
             x, y = np.array(points[name]).T
             axis.plot(x, y, ".", color=colour, ms=4, label=text)
     t = oscillator.thresholds()
-    for value, name, text, x, side in (
-        (t.hysteresis, "fold", "hysteresis", 0.99, "right"),
-        (t.contact_loss, "grazing", "contact loss", 0.01, "left"),
-        (t.period_doubling, "period doubling", "period doubling", 0.99, "right"),
+    for value, name, text, side in (
+        (t.hysteresis, "fold", "hysteresis", "top"),
+        (t.contact_loss, "grazing", "contact loss", "bottom"),
+        (t.period_doubling, "period doubling", "period doubling", "bottom"),
     ):
-        if value is not None and min(forcing) < value < max(forcing):
+        if value is not None and min(values) < value < max(values):
             axis.axhline(value, color=marks[name][0], lw=0.8, ls=":")
             axis.annotate(
                 f"onset of {text}",
-                (x, value),
+                (0.99, value),
                 xycoords=("axes fraction", "data"),
-                ha=side,
-                va="bottom",
+                ha="right",
+                va=side,
                 fontsize=7,
                 color=marks[name][0],
             )
@@ -209,6 +214,10 @@ def plot_dynamics(result: Dynamics, directory: str | os.PathLike[str]) -> list[P
         top = max(max(float(b.u_max.max()) for b in r.branches) for r in result.responses["exact"])
         figures["operating-point"] = operating_point(first)
         figures["backbone"] = backbone(first, result.responses["exact"], 1.05 * top)
+        strongest = max(r.setting.F_hat for r in result.responses["exact"])
+        if first.zeta > 0.0:
+            window = (responses[0].omega[0], max(responses[0].omega[1], 2.2))
+            figures["stability"] = stability_chart(first, np.geomspace(0.1, 10.0, _CHART) * strongest, window)
         r = result.responses["exact"][-1]
         omega = r.peak[0]
         best = max(r.at(min(omega * 1.02, r.omega[1])), key=lambda s: (s.stable, s.u_max), default=None)
