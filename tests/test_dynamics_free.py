@@ -133,7 +133,7 @@ def test_bad_amplitudes() -> None:
     for bad in (0.0, -0.2, np.nan):
         with pytest.raises(InputError, match="u0"):
             o.free(bad)
-    with pytest.raises(InputError, match="no amplitude"):
+    with pytest.raises(InputError, match="u0 is empty"):
         o.free([])
 
 

@@ -10,7 +10,6 @@ from scipy.integrate import solve_ivp
 
 from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw
 from asperity.dynamics.free import free_orbit
-from asperity.dynamics.hbm import Balance
 from asperity.dynamics.shooting import shoot, state_at_phase_zero
 from asperity.errors import ConvergenceError, InputError, RangeError
 
@@ -62,8 +61,7 @@ def test_orbits_close_under_independent_integration(n, zeta, forcing, window) ->
     checked = 0
     for omega in (float(w) for w in np.linspace(window[0], window[1], 5)):
         for s in r.at(omega):
-            balance = Balance(r.balance.restoring, zeta, "always", s.order)
-            u, v = state_at_phase_zero(balance, s.coefficients, omega)
+            u, v = s.start
             end, high, low = one_period(n, zeta, forcing, omega, u, v, s.order)
             size = s.u_max - s.u_min
             growth = 10.0 if s.stable else 1e3
@@ -95,7 +93,7 @@ def test_harmonic_balance_agrees_with_shooting_to_1e_9() -> None:
     r = o.response(0.05, (0.8, 1.1), tol=1e-9)
     b = max(r.branches, key=lambda b: float(b.u_max.max()))
     for i in np.flatnonzero(b.contact_loss)[3::12]:
-        u, v = state_at_phase_zero(r.balance, b.coefficients[i], b.Omega[i])
+        u, v = state_at_phase_zero(b.coefficients[i], b.Omega[i])
         shot = shoot(r.balance, b.Omega[i], 0.05, u, v)
         assert b.u_max[i] == pytest.approx(shot.u_max, rel=2e-9)
         assert b.u_min[i] == pytest.approx(shot.u_min, rel=2e-9)
@@ -119,7 +117,7 @@ def test_every_damping_agrees_with_shooting(damping: str) -> None:
     b = r.branches[0]
     assert b.contact_loss.any()
     for i in np.flatnonzero(b.contact_loss)[::6]:
-        u, v = state_at_phase_zero(r.balance, b.coefficients[i], b.Omega[i])
+        u, v = state_at_phase_zero(b.coefficients[i], b.Omega[i])
         shot = shoot(r.balance, b.Omega[i], 0.08, u, v)
         assert b.u_max[i] == pytest.approx(shot.u_max, rel=1e-6)
         assert b.radius[i] == pytest.approx(max(abs(m) for m in shot.multipliers), rel=1e-3)
@@ -203,7 +201,7 @@ def test_grazing_within_1e_10_from_both_sides(n: float) -> None:
     lower, upper = (next(s for s in r.at(graze.Omega + d) if abs(s.u_min + 1) < 1e-6) for d in (-1e-10, 1e-10))
     assert (lower.u_min + 1) * (upper.u_min + 1) < 0
     for s in (lower, upper):
-        u, v = state_at_phase_zero(r.balance, s.coefficients, s.Omega)
+        u, v = s.start
         end, high, low = one_period(n, 0.05, 0.12, s.Omega, u, v)
         assert high == pytest.approx(s.u_max, abs=1e-8)
         assert low == pytest.approx(s.u_min, abs=1e-8)
@@ -243,7 +241,7 @@ def test_mostly_flight() -> None:
     r = o.response(0.2, (0.2, 1.3))
     top = max(r.at(0.25), key=lambda s: s.u_max)
     assert free_orbit(o.restoring, top.u_max).flight > 0.8
-    u, v = state_at_phase_zero(r.balance, top.coefficients, 0.25)
+    u, v = top.start
     shot = shoot(r.balance, 0.25, 0.2, u, v)
     size = top.u_max - top.u_min
     assert shot.u_max == pytest.approx(top.u_max, abs=1e-5 * size)
@@ -260,8 +258,8 @@ def test_several_separations_per_period() -> None:
         path = o.simulate(
             0.12,
             0.8,
-            u=float(s.coefficients.sum().real),
-            v=state_at_phase_zero(r.balance, s.coefficients, 0.12)[1],
+            u=s.start[0],
+            v=s.start[1],
             periods=1.0,
         )
         many = max(many, len(path.flight))

@@ -152,6 +152,64 @@ def test_bad_arguments_write_nothing(tmp_path, options, words) -> None:
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("force", "load", "error", "words"),
+    [
+        ([1, 2, 4, 6, 9], 10.0, RangeError, "outside the curve, which ends at force 9"),
+        ([1, 5, 3, 6, 9], None, InputError, "falls from 5 to 3"),
+        ([], None, InputError, "empty"),
+    ],
+)
+def test_bad_curves_are_refused_as_a_paper_law(force, load, error, words) -> None:
+    curve = {"delta": [float(k + 1) for k in range(len(force))], "force": force}
+    with pytest.raises(error, match=words):
+        run_dynamics(curve, load=load)
+
+
+def test_response_beyond_the_fitted_curve_says_so() -> None:
+    z = np.linspace(0.1, 1.0, 10)
+    result = run_dynamics({"delta": z, "force": z**1.5}, zeta=0.05, forcing=0.15, models=["exact"], sweeps=False)
+    assert any("rests on the fit alone" in note for note in result.notes)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda o: o.response("much"), "forcing = 'much'"),
+        (lambda o: o.response(0.1, tol=0.0), "tol = 0"),
+        (lambda o: o.simulate(1.0, 0.1, u=np.nan), "u = nan"),
+        (lambda o: o.backbone(points=0), "points = 0"),
+        (lambda o: o.attractors(1.0, 0.1, starts=0), "starts = 0"),
+        (lambda o: o.attractors([], 0.1), "omega is empty"),
+        (lambda o: o.free("far"), "u0 = 'far'"),
+    ],
+)
+def test_bad_calls_are_one_sentence(call, words) -> None:
+    with pytest.raises(InputError, match=words):
+        call(ContactOscillator(PowerLaw(1.5)))
+
+
+def test_every_result_states_what_it_holds_for() -> None:
+    """Law, damping, F^ and F/(m g), tolerance reached and validity stand on every result."""
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.05).taylor()
+    forced = [
+        o.response(0.03, (0.9, 1.1)),
+        *o.sweep(0.03, (0.9, 1.1), points=2),
+        *o.attractors(1.0, 0.03, starts=2),
+        o.simulate(1.0, 0.03),
+    ]
+    for result in forced:
+        s = result.setting
+        assert s is not None and s.F_over_mg == pytest.approx(1.5 * s.F_hat) == pytest.approx(0.045)
+        assert (s.zeta, s.damping, s.model) == (0.05, "always", "taylor") and s.law
+        assert 0 < result.tolerance < 1e-2 and np.all(result.valid)
+    for result in (o.free(0.5), o.backbone(0.5), o.thresholds(0.03)):
+        assert result.law and result.model == "taylor" and result.n_loc == pytest.approx(1.5)
+        assert 0 <= result.tolerance < 1e-2 and np.all(result.valid)
+    assert not o.thresholds(0.1).valid
+    assert not o.simulate(0.9, 0.3, periods=1.0, u=1.2).valid
+
+
 def test_band_holds_the_central_response() -> None:
     o = ContactOscillator(PowerLaw(1.5, 1.0, (1.47, 1.53), (0.97, 1.03)), zeta=0.05)
     band = response_band(o, 0.02, (0.9, 1.1), points=11)
@@ -174,12 +232,19 @@ def test_bad_sweeps() -> None:
 
 
 def test_figures_of_a_run(tmp_path) -> None:
-    from asperity.dynamics import plots
+    from asperity.plot import oscillator as plots
 
     law = PowerLaw(1.5, 1.0, (1.45, 1.55), (0.97, 1.03))
     result = run_dynamics(law, zeta=0.05, forcing=0.12, omega=(0.8, 1.1), sweeps=False)
-    names = {path.name for path in plots.save_figures(result, tmp_path)}
-    assert names == {"frequency.png", "response.png", "operating-point.png", "backbone.png", "phase.png"}
+    names = {path.name for path in plots.plot_dynamics(result, tmp_path)}
+    assert names == {
+        "frequency.png",
+        "response.png",
+        "operating-point.png",
+        "backbone.png",
+        "phase.png",
+        "stability.png",
+    }
     assert all((tmp_path / name).stat().st_size > 10_000 for name in names)
     chart = plots.stability_chart(result.oscillators["exact"], [0.05, 0.2], (0.8, 1.1))
     assert chart.axes[0].get_yscale() == "log"

@@ -214,7 +214,7 @@ def test_vibration_figures(tmp_path: Path) -> None:
     keys = [text.get_text() for text in figure.legends[0].get_texts()]
     assert "sweep up" in keys and "sweep down" not in keys
     assert any("F/(mg)$ = 0.0775" in key for key in keys)  # n_loc = 1.55 times 0.05
-    assert figure.get_suptitle() == "damping ratio $\\zeta$ = 0.01, acting always"
+    assert figure.get_suptitle() == "$n_{loc}$ = 1.55, damping ratio $\\zeta$ = 0.01, acting always"
     # no line runs from one branch to the other of the same name
     lines = [np.asarray(line.get_ydata()) for line in axis.lines]
     assert all(np.ptp(y) < 1.5 for y in lines)

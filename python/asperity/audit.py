@@ -20,7 +20,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from .press import Press
-    from .solid import Floats
+    from .solid import Floats, Solid
 
 SUCTION = 1e-6  # greatest tension over greatest pressure
 EXACT = 1e-6  # penetration over deflection that exact contact may leave
@@ -159,19 +159,14 @@ def _measure(press: Press, before: Before) -> tuple[Floats, Floats]:
     from mpi4py import MPI
 
     solid = press.solid
-    u = solid.u.x.array.reshape(-1, 3)
-    held = 0.5 * float(np.vdot(u[: solid.owned], press.newton.force))
-    dissipated = plastic_work = decrease = 0.0
+    held, dissipated = energies(solid, press.newton.force)
+    plastic_work = decrease = 0.0
     strain, accumulated = solid.bulk.history()
     if accumulated.size:
-        _, _, strength, hardening = solid.material.parameters
         yielded = np.flatnonzero(accumulated.any(axis=1))
-        weights, a = solid.bulk.volumes[yielded], accumulated[yielded]
-        stress = solid.bulk.stress(u)[yielded] * _PAIRS
-        held -= 0.5 * float(np.einsum("cq,cqi,cqi", weights, stress, strain[yielded]))
-        dissipated = float(np.sum(weights * a * (strength + 0.5 * hardening * a)))
+        stress = solid.bulk.stress(solid.u.x.array.reshape(-1, 3))[yielded] * _PAIRS
         flow = strain[yielded] - before.plastic_strain[yielded]
-        plastic_work = float(np.einsum("cq,cqi,cqi", weights, stress, flow))
+        plastic_work = float(np.einsum("cq,cqi,cqi", solid.bulk.volumes[yielded], stress, flow))
         decrease = float(np.max(before.accumulated - accumulated))
     owned = press.top.owned_nodes
     pressure = press.pressure[owned]
@@ -188,6 +183,26 @@ def _measure(press: Press, before: Before) -> tuple[Floats, Floats]:
     solid.comm.Allreduce(MPI.IN_PLACE, sums)
     solid.comm.Allreduce(MPI.IN_PLACE, peaks, op=MPI.MAX)
     return sums, peaks
+
+
+def energies(solid: Solid, force: Floats) -> tuple[float, float]:
+    """Stored elastic and dissipated plastic energy of this process's part, over the committed history [E L^3].
+
+    Args:
+        solid: in the state meant
+        force: its internal force on the owned nodes (owned, 3) [E L^2]
+    """
+    u = solid.u.x.array.reshape(-1, 3)
+    stored, dissipated = 0.5 * float(np.vdot(u[: solid.owned], force)), 0.0
+    strain, accumulated = solid.bulk.history()
+    if accumulated.size:
+        _, _, strength, hardening = solid.material.parameters
+        yielded = np.flatnonzero(accumulated.any(axis=1))
+        weights, a = solid.bulk.volumes[yielded], accumulated[yielded]
+        stress = solid.bulk.stress(u)[yielded] * _PAIRS
+        stored -= 0.5 * float(np.einsum("cq,cqi,cqi", weights, stress, strain[yielded]))
+        dissipated = float(np.sum(weights * a * (strength + 0.5 * hardening * a)))
+    return stored, dissipated
 
 
 _PAIRS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # sum over both off-diagonal components

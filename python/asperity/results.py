@@ -35,6 +35,7 @@ class Results:
         free: columns of free.csv.
         response: columns of response.csv.
         thresholds: contents of thresholds.json.
+        band: columns of band.csv.
         top: arrays of fields/top.npz.
         mesh: arrays of fields/mesh.npz.
     """
@@ -46,6 +47,7 @@ class Results:
     free: Columns = field(default_factory=dict)
     response: Columns = field(default_factory=dict)
     thresholds: Mapping[str, Any] = field(default_factory=dict)
+    band: Columns = field(default_factory=dict)
     top: Columns = field(default_factory=dict)
     mesh: Columns = field(default_factory=dict)
 
@@ -66,6 +68,7 @@ class Results:
             "free": ("free.csv", _read_csv),
             "response": ("response.csv", _read_csv),
             "thresholds": ("thresholds.json", _read_json),
+            "band": ("band.csv", _read_csv),
             "top": ("fields/top.npz", _read_npz),
             "mesh": ("fields/mesh.npz", _read_npz),
         }

@@ -23,8 +23,13 @@ Floats = npt.NDArray[np.float64]
 class Bulk(Protocol):
     """Constitutive part of a solid: what both the compiled kernels and the UFL forms provide."""
 
-    plastic_points: int  # quadrature points flowing at the last residual, this process
-    volumes: Floats  # of the quadrature points of this process (cells, points)
+    @property
+    def plastic_points(self) -> int:
+        """Quadrature points flowing at the last residual, this process."""
+
+    @property
+    def volumes(self) -> Floats:
+        """Of the quadrature points of this process (cells, points)."""
 
     def add_internal_force(self, u: Floats, b: Floats) -> None:
         """Add the internal force of the nodal displacement u (nodes, 3) to b; writes the trial history."""

@@ -84,7 +84,7 @@ class NewtonSolver:
     def _function(self, snes: Any, x: Any, r: Any) -> None:
         self.solid.set_displacement(x)
         self.force = self.solid.internal_force().copy()
-        residual, self._rows, self._lacking = self.contact.residual(self.force)
+        residual, self.rows, self._lacking = self.contact.residual(self.force)
         flat = residual.reshape(-1)
         flat[self.solid.fixed] = 0.0
         r.array = flat
@@ -116,7 +116,7 @@ class NewtonSolver:
 
     def apply(self, pc: Any, r: Any, y: Any) -> None:
         """Solve J y = r for the Newton step -y, prescribed increments included, and set its length."""
-        rows = np.concatenate([self.solid.fixed, self._rows])
+        rows = np.concatenate([self.solid.fixed, self.rows])
         iterations, solved = self.linear.solve(r, rows, -self._lacking, y)
         self._krylov += iterations
         if not solved:
@@ -134,7 +134,7 @@ class NewtonSolver:
         """
         free = np.ones(len(y.array_r), dtype=bool)
         free[self.solid.fixed] = False
-        free[self._rows] = False
+        free[self.rows] = False
         trial = y.duplicate()
         start, direction = self.solid.u.x.array[: len(free)].copy(), y.array_r[free]
 

@@ -8,15 +8,19 @@
 NumPy and SciPy only. `run_dynamics` does all of it for a curve and writes the result files.
 """
 
+from asperity.dynamics.branch import Branch, Event, Solution
 from asperity.dynamics.free import FreeOrbit, FreeVibration
-from asperity.dynamics.law import Law, PowerLaw, Restoring, TaylorLaw
+from asperity.dynamics.law import Law, PowerLaw, TaylorLaw
+from asperity.dynamics.local_fit import LocalFit
 from asperity.dynamics.oscillator import ContactOscillator
-from asperity.dynamics.response import Branch, Event, FrequencyResponse, Setting, Solution
+from asperity.dynamics.response import FrequencyResponse
+from asperity.dynamics.restoring import Restoring
 from asperity.dynamics.run import Dynamics, law_from, run_dynamics
-from asperity.dynamics.shooting import Trajectory
+from asperity.dynamics.setting import Setting
 from asperity.dynamics.sweep import Attractor, Sweep
 from asperity.dynamics.table import TableLaw, unload_reload
 from asperity.dynamics.thresholds import Backbone, Thresholds
+from asperity.dynamics.trajectory import Trajectory
 from asperity.dynamics.uncertainty import Band, Uncertainty, ensemble, response_band, uncertainty
 
 __all__ = [
@@ -31,6 +35,7 @@ __all__ = [
     "FreeVibration",
     "FrequencyResponse",
     "Law",
+    "LocalFit",
     "PowerLaw",
     "Restoring",
     "Setting",

@@ -15,7 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from asperity.dynamics.law import Array, Restoring
+from asperity.dynamics.law import Array
+from asperity.dynamics.restoring import Restoring
 from asperity.errors import InputError
 
 DAMPING = ("always", "contact", "hunt-crossley")

@@ -17,8 +17,9 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from asperity.dynamics.damping import in_flight, rate
-from asperity.dynamics.law import Array, Restoring, TaylorLaw, positive
-from asperity.errors import ConvergenceError, InputError, RangeError
+from asperity.dynamics.law import Array, TaylorLaw, positive, positives
+from asperity.dynamics.restoring import Restoring
+from asperity.errors import ConvergenceError, RangeError
 
 _ORDERS = (24, 48, 96, 192, 384)
 _RTOL = 2e-13
@@ -231,10 +232,7 @@ def free_vibration(
     restoring: Restoring, amplitudes: ArrayLike, *, model: str, omega_s: float, damping: str = "always"
 ) -> FreeVibration:
     """Natural frequency at each release amplitude; see `free_orbit`."""
-    values = np.atleast_1d(np.asarray(amplitudes, float))
-    if values.size == 0:
-        raise InputError("no amplitude was given for the free vibration")
-    orbits = tuple(free_orbit(restoring, float(u), damping) for u in values)
+    orbits = tuple(free_orbit(restoring, u, damping) for u in positives("u0", amplitudes))
     valid = tuple(restoring.contact or o.u_min >= -1.0 for o in orbits)
     return FreeVibration(
         model,

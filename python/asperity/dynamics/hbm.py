@@ -16,7 +16,8 @@ from functools import lru_cache
 import numpy as np
 
 from asperity.dynamics.damping import primitive, rate
-from asperity.dynamics.law import Array, Restoring
+from asperity.dynamics.law import Array
+from asperity.dynamics.restoring import Restoring
 from asperity.errors import ConvergenceError
 
 MAX_HARMONICS = 640

@@ -12,7 +12,8 @@ with ``n_loc = z_s F_s'(z_s) / W``; contact is lost at ``u = -1``.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -29,11 +30,25 @@ _SMALL = 0.05  # below this |u| the potential is summed, not subtracted
 
 def positive(name: str, value: float, *, zero: bool = False) -> float:
     """Return `value` as a float, or raise `InputError` unless it is finite and positive (or zero)."""
-    number = float(value)
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} = {value!r} is not legal: it must be a number") from None
     if not np.isfinite(number) or number < 0 or (number == 0 and not zero):
         legal = "at least 0" if zero else "greater than 0"
         raise InputError(f"{name} = {value} is not legal: it must be finite and {legal}")
     return number
+
+
+def positives(name: str, values: Any) -> tuple[float, ...]:
+    """Return one number or several as a tuple, or raise `InputError` unless there is one and all are positive."""
+    several = isinstance(values, Iterable) and not isinstance(values, str)
+    if isinstance(values, np.ndarray):
+        several = values.ndim > 0
+    numbers = tuple(positive(name, value) for value in (values if several else (values,)))
+    if not numbers:
+        raise InputError(f"{name} is empty: give at least one value greater than 0")
+    return numbers
 
 
 class Law(ABC):
@@ -145,6 +160,7 @@ class PowerLaw(Law):
         ci_n: 95 % confidence interval of n, or None.
         ci_K: 95 % confidence interval of K, or None.
         correlation: of the estimates of ln K and n.
+        fitted_to: greatest deflection of the points it was fitted to (length); results say where they pass it.
 
     Raises:
         InputError: n or K is not finite and positive.
@@ -155,6 +171,7 @@ class PowerLaw(Law):
     ci_n: tuple[float, float] | None = None
     ci_K: tuple[float, float] | None = None
     correlation: float = 0.0
+    fitted_to: float = np.inf
 
     def __post_init__(self) -> None:
         positive("n", self.n)
@@ -182,9 +199,10 @@ class PowerLaw(Law):
         return cls(
             float(fit.n),
             float(K),
-            (float(fit.n - half_n), float(fit.n + half_n)),
+            (max(float(fit.n - half_n), 1e-12), float(fit.n + half_n)),
             (float(K * np.exp(-half_K)), float(K * np.exp(half_K))),
             float(np.clip(mixed / (half_n * half_K), -1, 1)) if half_n * half_K > 0 else 0.0,
+            float(fit.range[1] * length),
         )
 
     def both(self, z: Array) -> tuple[Array, Array]:
@@ -308,90 +326,3 @@ class TaylorLaw(Law):
         roots = np.roots([p3 * z * z / (6 * p1), p2 * z / (2 * p1), 1.0])
         above = roots[(np.abs(roots.imag) < 1e-12) & (roots.real > 0)].real
         return float(above.min()) if above.size else np.inf
-
-
-@dataclass(frozen=True)
-class Restoring:
-    """Normal form of a law about a preload: the restoring force f(u) with f(0) = 0, f'(0) = 1.
-
-    Attributes:
-        law: the law.
-        load: preload W (force).
-        z_s: static deflection (length).
-        scale: z_s F'(z_s) (force); F^ = F / scale.
-        n_loc: scale / W.
-        a2, a3: f = u + a2 u^2 + a3 u^3 + ...
-        kappa: backbone curvature, omega/omega_s = 1 + kappa a^2.
-        u_range: deflections u the law is known on.
-    """
-
-    law: Law
-    load: float
-    z_s: float = field(init=False)
-    scale: float = field(init=False)
-    n_loc: float = field(init=False)
-    a2: float = field(init=False)
-    a3: float = field(init=False)
-    kappa: float = field(init=False)
-    u_range: tuple[float, float] = field(init=False)
-
-    def __post_init__(self) -> None:
-        z = self.law.deflection(self.load)
-        p1, p2, p3 = self.law.derivatives(z)
-        if not p1 > 0:
-            raise InputError(f"the law has stiffness {p1:g} at the operating point; it must be positive")
-        low, high = self.law.z_range
-        if self.law.contact:
-            low = -np.inf
-        values = {
-            "z_s": z,
-            "scale": z * p1,
-            "n_loc": z * p1 / self.load,
-            "a2": z * p2 / (2 * p1),
-            "a3": z * z * p3 / (6 * p1),
-            "kappa": self.law.kappa(z),
-            "u_range": (-np.inf, np.inf) if self.law.extrapolate else (low / z - 1.0, high / z - 1.0),
-        }
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
-
-    @property
-    def contact(self) -> bool:
-        """Whether contact is lost at u = -1."""
-        return self.law.contact
-
-    def pull(self, u: Array) -> tuple[Array, Array]:
-        """Contact force over `scale`, zero in flight, and its derivative with respect to u."""
-        force, slope = self.law.both(self.z_s * (1.0 + u))
-        return force / self.scale, slope * (self.z_s / self.scale)
-
-    def pull_only(self, u: Array) -> Array:
-        """Contact force over `scale` without its derivative: the inner loop of time integration."""
-        return self.law.push(self.z_s * (1.0 + u)) / self.scale
-
-    def f(self, u: ArrayLike) -> Array:
-        """Restoring force f(u)."""
-        return self.pull(np.asarray(u, float))[0] - 1.0 / self.n_loc
-
-    def df(self, u: ArrayLike) -> Array:
-        """Derivative f'(u)."""
-        return self.pull(np.asarray(u, float))[1]
-
-    def potential(self, u: ArrayLike) -> Array:
-        """Potential V(u), V(0) = 0."""
-        return self.law.well(np.asarray(u, float), self.z_s, self.load, self.scale)
-
-    def pulled(self, u: ArrayLike) -> Array:
-        """Energy stored in the contact since it was made at u = -1: the integral of `pull`."""
-        z = self.z_s * (1.0 + np.asarray(u, float))
-        return self.law.potential(z) / (self.scale * self.z_s)
-
-    def check_range(self, u_min: float, u_max: float) -> None:
-        """Raise `RangeError` when an orbit leaves the range the law is known on."""
-        low, high = self.u_range
-        if u_max > high * (1 + 1e-9) or u_min < low:
-            worst = u_max if u_max > high else u_min
-            raise RangeError(
-                f"the orbit reaches u = {worst:.6g}, outside the law, known for u from {low:g} to "
-                f"{high:.6g}; choose a smaller preload or amplitude, or extrapolate=True"
-            )

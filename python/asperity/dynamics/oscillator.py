@@ -14,13 +14,15 @@ from asperity.dynamics import thresholds as _thresholds
 from asperity.dynamics.damping import check_damping
 from asperity.dynamics.free import FreeVibration, contact_limit, free_vibration
 from asperity.dynamics.hbm import Balance
-from asperity.dynamics.law import Array, Law, Restoring, TaylorLaw, positive
+from asperity.dynamics.law import Array, Law, TaylorLaw, positive, positives
 from asperity.dynamics.polish import polish as _polish
-from asperity.dynamics.response import FrequencyResponse, Setting, frequency_response
-from asperity.dynamics.shooting import Trajectory, integrate
+from asperity.dynamics.response import FrequencyResponse, frequency_response
+from asperity.dynamics.restoring import Restoring
+from asperity.dynamics.setting import Setting
 from asperity.dynamics.sweep import Attractor, Sweep
 from asperity.dynamics.table import TableLaw
 from asperity.dynamics.thresholds import Backbone, Thresholds
+from asperity.dynamics.trajectory import Trajectory, integrate
 from asperity.errors import InputError
 
 GRAVITY = 9.80665
@@ -119,18 +121,20 @@ class ContactOscillator:
             points: number of amplitudes.
         """
         limit = contact_limit(self.restoring)
+        if points < 1:
+            raise InputError(f"points = {points} is not legal: a backbone needs at least 1")
         top = positive("u_max", u_max) if u_max is not None else (3 * limit if np.isfinite(limit) else 2.0)
         return _thresholds.backbone(self.restoring, model=self.model, damping=self.damping, u_max=top, points=points)
 
     def thresholds(self, forcing: float | Iterable[float] = ()) -> Thresholds:
         """Onsets of contact loss, hysteresis and period doubling, and resonance peaks for `forcing` (F^)."""
-        values = (forcing,) if isinstance(forcing, (int, float)) else tuple(forcing)
+        none = isinstance(forcing, Sequence) and not forcing
         return _thresholds.thresholds(
             self.restoring,
             model=self.model,
             zeta=self.zeta,
             damping=self.damping,
-            forcing=tuple(positive("forcing", f) for f in values),
+            forcing=() if none else positives("forcing", forcing),
         )
 
     def response(
@@ -157,7 +161,8 @@ class ContactOscillator:
             InputError: forcing or window is not legal.
             ConvergenceError: no orbit is found at the ends of the window.
         """
-        setting, window = self._setting(forcing), _window(omega)
+        setting = self._setting(positive("forcing", forcing))
+        window, tol = _window(omega), positive("tol", tol)
         balance = self._balance()
         extra: tuple[tuple[int, Array, float], ...] = ()
         if detached:
@@ -193,9 +198,7 @@ class ContactOscillator:
         Raises:
             RangeError: the motion leaves a table.
         """
-        values = (forcing,) if isinstance(forcing, (int, float)) else tuple(forcing)
-        if not values:
-            raise InputError("no forcing was given for the sweep")
+        values = positives("forcing", forcing)
         for d in directions:
             if d not in ("up", "down"):
                 raise InputError(f'direction = "{d}" is unknown: choose "up" or "down"')
@@ -232,19 +235,20 @@ class ContactOscillator:
             tol: as in `sweep`.
             max_periods: default 4/zeta (100 to 20000).
         """
-        f = self._setting(forcing).F_hat
-        values = np.atleast_1d(np.asarray(omega, float))
-        if values.size == 0 or not (np.isfinite(values).all() and (values > 0).all()):
-            raise InputError(f"omega = {values.tolist()} must hold finite frequencies greater than 0")
+        setting = self._setting(positive("forcing", forcing))
+        f = setting.F_hat
+        values = np.array(positives("omega", omega))
+        if starts < 1:
+            raise InputError(f"starts = {starts} is not legal: give at least 1 initial state per side")
         if spread is None:
             spread = float(np.clip(f / (2.0 * max(self.zeta, 1e-3)), 0.5, 3.0))
         return _sweep.attractors(
             self._balance(),
             values,
-            f,
+            setting,
             starts=starts,
             spread=positive("spread", spread),
-            tol=tol,
+            tol=positive("tol", tol),
             max_periods=max_periods,
         )
 
@@ -274,6 +278,9 @@ class ContactOscillator:
         """
         w = positive("omega", omega)
         f = positive("forcing", forcing, zero=True)
+        for name, value in (("u", u), ("v", v)):
+            if not np.isfinite(value):
+                raise InputError(f"{name} = {value} is not legal: the initial state must be finite")
         duration = positive("periods", periods) * 2.0 * np.pi / w
         path, _ = integrate(
             self._balance(),
@@ -282,18 +289,24 @@ class ContactOscillator:
             float(u),
             float(v),
             duration,
-            rtol=rtol,
+            rtol=positive("rtol", rtol),
             samples=max(1, int(np.ceil(samples * w / (2.0 * np.pi)))),
         )
-        self.restoring.check_range(float(path.u.min()), float(path.u.max()))
-        return path
+        low = float(path.u.min())
+        self.restoring.check_range(low, float(path.u.max()))
+        return replace(path, setting=self._setting(f), tolerance=rtol, valid=self.restoring.contact or low >= -1.0)
 
     def _balance(self) -> Balance:
         return Balance(self.restoring, self.zeta, self.damping)
 
     def _setting(self, forcing: float) -> Setting:
         return Setting(
-            self.model, self.law.describe(), self.restoring.n_loc, self.zeta, self.damping, positive("forcing", forcing)
+            self.model,
+            self.law.describe(),
+            self.restoring.n_loc,
+            self.zeta,
+            self.damping,
+            positive("forcing", forcing, zero=True),
         )
 
     def _seeds(self, forcing: float, window: tuple[float, float], tol: float) -> tuple[tuple[int, Array, float], ...]:
@@ -324,7 +337,7 @@ def _default_load(law: Law) -> float:
 
 
 def _window(omega: Sequence[float]) -> tuple[float, float]:
-    values = tuple(float(w) for w in omega)
+    values = positives("omega", omega)
     if len(values) != 2 or not (0 < values[0] < values[1] < np.inf):
         raise InputError(f"omega = {list(values)} is not legal: give two frequencies 0 < low < high")
     return values[0], values[1]

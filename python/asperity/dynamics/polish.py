@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from asperity.dynamics.branch import Branch
 from asperity.dynamics.hbm import Balance, tail
 from asperity.dynamics.law import Array
-from asperity.dynamics.response import Branch, FrequencyResponse
-from asperity.dynamics.shooting import integrate, shoot, state_at_phase_zero
+from asperity.dynamics.response import FrequencyResponse
+from asperity.dynamics.shooting import shoot, state_at_phase_zero
+from asperity.dynamics.trajectory import integrate
 from asperity.errors import AsperityError, ConvergenceError
 
 
@@ -47,7 +49,7 @@ def _polish_branch(response: FrequencyResponse, branch: Branch) -> Branch:
         name: getattr(branch, name).copy() for name in ("Omega", "u_max", "u_min", "a1", "stable", "radius", "error")
     }
     for i, omega in enumerate(branch.Omega):
-        u, v = state_at_phase_zero(balance, branch.coefficients[i], float(omega))
+        u, v = state_at_phase_zero(branch.coefficients[i], float(omega), branch.order)
         size = branch.u_max[i] - branch.u_min[i]
         for hold in (True, False):
             try:

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from asperity.dynamics.free import FreeVibration
-from asperity.dynamics.law import Law, PowerLaw
+from asperity.dynamics.law import Array, Law, PowerLaw, positives
 from asperity.dynamics.oscillator import ContactOscillator
 from asperity.dynamics.response import FrequencyResponse
 from asperity.dynamics.sweep import ESCAPED, Sweep
 from asperity.dynamics.table import TableLaw, columns, unload_reload
 from asperity.dynamics.thresholds import Thresholds
-from asperity.dynamics.uncertainty import Uncertainty, uncertainty
-from asperity.errors import AsperityError, InputError
+from asperity.dynamics.uncertainty import BAND_COLUMNS, Band, Uncertainty, response_band, uncertainty
+from asperity.errors import AsperityError, InputError, RangeError
 from asperity.power_law import fit_power_law
 
 FREE_COLUMNS = ("model", "u0", "omega_ratio", "u_min")
@@ -28,6 +28,7 @@ RESPONSE_COLUMNS = ("model", "F_hat", "zeta", "Omega", "u_max", "u_min", "a1", "
 MODELS = ("exact", "taylor")
 LAWS = ("paper", "unload-reload", "table")
 _SWEEP_POINTS = 41
+_NOISE = 0.05  # of the greatest force, by which the force of a measured curve may fall
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,7 @@ class Dynamics:
         sweeps: one per forcing and direction (empty when not asked for).
         thresholds: onsets and resonance peaks.
         uncertainty: confidence carried from the law, None when the law has none.
+        bands: confidence of the exact response, one per forcing, where the law has one and it was asked for.
         notes: what a reader must know.
     """
 
@@ -50,15 +52,18 @@ class Dynamics:
     sweeps: dict[str, tuple[Sweep, ...]]
     thresholds: dict[str, Thresholds]
     uncertainty: Uncertainty | None
+    bands: tuple[Band, ...]
     notes: tuple[str, ...]
 
     def write(self, out_dir: str | os.PathLike[str]) -> None:
-        """Write free.csv, response.csv and thresholds.json into a directory, made when missing."""
+        """Write free.csv, response.csv, thresholds.json, and band.csv if there are bands, into a directory."""
         path = Path(out_dir)
         path.mkdir(parents=True, exist_ok=True)
         _write(path / "free.csv", FREE_COLUMNS, (row for f in self.free.values() for row in f.rows()))
         results = [r for group in (self.responses, self.sweeps) for many in group.values() for r in many]
         _write(path / "response.csv", RESPONSE_COLUMNS, (row for r in results for row in r.rows()))
+        if self.bands:
+            _write(path / "band.csv", BAND_COLUMNS, (row for band in self.bands for row in band.rows()))
         text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
         (path / "thresholds.json").write_text(text + "\n")
 
@@ -101,6 +106,7 @@ def law_from(source: Any, law: str = "paper", load: float | None = None) -> tupl
 
     Raises:
         InputError: an unknown law, or a curve that cannot give it.
+        RangeError: the curve does not reach the load.
     """
     if isinstance(source, Law):
         return source, load if load is not None else ContactOscillator(source).restoring.load
@@ -126,8 +132,26 @@ def law_from(source: Any, law: str = "paper", load: float | None = None) -> tupl
     length, unit = float(delta[rows].max(initial=0.0)), float(force[rows].max(initial=0.0))
     if not (length > 0 and unit > 0):
         raise InputError("the loading branch of the curve never makes contact: no power law can be fitted")
+    _check_rising(delta[rows], force[rows])
+    if load > unit:
+        raise RangeError(
+            f"load = {load:g} lies outside the curve, which ends at force {unit:g}; lower the load, or compute the "
+            "curve further"
+        )
     fit = fit_power_law(delta[rows] / length, force[rows] / unit)
     return PowerLaw.from_fit(fit, length, unit), load
+
+
+def _check_rising(delta: Array, force: Array) -> None:
+    """Refuse a curve whose force falls by more than noise: no power law describes it."""
+    f = force[np.argsort(delta, kind="stable")]
+    fall = np.maximum.accumulate(f) - f
+    if fall.max() > _NOISE * f.max():
+        row = int(fall.argmax())
+        raise InputError(
+            f"the force of the curve does not rise with the deflection: it falls from {f[:row].max():g} to {f[row]:g}, "
+            f"more than the {100 * _NOISE:g} % of its greatest value that noise may make: smooth it"
+        )
 
 
 def run_dynamics(
@@ -143,6 +167,7 @@ def run_dynamics(
     out_dir: str | os.PathLike[str] | None = None,
     sweeps: bool = True,
     detached: bool = False,
+    bands: bool = True,
     tol: float = 1e-5,
     figures: bool = False,
 ) -> Dynamics:
@@ -160,8 +185,9 @@ def run_dynamics(
         out_dir: where free.csv, response.csv and thresholds.json go (and *.png with `figures`); None: nowhere.
         sweeps: also run Runge-Kutta sweeps up and down (a few seconds; not for zeta = 0).
         detached: also search for branches that no other reaches (some seconds).
+        bands: also carry the confidence of the law, where it has one, to the response (a second or so a forcing).
         tol: relative truncation error of the response.
-        figures: also draw the figures, see `asperity.dynamics.plots`.
+        figures: also draw the figures, see `asperity.plot.oscillator`.
 
     Returns:
         The results; nothing is written before all input is checked.
@@ -171,9 +197,7 @@ def run_dynamics(
         RangeError: the law does not reach the preload, or an orbit leaves a table at once.
         ConvergenceError: no orbit can be found.
     """
-    values = (float(forcing),) if isinstance(forcing, (int, float)) else tuple(float(f) for f in forcing)
-    if not values:
-        raise InputError("forcing is empty: give at least one F^ > 0")
+    values = positives("forcing", forcing)
     names = tuple(models)
     for name in names:
         if name not in MODELS:
@@ -199,6 +223,7 @@ def run_dynamics(
             except AsperityError as error:
                 notes.append(f"{name}: no sweep: {error}")
         for r in responses[name]:
+            notes.extend(_beyond_fit(name, oscillator, r))
             notes.extend(f"{name}, F^ = {r.setting.F_hat:g}: {note}" for note in r.notes)
         for s in swept[name]:
             if ESCAPED in s.status:
@@ -211,14 +236,33 @@ def run_dynamics(
         spread = uncertainty(exact)
     except InputError:
         spread = None
-    result = Dynamics(oscillators, free, responses, swept, onset, spread, tuple(notes))
+    enveloped: list[Band] = []
+    if bands and spread is not None and "exact" in oscillators:
+        for f in values:
+            try:
+                enveloped.append(response_band(exact, f, omega))
+            except AsperityError as error:
+                notes.append(f"exact, F^ = {f:g}: no confidence band: {error}")
+    result = Dynamics(oscillators, free, responses, swept, onset, spread, tuple(enveloped), tuple(notes))
     if out_dir is not None:
         result.write(out_dir)
         if figures:
-            from asperity.dynamics.plots import save_figures
+            from asperity.plot.oscillator import plot_dynamics
 
-            save_figures(result, out_dir)
+            plot_dynamics(result, out_dir)
     return result
+
+
+def _beyond_fit(name: str, oscillator: ContactOscillator, r: FrequencyResponse) -> list[str]:
+    """Note that a fitted power law is used beyond the points it was fitted to."""
+    known = getattr(oscillator.law, "fitted_to", np.inf) / oscillator.restoring.z_s - 1.0
+    top = max(float(b.u_max.max()) for b in r.branches)
+    if top <= known:
+        return []
+    return [
+        f"{name}, F^ = {r.setting.F_hat:g}: the response reaches u = {top:.4g}, the curve that the law was fitted to "
+        f"ends at u = {known:.4g}: what lies above rests on the fit alone"
+    ]
 
 
 def _summary(r: FrequencyResponse) -> dict[str, Any]:
@@ -228,7 +272,8 @@ def _summary(r: FrequencyResponse) -> dict[str, Any]:
         "F_over_mg": r.setting.F_over_mg,
         "peak": {"Omega": omega, "u_max": top},
         "events": [
-            {"kind": e.kind, "branch": r.branches[e.branch].kind, "Omega": e.Omega, "u_max": e.u_max} for e in r.events
+            {"kind": e.kind, "branch": r.branches[e.branch].kind, "Omega": e.Omega, "u_max": e.u_max, "u_min": e.u_min}
+            for e in r.events
         ],
         "tolerance": r.tolerance,
         "determinant_error": r.det_error,

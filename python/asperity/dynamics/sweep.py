@@ -16,7 +16,7 @@ import numpy as np
 from asperity.dynamics.damping import primitive
 from asperity.dynamics.hbm import Balance
 from asperity.dynamics.law import Array, TaylorLaw
-from asperity.dynamics.response import Setting
+from asperity.dynamics.setting import Setting
 from asperity.errors import RangeError
 
 SETTLED, NOT_SETTLED, ESCAPED = "settled", "not settled", "escaped"
@@ -75,20 +75,25 @@ class Attractor:
     """A steady motion and the share of the initial states that lead to it.
 
     Attributes:
-        Omega, F_hat: forcing.
+        setting: law, damping and forcing.
+        Omega: frequency of the forcing.
         period: in forcing periods; 0 when the motion did not repeat (long period, chaos or slow settling).
         u_max, u_min: extremes.
         share: part of the initial states tried.
         state: (u, v) at forcing phase 0.
+        tolerance: distance from the steady state that was allowed, relative to the orbit.
+        valid: False where a Taylor law passes u = -1.
     """
 
+    setting: Setting
     Omega: float
-    F_hat: float
     period: int
     u_max: float
     u_min: float
     share: float
     state: tuple[float, float]
+    tolerance: float
+    valid: bool
 
 
 @dataclass
@@ -165,14 +170,14 @@ def sweep(
 
 
 def attractors(
-    balance: Balance, omega: Array, forcing: float, *, starts: int, spread: float, tol: float, max_periods: int | None
+    balance: Balance, omega: Array, setting: Setting, *, starts: int, spread: float, tol: float, max_periods: int | None
 ) -> tuple[Attractor, ...]:
     """Steady motions reached from a grid of initial states at each frequency.
 
     Args:
         balance: the oscillator.
         omega: frequencies (any number).
-        forcing: F^.
+        setting: law, damping and forcing.
         starts: initial states per side of a square grid in (u, v).
         spread: half-width of that grid.
         tol: as in `sweep`.
@@ -185,7 +190,9 @@ def attractors(
     u, v = np.tile(grid_u.ravel(), omega.size), np.tile(grid_v.ravel(), omega.size)
     state = _Lanes(u, v + 2.0 * balance.zeta * primitive(balance.restoring, balance.damping, u), np.zeros(u.size, bool))
     limit = max_periods or int(np.clip(4.0 / max(balance.zeta, 1e-9), 100, 20000))
-    u_max, u_min, a1, _, kind, _ = _settle(balance, state, lanes_omega, np.full(u.size, forcing), tol, limit, None)
+    u_max, u_min, a1, _, kind, _ = _settle(
+        balance, state, lanes_omega, np.full(u.size, setting.F_hat), tol, limit, None
+    )
     found: list[Attractor] = []
     for block, om in enumerate(omega):
         rows = np.arange(block * per, (block + 1) * per)
@@ -207,13 +214,15 @@ def attractors(
             loss = 2.0 * balance.zeta * float(primitive(balance.restoring, balance.damping, state.u[j : j + 1])[0])
             found.append(
                 Attractor(
+                    setting,
                     float(om),
-                    forcing,
                     max(int(kind[j]), 0),
                     float(u_max[j]),
                     float(u_min[j]),
                     len(g) / per,
                     (float(state.u[j]), float(state.w[j] - loss)),
+                    tol,
+                    balance.restoring.contact or float(u_min[j]) >= -1.0,
                 )
             )
     return tuple(found)

@@ -16,7 +16,8 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from asperity.dynamics.free import FreeOrbit, contact_limit, free_orbit
-from asperity.dynamics.law import Array, Restoring, TaylorLaw
+from asperity.dynamics.law import Array, TaylorLaw
+from asperity.dynamics.restoring import Restoring
 from asperity.errors import RangeError
 
 _LARGEST = 1e6
@@ -30,6 +31,8 @@ class Backbone:
         model, law, damping: what it was computed for.
         n_loc: local exponent.
         orbits: the free orbits.
+        tolerance: largest estimated relative error of a frequency.
+        valid: False for the orbits of a Taylor law that pass u = -1.
     """
 
     model: str
@@ -37,6 +40,8 @@ class Backbone:
     damping: str
     n_loc: float
     orbits: tuple[FreeOrbit, ...]
+    tolerance: float
+    valid: tuple[bool, ...]
 
     @property
     def u_max(self) -> Array:
@@ -96,6 +101,8 @@ class Thresholds:
         peaks: per forcing asked for: F_hat, Omega, u_max, u_min, a1 of the resonance peak, or None where
             the damping does not close it.
         F_over_mg: factor from F^ to F/(m g), which is n_loc.
+        tolerance: relative error of the onsets and peaks, which are first terms in zeta: zeta^2.
+        valid: False where a peak of a Taylor law passes u = -1.
     """
 
     model: str
@@ -114,6 +121,8 @@ class Thresholds:
     closing: float | None
     peaks: tuple[dict[str, float | None], ...]
     F_over_mg: float
+    tolerance: float
+    valid: bool
 
     def to_dict(self) -> dict[str, Any]:
         """Section of thresholds.json."""
@@ -131,7 +140,9 @@ def backbone(restoring: Restoring, *, model: str, damping: str, u_max: float, po
     if limit < top:
         amplitude = np.unique(np.append(amplitude, limit))
     orbits = tuple(free_orbit(restoring, float(u), damping) for u in amplitude)
-    return Backbone(model, restoring.law.describe(), damping, restoring.n_loc, orbits)
+    valid = tuple(restoring.contact or o.u_min >= -1.0 for o in orbits)
+    tolerance = max(o.error for o in orbits)
+    return Backbone(model, restoring.law.describe(), damping, restoring.n_loc, orbits, tolerance, valid)
 
 
 def reach(restoring: Restoring) -> float:
@@ -222,6 +233,8 @@ def thresholds(
         _closing(restoring, zeta, damping),
         tuple(peaks),
         restoring.n_loc,
+        zeta**2,
+        restoring.contact or all(p["u_min"] is None or p["u_min"] >= -1.0 for p in peaks),
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,6 +15,7 @@ from asperity.dynamics.table import TableLaw
 from asperity.errors import InputError
 
 _MEMBERS = 12
+BAND_COLUMNS = ("F_hat", "Omega", "upper_low", "upper_high", "lower_low", "lower_high")
 
 
 @dataclass(frozen=True)
@@ -60,14 +61,21 @@ class Band:
     """Envelope of the stable response over the confidence region, at fixed physical forcing and frequency.
 
     Attributes:
+        F_hat: forcing of the central law.
         Omega: frequency over the omega_s of the central law.
         upper: lowest and highest u_max (2, frequencies) of the greatest stable orbit; nan where there is none.
         lower: the same of the smallest stable orbit.
     """
 
+    F_hat: float
     Omega: Array
     upper: Array
     lower: Array
+
+    def rows(self) -> Iterator[dict[str, float]]:
+        """Rows of band.csv."""
+        for values in zip(self.Omega, *self.upper, *self.lower, strict=True):
+            yield dict(zip(BAND_COLUMNS, (self.F_hat, *(float(x) for x in values)), strict=True))
 
 
 def ensemble(law: Law) -> tuple[Law, ...]:
@@ -159,7 +167,7 @@ def response_band(
         lower.append(low * size + shift)
     with np.errstate(all="ignore"):
         pack = [np.array([np.fmin.reduce(v), np.fmax.reduce(v)]) for v in (np.array(upper), np.array(lower))]
-    return Band(grid, pack[0], pack[1])
+    return Band(float(forcing), grid, pack[0], pack[1])
 
 
 def stable_range(response: FrequencyResponse, omega: Array) -> tuple[Array, Array]:

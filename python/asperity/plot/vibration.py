@@ -1,9 +1,13 @@
-"""Vibration of a mass on the contact: natural frequency and forced response."""
+"""Vibration over frequency: natural frequency against amplitude, amplitude against the frequency of excitation.
+
+Both are drawn from rows as in free.csv and response.csv, whether these come from a run's folder or from memory.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,29 +17,64 @@ from numpy.typing import NDArray
 from asperity.plot import style
 from asperity.results import Array, Columns, Results
 
-_MODELS = {"exact": (style.BLUE, "-", "exact law"), "taylor": (style.VERMILION, "--", "Taylor law")}
-_FORCINGS = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE, style.ORANGE, style.BLACK)
-_MARKS = {"sweep-up": ("^", "sweep up"), "sweep-down": ("v", "sweep down")}
+if TYPE_CHECKING:
+    from asperity.dynamics import Band, ContactOscillator, FrequencyResponse, Sweep
 
-_DASHES = (0, (3, 1.5))
-_LOSS: dict[str, Any] = {"color": style.YELLOW, "lw": 5, "alpha": 0.6}
+MODELS = {"exact": (style.BLUE, "-", "exact law"), "taylor": (style.VERMILION, "--", "Taylor law")}
+COLOURS = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE, style.ORANGE, style.BLACK)
+DASHES = (0, (3, 1.5))
+_SWEEPS = {"sweep-up": ("^", "sweep up"), "sweep-down": ("v", "sweep down")}
+_MARKS = {"fold": ("o", "fold, with jump"), "period doubling": ("s", "period doubling")}
+_ACTS = {"always": "always", "contact": "in contact", "hunt-crossley": "after Hunt and Crossley"}
+_FAINT = 0.35
+
+
+def heading(zeta: Iterable[float], damping: str | None, n_loc: float | None) -> str:
+    """What decides the physics, for the title: local exponent, damping ratio, where the damper acts."""
+    exponent = f"$n_{{loc}}$ = {n_loc:.4g}, " if n_loc else ""
+    ratios = ", ".join(f"{value:g}" for value in zeta)
+    return f"{exponent}damping ratio $\\zeta$ = {ratios}" + (f", acting {_ACTS[damping]}" if damping else "")
+
+
+# -- natural frequency against amplitude ----------------------------------------------------------------------------
+
+
+def frequency(results: Results) -> Figure:
+    """Natural frequency against the amplitude of release, from the folder of a run."""
+    present = [model for model in MODELS if (results.free["model"] == model).any()]
+    return _frequency([(*MODELS[m], m, _where(results.free, results.free["model"] == m)) for m in present])
+
+
+def natural_frequency(oscillators: Sequence[ContactOscillator]) -> Figure:
+    """Natural frequency against the amplitude of release: the models of one law, or a family of laws."""
+    family = len(oscillators) > 2
+    curves = []
+    for oscillator, colour in zip(oscillators, np.resize(COLOURS, len(oscillators)), strict=True):
+        free = oscillator.free()
+        look = (str(colour), "-", free.law) if family else MODELS[free.model]
+        curves.append((*look, free.model, _columns(free.rows())))
+    return _frequency(curves)
 
 
 @style.styled
-def frequency(results: Results) -> Figure:
-    """Natural frequency against the amplitude of release, with the loss of contact."""
+def _frequency(curves: Sequence[tuple[str, str, str, str, Columns]]) -> Figure:
+    """Colour, line, label, model and rows of each curve."""
     figure, axis = style.figure(style.SINGLE + 0.4, 3.2)
-    for model, (colour, line, text) in _MODELS.items():
-        rows = _where(results.free, results.free["model"] == model)
-        if not len(rows["u0"]):
-            continue
-        u, omega = rows["u0"], rows["omega_ratio"]
-        kept = rows["u_min"] >= -1.0
+    named: set[str] = set()
+    for colour, line, text, model, rows in curves:
+        u, omega, low = rows["u0"], rows["omega_ratio"], rows["u_min"]
+        kept = low >= -1.0
         axis.plot(u, omega, line, color=colour, label=text)
         if kept.any() and not kept.all():
-            last = int(np.flatnonzero(kept)[-1])
+            i = int(np.flatnonzero(kept)[-1])
+            j = min(i + 1, len(u) - 1)
+            s = (low[i] + 1.0) / (low[i] - low[j]) if low[i] > low[j] else 0.0
             meaning = "contact lost beyond" if model == "exact" else "unphysical beyond"
-            axis.plot(u[last], omega[last], "o", color=colour, ms=5, label=meaning, zorder=4)
+            axis.plot(
+                u[i] + s * (u[j] - u[i]), omega[i] + s * (omega[j] - omega[i]), "o", color=colour, ms=5, zorder=4,
+                label=None if meaning in named and len(curves) > 2 else meaning,
+            )  # fmt: skip
+            named.add(meaning)
     axis.axhline(1.0, color=style.GREY, lw=0.7)
     axis.set_xlabel("amplitude $u_0 = (z_0 - z_s)/z_s$")
     axis.set_ylabel("natural frequency $\\omega_n/\\omega_s$")
@@ -45,49 +84,102 @@ def frequency(results: Results) -> Figure:
     return figure
 
 
-@style.styled
+# -- amplitude against the frequency of excitation ------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Event:
+    """A special orbit of the response of a model at a forcing."""
+
+    model: str
+    F_hat: float
+    kind: str
+    Omega: float
+    u_max: float
+    u_min: float
+
+
 def response(results: Results) -> Figure:
-    """Greatest deflection against the frequency of excitation, for each model and forcing."""
-    rows = results.response
-    models = [model for model in _MODELS if model in rows["model"]]
-    figure, axes = style.figure(0.6 + 3.6 * len(models), 3.6, columns=len(models))
+    """Greatest deflection against the frequency of excitation, from the folder of a run."""
+    t = results.thresholds
+    events = [
+        _Event(model, r["F_hat"], e["kind"], e["Omega"], e["u_max"], e.get("u_min", np.nan))
+        for model in MODELS
+        for r in t.get(model, {}).get("responses", ())
+        for e in r.get("events", ())
+    ]
+    zeta = np.unique(results.response["zeta"])
+    n_loc = t.get("n_loc")
+    return _response(results.response, events, heading(zeta, t.get("damping"), n_loc), n_loc, results.band)
+
+
+def amplitude_frequency(
+    responses: Sequence[FrequencyResponse], sweeps: Sequence[Sweep] = (), bands: Sequence[Band] = ()
+) -> Figure:
+    """Greatest deflection against the frequency of excitation: a panel for each model, a colour for each forcing.
+
+    Args:
+        responses: of any models and forcings.
+        sweeps: shown as triangles.
+        bands: confidence bands of exact responses.
+    """
+    events = [
+        _Event(r.setting.model, r.setting.F_hat, e.kind, e.Omega, e.u_max, e.u_min) for r in responses for e in r.events
+    ]
+    results: list[FrequencyResponse | Sweep] = [*responses, *sweeps]
+    rows = _columns(row for result in results for row in result.rows())
+    first = responses[0].setting
+    title = heading([first.zeta], first.damping, first.n_loc)
+    return _response(rows, events, title, first.n_loc, _columns(row for band in bands for row in band.rows()))
+
+
+@style.styled
+def _response(rows: Columns, events: Sequence[_Event], title: str, n_loc: float | None, bands: Columns) -> Figure:
+    models = [model for model in MODELS if model in rows["model"]]
+    figure, axes = style.figure(0.6 + 3.6 * len(models), 3.8, columns=len(models))
     forcings = np.unique(rows["F_hat"])
-    shown: set[str] = set()
+    physical = (rows["model"] == "exact") | (rows["u_min"] >= -1.0)
     for axis, model in zip(np.atleast_1d(axes), models, strict=True):
-        for forcing, colour in zip(forcings, np.resize(_FORCINGS, len(forcings)), strict=True):
+        for forcing, colour in zip(forcings, np.resize(COLOURS, len(forcings)), strict=True):
             chosen = _where(rows, (rows["model"] == model) & (rows["F_hat"] == forcing))
             for name in np.unique(chosen["branch"]):
-                shown.add(str(name))
-                _branch(axis, _where(chosen, chosen["branch"] == name), str(name), colour)
-        axis.set_title(_MODELS[model][2])
+                _branch(axis, _where(chosen, chosen["branch"] == name), str(name), model, colour)
+            _events(axis, [e for e in events if e.model == model and e.F_hat == forcing], chosen)
+            if model == "exact" and bands:
+                of = _where(bands, bands["F_hat"] == forcing)
+                for side in ("upper", "lower"):
+                    low, high = of[f"{side}_low"], of[f"{side}_high"]
+                    axis.fill_between(of["Omega"], low, high, color=colour, alpha=0.5 * _FAINT, lw=0)
+        axis.set_title(MODELS[model][2])
         axis.set_xlabel("frequency $\\Omega = \\omega/\\omega_s$")
         axis.set_ylabel("greatest deflection $u_{\\max}$")
-        axis.set_ylim(bottom=0)
+        axis.set_xlim(rows["Omega"].min(), rows["Omega"].max())
+        axis.set_ylim(0, 1.1 * np.nanmax(rows["u_max"][physical]))
         style.grid(axis)
-    figure.legend(
-        handles=[*_forcing_keys(results, forcings), *_line_keys(shown)],
-        loc="outside lower center", ncols=4,
-    )  # fmt: skip
-    figure.suptitle(_damping(results), fontsize=9)
+    shown = {*np.unique(rows["branch"]).tolist(), *(e.kind for e in events)}
+    keys = [*_forcing_keys(forcings, n_loc), *_line_keys(shown, bool(physical.all()), bool(bands))]
+    figure.legend(handles=keys, loc="outside lower center", ncols=2 if len(models) == 1 else 4)
+    figure.suptitle(title, fontsize=9)
     return figure
 
 
-def _branch(axis: Any, rows: Columns, name: str, colour: str) -> None:
-    """One branch: a line, broken where its stability changes; dots for a sweep."""
+def _branch(axis: Any, rows: Columns, name: str, model: str, colour: str) -> None:
+    """One branch: solid where stable, dashed where not, faint where unphysical; triangles for a sweep."""
     omega, u = rows["Omega"], rows["u_max"]
-    if name in _MARKS:
-        axis.plot(omega, u, _MARKS[name][0], color=colour, mfc="white", ms=3, mew=0.7, zorder=3)
+    if name in _SWEEPS:
+        settled = _true(rows["stable"])
+        axis.plot(omega[settled], u[settled], _SWEEPS[name][0], color=colour, mfc="white", ms=3, mew=0.7, zorder=3)
         return
-    stable, loss = _true(rows["stable"]), _true(rows["contact_loss"])
-    for start, stop in _pieces(omega, u, stable):
-        line = "-" if stable[start] else _DASHES
-        axis.plot(omega[start:stop], u[start:stop], ls=line, color=colour, lw=1.2, zorder=2)
-    for start, stop in _pieces(omega, u, loss):
-        if loss[start]:
-            axis.plot(omega[start:stop], u[start:stop], color=style.YELLOW, lw=5, alpha=0.6, zorder=1)
+    stable = _true(rows["stable"])
+    valid = (rows["u_min"] >= -1.0) | (model == "exact")
+    for start, stop in _pieces(omega, u, stable + 2 * valid):
+        axis.plot(
+            omega[start:stop], u[start:stop], ls="-" if stable[start] else DASHES, color=colour, lw=1.2, zorder=2,
+            alpha=1.0 if valid[start] else _FAINT,
+        )  # fmt: skip
 
 
-def _pieces(omega: Array, u: Array, state: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+def _pieces(omega: Array, u: Array, state: NDArray[Any]) -> Iterator[tuple[int, int]]:
     """Ranges of one state; pieces of one curve share a point, separate curves do not."""
     reach = np.hypot(np.diff(omega) / (np.ptp(omega) or 1.0), np.diff(u) / (np.ptp(u) or 1.0))
     # continuation changes its step gradually: a sudden long one leads to another curve
@@ -101,36 +193,65 @@ def _pieces(omega: Array, u: Array, state: NDArray[np.bool_]) -> Iterator[tuple[
         start = cut + 1
 
 
-def _forcing_keys(results: Results, forcings: Array) -> list[Line2D]:
+def _events(axis: Any, events: Sequence[_Event], rows: Columns) -> None:
+    """Folds with their jumps, period doublings, and the line through the points where contact loss begins."""
+    for e in events:
+        if e.model == "taylor" and not e.u_min >= -1.0:
+            continue
+        if e.kind in _MARKS:
+            axis.plot(e.Omega, e.u_max, _MARKS[e.kind][0], color=style.BLACK, ms=3.5, mfc="white", zorder=5)
+        if e.kind == "fold":
+            landing = [u for u in _stable_at(e.Omega, rows) if abs(u - e.u_max) > 0.03 * e.u_max]
+            if landing:
+                to = landing[int(np.argmin(np.abs(np.array(landing) - e.u_max)))]
+                arrow = {"arrowstyle": "->", "lw": 0.8, "color": style.GREY}
+                axis.annotate("", (e.Omega, to), (e.Omega, e.u_max), zorder=4, arrowprops=arrow)
+    points = sorted((e.Omega, e.u_max) for e in events if e.kind == "grazing" and e.model == "exact")
+    if points:
+        axis.plot(*zip(*points, strict=True), "d:", color=style.GREEN, ms=4, lw=1.0, zorder=5)
+
+
+def _stable_at(omega: float, rows: Columns) -> list[float]:
+    """Greatest deflection of the stable orbits at a frequency, by linear interpolation."""
+    lines = ~np.isin(rows["branch"], list(_SWEEPS))
+    w, u, stable = rows["Omega"][lines], rows["u_max"][lines], _true(rows["stable"][lines])
+    i = np.flatnonzero(((w[:-1] < omega) != (w[1:] < omega)) & stable[:-1] & stable[1:])
+    return [float(x) for x in u[i] + (omega - w[i]) / (w[i + 1] - w[i]) * (u[i + 1] - u[i])]
+
+
+def _forcing_keys(forcings: Array, n_loc: float | None) -> list[Line2D]:
     """Legend entries of the forcings, in both conventions where the local exponent is known."""
-    n = results.thresholds.get("n_loc")
     keys = []
-    for forcing, colour in zip(forcings, np.resize(_FORCINGS, len(forcings)), strict=True):
-        weight = f", $F/(mg)$ = {n * forcing:.3g}" if n else ""
+    for forcing, colour in zip(forcings, np.resize(COLOURS, len(forcings)), strict=True):
+        weight = f", $F/(mg)$ = {n_loc * forcing:.3g}" if n_loc else ""
         keys.append(Line2D([], [], color=colour, label=f"$\\hat{{F}}$ = {forcing:g}{weight}"))
     return keys
 
 
-def _line_keys(shown: set[str]) -> list[Line2D]:
+def _line_keys(shown: set[str], physical: bool, band: bool) -> list[Line2D]:
+    """Legend entries of the styles of lines and marks that are shown."""
+    mark: dict[str, Any] = {"ls": "", "mfc": "white", "ms": 4}
     keys = [
         Line2D([], [], color=style.GREY, label="stable"),
-        Line2D([], [], color=style.GREY, ls=_DASHES, label="unstable"),
-        Line2D([], [], label="passes loss of contact", **_LOSS),
+        Line2D([], [], color=style.GREY, ls=DASHES, label="unstable"),
     ]
-    for name, (mark, text) in _MARKS.items():
+    for name, (marker, text) in (_MARKS | _SWEEPS).items():
         if name in shown:
-            keys.append(Line2D([], [], label=text, marker=mark, mfc="white", ls="", color=style.GREY))
+            colour = style.GREY if name in _SWEEPS else style.BLACK
+            keys.append(Line2D([], [], label=text, marker=marker, color=colour, **mark))
+    if "grazing" in shown:
+        keys.append(Line2D([], [], color=style.GREEN, marker="d", ls=":", ms=4, label="contact loss begins"))
+    if not physical:
+        keys.append(Line2D([], [], color=style.GREY, alpha=_FAINT, label="unphysical ($u_{min}<-1$)"))
+    if band:
+        keys.append(Line2D([], [], color=style.GREY, lw=6, alpha=0.5 * _FAINT, label="95 % band of the law"))
     return keys
 
 
-def _damping(results: Results) -> str:
-    zeta = np.unique(results.response["zeta"])
-    kind = results.thresholds.get("damping")
-    ratios = ", ".join(f"{value:g}" for value in zeta)
-    return f"damping ratio $\\zeta$ = {ratios}" + (f", acting {_ACTS[kind]}" if kind else "")
-
-
-_ACTS = {"always": "always", "contact": "in contact", "hunt-crossley": "after Hunt and Crossley"}
+def _columns(rows: Iterable[Mapping[str, Any]]) -> Columns:
+    """Rows as columns."""
+    listed = list(rows)
+    return {name: np.array([row[name] for row in listed]) for name in listed[0]} if listed else {}
 
 
 def _where(columns: Columns, mask: NDArray[np.bool_]) -> Columns:
@@ -138,5 +259,5 @@ def _where(columns: Columns, mask: NDArray[np.bool_]) -> Columns:
 
 
 def _true(column: NDArray[Any]) -> NDArray[np.bool_]:
-    """Truth values of a CSV column, written as True, true or 1."""
+    """Truth values of a column, written as True, true or 1."""
     return np.isin(np.char.lower(column.astype(str)), ("true", "1", "1.0"))

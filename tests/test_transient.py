@@ -1,0 +1,223 @@
+"""A mass on the solid block in time: a bar in closed form, order, energy, the static limit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy.optimize import brentq
+
+from asperity import reference as ref
+from asperity.dynamics import ContactOscillator, TableLaw
+from asperity.errors import ConvergenceError, InputError
+from asperity.loading import Record, Schedule, follow
+from asperity.material import Material
+from asperity.mesh import build_block, on_root
+from asperity.press import Press
+from asperity.solve import SolverOptions
+from asperity.statics import make_press
+from asperity.surface import Flat, Sinusoid, Surface
+from asperity.transient import Motion, Scheme, Transient, consistent_mass
+
+Array = npt.NDArray[np.float64]
+
+NU = 0.3
+
+
+def press_on(surface: Surface, size: float, material: Material | None = None) -> Press:
+    from mpi4py import MPI
+
+    comm = MPI.COMM_WORLD
+    block = on_root(comm, lambda: build_block(surface, 1.0, lambda x, y, depth: size))
+    return make_press(comm, surface, block, material or Material(1.0, NU))
+
+
+# --- the scheme on a single mass ---------------------------------------------------------------------------------
+
+
+def amplification(scheme: Scheme, omega_h: float) -> Array:
+    """Matrix of a step h = 1 of x'' = -omega^2 x on (x, v, w, a)."""
+    columns = []
+    for start in np.eye(4):
+        motion = Motion(*start)
+        anchor, c = motion.anchor(scheme, 1.0)
+        after = motion.at(c * anchor / (c + omega_h**2), scheme, 1.0)
+        columns.append([after.x, after.v, after.w, after.a])
+    return np.array(columns).T
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.3, 0.8, 1.0])
+def test_scheme_has_the_spectral_radius_asked_for(rho: float) -> None:
+    scheme = Scheme(rho)
+    for omega_h in np.logspace(-2, 3, 26):
+        assert np.abs(np.linalg.eigvals(amplification(scheme, omega_h))).max() < 1.0 + 1e-6
+    # the largest eigenvalue at infinite frequency is repeated, so it is approached slowly
+    assert np.abs(np.linalg.eigvals(amplification(scheme, 1e6))).max() == pytest.approx(rho, abs=1e-3)
+
+
+def test_scheme_hardly_damps_what_it_resolves() -> None:
+    """The damping ratio of resolved motion is of third order in omega h, its frequency right to second order."""
+    found = []
+    for h in (0.1, 0.05):
+        values = np.linalg.eigvals(amplification(Scheme(0.8), h))
+        z = np.log(values[np.argmax(np.abs(values) * (values.imag > 0))])
+        found.append((-z.real / h, 1.0 - z.imag / h))
+    (damping, shift), (half_damping, half_shift) = found
+    assert damping / half_damping == pytest.approx(8.0, rel=0.05) and damping < 1e-5
+    assert shift / half_shift == pytest.approx(4.0, rel=0.02)
+
+
+def test_bad_input_is_refused() -> None:
+    with pytest.raises(InputError, match="rho_inf"):
+        Scheme(1.2)
+    press = press_on(Flat(L=1.0), 0.6)
+    for name, value in (("density", 0.0), ("mass", -1.0), ("load", np.nan), ("dashpot", -0.1)):
+        values: dict[str, Any] = {"density": 1.0, "mass": 1.0, "load": 1.0, name: value}
+        with pytest.raises(InputError, match=name):
+            Transient(press, **values)
+    with pytest.raises(InputError, match="h = 0"):
+        Transient(press, density=1.0, mass=1.0, load=1.0).run(1.0, 0.0)
+
+
+# --- a bar with a mass on top, in closed form --------------------------------------------------------------------
+
+
+def test_consistent_mass_is_that_of_the_block() -> None:
+    """Total, first and second moment of the mass of a cube: its quadrature is exact there."""
+    solid = press_on(Flat(L=1.0), 0.6).solid
+    mass = consistent_mass(solid)
+    one, z = np.ones(solid.nodes), solid.points[:, 2]
+    moments = [float(solid.comm.allreduce(a @ (mass @ b))) for a, b in ((one, one), (one, z), (z, z))]
+    assert moments == pytest.approx([1.0, 1.0 / 2.0, 1.0 / 3.0], rel=1e-12)
+
+
+def bar(steps: int, ratio: float = 0.5, periods: float = 2.0) -> tuple[float, float]:
+    """Error of a flat block with a mass on top in its first mode, and its gain of energy, both relative.
+
+    The mode is sin(b z) with b tan(b) = mass of the block/mass, and omega = b sqrt(M/rho) for a unit cube.
+    """
+    press = press_on(Flat(L=1.0), 0.6)
+    assert press.attempt(0.01).converged
+    load, modulus = press.force, ref.block_modulus(1.0, NU)
+    b = brentq(lambda x: x * np.tan(x) - ratio, 1e-6, 1.5)
+    omega = b * np.sqrt(modulus / ratio)
+    z = press.solid.points[: press.solid.owned, 2]
+    shape = np.zeros((press.solid.owned, 3))
+    shape[:, 2] = -np.sin(b * z) / np.sin(b)
+    a = 1e-3
+    numbers = {**press.numbers(), "delta": press.delta + a, "before": None}
+    press.resume(numbers, {"last": press.displacements()["last"] + a * shape}, press.touched_at())
+    transient = Transient(press, density=ratio, mass=1.0, load=load)
+    transient.start(shape=shape)
+    period = 2.0 * np.pi / omega
+    history = transient.run(periods * period, period / steps)
+    exact = 0.01 + a * np.cos(omega * history.time)
+    gain = (history.energy - history.supplied) / (0.5 * (1.0 + transient.added_mass) * (a * omega) ** 2)
+    return float(np.abs(history.approach - exact).max()) / a, float(gain[-1] - gain[0])
+
+
+def test_bar_with_a_mass_on_top_moves_in_its_first_mode() -> None:
+    errors = [bar(steps)[0] for steps in (20, 40, 80)]
+    assert errors[2] < 8e-3
+    assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(2.0, abs=0.15)
+
+
+def test_bar_keeps_its_energy() -> None:
+    """The corners of a uniform pressure carry no force, so they leave and meet the plate; each time little is lost."""
+    assert -1e-3 < bar(40)[1] < 1e-4
+
+
+# --- a bump under a mass -----------------------------------------------------------------------------------------
+
+# rows of nodes touch at once on so coarse a mesh, so the law has corners
+corners = pytest.mark.filterwarnings("ignore:the points scatter")
+
+
+@pytest.fixture(scope="module")
+def bump() -> tuple[Surface, TableLaw]:
+    """A cosine bump and the law of its contact on the mesh of the tests, in units of L and E L^2."""
+    surface = Sinusoid(L=1.0, amplitude=0.05, wavelength=1.0)
+    press = press_on(surface, 0.35)
+    record = Record(1.0, 1.0, press.solid.material.reduced_modulus)
+    follow(press, Schedule(delta_max=0.06, steps=60), record)
+    return surface, TableLaw.from_curve(record.curve())
+
+
+def released(bump: tuple[Surface, TableLaw], u: float, density: float, rho_inf: float = 0.8) -> tuple[Transient, Any]:
+    """Plate on the bump, let go at u; time in units of 1/omega_s."""
+    surface, law = bump
+    oscillator = ContactOscillator(law, load=float(law.force(0.035)), zeta=0.02)
+    r = oscillator.restoring
+    press = press_on(surface, 0.35)
+    for delta in np.linspace(0.0, r.z_s * (1.0 + u), 9)[1:]:
+        assert press.attempt(float(delta)).converged
+    mass = r.scale / r.z_s
+    transient = Transient(
+        press, density=density, mass=mass, load=r.load, dashpot=2.0 * 0.02 * mass, scheme=Scheme(rho_inf)
+    )
+    return transient, oscillator
+
+
+@corners
+def test_light_block_moves_as_the_one_degree_model(bump: tuple[Surface, TableLaw]) -> None:
+    transient, oscillator = released(bump, 0.4, density=1e-6)
+    history = transient.run(9.0, 2.0 * np.pi / 100)
+    path = oscillator.simulate(1.0, 0.0, u=0.4, periods=1.5, samples=400)
+    u = history.approach / oscillator.restoring.z_s - 1.0
+    assert np.abs(u - np.interp(history.time, path.tau, path.u)).max() < 5e-3
+    force = oscillator.law.force(np.maximum(history.approach, 0.0))
+    assert np.abs(history.force[1:] - force[1:]).max() < 5e-3 * force.max()
+
+
+@corners
+def test_heavy_block_slows_the_mass_by_its_added_mass(bump: tuple[Surface, TableLaw]) -> None:
+    """Rayleigh: the block follows quasi-statically, so omega falls by sqrt(1 + added mass/mass)."""
+    times = []
+    for density in (1e-6, 0.1):
+        transient, _ = released(bump, 0.1, density)
+        history = transient.run(8.0, 2.0 * np.pi / 100)
+        turn = np.flatnonzero((history.velocity[:-1] > 0) & (history.velocity[1:] <= 0))[0]
+        v = history.velocity[turn : turn + 2]
+        times.append(history.time[turn] + (history.time[1] - history.time[0]) * v[0] / (v[0] - v[1]))
+    added = transient.added_mass / transient.mass
+    assert added > 0.01
+    assert times[1] / times[0] == pytest.approx(np.sqrt(1.0 + added), abs=0.1 * added)
+
+
+@corners
+def test_plate_that_leaves_the_block_flies_freely(bump: tuple[Surface, TableLaw]) -> None:
+    """Released with so much speed that contact is lost: in flight the plate falls with load/mass, less the dashpot."""
+    transient, oscillator = released(bump, 0.4, density=1e-3)
+    transient.start(velocity=-3.0 * oscillator.restoring.z_s)
+    history = transient.run(4.0, 2.0 * np.pi / 100)
+    flying = np.flatnonzero(history.force == 0.0)
+    assert len(flying) > 10
+    i = flying[len(flying) // 2]
+    h = history.time[i + 1] - history.time[i]
+    fall = (history.velocity[i + 1] - history.velocity[i - 1]) / (2.0 * h)
+    drag = transient.dashpot * history.velocity[i]
+    assert fall * transient.mass == pytest.approx(transient.load - drag, rel=1e-3)
+
+
+def test_plastic_block_dissipates_and_balances(bump: tuple[Surface, TableLaw]) -> None:
+    """Dropped on virgin asperities the plate loses energy to plastic flow, and the books still balance."""
+    surface = bump[0]
+    press = press_on(surface, 0.35, Material(1.0, NU, 0.02, 0.05))
+    assert press.attempt(0.01).converged
+    transient = Transient(press, density=1e-4, mass=1.0, load=3.0 * press.force)
+    history = transient.run(6.0, 0.05)
+    drift = history.energy - history.supplied
+    supplied = np.ptp(history.supplied)
+    assert history.approach.max() > 0.015
+    assert abs(drift[-1] - drift[0]) < 0.02 * supplied
+    assert history.approach[-20:].min() > press.delta  # it does not come back to where it was let go
+
+
+@corners
+def test_a_step_too_long_says_so(bump: tuple[Surface, TableLaw]) -> None:
+    transient, _ = released(bump, 0.4, density=1e-3)
+    transient.press.newton.options = SolverOptions(newton_max=0)
+    with pytest.raises(ConvergenceError, match="smaller time step"):
+        transient.run(1.0, 0.5)
