@@ -15,6 +15,7 @@ import argparse
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -103,8 +104,8 @@ def reach_of(scene: Scene) -> Reach:
 def guided_limit(scene: Scene, fine: float, steps: int) -> Floats:
     """Richardson's limit of two guided meshes, and of the load steps on the coarser one."""
     reach = reach_of(scene)
-    forces = [solve(scene, asp.MeshSize(h, reach=reach))[0] for h in (fine * 2**0.5, fine)]
-    limit, _ = extrapolate(*forces, 2**0.5, ORDER)
+    coarser, finest = (solve(scene, asp.MeshSize(h, reach=reach))[0] for h in (fine * 2**0.5, fine))
+    limit, _ = extrapolate(coarser, finest, 2**0.5, ORDER)
     if scene.material.plastic:
         coarse = [solve(scene, asp.MeshSize(0.14), steps=n)[0] for n in (scene.steps, steps, 2 * steps)]
         settled, _ = extrapolate(coarse[1], coarse[2], 2.0, 2.0)
@@ -115,17 +116,17 @@ def guided_limit(scene: Scene, fine: float, steps: int) -> Floats:
 def scenes() -> Iterator[Scene]:
     """The three scenes."""
     depth = CONTACT**2 / RADIUS
-    at = depth * np.arange(1, 6) / 5
+    at = np.array([depth * k / 5 for k in range(1, 6)])
     yield Scene("hertz", SPHERE, ELASTIC, depth, 5, at, lambda: layer_force(at, 512)[0],
                 (0.04, 0.028, 0.02, 0.014, 0.01))  # fmt: skip
     rough = Surface.from_spec(kind="weierstrass-mandelbrot", L=1.0, D=2.4, G=1.36e-5)
-    at = 0.003 * np.arange(1, 11)
+    at = np.array([0.003 * k for k in range(1, 11)])
     for name, material, fine, sizes in (
         ("elastic", ELASTIC, 0.018, (0.2, 0.14, 0.1, 0.07, 0.05, 0.035)),
         ("plastic", STEEL, 0.028, (0.2, 0.14, 0.1, 0.07, 0.05)),
     ):
         scene = Scene(name, rough, material, 0.03, 10, at, lambda: at, sizes)
-        yield Scene(name, rough, material, 0.03, 10, at, lambda s=scene, f=fine: guided_limit(s, f, 40), sizes)
+        yield Scene(name, rough, material, 0.03, 10, at, partial(guided_limit, scene, fine, 40), sizes)
 
 
 def measure(scene: Scene) -> list[tuple[str, float, int, float, float]]:

@@ -189,9 +189,9 @@ class PMultigrid:
             self._vector.reshape(-1)[:] = x
             _solver.product(solid.graph.indptr, solid.graph.indices, self._values, self._vector, self._image)
             return self._free * self._image.reshape(-1)
-        self._vector[:] = solid.with_ghosts(x)
+        self._vector[:] = solid.with_ghosts(x.astype(np.float64))
         _solver.product(solid.graph.indptr, solid.graph.indices, self._values, self._vector, self._image)
-        return self._free * solid.sum_ghosts(self._image).astype(np.float32).reshape(-1)
+        return self._free * solid.sum_ghosts(self._image.astype(np.float64)).astype(np.float32).reshape(-1)
 
     def _greatest_eigenvalue(self, steps: int) -> float:
         """Of the Jacobi-scaled matrix, by Lanczos' method from the vector it led to last time; collective."""
