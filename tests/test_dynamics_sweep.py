@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from typing import Any
 
 import numpy as np
 import pytest
@@ -192,7 +193,7 @@ def test_bad_calls_are_one_sentence(call, words) -> None:
 def test_every_result_states_what_it_holds_for() -> None:
     """Law, damping, F^ and F/(m g), tolerance reached and validity stand on every result."""
     o = ContactOscillator(PowerLaw(1.5), zeta=0.05).taylor()
-    forced = [
+    forced: list[Any] = [
         o.response(0.03, (0.9, 1.1)),
         *o.sweep(0.03, (0.9, 1.1), points=2),
         *o.attractors(1.0, 0.03, starts=2),
