@@ -1,9 +1,10 @@
 """Accuracy as an input: meshes and load steps refined until the force has the error bar asked for.
 
-The force of a mesh of size h and of a load path in N steps differs from the limit by c h^p and b/N^2: p = 1.8 was
-measured for the meshes of `mesh.SizeField` (docs/accuracy.md), and the midpoint rule along a spreading plastic contact
-is of second order. Both limits are extrapolated, and each correction, which is the estimated error of the finer
-result, is the bar of the corrected one.
+The force of a mesh of size h and of a load path in N steps differs from the limit by c h^p and b/N^2. The order p
+depends on the scene (docs/accuracy.md): about 1.8 for rough surfaces, little more than 1 for a single small spot, where
+the elements around the contact matter too, and up to 4 for a smooth wave that is touched nearly everywhere. The mesh is therefore extrapolated with the mean of the
+limits that the ends of a range of orders give, and a little more than half their distance is the bar. The midpoint
+rule along a spreading plastic contact is of second order; a part of its correction is the bar.
 
 A coarse mesh serves twice: it shows where the surface is touched, which guides the finer meshes, and it measures the
 error of the load steps, which hardly depends on the mesh. The finest mesh then needs no more steps than asked for.
@@ -30,14 +31,17 @@ from .surface import Surface
 
 Floats = npt.NDArray[np.float64]
 
-MESH_ORDER = 1.8  # of the force in the element size; measured by benchmarks/work_precision.py
+MESH_ORDERS = (1.0, 4.0)  # range of the order of the force in the element size, measured by benchmarks/accuracy.py
+MESH_ORDER = 1.6  # typical one, to plan with
+SAFETY = 1.1  # on half the range of limits
 STEP_ORDER = 2.0  # of the force in the load step: midpoint rule
 GUIDE = 0.1  # size of the guiding mesh [L]
 TYPICAL_ERROR = 0.035  # relative error of the force on the guiding mesh, as a first guess
 MESH_SHARE = 0.6  # part of the tolerance the mesh may use when load steps need the rest
 MAX_DOUBLINGS = 5  # of the load steps
 PATH_TRANSFER = 0.5  # part of the load-step correction taken for its bar (docs/accuracy.md)
-SMALLEST_REFINEMENT = 1.3  # below, the difference of two meshes says little about their error
+SMALLEST_REFINEMENT = 1.8  # below, scatter from mesh to mesh hides the order
+LARGEST_REFINEMENT = 4.0  # above, it is better to look again
 DOFS_ORDER = 1.8  # dofs grow as h^-DOFS_ORDER: refinement is confined to the contact
 
 
@@ -157,6 +161,27 @@ def extrapolate(coarse: Floats, fine: Floats, ratio: float, order: float) -> tup
     return fine - error, error
 
 
+def extrapolate_mesh(coarse: Floats, fine: Floats, ratio: float) -> tuple[Floats, Floats, Floats]:
+    """Limit of the force with the element size when the order is only known to lie in MESH_ORDERS.
+
+    Args:
+        coarse, fine: forces on two meshes (n,)
+        ratio: coarse over fine element size, above 1
+
+    Returns:
+        limit (n,), fine - limit (n,), and the error bar of the limit (n,)
+    """
+    low, high = (extrapolate(coarse, fine, ratio, order)[0] for order in MESH_ORDERS)
+    limit = 0.5 * (low + high)
+    return limit, fine - limit, 0.5 * SAFETY * np.abs(low - high)
+
+
+def bar_share(ratio: float) -> float:
+    """Error bar of `extrapolate_mesh` over the difference of the two forces."""
+    low, high = (1.0 / (ratio**order - 1.0) for order in MESH_ORDERS)
+    return 0.5 * SAFETY * (low - high)
+
+
 def steady(relative: Floats, reach: int = 2) -> Floats:
     """Error bars that do not vanish where an error happens to change sign.
 
@@ -225,7 +250,8 @@ def solve_to_tolerance(
         if worst <= goal.tolerance:
             return AccurateResult(curve, result.curve, budget, tuple(run.levels), result, worst, True, "done")
         mesh = float(np.max((budget.mesh / curve.P_star)[judged]))
-        refinement = refinement_for(mesh, share * goal.tolerance)
+        error = mesh / bar_share(refinement) / (refinement**MESH_ORDER - 1.0)
+        refinement = refinement_for(error, share * goal.tolerance)
         limit = run.limit(goal, mesh, share, refinement)
         if limit:
             reason = (
@@ -237,8 +263,11 @@ def solve_to_tolerance(
 
 
 def refinement_for(error: float, wanted: float) -> float:
-    """Ratio of element sizes that should bring an error of the mesh down to the wanted one."""
-    return min(max(1.05 * (error / wanted) ** (1.0 / MESH_ORDER), SMALLEST_REFINEMENT), 4.0)
+    """Ratio to the next element size whose bar should be the wanted one, when the present one has this error."""
+    ratios = np.linspace(SMALLEST_REFINEMENT, LARGEST_REFINEMENT, 200)
+    bars = np.array([bar_share(ratio) * (1.0 - ratio**-MESH_ORDER) for ratio in ratios]) * error
+    enough = np.flatnonzero(bars <= wanted)
+    return float(ratios[enough[0]]) if len(enough) else LARGEST_REFINEMENT
 
 
 def _judged(curve: Curve, steps: int) -> npt.NDArray[np.bool_]:
@@ -383,9 +412,9 @@ def _correct(result: ContactResult, coarse: Curve, refinement: float, path: _Pat
     loading = curve.branch == "load"
     at = curve.delta_star[loading]
     raw = curve.P_star[loading]
-    _, mesh = extrapolate(loading_force(coarse, at), raw, refinement, MESH_ORDER)
+    _, mesh, spread = extrapolate_mesh(loading_force(coarse, at), raw, refinement)
     correction = mesh / raw
-    mesh_bar = steady(correction)
+    mesh_bar = steady(spread / raw)
     path_bar = np.zeros(len(raw))
     if path is not None:
         correction = correction + np.interp(at, path.delta_star, path.correction)
