@@ -23,13 +23,13 @@ def nearly_full(case: Case, curve: Curve) -> tuple[bool, str]:
 
 
 def hertz(bar: float) -> Claim:
-    """A sphere follows Hertz, P = 4/3 E' sqrt(R) delta^1.5, and leaves no dent."""
+    """A sphere follows Hertz, P = 4/3 E' sqrt(R) delta^1.5, within `bar` of the greatest force, and leaves no dent."""
 
     def claim(case: Case, curve: Curve) -> tuple[bool, str]:
         load = curve.branch == "load"
         R = case.surface.parameters()["radius"]
         expected = 4.0 / 3.0 * case.material.E_prime * np.sqrt(R) * curve.delta[load] ** 1.5
-        error = float(np.max(np.abs(curve.force[load] / expected - 1.0)))
+        error = float(np.max(np.abs(curve.force[load] - expected)) / np.max(expected))
         text = f"Hertz within {error:.1%}"
         if case.loading.unload:
             text += f", force {curve.force[-1]:g} and dent {curve.delta_star[-1]:.0e} L after release"
