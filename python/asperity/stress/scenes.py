@@ -45,7 +45,14 @@ def sphere(radius: float, **more: Any) -> Keys:
     return {f"surface.{key}": value for key, value in (shape | more).items()}
 
 
-FLAT: Keys = {"surface.kind": "flat", "surface.D": None, "surface.G": None}
+#: A flat is reached everywhere at once, so its top gets elements of the least size, a fifth of h_contact.
+FLAT: Keys = {
+    "surface.kind": "flat",
+    "surface.D": None,
+    "surface.G": None,
+    "mesh.h_contact": 0.5 * L,
+    "mesh.h_max": 0.5 * L,
+}
 FILE: Keys = {"surface.kind": "file", "surface.path": "map.npy", "surface.D": None, "surface.G": None}
 
 
@@ -282,7 +289,7 @@ SCENES: tuple[Scene, ...] = (
     Scene(
         "poisson/0.499-plastic",
         "nu = 0.499, elastic-plastic, unloading",
-        {"material.nu": 0.499, "loading.unload": True},
+        {"material.nu": 0.499, "loading.delta_max": 0.02 * L, "loading.unload": True},
         twin=DIRECT,
     ),
     Scene("poisson/-0.9", "nu = -0.9, elastic", ELASTIC | {"material.nu": -0.9}, twin=DIRECT),
@@ -340,7 +347,7 @@ SCENES: tuple[Scene, ...] = (
     Scene(
         "yield/rough",
         "rough block, sigma_y/E = 1e-3, pressed until all of it yields",
-        {"material.yield_strength": 2e8, "loading.delta_max": 0.08 * L, "loading.unload": True},
+        {"material.yield_strength": 2e8, "loading.delta_max": 0.055 * L, "loading.unload": True},
         twin=DIRECT,
     ),
     Scene(
