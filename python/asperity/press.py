@@ -42,12 +42,22 @@ class Snapshot:
 
 @dataclass
 class Counts:
-    """Totals of a run."""
+    """Totals of a run, what was needed to converge in the order in which it is tried.
+
+    Attributes:
+        steps: accepted steps
+        newton, krylov: iterations
+        shortened: Newton steps that the line search made shorter
+        direct: linear systems factorised because the iterative solver failed
+        cutbacks: solves given up and repeated with half the step
+    """
 
     steps: int = 0
-    cutbacks: int = 0
     newton: int = 0
     krylov: int = 0
+    shortened: int = 0
+    direct: int = 0
+    cutbacks: int = 0
 
 
 def carried_on(before: Iterable[Floats], after: Iterable[Floats], lead: float) -> tuple[Floats, Floats]:
@@ -130,6 +140,8 @@ class Press:
         stats = self.newton.solve(start, scale)
         self.counts.newton += stats.newton
         self.counts.krylov += stats.krylov
+        self.counts.shortened += stats.shortened
+        self.counts.direct += stats.direct
         if not stats.converged:
             self.restore()
         return stats

@@ -15,8 +15,11 @@ if TYPE_CHECKING:
 
 WORDS = ("scene", "parameters", "ends", "reason, comparisons")
 FIGURES = (
-    "balance", "dissipation", "tension", "penetration", "energy", "steps", "cuts", "Newton a step", "CPU s", "pass",
+    "balance", "dissipation", "tension", "penetration", "energy", "steps", "Newton a step", "short", "LU", "cuts",
+    "CPU s", "pass",
 )  # fmt: skip
+
+CHAIN = ("shortened", "direct", "cutbacks")
 
 
 @click.command()
@@ -63,8 +66,8 @@ def _figures(outcome: Outcome) -> tuple[str, ...]:
     summary = outcome.summary
     ends = f"{outcome.seconds:.1f}", "NO" if outcome.faults else "yes"
     if not summary:
-        return (*("-",) * 8, *ends)
+        return (*("-",) * (len(FIGURES) - 2), *ends)
     checks, steps = summary["checks"], summary["steps"]
     kinds = ("force_balance", "least_dissipation", "tension", "penetration", "energy_excess")
-    counts = f"{steps}", f"{summary['cutbacks']}", f"{summary['newton'] / max(steps, 1):.1f}"
+    counts = f"{steps}", f"{summary['newton'] / max(steps, 1):.1f}", *(str(summary[kind]) for kind in CHAIN)
     return (*(f"{checks[kind]:.0e}" for kind in kinds), *counts, *ends)

@@ -43,8 +43,13 @@ def _wave(x: Floats, y: Floats) -> Floats:
 
 
 def noisy(x: Floats, y: Floats) -> Floats:
-    """A wave with independent noise at the samples."""
-    return _wave(x, y) + 0.003 * np.random.default_rng(0).standard_normal(x.shape)
+    """A wave with independent noise of a hundredth of its height at the samples."""
+    return _wave(x, y) + 5e-4 * np.random.default_rng(0).standard_normal(x.shape)
+
+
+def very_noisy(x: Floats, y: Floats) -> Floats:
+    """The same with noise of a tenth."""
+    return _wave(x, y) + 5e-3 * np.random.default_rng(0).standard_normal(x.shape)
 
 
 def terrace(x: Floats, y: Floats) -> Floats:
@@ -71,47 +76,57 @@ def constant(x: Floats, y: Floats) -> Floats:
     return np.full(x.shape, 0.1)
 
 
-def with_slivers(block: BlockMesh, count: int = 6) -> BlockMesh:
-    """Flatten some tetrahedra inside a mesh to SLIVER of their height; none is turned inside out."""
-    points, corners = _straightened(block), block.tets[:, :4]
-    near: set[int] = set()
-    for node in _inner(corners):
+def with_slivers(block: BlockMesh, count: int = 4) -> BlockMesh:
+    """Flatten some tetrahedra inside a mesh to SLIVER of their height; none is turned inside out.
+
+    Raises:
+        ValueError: the mesh has not so many inner corners away from its top
+    """
+    points, corners = block.points.copy(), block.tets[:, :4]
+    inner, top = _inner_and_top(points, corners)
+    near = set(top.tolist())
+    for node in inner:
         around = corners[(corners == node).any(axis=1)]
-        moved = points.copy()
-        a, b, c = points[around[0][around[0] != node]]
-        normal = np.cross(b - a, c - a)
-        normal /= np.linalg.norm(normal)
-        moved[node] -= (1.0 - SLIVER) * np.dot(points[node] - a, normal) * normal
-        if near.isdisjoint(around.ravel()) and np.all(_volumes(moved, around) / _volumes(points, around) > 0.0):
-            points, count = moved, count - 1
-            near.update(around.ravel().tolist())
+        if not near.isdisjoint(around.ravel()):
+            continue
+        for cell in around:
+            moved = points.copy()
+            a, b, c = points[cell[cell != node]]
+            normal = np.cross(b - a, c - a)
+            normal /= np.linalg.norm(normal)
+            moved[node] -= (1.0 - SLIVER) * np.dot(points[node] - a, normal) * normal
+            if np.all(_volumes(moved, around) / _volumes(points, around) > 0.0):
+                points, count = moved, count - 1
+                near.update(around.ravel().tolist())
+                break
         if count == 0:
-            break
-    return replace(block, points=_straightened(replace(block, points=points)))
+            return replace(block, points=_straightened(points, block.tets, top))
+    raise ValueError("the mesh is too coarse for so many slivers")
 
 
 def with_turned_element(block: BlockMesh) -> BlockMesh:
     """Move a corner inside a mesh through the opposite face of a tetrahedron."""
     points, corners = block.points.copy(), block.tets[:, :4]
-    node = _inner(corners)[0]
-    cell = corners[(corners == node).any(axis=1)][0]
-    points[node] += 1.5 * (points[cell[cell != node]].mean(axis=0) - points[node])
-    return replace(block, points=_straightened(replace(block, points=points)))
+    inner, top = _inner_and_top(points, corners)
+    cell = corners[(corners == inner[0]).any(axis=1)][0]
+    points[inner[0]] += 1.5 * (points[cell[cell != inner[0]]].mean(axis=0) - points[inner[0]])
+    return replace(block, points=_straightened(points, block.tets, top))
 
 
-def _inner(corners: Nodes) -> Nodes:
-    """Corners on no outer face: a face inside belongs to two tetrahedra."""
+def _inner_and_top(points: Floats, corners: Nodes) -> tuple[Nodes, Nodes]:
+    """Corners on no outer face (a face inside belongs to two tetrahedra), and those on the only one not plane."""
     faces = np.sort(np.concatenate([np.delete(corners, k, axis=1) for k in range(4)]), axis=1)
-    outer, times = np.unique(faces, axis=0, return_counts=True)
-    return np.setdiff1d(corners, outer[times == 1])
+    faces, times = np.unique(faces, axis=0, return_counts=True)
+    outer = faces[times == 1]
+    plane = np.any(np.ptp(points[outer], axis=1) == 0.0, axis=1)
+    return np.setdiff1d(corners, outer), np.unique(outer[~plane])
 
 
-def _straightened(block: BlockMesh) -> Floats:
-    """Points of a mesh whose edges from an inner corner are straight."""
-    points, tets = block.points.copy(), block.tets
-    inner = np.isin(tets[:, :4], _inner(tets[:, :4]))
+def _straightened(points: Floats, tets: Nodes, top: Nodes) -> Floats:
+    """Points of a mesh whose edges away from the top are straight."""
+    points, below = points.copy(), ~np.isin(tets[:, :4], top)
     for k, (i, j) in enumerate(EDGES, 4):
-        straight = inner[:, i] | inner[:, j]
+        straight = below[:, i] & below[:, j]
         points[tets[straight, k]] = 0.5 * (points[tets[straight, i]] + points[tets[straight, j]])
     return points
 
