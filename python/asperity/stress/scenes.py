@@ -114,12 +114,18 @@ class Scene:
 
 
 def _plane() -> list[Scene]:
-    """The plane of fractal parameters, each surface pressed to the same part of its depth."""
+    """The plane of fractal parameters, each surface pressed to the same part of its depth.
+
+    The steepest ones have slopes above one and bend within an element: their mesh is refused.
+    """
+    steep = {(2.05, 1e-13), (2.05, 1e-11), (2.05, 1e-10), (2.2, 1e-11), (2.2, 1e-10), (2.3, 1e-10)}
     return [
         Scene(
             f"plane/D{D}-G{G:.0e}",
             f"D = {D}, G = {G:g} m, half-way to the mean plane",
             {"surface.D": D, "surface.G": G},
+            ends="refused" if (D, G) in steep else "done",
+            reason="turned inside out" if (D, G) in steep else "",
             depth=0.5,
             twin=DIRECT,
             fast=(D, G) == (2.95, 1e-11),
