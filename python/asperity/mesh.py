@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
-from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +20,7 @@ from scipy.spatial import cKDTree
 
 from . import compat
 from .errors import AsperityError, MeshError
+from .storage import UNREADABLE, one_line
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -64,9 +64,19 @@ class BlockMesh:
         """
         try:
             with np.load(path, allow_pickle=False) as f:
-                return BlockMesh(f["points"], f["tets"].astype(np.int64), float(f["side"]), float(f["height"]))
-        except (OSError, EOFError, KeyError, ValueError, BadZipFile) as e:
-            raise MeshError(f"mesh.file: {path} is not a mesh written by asperity ({e})") from None
+                points, tets = f["points"].astype(np.float64), f["tets"].astype(np.int64, casting="same_kind")
+                side, height = float(f["side"]), float(f["height"])
+        except UNREADABLE as e:
+            raise MeshError(f"mesh.file: {path} is not a mesh written by asperity ({one_line(e)})") from None
+        if not (points.ndim == tets.ndim == 2 and points.shape[1] == 3 and tets.shape[1] == 10 and tets.size):
+            wrong = f"points {points.shape} and tets {tets.shape} should be (N, 3) and (M, 10)"
+        elif not (0 <= tets.min() and tets.max() < len(points)):
+            wrong = f"tets names the nodes {tets.min()} to {tets.max()} of {len(points)}"
+        elif not (np.all(np.isfinite(points)) and 0.0 < side < np.inf and 0.0 < height < np.inf):
+            wrong = "points, side and height must be finite, side and height positive"
+        else:
+            return BlockMesh(points, tets, side, height)
+        raise MeshError(f"mesh.file: {path} is not a mesh written by asperity ({wrong})")
 
     def check_surface(self, surface: Surface) -> None:
         """Make sure that the mesh was built for `surface`.
