@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 BASE, SIDE_X, SIDE_Y, TOP = 1, 2, 3, 4
 
+FLAT = 1e-12  # depth below which a surface counts as plane [L]
 NEIGHBOURS = 6  # corners and edges of a facet: a margin of an element around what was touched
 
 Floats = npt.NDArray[np.float64]
@@ -162,8 +163,11 @@ class SizeField:
         """
         L = surface.L
         delta_max, h_contact = _rounded(delta_max / L), _rounded(h_contact / L)
-        h_min = 0.2 * h_contact if h_min is None else min(_rounded(h_min / L), h_contact)
         x0, y0, side, gap = _reached_window(surface, delta_max, grid)
+        if h_min is None:  # a plane top is touched everywhere at once: it has no small spot
+            h_min = h_contact if float(gap.max()) <= FLAT else 0.2 * h_contact
+        else:
+            h_min = min(_rounded(h_min / L), h_contact)
         if reach is not None:
             t = np.linspace(0.0, side, grid)
             gap = np.maximum(gap, reach.depth(*np.meshgrid((x0 + t) * L, (y0 + t) * L)) / L)

@@ -304,3 +304,54 @@ def any_mesh_file_is_a_mesh_or_a_sentence(data: bytes) -> None:
 test_any_mesh_file_is_a_mesh_or_a_sentence, test_any_of_many_meshes = fuzz(
     any_mesh_file_is_a_mesh_or_a_sentence, meshes() | mutated((saved(np.savez, side=1.0),)), FEW, MANY
 )
+
+
+# --- nothing is unpickled -------------------------------------------------------------------------------------
+
+
+class Bomb:
+    """Unpickling it leaves a mark."""
+
+    def __init__(self, mark: Path) -> None:
+        self._mark = mark
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Path.touch, (self._mark,)
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".npz"])
+def test_no_file_is_unpickled(tmp_path: Path, suffix: str) -> None:
+    from asperity.checkpoint import Checkpoint
+    from asperity.measured import HeightField
+
+    mark, path = tmp_path / "mark", tmp_path / f"evil{suffix}"
+    evil = np.array([[Bomb(mark)] * 5] * 5, dtype=object)
+    if suffix == ".npy":
+        np.save(path, evil, allow_pickle=True)
+    else:
+        np.savez(path, z=evil, L=1e-6, points=evil, tets=evil, side=1.0, height=1.0, meta=evil)
+    folder = tmp_path / "checkpoint"
+    folder.mkdir()
+    (folder / "state.npz").write_bytes(path.read_bytes())
+    from mpi4py import MPI
+
+    for read in (
+        lambda: Case.from_dict({"surface": {"kind": "file", "path": str(path), "L": 1e-6}}),
+        lambda: BlockMesh.read(path),
+        lambda: HeightField.read(path),
+        Checkpoint(folder, {}, MPI.COMM_SELF).load,
+    ):
+        with pytest.raises(InputError) as caught:
+            read()
+        assert "\n" not in str(caught.value)
+    assert not mark.exists()
+
+
+def test_every_load_forbids_pickles() -> None:
+    calls = [
+        line.strip()
+        for path in sorted((ROOT / "python").rglob("*.py"))
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if "np.load(" in line or "import pickle" in line or "fromfile(" in line
+    ]
+    assert calls and all("allow_pickle=False" in line for line in calls)
