@@ -164,13 +164,13 @@ class SizeField:
         L = surface.L
         delta_max, h_contact = _rounded(delta_max / L), _rounded(h_contact / L)
         x0, y0, side, gap = _reached_window(surface, delta_max, grid)
+        if reach is not None:
+            t = np.linspace(0.0, side, grid)
+            gap = np.maximum(gap, reach.depth(*np.meshgrid((x0 + t) * L, (y0 + t) * L)) / L)
         if h_min is None:  # a plane top is touched everywhere at once: it has no small spot
             h_min = h_contact if float(gap.max()) <= FLAT else 0.2 * h_contact
         else:
             h_min = min(_rounded(h_min / L), h_contact)
-        if reach is not None:
-            t = np.linspace(0.0, side, grid)
-            gap = np.maximum(gap, reach.depth(*np.meshgrid((x0 + t) * L, (y0 + t) * L)) / L)
         sizes = np.sqrt(np.linspace(h_min**2, h_contact**2, levels))
         spacing = side / (grid - 1)
         distances = np.empty((grid, grid, levels))
