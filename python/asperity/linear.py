@@ -32,7 +32,7 @@ class LinearSolver:
 
     The prescribed dofs are eliminated symmetrically in place, so the matrix keeps its structure and near-null
     space. Where an iterative solver fails, because the matrix is nearly singular or indefinite, the system is
-    factorised, and so are those that follow as long as `rescue` stands.
+    factorised, and so are those that follow in the same step.
 
     Args:
         solid: whose matrix is solved with
@@ -42,7 +42,7 @@ class LinearSolver:
         symmetric: whether the matrix is symmetric and positive definite: Cholesky and CG, else LU and GMRES
 
     Attributes:
-        rescue: whether systems are factorised because the iterative solver failed before; the caller may reset it
+        rescue: whether systems are factorised because the iterative solver failed in this step
         rescued: systems that were factorised for that
 
     Raises:
@@ -85,6 +85,12 @@ class LinearSolver:
         self._ksp.setOperators(solid.A)
         self._ksp.setFromOptions()
         self._b, self._y = solid.A.createVecRight(), solid.A.createVecRight()
+
+    def begin(self) -> None:
+        """Forget what earlier steps left: a step depends on the state it starts from only, as after a restart."""
+        self.rescue = False
+        if self._multigrid is not None:
+            self._multigrid.forget()
 
     def solve(self, r: Any, rows: npt.NDArray[np.int32], values: Floats, y: Any) -> tuple[int, bool]:
         """Solve with the current values of the matrix, which are changed by the elimination.

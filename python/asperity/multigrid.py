@@ -143,6 +143,10 @@ class PMultigrid:
         else:
             self.estimate()
 
+    def forget(self) -> None:
+        """Let the next `update` estimate the greatest eigenvalue from anew."""
+        self._greatest = 0.0
+
     def estimate(self) -> None:
         """Estimate the greatest eigenvalue from anew; collective.
 
