@@ -86,9 +86,8 @@ class LinearSolver:
         self._ksp.setFromOptions()
         self._b, self._y = solid.A.createVecRight(), solid.A.createVecRight()
 
-    def begin(self) -> None:
-        """Forget what earlier steps left: a step depends on the state it starts from only, as after a restart."""
-        self.rescue = False
+    def forget(self) -> None:
+        """Let the next solve depend on its system alone, not on those before, as after a restart."""
         if self._multigrid is not None:
             self._multigrid.forget()
 
@@ -115,20 +114,23 @@ class LinearSolver:
         if not self.rescue:
             with phase("preconditioner"):
                 self._ksp.setOperators(A)
-                if self._multigrid is not None:
-                    self._multigrid.update(A, rows)
+                ready = self._multigrid is None or self._multigrid.update(A, rows)
                 self._ksp.setUp()
-            with phase("linear solve"):
-                self._ksp.solve(self._b, y)
-                if self._multigrid is not None and self._ksp.getConvergedReason() < 0:
-                    self._multigrid.estimate()
-                    self._ksp.solve(self._b, y)
-            iterations, solved = self._ksp.getIterationNumber(), self._ksp.getConvergedReason() > 0
+            if ready:
+                with phase("linear solve"):
+                    iterations, solved = self._iterate(y)
         if not solved and self._may_rescue:
             with phase("direct rescue"):
                 solved = self._solve_directly(y)
         y.array[rows] = self._y.array_r[rows]  # an iterative solver only meets them to its tolerance
         return iterations, solved
+
+    def _iterate(self, y: Any) -> tuple[int, bool]:
+        self._ksp.solve(self._b, y)
+        if self._multigrid is not None and self._ksp.getConvergedReason() < 0:
+            self._multigrid.estimate()
+            self._ksp.solve(self._b, y)
+        return self._ksp.getIterationNumber(), self._ksp.getConvergedReason() > 0
 
     def _solve_directly(self, y: Any) -> bool:
         from petsc4py import PETSc

@@ -380,7 +380,7 @@ def check_distortion(mesh: Any, surface: Surface) -> None:
     size = float(np.max(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1))) * L
     slope = float(np.hypot(*surface.gradient(np.array(cx), np.array(cy))))
     raise MeshError(
-        f"the mesh does not follow the surface: at x = {cx:.4g}, y = {cy:.4g}, z = {cz:.4g} an element of size "
+        f"the surface is too steep for its mesh: at x = {cx:.4g}, y = {cy:.4g}, z = {cz:.4g} an element of size "
         f"{size:.3g} is turned inside out (slope {slope:.3g}): reduce mesh.h_contact, mesh.h_max or the roughness, or "
         "mend mesh.file"
     )

@@ -137,6 +137,7 @@ class Press:
         return self._solve(start, max(abs(delta - self.delta), 1e-6))
 
     def _solve(self, start: Floats, scale: float) -> StepStats:
+        self.newton.linear.forget()  # a step of a resumed run is the same to the last bit
         stats = self.newton.solve(start, scale)
         self.counts.newton += stats.newton
         self.counts.krylov += stats.krylov

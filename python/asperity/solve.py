@@ -179,8 +179,7 @@ class NewtonSolver:
         """Solve from the displacement `start` (owned, 3); `scale` is the length penetration is measured by."""
         self._scale = scale
         self._krylov = self._shortened = 0
-        self.linear.begin()
-        rescued = self.linear.rescued
+        self.linear.rescue, rescued = False, self.linear.rescued
         self.x.array = start.reshape(-1)
         with _own_errors():
             self.snes.solve(None, self.x)

@@ -28,12 +28,18 @@ from asperity.simulation import run
 ROOT = Path(__file__).parents[2]
 TEXTS = tuple(path.read_bytes() for path in sorted((ROOT / "cases").glob("*.toml")))
 FEW, MANY = 60, 3000
-RUNS, MANY_RUNS = 4, 200
+RUNS, MANY_RUNS = 3, 100
 
 
-def examples(number: int) -> Callable[[Any], Any]:
-    """So many inputs, as slow as they may be."""
-    return settings(max_examples=number, deadline=None, suppress_health_check=list(HealthCheck), database=None)
+def examples(number: int, derandomize: bool) -> Callable[[Any], Any]:
+    """So many inputs, as slow as they may be; always the same ones or not."""
+    return settings(
+        max_examples=number,
+        derandomize=derandomize,
+        deadline=None,
+        suppress_health_check=list(HealthCheck),
+        database=None,
+    )
 
 
 def refused(error: AsperityError) -> None:
@@ -45,9 +51,9 @@ def refused(error: AsperityError) -> None:
 
 
 def fuzz(property_: Callable[[Any], None], inputs: st.SearchStrategy[Any], few: int, many: int) -> tuple[Any, Any]:
-    """The same property with few inputs, and as a slow test with many."""
-    short = examples(few)(given(inputs)(property_))
-    long = pytest.mark.slow(examples(many)(given(inputs)(property_)))
+    """The same property with a few inputs that never change, and as a slow test with many others each time."""
+    short = examples(few, True)(given(inputs)(property_))
+    long = pytest.mark.slow(examples(many, False)(given(inputs)(property_)))
     return short, long
 
 

@@ -30,7 +30,8 @@ class Outcome:
 
     Attributes:
         scene: what was run
-        ends: "done", "refused" (exit code 2), "stopped" (3) or "wrong" (3, a balance is violated)
+        ends: "done", "refused" (exit code 2), "stopped" (3), "wrong" (3, a balance is violated), or
+            "crashed" by an error that nobody foresaw
         reason: sentence of a refusal or stop
         summary: what summary.json holds; empty after a refusal
         notes: figures of the comparisons
@@ -93,6 +94,8 @@ def _run(scene: Scene, keys: Keys, heights: files.Map | None, folder: Path) -> _
         return _Run(ends="refused", reason=str(error))
     except ConvergenceError as error:
         done.ends, done.reason = "wrong" if isinstance(error, CheckError) else "stopped", str(error)
+    except Exception as error:  # whatever it is, the other scenes shall run
+        return _Run(ends="crashed", reason=f"{type(error).__name__}: {error}")
     done.curve = Curve.read(out / "curve.csv")
     done.summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     saved = Checkpoint(out / "checkpoint", identity(done.case), MPI.COMM_SELF).load()

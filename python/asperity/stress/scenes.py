@@ -189,7 +189,13 @@ def _penalties() -> list[Scene]:
         Scene(
             f"penalty/{factor:g}",
             f"penalty factor {factor:g}",
-            {"contact.method": "penalty", "contact.penalty": factor, "loading.unload": True},
+            {
+                "contact.method": "penalty",
+                "contact.penalty": factor,
+                "loading.delta_max": 0.01 * L,
+                "loading.steps": 4,
+                "loading.unload": True,
+            },
             twin=Twin("exact contact", min(0.6, 0.05 + 0.5 / factor), exact),
         )
         for factor in (0.1, 1.0, 10.0, 100.0, 1e3, 1e4)
