@@ -16,10 +16,11 @@ from scipy.optimize import brentq
 
 from asperity import reference as ref
 from asperity.errors import ConvergenceError
+from asperity.linear import LinearSolver
 from asperity.loading import GROWTH, SMALLEST_CUT, Position, Record, Schedule, follow
 from asperity.material import Material
 from asperity.mesh import BlockMesh, build_block
-from asperity.press import Press
+from asperity.press import Press, carried_on
 from asperity.solve import NewtonSolver, SolverOptions, StepStats
 from asperity.statics import make_press
 from asperity.surface import Flat, Surface
@@ -354,3 +355,49 @@ def test_a_press_gives_its_memory_back(press_of: Callable[..., Press], linear: s
         warnings.simplefilter("error")
         gc.collect()
     assert [x() for x in left] == [None] * 4
+
+
+# --- rescues ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.mpi
+@EACH
+def test_systems_the_iterative_solver_fails_on_are_factorised(
+    press_of: Callable[..., Press], material: Material, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    direct, rescued = press_of(material, linear="lu", rtol=1e-10), press_of(material, linear="cg", rtol=1e-10)
+    for press in (direct, rescued):
+        for delta in (0.004, 0.008):
+            assert press.attempt(delta).converged
+        monkeypatch.setattr(LinearSolver, "_iterate", lambda self, y: (7, False))
+    assert rescued.force == pytest.approx(direct.force, rel=1e-9)
+    assert rescued.counts.direct == rescued.counts.newton > 0 and direct.counts.direct == 0
+    assert rescued.counts.krylov == 14  # once a step the iterative solver is tried
+
+
+def test_flow_is_carried_on_as_far_as_it_keeps_its_direction() -> None:
+    """Angles between tensors by the double contraction, in which a shear component counts twice."""
+    strain = np.array([[2e-3, -1e-3, -1e-3, 0, 0, 0], [0, 0, 0, 3e-3, 0, 0], [0] * 6, [1e-3, -1e-3, 0, 0, 0, 0]])
+    flow = np.array(
+        [[4e-3, -2e-3, -2e-3, 0, 0, 0], [0, 0, 0, 1e-3, 1e-3, 0], [1e-3, 0, -1e-3, 0, 0, 0], [0, 0, 0, 0, 0, 1e-3]]
+    )
+    a, da = np.full(4, 5e-3), np.full(4, 2e-3)
+    for lead in (1.0, 0.5):
+        carried, accumulated = carried_on((strain, a), (strain + flow, a + da), lead)
+        part = lead * np.array([1.0, np.sqrt(0.5), 1.0, 0.0])
+        np.testing.assert_allclose(carried, strain + (1.0 + part[:, None]) * flow, rtol=0, atol=1e-18)
+        np.testing.assert_allclose(accumulated, a + (1.0 + part) * da, rtol=1e-14)
+
+
+def test_the_midpoint_rule_does_not_ring_where_yield_is_nothing_beside_the_strain(
+    rough: Surface, coarse: BlockMesh | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without hardening at sigma_y/E = 1e-4 the plain rule does work that no energy answers to."""
+    soft = Material(1.0, NU, 1e-4, 0.0)
+    errors = []
+    for rule in (carried_on, lambda a, b, lead: tuple(y + lead * (y - x) for x, y in zip(a, b, strict=True))):
+        monkeypatch.setattr("asperity.press.carried_on", rule)
+        press = make_press(world(), rough, coarse, soft)
+        drive(press, delta_max=0.015, steps=20, integrator="midpoint")
+        errors.append(abs(1.0 - press.checks.energy_ratio))
+    assert errors[0] < 0.5 * errors[1]

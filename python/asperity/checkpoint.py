@@ -10,12 +10,10 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import zlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -35,7 +33,7 @@ from .loading import Position, Record
 from .mesh import BlockMesh
 from .press import Press, Snapshot
 from .schema import show
-from .storage import npz_bytes, on_root, remove_asides, replace_file
+from .storage import UNREADABLE, npz_bytes, on_root, remove_asides, replace_file
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -349,7 +347,7 @@ def _read_npz(path: Path) -> dict[str, Array]:
             return {name: file[name] for name in file.files}
     except FileNotFoundError:
         raise CheckpointError(f"{path} is missing; start the run anew with --force") from None
-    except (OSError, ValueError, KeyError, EOFError, AttributeError, BadZipFile, zlib.error) as error:
+    except UNREADABLE as error:
         raise CheckpointError(f"{path} is damaged ({error}); start the run anew with --force") from None
 
 

@@ -34,6 +34,8 @@ def check_together(case: Input) -> None:
     if (loading.delta_max is None) == (loading.force_max is None):
         state = "are both missing" if loading.delta_max is None else "are both given"
         _refuse("loading.delta_max", f"and loading.force_max {state}; give exactly one of them")
+    if loading.cycles > 1 and not loading.unload:
+        _refuse("loading.cycles", f"= {loading.cycles} needs an unloading between; set loading.unload = true")
     if dynamics and len(set(dynamics.model)) < len(dynamics.model):
         _refuse("dynamics.model", f"= {show(dynamics.model)} names a model twice")
     if dynamics and dynamics.omega[0] >= dynamics.omega[1]:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from .solid import Floats, Solid
 
 LU_LIMIT = 6_000  # dofs below which a factorisation beats CG with multigrid (benchmarks/linear.py)
+DIRECT_LIMIT = 200_000  # dofs up to which a factorisation may stand in for an iterative solver that fails
 KINDS = ("auto", "lu", "cg", "gamg")
 PREFIX = "asperity_linear_"
 
@@ -30,7 +31,8 @@ class LinearSolver:
     """Solves A y = r with some dofs of y prescribed; collective.
 
     The prescribed dofs are eliminated symmetrically in place, so the matrix keeps its structure and near-null
-    space.
+    space. Where an iterative solver fails, because the matrix is nearly singular or indefinite, the system is
+    factorised, and so are those that follow in the same step.
 
     Args:
         solid: whose matrix is solved with
@@ -38,6 +40,10 @@ class LinearSolver:
             problems and "cg" for others
         rtol: relative tolerance of the iterative solvers, in the energy norm
         symmetric: whether the matrix is symmetric and positive definite: Cholesky and CG, else LU and GMRES
+
+    Attributes:
+        rescue: whether systems are factorised because the iterative solver failed in this step
+        rescued: systems that were factorised for that
 
     Raises:
         InputError: unknown kind
@@ -50,6 +56,9 @@ class LinearSolver:
             raise InputError(f'solver.linear = "{kind}" is not one of {", ".join(KINDS)}')
         if kind == "auto":
             kind = "lu" if solid.dofs < LU_LIMIT else "cg"
+        self.rescue, self.rescued = False, 0
+        self._direct: Any = None
+        self._may_rescue = kind != "lu" and solid.dofs <= DIRECT_LIMIT
         self._solid = solid
         self._ksp = PETSc.KSP().create(solid.comm)
         self._ksp.setOptionsPrefix(PREFIX)
@@ -77,6 +86,11 @@ class LinearSolver:
         self._ksp.setFromOptions()
         self._b, self._y = solid.A.createVecRight(), solid.A.createVecRight()
 
+    def forget(self) -> None:
+        """Let the next solve depend on its system alone, not on those before, as after a restart."""
+        if self._multigrid is not None:
+            self._multigrid.forget()
+
     def solve(self, r: Any, rows: npt.NDArray[np.int32], values: Floats, y: Any) -> tuple[int, bool]:
         """Solve with the current values of the matrix, which are changed by the elimination.
 
@@ -96,18 +110,41 @@ class LinearSolver:
             self._y.array[rows[len(rows) - len(values) :]] = values
             diagonal = A.getDiagonal().sum() / self._solid.dofs
             A.zeroRowsColumns(rows + A.getOwnershipRange()[0], diag=diagonal, x=self._y, b=self._b)
-        with phase("preconditioner"):
-            self._ksp.setOperators(A)
-            if self._multigrid is not None:
-                self._multigrid.update(A, rows)
-            self._ksp.setUp()
-        with phase("linear solve"):
-            self._ksp.solve(self._b, y)
-            if self._multigrid is not None and self._ksp.getConvergedReason() < 0:
-                self._multigrid.estimate()
-                self._ksp.solve(self._b, y)
+        iterations, solved = 0, False
+        if not self.rescue:
+            with phase("preconditioner"):
+                self._ksp.setOperators(A)
+                ready = self._multigrid is None or self._multigrid.update(A, rows)
+                self._ksp.setUp()
+            if ready:
+                with phase("linear solve"):
+                    iterations, solved = self._iterate(y)
+        if not solved and self._may_rescue:
+            with phase("direct rescue"):
+                solved = self._solve_directly(y)
         y.array[rows] = self._y.array_r[rows]  # an iterative solver only meets them to its tolerance
+        return iterations, solved
+
+    def _iterate(self, y: Any) -> tuple[int, bool]:
+        self._ksp.solve(self._b, y)
+        if self._multigrid is not None and self._ksp.getConvergedReason() < 0:
+            self._multigrid.estimate()
+            self._ksp.solve(self._b, y)
         return self._ksp.getIterationNumber(), self._ksp.getConvergedReason() > 0
+
+    def _solve_directly(self, y: Any) -> bool:
+        from petsc4py import PETSc
+
+        if self._direct is None:
+            self._direct = PETSc.KSP().create(self._solid.comm)
+            self._direct.setType("preonly")
+            self._direct.getPC().setType("lu")  # Cholesky would fail where the matrix is indefinite
+            self._direct.getPC().setFactorSolverType("mumps")
+        self._direct.setOperators(self._solid.A)
+        self._direct.solve(self._b, y)
+        self.rescue = True
+        self.rescued += 1
+        return bool(self._direct.getConvergedReason() > 0)
 
 
 def set_defaults(prefix: str, options: dict[str, Any]) -> None:

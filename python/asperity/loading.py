@@ -31,7 +31,7 @@ class Schedule:
         force_max: greatest force, found to 1e-6
         steps: planned steps of a loading
         unload_steps: planned steps of an unloading, 0 for none
-        cycles: loadings
+        cycles: loadings, each followed by an unloading; one when there is none
         integrator: of plasticity along a loading, "backward-euler" (first order) or "midpoint" (second)
     """
 
@@ -61,7 +61,7 @@ class Schedule:
     def legs(self) -> list[tuple[str, int]]:
         """Branch and planned steps of each loading and unloading, in order."""
         legs = []
-        for cycle in range(self.cycles):
+        for cycle in range(self.cycles if self.unload_steps else 1):
             legs.append(("reload" if cycle else "load", self.steps))
             if self.unload_steps:
                 legs.append(("unload", self.unload_steps))

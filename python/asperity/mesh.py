@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from math import hypot
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
-from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +20,7 @@ from scipy.spatial import cKDTree
 
 from . import compat
 from .errors import AsperityError, MeshError
+from .storage import UNREADABLE, one_line
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 BASE, SIDE_X, SIDE_Y, TOP = 1, 2, 3, 4
 
+FLAT = 1e-12  # depth below which a surface counts as plane [L]
 NEIGHBOURS = 6  # corners and edges of a facet: a margin of an element around what was touched
 
 Floats = npt.NDArray[np.float64]
@@ -64,9 +65,19 @@ class BlockMesh:
         """
         try:
             with np.load(path, allow_pickle=False) as f:
-                return BlockMesh(f["points"], f["tets"].astype(np.int64), float(f["side"]), float(f["height"]))
-        except (OSError, EOFError, KeyError, ValueError, BadZipFile) as e:
-            raise MeshError(f"mesh.file: {path} is not a mesh written by asperity ({e})") from None
+                points, tets = f["points"].astype(np.float64), f["tets"].astype(np.int64, casting="same_kind")
+                side, height = float(f["side"]), float(f["height"])
+        except UNREADABLE as e:
+            raise MeshError(f"mesh.file: {path} is not a mesh written by asperity ({one_line(e)})") from None
+        if not (points.ndim == tets.ndim == 2 and points.shape[1] == 3 and tets.shape[1] == 10 and tets.size):
+            wrong = f"points {points.shape} and tets {tets.shape} should be (N, 3) and (M, 10)"
+        elif not (0 <= tets.min() and tets.max() < len(points)):
+            wrong = f"tets names the nodes {tets.min()} to {tets.max()} of {len(points)}"
+        elif not (np.all(np.isfinite(points)) and 0.0 < side < np.inf and 0.0 < height < np.inf):
+            wrong = "points, side and height must be finite, side and height positive"
+        else:
+            return BlockMesh(points, tets, side, height)
+        raise MeshError(f"mesh.file: {path} is not a mesh written by asperity ({wrong})")
 
     def check_surface(self, surface: Surface) -> None:
         """Make sure that the mesh was built for `surface`.
@@ -152,11 +163,14 @@ class SizeField:
         """
         L = surface.L
         delta_max, h_contact = _rounded(delta_max / L), _rounded(h_contact / L)
-        h_min = 0.2 * h_contact if h_min is None else min(_rounded(h_min / L), h_contact)
         x0, y0, side, gap = _reached_window(surface, delta_max, grid)
         if reach is not None:
             t = np.linspace(0.0, side, grid)
             gap = np.maximum(gap, reach.depth(*np.meshgrid((x0 + t) * L, (y0 + t) * L)) / L)
+        if h_min is None:  # a plane top is touched everywhere at once: it has no small spot
+            h_min = h_contact if float(gap.max()) <= FLAT else 0.2 * h_contact
+        else:
+            h_min = min(_rounded(h_min / L), h_contact)
         sizes = np.sqrt(np.linspace(h_min**2, h_contact**2, levels))
         spacing = side / (grid - 1)
         distances = np.empty((grid, grid, levels))
@@ -367,5 +381,6 @@ def check_distortion(mesh: Any, surface: Surface) -> None:
     slope = float(np.hypot(*surface.gradient(np.array(cx), np.array(cy))))
     raise MeshError(
         f"the surface is too steep for its mesh: at x = {cx:.4g}, y = {cy:.4g}, z = {cz:.4g} an element of size "
-        f"{size:.3g} is turned inside out (slope {slope:.3g}): reduce mesh.h_contact and mesh.h_max or the roughness"
+        f"{size:.3g} is turned inside out (slope {slope:.3g}): reduce mesh.h_contact, mesh.h_max or the roughness, or "
+        "mend mesh.file"
     )

@@ -120,8 +120,18 @@ class PMultigrid:
         out.setBlockSizes(3, 3)
         return out
 
-    def update(self, A: Any, eliminated: npt.NDArray[np.int32]) -> None:
-        """Adapt to new values of the matrix and a new set of eliminated owned dofs; collective."""
+    def update(self, A: Any, eliminated: npt.NDArray[np.int32]) -> bool:
+        """Adapt to new values of the matrix and a new set of eliminated owned dofs; collective.
+
+        Returns:
+            whether the matrix can be smoothed; not so one with a diagonal that is not positive
+        """
+        from mpi4py import MPI
+
+        diagonal = A.getDiagonal().array_r
+        least = -self._solid.comm.allreduce(float(np.max(-diagonal, initial=-np.inf)), op=MPI.MAX)
+        if not least > 0.0:
+            return False
         fine, coarse = self._mask
         fine.set(1.0)
         fine.array[eliminated] = 0.0
@@ -135,13 +145,18 @@ class PMultigrid:
         self._ksp.setOperators(self._coarse)
         self._ksp.setUp()
         np.copyto(self._values, self._solid.values, casting="same_kind")
-        self._inverse = (1.0 / A.getDiagonal().array_r).astype(np.float32)
+        self._inverse = (1.0 / diagonal).astype(np.float32)
         self._free = fine.array_r.astype(np.float32)
         self._scaling = self._free * self._inverse
         if self._greatest > 0.0:
             self._greatest = max(self._greatest, self._greatest_eigenvalue(UPDATE))
         else:
             self.estimate()
+        return True
+
+    def forget(self) -> None:
+        """Let the next `update` estimate the greatest eigenvalue from anew."""
+        self._greatest = 0.0
 
     def estimate(self) -> None:
         """Estimate the greatest eigenvalue from anew; collective.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -42,12 +42,49 @@ class Snapshot:
 
 @dataclass
 class Counts:
-    """Totals of a run."""
+    """Totals of a run, what was needed to converge in the order in which it is tried.
+
+    Attributes:
+        steps: accepted steps
+        newton, krylov: iterations
+        shortened: Newton steps that the line search made shorter
+        direct: linear systems factorised because the iterative solver failed
+        cutbacks: solves given up and repeated with half the step
+    """
 
     steps: int = 0
-    cutbacks: int = 0
     newton: int = 0
     krylov: int = 0
+    shortened: int = 0
+    direct: int = 0
+    cutbacks: int = 0
+
+
+def carried_on(before: Iterable[Floats], after: Iterable[Floats], lead: float) -> tuple[Floats, Floats]:
+    """History carried on beyond a step by a part of its plastic flow.
+
+    Where the plastic strain is large beside that of yield, the midpoint rule does not damp: an error of the direction
+    of flow changes its sign with every step and stays, and the work it does adds up. So the flow is carried on by the
+    cosine of the angle to the plastic strain it adds to only, which is one to second order where flow is steady.
+
+    Args:
+        before, after: plastic strain (..., 6) and accumulated plastic strain (...) at begin and end of the step
+        lead: part of the flow
+    """
+    (strain, accumulated), (strain_after, accumulated_after) = before, after
+    flow = strain_after - strain
+    along = _inner(flow, strain)
+    sizes = np.sqrt(_inner(flow, flow) * _inner(strain, strain))
+    # what yields for the first time has no direction yet
+    part = lead * np.clip(np.divide(along, sizes, out=np.ones_like(along), where=sizes > 0.0), 0.0, 1.0)
+    return strain_after + part[..., None] * flow, accumulated_after + part * (accumulated_after - accumulated)
+
+
+def _inner(a: Floats, b: Floats) -> Floats:
+    """Inner products of symmetric tensors with components (..., 6)."""
+    products: Floats = np.einsum("...i,...i->...", a[..., :3], b[..., :3])
+    products += 2.0 * np.einsum("...i,...i->...", a[..., 3:], b[..., 3:])
+    return products
 
 
 class Press:
@@ -100,9 +137,12 @@ class Press:
         return self._solve(start, max(abs(delta - self.delta), 1e-6))
 
     def _solve(self, start: Floats, scale: float) -> StepStats:
+        self.newton.linear.forget()  # a step of a resumed run is the same to the last bit
         stats = self.newton.solve(start, scale)
         self.counts.newton += stats.newton
         self.counts.krylov += stats.krylov
+        self.counts.shortened += stats.shortened
+        self.counts.direct += stats.direct
         if not stats.converged:
             self.restore()
         return stats
@@ -121,13 +161,13 @@ class Press:
 
         Args:
             delta: deflection [L]
-            lead: part of the step's plastic flow by which the history is carried on beyond `delta`; with 1 the solve
-                is the midpoint of what is committed, and the path is integrated to second order
+            lead: part of the step's plastic flow by which the history is carried on beyond `delta`, see `carried_on`;
+                with 1 the solve is the midpoint of what is committed, and the path is integrated to second order
         """
         solid = self.solid
         with solid.phases.phase("checks"):
             before = Before.of(self)
-        of_contact = {name: values.copy() for name, values in self.contact.state().items()}
+        of_contact = [values.copy() for values in self.contact.state().values()]
         solid.bulk.commit()
         self.contact.commit()
         self._previous = (self.delta, self._u)
@@ -142,12 +182,10 @@ class Press:
         if self._led:
             strain, accumulated = (values.copy() for values in solid.bulk.history())
             self._own = strain, accumulated
-            solid.bulk.restore(
-                strain + lead * (strain - before.plastic_strain),
-                accumulated + lead * (accumulated - before.accumulated),
-            )
+            solid.bulk.restore(*carried_on((before.plastic_strain, before.accumulated), self._own, lead))
             after = self.contact.state()
-            self.contact.restore_state({k: v + lead * (v - of_contact[k]) for k, v in after.items()})
+            if after:
+                self.contact.restore_state(dict(zip(after, carried_on(of_contact, after.values(), lead), strict=True)))
         self.counts.steps += 1
 
     def _find_forces(self) -> float:

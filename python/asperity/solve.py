@@ -37,12 +37,21 @@ class SolverOptions:
 
 @dataclass(frozen=True)
 class StepStats:
-    """What a solve took; `reason` is the name of the SNES reason."""
+    """What a solve took.
+
+    Attributes:
+        converged, reason: whether, and the name of the SNES reason
+        newton, krylov: iterations
+        shortened: Newton steps that the line search made shorter
+        direct: linear systems factorised because the iterative solver failed
+    """
 
     converged: bool
     reason: str
     newton: int
     krylov: int
+    shortened: int = 0
+    direct: int = 0
 
 
 class NewtonSolver:
@@ -59,7 +68,7 @@ class NewtonSolver:
         self.solid, self.contact, self.options = solid, contact, options
         self._residual_vec = solid.A.createVecRight()
         self.x = solid.A.createVecRight()
-        self._krylov = 0
+        self._krylov = self._shortened = 0
         self.linear = LinearSolver(solid, options.linear, options.krylov_rtol, contact.symmetric)
         snes = PETSc.SNES().create(solid.comm)
         snes.setOptionsPrefix("asperity_")
@@ -122,7 +131,9 @@ class NewtonSolver:
         if not solved:
             pc.setFailedReason(_pc_failed())
         elif self.solid.material.plastic:
-            y.scale(self._step_length(r, y))
+            length = self._step_length(r, y)
+            self._shortened += length < 1.0
+            y.scale(length)
 
     def _step_length(self, r: Any, y: Any) -> float:
         """Length in (0, 1] of the step -y: where the work rate of the free forces along it nearly vanishes.
@@ -167,13 +178,21 @@ class NewtonSolver:
     def solve(self, start: Floats, scale: float) -> StepStats:
         """Solve from the displacement `start` (owned, 3); `scale` is the length penetration is measured by."""
         self._scale = scale
-        self._krylov = 0
+        self._krylov = self._shortened = 0
+        self.linear.rescue, rescued = False, self.linear.rescued
         self.x.array = start.reshape(-1)
         with _own_errors():
             self.snes.solve(None, self.x)
         reason = self.snes.getConvergedReason()
         self._function(self.snes, self.x, self._residual_vec)
-        return StepStats(reason > 0, _reason_name(reason), self.snes.getIterationNumber(), self._krylov)
+        return StepStats(
+            reason > 0,
+            _reason_name(reason),
+            self.snes.getIterationNumber(),
+            self._krylov,
+            self._shortened,
+            self.linear.rescued - rescued,
+        )
 
 
 class _Preconditioner:

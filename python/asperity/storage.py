@@ -5,10 +5,13 @@ from __future__ import annotations
 import io
 import os
 import shutil
+import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from tokenize import TokenError
 from typing import TYPE_CHECKING, Any, TypeVar
+from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +22,12 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 T = TypeVar("T")
+
+#: What numpy and zipfile raise on files that are damaged or hold something else.
+UNREADABLE = (
+    OSError, EOFError, LookupError, ValueError, TypeError, AttributeError, ArithmeticError, RuntimeError,
+    MemoryError, SyntaxError, BadZipFile, TokenError, zlib.error,
+)  # fmt: skip
 
 
 def replace_file(path: Path, data: bytes) -> None:
@@ -63,6 +72,12 @@ def remove_asides(folder: Path) -> None:
             shutil.rmtree(path)
         else:
             path.unlink(missing_ok=True)
+
+
+def one_line(error: Exception) -> str:
+    """Message of an error in printable characters on one line."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    return "".join(c if c.isprintable() else "?" for c in text)[:200]
 
 
 def npz_bytes(arrays: Mapping[str, npt.NDArray[Any]]) -> bytes:

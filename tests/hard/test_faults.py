@@ -254,3 +254,32 @@ def test_ranks_without_contact_or_plastic_cells_take_part(case: Path, tmp_path: 
     """A small contact spot on many ranks: most of them hold no facet of it and no cell that yields."""
     local = ("--set", "mesh.h_contact=0.1", "--set", "loading.delta_max=0.005", "--set", "loading.unload=false")
     assert_same(run(case, tmp_path / "1", *local), run(case, tmp_path / "6", *local, ranks=6), 1e-8)
+
+
+def test_nothing_is_written_outside_the_output_folder(case: Path, tmp_path: Path) -> None:
+    """Whatever the file and its texts are called; the folder of the case is read only."""
+    place = tmp_path / "place"
+    place.mkdir()
+    odd = place / "..%2F..%2Fevil<b>.toml"
+    odd.write_text(case.read_text() + "[output]\nreport = true\n")
+    before = sorted(tmp_path.rglob("*"))
+    work = place / "work"
+    work.mkdir()
+    command = asperity("run", odd, "-q", "--set", "loading.steps=1", "--set", "loading.unload=false")
+    done = subprocess.run(command, env=CLEAN, cwd=work, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    folder = work / "out" / odd.stem
+    written = {path for path in tmp_path.rglob("*") if path.is_file()} - set(before)
+    assert written and all(path.is_relative_to(folder) for path in written)
+    page = (folder / "report.html").read_text()
+    assert "evil<b>" not in page and "evil&lt;b&gt;" in page
+
+
+def test_a_folder_that_may_not_be_written_is_a_clear_error(case: Path, tmp_path: Path) -> None:
+    """A file where the folder should be, and a folder under a file: refused even to a user who may do anything."""
+    (tmp_path / "file").write_text("mine")
+    code, _, err = call(asperity("run", case, "-o", tmp_path / "file"))
+    assert code == 2 and "is a file" in err
+    code, _, err = call(asperity("run", case, "-o", tmp_path / "file" / "out"))
+    assert code in (2, 4) and "Traceback" not in err and err.count("\n") == 1
+    assert (tmp_path / "file").read_text() == "mine"

@@ -24,6 +24,7 @@ import copy
 import difflib
 import itertools
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -176,6 +177,8 @@ def _families(data: Mapping[str, Any], source: str, title: str) -> Iterator[tupl
         yield "study", title, [{}]
     for name, table in tables.items():
         where = f"{source}: families.{name}"
+        if not re.fullmatch(r"[A-Za-z0-9_-]{1,80}", name):  # it names files
+            raise InputError(f"{source}: families.{show(name)} must consist of letters, digits, - and _")
         if not isinstance(table, Mapping):
             raise InputError(f"{where} must be a table")
         _check_keys(table, _FAMILY_KEYS, where, f"[families.{name}]")

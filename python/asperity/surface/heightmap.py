@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,10 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
+from ..storage import UNREADABLE, one_line
 from .base import Array, Surface, check, check_positive, is_integer, nodes
 
 if TYPE_CHECKING:
     from scipy.interpolate import RectBivariateSpline
+
+
+DEEPEST, FARTHEST = 10.0, 1e6  # peak to valley and distance from zero of heights that make sense [L]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -55,6 +58,12 @@ class HeightMap(Surface):
         L = side if side is not None else self.L
         if L is None:
             raise InputError(f"surface.L is missing: {self.path} holds heights without lengths.")
+        depth, level = float(z.max() / L - z.min() / L), float(np.abs(z).max() / L)
+        if not (depth <= DEEPEST and level <= FARTHEST):
+            raise InputError(
+                f"{self.path}: heights from {z.min():.3g} to {z.max():.3g} on a patch of side {L:.3g} are no surface; "
+                "give heights and surface.L in the same unit (m)."
+            )
         z.flags.writeable = False
         object.__setattr__(self, "L", float(L))
         object.__setattr__(self, "_z", z)
@@ -146,8 +155,8 @@ def _read(path: Path) -> tuple[Array, float | None]:
         raise InputError(f"surface.path = {str(path)!r}: there is no such file.")
     try:
         return readers[path.suffix](path)
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path}: cannot be read as a height map ({error}).") from error
+    except UNREADABLE as error:
+        raise InputError(f"{path}: cannot be read as a height map ({one_line(error)}).") from error
 
 
 def _read_npy(path: Path) -> tuple[Array, None]:

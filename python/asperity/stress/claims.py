@@ -1,0 +1,91 @@
+"""What theory says of the curve of a scene: each claim gives a figure in words and whether it holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from ..case import Case
+    from ..curve import Curve
+
+Claim = Callable[["Case", "Curve"], tuple[bool, str]]
+
+SHAKEN = 1e-6  # change of force and deflection from one of the last cycles to the next that counts as none
+
+
+def nearly_full(case: Case, curve: Curve) -> tuple[bool, str]:
+    """More than 95 % of the area is in contact, but not all of it."""
+    area = float(curve.area_fraction.max())
+    return 0.95 < area < 1.0 + 1e-9, f"contact area {area:.1%}"
+
+
+def hertz(bar: float) -> Claim:
+    """A sphere follows Hertz, P = 4/3 E' sqrt(R) delta^1.5, within `bar` of the greatest force, and leaves no dent."""
+
+    def claim(case: Case, curve: Curve) -> tuple[bool, str]:
+        load = curve.branch == "load"
+        R = case.surface.parameters()["radius"]
+        expected = 4.0 / 3.0 * case.material.E_prime * np.sqrt(R) * curve.delta[load] ** 1.5
+        error = float(np.max(np.abs(curve.force[load] - expected)) / np.max(expected))
+        text = f"Hertz within {error:.1%}"
+        if case.loading.unload:
+            text += f", force {curve.force[-1]:g} and dent {curve.delta_star[-1]:.0e} L after release"
+        clean = not case.loading.unload or (curve.force[-1] == 0.0 and abs(curve.delta_star[-1]) < 1e-9)
+        return error < bar and clean, text
+
+    return claim
+
+
+def uniaxial_strain(case: Case, curve: Curve) -> tuple[bool, str]:
+    """A flat block between rollers is in uniaxial strain, whose elastic-plastic law is known in closed form.
+
+    Beyond yield, where |s| = sigma_y + H a, the stress rises by K + 4/3 mu H/(3 mu + H) per strain: the deviatoric
+    strain is shared by elasticity and flow.
+    """
+    solid = case.material
+    assert solid.yield_strength is not None
+    mu = 0.5 * solid.E / (1.0 + solid.nu)
+    bulk = solid.E / (3.0 * (1.0 - 2.0 * solid.nu))
+    Et = solid.tangent_modulus or 0.0
+    H = solid.E * Et / (solid.E - Et)
+    strain = curve.delta / case.block.height
+    at_yield = solid.yield_strength / (2.0 * mu)
+    elastic_part = np.minimum(strain, at_yield)
+    stress = (bulk + 4.0 / 3.0 * mu) * elastic_part
+    stress += (bulk + 4.0 / 3.0 * mu * H / (3.0 * mu + H)) * (strain - elastic_part)
+    load = curve.branch == "load"
+    error = float(np.max(np.abs(curve.force / (stress * case.surface.L**2) - 1.0)[load]))
+    return error < 1e-8, f"closed form within {error:.0e}"
+
+
+def shakes_down(case: Case, curve: Curve) -> tuple[bool, str]:
+    """Cycles between no force and one deflection: the peaks of force may only change by less and less."""
+    peaks, dents = _peaks(curve), _dents(curve)
+    change = np.abs(np.diff(peaks)) / peaks[0]
+    creep = np.abs(np.diff(dents)) / case.loading.delta_max
+    text = (
+        f"peak force {peaks[1] / peaks[0]:.4f} of the first in cycle 2, {peaks[-1] / peaks[0]:.4f} in the last; "
+        f"last change {change[-1]:.0e}, of the dent {creep[-1]:.0e}"
+    )
+    return bool(max(change[-1], creep[-1]) < 1e-2 and change[-1] <= change[:3].max()), text
+
+
+def closed_loops(case: Case, curve: Curve) -> tuple[bool, str]:
+    """An elastic contact forgets its cycles."""
+    peaks, dents = _peaks(curve), _dents(curve)
+    change, dent = float(np.ptp(peaks) / peaks[0]), float(np.abs(dents).max() / case.surface.L)
+    return change < SHAKEN and dent < 1e-9, f"peak force changes by {change:.0e}, dent {dent:.0e} L"
+
+
+def _peaks(curve: Curve) -> np.ndarray:
+    ends = np.flatnonzero((curve.branch[:-1] != "unload") & (curve.branch[1:] == "unload"))
+    return curve.force[ends]
+
+
+def _dents(curve: Curve) -> np.ndarray:
+    ends = np.flatnonzero(curve.branch == "unload")
+    last = ends[np.append(np.diff(ends) > 1, True)]
+    return curve.delta[last]

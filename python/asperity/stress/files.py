@@ -1,0 +1,137 @@
+"""Bad surfaces and bad meshes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from ..mesh import BlockMesh
+
+Floats = npt.NDArray[np.float64]
+Nodes = npt.NDArray[np.int64]
+#: Heights in units of L at the nodes of a regular grid, from their coordinates (n, n) in the same units.
+Map = Callable[[Floats, Floats], Floats]
+SAMPLES = 33
+EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3))  # corners of nodes 4 to 9 of a tetrahedron of gmsh
+SLIVER = 1e-4  # height of a flattened tetrahedron over its height before
+
+
+def heights(of: Map, n: int = SAMPLES) -> Floats:
+    """A height map in units of L (n, n)."""
+    t = np.linspace(0.0, 1.0, n)
+    return of(*np.meshgrid(t, t))
+
+
+def two_peaks(x: Floats, y: Floats) -> Floats:
+    """Two equal peaks on a diagonal."""
+    one, other = (np.exp(-((x - c) ** 2 + (y - c) ** 2) / 0.02) for c in (0.25, 0.75))
+    return 0.05 * (one + other)
+
+
+def two_peaks_turned(x: Floats, y: Floats) -> Floats:
+    """The same on the other diagonal."""
+    return two_peaks(x, 1.0 - y)
+
+
+def _wave(x: Floats, y: Floats) -> Floats:
+    return 0.03 * np.cos(2 * np.pi * (x - 0.4)) * np.cos(2 * np.pi * (y - 0.55))
+
+
+def noisy(x: Floats, y: Floats) -> Floats:
+    """A wave with independent noise of a hundredth of its height at the samples."""
+    return _wave(x, y) + 5e-4 * np.random.default_rng(0).standard_normal(x.shape)
+
+
+def very_noisy(x: Floats, y: Floats) -> Floats:
+    """The same with noise of a tenth."""
+    return _wave(x, y) + 5e-3 * np.random.default_rng(0).standard_normal(x.shape)
+
+
+def terrace(x: Floats, y: Floats) -> Floats:
+    """Two levels with a cliff between."""
+    return 0.02 * (x + 0.3 * y > 0.6)
+
+
+def spike(x: Floats, y: Floats) -> Floats:
+    """A wave with one wild sample."""
+    z = _wave(x, y)
+    z[20, 9] += 0.1
+    return z
+
+
+def with_nan(x: Floats, y: Floats) -> Floats:
+    """A wave with a missing sample."""
+    z = _wave(x, y)
+    z[3, 5] = np.nan
+    return z
+
+
+def constant(x: Floats, y: Floats) -> Floats:
+    """Nothing but a level."""
+    return np.full(x.shape, 0.1)
+
+
+def with_slivers(block: BlockMesh, count: int = 4) -> BlockMesh:
+    """Flatten some tetrahedra inside a mesh to SLIVER of their height; none is turned inside out.
+
+    Raises:
+        ValueError: the mesh has not so many inner corners away from its top
+    """
+    points, corners = block.points.copy(), block.tets[:, :4]
+    inner, top = _inner_and_top(points, corners)
+    near = set(top.tolist())
+    for node in inner:
+        around = corners[(corners == node).any(axis=1)]
+        if not near.isdisjoint(around.ravel()):
+            continue
+        for cell in around:
+            moved = points.copy()
+            a, b, c = points[cell[cell != node]]
+            normal = np.cross(b - a, c - a)
+            normal /= np.linalg.norm(normal)
+            moved[node] -= (1.0 - SLIVER) * np.dot(points[node] - a, normal) * normal
+            if np.all(_volumes(moved, around) / _volumes(points, around) > 0.0):
+                points, count = moved, count - 1
+                near.update(around.ravel().tolist())
+                break
+        if count == 0:
+            return replace(block, points=_straightened(points, block.tets, top))
+    raise ValueError("the mesh is too coarse for so many slivers")
+
+
+def with_turned_element(block: BlockMesh) -> BlockMesh:
+    """Move a corner inside a mesh through the opposite face of a tetrahedron."""
+    points, corners = block.points.copy(), block.tets[:, :4]
+    inner, top = _inner_and_top(points, corners)
+    cell = corners[(corners == inner[0]).any(axis=1)][0]
+    points[inner[0]] += 1.5 * (points[cell[cell != inner[0]]].mean(axis=0) - points[inner[0]])
+    return replace(block, points=_straightened(points, block.tets, top))
+
+
+def _inner_and_top(points: Floats, corners: Nodes) -> tuple[Nodes, Nodes]:
+    """Corners on no outer face (a face inside belongs to two tetrahedra), and those on the only one not plane."""
+    faces = np.sort(np.concatenate([np.delete(corners, k, axis=1) for k in range(4)]), axis=1)
+    faces, times = np.unique(faces, axis=0, return_counts=True)
+    outer = faces[times == 1]
+    plane = np.any(np.ptp(points[outer], axis=1) == 0.0, axis=1)
+    return np.setdiff1d(corners, outer), np.unique(outer[~plane])
+
+
+def _straightened(points: Floats, tets: Nodes, top: Nodes) -> Floats:
+    """Points of a mesh whose edges away from the top are straight."""
+    points, below = points.copy(), ~np.isin(tets[:, :4], top)
+    for k, (i, j) in enumerate(EDGES, 4):
+        straight = below[:, i] & below[:, j]
+        points[tets[straight, k]] = 0.5 * (points[tets[straight, i]] + points[tets[straight, j]])
+    return points
+
+
+def _volumes(points: Floats, corners: Nodes) -> Floats:
+    """Six times the signed volumes of tetrahedra."""
+    a, b, c, d = np.moveaxis(points[corners], 1, 0)
+    return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a)

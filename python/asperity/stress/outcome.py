@@ -1,0 +1,137 @@
+"""A scene run as a user would run it, and how it went."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from ..case import Case, check_loading
+from ..checkpoint import Checkpoint, identity
+from ..curve import Curve
+from ..errors import CheckError, ConvergenceError, InputError
+from ..simulation import run
+from ..statics import MeshSize, make_block
+from . import files
+from .scenes import BASE, Keys, L, Scene
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a scene went.
+
+    Attributes:
+        scene: what was run
+        ends: "done", "refused" (exit code 2), "stopped" (3), "wrong" (3, a balance is violated), or
+            "crashed" by an error that nobody foresaw
+        reason: sentence of a refusal or stop
+        summary: what summary.json holds; empty after a refusal
+        notes: figures of the comparisons
+        faults: what is not as it should be
+        seconds: processor time of the scene alone [s]
+    """
+
+    scene: Scene
+    ends: str
+    reason: str = ""
+    summary: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
+    seconds: float = 0.0
+
+
+def run_scene(scene: Scene) -> Outcome:
+    """Run a scene and its twin in a folder that is removed afterwards, and judge them."""
+    with tempfile.TemporaryDirectory(prefix="asperity-") as place, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        start = process_time()
+        one = _run(scene, scene.keys, scene.map, Path(place) / "scene")
+        seconds = process_time() - start
+        found = []
+        if scene.claim is not None and one.case is not None and one.curve is not None:
+            found.append(scene.claim(one.case, one.curve))
+        if scene.twin is not None and one.curve is not None:
+            twin = _run(scene, {**scene.keys, **scene.twin.keys}, scene.twin.map or scene.map, Path(place) / "twin")
+            found.append(_compare(scene, one, twin))
+    faults = [text for holds, text in found if not holds] + one.faults
+    if one.ends != scene.ends or scene.reason not in one.reason:
+        faults.append(f"expected: {scene.ends} {scene.reason}".strip())
+    notes = tuple(text for _, text in found)
+    return Outcome(scene, one.ends, one.reason, one.summary, notes, tuple(faults), seconds)
+
+
+@dataclass
+class _Run:
+    """How a case went; without a curve it was refused."""
+
+    case: Case | None = None
+    curve: Curve | None = None
+    ends: str = "done"
+    reason: str = ""
+    summary: dict[str, Any] = field(default_factory=dict)
+    faults: list[str] = field(default_factory=list)
+
+
+def _run(scene: Scene, keys: Keys, heights: files.Map | None, folder: Path) -> _Run:
+    """Run the case of a scene in a new folder."""
+    folder.mkdir()
+    if heights is not None:
+        np.save(folder / "map.npy", L * files.heights(heights))
+    out, done = folder / "out", _Run()
+    try:
+        done.case = _case(scene, keys, folder)
+        check_loading(done.case, done.case.build_surface())
+        run(done.case, out, comm=MPI.COMM_SELF)
+    except InputError as error:
+        return _Run(ends="refused", reason=str(error))
+    except ConvergenceError as error:
+        done.ends, done.reason = "wrong" if isinstance(error, CheckError) else "stopped", str(error)
+    except Exception as error:  # whatever it is, the other scenes shall run
+        return _Run(ends="crashed", reason=f"{type(error).__name__}: {error}")
+    done.curve = Curve.read(out / "curve.csv")
+    done.summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    saved = Checkpoint(out / "checkpoint", identity(done.case), MPI.COMM_SELF).load()
+    if saved is None or len(saved.meta["rows"]) != len(done.curve):
+        done.faults.append("the checkpoint does not hold the steps of the curve")
+    return done
+
+
+def _case(scene: Scene, keys: Keys, folder: Path) -> Case:
+    tables: dict[str, Any] = {}
+    for name, value in {**BASE, **keys}.items():
+        section, _, key = name.rpartition(".")
+        (tables.setdefault(section, {}) if section else tables)[key] = value
+    case = Case.from_dict(tables, folder=folder)
+    surface = case.build_surface()
+    if scene.depth is not None:
+        tables["loading"]["delta_max"] = scene.depth * (surface.maximum()[2] - surface.mean())
+    if scene.spoil is not None and "mesh.file" not in keys:
+        size = MeshSize(case.mesh.h_contact, case.mesh.growth, case.mesh.h_max)
+        assert case.loading.delta_max is not None
+        block = make_block(MPI.COMM_SELF, surface, case.block.height, case.loading.delta_max, size)
+        assert block is not None
+        scene.spoil(block).save(folder / "mesh.npz")
+        tables["mesh"]["file"] = "mesh.npz"
+    return Case.from_dict(tables, folder=folder)
+
+
+def _compare(scene: Scene, one: _Run, other: _Run) -> tuple[bool, str]:
+    """Difference of two curves at the deflections of the first loading they share, and of the dents they leave."""
+    assert scene.twin is not None and one.curve is not None
+    if other.curve is None:
+        return False, f"{scene.twin.about}: {other.ends} ({other.reason})"
+    a, b = one.curve.loading(), other.curve.loading()
+    i, j = np.nonzero(np.isclose(a.delta_star[:, None], b.delta_star, rtol=1e-9, atol=0.0))
+    found = [np.max(np.abs(a.P_star[i] - b.P_star[j])) / np.max(b.P_star)] if len(i) else [np.inf]
+    if one.curve.branch[-1] == "unload" and other.curve.branch[-1] == "unload":
+        found.append(abs(one.curve.delta_star[-1] - other.curve.delta_star[-1]) / np.max(b.delta_star))
+    difference = float(max(found))
+    return difference <= scene.twin.bar, f"{scene.twin.about}: {difference:.1e}"

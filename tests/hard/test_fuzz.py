@@ -1,0 +1,363 @@
+"""Thousands of inputs: each runs or is refused with one sentence and exit code 2; never a traceback.
+
+`./run pytest tests/hard/test_fuzz.py -m slow --hypothesis-show-statistics` counts how many of each there were.
+"""
+
+from __future__ import annotations
+
+import io
+import math
+import tempfile
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, event, given, settings
+from hypothesis import strategies as st
+
+from asperity.case import Case
+from asperity.cli.run import prepare
+from asperity.curve import Curve
+from asperity.errors import AsperityError, CheckError, ConvergenceError, InputError
+from asperity.mesh import BlockMesh
+from asperity.simulation import run
+
+ROOT = Path(__file__).parents[2]
+TEXTS = tuple(path.read_bytes() for path in sorted((ROOT / "cases").glob("*.toml")))
+FEW, MANY = 60, 3000
+RUNS, MANY_RUNS = 3, 100
+
+
+def examples(number: int, derandomize: bool) -> Callable[[Any], Any]:
+    """So many inputs, as slow as they may be; always the same ones or not."""
+    return settings(
+        max_examples=number,
+        derandomize=derandomize,
+        deadline=None,
+        suppress_health_check=list(HealthCheck),
+        database=None,
+    )
+
+
+def refused(error: AsperityError) -> None:
+    """A refusal is one sentence and exit code 2."""
+    text = str(error)
+    assert isinstance(error, InputError) and error.exit_code == 2, repr(error)
+    assert text and "\n" not in text and text.isprintable() and len(text) < 1000
+    event(f"refused ({type(error).__name__})")
+
+
+def fuzz(property_: Callable[[Any], None], inputs: st.SearchStrategy[Any], few: int, many: int) -> tuple[Any, Any]:
+    """The same property with a few inputs that never change, and as a slow test with many others each time."""
+    short = examples(few, True)(given(inputs)(property_))
+    long = pytest.mark.slow(examples(many, False)(given(inputs)(property_)))
+    return short, long
+
+
+# --- case files ------------------------------------------------------------------------------------------------
+
+
+@st.composite
+def mutated(draw: st.DrawFn, texts: tuple[bytes, ...] = TEXTS) -> bytes:
+    """A text with bytes replaced, cut out, repeated, or put in from another one."""
+    data = bytearray(draw(st.sampled_from(texts)))
+    for _ in range(draw(st.integers(1, 4))):
+        at = draw(st.integers(0, max(len(data) - 1, 0)))
+        length = draw(st.integers(0, 12))
+        other = draw(st.sampled_from(texts))
+        start = draw(st.integers(0, len(other)))
+        put = draw(
+            st.sampled_from([other[start : start + length], data[at : at + length] * 2, b""]) | st.binary(max_size=4)
+        )
+        data[at : at + length] = put
+    return bytes(data)
+
+
+def accepts(case: Case, folder: Path) -> bool:
+    """Whether a case passes everything `asperity run` asks before it starts."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            prepare(case, folder / "out", resume=False, force=False)
+        except InputError as error:
+            refused(error)
+            return False
+    event("accepted")
+    return True
+
+
+def any_text_is_a_case_or_a_sentence(data: bytes) -> None:
+    with tempfile.TemporaryDirectory() as place:
+        path = Path(place) / "case.toml"
+        path.write_bytes(data)
+        try:
+            case = Case.load(path)
+        except InputError as error:
+            refused(error)
+            return
+        accepts(case, Path(place))
+
+
+test_any_text_is_a_case_or_a_sentence, test_any_of_many_texts = fuzz(
+    any_text_is_a_case_or_a_sentence, mutated(), FEW, MANY
+)
+
+
+def spread(low: float, high: float) -> st.SearchStrategy[float]:
+    """Positive numbers, each power of ten as likely."""
+    return st.floats(math.log(low), math.log(high)).map(math.exp)
+
+
+L = 1e-6
+SURFACES = st.one_of(
+    st.fixed_dictionaries(
+        {"kind": st.just("weierstrass-mandelbrot"), "D": st.floats(2.001, 2.999), "G": spread(1e-16, 1e-8)},
+        optional={
+            "M": st.integers(1, 40), "gamma": st.floats(1.01, 5.0), "f_max": st.integers(0, 12),
+            "seed": st.integers(0, 10**6),
+        },
+    ),
+    st.fixed_dictionaries({"kind": st.just("sphere"), "radius": spread(1e-2 * L, 1e4 * L)}),
+    st.fixed_dictionaries(
+        {"kind": st.just("sinusoid"), "amplitude": spread(1e-8 * L, L), "dims": st.integers(1, 2)},
+        optional={"wavelength": spread(0.05 * L, 10 * L)},
+    ),
+    st.just({"kind": "flat"}),
+)  # fmt: skip
+
+
+@st.composite
+def cases(draw: st.DrawFn) -> dict[str, Any]:
+    """Tables of legal values over their whole ranges."""
+    E = draw(spread(1e5, 1e12))
+    solid: dict[str, Any] = {"E": E, "nu": draw(st.floats(-0.99, 0.4999))}
+    if draw(st.booleans()):
+        solid["yield_strength"] = E * draw(spread(1e-6, 0.9))
+        if draw(st.booleans()):
+            solid["tangent_modulus"] = E * draw(st.floats(0.0, 0.99))
+    contact = draw(
+        st.sampled_from([{}, {"method": "penalty"}, {"method": "nitsche"}, {"method": "nitsche", "theta": -1}])
+    )
+    driven = {"delta_max": L * draw(spread(1e-7, 0.5))}
+    if draw(st.integers(0, 4)) == 0:
+        driven = {"force_max": E * L**2 * draw(spread(1e-12, 0.3))}
+    return {
+        "surface": {"L": L, **draw(SURFACES)},
+        "material": solid,
+        "block": {"height": L * draw(spread(0.05, 2.0)), "sides": draw(st.sampled_from(["rollers", "free"]))},
+        "contact": contact,
+        "mesh": {"h_contact": 0.4 * L, "h_max": 0.5 * L, "growth": 1.0},
+        "loading": {
+            **driven,
+            "steps": draw(st.integers(1, 2)),
+            "unload": draw(st.booleans()),
+            "cycles": draw(st.integers(1, 2)),
+            "integrator": draw(st.sampled_from(["midpoint", "backward-euler"])),
+        },
+        "solver": {"newton_max": 15},
+        "output": {"checkpoint": 0},
+    }
+
+
+def any_case_runs_or_says_why_not(tables: dict[str, Any]) -> None:
+    with tempfile.TemporaryDirectory() as place:
+        try:
+            case = Case.from_dict(tables)
+        except InputError as error:
+            return refused(error)
+        if not accepts(case, Path(place)):
+            return
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                run(case, Path(place) / "out")
+            except InputError as error:
+                return refused(error)
+            except CheckError:
+                raise
+            except ConvergenceError as error:
+                assert "\n" not in str(error)
+                Curve.read(Path(place) / "out/curve.csv")
+                event("stopped")
+                return
+        event("ran")
+
+
+test_any_case_runs_or_says_why_not, test_any_of_many_cases = fuzz(
+    any_case_runs_or_says_why_not, cases(), RUNS, MANY_RUNS
+)
+
+
+# --- height maps, meshes, curves ------------------------------------------------------------------------------
+
+NUMBERS = st.floats() | st.floats(-1e-7, 1e-7) | st.sampled_from([math.nan, math.inf, 1e308, 5e-324, 0.0])
+ARRAYS = st.one_of(
+    st.lists(NUMBERS, max_size=40).map(np.array),
+    st.tuples(st.integers(0, 12), st.integers(0, 12), st.integers(0, 2**32 - 1)).map(
+        lambda s: 1e-8 * np.random.default_rng(s[2]).standard_normal(s[:2])
+    ),
+    st.tuples(st.integers(4, 9), st.lists(NUMBERS, min_size=1, max_size=4)).map(
+        lambda s: np.resize(np.array(s[1]), (s[0], s[0]))
+    ),
+    st.sampled_from(
+        [
+            np.array(3.0), np.array("text"), np.array([["a", "b"]] * 4), np.zeros((5, 5), dtype=complex),
+            np.zeros((5, 5), dtype=[("a", float)]), np.zeros((6, 6, 3), dtype=np.uint8), np.eye(6, dtype=bool),
+            np.array([[None] * 5] * 5, dtype=object),
+        ]
+    ),
+)  # fmt: skip
+
+
+def saved(write: Callable[..., None], *args: Any, **named: Any) -> bytes:
+    buffer = io.BytesIO()
+    write(buffer, *args, **named)
+    return buffer.getvalue()
+
+
+CSV = st.lists(st.lists(st.floats() | st.text(max_size=5), max_size=6), max_size=8).map(
+    lambda rows: "\n".join(",".join(map(str, row)) for row in rows).encode("utf-8", "surrogatepass")
+)
+AXES = st.just(np.linspace(0.0, 1e-6, 6)) | ARRAYS
+MAPS = st.one_of(
+    ARRAYS.map(lambda z: (".npy", saved(np.save, z))),
+    ARRAYS.map(lambda z: (".npz", saved(np.savez, z=z))),
+    st.tuples(ARRAYS, AXES, AXES).map(lambda a: (".npz", saved(np.savez, z=a[0], x=a[1], y=a[2]))),
+    st.tuples(ARRAYS, ARRAYS).map(lambda a: (".npz", saved(np.savez, z=a[0], L=a[1]))),
+    st.tuples(st.sampled_from([".npy", ".npz", ".csv", ".txt"]), st.binary(max_size=200)),
+    st.tuples(st.just(".npy"), mutated((saved(np.save, np.full((6, 6), 1e-8)),))),
+    st.tuples(st.just(".npz"), mutated((saved(np.savez, z=np.full((6, 6), 1e-8), L=1e-6),))),
+    CSV.map(lambda text: (".csv", text)),
+    CSV.map(lambda text: (".csv", b"x,y,z\n" + text)),
+)
+
+
+def any_map_is_a_surface_or_a_sentence(given_map: tuple[str, bytes]) -> None:
+    suffix, content = given_map
+    with tempfile.TemporaryDirectory() as place, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        path = Path(place) / f"map{suffix}"
+        path.write_bytes(content)
+        for side in ({}, {"L": 1e-6}):
+            try:
+                case = Case.from_dict(
+                    {
+                        "surface": {"kind": "file", "path": path.name, **side},
+                        "material": {"E": 2e11, "nu": 0.3},
+                        "loading": {"delta_max": 1e-8},
+                    },
+                    folder=place,
+                )
+            except InputError as error:
+                refused(error)
+                continue
+            if accepts(case, Path(place)):
+                surface = case.build_surface()
+                assert math.isfinite(surface.maximum()[2]) and math.isfinite(surface.rms_slope())
+
+
+test_any_map_is_a_surface_or_a_sentence, test_any_of_many_maps = fuzz(
+    any_map_is_a_surface_or_a_sentence, MAPS, FEW, MANY
+)
+
+
+def any_bytes_are_a_curve_or_a_sentence(data: bytes) -> None:
+    with tempfile.TemporaryDirectory() as place:
+        path = Path(place) / "curve.csv"
+        path.write_bytes(data)
+        try:
+            Curve.read(path)
+        except InputError as error:
+            return refused(error)
+        event("accepted")
+
+
+CURVE = b"step,branch,delta,force\n1,load,1e-9,2e-6\n2,load,2e-9,5e-6\n3,unload,1.5e-9,0.0\n"
+test_any_bytes_are_a_curve_or_a_sentence, test_any_of_many_curves = fuzz(
+    any_bytes_are_a_curve_or_a_sentence, mutated((CURVE, b'# {"a": 1}\n' + CURVE)), FEW, MANY
+)
+
+
+@st.composite
+def meshes(draw: st.DrawFn) -> bytes:
+    """A mesh of two tetrahedra with something else in place of one of its arrays."""
+    arrays: dict[str, Any] = {
+        "points": np.random.default_rng(0).random((14, 3)),
+        "tets": np.arange(20).reshape(2, 10) % 14,
+        "side": 1.0,
+        "height": 1.0,
+    }
+    name = draw(st.sampled_from(sorted(arrays)))
+    arrays[name] = draw(ARRAYS | st.lists(st.integers(-5, 10**9), min_size=20, max_size=20).map(np.array))
+    return saved(np.savez, **arrays)
+
+
+def any_mesh_file_is_a_mesh_or_a_sentence(data: bytes) -> None:
+    with tempfile.TemporaryDirectory() as place:
+        path = Path(place) / "mesh.npz"
+        path.write_bytes(data)
+        try:
+            block = BlockMesh.read(path)
+        except InputError as error:
+            return refused(error)
+        assert 0 <= block.tets.min() and block.tets.max() < len(block.points)
+        event("accepted")
+
+
+test_any_mesh_file_is_a_mesh_or_a_sentence, test_any_of_many_meshes = fuzz(
+    any_mesh_file_is_a_mesh_or_a_sentence, meshes() | mutated((saved(np.savez, side=1.0),)), FEW, MANY
+)
+
+
+# --- nothing is unpickled -------------------------------------------------------------------------------------
+
+
+class Bomb:
+    """Unpickling it leaves a mark."""
+
+    def __init__(self, mark: Path) -> None:
+        self._mark = mark
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Path.touch, (self._mark,)
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".npz"])
+def test_no_file_is_unpickled(tmp_path: Path, suffix: str) -> None:
+    from asperity.checkpoint import Checkpoint
+    from asperity.measured import HeightField
+
+    mark, path = tmp_path / "mark", tmp_path / f"evil{suffix}"
+    evil = np.array([[Bomb(mark)] * 5] * 5, dtype=object)
+    if suffix == ".npy":
+        np.save(path, evil, allow_pickle=True)
+    else:
+        np.savez(path, z=evil, L=1e-6, points=evil, tets=evil, side=1.0, height=1.0, meta=evil)
+    folder = tmp_path / "checkpoint"
+    folder.mkdir()
+    (folder / "state.npz").write_bytes(path.read_bytes())
+    from mpi4py import MPI
+
+    for read in (
+        lambda: Case.from_dict({"surface": {"kind": "file", "path": str(path), "L": 1e-6}}),
+        lambda: BlockMesh.read(path),
+        lambda: HeightField.read(path),
+        Checkpoint(folder, {}, MPI.COMM_SELF).load,
+    ):
+        with pytest.raises(InputError) as caught:
+            read()
+        assert "\n" not in str(caught.value)
+    assert not mark.exists()
+
+
+def test_every_load_forbids_pickles() -> None:
+    calls = [
+        line.strip()
+        for path in sorted((ROOT / "python").rglob("*.py"))
+        for line in path.read_text(encoding="utf-8").splitlines()
+        if "np.load(" in line or "import pickle" in line or "fromfile(" in line
+    ]
+    assert calls and all("allow_pickle=False" in line for line in calls)
