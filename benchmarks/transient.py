@@ -235,6 +235,7 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=80, help="time steps per 2 pi/omega_s")
     parser.add_argument("--quick", action="store_true", help="one ratio each, for a look")
     parser.add_argument("--only", choices=("elastic", "plastic"))
+    parser.add_argument("--part", choices=("free", "forced"))
     options = parser.parse_args()
     warnings.simplefilter("ignore")
     case = Case.load(CASE).material
@@ -256,8 +257,10 @@ def main() -> None:
             paper = ContactOscillator(subject.loading, load=subject.load).restoring
             softer = np.sqrt(paper.scale / paper.z_s / (r.scale / r.z_s))
             print(f"omega_s of the loading curve over that of the unload-reload branch: {softer:.4f}")
-        free(subject, options.steps, RATIOS[2:3] if options.quick else RATIOS)
-        forced(subject, 3 * options.steps // 4, FORCED_RATIOS[:1] if options.quick else FORCED_RATIOS)
+        if options.part != "forced":
+            free(subject, options.steps, RATIOS[2:3] if options.quick else RATIOS)
+        if options.part != "free":
+            forced(subject, 3 * options.steps // 4, FORCED_RATIOS[:1] if options.quick else FORCED_RATIOS)
 
 
 if __name__ == "__main__":

@@ -216,6 +216,23 @@ def test_plastic_block_dissipates_and_balances(bump: tuple[Surface, TableLaw]) -
 
 
 @corners
+def test_a_step_that_fails_is_halved(bump: tuple[Surface, TableLaw], monkeypatch: pytest.MonkeyPatch) -> None:
+    transient, _ = released(bump, 0.1, density=1e-3)
+    step = transient.step
+
+    def fussy(h: float, push: float) -> None:
+        if h > 0.03:
+            raise ConvergenceError("too long")
+        step(h, push)
+
+    monkeypatch.setattr(transient, "step", fussy)
+    history = transient.run(0.4, 0.1)
+    assert history.time == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4], abs=1e-12)
+    assert transient.press.counts.cutbacks == 8
+    assert np.all(np.diff(history.approach) < 0.0)
+
+
+@corners
 def test_a_step_too_long_says_so(bump: tuple[Surface, TableLaw]) -> None:
     transient, _ = released(bump, 0.4, density=1e-3)
     transient.press.newton.options = SolverOptions(newton_max=0)

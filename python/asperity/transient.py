@@ -34,6 +34,7 @@ from .solid import Bulk, Floats, Solid
 MASS_DEGREE = 6  # of the quadrature of the consistent mass: second-order shapes squared, on curved cells
 PLATE_TOLERANCE = 1e-7  # unbalanced force on the plate over the load
 PLATE_ITERATIONS = 20
+LARGEST_CUT = 8  # parts into which a step is cut before a run gives up
 
 
 @dataclass(frozen=True)
@@ -298,13 +299,25 @@ class Transient:
         rows = [self._row(self._energy(), self._energy())]
         for _ in range(int(np.ceil(duration / h * (1.0 - 1e-12)))):
             old, was = self.plate, push(self.time)
-            self.step(h, push(self.time + h))
+            self._advance(h, push, self.time + h)
             moved = self.plate.x - old.x
             work = (self.load + 0.5 * (was + push(self.time))) * moved
             work -= 0.5 * h * self.dashpot * (old.v**2 + self.plate.v**2)
             rows.append(self._row(self._energy(), rows[-1][5] + work))
         time, approach, velocity, force, energy, supplied = np.array(rows).T
         return History(time, approach, velocity, force, energy, supplied, self.press.counts.newton - newton)
+
+    def _advance(self, h: float, push: Callable[[float], float], end: float) -> None:
+        """Go on to the time `end` by steps of `h`, halved where one does not converge."""
+        smallest = h / LARGEST_CUT
+        while self.time < end - 1e-9 * h:
+            try:
+                self.step(h, push(self.time + h))
+            except ConvergenceError:
+                self.press.counts.cutbacks += 1
+                if h <= smallest:
+                    raise
+                h *= 0.5
 
     def step(self, h: float, push: float) -> None:
         """One step `h`, at whose end the forcing is `push` [E L^2]."""
