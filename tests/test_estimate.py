@@ -34,7 +34,7 @@ def test_dofs_steps_and_memory_are_those_of_the_run() -> None:
     assert found.dofs == pytest.approx(summary["dofs"], rel=0.25)
     assert summary["steps"] - 3 <= found.levels[0].steps <= summary["steps"]  # lifting off may take some steps more
     # what pytest has loaded besides counts for the run
-    assert 0.4 < found.memory / 2**20 / summary["peak_memory_MiB"] < 2
+    assert found.memory / 2**20 / summary["peak_memory_MiB"] < 2  # that peak is one of all tests before
     assert found.seconds > 0
 
 

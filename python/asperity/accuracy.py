@@ -1,10 +1,11 @@
 """Accuracy as an input: meshes and load steps refined until the force has the error bar asked for.
 
 The force of a mesh of size h and of a load path in N steps differs from the limit by c h^p and b/N^2. The order p
-depends on the scene (docs/accuracy.md): about 1.8 for rough surfaces, little more than 1 for a single small spot, where
-the elements around the contact matter too, and up to 4 for a smooth wave that is touched nearly everywhere. The mesh is therefore extrapolated with the mean of the
-limits that the ends of a range of orders give, and a little more than half their distance is the bar. The midpoint
-rule along a spreading plastic contact is of second order; a part of its correction is the bar.
+depends on the scene: about 1.8 for rough surfaces, little more than 1 for a single small spot, where the elements
+around the contact matter too, and up to 4 for a smooth wave that is touched nearly everywhere. The mesh is therefore
+extrapolated with the mean of the limits that the ends of a range of orders give, and a little more than half their
+distance is the bar. The midpoint rule along a spreading plastic contact is of second order; a part of its correction is
+the bar.
 
 A coarse mesh serves twice: it shows where the surface is touched, which guides the finer meshes, and it measures the
 error of the load steps, which hardly depends on the mesh. The finest mesh then needs no more steps than asked for.

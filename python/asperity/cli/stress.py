@@ -45,7 +45,7 @@ def command(names: tuple[str, ...], fast: bool, markdown: bool) -> int:
 
     outcomes = stress(names, fast=fast, on_outcome=done)
     if markdown:
-        header = (*WORDS, *FIGURES)
+        header: tuple[str, ...] = (*WORDS, *FIGURES)
         for line in (header, ("---",) * len(header), *((*_words(o), *_figures(o)) for o in outcomes)):
             options.say("| " + " | ".join(line) + " |")
     else:

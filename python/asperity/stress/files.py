@@ -49,7 +49,8 @@ def noisy(x: Floats, y: Floats) -> Floats:
 
 def very_noisy(x: Floats, y: Floats) -> Floats:
     """The same with noise of a tenth."""
-    return _wave(x, y) + 5e-3 * np.random.default_rng(0).standard_normal(x.shape)
+    noise: Floats = 5e-3 * np.random.default_rng(0).standard_normal(x.shape)
+    return _wave(x, y) + noise
 
 
 def terrace(x: Floats, y: Floats) -> Floats:
@@ -84,7 +85,7 @@ def with_slivers(block: BlockMesh, count: int = 4) -> BlockMesh:
     """
     points, corners = block.points.copy(), block.tets[:, :4]
     inner, top = _inner_and_top(points, corners)
-    near = set(top.tolist())
+    near = {int(node) for node in top}
     for node in inner:
         around = corners[(corners == node).any(axis=1)]
         if not near.isdisjoint(around.ravel()):

@@ -98,6 +98,7 @@ def _run(scene: Scene, keys: Keys, heights: files.Map | None, folder: Path) -> _
         return _Run(ends="crashed", reason=f"{type(error).__name__}: {error}")
     done.curve = Curve.read(out / "curve.csv")
     done.summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    assert done.case is not None
     saved = Checkpoint(out / "checkpoint", identity(done.case), MPI.COMM_SELF).load()
     if saved is None or len(saved.meta["rows"]) != len(done.curve):
         done.faults.append("the checkpoint does not hold the steps of the curve")
