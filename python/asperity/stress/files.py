@@ -55,7 +55,7 @@ def very_noisy(x: Floats, y: Floats) -> Floats:
 
 def terrace(x: Floats, y: Floats) -> Floats:
     """Two levels with a cliff between."""
-    return 0.02 * (x + 0.3 * y > 0.6)
+    return np.where(x + 0.3 * y > 0.6, 0.02, 0.0)
 
 
 def spike(x: Floats, y: Floats) -> Floats:
