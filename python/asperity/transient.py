@@ -44,7 +44,7 @@ class Scheme:
     Linear motion far below 1/h is hardly damped for any of them (the damping ratio is of third order in omega h).
     What the step cannot resolve is damped by a factor `rho_inf` per step: with 1, the energy of a linear solid is
     kept, but the force of a node that meets the plate rings from step to step forever, for its velocity jumps and
-    nothing takes the jump out again; with 0 the first modes of the block suffer. 0.6 to 0.9 serve.
+    nothing takes the jump out again; with 0 the first modes of the block suffer. docs/transient.md is with 0.8.
 
     Attributes:
         rho_inf: in [0, 1]
