@@ -54,7 +54,7 @@ def very_noisy(x: Floats, y: Floats) -> Floats:
 
 def terrace(x: Floats, y: Floats) -> Floats:
     """Two levels with a cliff between."""
-    return 0.02 * (x + 0.3 * y > 0.6)
+    return np.where(x + 0.3 * y > 0.6, 0.02, 0.0)
 
 
 def spike(x: Floats, y: Floats) -> Floats:
@@ -84,7 +84,7 @@ def with_slivers(block: BlockMesh, count: int = 4) -> BlockMesh:
     """
     points, corners = block.points.copy(), block.tets[:, :4]
     inner, top = _inner_and_top(points, corners)
-    near = set(top.tolist())
+    near = {int(node) for node in top}
     for node in inner:
         around = corners[(corners == node).any(axis=1)]
         if not near.isdisjoint(around.ravel()):
