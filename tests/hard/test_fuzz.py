@@ -112,21 +112,27 @@ def spread(low: float, high: float) -> st.SearchStrategy[float]:
 
 
 L = 1e-6
-SURFACES = st.one_of(
-    st.fixed_dictionaries(
-        {"kind": st.just("weierstrass-mandelbrot"), "D": st.floats(2.001, 2.999), "G": spread(1e-16, 1e-8)},
-        optional={
-            "M": st.integers(1, 40), "gamma": st.floats(1.01, 5.0), "f_max": st.integers(0, 12),
-            "seed": st.integers(0, 10**6),
-        },
-    ),
-    st.fixed_dictionaries({"kind": st.just("sphere"), "radius": spread(1e-2 * L, 1e4 * L)}),
-    st.fixed_dictionaries(
-        {"kind": st.just("sinusoid"), "amplitude": spread(1e-8 * L, L), "dims": st.integers(1, 2)},
-        optional={"wavelength": spread(0.05 * L, 10 * L)},
-    ),
+Strategies = dict[str, st.SearchStrategy[Any]]
+FRACTAL: Strategies = {
+    "D": st.floats(2.001, 2.999),
+    "G": spread(1e-16, 1e-8),
+    "kind": st.just("weierstrass-mandelbrot"),
+}
+FRACTAL_MORE: Strategies = {
+    "M": st.integers(1, 40),
+    "gamma": st.floats(1.01, 5.0),
+    "f_max": st.integers(0, 12),
+    "seed": st.integers(0, 10**6),
+}
+WAVE: Strategies = {"amplitude": spread(1e-8 * L, L), "dims": st.integers(1, 2), "kind": st.just("sinusoid")}
+WAVE_MORE: Strategies = {"wavelength": spread(0.05 * L, 10 * L)}
+SPHERE: Strategies = {"radius": spread(1e-2 * L, 1e4 * L), "kind": st.just("sphere")}
+SURFACES: st.SearchStrategy[dict[str, Any]] = st.one_of(
+    st.fixed_dictionaries(FRACTAL, optional=FRACTAL_MORE),
+    st.fixed_dictionaries(SPHERE),
+    st.fixed_dictionaries(WAVE, optional=WAVE_MORE),
     st.just({"kind": "flat"}),
-)  # fmt: skip
+)
 
 
 @st.composite

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import pi
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 from . import claims, files
 from .claims import Claim
 
-Keys = Mapping[str, Any]
+Keys = dict[str, Any]
 
 L = 1e-6
 #: The demo's surface and material on a coarse mesh.
