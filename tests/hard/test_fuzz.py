@@ -111,24 +111,26 @@ def spread(low: float, high: float) -> st.SearchStrategy[float]:
     return st.floats(math.log(low), math.log(high)).map(math.exp)
 
 
-def keys(**strategies: st.SearchStrategy[Any]) -> dict[str, st.SearchStrategy[Any]]:
-    """Keys of a section and what they may hold."""
-    return strategies
-
-
 L = 1e-6
-SURFACES = st.one_of(
-    st.fixed_dictionaries(
-        keys(kind=st.just("weierstrass-mandelbrot"), D=st.floats(2.001, 2.999), G=spread(1e-16, 1e-8)),
-        optional=keys(
-            M=st.integers(1, 40), gamma=st.floats(1.01, 5.0), f_max=st.integers(0, 12), seed=st.integers(0, 10**6)
-        ),
-    ),
-    st.fixed_dictionaries(keys(kind=st.just("sphere"), radius=spread(1e-2 * L, 1e4 * L))),
-    st.fixed_dictionaries(
-        keys(kind=st.just("sinusoid"), amplitude=spread(1e-8 * L, L), dims=st.integers(1, 2)),
-        optional=keys(wavelength=spread(0.05 * L, 10 * L)),
-    ),
+Strategies = dict[str, st.SearchStrategy[Any]]
+FRACTAL: Strategies = {
+    "D": st.floats(2.001, 2.999),
+    "G": spread(1e-16, 1e-8),
+    "kind": st.just("weierstrass-mandelbrot"),
+}
+FRACTAL_MORE: Strategies = {
+    "M": st.integers(1, 40),
+    "gamma": st.floats(1.01, 5.0),
+    "f_max": st.integers(0, 12),
+    "seed": st.integers(0, 10**6),
+}
+WAVE: Strategies = {"amplitude": spread(1e-8 * L, L), "dims": st.integers(1, 2), "kind": st.just("sinusoid")}
+WAVE_MORE: Strategies = {"wavelength": spread(0.05 * L, 10 * L)}
+SPHERE: Strategies = {"radius": spread(1e-2 * L, 1e4 * L), "kind": st.just("sphere")}
+SURFACES: st.SearchStrategy[dict[str, Any]] = st.one_of(
+    st.fixed_dictionaries(FRACTAL, optional=FRACTAL_MORE),
+    st.fixed_dictionaries(SPHERE),
+    st.fixed_dictionaries(WAVE, optional=WAVE_MORE),
     st.just({"kind": "flat"}),
 )
 

@@ -45,8 +45,8 @@ def command(names: tuple[str, ...], fast: bool, markdown: bool) -> int:
 
     outcomes = stress(names, fast=fast, on_outcome=done)
     if markdown:
-        header: tuple[str, ...] = (*WORDS, *FIGURES)
-        for line in (header, ("---",) * len(header), *((*_words(o), *_figures(o)) for o in outcomes)):
+        titles = (*WORDS, *FIGURES)
+        for line in (titles, ("---",) * len(titles), *((*_words(o), *_figures(o)) for o in outcomes)):
             options.say("| " + " | ".join(line) + " |")
     else:
         header = (WORDS[0], WORDS[2], *FIGURES)

@@ -87,9 +87,9 @@ def _run(scene: Scene, keys: Keys, heights: files.Map | None, folder: Path) -> _
         np.save(folder / "map.npy", L * files.heights(heights))
     out, done = folder / "out", _Run()
     try:
-        done.case = _case(scene, keys, folder)
-        check_loading(done.case, done.case.build_surface())
-        run(done.case, out, comm=MPI.COMM_SELF)
+        done.case = case = _case(scene, keys, folder)
+        check_loading(case, case.build_surface())
+        run(case, out, comm=MPI.COMM_SELF)
     except InputError as error:
         return _Run(ends="refused", reason=str(error))
     except ConvergenceError as error:
@@ -98,8 +98,7 @@ def _run(scene: Scene, keys: Keys, heights: files.Map | None, folder: Path) -> _
         return _Run(ends="crashed", reason=f"{type(error).__name__}: {error}")
     done.curve = Curve.read(out / "curve.csv")
     done.summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-    assert done.case is not None
-    saved = Checkpoint(out / "checkpoint", identity(done.case), MPI.COMM_SELF).load()
+    saved = Checkpoint(out / "checkpoint", identity(case), MPI.COMM_SELF).load()
     if saved is None or len(saved.meta["rows"]) != len(done.curve):
         done.faults.append("the checkpoint does not hold the steps of the curve")
     return done
