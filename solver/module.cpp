@@ -1,7 +1,7 @@
 // Python interface of the element kernels; kernels of the cells.
 #include "cells.hpp"
 #include "facets.hpp"
-#include "product.hpp"
+#include "multigrid.hpp"
 
 using namespace asperity;
 
@@ -188,5 +188,5 @@ NB_MODULE(_solver, m)
   m.def("stress", &stress, nb::arg("cells"), nb::arg("material"), nb::arg("u"), nb::arg("committed"),
         nb::arg("out"));
   bind_facets(m);
-  bind_product(m);
+  bind_multigrid(m);
 }

@@ -11,7 +11,8 @@ from . import _solver
 from .material import Material
 
 if TYPE_CHECKING:
-    from .solid import Floats, NodeGraph
+    from .node_matrix import NodeGraph
+    from .solid import Floats
 
 QUADRATURE_DEGREE = 2  # four points; degree 4 moved the force by less than 0.1 %
 

@@ -12,7 +12,8 @@ from .bulk import QUADRATURE_DEGREE
 from .material import Material, return_map_ufl
 
 if TYPE_CHECKING:
-    from .solid import Floats, NodeGraph
+    from .node_matrix import NodeGraph
+    from .solid import Floats
 
 SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # order of stored tensor components
 

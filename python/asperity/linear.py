@@ -74,7 +74,7 @@ class LinearSolver:
             if symmetric:
                 self._ksp.setNormType(PETSc.KSP.NormType.NATURAL)
             if kind == "cg":
-                self._multigrid = PMultigrid(solid)
+                self._multigrid = PMultigrid(solid, symmetric)
                 pc.setType("python")
                 pc.setPythonContext(self._multigrid)
             else:

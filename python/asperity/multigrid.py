@@ -4,7 +4,7 @@ The coarse space is an eighth of the size, so it can be factorised where the sec
 is far too large for that, and is set up in a fraction of the time of an algebraic hierarchy on the fine level.
 
 Smoothing costs what reading the matrix costs, and a preconditioner needs few digits: the fine level works on a copy
-in single precision (benchmarks/linear.py).
+of its upper half in single precision (benchmarks/linear.py).
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy.typing as npt
 from scipy.linalg import eigh_tridiagonal
 
 from . import _solver
+from .node_matrix import NodeGraph, NodeMatrix
 
 if TYPE_CHECKING:
     from .solid import Solid
@@ -30,11 +31,10 @@ EDGES = (
     (0, 2),
     (0, 1),
 )  # corners of edge k of a cell, in the order of basix
-COARSE_LU_LIMIT = 60_000  # coarse dofs up to which the coarse problem is factorised
+DIRECT_LIMIT = 60_000  # coarse dofs up to which the coarse problem is factorised
 
 PREFIX = "asperity_coarse_"
-COARSE_LU = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
-COARSE_GAMG = {
+GAMG = {
     "ksp_type": "preonly",
     "pc_type": "gamg",
     "pc_gamg_coarse_eq_limit": 1000,
@@ -59,9 +59,10 @@ class PMultigrid:
 
     Args:
         solid: whose matrix is preconditioned
+        symmetric: whether the matrix is; of another one the smoother takes the upper half for the whole
     """
 
-    def __init__(self, solid: Solid) -> None:
+    def __init__(self, solid: Solid, symmetric: bool = True) -> None:
         from dolfinx import fem
         from petsc4py import PETSc
 
@@ -69,47 +70,47 @@ class PMultigrid:
 
         self._solid = solid
         coarse = fem.functionspace(solid.mesh, ("Lagrange", 1, (3,))).dofmap
-        self._corners = self._corner_nodes(coarse)
-        self._P = self._interpolation(coarse)
+        index_map = coarse.index_map
+        corners = index_map.size_local + index_map.num_ghosts
+        self._corners = np.empty(corners, dtype=np.int32)  # node at each corner, ghosts included
+        self._corners[coarse.list] = solid.V.dofmap.list[:, :4]
+        # of each node: the corner it is, twice, or the ends of its edge
+        self._parents = np.empty((solid.nodes, 2), dtype=np.int32)
+        for k, ends in enumerate([(k, k) for k in range(4)] + list(EDGES)):
+            self._parents[solid.V.dofmap.list[:, k]] = coarse.list[:, ends]
+        self._coarse = NodeMatrix(NodeGraph(coarse.list, corners), index_map, solid.comm)
+        self._coarse.set_rigid_modes(solid.points[self._corners])
+        self._diagonal = self._coarse.graph.diagonal()
+        self._P = self._interpolation(index_map)
         self._mask = self._P.createVecLeft(), self._P.createVecRight()
         self._fine, self._rhs, self._correction = self._P.createVecLeft(), *(self._P.createVecRight() for _ in "ab")
-        self._coarse: Any = None
         self._ksp = PETSc.KSP().create(solid.comm)
         self._ksp.setOptionsPrefix(PREFIX)
-        direct = 3 * coarse.index_map.size_global <= COARSE_LU_LIMIT
-        set_defaults(PREFIX, COARSE_LU if direct else COARSE_GAMG)
+        self._coarse.A.setOption(PETSc.Mat.Option.SPD, symmetric)
+        small = 3 * index_map.size_global <= DIRECT_LIMIT
+        set_defaults(PREFIX, _direct(solid.comm, symmetric) if small else GAMG)
         self._ksp.setFromOptions()
-        self._values = np.zeros(len(solid.values), dtype=np.float32)
+        indptr, indices = solid.graph.indptr, solid.graph.indices
+        upper = indices >= np.repeat(np.arange(solid.nodes), np.diff(indptr))
+        before = np.concatenate([[0], np.cumsum(upper)])
+        self._upper = before[indptr].astype(np.int32), indices[upper]
+        self._blocks = np.empty((len(self._upper[1]), 9), dtype=np.float32)
         self._vector = np.zeros((solid.nodes, 3), dtype=np.float32)
         self._image = np.zeros_like(self._vector)
         noise = np.random.default_rng(solid.comm.rank).normal(size=3 * solid.owned)
         self._noise = (NOISE * noise / np.sqrt(solid.dofs)).astype(np.float32)
         self._extreme, self._greatest = self._noise, 0.0
 
-    def _corner_nodes(self, coarse: Any) -> npt.NDArray[np.int32]:
-        """Local second-order node at each local first-order node, ghosts included."""
-        out = np.empty(coarse.index_map.size_local + coarse.index_map.num_ghosts, dtype=np.int32)
-        out[coarse.list] = self._solid.V.dofmap.list[:, :4]
-        return out
-
-    def _interpolation(self, coarse: Any) -> Any:
+    def _interpolation(self, index_map: Any) -> Any:
         """Matrix from corner dofs to all dofs: a corner keeps its value, an edge takes the mean of its ends."""
         from petsc4py import PETSc
         from scipy import sparse
 
-        solid, index_map = self._solid, coarse.index_map
-        nodes, corners = (
-            solid.V.dofmap.list,
-            index_map.local_to_global(coarse.list.ravel()).reshape(-1, 4),
-        )
-        rows = [nodes[:, :4]] + [nodes[:, 4:]] * 2
-        columns = [corners] + [corners[:, [ends[i] for ends in EDGES]] for i in (0, 1)]
-        row = np.concatenate([r.ravel() for r in rows])
-        column = np.concatenate([c.ravel() for c in columns])
+        solid = self._solid
+        columns = index_map.local_to_global(self._parents.ravel())
+        rows = np.repeat(np.arange(solid.nodes), 2)
         shape = (solid.nodes, index_map.size_global)
-        local = sparse.coo_array((np.ones(len(row)), (row, column)), shape).tocsr()[: solid.owned]
-        ends = np.diff(local.indptr)  # one or two, however many cells share the node
-        local.data = np.repeat(1.0 / ends, ends)
+        local = sparse.coo_array((np.full(len(rows), 0.5), (rows, columns)), shape).tocsr()[: solid.owned]
         P = sparse.kron(local, sparse.eye_array(3), format="csr")
         sizes = (
             (3 * solid.owned, solid.dofs),
@@ -128,23 +129,25 @@ class PMultigrid:
         """
         from mpi4py import MPI
 
-        diagonal = A.getDiagonal().array_r
-        least = -self._solid.comm.allreduce(float(np.max(-diagonal, initial=-np.inf)), op=MPI.MAX)
+        solid, diagonal = self._solid, A.getDiagonal().array_r
+        least = -solid.comm.allreduce(float(np.max(-diagonal, initial=-np.inf)), op=MPI.MAX)
         if not least > 0.0:
             return False
         fine, coarse = self._mask
         fine.set(1.0)
         fine.array[eliminated] = 0.0
-        kept = self._solid.with_ghosts(fine.array_r)
+        kept = solid.with_ghosts(fine.array_r)
         coarse.array = kept[self._corners].ravel()[: coarse.getLocalSize()]
-        # without a mask in P the symbolic product can be reused; what unit rows add to it only stiffens corners next
-        # to eliminated edges
-        self._coarse = A.ptap(self._P, result=self._coarse)
-        rows = np.flatnonzero(coarse.array_r == 0.0).astype(np.int32)
-        self._coarse.zeroRowsColumns(rows + coarse.getOwnershipRange()[0])
-        self._ksp.setOperators(self._coarse)
+        graph, matrix = solid.graph, self._coarse
+        _solver.galerkin(
+            graph.indptr, graph.indices, solid.values, kept, self._parents,
+            matrix.graph.indptr, matrix.graph.indices, matrix.values,
+        )  # fmt: skip
+        matrix.values[self._diagonal[np.flatnonzero(coarse.array_r == 0.0)]] = 1.0
+        matrix.assemble()
+        self._ksp.setOperators(matrix.A)
         self._ksp.setUp()
-        np.copyto(self._values, self._solid.values, casting="same_kind")
+        _solver.upper_half(graph.indptr, graph.indices, solid.values, self._blocks)
         self._inverse = (1.0 / diagonal).astype(np.float32)
         self._free = fine.array_r.astype(np.float32)
         self._scaling = self._free * self._inverse
@@ -202,10 +205,10 @@ class PMultigrid:
         solid = self._solid
         if solid.comm.size == 1:
             self._vector.reshape(-1)[:] = x
-            _solver.product(solid.graph.indptr, solid.graph.indices, self._values, self._vector, self._image)
+            _solver.symmetric_product(*self._upper, self._blocks, self._vector, self._image)
             return self._free * self._image.reshape(-1)
         self._vector[:] = solid.with_ghosts(x.astype(np.float64))
-        _solver.product(solid.graph.indptr, solid.graph.indices, self._values, self._vector, self._image)
+        _solver.symmetric_product(*self._upper, self._blocks, self._vector, self._image)
         return self._free * solid.sum_ghosts(self._image.astype(np.float64)).astype(np.float32).reshape(-1)
 
     def _greatest_eigenvalue(self, steps: int) -> float:
@@ -235,3 +238,12 @@ class PMultigrid:
         # the noise lets a mode grow that has become the greatest one somewhere else
         self._extreme = sum(np.float32(c) * v for c, v in zip(vectors[:, -1], basis, strict=True)) + self._noise
         return float(values[-1])
+
+
+def _direct(comm: Any, symmetric: bool) -> dict[str, str]:
+    """Options of a factorisation: by CHOLMOD where PETSc has it, faster in one process, else by MUMPS."""
+    from petsc4py import PETSc
+
+    package = "cholmod" if symmetric and comm.size == 1 and PETSc.Sys.hasExternalPackage("cholmod") else "mumps"
+    kind = "cholesky" if symmetric else "lu"
+    return {"ksp_type": "preonly", "pc_type": kind, "pc_factor_mat_solver_type": package}

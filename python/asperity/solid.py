@@ -15,6 +15,7 @@ import numpy.typing as npt
 from . import compat
 from .material import Material
 from .mesh import BASE, SIDE_X, SIDE_Y
+from .node_matrix import NodeGraph, NodeMatrix
 from .phases import Phases
 
 Floats = npt.NDArray[np.float64]
@@ -48,47 +49,6 @@ class Bulk(Protocol):
 
     def stress(self, u: Floats) -> Floats:
         """Stress (cells, points, 6) of u over the committed history."""
-
-
-class NodeGraph:
-    """Sparsity of the local matrix: nodes that share a cell of this process, ghost nodes included.
-
-    Attributes:
-        indptr, indices: CSR graph of the nodes (indices ascending)
-        rows, columns: CSR of the matrix with three dofs a node
-    """
-
-    def __init__(self, cell_nodes: npt.NDArray[np.int32], nodes: int) -> None:
-        from scipy import sparse
-
-        cells = len(cell_nodes)
-        incidence = sparse.csr_array(
-            (
-                np.ones(cell_nodes.size, dtype=np.int32),
-                cell_nodes.ravel(),
-                np.arange(cells + 1) * cell_nodes.shape[1],
-            ),
-            shape=(cells, nodes),
-        )
-        # the unit matrix keeps the diagonal of nodes that no local cell holds
-        graph = (incidence.T @ incidence + sparse.eye_array(nodes, dtype=np.int32)).tocsr()
-        graph.sort_indices()
-        self.indptr = graph.indptr.astype(np.int32)
-        self.indices = graph.indices.astype(np.int32)
-        width = np.diff(self.indptr)
-        self.rows = np.concatenate([[0], np.cumsum(np.repeat(3 * width, 3))]).astype(np.int32)
-        self.columns = self._columns(width)
-
-    def _columns(self, width: npt.NDArray[np.int32]) -> npt.NDArray[np.int32]:
-        """Column numbers of the dofs: each node's list of columns, expanded and repeated for its three rows."""
-        expanded = (3 * self.indices[:, None] + np.arange(3, dtype=np.int32)).ravel()
-        out = np.empty(3 * len(expanded), dtype=np.int32)
-        start = 3 * self.indptr[:-1].astype(np.int64)
-        row_of = np.repeat(np.arange(len(width)), 3 * width)
-        local = np.arange(len(expanded)) - start[row_of]
-        for i in range(3):
-            out[3 * start[row_of] + i * 3 * width[row_of].astype(np.int64) + local] = expanded
-        return out
 
 
 class Solid:
@@ -131,7 +91,9 @@ class Solid:
         self.fixed = self._fixed_rows(sides)
         self.base = self.nodes_on(BASE)
         self.bulk = self._make_bulk(kernels)
-        self._make_matrix()
+        self.matrix = NodeMatrix(self.graph, index_map, self.comm)
+        self.values, self.A = self.matrix.values, self.matrix.A
+        self.matrix.set_rigid_modes(self.points)
 
     def _make_bulk(self, kernels: str) -> Bulk:
         if kernels == "ufl":
@@ -194,64 +156,14 @@ class Solid:
             self.force.x.scatter_reverse(la.InsertMode.add)
         return b.reshape(-1, 3)[: self.owned]
 
-    def _make_matrix(self) -> None:
-        """PETSc matrix over the local CSR: shared memory in one process, inserted row by row in several."""
-        from petsc4py import PETSc
-
-        self.values = np.zeros(len(self.graph.columns))
-        index_map = self.V.dofmap.index_map
-        sizes = (3 * index_map.size_local, 3 * index_map.size_global)
-        if self.comm.size == 1:
-            self.A = PETSc.Mat().createAIJWithArrays(
-                sizes, (self.graph.rows, self.graph.columns, self.values), bsize=3, comm=self.comm
-            )
-        else:
-            self.A = PETSc.Mat().create(self.comm)
-            self.A.setSizes((sizes, sizes), bsize=3)
-            self.A.setType("aij")
-            self.A.setUp()
-            lgmap = PETSc.LGMap().create(
-                index_map.local_to_global(np.arange(self.nodes, dtype=np.int32)).astype(PETSc.IntType),
-                bsize=3,
-                comm=self.comm,
-            )
-            self.A.setLGMap(lgmap, lgmap)
-        self.near_nullspace = self._rigid_modes()
-        self.A.setNearNullSpace(self.near_nullspace)
-
     def assemble_tangent(self, add: Callable[[], None] = lambda: None) -> Any:
         """Tangent at the state of the last internal force, without boundary conditions; collective.
 
         Args:
             add: adds what else there is to `values`, the local CSR matrix of `graph`
         """
-        from petsc4py import PETSc
-
         with self.phases.phase("tangent"):
             np.copyto(self.values, self.bulk.tangent(self.u.x.array.reshape(-1, 3)))
             add()
-            if self.comm.size > 1:
-                self.A.zeroEntries()
-                self.A.setValuesLocalCSR(self.graph.rows, self.graph.columns, self.values, PETSc.InsertMode.ADD)
-            self.A.assemble()
+            self.matrix.assemble()
         return self.A
-
-    def _rigid_modes(self) -> Any:
-        """Six orthonormal rigid-body modes, the near-null space that algebraic multigrid needs."""
-        from petsc4py import PETSc
-
-        x = self.points[: self.owned] - 0.5
-        modes = np.zeros((6, self.owned, 3))
-        for k in range(3):
-            modes[k, :, k] = 1.0
-            i, j = (k + 1) % 3, (k + 2) % 3
-            modes[3 + k, :, i], modes[3 + k, :, j] = -x[:, j], x[:, i]
-        basis: list[Any] = []
-        for mode in modes:
-            v = self.A.createVecRight()
-            v.array = mode.ravel()
-            for b in basis:
-                v.axpy(-v.dot(b), b)
-            v.normalize()
-            basis.append(v)
-        return PETSc.NullSpace().create(vectors=basis, comm=self.comm)

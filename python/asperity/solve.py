@@ -26,13 +26,14 @@ class SolverOptions:
         linear: see `linear.LinearSolver`
         rtol: residual force relative to the contact force at which a step has converged
         newton_max: Newton iterations after which a step is given up
-        krylov_rtol: relative tolerance of the linear solver
+        krylov_rtol: relative tolerance of the linear solver; None takes 1e-3, and 1e-2 for an elastic-plastic solid,
+            whose Newton iterations need no more (benchmarks/speed.py)
     """
 
     linear: str = "auto"
     rtol: float = 1e-8
     newton_max: int = 30
-    krylov_rtol: float = 1e-3
+    krylov_rtol: float | None = None
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,8 @@ class NewtonSolver:
         self._residual_vec = solid.A.createVecRight()
         self.x = solid.A.createVecRight()
         self._krylov = self._shortened = 0
-        self.linear = LinearSolver(solid, options.linear, options.krylov_rtol, contact.symmetric)
+        rtol = options.krylov_rtol or (1e-2 if solid.material.plastic else 1e-3)
+        self.linear = LinearSolver(solid, options.linear, rtol, contact.symmetric)
         snes = PETSc.SNES().create(solid.comm)
         snes.setOptionsPrefix("asperity_")
         snes.setType("newtonls")
