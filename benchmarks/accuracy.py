@@ -16,7 +16,8 @@ from time import process_time
 import numpy as np
 
 import asperity as asp
-from asperity.accuracy import Goal, extrapolate, loading_force, solve_to_tolerance
+from asperity.accuracy import Goal, loading_force, solve_to_tolerance
+from asperity.refinement import extrapolate
 
 L, DELTA, STEPS = 1e-6, 0.03e-6, 10
 AT = np.array([0.003 * k for k in range(1, 11)])

@@ -24,9 +24,10 @@ import numpy as np
 import numpy.typing as npt
 
 import asperity as asp
-from asperity.accuracy import extrapolate, loading_force
+from asperity.accuracy import loading_force
 from asperity.mesh import Reach
 from asperity.plot import style
+from asperity.refinement import extrapolate
 from asperity.surface import Surface
 from asperity.validation.hertz import CONTACT, RADIUS, SPHERE, layer_force
 

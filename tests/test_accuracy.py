@@ -9,16 +9,23 @@ import pytest
 import asperity as asp
 from asperity.accuracy import (
     Goal,
-    bar_share,
-    extrapolate,
-    extrapolate_mesh,
     loading_force,
-    refinement_for,
     solve_to_tolerance,
     steady,
 )
 from asperity.curve import Curve
 from asperity.reference import half_space_contact
+from asperity.refinement import (
+    FIRST,
+    GUIDE,
+    MESH_ORDER,
+    bar_share,
+    extrapolate,
+    extrapolate_mesh,
+    plan_next,
+    ratio_for,
+    safety_of,
+)
 from asperity.statics import ContactResult
 
 ELASTIC = asp.Material(1.0, 0.3)
@@ -55,7 +62,7 @@ def test_extrapolation_is_exact_for_a_power() -> None:
     assert error == pytest.approx(fine - limit, rel=1e-12)
 
 
-@pytest.mark.parametrize("order", [1.0, 1.3, 1.8, 4.0])
+@pytest.mark.parametrize("order", [1.3, 1.8, 3.5])
 @pytest.mark.parametrize("ratio", [1.8, 2.5, 4.0])
 def test_bar_of_the_mesh_holds_for_every_order_in_its_range(order: float, ratio: float) -> None:
     h = np.array([0.1, 0.1 / ratio])
@@ -68,10 +75,30 @@ def test_bar_of_the_mesh_holds_for_every_order_in_its_range(order: float, ratio:
 
 def test_planned_refinement_meets_the_bar() -> None:
     """For the typical order, as the plan assumes."""
-    ratio = refinement_for(0.04, 0.01)
-    coarse, fine = np.array([1.04]), np.array([1.0 + 0.04 * ratio**-1.6])
+    ratio = ratio_for(0.04, 0.01)
+    coarse, fine = np.array([1.04]), np.array([1.0 + 0.04 * ratio**-MESH_ORDER])
     assert extrapolate_mesh(coarse, fine, ratio)[2][0] == pytest.approx(0.01, rel=0.02)
-    assert refinement_for(0.04, 0.012) < ratio < refinement_for(0.04, 0.008)
+    assert ratio_for(0.04, 0.012) < ratio < ratio_for(0.04, 0.008)
+
+
+@pytest.mark.parametrize("wanted", [0.02, 0.01, 0.003, 1e-4])
+def test_plan_takes_the_largest_mesh_that_should_do(wanted: float) -> None:
+    """A force with the typical order, on the guide and one mesh more; the plan is followed to its end."""
+    sizes, coarse = [GUIDE, FIRST * GUIDE], 0
+
+    def bar(k: int) -> float:
+        forces = [np.array([1.0 + 5.0 * sizes[i] ** MESH_ORDER]) for i in (k, -1)]
+        return float(extrapolate_mesh(*forces, sizes[k] / sizes[-1], safety_of(k))[2][0])
+
+    for _ in range(5):
+        plan = plan_next(sizes, coarse, bar(coarse), wanted)
+        assert 1.0 < sizes[-1] / plan.size <= 4.0 and 0 < plan.coarse < len(sizes)
+        sizes.append(plan.size)
+        coarse = plan.coarse
+        if bar(coarse) <= wanted:
+            break
+    assert bar(coarse) <= wanted
+    assert bar(coarse) > 0.3 * wanted or len(sizes) == 3
 
 
 def test_bars_do_not_vanish_with_a_change_of_sign() -> None:

@@ -1,14 +1,9 @@
 """Accuracy as an input: meshes and load steps refined until the force has the error bar asked for.
 
-The force of a mesh of size h and of a load path in N steps differs from the limit by c h^p and b/N^2. The order p
-depends on the scene: about 1.8 for rough surfaces, little more than 1 for a single small spot, where the elements
-around the contact matter too, and up to 4 for a smooth wave that is touched nearly everywhere. The mesh is therefore
-extrapolated with the mean of the limits that the ends of a range of orders give, and a little more than half their
-distance is the bar. The midpoint rule along a spreading plastic contact is of second order; a part of its correction is
-the bar.
-
 A coarse mesh serves twice: it shows where the surface is touched, which guides the finer meshes, and it measures the
-error of the load steps, which hardly depends on the mesh. The finest mesh then needs no more steps than asked for.
+error of the load steps, which hardly depends on the mesh. That of the mesh follows from two guided ones (`refinement`);
+the finest needs no more steps than the coarse one told. The midpoint rule along a spreading plastic contact is of
+second order; a part of its correction is the bar.
 """
 
 from __future__ import annotations
@@ -27,23 +22,27 @@ from .errors import InputError
 from .loading import Callback
 from .material import Material
 from .mesh import Reach
+from .refinement import (
+    DOFS_ORDER,
+    FIRST,
+    GUIDE,
+    LEAST_STEP,
+    Plan,
+    extrapolate,
+    extrapolate_mesh,
+    growth,
+    plan_next,
+    safety_of,
+)
 from .statics import ContactResult, MeshSize, solve_contact
 from .surface import Surface
 
 Floats = npt.NDArray[np.float64]
 
-MESH_ORDERS = (1.0, 4.0)  # range of the order of the force in the element size, measured by benchmarks/accuracy.py
-MESH_ORDER = 1.6  # typical one, to plan with
-SAFETY = 1.1  # on half the range of limits
 STEP_ORDER = 2.0  # of the force in the load step: midpoint rule
-GUIDE = 0.1  # size of the guiding mesh [L]
-TYPICAL_ERROR = 0.035  # relative error of the force on the guiding mesh, as a first guess
-MESH_SHARE = 0.6  # part of the tolerance the mesh may use when load steps need the rest
+STEPS_SHARE = 0.4  # part of the tolerance the load steps may use; the mesh has what they leave
 MAX_DOUBLINGS = 5  # of the load steps
 PATH_TRANSFER = 0.5  # part of the load-step correction taken for its bar (docs/accuracy.md)
-SMALLEST_REFINEMENT = 1.8  # below, scatter from mesh to mesh hides the order
-LARGEST_REFINEMENT = 4.0  # above, it is better to look again
-DOFS_ORDER = 1.8  # dofs grow as h^-DOFS_ORDER: refinement is confined to the contact
 
 
 @dataclass(frozen=True)
@@ -145,44 +144,6 @@ class AccurateResult:
         }
 
 
-def extrapolate(coarse: Floats, fine: Floats, ratio: float, order: float) -> tuple[Floats, Floats]:
-    """Limit of a sequence with error c h^order, and the error of its last value.
-
-    Richardson's extrapolation; Roache, J. Fluids Eng. 116 (1994) 405.
-
-    Args:
-        coarse, fine: values at two sizes (n,)
-        ratio: coarse over fine size, above 1
-        order: of the error
-
-    Returns:
-        limit (n,) and fine - limit (n,)
-    """
-    error = (coarse - fine) / (ratio**order - 1.0)
-    return fine - error, error
-
-
-def extrapolate_mesh(coarse: Floats, fine: Floats, ratio: float) -> tuple[Floats, Floats, Floats]:
-    """Limit of the force with the element size when the order is only known to lie in MESH_ORDERS.
-
-    Args:
-        coarse, fine: forces on two meshes (n,)
-        ratio: coarse over fine element size, above 1
-
-    Returns:
-        limit (n,), fine - limit (n,), and the error bar of the limit (n,)
-    """
-    low, high = (extrapolate(coarse, fine, ratio, order)[0] for order in MESH_ORDERS)
-    limit = 0.5 * (low + high)
-    return limit, fine - limit, 0.5 * SAFETY * np.abs(low - high)
-
-
-def bar_share(ratio: float) -> float:
-    """Error bar of `extrapolate_mesh` over the difference of the two forces."""
-    low, high = (1.0 / (ratio**order - 1.0) for order in MESH_ORDERS)
-    return 0.5 * SAFETY * (low - high)
-
-
 def steady(relative: Floats, reach: int = 2) -> Floats:
     """Error bars that do not vanish where an error happens to change sign.
 
@@ -236,39 +197,29 @@ def solve_to_tolerance(
     reach = _reach(guide, surface.L)
     path, coarse, share = None, guide.curve, 1.0
     if material.plastic:
-        share = MESH_SHARE
-        path, steps, coarse = _choose_steps(run, guide.curve, steps, (1.0 - share) * goal.tolerance)
-    h = GUIDE
-    room = (goal.max_dofs / guide.dofs) ** (1.0 / DOFS_ORDER)
+        path, steps, coarse = _choose_steps(run, guide.curve, steps, STEPS_SHARE * goal.tolerance)
+        share = max(1.0 - float(path.bar.max()) / goal.tolerance, 0.5)
     del guide  # its memory is needed for the next one
-    refinement = max(min(refinement_for(TYPICAL_ERROR, share * goal.tolerance), room), SMALLEST_REFINEMENT)
+    sizes, curves, plan = [GUIDE], [coarse], Plan(FIRST * GUIDE, 0)
     while True:
-        h /= refinement
-        result = run(h, steps, reach)
-        curve, budget = _correct(result, coarse, refinement, path)
-        judged = _judged(curve, steps_asked)
+        result = run(plan.size, steps, reach)
+        sizes.append(plan.size)
+        curve, budget = _correct(result, curves[plan.coarse], sizes[plan.coarse] / plan.size, plan.coarse, path)
         worst = worst_error(curve, steps_asked)
         if worst <= goal.tolerance:
             return AccurateResult(curve, result.curve, budget, tuple(run.levels), result, worst, True, "done")
-        mesh = float(np.max((budget.mesh / curve.P_star)[judged]))
-        error = mesh / bar_share(refinement) / (refinement**MESH_ORDER - 1.0)
-        refinement = refinement_for(error, share * goal.tolerance)
-        limit = run.limit(goal, mesh, share, refinement)
+        mesh = float(np.max((budget.mesh / curve.P_star)[_judged(curve, steps_asked)]))
+        plan = plan_next(sizes, plan.coarse, mesh, share * goal.tolerance)
+        room = (goal.max_dofs / result.dofs) ** (1.0 / DOFS_ORDER)
+        wanted, plan = plan, replace(plan, size=max(plan.size, sizes[-1] / max(room, LEAST_STEP)))
+        limit = run.limit(goal, mesh, share, sizes[-1], wanted.size if room < LEAST_STEP else plan.size)
         if limit:
             reason = (
                 f"the force is known to {worst:.2%}, not to the {goal.tolerance:.2%} of accuracy.tolerance: {limit}"
             )
             return AccurateResult(curve, result.curve, budget, tuple(run.levels), result, worst, False, reason)
-        coarse = result.curve
+        curves.append(result.curve)
         del result
-
-
-def refinement_for(error: float, wanted: float) -> float:
-    """Ratio to the next element size whose bar should be the wanted one, when the present one has this error."""
-    ratios = np.linspace(SMALLEST_REFINEMENT, LARGEST_REFINEMENT, 200)
-    bars = np.array([bar_share(ratio) * (1.0 - ratio**-MESH_ORDER) for ratio in ratios]) * error
-    enough = np.flatnonzero(bars <= wanted)
-    return float(ratios[enough[0]]) if len(enough) else LARGEST_REFINEMENT
 
 
 def _judged(curve: Curve, steps: int) -> npt.NDArray[np.bool_]:
@@ -314,7 +265,7 @@ class _Runner:
             self._surface,
             self._material,
             steps=steps,
-            size=MeshSize(h * L, reach=reach),
+            size=MeshSize(h * L, growth=growth(h), reach=reach),
             on_stage=self._announce(f"h = {h:.3g} L, {steps} steps"),
             on_step=self._on_step,
             **settings,
@@ -328,15 +279,16 @@ class _Runner:
         on_stage = self._on_stage
         return lambda name: on_stage(f"{level}: {name}")
 
-    def limit(self, goal: Goal, mesh: float, share: float, refinement: float) -> str:
+    def limit(self, goal: Goal, mesh: float, share: float, size: float, finer: float) -> str:
         """Why the next level must not be computed; empty when it may.
 
         Args:
             goal: with the limits
-            mesh: error of the mesh, relative to the force
+            mesh: error bar of the mesh, relative to the force
             share: part of the tolerance the mesh may use
-            refinement: of the next level
+            size, finer: elements of the last level and of the next [L]
         """
+        refinement = size / finer
         if mesh < 0.5 * share * goal.tolerance:
             return "what is left comes from the load steps, raise loading.steps"
         last = self.levels[-1]
@@ -403,17 +355,26 @@ def _choose_steps(run: _Runner, curve: Curve, steps: int, wanted: float) -> tupl
     return path, n, curves[n]
 
 
-def _correct(result: ContactResult, coarse: Curve, refinement: float, path: _PathError | None) -> tuple[Curve, Budget]:
+def _correct(
+    result: ContactResult, coarse: Curve, ratio: float, place: int, path: _PathError | None
+) -> tuple[Curve, Budget]:
     """Extrapolated curve of the finest level with its error bars.
 
     Along the first loading the corrections are those of the rows. Later branches start from its end: they take its
     corrections there as a factor, and their bars keep its size.
+
+    Args:
+        result: of the finest level
+        coarse: curve of the level to extrapolate from
+        ratio: of its element size to that of the finest
+        place: of it among the levels
+        path: error of the load steps
     """
     curve = result.curve
     loading = curve.branch == "load"
     at = curve.delta_star[loading]
     raw = curve.P_star[loading]
-    _, mesh, spread = extrapolate_mesh(loading_force(coarse, at), raw, refinement)
+    _, mesh, spread = extrapolate_mesh(loading_force(coarse, at), raw, ratio, safety_of(place))
     correction = mesh / raw
     mesh_bar = steady(spread / raw)
     path_bar = np.zeros(len(raw))

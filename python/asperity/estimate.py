@@ -10,10 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from .accuracy import GUIDE, MESH_SHARE, SMALLEST_REFINEMENT, TYPICAL_ERROR, refinement_for
 from .errors import InputError
 from .loading import BACKWARD_EULER, Schedule
 from .mesh import BlockMesh, SizeField
+from .refinement import FIRST, GUIDE, growth, ratio_for
 
 if TYPE_CHECKING:
     from .case import Case
@@ -24,6 +24,9 @@ Size = Callable[[float, float, float], float]
 # Nodes in a volume h^3: the first for equal elements, the second times mesh.growth, because a mesh cannot be graded as
 # fast as a field may ask; from 15 meshes, within 15 %
 NODES, NODES_OF_GROWTH = 4.5, 19.0
+
+# Of a run driven by a tolerance: error of the force on the second mesh, and the part of the tolerance the mesh takes
+TYPICAL_ERROR, MESH_SHARE = 0.03, 0.85
 
 
 @dataclass(frozen=True)
@@ -126,11 +129,12 @@ def _plan(case: Case) -> list[tuple[float, int]]:
 
     if case.accuracy.tolerance is None:
         return [(case.mesh.h_contact, steps(loading.steps))]
-    L, share = case.surface.L, MESH_SHARE if plastic else 1.0
-    finer = max(refinement_for(TYPICAL_ERROR, share * case.accuracy.tolerance), SMALLEST_REFINEMENT)
+    L = case.surface.L
+    first = FIRST * GUIDE
+    finest = first / ratio_for(TYPICAL_ERROR, MESH_SHARE * case.accuracy.tolerance)
     guide = [(GUIDE * L, steps(loading.steps))]
     doubled = [(GUIDE * L, steps(2 * loading.steps, whole=False))] if plastic else []
-    return [*guide, *doubled, (GUIDE * L / finer, steps(loading.steps))]
+    return [*guide, *doubled, (first * L, steps(loading.steps)), (finest * L, steps(loading.steps))]
 
 
 def _given_dofs(case: Case) -> int:
@@ -142,9 +146,9 @@ def count_dofs(surface: Surface, case: Case, h_contact: float) -> int:
     assert case.loading.delta_max is not None
     mesh, L = case.mesh, surface.L
     adaptive = case.accuracy.tolerance is not None
-    growth, h_max = (0.25, None) if adaptive else (mesh.growth, mesh.h_max)
-    field = SizeField.of(surface, case.loading.delta_max, h_contact, growth=growth, h_max=h_max)
-    nodes = NODES + NODES_OF_GROWTH * growth
+    rate, h_max = (growth(h_contact / L), None) if adaptive else (mesh.growth, mesh.h_max)
+    field = SizeField.of(surface, case.loading.delta_max, h_contact, growth=rate, h_max=h_max)
+    nodes = NODES + NODES_OF_GROWTH * rate
     return round(3 * nodes * integral(field.at, case.block.height / L))
 
 

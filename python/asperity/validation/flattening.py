@@ -8,11 +8,11 @@ from math import hypot
 import numpy as np
 
 from .. import reference
-from ..accuracy import extrapolate
 from ..contact import ActiveSet
 from ..loading import Press, Record, Schedule, follow
 from ..material import Material
 from ..mesh import distribute
+from ..refinement import extrapolate
 from ..solid import Solid
 from ..solve import SolverOptions
 from ..top import Top

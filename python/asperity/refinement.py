@@ -1,0 +1,123 @@
+"""Which mesh comes next, and what the forces on two meshes say about the limit.
+
+The meshes of a family differ by one number, the element size in the contact. The force differs from the limit by
+c h^p, and the order p depends on the scene (docs/accuracy.md has the orders measured). The limit is therefore the mean
+of those that the ends of a range of orders give, and a little more than half their distance is its error bar.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Floats = npt.NDArray[np.float64]
+
+MESH_ORDERS = (1.3, 3.5)  # range of the order of the force in the element size, measured by benchmarks/accuracy.py
+MESH_ORDER = 2.0  # typical one, to plan with
+SAFETY = 1.1  # on half the range of limits
+GUIDE_SAFETY = 1.65  # where the coarser mesh is the guiding one, on which small spots hardly have an element
+GUIDE = 0.1  # size of the guiding mesh [L]
+FIRST = 0.5**0.5  # of the next one, over that of the guide
+SMALLEST_RATIO, LARGEST_RATIO = 1.6, 4.0  # of two sizes; below, scatter from mesh to mesh hides the order
+LEAST_STEP = 1.2  # from one size to the next
+FIRST_STEP = 1.8  # greatest one after the second mesh, for the guide only tells roughly how large errors are
+MARGIN = 0.85  # part of the tolerance that is planned for
+DOFS_ORDER = 2.0  # dofs grow as h^-DOFS_ORDER: refinement is nearly confined to the contact
+GROWTH = 0.25, 0.04  # growth of the element size around the contact, and the size in it that this belongs to [L]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Element size of the next mesh [L], and the place of the mesh to extrapolate from among those before it."""
+
+    size: float
+    coarse: int
+
+
+def growth(size: float) -> float:
+    """Growth of the element size around the contact of a mesh with elements of `size` in it [L].
+
+    What surrounds the contact is refined too, by half the order: with the same growth on all meshes some 0.2 % of the
+    force of a single spot would stay that no refinement of the contact shows (docs/accuracy.md).
+    """
+    value, at = GROWTH
+    return float(value * (size / at) ** 0.5)
+
+
+def extrapolate(coarse: Floats, fine: Floats, ratio: float, order: float) -> tuple[Floats, Floats]:
+    """Limit of a sequence with error c h^order, and the error of its last value.
+
+    Richardson's extrapolation; Roache, J. Fluids Eng. 116 (1994) 405.
+
+    Args:
+        coarse, fine: values at two sizes (n,)
+        ratio: coarse over fine size, above 1
+        order: of the error
+
+    Returns:
+        limit (n,) and fine - limit (n,)
+    """
+    error = (coarse - fine) / (ratio**order - 1.0)
+    return fine - error, error
+
+
+def extrapolate_mesh(
+    coarse: Floats, fine: Floats, ratio: float, safety: float = SAFETY
+) -> tuple[Floats, Floats, Floats]:
+    """Limit of the force with the element size when the order is only known to lie in MESH_ORDERS.
+
+    Args:
+        coarse, fine: forces on two meshes (n,)
+        ratio: coarse over fine element size, above 1
+        safety: factor on half the range of limits
+
+    Returns:
+        limit (n,), fine - limit (n,), and the error bar of the limit (n,)
+    """
+    low, high = (extrapolate(coarse, fine, ratio, order)[0] for order in MESH_ORDERS)
+    limit = 0.5 * (low + high)
+    return limit, fine - limit, 0.5 * safety * np.abs(low - high)
+
+
+def bar_share(ratio: float, safety: float = SAFETY) -> float:
+    """Error bar of `extrapolate_mesh` over the difference of the two forces."""
+    low, high = (1.0 / (ratio**order - 1.0) for order in MESH_ORDERS)
+    return 0.5 * safety * (low - high)
+
+
+def safety_of(coarse: int) -> float:
+    """Safety factor of an extrapolation from the mesh at that place; the first one is the guide."""
+    return GUIDE_SAFETY if coarse == 0 else SAFETY
+
+
+def plan_next(sizes: Sequence[float], coarse: int, bar: float, wanted: float) -> Plan:
+    """The largest mesh whose error bar should be the wanted one.
+
+    Args:
+        sizes: of the meshes so far, the guide first [L]
+        coarse: place of the one that the last was extrapolated from
+        bar: relative error bar on the last one
+        wanted: relative error bar asked for
+    """
+    last = sizes[-1]
+    ratio = sizes[coarse] / last
+    error = bar / bar_share(ratio, safety_of(coarse)) / (ratio**MESH_ORDER - 1.0)
+    step = FIRST_STEP if len(sizes) == 2 else LARGEST_RATIO
+    found = Plan(last / step, len(sizes) - 1)
+    for k in range(1, len(sizes)):
+        enough = ratio_for(error * (sizes[k] / last) ** MESH_ORDER, MARGIN * wanted)
+        size = min(sizes[k] / enough, last / LEAST_STEP)
+        if enough < LARGEST_RATIO and size >= found.size and sizes[k] / size <= LARGEST_RATIO:
+            found = Plan(size, k)
+    return found
+
+
+def ratio_for(error: float, wanted: float) -> float:
+    """Ratio to a finer element size whose bar should be the wanted one, when the coarser one has this error."""
+    ratios = np.linspace(SMALLEST_RATIO, LARGEST_RATIO, 200)
+    bars = np.array([bar_share(ratio) * (1.0 - ratio**-MESH_ORDER) for ratio in ratios]) * error
+    enough = np.flatnonzero(bars <= wanted)
+    return float(ratios[enough[0]]) if len(enough) else LARGEST_RATIO
