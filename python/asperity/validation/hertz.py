@@ -13,7 +13,7 @@ from ..material import Material
 from ..statics import ContactResult, Formulation
 from ..surface import Sphere
 from .patch import METHODS
-from .table import LOCAL, Floats, Level, Row, on_meshes, press, rows_along, sizes
+from .table import LOCAL, Floats, Level, Row, counting_error, on_meshes, press, rows_along, sizes
 
 RADIUS = 100.0  # of the sphere [L]: slopes of 5e-4, so that those of theory are as good as zero
 CONTACT = 0.05  # radius of the contact at the last load [L]
@@ -68,7 +68,7 @@ def hertz(level: Level) -> Iterator[Row]:
         ]
         yield from rows_along(
             "hertz", [f"radius over that of the force, {name}" for name in names], SOURCE,
-            radius, np.ones(STEPS), image, order=LOCAL,
+            radius, np.ones(STEPS), image, order=LOCAL, counted=0.5 * counting_error(results[-1]),
         )  # fmt: skip
         pressure = [_pressure_error(r) for r in results]
         yield from rows_along(
