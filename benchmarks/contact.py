@@ -1,8 +1,9 @@
 """Print what each contact formulation costs and how far off it is, as Markdown tables.
 
 Cases: Hertz and Westergaard against their closed forms, the elastic and the elastic-plastic demo surface against exact
-contact on a finer mesh with the same load steps. Arguments name the cases; without any all are run (about a quarter of
-an hour on one core).
+contact on a finer mesh with the same load steps. "integration" compares quadratures on the facets, which the edge of
+contact cuts, with one of 384 points on the same mesh, and "area" the area of contact with that of Hertz at many loads.
+Arguments name the cases; without any all are run (about a quarter of an hour on one core).
 """
 
 from __future__ import annotations
@@ -18,10 +19,12 @@ import numpy as np
 from scipy.optimize import brentq
 
 from asperity import reference
+from asperity.contact import PressureContact
 from asperity.material import Material
 from asperity.press import Press
 from asperity.statics import Formulation, MeshSize, make_block, make_press
 from asperity.surface import Sinusoid, Sphere, Surface, WeierstrassMandelbrot
+from asperity.top import FACET_DEGREE, FacetRule, Top
 
 NU = 0.3
 ELASTIC = Material(1.0, NU)
@@ -182,11 +185,93 @@ HEAD = (
 )  # fmt: skip
 
 
+RULES = {  # degree and splits of the rule, and whether heights at its points are exact or interpolated
+    "3 points": (2, 0, False),
+    "6 points": (FACET_DEGREE, 0, False),
+    "6 points, exact heights": (FACET_DEGREE, 0, True),
+    "16 points": (8, 0, False),
+    "4 x 6 points": (FACET_DEGREE, 1, False),
+    "16 x 6 points": (FACET_DEGREE, 2, False),
+}
+
+
+def exact_heights(surface: Surface, top: Top, degree: int) -> Any:
+    """Height of the surface over the points of a rule; second-order facets are straight seen from above."""
+    import basix
+
+    points, _ = basix.make_quadrature(basix.CellType.triangle, degree)
+    first, second, third = np.moveaxis(top.solid.points[top.nodes[:, :3], :2], 1, 0)[:, :, None]
+    x, y = np.moveaxis(first + points[:, :1] * (second - first) + points[:, 1:] * (third - first), -1, 0)
+    return 1.0 + surface.height(x, y) - surface.mean()
+
+
+def integration() -> Iterator[tuple[str, ...]]:
+    """Rows of the table of quadratures: what they change on a mesh, against the finest."""
+    for scene, case, size in (("hertz", hertz(), 0.05 / 6), ("demo", demo(ELASTIC, 3, (), 0.0), 0.06)):
+        press_of = make(case, size)
+        for law, factor in (("penalty", 10.0), ("nitsche", 1.0)):
+            plain = press_of(Formulation(law, factor, factor))
+
+            def press_with(degree: int, splits: int, exact: bool) -> tuple[list[State], Press, float]:
+                press = press_of(Formulation(law, factor, factor))  # noqa: B023
+                rule = FacetRule(press.top, degree, splits)
+                if exact:
+                    rule.height = exact_heights(case.surface, press.top, degree)  # noqa: B023
+                contact = PressureContact(press.solid, press.top, factor, traction=law == "nitsche", rule=rule)  # noqa: B023
+                press = Press(press.solid, press.top, contact, press.summit, press.newton.options)
+                start = time.process_time()
+                return press_along(case, press), press, time.process_time() - start  # noqa: B023
+
+            finest, _, _ = press_with(FACET_DEGREE, 3, False)
+            for name, choice in RULES.items():
+                states, press, seconds = press_with(*choice)
+
+                def change(key: str, states: list[State] = states, finest: list[State] = finest) -> float:
+                    return rms([getattr(a, key) / getattr(b, key) - 1.0 for a, b in zip(states, finest, strict=True)])
+
+                yield (
+                    scene, f"{plain.solid.dofs}", law, name, f"{change('force'):.3f}", f"{change('area'):.2f}",
+                    f"{change('peak'):.2f}", f"{press.counts.newton / press.counts.steps:.1f}", f"{seconds:.1f}",
+                )  # fmt: skip
+
+
+def areas() -> Iterator[tuple[str, ...]]:
+    """Rows of the table of areas: their error against Hertz under the same force, over many loads."""
+    radius, a = 1.0, 0.05
+    law = reference.Hertz(radius, reference.reduced_modulus(1.0, NU))
+    loads = tuple(float(d) for d in np.linspace(0.25, 1.0, 24) * a**2)
+    case = Case(Sphere(L=1.0, radius=radius, centre=(0.0, 0.0), shape="paraboloid"), ELASTIC, 1.0, loads, (), 0.0)
+    for size in (a / 3, a / 6):
+        press_of = make(case, size)
+        for name in ("active set", "penalty, beta 10", "Nitsche 0, gamma 1"):
+            press = press_of(FORMULATIONS[name])
+            states = press_along(case, press)
+            exact = [0.25 * np.pi * float(law.radius(law.deflection(4.0 * s.force))) ** 2 for s in states]
+            error = np.array([s.area / e - 1.0 for s, e in zip(states, exact, strict=True)])
+            bar = np.array([s.area_error / s.area for s in states])
+            yield (
+                f"{size:.4g}", f"{press.solid.dofs}", name, f"{100 * error.mean():+.1f}", f"{rms(error):.1f}",
+                f"{rms(bar):.1f}", f"{100 * np.mean(np.abs(error) <= bar):.0f}",
+            )  # fmt: skip
+
+
+INTEGRATION_HEAD = (
+    "scene", "dofs", "formulation", "rule", "force %", "area %", "peak %", "Newton/step", "CPU s",
+)  # fmt: skip
+AREA_HEAD = ("h_contact/L", "dofs", "formulation", "mean error %", "rms error %", "rms bar %", "inside %")
+TABLES: dict[str, tuple[tuple[str, ...], Callable[[], Iterator[tuple[str, ...]]]]] = {
+    **{name: (HEAD, lambda case=case: rows(case())) for name, case in CASES.items()},  # type: ignore[misc]
+    "integration": (INTEGRATION_HEAD, integration),
+    "area": (AREA_HEAD, areas),
+}
+
+
 def main(names: list[str]) -> None:
-    """Print the tables of the cases named."""
-    for name in names or list(CASES):
-        print(f"\n{name}\n\n| " + " | ".join(HEAD) + " |\n|" + "---|" * len(HEAD))
-        for row in rows(CASES[name]()):
+    """Print the tables named."""
+    for name in names or list(TABLES):
+        head, table = TABLES[name]
+        print(f"\n{name}\n\n| " + " | ".join(head) + " |\n|" + "---|" * len(head))
+        for row in table():
             print("| " + " | ".join(row) + " |", flush=True)
 
 
