@@ -2,7 +2,8 @@
 
 Cases: Hertz and Westergaard against their closed forms, the elastic and the elastic-plastic demo surface against exact
 contact on a finer mesh with the same load steps. "integration" compares quadratures on the facets, which the edge of
-contact cuts, with one of 384 points on the same mesh, and "area" the area of contact with that of Hertz at many loads.
+contact cuts, with one of 384 points on the same mesh, "area" the area of contact with that of Hertz at many loads, and
+"pressure" local pressures with those of Hertz.
 Arguments name the cases; without any all are run (about a quarter of an hour on one core).
 """
 
@@ -24,7 +25,7 @@ from asperity.material import Material
 from asperity.press import Press
 from asperity.statics import Formulation, MeshSize, make_block, make_press
 from asperity.surface import Sinusoid, Sphere, Surface, WeierstrassMandelbrot
-from asperity.top import FacetRule, Top
+from asperity.top import FACET_DEGREE, FacetRule, Top
 
 NU = 0.3
 ELASTIC = Material(1.0, NU)
@@ -199,14 +200,14 @@ RULES = {  # degree and splits of the rule, and whether heights at its points ar
 }
 
 
-def exact_heights(surface: Surface, top: Top, degree: int) -> Any:
-    """Height of the surface over the points of a rule; second-order facets are straight seen from above."""
+def points_of(top: Top, degree: int) -> tuple[Any, Any]:
+    """x and y of the points of a rule (facets, points); second-order facets are straight seen from above."""
     import basix
 
     points, _ = basix.make_quadrature(basix.CellType.triangle, degree)
     first, second, third = np.moveaxis(top.solid.points[top.nodes[:, :3], :2], 1, 0)[:, :, None]
     x, y = np.moveaxis(first + points[:, :1] * (second - first) + points[:, 1:] * (third - first), -1, 0)
-    return 1.0 + surface.height(x, y) - surface.mean()
+    return x, y
 
 
 def integration() -> Iterator[tuple[str, ...]]:
@@ -220,7 +221,8 @@ def integration() -> Iterator[tuple[str, ...]]:
                 press = press_of(Formulation(law, factor, factor))  # noqa: B023
                 rule = FacetRule(press.top, degree, splits)
                 if exact:
-                    rule.height = exact_heights(case.surface, press.top, degree)  # noqa: B023
+                    x, y = points_of(press.top, degree)
+                    rule.height = 1.0 + case.surface.height(x, y) - case.surface.mean()  # noqa: B023
                 contact = PressureContact(press.solid, press.top, factor, traction=law == "nitsche", rule=rule)  # noqa: B023
                 press = Press(press.solid, press.top, contact, press.summit, press.newton.options)
                 start = time.process_time()
@@ -259,6 +261,38 @@ def areas() -> Iterator[tuple[str, ...]]:
             )  # fmt: skip
 
 
+def pressures() -> Iterator[tuple[str, ...]]:
+    """Rows of the table of local pressures within 0.8 of the radius of Hertz, as they come and as reported."""
+    case = hertz()
+    law = reference.Hertz(1.0, reference.reduced_modulus(1.0, NU))
+    for size in (0.05 / 3, 0.05 / 6):
+        press_of = make(case, size)
+        for name, formulation in FORMULATIONS.items():
+            press = press_of(formulation)
+            press_along(case, press)
+            top, contact = press.top, press.contact
+            depth = float(law.deflection(4.0 * press.force))
+            p0, radius = float(law.peak_pressure(depth)), float(law.radius(depth))
+
+            def errors(x: Any, y: Any, found: Any, p0: float = p0, radius: float = radius, depth: float = depth) -> Any:
+                r = np.hypot(x, y)
+                return (found - law.pressure(r, depth))[r < 0.8 * radius] / p0
+
+            corners = np.unique(top.nodes[:, :3])
+            reported = errors(*press.solid.points[corners, :2].T, press.pressure[corners])
+            if isinstance(contact, PressureContact):
+                raw = errors(*points_of(top, FACET_DEGREE), contact.points)
+            else:
+                nodes = np.unique(top.nodes[:, 3:])
+                area = top.assemble(top.nodes[:, 3:], np.repeat(top.area[:, None] / 3.0, 3, axis=1))
+                raw = errors(*press.solid.points[nodes, :2].T, press.nodal_force[nodes] / area[nodes])
+            yield (
+                f"{size:.4g}", name, f"{rms(raw):.1f}", f"{100 * np.abs(raw).max():.0f}", f"{rms(reported):.1f}",
+                f"{100 * np.abs(reported).max():.0f}",
+            )  # fmt: skip
+
+
+PRESSURE_HEAD = ("h_contact/L", "formulation", "raw rms %", "raw greatest %", "reported rms %", "reported greatest %")
 INTEGRATION_HEAD = (
     "scene", "dofs", "formulation", "rule", "force %", "area %", "peak %", "Newton/step", "CPU s",
 )  # fmt: skip
@@ -267,6 +301,7 @@ TABLES: dict[str, tuple[tuple[str, ...], Callable[[], Iterator[tuple[str, ...]]]
     **{name: (HEAD, lambda case=case: rows(case())) for name, case in CASES.items()},  # type: ignore[misc]
     "integration": (INTEGRATION_HEAD, integration),
     "area": (AREA_HEAD, areas),
+    "pressure": (PRESSURE_HEAD, pressures),
 }
 
 

@@ -226,24 +226,17 @@ class Hexahedra:
         u = self.u.x.array.reshape(-1, 3)
         y, b = self.A.createVecRight(), self.A.createVecRight()
         for _ in range(NEWTON_MAX):
-            force = self.internal_force()
-            lacking = self.height + u[self.top, 2] - z
-            active = 0.1 * lacking - force[self.top, 2] > 0.0
-            rows = 3 * self.top[active] + 2
-            residual = force.ravel().copy()
-            residual[rows] = 0.0
-            residual[self.fixed] = 0.0
-            held = force.ravel()[rows]
-            if np.linalg.norm(residual) <= RTOL * np.linalg.norm(held) and np.all(
-                np.abs(lacking[active]) <= RTOL * move
-            ):
+            force, lacking, rows = self._contact(z)
+            residual, held = self._free(force, rows), force[rows]
+            balanced = np.linalg.norm(residual) <= RTOL * np.linalg.norm(held)
+            if balanced and np.all(np.abs(lacking) <= RTOL * move):
                 return -float(held.sum())
             if self.plastic:
                 self._assemble()
             else:
                 self._elastic.copy(self.A)
             b.array, y.array = residual, 0.0
-            y.array[rows] = lacking[active]
+            y.array[rows] = lacking
             prescribed = np.concatenate([self.fixed, rows]).astype(np.int32)
             self.A.zeroRowsColumns(prescribed, diag=self.A.getDiagonal().sum() / self.dofs, x=y, b=b)
             exact = y.array[prescribed]
@@ -251,8 +244,35 @@ class Hexahedra:
             if self.ksp.getConvergedReason() < 0:
                 raise RuntimeError(f"the linear solver failed: {self.ksp.getConvergedReason()}")
             y.array[prescribed] = exact
-            u -= y.array.reshape(-1, 3)
+            u -= (self._length(y.array_r, residual, rows, z) if self.plastic else 1.0) * y.array.reshape(-1, 3)
         raise RuntimeError(f"no convergence in {NEWTON_MAX} Newton steps")
+
+    def _contact(self, z: float) -> tuple[Floats, Floats, npt.NDArray[np.int64]]:
+        """Internal force, penetration of the nodes in contact with a flat at height z, and their vertical dofs."""
+        force = self.internal_force().ravel()
+        rows = 3 * self.top + 2
+        lacking = self.height + self.u.x.array[rows] - z
+        active = 0.1 * lacking - force[rows] > 0.0
+        return force, lacking[active], rows[active]
+
+    def _free(self, force: Floats, rows: npt.NDArray[np.int64]) -> Floats:
+        out = force.copy()
+        out[rows] = 0.0
+        out[self.fixed] = 0.0
+        return out
+
+    def _length(self, y: Floats, residual: Floats, rows: npt.NDArray[np.int64], z: float) -> float:
+        """Part of a Newton step after which the energy does not rise steeply along it."""
+        step, start, length = self._free(y, rows), self.u.x.array.copy(), 1.0
+        first = -float(step @ residual)
+        while first < 0.0 and length > 0.1:
+            self.u.x.array[:] = start - length * y
+            force, _, now = self._contact(z)
+            if -float(step @ self._free(force, now)) < -0.5 * first:
+                break
+            length *= 0.6
+        self.u.x.array[:] = start
+        return length
 
 
 def rigid_modes(points: Floats) -> list[Any]:
@@ -321,7 +341,7 @@ def scenes() -> dict[str, Scene]:
     return {
         "hertz": Scene(SPHERE, ELASTIC, CONTACT**2 / RADIUS, 5, layer_limit, hertz),
         "elastic": Scene(rough, ELASTIC, 0.03, 10, partial(guided_limit, fine=0.025), demo),
-        "plastic": Scene(rough, STEEL, 0.03, 10, partial(guided_limit, fine=0.035), coarse),
+        "plastic": Scene(rough, STEEL, 0.03, 10, partial(guided_limit, fine=0.05), coarse),
     }
 
 
