@@ -1,16 +1,14 @@
 """Which element carries contact: error of the force against dofs and CPU time, tetrahedra and hexahedra.
 
-    ./run python3 benchmarks/elements.py [-o FOLDER] [hertz] [elastic] [plastic]
+    ./run python3 benchmarks/elements.py [hertz] [elastic] [plastic]
 
-The program's graded second-order tetrahedra are compared with structured hexahedra on the same surface: eight nodes
-with full integration (Q1), with the volumetric part at one point (Q1 SRI, for J2 the same as B-bar on parallelepipeds),
-and 27 nodes (Q2) on curved geometry. Their lines are as dense, in the plane and in depth, as the size field of the
-tetrahedra wants them somewhere along each line. All carry exact contact at the nodes by an active set, take the same
-load steps (backward Euler) and solve their systems to the same tolerances: the tetrahedra as the program does, the
-hexahedra by Cholesky or by conjugate gradients with algebraic multigrid.
+The program's graded second-order tetrahedra are compared with structured hexahedra (hexahedra.py) on the same surface,
+whose lines are as dense, in the plane and in depth, as the size field of the tetrahedra wants them somewhere along each
+line. All carry exact contact at the nodes by an active set, take the same load steps (backward Euler) and solve their
+systems to the same tolerances, the tetrahedra with the program's linear solver and kernels.
 
 References: the layer theory of `asperity.validation.hertz` for the sphere, the limit of two finer guided tetrahedral
-meshes for the demo surface; the limit of the hexahedra is printed beside it. Errors are relative root mean squares over
+meshes for the demo surface; the limit of each element is printed beside it. Errors are relative root mean squares over
 the load steps, seconds are CPU seconds of one process from surface to force, without start-up and compilation of forms.
 """
 
@@ -21,19 +19,17 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
 from time import process_time
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from hexahedra import HEXAHEDRA, Hexahedra, lines
 
 import asperity as asp
 from asperity.accuracy import extrapolate, loading_force
-from asperity.linear import GAMG, set_defaults
 from asperity.loading import BACKWARD_EULER
-from asperity.material import return_map_ufl
-from asperity.mesh import Reach, SizeField
+from asperity.mesh import Reach
 from asperity.surface import Surface
 from asperity.validation.hertz import CONTACT, RADIUS, SPHERE, layer_force
 
@@ -42,20 +38,6 @@ Floats = npt.NDArray[np.float64]
 ELASTIC = asp.Material(1.0, 0.3)
 STEEL = asp.Material(1.0, 0.3, 0.005, 0.05)
 GROWTH = 0.5  # of the coarsest hexahedra; the finer ones are finer everywhere, which pays with them
-LU_DOFS = 6000
-RTOL, KRYLOV_RTOL, NEWTON_MAX = 1e-8, 1e-3, 40
-
-
-@dataclass(frozen=True)
-class Element:
-    """A hexahedron: degree of displacement and geometry, quadrature degrees of shape and volume change."""
-
-    degree: int
-    shear: int
-    volume: int
-
-
-HEXAHEDRA = {"Q1": Element(1, 2, 2), "Q1 SRI": Element(1, 2, 1), "Q2": Element(2, 4, 4)}
 
 
 @dataclass(frozen=True)
@@ -75,220 +57,6 @@ class Scene:
         return self.delta * np.arange(1, self.steps + 1) / self.steps
 
 
-# -- hexahedra ---------------------------------------------------------------------------------------------------
-
-
-def divide(length: float, size: Callable[[Floats], Floats]) -> Floats:
-    """Points from 0 to `length` whose distances follow a size."""
-    t = np.linspace(0.0, length, 2001)
-    density = 1.0 / size(t)
-    number = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]) * np.diff(t))])
-    return np.interp(np.linspace(0.0, number[-1], int(np.ceil(number[-1])) + 1), number, t)
-
-
-def lines(surface: Surface, delta: float, h: float, growth: float) -> tuple[Floats, Floats, Floats]:
-    """Corners of the elements along x, y and z, the height of the block being one."""
-    field = SizeField.of(surface, delta, h, growth=growth)
-    t = np.linspace(0.0, 1.0, 129)
-    on_top = np.array([[field.at(x, y, 0.0) for x in t] for y in t])
-    x, y = (divide(1.0, lambda s, axis=axis: np.interp(s, t, on_top.min(axis=axis))) for axis in (0, 1))
-    finest = max(0.5 * h, float(on_top.min()))
-    depths = divide(1.0, lambda s: np.minimum(finest + growth * s, 0.25))
-    return x, y, 1.0 - depths[::-1]
-
-
-def hexahedral_mesh(corners: tuple[Floats, Floats, Floats], surface: Surface, degree: int) -> Any:
-    """Mesh of hexahedra between lines, moved onto the surface as `mesh.build_block` does, edges and faces curved."""
-    import basix.ufl
-    import ufl
-    from dolfinx import mesh as dmesh
-    from mpi4py import MPI
-
-    axes = []
-    for line in corners:
-        parts = [a + (b - a) * np.arange(degree) / degree for a, b in pairwise(line)]
-        axes.append(np.append(np.concatenate(parts), line[-1]))
-    x, y, z = (g.ravel() for g in np.meshgrid(*axes, indexing="ij"))
-    points = np.stack([x, y, z * (1.0 + surface.height(x, y) - surface.mean())], axis=1)
-    element = basix.ufl.element("Lagrange", "hexahedron", degree, shape=(3,))
-    offsets = np.rint(element.basix_element.points * degree).astype(int)
-    first = degree * np.stack([g.ravel() for g in np.indices([len(c) - 1 for c in corners])], axis=1)
-    shape = tuple(len(axis) for axis in axes)
-    cells = np.ravel_multi_index(tuple(np.moveaxis(first[:, None] + offsets, -1, 0)), shape)
-    return dmesh.create_mesh(MPI.COMM_SELF, cells=cells.astype(np.int64), x=points, e=ufl.Mesh(element))
-
-
-class Hexahedra:
-    """A block of hexahedra between rollers under a flat: exact contact at the nodes of the top."""
-
-    def __init__(self, scene: Scene, element: Element, h: float, growth: float = GROWTH) -> None:
-        import ufl
-        from dolfinx import fem
-        from dolfinx.fem import petsc
-
-        self.surface, material = scene.surface, scene.material
-        mesh = hexahedral_mesh(lines(scene.surface, scene.delta, h, growth), scene.surface, element.degree)
-        V = fem.functionspace(mesh, ("Lagrange", element.degree, (3,)))
-        self.u, v = fem.Function(V), ufl.TestFunction(V)
-        points = V.tabulate_dof_coordinates()
-        self.dofs = points.size
-        held = np.abs(points) < 1e-9
-        held[:, :2] |= np.abs(points[:, :2] - 1.0) < 1e-9
-        held[held[:, 2]] = True
-        self.fixed = np.flatnonzero(held).astype(np.int32)
-        top = 1.0 + self.surface.height(*points[:, :2].T) - self.surface.mean()
-        self.top = np.flatnonzero(np.abs(points[:, 2] - top) < 1e-9)
-        self.height = points[self.top, 2]
-
-        self.plastic = material.plastic
-        lam, mu = material.lame
-        dx = partial(ufl.Measure, "dx", mesh)
-        strain = ufl.sym(ufl.grad(self.u))
-        stress = 2.0 * mu * ufl.dev(strain)
-        if self.plastic:
-            stress = ufl.dev(self._yielding(mesh, element.shear, strain, material))
-        shape = ufl.inner(stress, ufl.sym(ufl.grad(v))) * dx(metadata={"quadrature_degree": element.shear})
-        volume = (lam + 2.0 / 3.0 * mu) * ufl.div(self.u) * ufl.div(v)
-        # in one form FFCx 0.9 would take the Jacobian of the one quadrature for the other
-        parts = (shape, volume * dx(metadata={"quadrature_degree": element.volume}))
-        self._forces = [fem.form(part) for part in parts]
-        self._tangents = [fem.form(ufl.derivative(part, self.u)) for part in parts]
-        self.A = petsc.create_matrix(self._tangents[0])
-        self.A.setOption(self.A.Option.SPD, True)
-        self._assemble()
-        self._elastic = self.A.copy()
-        self._modes = rigid_modes(points)
-        self._solver()
-
-    def _yielding(self, mesh: Any, degree: int, strain: Any, material: asp.Material) -> Any:
-        """Stress by the return map, and what its history needs."""
-        import basix.ufl
-        import ufl
-        from dolfinx import fem
-
-        element = basix.ufl.quadrature_element("hexahedron", value_shape=(7,), degree=degree)
-        self.history = h = fem.Function(fem.functionspace(mesh, element))
-        plastic_strain = ufl.as_matrix([[h[0], h[3], h[4]], [h[3], h[1], h[5]], [h[4], h[5], h[2]]])
-        stress, flow, alpha = return_map_ufl(strain, plastic_strain, h[6], *material.parameters)
-        flowed = ufl.as_vector([*(flow[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))), alpha])
-        self._flowed = fem.Expression(flowed, element.custom_quadrature()[0], mesh.comm)
-        self._cells = np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32)
-        return stress
-
-    def _assemble(self) -> None:
-        from dolfinx.fem import petsc
-
-        self.A.zeroEntries()
-        for part in self._tangents:
-            petsc.assemble_matrix(self.A, part)
-        self.A.assemble()
-
-    def _solver(self) -> None:
-        from petsc4py import PETSc
-
-        self.ksp = PETSc.KSP().create(PETSc.COMM_SELF)
-        self.ksp.setOptionsPrefix("elements_")
-        pc = self.ksp.getPC()
-        if self.dofs < LU_DOFS:
-            self.ksp.setType("preonly")
-            pc.setType("cholesky")
-            pc.setFactorSolverType("mumps")
-        else:
-            set_defaults("elements_", GAMG)
-            self.ksp.setType("cg")
-            self.ksp.setNormType(PETSc.KSP.NormType.NATURAL)
-            pc.setType("gamg")
-            self.A.setNearNullSpace(PETSc.NullSpace().create(vectors=self._modes))
-        self.ksp.setTolerances(rtol=KRYLOV_RTOL, max_it=500)
-        self.ksp.setOperators(self.A)
-        self.ksp.setFromOptions()
-
-    def internal_force(self) -> Floats:
-        """At the nodes (nodes, 3)."""
-        from dolfinx import fem
-
-        force = sum(fem.assemble_vector(part).array for part in self._forces)
-        return np.asarray(force).reshape(-1, 3)
-
-    def press(self, deflections: Floats) -> Floats:
-        """Force of the flat at each deflection."""
-        summit = 1.0 + self.surface.maximum()[2] - self.surface.mean()
-        before, forces = 0.0, []
-        for delta in deflections:
-            forces.append(self._solve(summit - delta, delta - before))
-            before = delta
-            if self.plastic:
-                self.history.x.array[:] = self._flowed.eval(self.u.function_space.mesh, self._cells).ravel()
-        return np.array(forces)
-
-    def _solve(self, z: float, move: float) -> float:
-        """Newton's method on the active set, as in `contact.ActiveSet` and `solve.NewtonSolver`."""
-        u = self.u.x.array.reshape(-1, 3)
-        y, b = self.A.createVecRight(), self.A.createVecRight()
-        for _ in range(NEWTON_MAX):
-            force, lacking, rows = self._contact(z)
-            residual, held = self._free(force, rows), force[rows]
-            balanced = np.linalg.norm(residual) <= RTOL * np.linalg.norm(held)
-            if balanced and np.all(np.abs(lacking) <= RTOL * move):
-                return -float(held.sum())
-            if self.plastic:
-                self._assemble()
-            else:
-                self._elastic.copy(self.A)
-            b.array, y.array = residual, 0.0
-            y.array[rows] = lacking
-            prescribed = np.concatenate([self.fixed, rows]).astype(np.int32)
-            self.A.zeroRowsColumns(prescribed, diag=self.A.getDiagonal().sum() / self.dofs, x=y, b=b)
-            exact = y.array[prescribed]
-            self.ksp.solve(b, y)
-            if self.ksp.getConvergedReason() < 0:
-                raise RuntimeError(f"the linear solver failed: {self.ksp.getConvergedReason()}")
-            y.array[prescribed] = exact
-            u -= (self._length(y.array_r, residual, rows, z) if self.plastic else 1.0) * y.array.reshape(-1, 3)
-        raise RuntimeError(f"no convergence in {NEWTON_MAX} Newton steps")
-
-    def _contact(self, z: float) -> tuple[Floats, Floats, npt.NDArray[np.int64]]:
-        """Internal force, penetration of the nodes in contact with a flat at height z, and their vertical dofs."""
-        force = self.internal_force().ravel()
-        rows = 3 * self.top + 2
-        lacking = self.height + self.u.x.array[rows] - z
-        active = 0.1 * lacking - force[rows] > 0.0
-        return force, lacking[active], rows[active]
-
-    def _free(self, force: Floats, rows: npt.NDArray[np.int64]) -> Floats:
-        out = force.copy()
-        out[rows] = 0.0
-        out[self.fixed] = 0.0
-        return out
-
-    def _length(self, y: Floats, residual: Floats, rows: npt.NDArray[np.int64], z: float) -> float:
-        """Part of a Newton step after which the energy does not rise steeply along it."""
-        step, start, length = self._free(y, rows), self.u.x.array.copy(), 1.0
-        first = -float(step @ residual)
-        while first < 0.0 and length > 0.1:
-            self.u.x.array[:] = start - length * y
-            force, _, now = self._contact(z)
-            if -float(step @ self._free(force, now)) < -0.5 * first:
-                break
-            length *= 0.6
-        self.u.x.array[:] = start
-        return length
-
-
-def rigid_modes(points: Floats) -> list[Any]:
-    """Orthonormal rigid motions of the nodes as PETSc vectors."""
-    from petsc4py import PETSc
-
-    x, y, z = (points - points.mean(axis=0)).T
-    o, i = np.zeros_like(x), np.ones_like(x)
-    modes = ((i, o, o), (o, i, o), (o, o, i), (-y, x, o), (z, o, -x), (o, -z, y))
-    q, _ = np.linalg.qr(np.stack([np.stack(mode, axis=1).ravel() for mode in modes], axis=1))
-    return [PETSc.Vec().createWithArray(np.ascontiguousarray(column), comm=PETSc.COMM_SELF) for column in q.T]
-
-
-# -- the comparison ----------------------------------------------------------------------------------------------
-
-
 def tetrahedra(scene: Scene, h: float, reach: Reach | None = None) -> tuple[Floats, Any]:
     """Force of the program at the load steps, and its whole result."""
     result = asp.solve_contact(
@@ -302,7 +70,8 @@ def measure(name: str, scene: Scene, h: float) -> tuple[Floats, int, float]:
     """Force at the load steps, dofs and CPU seconds of an element at one size."""
     start = process_time()
     if name in HEXAHEDRA:
-        block = Hexahedra(scene, HEXAHEDRA[name], h, GROWTH * h / scene.sizes[name][0])
+        corners = lines(scene.surface, scene.delta, h, GROWTH * h / scene.sizes[name][0])
+        block = Hexahedra(scene.surface, scene.material, HEXAHEDRA[name], corners)
         force, dofs = block.press(scene.at), block.dofs
     else:
         force, result = tetrahedra(scene, h)
@@ -337,19 +106,20 @@ def scenes() -> dict[str, Scene]:
         "P2": (0.2, 0.14, 0.1, 0.07, 0.05), "Q1": (0.1, 0.07, 0.05), "Q1 SRI": (0.1, 0.07, 0.05, 0.035),
         "Q2": (0.2, 0.14, 0.1),
     }  # fmt: skip
-    coarse = {name: sizes[:-1] for name, sizes in demo.items()}
+    plastic = {"P2": (0.14, 0.1, 0.07), "Q1": (0.1,), "Q1 SRI": (0.1, 0.07), "Q2": (0.2,)}
     return {
         "hertz": Scene(SPHERE, ELASTIC, CONTACT**2 / RADIUS, 5, layer_limit, hertz),
         "elastic": Scene(rough, ELASTIC, 0.03, 10, partial(guided_limit, fine=0.025), demo),
-        "plastic": Scene(rough, STEEL, 0.03, 10, partial(guided_limit, fine=0.05), coarse),
+        "plastic": Scene(rough, STEEL, 0.03, 10, partial(guided_limit, fine=0.05), plastic),
     }
 
 
 def compile_forms(scene: Scene) -> None:
     """Compile the forms of all elements, so that the seconds are without."""
     flat = Scene(Surface.from_spec(kind="flat", L=1.0), scene.material, 1e-3, 2, scene.limit, {})
+    thirds = np.linspace(0.0, 1.0, 4)
     for element in HEXAHEDRA.values():
-        Hexahedra(flat, element, 0.5).press(flat.at)
+        Hexahedra(flat.surface, flat.material, element, (thirds, thirds, thirds)).press(flat.at)
     tetrahedra(flat, 0.5)
 
 
@@ -370,6 +140,8 @@ def table(name: str, scene: Scene) -> list[tuple[str, int, float, float]]:
                 f"| {name} | {element} | {h:g} | {dofs} | {out[-1][3]:.2f} | {error[-1]:+.2f} | {seconds:.1f} |",
                 flush=True,
             )
+        if len(sizes) < 2:
+            continue
         own, _ = extrapolate(forces[-2], forces[-1], sizes[-2] / sizes[-1], 2.0)
         away = 100.0 * np.sqrt(np.mean((own / limit - 1.0) ** 2))
         print(f"limit of {element} (order 2) against the reference: {away:.2f} % rms", flush=True)
