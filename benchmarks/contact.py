@@ -1,10 +1,10 @@
 """Print what each contact formulation costs and how far off it is, as Markdown tables.
 
 Cases: Hertz and Westergaard against their closed forms, the elastic and the elastic-plastic demo surface against exact
-contact on a finer mesh with the same load steps. "integration" compares quadratures on the facets, which the edge of
-contact cuts, with one of 384 points on the same mesh, "area" the area of contact with that of Hertz at many loads, and
-"pressure" local pressures with those of Hertz.
-Arguments name the cases; without any all are run (about a quarter of an hour on one core).
+contact on a finer mesh with the same load steps. Further tables on Hertz: "integration" compares quadratures on the
+facets, which the edge of contact cuts, with one of 384 points on the same mesh, "area" the area of contact with theory
+at many loads, "pressure" local pressures, and "refinement" the force when all of the mesh or the contact alone is refined.
+Arguments name the tables; without any all are printed (some minutes on one core).
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ from asperity.press import Press
 from asperity.statics import Formulation, MeshSize, make_block, make_press
 from asperity.surface import Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 from asperity.top import FACET_DEGREE, FacetRule, Top
+from asperity.validation.hertz import CONTACT, RADIUS, SPHERE, layer_force, press_sphere
+from asperity.validation.table import press as press_alone
 
 NU = 0.3
 ELASTIC = Material(1.0, NU)
@@ -292,6 +294,22 @@ def pressures() -> Iterator[tuple[str, ...]]:
             )  # fmt: skip
 
 
+def refinement() -> Iterator[tuple[str, ...]]:
+    """Rows of the table of the force of Hertz when all of the mesh is refined, and when the contact is alone."""
+    depth = CONTACT**2 / RADIUS
+    theory = layer_force([0.5 * depth, depth], 1024)[0][-1]
+    for k in 0.5 * 2.0 ** (0.5 * np.arange(6)):
+        size = 0.25 * CONTACT / k
+        alone = press_alone(SPHERE, ELASTIC, delta_max=depth, steps=2, size=MeshSize(size))
+        cells = [
+            f"{value}"
+            for result in (press_sphere(k), alone)
+            for value in (result.dofs, f"{100 * (result.curve.P_star[-1] / theory - 1.0):.3f}")
+        ]
+        yield f"{size:.4g}", *cells
+
+
+REFINEMENT_HEAD = ("h_contact/L", "dofs, all refined", "force %", "dofs, contact alone", "force %")
 PRESSURE_HEAD = ("h_contact/L", "formulation", "raw rms %", "raw greatest %", "reported rms %", "reported greatest %")
 INTEGRATION_HEAD = (
     "scene", "dofs", "formulation", "rule", "force %", "area %", "peak %", "Newton/step", "CPU s",
@@ -302,6 +320,7 @@ TABLES: dict[str, tuple[tuple[str, ...], Callable[[], Iterator[tuple[str, ...]]]
     "integration": (INTEGRATION_HEAD, integration),
     "area": (AREA_HEAD, areas),
     "pressure": (PRESSURE_HEAD, pressures),
+    "refinement": (REFINEMENT_HEAD, refinement),
 }
 
 
