@@ -3,7 +3,7 @@
 Cases: Hertz and Westergaard against their closed forms, the elastic and the elastic-plastic demo surface against exact
 contact on a finer mesh with the same load steps. Further tables on Hertz: "integration" compares quadratures on the
 facets, which the edge of contact cuts, with one of 384 points on the same mesh, "area" the area of contact with theory
-at many loads, "pressure" local pressures, and "refinement" the force when all of the mesh or the contact alone is refined.
+at many loads, "pressure" local pressures, "refinement" the force when all of the mesh or the contact alone is refined.
 Arguments name the tables; without any all are printed (some minutes on one core).
 """
 
@@ -161,8 +161,8 @@ def rows(case: Case) -> Iterator[tuple[str, ...]]:
             start = time.process_time()
             try:
                 states = press_along(case, press)
-            except RuntimeError as error:
-                yield f"{size:.4g}", f"{press.solid.dofs}", name, str(error), *[""] * (len(HEAD) - 4)
+            except RuntimeError as failure:
+                yield f"{size:.4g}", f"{press.solid.dofs}", name, str(failure), *[""] * (len(HEAD) - 4)
                 continue
             seconds = time.process_time() - start
             counts = press.counts
@@ -276,18 +276,18 @@ def pressures() -> Iterator[tuple[str, ...]]:
             depth = float(law.deflection(4.0 * press.force))
             p0, radius = float(law.peak_pressure(depth)), float(law.radius(depth))
 
-            def errors(x: Any, y: Any, found: Any, p0: float = p0, radius: float = radius, depth: float = depth) -> Any:
-                r = np.hypot(x, y)
+            def errors(xy: Any, found: Any, p0: float = p0, radius: float = radius, depth: float = depth) -> Any:
+                r = np.hypot(xy[0], xy[1])
                 return (found - law.pressure(r, depth))[r < 0.8 * radius] / p0
 
             corners = np.unique(top.nodes[:, :3])
-            reported = errors(*press.solid.points[corners, :2].T, press.pressure[corners])
+            reported = errors(press.solid.points[corners].T, press.pressure[corners])
             if isinstance(contact, PressureContact):
-                raw = errors(*points_of(top, FACET_DEGREE), contact.points)
+                raw = errors(points_of(top, FACET_DEGREE), contact.points)
             else:
                 nodes = np.unique(top.nodes[:, 3:])
                 area = top.assemble(top.nodes[:, 3:], np.repeat(top.area[:, None] / 3.0, 3, axis=1))
-                raw = errors(*press.solid.points[nodes, :2].T, press.nodal_force[nodes] / area[nodes])
+                raw = errors(press.solid.points[nodes].T, press.nodal_force[nodes] / area[nodes])
             yield (
                 f"{size:.4g}", name, f"{rms(raw):.1f}", f"{100 * np.abs(raw).max():.0f}", f"{rms(reported):.1f}",
                 f"{100 * np.abs(reported).max():.0f}",

@@ -99,12 +99,11 @@ def scenes() -> dict[str, Scene]:
     """The three scenes."""
     rough = Surface.from_spec(kind="weierstrass-mandelbrot", L=1.0, D=2.4, G=1.36e-5)
     hertz = {
-        "P2": (0.04, 0.028, 0.02, 0.014, 0.01), "Q1": (0.03, 0.021, 0.015), "Q1 SRI": (0.03, 0.021, 0.015, 0.0105),
-        "Q2": (0.08, 0.056, 0.04),
+        "P2": (0.04, 0.028, 0.02, 0.014, 0.01), "Q1": (0.03, 0.021, 0.015), "Q1 SRI": (0.03, 0.021, 0.015),
+        "Q2": (0.08, 0.056),
     }  # fmt: skip
     demo = {
-        "P2": (0.2, 0.14, 0.1, 0.07, 0.05), "Q1": (0.1, 0.07, 0.05), "Q1 SRI": (0.1, 0.07, 0.05, 0.035),
-        "Q2": (0.2, 0.14, 0.1),
+        "P2": (0.2, 0.14, 0.1, 0.07, 0.05), "Q1": (0.1, 0.07), "Q1 SRI": (0.1, 0.07, 0.05), "Q2": (0.2, 0.14),
     }  # fmt: skip
     plastic = {"P2": (0.14, 0.1, 0.07), "Q1": (0.1,), "Q1 SRI": (0.1, 0.07), "Q2": (0.2,)}
     return {
@@ -117,7 +116,7 @@ def scenes() -> dict[str, Scene]:
 def compile_forms(scene: Scene) -> None:
     """Compile the forms of all elements, so that the seconds are without."""
     flat = Scene(Surface.from_spec(kind="flat", L=1.0), scene.material, 1e-3, 2, scene.limit, {})
-    thirds = np.linspace(0.0, 1.0, 4)
+    thirds = np.array([0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0])
     for element in HEXAHEDRA.values():
         Hexahedra(flat.surface, flat.material, element, (thirds, thirds, thirds)).press(flat.at)
     tetrahedra(flat, 0.5)

@@ -41,7 +41,7 @@ class Element:
 HEXAHEDRA = {"Q1": Element(1, 2, 2), "Q1 SRI": Element(1, 2, 1), "Q2": Element(2, 4, 4)}
 
 
-def divide(length: float, size: Callable[[Floats], Floats]) -> Floats:
+def divide(length: float, size: Callable[[Any], Any]) -> Floats:
     """Points from 0 to `length` whose distances follow a size."""
     t = np.linspace(0.0, length, 2001)
     density = 1.0 / size(t)
@@ -54,7 +54,7 @@ def lines(surface: Surface, delta: float, h: float, growth: float) -> Lines:
     field = SizeField.of(surface, delta, h, growth=growth)
     t = np.linspace(0.0, 1.0, 129)
     on_top = np.array([[field.at(x, y, 0.0) for x in t] for y in t])
-    x, y = (divide(1.0, lambda s, axis=axis: np.interp(s, t, on_top.min(axis=axis))) for axis in (0, 1))
+    x, y = (divide(1.0, partial(np.interp, xp=t, fp=on_top.min(axis=axis))) for axis in (0, 1))
     finest = max(0.5 * h, float(on_top.min()))
     depths = divide(1.0, lambda s: np.minimum(finest + growth * s, 0.25))
     return x, y, 1.0 - depths[::-1]
@@ -198,7 +198,8 @@ class Hexahedra:
                 self._assemble()
             else:
                 self._elastic.copy(self.A)
-            b.array, y.array = residual, 0.0
+            b.array = residual
+            y.set(0.0)
             y.array[rows] = lacking
             prescribed = np.concatenate([self.fixed, rows]).astype(np.int32)
             self.A.zeroRowsColumns(prescribed, diag=self.A.getDiagonal().sum() / self.dofs, x=y, b=b)

@@ -109,7 +109,8 @@ class Hemisphere:
             A.zeroEntries()
             petsc.assemble_matrix(A, self._tangent)
             A.assemble()
-            b.array, y.array = residual, 0.0
+            b.array = residual
+            y.set(0.0)
             y.array[rows] = lacking
             prescribed = np.concatenate([self._fixed, rows]).astype(np.int32)
             A.zeroRowsColumns(prescribed, diag=1.0, x=y, b=b)

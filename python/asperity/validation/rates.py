@@ -39,6 +39,7 @@ def rates(level: Level) -> Iterator[Row]:
     """
     smooth = 0.25 * RATIO ** -np.arange(1, 5)
     refinements = 0.5 * RATIO ** np.arange(1, 6)
+    h_contact: Floats = np.asarray(1.0 / refinements, dtype=np.float64)
     hertz, _ = layer_force([CONTACT**2 / RADIUS], 1024)
     forces = {}
     for name in FORMULATIONS if level.full else (EXACT,):
@@ -49,10 +50,10 @@ def rates(level: Level) -> Iterator[Row]:
         yield _order(f"displacement in L2, smooth, {name}", 3.0 if consistent else 1.0, size, L2)
         yield _order(f"strain energy norm, smooth, {name}", 2.0 if consistent else 1.0, size, energy)
         if consistent:
-            yield _order(f"force, Hertz, {name}", 2.0, 1.0 / refinements, forces[name] / hertz - 1.0)
+            yield _order(f"force, Hertz, {name}", 2.0, h_contact, forces[name] / hertz - 1.0)
         else:
             difference = forces[name] / forces[EXACT] - 1.0
-            yield _order(f"force, Hertz, {name} against {EXACT}", 1.0, 1.0 / refinements, difference)
+            yield _order(f"force, Hertz, {name} against {EXACT}", 1.0, h_contact, difference)
 
 
 def _order(name: str, expected: float, sizes: Floats, errors: Floats) -> Row:
