@@ -255,6 +255,19 @@ def test_ghaednia_numbers():
     )
 
 
+def test_flattened_sphere_of_the_table_against_the_fits():
+    R, w = 1e-3, np.array(ref.FLATTENED_DEPTHS)
+    delta = w * critical_deflection(R)
+    critical = float(ref.Hertz(R, ref.reduced_modulus(200e9, 0.3)).force(critical_deflection(R)))
+    for ratio, forces in ref.FLATTENED_SPHERE.items():
+        if ratio == 0.0:
+            np.testing.assert_allclose(ref.jackson_green(delta, R, **STEEL)[0] / critical, forces, rtol=0.03)
+        else:
+            fit = ref.ghaednia(delta, R, **STEEL, E_t=ratio * 200e9)[0] / critical
+            np.testing.assert_allclose(fit, forces, rtol=0.13)
+            np.testing.assert_allclose(fit[0], forces[0], rtol=0.03)
+
+
 # --- half-space solver ------------------------------------------------------------------------
 
 

@@ -11,7 +11,7 @@ from . import _solver, compat
 from .mesh import TOP
 from .solid import Floats, Solid
 
-FACET_DEGREE = 4  # exact for a pressure that varies like the displacement
+FACET_DEGREE = 8  # 16 points: four times closer on cut facets than the 6 of degree 4, at no cost (docs/contact.md)
 
 
 @dataclass(frozen=True)

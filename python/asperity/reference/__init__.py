@@ -27,9 +27,11 @@ from .plastic import (
     kogut_etsion,
     uniaxial_stress,
 )
-from .tables import ROUGH_ELASTIC, ROUGH_ELASTIC_FITS, rough_elastic_surface
+from .tables import FLATTENED_DEPTHS, FLATTENED_SPHERE, ROUGH_ELASTIC, ROUGH_ELASTIC_FITS, rough_elastic_surface
 
 __all__ = [
+    "FLATTENED_DEPTHS",
+    "FLATTENED_SPHERE",
     "ROUGH_ELASTIC",
     "ROUGH_ELASTIC_FITS",
     "DoubleSinusoid",

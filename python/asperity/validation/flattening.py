@@ -25,34 +25,38 @@ ONSET = float((0.5 * np.pi * 1.295 * np.exp(0.736 * NU) * Y / reference.reduced_
 LAST = 105.0  # greatest w = deflection over that of the onset of yield, Jackson & Green
 FIT = 0.06  # of the fits, which agree with each other to 6 %
 FIT_HARDENING = 0.08  # Ghaednia et al. give 5 to 8 %
+PLANE, PLANE_PERFECT = 0.004, 0.02  # of the plane solution: what another mesh changes, with and without hardening
 
 
 def flattened_sphere(level: Level) -> Iterator[Row]:
     """Force over that of the onset at w times its deflection, without and with hardening.
 
-    Jackson & Green (2005); Kogut & Etsion (2002), with nearly the same onset; Ghaednia et al. (2019). As theirs, the
-    sphere is a hemisphere, here on a sliding base. The error of the load steps, of first order, is extrapolated on
-    the coarsest mesh.
+    Jackson & Green (2005); Kogut & Etsion (2002), with nearly the same onset; Ghaednia et al. (2019); and a solution
+    in the plane of r and z for the same hemisphere on a sliding base (benchmarks/sphere.py). The fit with hardening
+    is up to 12 % from that solution: where it is more than the authors' 8 %, that is its bar. The error of the load
+    steps, of first order, is extrapolated on the coarsest mesh.
     """
-    w = np.array([6.0, 10.0, 50.0, 100.0]) if level.full else np.array([10.0, 50.0])
+    w = np.array(reference.FLATTENED_DEPTHS if level.full else reference.FLATTENED_DEPTHS[1:3])
     steps = 42 if level.full else 21
     delta = w * ONSET
-    for tangent in (0.0, 0.1, 0.3, 0.5) if level.full else (0.0,):
+    for tangent in reference.FLATTENED_SPHERE if level.full else (0.0, 0.3):
         material = Material(1.0, NU, Y / E, tangent)
         force = [_force(k / RATIO, material, steps, delta) for k in level.refinements]
         limit, path = extrapolate(force[0], _force(level.refinements[0] / RATIO, material, 2 * steps, delta), 2.0, 1.0)
         sphere = (delta, 1.0, 1.0, NU, Y / E)
-        fits = (
-            {"Ghaednia": reference.ghaednia(*sphere, tangent)}
-            if tangent
-            else {"Jackson-Green": reference.jackson_green(*sphere), "Kogut-Etsion": reference.kogut_etsion(*sphere)}
-        )
         onset = float(HERTZ.force(ONSET))
-        for name, (fit, _) in fits.items():
+        plane = np.interp(w, reference.FLATTENED_DEPTHS, reference.FLATTENED_SPHERE[tangent])
+        sources = {"plane solution": (plane, np.full(len(w), PLANE if tangent else PLANE_PERFECT))}
+        if tangent:
+            fit = reference.ghaednia(*sphere, tangent)[0] / onset
+            sources["Ghaednia"] = fit, np.maximum(FIT_HARDENING, np.abs(plane / fit - 1.0))
+        else:
+            sources["Jackson-Green"] = reference.jackson_green(*sphere)[0] / onset, np.full(len(w), FIT)
+            sources["Kogut-Etsion"] = reference.kogut_etsion(*sphere)[0] / onset, np.full(len(w), FIT)
+        for name, (expected, accuracy) in sources.items():
             yield from rows_along(
                 "flattened-sphere", [f"force over onset, w = {x:g}, E_t = {tangent:g} E" for x in w], name,
-                [f * limit / force[0] / onset for f in force], fit / onset,
-                np.abs(path) / limit + (FIT_HARDENING if tangent else FIT), order=KINK,
+                [f * limit / force[0] / onset for f in force], expected, np.abs(path) / limit + accuracy, order=KINK,
             )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from ..material import Material
 from ..statics import ContactResult, Formulation
 from ..surface import Sphere
 from .patch import METHODS
-from .table import LOCAL, Floats, Level, Row, on_meshes, press, rows_along, sizes
+from .table import LOCAL, Floats, Level, Row, counting_error, on_meshes, press, rows_along, sizes
 
 RADIUS = 100.0  # of the sphere [L]: slopes of 5e-4, so that those of theory are as good as zero
 CONTACT = 0.05  # radius of the contact at the last load [L]
@@ -24,11 +24,11 @@ HERTZ = reference.Hertz(RADIUS, MATERIAL.reduced_modulus)
 SOURCE = "Hertz"
 
 
-def press_sphere(refinement: float, method: str = "active-set") -> ContactResult:
+def press_sphere(refinement: float, formulation: Formulation | None = None) -> ContactResult:
     """The quarter sphere at `STEPS` equal steps of the deflection; L = E = 1."""
     return press(
         SPHERE, MATERIAL, delta_max=CONTACT**2 / RADIUS, steps=STEPS, snapshots=1,
-        size=sizes(0.25 * CONTACT, refinement), formulation=Formulation(method),
+        size=sizes(0.25 * CONTACT, refinement), formulation=formulation,
     )  # fmt: skip
 
 
@@ -54,7 +54,7 @@ def hertz(level: Level) -> Iterator[Row]:
     """
     expected, grid = layer_force([CONTACT**2 / RADIUS * (k + 1) / STEPS for k in range(STEPS)], 1024)
     for method in METHODS if level.full else METHODS[:1]:
-        results = on_meshes(level, partial(press_sphere, method=method))
+        results = on_meshes(level, partial(press_sphere, formulation=Formulation(method)))
         depths = results[-1].curve.delta
         names = [f"a = {HERTZ.radius(d):.3f} L, {method}" for d in depths]
         yield from rows_along(
@@ -68,7 +68,7 @@ def hertz(level: Level) -> Iterator[Row]:
         ]
         yield from rows_along(
             "hertz", [f"radius over that of the force, {name}" for name in names], SOURCE,
-            radius, np.ones(STEPS), image, order=LOCAL,
+            radius, np.ones(STEPS), image, order=LOCAL, counted=0.5 * counting_error(results[-1]),
         )  # fmt: skip
         pressure = [_pressure_error(r) for r in results]
         yield from rows_along(

@@ -10,7 +10,7 @@ import numpy as np
 from .. import reference
 from ..material import Material
 from ..surface import WeierstrassMandelbrot
-from .table import LOCAL, Floats, Level, Row, convergence_bar, on_meshes, press, rows_along, sizes
+from .table import LOCAL, Floats, Level, Row, convergence_bar, counting_error, on_meshes, press, rows_along, sizes
 
 NU = 0.3
 SCALES = (1.0, 0.5, 0.25)  # of the heights; only with the last are slopes as small as theory takes them
@@ -20,10 +20,11 @@ MANY_SPOTS = 0.05  # area fraction from which the contact is more than a few asp
 
 @dataclass(frozen=True)
 class _Loads:
-    """P* over the factor of the heights, and area fraction, at some loads."""
+    """P* over the factor of the heights, area fraction, and the relative error it is counted with, at some loads."""
 
     P_star: Floats
     area: Floats
+    counted: Floats
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class _Rough:
         for d in self.deflections:
             h = 0.07 * L * min(1.0, d * L / steepness) ** 0.5
             result = press(flatter, Material(1.0, NU), delta_max=scale * d * L, steps=1, size=sizes(h, refinement, L))
-            rows.append((result.curve.P_star[0] / scale, result.curve.area_fraction[0]))
+            rows.append((result.curve.P_star[0] / scale, result.curve.area_fraction[0], counting_error(result)))
         return _Loads(*np.array(rows).T)
 
     def theory(self, cells: int) -> _Loads:
@@ -53,7 +54,8 @@ class _Rough:
         rows = [
             reference.half_space_contact(self.surface, cells, delta_star=d, height=L, nu=NU) for d in self.deflections
         ]
-        return _Loads(np.array([c.P_star for c in rows]), np.array([c.area_fraction for c in rows]))
+        P, area = np.array([(c.P_star, c.area_fraction) for c in rows]).T
+        return _Loads(P, area, np.zeros(len(P)))
 
 
 def rough(level: Level) -> Iterator[Row]:
@@ -80,7 +82,7 @@ def rough(level: Level) -> Iterator[Row]:
         area = [r.area for r in results]
         yield from rows_along(
             "rough", [f"area fraction, {flatter}, {a}" for a in at], "small slope", area, expected.area,
-            spots + finite, order=LOCAL,
+            spots + finite, order=LOCAL, counted=results[-1].counted,
         )  # fmt: skip
         bars = convergence_bar(P) / P[-1]
         sloping = case.pressed(level.finest, 1.0).P_star
@@ -98,6 +100,7 @@ def rough(level: Level) -> Iterator[Row]:
         middle, values = 0.5 * (low + high), [r.area[first] * slope / r.P_star[first] for r in results]
         yield from rows_along(
             "rough", [f"kappa, {at[first]}"], "Persson to BGT", values, [middle], (high - middle) / middle, order=LOCAL,
+            counted=results[-1].counted[first],
         )  # fmt: skip
 
 

@@ -127,6 +127,12 @@ def on_meshes(level: Level, solve: Callable[[float], T]) -> list[T]:
     return [solve(refinement) for refinement in level.refinements]
 
 
+def counting_error(result: ContactResult) -> float:
+    """Relative error of the area of contact in the last state, see `top.Top.area_of`."""
+    area = result.press.contact.area()
+    return area.error / area.value
+
+
 def convergence_bar(values: Sequence[npt.ArrayLike], order: float = FORCE, ratio: float = RATIO) -> Floats:
     """Error bars of the last of three values at sizes that fall by `ratio`; loads along the first axis.
 
@@ -163,6 +169,7 @@ def rows_along(
     theory: npt.ArrayLike = 0.0,
     scale: float | None = None,
     order: float = FORCE,
+    counted: npt.ArrayLike = 0.0,
 ) -> list[Row]:
     """Rows of a quantity at several loads (n,), computed on three meshes.
 
@@ -173,11 +180,14 @@ def rows_along(
         references: (n,); zero for the norm of an error
         theory: relative to the references or the scale, (n,) or one for all
         order: greatest order in the element size, FORCE or LOCAL
+        counted: error of the finest values from counting facets, see `counting_error`, likewise; the bar is no less,
+            for areas on unrelated meshes may agree by chance
     """
     references = np.atleast_1d(np.asarray(references, dtype=float))
-    bars = np.where(references == 0.0, norm_bar(values, order), convergence_bar(values, order))
-    theory = np.broadcast_to(np.asarray(theory, dtype=float), references.shape)
     finest = np.atleast_1d(np.asarray(values[-1], dtype=float))
+    bars = np.where(references == 0.0, norm_bar(values, order), convergence_bar(values, order))
+    bars = np.maximum(bars, np.asarray(counted, dtype=float) * np.abs(finest))
+    theory = np.broadcast_to(np.asarray(theory, dtype=float), references.shape)
     out = []
     for name, reference, value, bar, other in zip(quantities, references, finest, bars, theory, strict=True):
         unit = abs(reference) or 1.0 if scale is None else scale
