@@ -2,27 +2,38 @@
 
     python3 benchmarks/accuracy.py mesh          order in the element size, elastic, 10 steps to 0.03 L
     python3 benchmarks/accuracy.py steps         order in the load step, elastic-plastic, one coarse mesh
-    python3 benchmarks/accuracy.py tolerance     bars and errors of runs driven by a tolerance
+    python3 benchmarks/accuracy.py orders        order and bars of the family of meshes, on surfaces of many kinds
+    python3 benchmarks/accuracy.py tolerance     bars and errors of runs driven by a tolerance, on the same surfaces
+    python3 benchmarks/accuracy.py plastic       the same for elastic-plastic material
 
-Prints Markdown tables. Seconds are process seconds of this machine, all ranks' share on rank 0 only.
+Prints Markdown tables. Seconds are process seconds of rank 0. Forces of the family are kept in out/accuracy, so that
+the next job need not compute them again.
 """
 
 from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Sequence
+from pathlib import Path
 from time import process_time
 
 import numpy as np
+import numpy.typing as npt
 
 import asperity as asp
-from asperity.accuracy import Goal, loading_force, solve_to_tolerance
-from asperity.refinement import extrapolate
+from asperity.accuracy import Goal, loading_force, solve_to_tolerance, steady
+from asperity.mesh import Reach
+from asperity.refinement import GUIDE, LARGEST_RATIO, SMALLEST_RATIO, extrapolate, extrapolate_mesh, growth
+
+Floats = npt.NDArray[np.float64]
 
 L, DELTA, STEPS = 1e-6, 0.03e-6, 10
 AT = np.array([0.003 * k for k in range(1, 11)])
 ELASTIC = asp.Material(200e9, 0.3)
 PLASTIC = asp.Material(200e9, 0.3, 1e9, 10e9)
+UNIT = asp.Material(1.0, 0.3)
+FAMILY = (0.1, 0.0707, 0.05, 0.0354, 0.025, 0.0177)  # element sizes in the contact
 
 
 def surface(seed: int = 0) -> asp.Surface:
@@ -80,33 +91,127 @@ def steps() -> None:
     print(f"\nlimits of the two rules differ by {per_cent(other, limit)[1]:.2f} % at most")
 
 
+def unseen() -> dict[str, tuple[asp.Surface, float]]:
+    """Surfaces no constant was chosen on, and how deep they are pressed; L = 1."""
+
+    def rough(seed: int, D: float, G: float) -> asp.Surface:
+        return asp.Surface.from_spec(kind="weierstrass-mandelbrot", L=1.0, D=D, G=G, seed=seed)
+
+    def of(kind: str, **shape: object) -> asp.Surface:
+        return asp.Surface.from_spec(kind=kind, L=1.0, **shape)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return {
+            "rough, seed 12": (rough(12, 2.4, 1.36e-5), 0.03),
+            "rough, seed 14": (rough(14, 2.4, 1.36e-5), 0.05),
+            "rough, D 2.2": (rough(1, 2.2, 1e-10), 0.02),
+            "rough, D 2.6": (rough(2, 2.6, 1e-3), 0.03),
+            "sphere in the middle": (of("sphere", radius=1.5, centre=(0.5, 0.5)), 0.02),
+            "sphere beside it": (of("sphere", radius=3.0, centre=(0.3, 0.4)), 0.01),
+            "four summits": (of("sinusoid", amplitude=0.01, wavelength=0.5, dims=2), 0.015),
+        }
+
+
+def forces(name: str, surface: asp.Surface, delta: float, sizes: Sequence[float], folder: Path) -> dict[float, Floats]:
+    """Force at ten deflections on the meshes of the family, kept in a file of the folder."""
+    path = folder / f"{name.replace(' ', '-').replace(',', '')}.npz"
+    kept = dict(np.load(path)) if path.is_file() else {}
+    at, reach, out = delta * np.arange(1, 11) / 10, None, {}
+    for h in sizes:
+        if f"{h:.4f}" not in kept:
+            if reach is None and h < GUIDE:
+                guide = asp.solve_contact(surface, UNIT, delta_max=delta, size=asp.MeshSize(GUIDE, growth(GUIDE)))
+                reach = Reach(*guide.press.reach())
+            size = asp.MeshSize(h, growth(h), reach=reach)
+            kept[f"{h:.4f}"] = loading_force(asp.solve_contact(surface, UNIT, delta_max=delta, size=size).curve, at)
+            folder.mkdir(parents=True, exist_ok=True)
+            np.savez(path, **kept)
+        out[h] = kept[f"{h:.4f}"]
+    return out
+
+
+def orders() -> None:
+    """Order of the force along the family of meshes, and how often the bar of two of them holds the error."""
+    inside, ratios = [], []
+    row("surface", *(f"h = {h:.3g} L" for h in FAMILY[:-1]), "order")
+    row(*["---"] * (len(FAMILY) + 1))
+    for name, (surface, delta) in unseen().items():
+        found = forces(name, surface, delta, FAMILY, Path("out/accuracy"))
+        limit = _limit(found)
+        errors = [per_cent(P, limit)[0] for P in found.values()]
+        row(name, *errors[:-1], float(np.polyfit(np.log(FAMILY[1:-1]), np.log(errors[1:-1]), 1)[0]))
+        for k, coarse in enumerate(FAMILY[1:-1], start=1):
+            for fine in FAMILY[k + 1 : -1]:
+                if SMALLEST_RATIO <= coarse / fine <= LARGEST_RATIO:
+                    value, _, bar = extrapolate_mesh(found[coarse], found[fine], coarse / fine)
+                    bar, error = steady(bar / limit), np.abs(value / limit - 1.0)
+                    inside += list(error <= bar)
+                    ratios.append(float(np.median(bar) / np.median(error)))
+    print(f"\nerror inside the bar: {100 * np.mean(inside):.0f} % of {len(inside)} steps; ", end="")
+    print(f"bar over error, medians: {np.median(ratios):.1f}")
+
+
+def _limit(found: dict[float, Floats]) -> Floats:
+    """Limit of the finest three meshes with the one order that fits them best at all deflections."""
+    sizes = sorted(found)[:3]
+    P = np.array([found[h] for h in sizes])
+    best, limit = np.inf, P[0]
+    for order in np.linspace(1.0, 4.0, 61):
+        basis = np.stack([np.ones(3), np.array(sizes) ** order], axis=1)
+        fit = np.linalg.lstsq(basis, P, rcond=None)[0]
+        left = float(np.sum(((basis @ fit - P) / fit[0]) ** 2))
+        if left < best:
+            best, limit = left, fit[0]
+    return limit
+
+
 def tolerance() -> None:
-    """Bars of tolerance-driven runs against the errors they estimate."""
-    row("material", "seed", "tolerance %", "met", "bar %", "true error %", "steps inside", "finest dofs", "CPU s")
+    """Bars of tolerance-driven runs against the errors they estimate, on surfaces no constant was chosen on."""
+    inside, ratios = [], []
+    row("surface", "tolerance %", "met", "bar %", "true error %", "steps inside", "finest dofs", "CPU s")
+    row(*["---"] * 8)
+    for name, (surface, delta) in unseen().items():
+        limit = _limit(forces(name, surface, delta, FAMILY, Path("out/accuracy")))
+        for goal in (0.05, 0.02, 0.01):
+            start = process_time()
+            result = solve_to_tolerance(surface, UNIT, Goal(goal), delta_max=delta, steps=10)
+            seconds = process_time() - start
+            branch = result.curve.loading()
+            error = np.abs(branch.P_star / limit - 1.0)
+            bar = branch.error_P_star / branch.P_star
+            inside += list(error <= bar)
+            ratios.append(float(np.median(bar) / np.median(error)))
+            row(
+                name, f"{100 * goal:g}", result.met, 100 * float(np.median(bar)), 100 * float(np.median(error)),
+                f"{int(np.sum(error <= bar))}/{len(bar)}", result.levels[-1].dofs, seconds,
+            )  # fmt: skip
+    print(f"\nerror inside the bar: {100 * np.mean(inside):.0f} % of {len(inside)} steps; ", end="")
+    print(f"bar over error, medians: {np.median(ratios):.1f}")
+
+
+def plastic() -> None:
+    """Bars of elastic-plastic runs against a run to a third of the tolerance."""
+    row("seed", "tolerance %", "met", "bar %", "true error %", "steps inside", "steps", "finest dofs", "CPU s")
     row(*["---"] * 9)
-    for name, material, wanted in (("elastic", ELASTIC, (0.03, 0.01)), ("plastic", PLASTIC, (0.03,))):
-        for seed in (1, 2, 3):
-            reference = solve_to_tolerance(
-                surface(seed), material, Goal(min(wanted) / 3.0), delta_max=DELTA, steps=STEPS
-            )
-            P = loading_force(reference.curve, AT)
-            for goal in wanted:
-                start = process_time()
-                result = solve_to_tolerance(surface(seed), material, Goal(goal), delta_max=DELTA, steps=STEPS)
-                seconds = process_time() - start
-                branch = result.curve.loading()
-                at = [int(np.argmin(np.abs(branch.delta_star - d))) for d in AT]
-                error = np.abs(branch.P_star[at] / P - 1.0)
-                bar = (branch.error_P_star / branch.P_star)[at]
-                row(
-                    name, seed, f"{100 * goal:g}", result.met, 100 * float(np.median(bar)),
-                    100 * float(np.median(error)), f"{int(np.sum(error <= bar))}/{len(AT)}",
-                    result.levels[-1].dofs, seconds,
-                )  # fmt: skip
+    for seed in (1, 2):
+        reference = solve_to_tolerance(surface(seed), PLASTIC, Goal(0.01), delta_max=DELTA, steps=STEPS)
+        P = loading_force(reference.curve, AT)
+        start = process_time()
+        result = solve_to_tolerance(surface(seed), PLASTIC, Goal(0.03), delta_max=DELTA, steps=STEPS)
+        seconds = process_time() - start
+        branch = result.curve.loading()
+        at = [int(np.argmin(np.abs(branch.delta_star - d))) for d in AT]
+        error = np.abs(branch.P_star[at] / P - 1.0)
+        bar = (branch.error_P_star / branch.P_star)[at]
+        row(
+            seed, "3", result.met, 100 * float(np.median(bar)), 100 * float(np.median(error)),
+            f"{int(np.sum(error <= bar))}/{len(AT)}", result.levels[-1].steps, result.levels[-1].dofs, seconds,
+        )  # fmt: skip
 
 
 if __name__ == "__main__":
-    jobs = {"mesh": mesh, "steps": steps, "tolerance": tolerance}
+    jobs = {"mesh": mesh, "steps": steps, "orders": orders, "tolerance": tolerance, "plastic": plastic}
     for job in sys.argv[1:] or jobs:
         print(f"\n## {job}\n")
         jobs[job]()

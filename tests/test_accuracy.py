@@ -87,8 +87,8 @@ def test_plan_takes_the_largest_mesh_that_should_do(wanted: float) -> None:
     sizes, coarse = [GUIDE, FIRST * GUIDE], 0
 
     def bar(k: int) -> float:
-        forces = [np.array([1.0 + 5.0 * sizes[i] ** MESH_ORDER]) for i in (k, -1)]
-        return float(extrapolate_mesh(*forces, sizes[k] / sizes[-1], safety_of(k))[2][0])
+        coarse, fine = (np.array([1.0 + 5.0 * sizes[i] ** MESH_ORDER]) for i in (k, -1))
+        return float(extrapolate_mesh(coarse, fine, sizes[k] / sizes[-1], safety_of(k))[2][0])
 
     for _ in range(5):
         plan = plan_next(sizes, coarse, bar(coarse), wanted)
