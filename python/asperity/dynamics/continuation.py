@@ -138,7 +138,7 @@ def adapt(equations: Equations, point: Point, normal: Array, normal_p: float, to
     """
     count = point.x.size // 2
     while point.error > tol and count < MAX_HARMONICS:
-        count = min(MAX_HARMONICS, 4 * -(-count * 3 // 8))
+        count = min(MAX_HARMONICS, 4 * -(-count * 5 // 16))
         x, parameter, t, tp = correct(
             equations, resize(point.x, count), point.parameter, resize(normal, count), normal_p
         )
@@ -240,7 +240,7 @@ def trace(
 
 def newton_rtol(tol: float, smooth: bool = True) -> float:
     """Last Newton step that leaves an error well below the truncation error `tol`."""
-    return max(_NEWTON_RTOL, float(np.sqrt(2e-3 * tol))) if smooth else _NEWTON_RTOL
+    return max(_NEWTON_RTOL, float(np.sqrt(1e-2 * tol))) if smooth else _NEWTON_RTOL
 
 
 def between(equations: Equations, a: Point, b: Point, fraction: float, rtol: float = _NEWTON_RTOL) -> Point:
@@ -272,7 +272,7 @@ def locate(
     fa: float,
     fb: float,
     *,
-    xtol: float = 1e-7,
+    xtol: float = 1e-6,
     rtol: float = _NEWTON_RTOL,
 ) -> Point:
     """Point between two neighbours where `value` vanishes (bracketed secant method).
@@ -282,7 +282,8 @@ def locate(
         a, b: neighbours on the branch.
         value: function of a point, of opposite signs at a and b.
         fa, fb: its values there.
-        xtol: accuracy of the fraction of the step.
+        xtol: change of the fraction of the step that ends the search; the method is superlinear, so the error left
+            is far smaller.
         rtol: see `correct`.
     """
     left, right = 0.0, 1.0

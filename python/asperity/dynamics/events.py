@@ -19,7 +19,7 @@ def finish(
 ) -> tuple[Branch, list[Event], list[Point]]:
     """Locate the events of a path, insert them and measure every point."""
     points = _refined(equations, path.points, tol)
-    rtol = newton_rtol(tol, not balance.restoring.singular)
+    search = {"rtol": newton_rtol(tol, not balance.restoring.singular), "xtol": 0.03 * float(np.sqrt(tol))}
     multipliers = _multipliers(balance, points)
     if balance.zeta > 0 and balance.order == 1 and _open_tongues(balance, equations, points, multipliers):
         multipliers = _multipliers(balance, points)
@@ -42,7 +42,7 @@ def finish(
     for name, values, function in tests:
         for i in np.flatnonzero((values[:-1] > 0) != (values[1:] > 0)):
             try:
-                p = locate(equations, points[i], points[i + 1], function, values[i], values[i + 1], rtol=rtol)
+                p = locate(equations, points[i], points[i + 1], function, values[i], values[i + 1], **search)
                 p = adapt(equations, p, p.t, p.t_parameter, tol, p.x.size // 2)
             except ConvergenceError:
                 continue

@@ -51,34 +51,30 @@ class Balance:
         """
         size = x.size
         count = size // 2
-        theta_basis, weight = self._quadrature(x)
-        u = theta_basis @ x
-        pull, slope = self.restoring.pull(u)
-        project = theta_basis.T * (weight * _scale(size)[:, None])
-        residual = project @ pull
+        basis, weight = self._quadrature(x)
+        u = basis @ x
+        residual, jacobian = _projected(basis, weight, *self.restoring.pull(u))
         residual[0] -= 1.0 / self.restoring.n_loc
-        jacobian = (project * slope) @ theta_basis
-        k = np.arange(1, count + 1)
         nu = omega / self.order
-        inertia = -((k * nu) ** 2)
-        cos, sin = slice(1, count + 1), slice(count + 1, None)
-        residual[cos] += inertia * x[cos]
-        residual[sin] += inertia * x[sin]
-        residual[self.order] -= forcing
-        diagonal = np.arange(1, size)
-        jacobian[diagonal, diagonal] += np.concatenate([inertia, inertia])
+        k = _numbers(count)
+        inertia = -((nu * k) ** 2)
+        entries, step = jacobian.reshape(-1), size + 1  # a view, for its diagonals
+        entries[step::step] += inertia
         d_omega = np.zeros(size)
-        d_omega[cos] = 2.0 / omega * inertia * x[cos]
-        d_omega[sin] = 2.0 / omega * inertia * x[sin]
+        d_omega[1:] = inertia * x[1:]
+        residual[1:] += d_omega[1:]
+        d_omega *= 2.0 / omega
+        residual[self.order] -= forcing
         if self.zeta:
-            c = 2.0 * self.zeta * nu * k
+            cos, sin = slice(1, count + 1), slice(count + 1, None)
+            c = (2.0 * self.zeta * nu) * k[:count]
             if self.damping == "always":
-                damper, low = x, np.arange(1, count + 1)
-                jacobian[low, low + count] += c
-                jacobian[low + count, low] -= c
+                damper = x
+                entries[step + count : step + count + count * step : step] += c
+                entries[step * (count + 1) - count :: step] -= c
             else:
-                damper = project @ (primitive(self.restoring, self.damping, u) - self._rest())
-                tangent = (project * rate(self.restoring, self.damping, u)) @ theta_basis
+                stored = primitive(self.restoring, self.damping, u) - self._rest()
+                damper, tangent = _projected(basis, weight, stored, rate(self.restoring, self.damping, u))
                 jacobian[cos] += c[:, None] * tangent[sin]
                 jacobian[sin] -= c[:, None] * tangent[cos]
             loss_cos, loss_sin = c * damper[sin], -c * damper[cos]
@@ -139,6 +135,58 @@ class Balance:
         return basis_at(theta, count), weight
 
 
+def _projected(basis: Array, weight: Array, force: Array, slope: Array) -> tuple[Array, Array]:
+    """Fourier coefficients of a force along the orbit, and their derivatives with respect to those of u.
+
+    A product of two waves is half the sum of the waves of sum and difference, so the derivatives are sums of
+    the coefficients of the slope up to twice the harmonics of u: no matrix product is needed.
+    """
+    size = basis.shape[1]
+    count = size // 2
+    columns = np.empty((4, weight.size))
+    columns[0] = weight * force
+    columns[1] = weight * slope
+    columns[2] = columns[1] * basis[:, count]
+    columns[3] = columns[1] * basis[:, -1]
+    project, low, cos, sin = columns @ basis
+    double = np.zeros((4, size))  # cosines, the same negative, sines, the same negative
+    double[0, : count + 1] = low[: count + 1]
+    double[0, count + 1 :] = cos[1 : count + 1] - sin[count + 1 :]
+    double[2, 1 : count + 1] = low[count + 1 :]
+    double[2, count + 1 :] = sin[1 : count + 1] + cos[count + 1 :]
+    double *= 0.5 / np.pi
+    double[1], double[3] = -double[0], -double[2]
+    one, other = _pairs(count)
+    jacobian = double.take(one)
+    jacobian += double.take(other)
+    jacobian[0] *= 0.5
+    project /= np.pi
+    project[0] *= 0.5
+    return project, jacobian
+
+
+@lru_cache(maxsize=64)
+def _numbers(count: int) -> Array:
+    """Number of the harmonic of each cosine and each sine."""
+    k = np.tile(np.arange(1.0, count + 1.0), 2)
+    k.flags.writeable = False
+    return k
+
+
+@lru_cache(maxsize=16)
+def _pairs(count: int) -> tuple[Array, Array]:
+    """Where the two terms of each product of waves stand in the table of `_projected` (2 count + 1 square each)."""
+    size = 2 * count + 1
+    k = np.concatenate([np.arange(count + 1), np.arange(1, count + 1)])
+    sine = np.arange(size) > count
+    mixed = sine[:, None] != sine
+    both = sine[:, None] & sine
+    lead = np.where(sine, k, -k)[:, None] + np.where(sine, k, -k)  # of the sine less that of the cosine, if mixed
+    one = np.abs(k[:, None] - k) + size * np.where(mixed, np.where(lead < 0, 3, 2), 0)
+    other = k[:, None] + k + size * np.where(mixed, 2, np.where(both, 1, 0))
+    return one, other
+
+
 def basis_at(theta: Array, count: int) -> Array:
     """Fourier basis (len(theta), 2 count + 1): 1, cosines, sines."""
     powers = np.empty((theta.size, count), complex)
@@ -183,14 +231,6 @@ def tail(x: Array) -> float:
     power = x[1 : count + 1] ** 2 + x[count + 1 :] ** 2
     total = power.sum()
     return float(np.sqrt(power[-(count // 4) :].sum() / total)) if total > 0 else 0.0
-
-
-@lru_cache(maxsize=64)
-def _scale(size: int) -> Array:
-    out = np.full(size, 1.0 / np.pi)
-    out[0] = 0.5 / np.pi
-    out.flags.writeable = False
-    return out
 
 
 def _cuts(x: Array, s: Array, near: float) -> Array:
@@ -256,24 +296,30 @@ def _minima(x: Array, s: Array, dips: Array, h: float) -> tuple[Array, Array]:
 
 
 def _roots(x: Array, a: Array, b: Array, fa: Array, fb: Array) -> Array:
-    """Angles in the brackets [a, b] where 1 + u = 0, by safeguarded Newton iteration."""
+    """Angles in the brackets [a, b] where 1 + u = 0, by Newton iteration, safeguarded where it leaves them."""
     ik, c = _waves(x)
     c = c[:, :2]
     theta = a + (b - a) * fa / (fa - fb)
     rising = fb > fa
-    for _ in range(60):
-        u = (np.exp(np.multiply.outer(theta, ik)) @ c).real
-        f, slope = 1.0 + u[:, 0], u[:, 1]
-        above = (f > 0) == rising
-        b, a = np.where(above, theta, b), np.where(above, a, theta)
-        with np.errstate(divide="ignore", invalid="ignore"):
+    safe = False
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for _ in range(60):
+            u = (np.exp(np.multiply.outer(theta, ik)) @ c).real
+            f, slope = 1.0 + u[:, 0], u[:, 1]
             new = theta - f / slope
-        inside = (new >= a) & (new <= b)
-        new = np.where(inside, new, 0.5 * (a + b))
-        moved = float(np.abs(new - theta).max())
-        theta = new
-        if (moved < 1e-8 and inside.all()) or moved < 1e-14:  # what remains is the square of the step
-            break
+            inside = (new >= a) & (new <= b)
+            clean = bool(inside.all())
+            safe = safe or not clean
+            if safe:
+                above = (f > 0) == rising
+                b, a = np.where(above, theta, b), np.where(above, a, theta)
+                inside = (new >= a) & (new <= b)
+                clean = bool(inside.all())
+                new = np.where(inside, new, 0.5 * (a + b))
+            moved = float(np.abs(new - theta).max())
+            theta = new
+            if (moved < 1e-8 and clean) or moved < 1e-14:  # what remains is the square of the step
+                break
     return theta
 
 

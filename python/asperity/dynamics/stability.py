@@ -137,19 +137,19 @@ def floquet(balance: Balance, c: Array, omega: Array, points: int | None = None)
 def _floquet(balance: Balance, c: Array, omega: Array, points: int) -> Floquet:
     u = samples(c, points)
     h = 4.0 * np.pi * balance.order / omega / points  # a step spans two sample intervals
-    k = balance.restoring.df(u) * h[:, None] ** 2  # time is scaled by the step
-    d = 2.0 * balance.zeta * rate(balance.restoring, balance.damping, u) * h[:, None]
-    kb, db = np.roll(k, -2, axis=1)[:, ::2], np.roll(d, -2, axis=1)[:, ::2]
-    ka, km = k[:, ::2], k[:, 1::2]
+    k = _ends_and_middle(balance.restoring.df(u) * h[:, None] ** 2)  # time is scaled by the step
+    d = 2.0 * balance.zeta * h[:, None]
+    if balance.damping != "always":
+        d = d * rate(balance.restoring, balance.damping, u)
     if balance.restoring.contact:
-        ka, km, kb = _averaged(balance, u, h, ka, km, kb)
-    m = _runge_kutta(ka, km, kb, d[:, ::2], d[:, 1::2], db)
+        k = _averaged(balance, u, h, *k)
+    m = _runge_kutta(*k, *_ends_and_middle(d))
     while m[0].shape[1] > 1:  # product tree, later factors on the left
         a, b = tuple(x[:, 1::2] for x in m), tuple(x[:, ::2] for x in m)
         m = (a[0] * b[0] + a[1] * b[2], a[0] * b[1] + a[1] * b[3], a[2] * b[0] + a[3] * b[2], a[2] * b[1] + a[3] * b[3])
     m11, m12, m21, m22 = (x[:, 0] for x in m)
     trace = m11 + m22
-    determinant = np.exp(-0.5 * d.sum(axis=1))
+    determinant = np.exp(-0.5 * points * d.mean(axis=1))
     # cancellation in the determinant of a wildly unstable orbit is not an error of the steps
     found = m11 * m22 - m12 * m21
     noise = 1e-14 * points * (np.abs(m11 * m22) + np.abs(m12 * m21))
@@ -159,13 +159,21 @@ def _floquet(balance: Balance, c: Array, omega: Array, points: int) -> Floquet:
     return Floquet(trace, determinant, radius, error)
 
 
+def _ends_and_middle(x: Array) -> tuple[Array, Array, Array]:
+    """Samples at the start, the middle and the end of each step; one that is constant stays one number an orbit."""
+    if x.shape[1] == 1:
+        return x, x, x
+    start = np.ascontiguousarray(x[:, ::2])
+    return start, np.ascontiguousarray(x[:, 1::2]), np.roll(start, -1, axis=1)
+
+
 def _averaged(balance: Balance, u: Array, h: Array, *k: Array) -> tuple[Array, ...]:
     """Replace the stiffness by its mean over each step that crosses contact loss.
 
     The mean is the divided difference of the force: exact at the jump of a linear contact, and finite
     where the stiffness of a law with n < 1 is not.
     """
-    a, b = u[:, ::2], np.roll(u, -2, axis=1)[:, ::2]
+    a, _, b = _ends_and_middle(u)
     gap = b - a
     crossing = (1.0 + np.minimum(a, b) < np.abs(gap)) & (np.maximum(a, b) > -1.0) & (gap != 0)
     rows = np.nonzero(crossing)
@@ -183,15 +191,16 @@ def _runge_kutta(k0: Array, km: Array, k1: Array, d0: Array, dm: Array, d1: Arra
     """Transition matrices (rows m11, m12, m21, m22) of one step for delta' = w - d delta, w' = -k delta."""
 
     def slope(k: Array, d: Array, y: tuple[Array, ...]) -> tuple[Array, ...]:
-        return (y[2] - d * y[0], y[3] - d * y[1], -k * y[0], -k * y[1])
+        return (y[2] - d * y[0], y[3] - d * y[1], k * y[0], k * y[1])
 
     def moved(y: tuple[Array, ...], factor: float) -> tuple[Array, ...]:
         return (1 + factor * y[0], factor * y[1], factor * y[2], 1 + factor * y[3])
 
-    one, zero = np.ones_like(k0), np.zeros_like(k0)
+    k0, km, k1 = -k0, -km, -k1
+    one, zero = np.ones(()), np.zeros(())
     s1 = slope(k0, d0, (one, zero, zero, one))
     s2 = slope(km, dm, moved(s1, 0.5))
     s3 = slope(km, dm, moved(s2, 0.5))
     s4 = slope(k1, d1, moved(s3, 1.0))
-    total = tuple((a + 2 * b + 2 * c + d) / 6 for a, b, c, d in zip(s1, s2, s3, s4, strict=True))
+    total = tuple((a + 2 * (b + c) + d) / 6 for a, b, c, d in zip(s1, s2, s3, s4, strict=True))
     return moved(total, 1.0)
