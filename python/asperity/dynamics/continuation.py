@@ -19,6 +19,7 @@ from asperity.errors import ConvergenceError
 _NEWTON = 8
 _NEWTON_RTOL = 3e-6  # the last step taken; what remains is its square
 _HMIN = 1e-9
+_LOW = 64  # harmonics that are solved for together, where there are more than twice as many
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ def correct(
         matrix[size, size] = normal_p
         rhs[:size, 0] = residual
         try:
-            both = np.linalg.solve(matrix, rhs)
+            both = _solved(matrix, rhs)
         except np.linalg.LinAlgError as error:
             raise ConvergenceError("singular Jacobian") from error
         step = both[:, 0]
@@ -124,6 +125,26 @@ def correct(
             return x, float(parameter), tangent[:size], float(tangent[size])
         previous = length
     raise ConvergenceError("no convergence in the corrector")
+
+
+def _solved(matrix: Array, rhs: Array) -> Array:
+    """Solution of the bordered balance; with many harmonics the inertia of the high ones leads, and one iterates."""
+    count = matrix.shape[0] // 2 - 1
+    if count <= 2 * _LOW:
+        return np.linalg.solve(matrix, rhs)
+    low = np.concatenate([np.arange(_LOW + 1), count + np.arange(1, _LOW + 1), [2 * count + 1]])
+    inverse = np.linalg.inv(matrix[np.ix_(low, low)])
+    diagonal = matrix.diagonal().copy()
+    diagonal[low] = 1.0
+    x = np.zeros_like(rhs)
+    for _ in range(8):
+        left = rhs - matrix @ x
+        step = left / diagonal[:, None]
+        step[low] = inverse @ left[low]
+        x += step
+        if (np.abs(step).max(axis=0) <= 1e-12 * np.abs(x).max(axis=0)).all():
+            return x
+    return np.linalg.solve(matrix, rhs)
 
 
 def adapt(equations: Equations, point: Point, normal: Array, normal_p: float, tol: float, least: int) -> Point:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from scipy.special import roots_legendre
 
 from asperity.dynamics.damping import primitive, rate
 from asperity.dynamics.law import Array
@@ -22,6 +23,8 @@ from asperity.errors import ConvergenceError
 
 MAX_HARMONICS = 640
 _GRID = 8  # uniform samples per harmonic
+_TABULATED = 64  # up to so many harmonics the basis on the uniform grid is kept
+_ROUND_OFF = 1e-11  # steps of u below this that no longer shrink are noise of the force
 _NEAR = 0.02  # closer than this to contact loss the integrals are split there
 
 
@@ -91,6 +94,7 @@ class Balance:
             ConvergenceError: no convergence in `steps` iterations.
         """
         residual, jacobian, _ = self.evaluate(x, omega, forcing)
+        before = np.inf
         for _ in range(steps):
             step = np.linalg.solve(jacobian, residual)
             factor, norm = 1.0, np.abs(residual).max()
@@ -105,8 +109,9 @@ class Balance:
                     break
                 factor *= 0.5
             x = trial
-            if size <= rtol * scale:
+            if size <= rtol * scale or 0.25 * before < size < _ROUND_OFF:
                 return x
+            before = size
         raise ConvergenceError(f"harmonic balance did not converge at Omega = {omega:g}, F^ = {forcing:g}")
 
     def _rest(self) -> float:
@@ -118,21 +123,16 @@ class Balance:
     def _quadrature(self, x: Array) -> tuple[Array, Array]:
         """Basis (points, 2K+1) and weights that integrate the contact force along the orbit."""
         count = x.size // 2
-        basis = uniform_basis(count, _GRID * max(count, 8))
-        points = basis.shape[0]
-        weights = np.full(points, 2.0 * np.pi / points)
-        if not self.restoring.contact:
-            return basis, weights
-        s = 1.0 + basis @ x
-        lowest = float(s.min())
-        near = _NEAR * max(1.0, 0.5 * (float(s.max()) - lowest))
-        if lowest > near:
-            return basis, weights
-        cuts = _cuts(x, s, near)
-        if cuts.shape[0] == 0:
-            return basis[:0], weights[:0]
-        theta, weight = _panels(cuts, count)
-        return basis_at(theta, count), weight
+        points = _GRID * max(count, 8)
+        if self.restoring.contact:
+            s = 1.0 + (uniform_basis(count, points) @ x if count <= _TABULATED else _sampled(x, points))
+            lowest = float(s.min())
+            near = _NEAR * max(1.0, 0.5 * (float(s.max()) - lowest))
+            if lowest <= near:
+                cuts = _cuts(x, s, near)
+                theta, weight = _panels(cuts, count) if len(cuts) else (np.empty(0), np.empty(0))
+                return basis_at(theta, count), weight
+        return uniform_basis(count, points), np.full(points, 2.0 * np.pi / points)
 
 
 def _projected(basis: Array, weight: Array, force: Array, slope: Array) -> tuple[Array, Array]:
@@ -202,17 +202,18 @@ def basis_at(theta: Array, count: int) -> Array:
 @lru_cache(maxsize=32)
 def uniform_basis(count: int, points: int) -> Array:
     """Fourier basis on ``points`` equidistant angles from 0."""
-    angle = 2.0 * np.pi / points * (np.outer(np.arange(points), np.arange(count + 1)) % points)
-    out = np.concatenate([np.cos(angle), np.sin(angle[:, 1:])], axis=1)
+    turn = np.outer(np.arange(points), np.arange(count + 1)) % points
+    angle = 2.0 * np.pi / points * np.arange(points)
+    out = np.concatenate([np.cos(angle)[turn], np.sin(angle)[turn[:, 1:]]], axis=1)
     out.flags.writeable = False
     return out
 
 
-def derivative(x: Array) -> Array:
-    """Coefficients of du/dtheta."""
-    count = x.size // 2
-    k = np.arange(1, count + 1)
-    return np.concatenate([[0.0], k * x[count + 1 :], -k * x[1 : count + 1]])
+def _sampled(x: Array, points: int) -> Array:
+    """Values on ``points`` equidistant angles from 0, as the uniform basis gives them."""
+    c = (0.5 * points) * _waves(x)[1][:, 0]
+    c[0] *= 2.0
+    return np.fft.irfft(c, points)
 
 
 def resize(x: Array, count: int) -> Array:
@@ -326,7 +327,7 @@ def _roots(x: Array, a: Array, b: Array, fa: Array, fb: Array) -> Array:
 @lru_cache(maxsize=256)
 def _clustered(points: int) -> tuple[Array, Array]:
     """Gauss rule on [0, 1] clustered at both ends, where the force is only (distance)^n smooth."""
-    x, w = np.polynomial.legendre.leggauss(points)
+    x, w = roots_legendre(points)
     y = 0.5 * (1.0 + x)
     return y * y * (3.0 - 2.0 * y), 0.5 * w * 6.0 * y * (1.0 - y)
 
@@ -336,7 +337,9 @@ def _panels(cuts: Array, count: int) -> tuple[Array, Array]:
     nodes, weights = [], []
     for begin, end in cuts:
         width = end - begin
-        points = 24 + 4 * int(np.ceil(0.25 * 1.2 * count * width))
+        points = 24 + int(1.2 * count * width)
+        unit = max(4, 1 << points.bit_length() - 4)  # few different rules: each is kept
+        points = unit * -(-points // unit)
         x, w = _clustered(points)
         nodes.append(begin + width * x)
         weights.append(width * w)

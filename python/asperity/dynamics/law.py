@@ -68,6 +68,11 @@ class Law(ABC):
         """Force alone at `z`, unchecked."""
         return self.both(z)[0]
 
+    def at(self, z: float) -> tuple[float, float]:
+        """Force and stiffness at one deflection, unchecked: the inner loop of event-accurate integration."""
+        force, slope = self.both(np.array([z]))
+        return float(force[0]), float(slope[0])
+
     @abstractmethod
     def potential(self, z: ArrayLike) -> Array:
         """Energy stored at `z`, the integral of the force from 0 (force * length)."""
@@ -219,6 +224,12 @@ class PowerLaw(Law):
 
     def push(self, z: Array) -> Array:
         return self.K * np.maximum(z, 0.0) ** self.n
+
+    def at(self, z: float) -> tuple[float, float]:
+        if z <= 0.0:
+            return 0.0, 0.0
+        slope = self.K * z ** (self.n - 1.0)
+        return slope * z, self.n * slope
 
     def potential(self, z: ArrayLike) -> Array:
         return self.K * np.maximum(np.asarray(z, float), 0.0) ** (self.n + 1.0) / (self.n + 1.0)

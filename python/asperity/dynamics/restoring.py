@@ -11,6 +11,9 @@ from asperity.dynamics.law import Array, Law
 from asperity.errors import InputError, RangeError
 
 
+_LEAST = 1e-75  # its cube must remain a number
+
+
 @dataclass(frozen=True)
 class Restoring:
     """Normal form of a law about a preload: the restoring force f(u) with f(0) = 0, f'(0) = 1.
@@ -38,6 +41,10 @@ class Restoring:
 
     def __post_init__(self) -> None:
         z = self.law.deflection(self.load)
+        if not _LEAST < z < 1.0 / _LEAST:
+            raise InputError(
+                f"the static deflection is {z:g}, beyond the arithmetic: choose another load or other units"
+            )
         p1, p2, p3 = self.law.derivatives(z)
         if not p1 > 0:
             raise InputError(f"the law has stiffness {p1:g} at the operating point; it must be positive")
@@ -54,7 +61,7 @@ class Restoring:
             "u_range": (-np.inf, np.inf) if self.law.extrapolate else (low / z - 1.0, high / z - 1.0),
         }
         for name, value in values.items():
-            object.__setattr__(self, name, value)
+            object.__setattr__(self, name, value if isinstance(value, tuple) else float(value))
 
     @property
     def singular(self) -> bool:
@@ -69,6 +76,11 @@ class Restoring:
     def pull(self, u: Array) -> tuple[Array, Array]:
         """Contact force over `scale`, zero in flight, and its derivative with respect to u."""
         force, slope = self.law.both(self.z_s * (1.0 + u))
+        return force / self.scale, slope * (self.z_s / self.scale)
+
+    def pull_at(self, u: float) -> tuple[float, float]:
+        """`pull` at one deflection."""
+        force, slope = self.law.at(self.z_s * (1.0 + u))
         return force / self.scale, slope * (self.z_s / self.scale)
 
     def pull_only(self, u: Array) -> Array:

@@ -85,25 +85,35 @@ def samples(c: Array, points: int) -> Array:
 
 def extrema(c: Array) -> tuple[Array, Array]:
     """Smallest and largest value of each orbit, from the roots of u' (shape (orbits,) each)."""
-    count = c.shape[1] - 1
-    points = max(128, 1 << int(np.ceil(np.log2(8 * max(count, 1)))))
-    u = samples(c, points)
-    k = np.arange(count + 1)
+    u = _densely(c)
+    return _turn(c, u, 1.0)[1], _turn(c, u, -1.0)[1]
+
+
+def rise(c: Array, t: Array) -> Array:
+    """Rate of the largest value of each orbit `c` as its coefficients change by `t` (both as in `stack`)."""
+    theta, _ = _turn(c, _densely(c), -1.0)
+    return (t * np.exp(1j * theta[:, None] * np.arange(t.shape[1]))).sum(1).real
+
+
+def _densely(c: Array) -> Array:
+    return samples(c, max(128, 1 << int(np.ceil(np.log2(8 * max(c.shape[1] - 1, 1))))))
+
+
+def _turn(c: Array, u: Array, sign: float) -> tuple[Array, Array]:
+    """Angle and value of the lowest (sign 1) or highest (-1) point of each orbit, sampled as `u`."""
+    points = u.shape[1]
+    k = np.arange(c.shape[1])
     first, second = 1j * k * c, -(k * k) * c
-    low_high = []
-    rows = np.arange(u.shape[0])
-    for pick, sign in ((np.argmin, 1.0), (np.argmax, -1.0)):
-        j = pick(u, axis=1)
-        best = u[rows, j]
-        theta = 2.0 * np.pi / points * j
-        for _ in range(5):
-            wave = np.exp(1j * theta[:, None] * k)
-            slope, bend = (first * wave).sum(1).real, (second * wave).sum(1).real
-            step = slope / np.where(sign * bend > 1e-14, bend, np.inf)
-            theta = theta - np.clip(step, -2.0 * np.pi / points, 2.0 * np.pi / points)
-        value = (c * np.exp(1j * theta[:, None] * k)).sum(1).real
-        low_high.append(sign * np.minimum(sign * value, sign * best))
-    return low_high[0], low_high[1]
+    j = (sign * u).argmin(axis=1)
+    best = u[np.arange(u.shape[0]), j]
+    theta = 2.0 * np.pi / points * j
+    for _ in range(5):
+        wave = np.exp(1j * theta[:, None] * k)
+        slope, bend = (first * wave).sum(1).real, (second * wave).sum(1).real
+        step = slope / np.where(sign * bend > 1e-14, bend, np.inf)
+        theta = theta - np.clip(step, -2.0 * np.pi / points, 2.0 * np.pi / points)
+    value = (c * np.exp(1j * theta[:, None] * k)).sum(1).real
+    return theta, sign * np.minimum(sign * value, sign * best)
 
 
 def floquet(balance: Balance, c: Array, omega: Array, points: int | None = None) -> Floquet:
@@ -126,7 +136,8 @@ def floquet(balance: Balance, c: Array, omega: Array, points: int | None = None)
     for group, samples_wanted in ((~kinked, _SAMPLES), (kinked, _SAMPLES_LOSS)):
         rows, n = np.flatnonzero(group), max(samples_wanted, least)
         while rows.size and n <= _MAX_SAMPLES:
-            part = _floquet(balance, c[rows], omega[rows], n)
+            with np.errstate(over="ignore", invalid="ignore"):  # steps too long for a slow forcing
+                part = _floquet(balance, c[rows], omega[rows], n)
             for name in ("trace", "determinant", "radius", "error"):
                 getattr(result, name)[rows] = getattr(part, name)
             rows = rows[~(part.error < _DET_RTOL)]
