@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 from asperity.dynamics.law import Array, Law
 from asperity.errors import InputError, RangeError
 
-
 _LEAST = 1e-75  # its cube must remain a number
 
 
