@@ -91,7 +91,7 @@ def _run(scene: Scene, keys: Keys, heights: files.Map | None, folder: Path) -> _
         check_loading(case, case.build_surface())
         run(case, out, comm=MPI.COMM_SELF)
     except InputError as error:
-        return _Run(ends="refused", reason=str(error))
+        return _Run(ends="refused", reason=str(error).replace(f"{folder}/", ""))
     except ConvergenceError as error:
         done.ends, done.reason = "wrong" if isinstance(error, CheckError) else "stopped", str(error)
     except Exception as error:  # whatever it is, the other scenes shall run
