@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,7 +51,7 @@ class Restoring:
         low, high = self.law.z_range
         if self.law.contact:
             low = -np.inf
-        values = {
+        values: dict[str, Any] = {
             "z_s": z,
             "scale": z * p1,
             "n_loc": z * p1 / self.load,

@@ -472,6 +472,20 @@ SCENES: tuple[Scene, ...] = (
         twin=DIRECT,
     ),
     Scene(
+        "force/unreachable",
+        "five times the limit load of a perfectly plastic block",
+        FLAT
+        | {
+            "block.sides": "free",
+            "material.yield_strength": 2e8,
+            "material.tangent_modulus": None,
+            "loading.delta_max": None,
+            "loading.force_max": 1e-3,
+        },
+        ends="stopped",
+        reason="cannot be reached",
+    ),
+    Scene(
         "file/noise",
         "wave with noise of a hundredth of its height at every sample",
         FILE | {"loading.delta_max": 0.01 * L, "mesh.h_contact": 0.06 * L, "mesh.h_max": 0.2 * L},
