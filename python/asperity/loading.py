@@ -336,7 +336,7 @@ def _load_to_force(press: Press, schedule: Schedule, at: Position) -> Outcome:
     if target > DEEP and goal - force > FAR * slope:
         raise ConvergenceError(
             f"loading.force_max cannot be reached: at delta/L = {target:.3g} the force is {force / goal:.2g} of it and "
-            f"hardly rises; the curve up to delta/L = {press.delta:.6g} is kept: lower force_max or give delta_max"
+            f"hardly rises: lower force_max or give delta_max"
         )
     wanted = goal / schedule.steps / slope if slope > 0.0 else 2.0 * step
     step = min(max(wanted, 0.1 * step), 2.0 * step)
