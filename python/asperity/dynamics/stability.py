@@ -170,7 +170,7 @@ def _floquet(balance: Balance, c: Array, omega: Array, points: int) -> Floquet:
     return Floquet(trace, determinant, radius, error)
 
 
-def _ends_and_middle(x: Array) -> tuple[Array, Array, Array]:
+def _ends_and_middle(x: Array) -> tuple[Array, ...]:
     """Samples at the start, the middle and the end of each step; one that is constant stays one number an orbit."""
     if x.shape[1] == 1:
         return x, x, x
