@@ -403,9 +403,8 @@ def _path_of_each(
         x, y, force = float(u[lane]), float(w[lane]), float(forcing[lane])
         h = 2.0 * np.pi / float(omega[lane]) / steps
         half, sixth = 0.5 * h, h / 6.0
-        drive: list[float]
-        middle: list[float]
-        drive, middle = ((np.cos(angle) * force + rest).tolist() for angle in _angles(steps))
+        waves: list[Any] = [(np.cos(angle) * force + rest).tolist() for angle in _angles(steps)]
+        drive, middle = waves
         xs, ss = [], []
         try:
             for j in range(steps):

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, sin
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -137,7 +138,8 @@ def _touch(
     always, weight = damping == "always", 1.0 / r.n_loc
 
     def field(t: float, s: Array) -> list[float]:
-        u, w, uu, uw, wu, ww, *_ = s.tolist()
+        numbers: Any = s.tolist()
+        u, w, uu, uw, wu, ww, *_ = numbers
         pull, k = r.pull_at(u)
         if not soft:
             k = 0.0
