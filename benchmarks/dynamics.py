@@ -221,7 +221,7 @@ def peer(reference: FrequencyResponse) -> list[Result]:
                 maestro.operate()
             return maestro
 
-        seconds, maestro = timed(run, 2)
+        seconds, maestro = timed(run, 5)
         points = [s.x for s in maestro.nls["frf"].SolList if s.flag_accepted]
         x = np.array(points)
         if x[:, -1].min() > WINDOW[0] + 1e-3:

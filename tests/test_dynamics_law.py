@@ -206,3 +206,17 @@ def test_offset_can_be_fitted() -> None:
     assert law.origin == pytest.approx(0.3, abs=1e-6)
     with pytest.raises(InputError, match="origin"):
         TableLaw.from_curve({"delta": Z, "force": Z}, origin="guess")
+
+
+def test_what_is_no_table_is_refused(tmp_path) -> None:
+    path = tmp_path / "curve.csv"
+    path.write_bytes(bytes(range(256)))
+    with pytest.raises(InputError, match="no table of text"):
+        TableLaw.from_curve(path)
+    with pytest.raises(InputError, match="not a number"):
+        TableLaw("deflection", "force")  # type: ignore[arg-type]
+
+
+def test_scales_beyond_the_arithmetic_are_refused() -> None:
+    with pytest.raises(InputError, match="beyond the arithmetic"):
+        Restoring(PowerLaw(1.5, 1e300), 1.0)

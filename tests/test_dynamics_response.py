@@ -10,6 +10,8 @@ from scipy.integrate import solve_ivp
 
 from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw
 from asperity.dynamics.free import free_orbit
+from asperity.dynamics.hbm import Balance
+from asperity.dynamics.restoring import Restoring
 from asperity.dynamics.shooting import shoot, state_at_phase_zero
 from asperity.errors import ConvergenceError, InputError, RangeError
 
@@ -124,6 +126,18 @@ def test_every_damping_agrees_with_shooting(damping: str) -> None:
         expected = np.exp(-4 * np.pi * 0.03 / b.Omega[i])
         if damping == "always":
             assert np.prod(shot.multipliers).real == pytest.approx(expected, rel=1e-8)
+
+
+@pytest.mark.parametrize("damping", ["always", "contact", "hunt-crossley"])
+@pytest.mark.parametrize(("n", "height"), [(2.5, 0.2), (2.5, 2.0), (1.5, 2.0)])
+def test_jacobian_of_the_balance(damping: str, n: float, height: float) -> None:
+    balance = Balance(Restoring(PowerLaw(n), 1.0), 0.03, damping)
+    k = np.concatenate([np.arange(8), np.arange(1, 8)])
+    x = height * np.random.default_rng(0).standard_normal(15) / (1.0 + k) ** 2
+    jacobian, h = balance.evaluate(x, 0.9, 0.1)[1], 1e-5
+    for j, e in enumerate(np.eye(15)):
+        column = (balance.evaluate(x + h * e, 0.9, 0.1)[0] - balance.evaluate(x - h * e, 0.9, 0.1)[0]) / (2 * h)
+        np.testing.assert_allclose(jacobian[:, j], column, atol=1e-5 * np.abs(jacobian).max())
 
 
 def test_linear_resonance() -> None:
@@ -317,3 +331,40 @@ def test_rows_of_response_csv() -> None:
         "branch",
         "contact_loss",
     ]
+
+
+def test_peak_of_the_linear_contact() -> None:
+    """The greatest deflection is a point of the branch, not only near one."""
+    zeta, forcing = 0.05, 0.02
+    omega, top = ContactOscillator(PowerLaw(1.0), zeta=zeta).response(forcing, (0.5, 1.5), tol=1e-9).peak
+    assert top == pytest.approx(forcing / (2 * zeta * np.sqrt(1 - zeta**2)), rel=1e-9)
+    assert omega == pytest.approx(np.sqrt(1 - 2 * zeta**2), abs=1e-5)
+
+
+def test_peak_is_no_lower_than_its_surroundings() -> None:
+    r = ContactOscillator(PowerLaw(3.0), zeta=0.02).response(0.01)
+    omega, top = r.peak
+    assert all(s.u_max <= top * (1 + 1e-9) for d in np.linspace(-3e-3, 3e-3, 41) for s in r.at(omega + float(d)))
+
+
+def test_period_2_branch_that_dies_among_other_doublings() -> None:
+    r = ContactOscillator(PowerLaw(2.0), zeta=0.05).response(0.9, (0.3, 2.4))
+    assert len(r["period doubling"]) == 4 and sum(b.kind == "sub2" for b in r.branches) == 3
+
+
+def test_stiff_law_and_faint_forcing() -> None:
+    r = ContactOscillator(PowerLaw(12.0), zeta=0.02).response(1e-3, (0.9, 1.1))
+    assert r.branches[0].end == "window"
+    for forcing in (1e-8, 1e-12):
+        faint = ContactOscillator(PowerLaw(1.5), zeta=0.01).response(forcing, (0.9, 1.1))
+        assert faint.peak[1] == pytest.approx(forcing / 0.02, rel=1e-4)
+
+
+def test_many_harmonics_are_solved_as_few() -> None:
+    """The iteration for high harmonics agrees with the plain solution, and so do two tolerances of the orbit."""
+    o = ContactOscillator(PowerLaw(1.0), zeta=0.05)
+    fine, loose = (o.response(0.3, (0.7, 0.8), tol=tol) for tol in (1e-9, 1e-6))
+    assert max(b.harmonics.max() for b in fine.branches) > 128
+    for omega in (0.72, 0.78):
+        for a, b in zip(fine.at(omega), loose.at(omega), strict=True):
+            assert a.u_max == pytest.approx(b.u_max, rel=1e-6)

@@ -14,6 +14,7 @@ from .errors import ConvergenceError
 from .press import Press, Snapshot
 from .solve import StepStats
 
+DEEP, FAR = 0.1, 100.0  # deflection [L] from which a force that lies more than so many L ahead is given up
 SMALLEST_CUT = 1.0 / 256  # part of a planned step below which a run gives up
 FIRST_MOVE = 1e-3  # first step of a force-driven loading [L]
 FORCE_TOLERANCE = 1e-6  # relative, of force_max
@@ -332,6 +333,11 @@ def _load_to_force(press: Press, schedule: Schedule, at: Position) -> Outcome:
         press.accept(target)
         return stats, Position(at.leg + 1)
     slope = (force - press.force) / step
+    if target > DEEP and goal - force > FAR * slope:
+        raise ConvergenceError(
+            f"loading.force_max cannot be reached: at delta/L = {target:.3g} the force is {force / goal:.2g} of it and "
+            f"hardly rises: lower force_max or give delta_max"
+        )
     wanted = goal / schedule.steps / slope if slope > 0.0 else 2.0 * step
     step = min(max(wanted, 0.1 * step), 2.0 * step)
     lead, history = 0.0, None

@@ -19,6 +19,7 @@ from asperity.errors import ConvergenceError
 _NEWTON = 8
 _NEWTON_RTOL = 3e-6  # the last step taken; what remains is its square
 _HMIN = 1e-9
+_LOW = 64  # harmonics that are solved for together, where there are more than twice as many
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ def correct(
         matrix[size, size] = normal_p
         rhs[:size, 0] = residual
         try:
-            both = np.linalg.solve(matrix, rhs)
+            both = _solved(matrix, rhs)
         except np.linalg.LinAlgError as error:
             raise ConvergenceError("singular Jacobian") from error
         step = both[:, 0]
@@ -126,6 +127,26 @@ def correct(
     raise ConvergenceError("no convergence in the corrector")
 
 
+def _solved(matrix: Array, rhs: Array) -> Array:
+    """Solution of the bordered balance; with many harmonics the inertia of the high ones leads, and one iterates."""
+    count = matrix.shape[0] // 2 - 1
+    if count <= 2 * _LOW:
+        return np.linalg.solve(matrix, rhs)
+    low = np.concatenate([np.arange(_LOW + 1), count + np.arange(1, _LOW + 1), [2 * count + 1]])
+    inverse = np.linalg.inv(matrix[np.ix_(low, low)])
+    diagonal = matrix.diagonal().copy()
+    diagonal[low] = 1.0
+    x = np.zeros_like(rhs)
+    for _ in range(8):
+        left = rhs - matrix @ x
+        step = left / diagonal[:, None]
+        step[low] = inverse @ left[low]
+        x += step
+        if (np.abs(step).max(axis=0) <= 1e-12 * np.abs(x).max(axis=0)).all():
+            return x
+    return np.linalg.solve(matrix, rhs)
+
+
 def adapt(equations: Equations, point: Point, normal: Array, normal_p: float, tol: float, least: int) -> Point:
     """Raise the number of harmonics of a corrected point until its truncation estimate is below `tol`.
 
@@ -138,7 +159,7 @@ def adapt(equations: Equations, point: Point, normal: Array, normal_p: float, to
     """
     count = point.x.size // 2
     while point.error > tol and count < MAX_HARMONICS:
-        count = min(MAX_HARMONICS, 4 * -(-count * 3 // 8))
+        count = min(MAX_HARMONICS, 4 * -(-count * 5 // 16))
         x, parameter, t, tp = correct(
             equations, resize(point.x, count), point.parameter, resize(normal, count), normal_p
         )
@@ -240,7 +261,7 @@ def trace(
 
 def newton_rtol(tol: float, smooth: bool = True) -> float:
     """Last Newton step that leaves an error well below the truncation error `tol`."""
-    return max(_NEWTON_RTOL, float(np.sqrt(2e-3 * tol))) if smooth else _NEWTON_RTOL
+    return max(_NEWTON_RTOL, float(np.sqrt(1e-2 * tol))) if smooth else _NEWTON_RTOL
 
 
 def between(equations: Equations, a: Point, b: Point, fraction: float, rtol: float = _NEWTON_RTOL) -> Point:
@@ -272,7 +293,7 @@ def locate(
     fa: float,
     fb: float,
     *,
-    xtol: float = 1e-7,
+    xtol: float = 1e-6,
     rtol: float = _NEWTON_RTOL,
 ) -> Point:
     """Point between two neighbours where `value` vanishes (bracketed secant method).
@@ -282,7 +303,8 @@ def locate(
         a, b: neighbours on the branch.
         value: function of a point, of opposite signs at a and b.
         fa, fb: its values there.
-        xtol: accuracy of the fraction of the step.
+        xtol: change of the fraction of the step that ends the search; the method is superlinear, so the error left
+            is far smaller.
         rtol: see `correct`.
     """
     left, right = 0.0, 1.0

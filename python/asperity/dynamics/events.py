@@ -1,4 +1,4 @@
-"""Special orbits along a path: folds, grazing and period doublings, located and inserted."""
+"""Special orbits along a path: folds, grazing, period doublings and greatest deflections, located and inserted."""
 
 from __future__ import annotations
 
@@ -8,18 +8,19 @@ from asperity.dynamics.branch import Branch, Event, measure
 from asperity.dynamics.continuation import Equations, Path, Point, adapt, between, locate, newton_rtol
 from asperity.dynamics.hbm import Balance, resize
 from asperity.dynamics.law import Array
-from asperity.dynamics.stability import Floquet, extrema, floquet, stack
+from asperity.dynamics.stability import Floquet, extrema, floquet, rise, stack
 from asperity.errors import ConvergenceError
 
+_TOP = "greatest u_max"  # a point of the branch, but no event
 _CORNER = 0.003  # largest distance of a branch from the chord between neighbours, relative to its extent
 
 
 def finish(
     balance: Balance, equations: Equations, path: Path, kind: str, number: int, tol: float
 ) -> tuple[Branch, list[Event], list[Point]]:
-    """Locate the events of a path, insert them and measure every point."""
+    """Locate the events and the tops of a path, insert them and measure every point."""
     points = _refined(equations, path.points, tol)
-    rtol = newton_rtol(tol, not balance.restoring.singular)
+    search = {"rtol": newton_rtol(tol, not balance.restoring.singular), "xtol": 0.03 * float(np.sqrt(tol))}
     multipliers = _multipliers(balance, points)
     if balance.zeta > 0 and balance.order == 1 and _open_tongues(balance, equations, points, multipliers):
         multipliers = _multipliers(balance, points)
@@ -35,14 +36,20 @@ def finish(
     def doubling(p: Point) -> float:
         return float(_multipliers(balance, [p]).flip[0])
 
+    def top(p: Point) -> float:
+        return float(rise(stack([p.x]), stack([p.t]))[0])
+
     tests = [("fold", fold, lambda p: p.t_parameter), ("grazing", u_min + 1.0, graze)]
     if balance.zeta > 0 and balance.order == 1:
         tests.append(("period doubling", flip, doubling))
+    tests.append((_TOP, rise(c, stack([p.t for p in points])), top))
     inserted: list[tuple[int, float, str, Point]] = []
     for name, values, function in tests:
         for i in np.flatnonzero((values[:-1] > 0) != (values[1:] > 0)):
+            if name == _TOP and values[i] < 0:  # a least u_max
+                continue
             try:
-                p = locate(equations, points[i], points[i + 1], function, values[i], values[i + 1], rtol=rtol)
+                p = locate(equations, points[i], points[i + 1], function, values[i], values[i + 1], **search)
                 p = adapt(equations, p, p.t, p.t_parameter, tol, p.x.size // 2)
             except ConvergenceError:
                 continue
@@ -57,6 +64,8 @@ def finish(
     branch = measure(balance, points, kind, path.end, multipliers)
     events = []
     for shift, (i, _, name, _) in enumerate(inserted):
+        if name == _TOP:
+            continue
         j = i + 1 + shift
         events.append(
             Event(

@@ -23,6 +23,7 @@ from asperity.errors import ConvergenceError, RangeError
 
 _ORDERS = (24, 48, 96, 192, 384)
 _RTOL = 2e-13
+_TINY = 1e-9
 
 
 @dataclass(frozen=True)
@@ -136,6 +137,10 @@ def free_orbit(restoring: Restoring, u0: float, damping: str = "always") -> Free
     half = _half_period(restoring, u0)
     restoring.check_range(half.u_min, u0)
     if not half.error < 1e-6:
+        if u0 < _TINY:
+            raise ConvergenceError(
+                f"u0 = {u0:g} is lost in round-off beside the static deflection: the frequency is that of small motion"
+            )
         raise ConvergenceError(
             f'the period at u0 = {u0:g} settles only to {half.error:.1e}: the law is too rough; use values="fit"'
         )

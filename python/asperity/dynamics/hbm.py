@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from scipy.special import roots_legendre
 
 from asperity.dynamics.damping import primitive, rate
 from asperity.dynamics.law import Array
@@ -22,6 +23,8 @@ from asperity.errors import ConvergenceError
 
 MAX_HARMONICS = 640
 _GRID = 8  # uniform samples per harmonic
+_TABULATED = 64  # up to so many harmonics the basis on the uniform grid is kept
+_ROUND_OFF = 1e-11  # steps of u below this that no longer shrink are noise of the force
 _NEAR = 0.02  # closer than this to contact loss the integrals are split there
 
 
@@ -51,34 +54,30 @@ class Balance:
         """
         size = x.size
         count = size // 2
-        theta_basis, weight = self._quadrature(x)
-        u = theta_basis @ x
-        pull, slope = self.restoring.pull(u)
-        project = theta_basis.T * (weight * _scale(size)[:, None])
-        residual = project @ pull
+        basis, weight = self._quadrature(x)
+        u = basis @ x
+        residual, jacobian = _projected(basis, weight, *self.restoring.pull(u))
         residual[0] -= 1.0 / self.restoring.n_loc
-        jacobian = (project * slope) @ theta_basis
-        k = np.arange(1, count + 1)
         nu = omega / self.order
-        inertia = -((k * nu) ** 2)
-        cos, sin = slice(1, count + 1), slice(count + 1, None)
-        residual[cos] += inertia * x[cos]
-        residual[sin] += inertia * x[sin]
-        residual[self.order] -= forcing
-        diagonal = np.arange(1, size)
-        jacobian[diagonal, diagonal] += np.concatenate([inertia, inertia])
+        k = _numbers(count)
+        inertia = -((nu * k) ** 2)
+        entries, step = jacobian.reshape(-1), size + 1  # a view, for its diagonals
+        entries[step::step] += inertia
         d_omega = np.zeros(size)
-        d_omega[cos] = 2.0 / omega * inertia * x[cos]
-        d_omega[sin] = 2.0 / omega * inertia * x[sin]
+        d_omega[1:] = inertia * x[1:]
+        residual[1:] += d_omega[1:]
+        d_omega *= 2.0 / omega
+        residual[self.order] -= forcing
         if self.zeta:
-            c = 2.0 * self.zeta * nu * k
+            cos, sin = slice(1, count + 1), slice(count + 1, None)
+            c = (2.0 * self.zeta * nu) * k[:count]
             if self.damping == "always":
-                damper, low = x, np.arange(1, count + 1)
-                jacobian[low, low + count] += c
-                jacobian[low + count, low] -= c
+                damper = x
+                entries[step + count : step + count + count * step : step] += c
+                entries[step * (count + 1) - count :: step] -= c
             else:
-                damper = project @ (primitive(self.restoring, self.damping, u) - self._rest())
-                tangent = (project * rate(self.restoring, self.damping, u)) @ theta_basis
+                stored = primitive(self.restoring, self.damping, u) - self._rest()
+                damper, tangent = _projected(basis, weight, stored, rate(self.restoring, self.damping, u))
                 jacobian[cos] += c[:, None] * tangent[sin]
                 jacobian[sin] -= c[:, None] * tangent[cos]
             loss_cos, loss_sin = c * damper[sin], -c * damper[cos]
@@ -95,6 +94,7 @@ class Balance:
             ConvergenceError: no convergence in `steps` iterations.
         """
         residual, jacobian, _ = self.evaluate(x, omega, forcing)
+        before = np.inf
         for _ in range(steps):
             step = np.linalg.solve(jacobian, residual)
             factor, norm = 1.0, np.abs(residual).max()
@@ -109,8 +109,9 @@ class Balance:
                     break
                 factor *= 0.5
             x = trial
-            if size <= rtol * scale:
+            if size <= rtol * scale or 0.25 * before < size < _ROUND_OFF:
                 return x
+            before = size
         raise ConvergenceError(f"harmonic balance did not converge at Omega = {omega:g}, F^ = {forcing:g}")
 
     def _rest(self) -> float:
@@ -122,21 +123,68 @@ class Balance:
     def _quadrature(self, x: Array) -> tuple[Array, Array]:
         """Basis (points, 2K+1) and weights that integrate the contact force along the orbit."""
         count = x.size // 2
-        basis = uniform_basis(count, _GRID * max(count, 8))
-        points = basis.shape[0]
-        weights = np.full(points, 2.0 * np.pi / points)
-        if not self.restoring.contact:
-            return basis, weights
-        s = 1.0 + basis @ x
-        lowest = float(s.min())
-        near = _NEAR * max(1.0, 0.5 * (float(s.max()) - lowest))
-        if lowest > near:
-            return basis, weights
-        cuts = _cuts(x, s, near)
-        if cuts.shape[0] == 0:
-            return basis[:0], weights[:0]
-        theta, weight = _panels(cuts, count)
-        return basis_at(theta, count), weight
+        points = _GRID * max(count, 8)
+        if self.restoring.contact:
+            s = 1.0 + (uniform_basis(count, points) @ x if count <= _TABULATED else _sampled(x, points))
+            lowest = float(s.min())
+            near = _NEAR * max(1.0, 0.5 * (float(s.max()) - lowest))
+            if lowest <= near:
+                cuts = _cuts(x, s, near)
+                theta, weight = _panels(cuts, count) if len(cuts) else (np.empty(0), np.empty(0))
+                return basis_at(theta, count), weight
+        return uniform_basis(count, points), np.full(points, 2.0 * np.pi / points)
+
+
+def _projected(basis: Array, weight: Array, force: Array, slope: Array) -> tuple[Array, Array]:
+    """Fourier coefficients of a force along the orbit, and their derivatives with respect to those of u.
+
+    A product of two waves is half the sum of the waves of sum and difference, so the derivatives are sums of
+    the coefficients of the slope up to twice the harmonics of u: no matrix product is needed.
+    """
+    size = basis.shape[1]
+    count = size // 2
+    columns = np.empty((4, weight.size))
+    columns[0] = weight * force
+    columns[1] = weight * slope
+    columns[2] = columns[1] * basis[:, count]
+    columns[3] = columns[1] * basis[:, -1]
+    project, low, cos, sin = columns @ basis
+    double = np.zeros((4, size))  # cosines, the same negative, sines, the same negative
+    double[0, : count + 1] = low[: count + 1]
+    double[0, count + 1 :] = cos[1 : count + 1] - sin[count + 1 :]
+    double[2, 1 : count + 1] = low[count + 1 :]
+    double[2, count + 1 :] = sin[1 : count + 1] + cos[count + 1 :]
+    double *= 0.5 / np.pi
+    double[1], double[3] = -double[0], -double[2]
+    one, other = _pairs(count)
+    jacobian = double.take(one)
+    jacobian += double.take(other)
+    jacobian[0] *= 0.5
+    project /= np.pi
+    project[0] *= 0.5
+    return project, jacobian
+
+
+@lru_cache(maxsize=64)
+def _numbers(count: int) -> Array:
+    """Number of the harmonic of each cosine and each sine."""
+    k = np.tile(np.arange(1.0, count + 1.0), 2)
+    k.flags.writeable = False
+    return k
+
+
+@lru_cache(maxsize=16)
+def _pairs(count: int) -> tuple[Array, Array]:
+    """Where the two terms of each product of waves stand in the table of `_projected` (2 count + 1 square each)."""
+    size = 2 * count + 1
+    k = np.concatenate([np.arange(count + 1), np.arange(1, count + 1)])
+    sine = np.arange(size) > count
+    mixed = sine[:, None] != sine
+    both = sine[:, None] & sine
+    lead = np.where(sine, k, -k)[:, None] + np.where(sine, k, -k)  # of the sine less that of the cosine, if mixed
+    one = np.abs(k[:, None] - k) + size * np.where(mixed, np.where(lead < 0, 3, 2), 0)
+    other = k[:, None] + k + size * np.where(mixed, 2, np.where(both, 1, 0))
+    return one, other
 
 
 def basis_at(theta: Array, count: int) -> Array:
@@ -154,17 +202,18 @@ def basis_at(theta: Array, count: int) -> Array:
 @lru_cache(maxsize=32)
 def uniform_basis(count: int, points: int) -> Array:
     """Fourier basis on ``points`` equidistant angles from 0."""
-    angle = 2.0 * np.pi / points * (np.outer(np.arange(points), np.arange(count + 1)) % points)
-    out = np.concatenate([np.cos(angle), np.sin(angle[:, 1:])], axis=1)
+    turn = np.outer(np.arange(points), np.arange(count + 1)) % points
+    angle = 2.0 * np.pi / points * np.arange(points)
+    out = np.concatenate([np.cos(angle)[turn], np.sin(angle)[turn[:, 1:]]], axis=1)
     out.flags.writeable = False
     return out
 
 
-def derivative(x: Array) -> Array:
-    """Coefficients of du/dtheta."""
-    count = x.size // 2
-    k = np.arange(1, count + 1)
-    return np.concatenate([[0.0], k * x[count + 1 :], -k * x[1 : count + 1]])
+def _sampled(x: Array, points: int) -> Array:
+    """Values on ``points`` equidistant angles from 0, as the uniform basis gives them."""
+    c = (0.5 * points) * _waves(x)[1][:, 0]
+    c[0] *= 2.0
+    return np.fft.irfft(c, points)
 
 
 def resize(x: Array, count: int) -> Array:
@@ -183,14 +232,6 @@ def tail(x: Array) -> float:
     power = x[1 : count + 1] ** 2 + x[count + 1 :] ** 2
     total = power.sum()
     return float(np.sqrt(power[-(count // 4) :].sum() / total)) if total > 0 else 0.0
-
-
-@lru_cache(maxsize=64)
-def _scale(size: int) -> Array:
-    out = np.full(size, 1.0 / np.pi)
-    out[0] = 0.5 / np.pi
-    out.flags.writeable = False
-    return out
 
 
 def _cuts(x: Array, s: Array, near: float) -> Array:
@@ -256,31 +297,37 @@ def _minima(x: Array, s: Array, dips: Array, h: float) -> tuple[Array, Array]:
 
 
 def _roots(x: Array, a: Array, b: Array, fa: Array, fb: Array) -> Array:
-    """Angles in the brackets [a, b] where 1 + u = 0, by safeguarded Newton iteration."""
+    """Angles in the brackets [a, b] where 1 + u = 0, by Newton iteration, safeguarded where it leaves them."""
     ik, c = _waves(x)
     c = c[:, :2]
     theta = a + (b - a) * fa / (fa - fb)
     rising = fb > fa
-    for _ in range(60):
-        u = (np.exp(np.multiply.outer(theta, ik)) @ c).real
-        f, slope = 1.0 + u[:, 0], u[:, 1]
-        above = (f > 0) == rising
-        b, a = np.where(above, theta, b), np.where(above, a, theta)
-        with np.errstate(divide="ignore", invalid="ignore"):
+    safe = False
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for _ in range(60):
+            u = (np.exp(np.multiply.outer(theta, ik)) @ c).real
+            f, slope = 1.0 + u[:, 0], u[:, 1]
             new = theta - f / slope
-        inside = (new >= a) & (new <= b)
-        new = np.where(inside, new, 0.5 * (a + b))
-        moved = float(np.abs(new - theta).max())
-        theta = new
-        if (moved < 1e-8 and inside.all()) or moved < 1e-14:  # what remains is the square of the step
-            break
+            inside = (new >= a) & (new <= b)
+            clean = bool(inside.all())
+            safe = safe or not clean
+            if safe:
+                above = (f > 0) == rising
+                b, a = np.where(above, theta, b), np.where(above, a, theta)
+                inside = (new >= a) & (new <= b)
+                clean = bool(inside.all())
+                new = np.where(inside, new, 0.5 * (a + b))
+            moved = float(np.abs(new - theta).max())
+            theta = new
+            if (moved < 1e-8 and clean) or moved < 1e-14:  # what remains is the square of the step
+                break
     return theta
 
 
 @lru_cache(maxsize=256)
 def _clustered(points: int) -> tuple[Array, Array]:
     """Gauss rule on [0, 1] clustered at both ends, where the force is only (distance)^n smooth."""
-    x, w = np.polynomial.legendre.leggauss(points)
+    x, w = roots_legendre(points)
     y = 0.5 * (1.0 + x)
     return y * y * (3.0 - 2.0 * y), 0.5 * w * 6.0 * y * (1.0 - y)
 
@@ -290,7 +337,9 @@ def _panels(cuts: Array, count: int) -> tuple[Array, Array]:
     nodes, weights = [], []
     for begin, end in cuts:
         width = end - begin
-        points = 24 + 4 * int(np.ceil(0.25 * 1.2 * count * width))
+        points = 24 + int(1.2 * count * width)
+        unit = max(4, 1 << points.bit_length() - 4)  # few different rules: each is kept
+        points = unit * -(-points // unit)
         x, w = _clustered(points)
         nodes.append(begin + width * x)
         weights.append(width * w)

@@ -155,7 +155,7 @@ class ContactOscillator:
             tol: truncation error allowed, relative to the amplitude.
             subharmonics: follow period-2 branches from period doublings.
             detached: search for loops that no branch reaches, by integrating many initial states first.
-            polish: correct every point by event-accurate shooting to 1e-9 (slow: some 0.1 s a point).
+            polish: correct every point by event-accurate shooting to 1e-9 (some 20 ms a point).
 
         Raises:
             InputError: forcing or window is not legal.

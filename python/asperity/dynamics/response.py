@@ -154,7 +154,7 @@ def frequency_response(
         "smooth": not balance.restoring.singular,
     }
     paths: list[tuple[str, int, Path]] = []
-    chart = backbone_chart(balance)
+    chart = backbone_chart(balance, forcing)
     for edge, direction in ((high, -1.0), (low, 1.0)):
         for x in edge_orbits(balance, edge, forcing, tol, chart):
             try:
@@ -190,7 +190,7 @@ def frequency_response(
                 pending.append(paths[-1])
                 if sub.end == "period doubling" and doublings:  # it was born there just as well
                     death = sub.points[-1].parameter
-                    doublings.remove(min(doublings, key=lambda p: abs(p.parameter - death)))
+                    del doublings[min(range(len(doublings)), key=lambda i: abs(doublings[i].parameter - death))]
         else:
             order, x, where = seeds.pop(0)
             loop = detached(replace(balance, order=order), forcing, order, x, where, omega, options, paths)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.dynamics.law import Array, Law
 from asperity.errors import InputError, RangeError
+
+_LEAST = 1e-75  # its cube must remain a number
 
 
 @dataclass(frozen=True)
@@ -38,13 +41,17 @@ class Restoring:
 
     def __post_init__(self) -> None:
         z = self.law.deflection(self.load)
+        if not _LEAST < z < 1.0 / _LEAST:
+            raise InputError(
+                f"the static deflection is {z:g}, beyond the arithmetic: choose another load or other units"
+            )
         p1, p2, p3 = self.law.derivatives(z)
         if not p1 > 0:
             raise InputError(f"the law has stiffness {p1:g} at the operating point; it must be positive")
         low, high = self.law.z_range
         if self.law.contact:
             low = -np.inf
-        values = {
+        values: dict[str, Any] = {
             "z_s": z,
             "scale": z * p1,
             "n_loc": z * p1 / self.load,
@@ -54,7 +61,7 @@ class Restoring:
             "u_range": (-np.inf, np.inf) if self.law.extrapolate else (low / z - 1.0, high / z - 1.0),
         }
         for name, value in values.items():
-            object.__setattr__(self, name, value)
+            object.__setattr__(self, name, value if isinstance(value, tuple) else float(value))
 
     @property
     def singular(self) -> bool:
@@ -69,6 +76,11 @@ class Restoring:
     def pull(self, u: Array) -> tuple[Array, Array]:
         """Contact force over `scale`, zero in flight, and its derivative with respect to u."""
         force, slope = self.law.both(self.z_s * (1.0 + u))
+        return force / self.scale, slope * (self.z_s / self.scale)
+
+    def pull_at(self, u: float) -> tuple[float, float]:
+        """`pull` at one deflection."""
+        force, slope = self.law.at(self.z_s * (1.0 + u))
         return force / self.scale, slope * (self.z_s / self.scale)
 
     def pull_only(self, u: Array) -> Array:

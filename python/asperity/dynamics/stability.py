@@ -85,25 +85,35 @@ def samples(c: Array, points: int) -> Array:
 
 def extrema(c: Array) -> tuple[Array, Array]:
     """Smallest and largest value of each orbit, from the roots of u' (shape (orbits,) each)."""
-    count = c.shape[1] - 1
-    points = max(128, 1 << int(np.ceil(np.log2(8 * max(count, 1)))))
-    u = samples(c, points)
-    k = np.arange(count + 1)
+    u = _densely(c)
+    return _turn(c, u, 1.0)[1], _turn(c, u, -1.0)[1]
+
+
+def rise(c: Array, t: Array) -> Array:
+    """Rate of the largest value of each orbit `c` as its coefficients change by `t` (both as in `stack`)."""
+    theta, _ = _turn(c, _densely(c), -1.0)
+    return (t * np.exp(1j * theta[:, None] * np.arange(t.shape[1]))).sum(1).real
+
+
+def _densely(c: Array) -> Array:
+    return samples(c, max(128, 1 << int(np.ceil(np.log2(8 * max(c.shape[1] - 1, 1))))))
+
+
+def _turn(c: Array, u: Array, sign: float) -> tuple[Array, Array]:
+    """Angle and value of the lowest (sign 1) or highest (-1) point of each orbit, sampled as `u`."""
+    points = u.shape[1]
+    k = np.arange(c.shape[1])
     first, second = 1j * k * c, -(k * k) * c
-    low_high = []
-    rows = np.arange(u.shape[0])
-    for pick, sign in ((np.argmin, 1.0), (np.argmax, -1.0)):
-        j = pick(u, axis=1)
-        best = u[rows, j]
-        theta = 2.0 * np.pi / points * j
-        for _ in range(5):
-            wave = np.exp(1j * theta[:, None] * k)
-            slope, bend = (first * wave).sum(1).real, (second * wave).sum(1).real
-            step = slope / np.where(sign * bend > 1e-14, bend, np.inf)
-            theta = theta - np.clip(step, -2.0 * np.pi / points, 2.0 * np.pi / points)
-        value = (c * np.exp(1j * theta[:, None] * k)).sum(1).real
-        low_high.append(sign * np.minimum(sign * value, sign * best))
-    return low_high[0], low_high[1]
+    j = (sign * u).argmin(axis=1)
+    best = u[np.arange(u.shape[0]), j]
+    theta = 2.0 * np.pi / points * j
+    for _ in range(5):
+        wave = np.exp(1j * theta[:, None] * k)
+        slope, bend = (first * wave).sum(1).real, (second * wave).sum(1).real
+        step = slope / np.where(sign * bend > 1e-14, bend, np.inf)
+        theta = theta - np.clip(step, -2.0 * np.pi / points, 2.0 * np.pi / points)
+    value = (c * np.exp(1j * theta[:, None] * k)).sum(1).real
+    return theta, sign * np.minimum(sign * value, sign * best)
 
 
 def floquet(balance: Balance, c: Array, omega: Array, points: int | None = None) -> Floquet:
@@ -126,7 +136,8 @@ def floquet(balance: Balance, c: Array, omega: Array, points: int | None = None)
     for group, samples_wanted in ((~kinked, _SAMPLES), (kinked, _SAMPLES_LOSS)):
         rows, n = np.flatnonzero(group), max(samples_wanted, least)
         while rows.size and n <= _MAX_SAMPLES:
-            part = _floquet(balance, c[rows], omega[rows], n)
+            with np.errstate(over="ignore", invalid="ignore"):  # steps too long for a slow forcing
+                part = _floquet(balance, c[rows], omega[rows], n)
             for name in ("trace", "determinant", "radius", "error"):
                 getattr(result, name)[rows] = getattr(part, name)
             rows = rows[~(part.error < _DET_RTOL)]
@@ -137,19 +148,19 @@ def floquet(balance: Balance, c: Array, omega: Array, points: int | None = None)
 def _floquet(balance: Balance, c: Array, omega: Array, points: int) -> Floquet:
     u = samples(c, points)
     h = 4.0 * np.pi * balance.order / omega / points  # a step spans two sample intervals
-    k = balance.restoring.df(u) * h[:, None] ** 2  # time is scaled by the step
-    d = 2.0 * balance.zeta * rate(balance.restoring, balance.damping, u) * h[:, None]
-    kb, db = np.roll(k, -2, axis=1)[:, ::2], np.roll(d, -2, axis=1)[:, ::2]
-    ka, km = k[:, ::2], k[:, 1::2]
+    k = _ends_and_middle(balance.restoring.df(u) * h[:, None] ** 2)  # time is scaled by the step
+    d = 2.0 * balance.zeta * h[:, None]
+    if balance.damping != "always":
+        d = d * rate(balance.restoring, balance.damping, u)
     if balance.restoring.contact:
-        ka, km, kb = _averaged(balance, u, h, ka, km, kb)
-    m = _runge_kutta(ka, km, kb, d[:, ::2], d[:, 1::2], db)
+        k = _averaged(balance, u, h, *k)
+    m = _runge_kutta(*k, *_ends_and_middle(d))
     while m[0].shape[1] > 1:  # product tree, later factors on the left
         a, b = tuple(x[:, 1::2] for x in m), tuple(x[:, ::2] for x in m)
         m = (a[0] * b[0] + a[1] * b[2], a[0] * b[1] + a[1] * b[3], a[2] * b[0] + a[3] * b[2], a[2] * b[1] + a[3] * b[3])
     m11, m12, m21, m22 = (x[:, 0] for x in m)
     trace = m11 + m22
-    determinant = np.exp(-0.5 * d.sum(axis=1))
+    determinant = np.exp(-0.5 * points * d.mean(axis=1))
     # cancellation in the determinant of a wildly unstable orbit is not an error of the steps
     found = m11 * m22 - m12 * m21
     noise = 1e-14 * points * (np.abs(m11 * m22) + np.abs(m12 * m21))
@@ -159,13 +170,21 @@ def _floquet(balance: Balance, c: Array, omega: Array, points: int) -> Floquet:
     return Floquet(trace, determinant, radius, error)
 
 
+def _ends_and_middle(x: Array) -> tuple[Array, ...]:
+    """Samples at the start, the middle and the end of each step; one that is constant stays one number an orbit."""
+    if x.shape[1] == 1:
+        return x, x, x
+    start = np.ascontiguousarray(x[:, ::2])
+    return start, np.ascontiguousarray(x[:, 1::2]), np.roll(start, -1, axis=1)
+
+
 def _averaged(balance: Balance, u: Array, h: Array, *k: Array) -> tuple[Array, ...]:
     """Replace the stiffness by its mean over each step that crosses contact loss.
 
     The mean is the divided difference of the force: exact at the jump of a linear contact, and finite
     where the stiffness of a law with n < 1 is not.
     """
-    a, b = u[:, ::2], np.roll(u, -2, axis=1)[:, ::2]
+    a, _, b = _ends_and_middle(u)
     gap = b - a
     crossing = (1.0 + np.minimum(a, b) < np.abs(gap)) & (np.maximum(a, b) > -1.0) & (gap != 0)
     rows = np.nonzero(crossing)
@@ -183,15 +202,16 @@ def _runge_kutta(k0: Array, km: Array, k1: Array, d0: Array, dm: Array, d1: Arra
     """Transition matrices (rows m11, m12, m21, m22) of one step for delta' = w - d delta, w' = -k delta."""
 
     def slope(k: Array, d: Array, y: tuple[Array, ...]) -> tuple[Array, ...]:
-        return (y[2] - d * y[0], y[3] - d * y[1], -k * y[0], -k * y[1])
+        return (y[2] - d * y[0], y[3] - d * y[1], k * y[0], k * y[1])
 
     def moved(y: tuple[Array, ...], factor: float) -> tuple[Array, ...]:
         return (1 + factor * y[0], factor * y[1], factor * y[2], 1 + factor * y[3])
 
-    one, zero = np.ones_like(k0), np.zeros_like(k0)
+    k0, km, k1 = -k0, -km, -k1
+    one, zero = np.ones(()), np.zeros(())
     s1 = slope(k0, d0, (one, zero, zero, one))
     s2 = slope(km, dm, moved(s1, 0.5))
     s3 = slope(km, dm, moved(s2, 0.5))
     s4 = slope(k1, d1, moved(s3, 1.0))
-    total = tuple((a + 2 * b + 2 * c + d) / 6 for a, b, c, d in zip(s1, s2, s3, s4, strict=True))
+    total = tuple((a + 2 * (b + c) + d) / 6 for a, b, c, d in zip(s1, s2, s3, s4, strict=True))
     return moved(total, 1.0)

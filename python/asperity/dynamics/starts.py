@@ -37,13 +37,25 @@ def orbit_from_rest(balance: Balance, omega: float, forcing: float, tol: float) 
     return path.points[-1].x
 
 
-def backbone_chart(balance: Balance) -> tuple[Array, Array]:
-    """Amplitudes and frequencies of a few free orbits; empty where the backbone gives no starting values."""
+def backbone_chart(balance: Balance, forcing: float) -> tuple[Array, Array]:
+    """Amplitudes and frequencies of a few free orbits, up to the first that the forcing cannot sustain.
+
+    Empty where the backbone gives no starting values.
+    """
     if not balance.restoring.contact or balance.zeta == 0:
         return np.empty(0), np.empty(0)
     grid = np.geomspace(3e-3, 300.0, 6)
-    grid = grid[grid < balance.restoring.u_range[1]]
-    return grid, np.array([rough_orbit(balance.restoring, u, balance.damping)[0] for u in grid])
+    chart: list[tuple[float, float]] = []
+    for u in grid[grid < balance.restoring.u_range[1]]:
+        try:
+            frequency, drive = rough_orbit(balance.restoring, float(u), balance.damping)
+        except ConvergenceError:  # too stiff a law for the arithmetic, far beyond any resonance
+            break
+        chart.append((float(u), frequency))
+        if 2.0 * balance.zeta * drive > forcing and balance.damping != "contact":
+            break
+    amplitudes, frequencies = np.array(chart).reshape(-1, 2).T
+    return amplitudes, frequencies
 
 
 def backbone_orbits(balance: Balance, omega: float, forcing: float, chart: tuple[Array, Array]) -> list[Array]:

@@ -58,7 +58,10 @@ class TableLaw(Law):
     contact: bool = field(default=True, init=False)
 
     def __post_init__(self) -> None:
-        z, F = np.asarray(self.z, float), np.asarray(self.F, float)
+        try:
+            z, F = np.asarray(self.z, float), np.asarray(self.F, float)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"the table holds something that is not a number: {error}") from None
         if z.ndim != 1 or z.shape != F.shape:
             raise InputError(f"a table needs two columns of one length, got shapes {z.shape} and {F.shape}")
         if z.size == 0:
@@ -283,16 +286,18 @@ def unload_reload(curve: Any, load: float | None = None, **options: Any) -> Tabl
 def columns(curve: Any) -> tuple[Array, Array, Array | None]:
     """Columns delta (length), force and branch (or None) of a `Curve`, CSV file or mapping."""
     if isinstance(curve, (str, os.PathLike)):
+        table: dict[str, list[str]] = {}
         try:
-            with open(curve, newline="") as file:
-                lines = [line for line in file if not line.startswith("#")]
+            with open(curve, newline="", encoding="utf-8") as file:
+                reader = csv.DictReader(line for line in file if not line.startswith("#"))
+                table = {name: [] for name in reader.fieldnames or ()}
+                for row in reader:
+                    for name in table:
+                        table[name].append(row[name])
         except OSError as error:
             raise InputError(f"cannot read the curve {os.fspath(curve)}: {error.strerror}") from error
-        reader = csv.DictReader(lines)
-        table: dict[str, list[str]] = {name: [] for name in reader.fieldnames or ()}
-        for row in reader:
-            for name in table:
-                table[name].append(row[name])
+        except (UnicodeDecodeError, csv.Error) as error:
+            raise InputError(f"the curve {os.fspath(curve)} is no table of text: {error}") from error
         curve = table
     get = curve.get if isinstance(curve, Mapping) else lambda name: getattr(curve, name, None)
     for name in ("delta", "force"):

@@ -9,6 +9,8 @@ no jump condition.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import cos, sin
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -133,22 +135,30 @@ def _touch(
     r, zeta, damping = balance.restoring, balance.zeta, balance.damping
     soft = not balance.restoring.singular
 
+    always, weight = damping == "always", 1.0 / r.n_loc
+
     def field(t: float, s: Array) -> list[float]:
-        u = np.array([s[0]])
-        pull, slope = r.pull(u)
-        k = float(slope[0]) if soft else 0.0
-        loss = 2.0 * zeta * float(primitive(r, damping, u)[0])
-        g = 2.0 * zeta * float(rate(r, damping, u)[0])
-        c, d = np.cos(omega * t), np.sin(omega * t)
+        numbers: Any = s.tolist()
+        u, w, uu, uw, wu, ww, *_ = numbers
+        pull, k = r.pull_at(u)
+        if not soft:
+            k = 0.0
+        if always:
+            g, lost = 2.0 * zeta, 2.0 * zeta * u
+        else:
+            at = np.array([u])
+            g = 2.0 * zeta * float(rate(r, damping, at)[0])
+            lost = 2.0 * zeta * float(primitive(r, damping, at)[0])
+        c, d = cos(omega * t), sin(omega * t)
         return [
-            s[1] - loss,
-            forcing * c - float(pull[0]) + 1.0 / r.n_loc,
-            s[4] - g * s[2],
-            s[5] - g * s[3],
-            -k * s[2],
-            -k * s[3],
-            s[0] * c,
-            s[0] * d,
+            w - lost,
+            forcing * c - pull + weight,
+            wu - g * uu,
+            ww - g * uw,
+            -k * uu,
+            -k * uw,
+            u * c,
+            u * d,
         ]
 
     def separation(t: float, s: Array) -> float:

@@ -91,11 +91,13 @@ def _run(scene: Scene, keys: Keys, heights: files.Map | None, folder: Path) -> _
         check_loading(case, case.build_surface())
         run(case, out, comm=MPI.COMM_SELF)
     except InputError as error:
-        return _Run(ends="refused", reason=str(error))
+        return _Run(ends="refused", reason=str(error).replace(f"{folder}/", ""))
     except ConvergenceError as error:
         done.ends, done.reason = "wrong" if isinstance(error, CheckError) else "stopped", str(error)
     except Exception as error:  # whatever it is, the other scenes shall run
         return _Run(ends="crashed", reason=f"{type(error).__name__}: {error}")
+    if not (out / "curve.csv").exists():  # it stopped before the first step
+        return done
     done.curve = Curve.read(out / "curve.csv")
     done.summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     saved = Checkpoint(out / "checkpoint", identity(case), MPI.COMM_SELF).load()

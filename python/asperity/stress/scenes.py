@@ -150,7 +150,7 @@ def _strengths() -> list[Scene]:
             {"material.yield_strength": ratio * 200e9, "loading.unload": True},
             twin=PENALTY,
         )
-        for ratio in (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
+        for ratio in (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
     ]
 
 
@@ -177,7 +177,7 @@ def _hardening() -> list[Scene]:
                 {"material.tangent_modulus": ratio * 200e9, "loading.unload": True},
                 twin=DIRECT,
             )
-            for ratio in (0.001, 0.9)
+            for ratio in (0.001, 0.9, 0.99)
         ),
     ]
 
@@ -296,6 +296,8 @@ SCENES: tuple[Scene, ...] = (
         {"material.nu": 0.499, "loading.delta_max": 0.02 * L, "loading.unload": True},
         twin=DIRECT,
     ),
+    Scene("poisson/0.4999", "nu = 0.4999, elastic", ELASTIC | {"material.nu": 0.4999}, twin=DIRECT),
+    Scene("poisson/0", "nu = 0, elastic-plastic, unloading", {"material.nu": 0.0, "loading.unload": True}, twin=DIRECT),
     Scene("poisson/-0.9", "nu = -0.9, elastic", ELASTIC | {"material.nu": -0.9}, twin=DIRECT),
     Scene(
         "block/thin",
@@ -403,6 +405,12 @@ SCENES: tuple[Scene, ...] = (
         twin=PENALTY,
     ),
     Scene(
+        "edge/free-sphere",
+        "elastic-plastic sphere touched in the corner of a block with free sides",
+        sphere(0.5, centre=(0.0, 0.0)) | {"block.sides": "free", "loading.delta_max": 0.02 * L, "loading.unload": True},
+        twin=DIRECT,
+    ),
+    Scene(
         "edge/free-rough",
         "rough surface, free sides",
         {"block.sides": "free", "loading.delta_max": 0.05 * L, "loading.unload": True},
@@ -444,6 +452,12 @@ SCENES: tuple[Scene, ...] = (
         reason="turned inside out",
         fast=True,
     ),
+    Scene(
+        "yield/one-step",
+        "flat block in full contact from the first of its steps",
+        FLAT | {"material.yield_strength": 2e8, "loading.delta_max": 0.03 * L, "loading.steps": 1},
+        claim=claims.uniaxial_strain,
+    ),
     Scene("units/um-GPa", "SI", {"loading.unload": True}, twin=Twin("in um and GPa", 1e-8, UM_GPA), fast=True),
     Scene(
         "force/given",
@@ -456,6 +470,20 @@ SCENES: tuple[Scene, ...] = (
         "force of 1e-8 E' L^2",
         {"loading.delta_max": None, "loading.force_max": 2e-9, "mesh.h_contact": 0.1 * L},
         twin=DIRECT,
+    ),
+    Scene(
+        "force/unreachable",
+        "five times the limit load of a perfectly plastic block",
+        FLAT
+        | {
+            "block.sides": "free",
+            "material.yield_strength": 2e8,
+            "material.tangent_modulus": None,
+            "loading.delta_max": None,
+            "loading.force_max": 1e-3,
+        },
+        ends="stopped",
+        reason="cannot be reached",
     ),
     Scene(
         "file/noise",
