@@ -40,7 +40,7 @@ from .surface import Surface
 Floats = npt.NDArray[np.float64]
 
 STEP_ORDER = 2.0  # of the force in the load step: midpoint rule
-STEPS_SHARE = 0.4  # part of the tolerance the load steps may use; the mesh has what they leave
+STEPS_SHARE = 0.4  # part of the tolerance the load steps should use; the mesh has what they leave
 MAX_DOUBLINGS = 5  # of the load steps
 PATH_TRANSFER = 0.5  # part of the load-step correction taken for its bar (docs/accuracy.md)
 
@@ -195,10 +195,9 @@ def solve_to_tolerance(
     steps_asked = steps
     guide = run(GUIDE, steps)
     reach = _reach(guide, surface.L)
-    path, coarse, share = None, guide.curve, 1.0
+    path, coarse = None, guide.curve
     if material.plastic:
         path, steps, coarse = _choose_steps(run, guide.curve, steps, STEPS_SHARE * goal.tolerance)
-        share = max(1.0 - float(path.bar.max()) / goal.tolerance, 0.5)
     del guide  # its memory is needed for the next one
     sizes, curves, plan = [GUIDE], [coarse], Plan(FIRST * GUIDE, 0)
     while True:
@@ -208,11 +207,13 @@ def solve_to_tolerance(
         worst = worst_error(curve, steps_asked)
         if worst <= goal.tolerance:
             return AccurateResult(curve, result.curve, budget, tuple(run.levels), result, worst, True, "done")
-        mesh = float(np.max((budget.mesh / curve.P_star)[_judged(curve, steps_asked)]))
-        plan = plan_next(sizes, plan.coarse, mesh, share * goal.tolerance)
+        judged = _judged(curve, steps_asked)
+        mesh, rest = ((bar / curve.P_star)[judged] for bar in (budget.mesh, budget.total - budget.mesh))
+        left = np.maximum(goal.tolerance - rest, 0.1 * goal.tolerance)  # for the mesh, when the load steps have theirs
+        plan = plan_next(sizes, plan.coarse, float(np.max(mesh / left)), 1.0)
         room = (goal.max_dofs / result.dofs) ** (1.0 / DOFS_ORDER)
         wanted, plan = plan, replace(plan, size=max(plan.size, sizes[-1] / max(room, LEAST_STEP)))
-        limit = run.limit(goal, mesh, share, sizes[-1], wanted.size if room < LEAST_STEP else plan.size)
+        limit = run.limit(goal, float(rest.max()), sizes[-1], wanted.size if room < LEAST_STEP else plan.size)
         if limit:
             reason = (
                 f"the force is known to {worst:.2%}, not to the {goal.tolerance:.2%} of accuracy.tolerance: {limit}"
@@ -279,17 +280,16 @@ class _Runner:
         on_stage = self._on_stage
         return lambda name: on_stage(f"{level}: {name}")
 
-    def limit(self, goal: Goal, mesh: float, share: float, size: float, finer: float) -> str:
+    def limit(self, goal: Goal, rest: float, size: float, finer: float) -> str:
         """Why the next level must not be computed; empty when it may.
 
         Args:
             goal: with the limits
-            mesh: error bar of the mesh, relative to the force
-            share: part of the tolerance the mesh may use
+            rest: greatest relative error bar of what is not the mesh
             size, finer: elements of the last level and of the next [L]
         """
         refinement = size / finer
-        if mesh < 0.5 * share * goal.tolerance:
+        if rest > 0.9 * goal.tolerance:
             return "what is left comes from the load steps, raise loading.steps"
         last = self.levels[-1]
         dofs = int(last.dofs * refinement**DOFS_ORDER)
