@@ -35,8 +35,6 @@ DIRECT_LIMIT = 60_000  # coarse dofs up to which the coarse problem is factorise
 
 PREFIX = "asperity_coarse_"
 GAMG = {
-    "ksp_type": "preonly",
-    "pc_type": "gamg",
     "pc_gamg_coarse_eq_limit": 1000,
     "pc_gamg_esteig_ksp_type": "cg",
     "pc_gamg_esteig_ksp_max_it": 10,
@@ -87,8 +85,16 @@ class PMultigrid:
         self._ksp = PETSc.KSP().create(solid.comm)
         self._ksp.setOptionsPrefix(PREFIX)
         self._coarse.A.setOption(PETSc.Mat.Option.SPD, symmetric)
-        small = 3 * index_map.size_global <= DIRECT_LIMIT
-        set_defaults(PREFIX, _direct(solid.comm, symmetric) if small else GAMG)
+        self._ksp.setType("preonly")
+        pc = self._ksp.getPC()
+        if 3 * index_map.size_global <= DIRECT_LIMIT:
+            pc.setType("cholesky" if symmetric else "lu")
+            # CHOLMOD is faster (benchmarks/linear.py), but works in one process
+            alone = symmetric and solid.comm.size == 1 and PETSc.Sys.hasExternalPackage("cholmod")
+            pc.setFactorSolverType("cholmod" if alone else "mumps")
+        else:
+            pc.setType("gamg")
+            set_defaults(PREFIX, GAMG)
         self._ksp.setFromOptions()
         indptr, indices = solid.graph.indptr, solid.graph.indices
         upper = indices >= np.repeat(np.arange(solid.nodes), np.diff(indptr))
@@ -238,12 +244,3 @@ class PMultigrid:
         # the noise lets a mode grow that has become the greatest one somewhere else
         self._extreme = sum(np.float32(c) * v for c, v in zip(vectors[:, -1], basis, strict=True)) + self._noise
         return float(values[-1])
-
-
-def _direct(comm: Any, symmetric: bool) -> dict[str, str]:
-    """Options of a factorisation: by CHOLMOD where PETSc has it, faster in one process, else by MUMPS."""
-    from petsc4py import PETSc
-
-    package = "cholmod" if symmetric and comm.size == 1 and PETSc.Sys.hasExternalPackage("cholmod") else "mumps"
-    kind = "cholesky" if symmetric else "lu"
-    return {"ksp_type": "preonly", "pc_type": kind, "pc_factor_mat_solver_type": package}
