@@ -59,10 +59,11 @@ void symmetric_product(Graph indptr, Graph indices, Array2<const float> blocks, 
   }
 }
 
-/// Galerkin's coarse matrix (P m)^T A (m P): `kept` (nodes, 3) is the mask m, and P gives each node the mean of its two
-/// `parents` (nodes, 2), which are the same for a node of the coarse level.
+/// Galerkin's coarse matrix (m P c)^T A (m P c): `kept` (nodes, 3) is the mask m, `coarse_kept` the mask c, and P gives
+/// each node the mean of its two `parents` (nodes, 2), which are the same for a node of the coarse level.
 void galerkin(Graph indptr, Graph indices, Array1<const double> values, Array2<const double> kept,
-              Array2<const int> parents, Graph coarse_indptr, Graph coarse_indices, Array1<double> coarse)
+              Array2<const int> parents, Graph coarse_indptr, Graph coarse_indices, Array2<const double> coarse_kept,
+              Array1<double> coarse)
 {
   std::fill_n(coarse.data(), coarse.size(), 0.0);
   std::vector<int> place(coarse_indptr.shape(0)); // of a column in the current coarse row
@@ -89,10 +90,14 @@ void galerkin(Graph indptr, Graph indices, Array1<const double> values, Array2<c
         for (int i = 0; i < 3; ++i)
           for (int j = 0; j < 3; ++j)
             block[3 * i + j] = mine[i] * theirs[j] * rows[3 * (i * width + k) + j] / (count * counted);
+        const double* left = coarse_kept.data() + 3 * static_cast<std::ptrdiff_t>(up[p]);
         for (int q = 0; q < counted; ++q)
+        {
+          const double* right = coarse_kept.data() + 3 * static_cast<std::ptrdiff_t>(across[q]);
           for (int i = 0; i < 3; ++i)
             for (int j = 0; j < 3; ++j)
-              out[3 * (i * size + place[across[q]]) + j] += block[3 * i + j];
+              out[3 * (i * size + place[across[q]]) + j] += left[i] * block[3 * i + j] * right[j];
+        }
       }
     }
   }
@@ -105,6 +110,6 @@ void bind_multigrid(nb::module_& m)
   m.def("symmetric_product", &symmetric_product, nb::arg("indptr"), nb::arg("indices"), nb::arg("blocks"),
         nb::arg("x"), nb::arg("y"));
   m.def("galerkin", &galerkin, nb::arg("indptr"), nb::arg("indices"), nb::arg("values"), nb::arg("kept"),
-        nb::arg("parents"), nb::arg("coarse_indptr"), nb::arg("coarse_indices"), nb::arg("coarse"));
+        nb::arg("parents"), nb::arg("coarse_indptr"), nb::arg("coarse_indices"), nb::arg("coarse_kept"), nb::arg("coarse"));
 }
 } // namespace asperity

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
+from scipy import sparse
 
 from asperity import reference as ref
 from asperity.errors import InputError
@@ -14,7 +15,7 @@ from asperity.linear import LinearSolver
 from asperity.loading import Press
 from asperity.material import Material
 from asperity.mesh import BlockMesh, build_block, distribute, on_root
-from asperity.multigrid import PMultigrid
+from asperity.multigrid import EDGES, PMultigrid
 from asperity.solid import Solid
 from asperity.statics import make_press
 from asperity.surface import Flat, Sinusoid, Surface
@@ -215,6 +216,37 @@ def test_symmetric_product_in_single_precision_is_that_of_the_matrix(coarse: Blo
     _solver.upper_half(indptr, indices, solid.values, blocks)
     _solver.symmetric_product(starts, indices[upper], blocks, single, out)
     np.testing.assert_allclose(out.ravel(), y.array_r, rtol=0, atol=1e-5 * np.abs(y.array_r).max())
+
+
+def test_galerkin_matrix_is_that_of_the_interpolation(coarse: BlockMesh) -> None:
+    """With masks on both levels: a held corner has free edges beside it, and stays out of the coarse problem."""
+    from asperity import _solver
+    from asperity.node_matrix import NodeGraph
+
+    solid = solid_of(here(), coarse)
+    A = solid.assemble_tangent()
+    cells = solid.cell_nodes
+    corners = np.unique(cells[:, :4])
+    number = np.full(solid.nodes, -1, dtype=np.int32)
+    number[corners] = np.arange(len(corners))
+    parents = np.repeat(number[:, None], 2, axis=1)
+    for k, (i, j) in enumerate(EDGES, start=4):
+        parents[cells[:, k]] = number[cells[:, [i, j]]]
+    P = np.zeros((3 * solid.nodes, 3 * len(corners)))
+    for node, ends in enumerate(parents):
+        for end in ends:
+            P[3 * node : 3 * node + 3, 3 * end : 3 * end + 3] += 0.5 * np.eye(3)
+    kept = (np.random.default_rng(0).random((solid.nodes, 3)) > 0.2).astype(float)
+    above = np.ascontiguousarray(kept[corners])
+    graph = NodeGraph(number[cells[:, :4]], len(corners))
+    values = np.empty(len(graph.columns))
+    _solver.galerkin(solid.graph.indptr, solid.graph.indices, solid.values, kept, parents,
+                     graph.indptr, graph.indices, above, values)  # fmt: skip
+    Pm = kept.reshape(-1, 1) * P * above.reshape(-1)
+    rows, columns, entries = A.getValuesCSR()
+    fine = sparse.csr_array((entries, columns, rows))
+    ours = sparse.csr_array((values, graph.columns, graph.rows)).toarray()
+    np.testing.assert_allclose(ours, Pm.T @ (fine @ Pm), rtol=0, atol=1e-12 * np.abs(entries).max())
 
 
 def test_multigrid_is_symmetric_and_bounded() -> None:

@@ -143,11 +143,12 @@ class PMultigrid:
         fine.set(1.0)
         fine.array[eliminated] = 0.0
         kept = solid.with_ghosts(fine.array_r)
-        coarse.array = kept[self._corners].ravel()[: coarse.getLocalSize()]
+        corners = np.ascontiguousarray(kept[self._corners])
+        coarse.array = corners.ravel()[: coarse.getLocalSize()]
         graph, matrix = solid.graph, self._coarse
         _solver.galerkin(
             graph.indptr, graph.indices, solid.values, kept, self._parents,
-            matrix.graph.indptr, matrix.graph.indices, matrix.values,
+            matrix.graph.indptr, matrix.graph.indices, corners, matrix.values,
         )  # fmt: skip
         matrix.values[self._diagonal[np.flatnonzero(coarse.array_r == 0.0)]] = 1.0
         matrix.assemble()
