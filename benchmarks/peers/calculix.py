@@ -31,8 +31,8 @@ GMSH_TO_C3D10 = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]  # the last two edges change plac
 
 def write_grid(path: Path, material: str, n: int, steps: int) -> int:
     """Deck of a structured mesh of n x n columns of bricks; returns its dofs."""
-    points, cells = scene.grid(n)
-    return _write(path, material, points, cells, "C3D8", HEX_FACES, 1.0 / n, steps)
+    nodes = scene.grid(n)
+    return _write(path, material, nodes.reshape(-1, 3), scene.bricks(nodes), "C3D8", HEX_FACES, 1.0 / n, steps)
 
 
 def write_own(path: Path, material: str, h: float, steps: int) -> int:

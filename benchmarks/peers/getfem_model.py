@@ -1,8 +1,8 @@
-"""GetFEM: the scene on a structured mesh of triquadratic bricks, penalised contact; run by GetFEM's own Python.
+"""GetFEM: the scene on a structured mesh of isoparametric bricks, penalised contact; run by GetFEM's own Python.
 
     python3 getfem_model.py MESH.npz OUT.json
 
-MESH holds the coordinates of the grid (n + 1, n + 1, layers + 1, 3) and the numbers of the scene. OUT gets the forces
+MESH holds the coordinates of the grid (see scene.grid) and the numbers of the scene. OUT gets the forces
 after each load step.
 """
 
@@ -18,10 +18,14 @@ HELD = 1e6  # stiffness of base and sides, times E
 BASE, SIDES, TOP = 1, 2, 3
 
 
-def make_mesh(grid: Any) -> Any:
-    """Curved-top block; the regions are marked while it is plane."""
-    n, layers = len(grid) - 1, grid.shape[2] - 1
-    mesh = gf.Mesh("cartesian Q1", np.arange(n + 1.0), np.arange(n + 1.0), np.arange(layers + 1.0))
+def make_mesh(grid: Any, degree: int) -> Any:
+    """Block of isoparametric bricks; the regions are marked while it is plane."""
+    mesh = gf.Mesh("empty", 3)
+    brick = gf.GeoTrans(f"GT_QK(3,{degree})")
+    steps = np.arange(degree + 1.0)
+    lattice = np.array([(i, j, k) for k in steps for j in steps for i in steps]).T
+    for corner in np.ndindex(*((n - 1) // degree for n in grid.shape[:3])):
+        mesh.add_convex(brick, lattice + degree * np.array(corner)[:, None])
     for region, directions in {
         BASE: [(0, 0, -1)],
         SIDES: [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)],
@@ -41,11 +45,12 @@ def main(source: str, target: str) -> None:
     E, nu, sigma_y, hardening = (float(data[name]) for name in ("E", "nu", "sigma_y", "hardening"))
     gf.util_trace_level(0)
     gf.util_warning_level(0)
-    mesh = make_mesh(grid)
-    n = len(grid) - 1
+    degree = int(data["degree"])
+    mesh = make_mesh(grid, degree)
+    n = (len(grid) - 1) // degree
     fem = gf.MeshFem(mesh, 3)
-    fem.set_classical_fem(2)
-    mim = gf.MeshIm(mesh, 4 if plastic else 5)
+    fem.set_classical_fem(degree)
+    mim = gf.MeshIm(mesh, 2 * degree)
     model = gf.Model("real")
     model.add_fem_variable("u", fem)
     model.add_initialized_data("lambda", E * nu / ((1 + nu) * (1 - 2 * nu)))
@@ -68,7 +73,7 @@ def main(source: str, target: str) -> None:
     model.add_initialized_data("held", HELD * E)
     model.add_linear_term(mim, "held*(u.Normal)*(Test_u.Normal)", SIDES)
     heights = gf.MeshFem(mesh, 1)
-    heights.set_classical_fem(1)
+    heights.set_classical_fem(degree)
     z = heights.basic_dof_nodes()[2]
     summit = float(grid[..., 2].max())
     model.add_initialized_fem_data("obstacle", heights, summit - z)

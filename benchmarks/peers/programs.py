@@ -154,15 +154,21 @@ def _calculix(program: str, material: str, mesh: str, write: Callable[[Path], in
     return Job(program, material, mesh, prepare)
 
 
-def getfem(material: str, n: int) -> Job:
-    """n x n columns of triquadratic bricks."""
+def getfem(material: str, n: int, degree: int) -> Job:
+    """n x n columns of isoparametric bricks of first or second degree."""
 
     def prepare(place: Path) -> Start:
-        points, _ = scene.grid(n)
         np.savez(
-            place / "mesh.npz", grid=points.reshape(n + 1, n + 1, -1, 3), plastic=material == "plastic", E=scene.E,
-            nu=scene.NU, sigma_y=scene.YIELD, hardening=scene.HARDENING, path=scene.AT,
-        )  # fmt: skip
+            place / "mesh.npz",
+            grid=scene.grid(n, degree),
+            degree=degree,
+            plastic=material == "plastic",
+            E=scene.E,
+            nu=scene.NU,
+            sigma_y=scene.YIELD,
+            hardening=scene.HARDENING,
+            path=scene.AT,
+        )
         command, environment = _inside("trixie", "usr/bin/python3.13")
         out = place / "out.json"
         out.unlink(missing_ok=True)
@@ -172,7 +178,7 @@ def getfem(material: str, n: int) -> Job:
             _read_json(out),
         )
 
-    return Job("GetFEM", material, f"{n} x {n} Q2 hex", prepare)
+    return Job(f"GetFEM, Q{degree}", material, f"{n} x {n} hex", prepare)
 
 
 def tamaas(n: int, exact: tuple[float, float]) -> Job:

@@ -26,12 +26,14 @@ from programs import Job, Run
 from asperity.plot import style
 
 TARGETS = (0.05, 0.02, 0.01)
+FARTHEST = 100.0  # times the CPU time of the dearest run, up to which its line is carried on
 COLOURS = {
     "asperity": style.BLACK,
     "asperity, by tolerance": style.GREY,
     "CalculiX": style.VERMILION,
     "CalculiX, mesh of asperity": style.ORANGE,
-    "GetFEM": style.BLUE,
+    "GetFEM, Q1": style.SKY,
+    "GetFEM, Q2": style.BLUE,
     "Tamaas (half-space)": style.GREEN,
 }
 
@@ -64,10 +66,12 @@ def jobs(material: str, force: scene.Floats) -> Iterator[Job]:
     for tolerance in (0.05, 0.02, 0.01):
         yield programs.asperity(material, "tolerance", tolerance)
     if not plastic:
-        for n in (64, 256, 512):
+        for n in (32, 64, 128, 256):
             yield programs.tamaas(n, (force[0], force[-1]))
-    for n in (8, 12) if plastic else (8, 12, 16, 24):
-        yield programs.getfem(material, n)
+    for n in (8, 12) if plastic else (6, 8, 12, 16):
+        yield programs.getfem(material, n, 2)
+    for n in (16, 24) if plastic else (16, 24, 32):
+        yield programs.getfem(material, n, 1)
     for h in (0.14, 0.1) if plastic else (0.14, 0.1, 0.07):
         yield programs.calculix_own(material, h)
     for n in (16, 32, 64):
@@ -108,9 +112,10 @@ def number(value: float) -> str:
 
 
 def cost(points: list[Point], target: float) -> Cost | None:
-    """CPU time and memory at an error, on the line through a program's runs in logarithms; None when it falls not.
+    """CPU time and memory at an error, on the line through a program's runs in logarithms; None where it does
+    not fall, or too slowly to tell.
 
-    Between two runs the line is theirs; beyond the finest one it is the least-squares line of all runs.
+    Between two runs the line is theirs; beyond the dearest one it is that of the last two.
     """
     done = sorted((p for p in points if np.isfinite(p.error)), key=lambda p: p.run.cpu)
     if len(done) < 2:
@@ -125,11 +130,13 @@ def cost(points: list[Point], target: float) -> Cost | None:
         k = reached[0]
         part = (wanted - error[k - 1]) / (error[k] - error[k - 1])
         return Cost("", *(float(np.exp(v[k - 1] + part * (v[k] - v[k - 1]))) for v in (cpu, memory)))
-    slopes = [np.polyfit(v, error, 1)[0] for v in (cpu, memory)]
-    if max(slopes) >= 0.0:
+    gain = error[-2] - error[-1]
+    if gain <= 0.0:
         return None
-    beyond = (v[-1] + (wanted - error[-1]) / slope for v, slope in zip((cpu, memory), slopes, strict=True))
-    return Cost("≈", *(float(np.exp(v)) for v in beyond))
+    part = (error[-1] - wanted) / gain
+    if part * (cpu[-1] - cpu[-2]) > np.log(FARTHEST):
+        return None
+    return Cost("≈", *(float(np.exp(v[-1] + part * (v[-1] - v[-2]))) for v in (cpu, memory)))
 
 
 def compare(points: list[Point]) -> None:
@@ -141,9 +148,16 @@ def compare(points: list[Point]) -> None:
     for name, costs in lines.items():
         cells = []
         for own, found in zip(lines["asperity"], costs, strict=True):
-            ratio = "" if own is None or found is None else f"{found.sign}{number(found.cpu / own.cpu)}"
-            cells += ["not reached" if found is None else str(found), ratio]
+            cells += ["not reached" if found is None else str(found), ratio(found, own)]
         print(f"| {name} | " + " | ".join(cells) + " |")
+
+
+def ratio(found: Cost | None, own: Cost | None) -> str:
+    """How many times the CPU time of asperity it is; a bound where one of the two is."""
+    if found is None or own is None:
+        return ""
+    sign = found.sign or {"≤": "≥"}.get(own.sign, own.sign)
+    return f"{sign}{number(found.cpu / own.cpu)}"
 
 
 @style.styled
@@ -162,7 +176,8 @@ def figure(found: dict[str, list[Point]]) -> Any:
                     axis.axvline(p.run.cpu, color=colour, lw=0.8, ls=":")
         axis.set(title=material, xlabel="CPU time (s)", ylabel="rms error of the force (%)")
         style.grid(axis)
-        style.logarithmic(axis.yaxis)
+        for scale in (axis.xaxis, axis.yaxis):
+            scale.set_major_formatter("{x:g}")
     drawn.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3)
     return drawn
 

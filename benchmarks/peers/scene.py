@@ -53,34 +53,34 @@ def reference(material: str, folder: Path) -> tuple[Floats, float]:
     return np.array(kept["force"]), kept["bar"]
 
 
-def grid(n: int, growth: float = 1.4, largest: float = 0.125) -> tuple[Floats, npt.NDArray[np.int64]]:
-    """Structured mesh of the block as one makes it by hand: n x n columns, layers that grow with the depth.
+def grid(n: int, degree: int = 1, growth: float = 1.4, largest: float = 0.125) -> Floats:
+    """Nodes of a structured mesh of the block as one makes it by hand: n x n columns, layers that grow with the depth.
 
-    The nodes are moved vertically onto the surface, less and less towards the base.
+    They are moved vertically to put the top on the surface, less and less towards the base.
 
     Args:
         n: elements along a side; the upmost layer is as high as they are wide
+        degree: of the elements: 2 puts nodes on the middle of edges, faces and elements
         growth: of the height from layer to layer
         largest: height of a layer
 
     Returns:
-        nodes (N, 3) and hexahedra (M, 8): lower face anticlockwise from above, then the upper one
+        (degree n + 1, degree n + 1, degree layers + 1, 3)
     """
     heights = [1.0 / n]
     while sum(heights) < 1.0:
         heights.append(min(heights[-1] * growth, largest))
-    z = np.cumsum([0.0, *heights[::-1]]) / sum(heights)
-    t = np.linspace(0.0, 1.0, n + 1)
+    z = np.cumsum([0.0, *np.repeat(heights[::-1], degree)])
+    z /= z[-1]
+    t = np.linspace(0.0, 1.0, degree * n + 1)
     top = surface()
-    x, y = np.meshgrid(t, t, indexing="ij")
-    f = top.height(x, y) - top.mean()
-    points = np.stack(
-        [np.broadcast_to(a, (n + 1, n + 1, len(z))) for a in (x[..., None], y[..., None], z * (1.0 + f[..., None]))], -1
-    )
-    number = np.arange(points.size // 3).reshape(points.shape[:3])
-    corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
-    sizes = n, n, len(z) - 1
-    cells = np.stack(
-        [number[tuple(slice(k, k + s) for k, s in zip(c, sizes, strict=True))].ravel() for c in corners], axis=-1
-    )
-    return points.reshape(-1, 3), cells
+    x, y = (a[..., None] for a in np.meshgrid(t, t, indexing="ij"))
+    return np.stack(np.broadcast_arrays(x, y, z * (1.0 + top.height(x, y) - top.mean())), axis=-1)
+
+
+def bricks(nodes: Floats) -> npt.NDArray[np.int64]:
+    """Numbers of the corners of the elements of a grid: the lower face anticlockwise from above, then the upper one."""
+    number = np.arange(nodes.size // 3).reshape(nodes.shape[:3])
+    low, high = slice(None, -1), slice(1, None)
+    face = ((low, low), (high, low), (high, high), (low, high))
+    return np.stack([number[i, j, k].ravel() for k in (low, high) for i, j in face], axis=-1)

@@ -9,11 +9,18 @@ loads a plane, and the base is infinitely far for what varies along the surface.
 
 import json
 import sys
+from typing import Any
 
 import numpy as np
 import tamaas as tm
 
 LOADS = 12
+
+
+def interpolate(at: float, x: Any, y: Any) -> float:
+    """Value at a point of the cubic through the four nearest ones; x ascends."""
+    k = min(max(int(np.searchsorted(x, at)) - 2, 0), len(x) - 4)
+    return float(np.polyfit(x[k : k + 4] - at, y[k : k + 4], 3)[-1])
 
 
 def main(source: str, target: str) -> None:
@@ -32,9 +39,9 @@ def main(source: str, target: str) -> None:
         solver.solve(float(force))
         deflections.append(summit - float(np.mean(model.displacement)) + force / confined)
         print(deflections[-1], force, flush=True)
-    found = np.exp(np.interp(np.log(data["path"]), np.log(deflections), np.log(forces)))
+    found = np.array([interpolate(np.log(at), np.log(deflections), np.log(forces)) for at in data["path"]])
     with open(target, "w", encoding="ascii") as out:
-        json.dump({"force": found.tolist(), "dofs": mirrored.size}, out)
+        json.dump({"force": np.exp(found).tolist(), "dofs": mirrored.size}, out)
 
 
 if __name__ == "__main__":
