@@ -33,7 +33,8 @@ def main(source: str, target: str) -> None:
     solver = tm.PolonskyKeerRey(model, mirrored, 1e-10)
     confined = E * (1 - nu) / ((1 + nu) * (1 - 2 * nu))
     summit = float(data["summit"])
-    forces = np.geomspace(*data["forces"], LOADS)
+    least, greatest = data["forces"]
+    forces = np.geomspace(least, greatest, LOADS)
     deflections = []
     for force in forces:  # the side is 1: force and mean pressure are the same number
         solver.solve(float(force))
