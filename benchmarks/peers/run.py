@@ -74,7 +74,7 @@ def jobs(material: str, force: scene.Floats) -> Iterator[Job]:
         yield programs.getfem(material, n, 1)
     for h in (0.14, 0.1) if plastic else (0.14, 0.1, 0.07):
         yield programs.calculix_own(material, h)
-    for n in (16, 32, 64):
+    for n in (16, 24, 32, 64):
         yield programs.calculix_grid(material, n)
     if plastic:
         yield programs.calculix_grid(material, 32, 40)
