@@ -6,6 +6,7 @@ import gzip
 import json
 import os
 import resource
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -32,7 +33,8 @@ class Run:
         cpu: seconds of the process, user and system, start-up included
         memory: its greatest resident memory [bytes]
         force: after each load step done [E L^2]
-        ended: "done", "limit" (of CPU time) or "failed"
+        ended: "done", "limit" (of CPU time), or "failed" with the exit code
+        limit: CPU seconds it was allowed
     """
 
     program: str
@@ -43,6 +45,7 @@ class Run:
     memory: int
     force: list[float]
     ended: str
+    limit: float
 
 
 @dataclass(frozen=True)
@@ -69,7 +72,7 @@ class Job:
         kept = folder / "runs" / f"{name}.json"
         if kept.exists():
             earlier = Run(**json.loads(kept.read_text(encoding="utf-8")))
-            if earlier.ended != "limit" or earlier.cpu >= limit - 1.0:
+            if earlier.ended != "limit" or earlier.limit >= limit:
                 return earlier
         place = folder / "work" / name
         place.mkdir(parents=True, exist_ok=True)
@@ -78,7 +81,7 @@ class Job:
 
         def limited() -> None:
             seconds = int(np.ceil(limit))
-            resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
+            resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 10))
 
         with (place / "log").open("w", encoding="utf-8") as log:
             child = subprocess.Popen(
@@ -89,8 +92,11 @@ class Job:
             child.returncode = os.waitstatus_to_exitcode(status)
         cpu = used.ru_utime + used.ru_stime
         dofs, force = start.read()
-        ended = "done" if len(force) == scene.STEPS else "limit" if cpu >= limit - 1.0 else "failed"
-        run = Run(self.program, self.material, self.mesh, dofs, cpu, used.ru_maxrss * 1024, force, ended)
+        ended = "done"
+        if len(force) < scene.STEPS:
+            ended = "limit" if child.returncode == -signal.SIGXCPU else f"failed ({child.returncode})"
+        memory = used.ru_maxrss * 1024
+        run = Run(self.program, self.material, self.mesh, dofs, cpu, memory, force, ended, limit)
         kept.write_text(json.dumps(asdict(run), indent=1) + "\n", encoding="utf-8")
         return run
 
