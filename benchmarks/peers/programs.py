@@ -66,17 +66,22 @@ class Job:
     mesh: str
     prepare: Callable[[Path], Start]
 
+    @property
+    def _name(self) -> str:
+        return "-".join([self.program, self.material, self.mesh]).replace(" ", "_")
+
+    def kept(self, folder: Path) -> Run | None:
+        """What an earlier run left."""
+        file = folder / "runs" / f"{self._name}.json"
+        return Run(**json.loads(file.read_text(encoding="utf-8"))) if file.exists() else None
+
     def run(self, folder: Path, limit: float) -> Run:
         """Run it in a process of its own, or read what an earlier call kept."""
-        name = "-".join([self.program, self.material, self.mesh]).replace(" ", "_").replace("/", "_")
-        kept = folder / "runs" / f"{name}.json"
-        if kept.exists():
-            earlier = Run(**json.loads(kept.read_text(encoding="utf-8")))
-            if earlier.ended != "limit" or earlier.limit >= limit:
-                return earlier
-        place = folder / "work" / name
+        earlier = self.kept(folder)
+        if earlier is not None and (earlier.ended != "limit" or earlier.limit >= limit):
+            return earlier
+        place = folder / "work" / self._name
         place.mkdir(parents=True, exist_ok=True)
-        kept.parent.mkdir(parents=True, exist_ok=True)
         start = self.prepare(place)
 
         def limited() -> None:
@@ -97,7 +102,9 @@ class Job:
             ended = "limit" if child.returncode == -signal.SIGXCPU else f"failed ({child.returncode})"
         memory = used.ru_maxrss * 1024
         run = Run(self.program, self.material, self.mesh, dofs, cpu, memory, force, ended, limit)
-        kept.write_text(json.dumps(asdict(run), indent=1) + "\n", encoding="utf-8")
+        file = folder / "runs" / f"{self._name}.json"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(json.dumps(asdict(run), indent=1) + "\n", encoding="utf-8")
         return run
 
 
@@ -122,30 +129,35 @@ def _read_json(path: Path) -> Callable[[], tuple[int, list[float]]]:
     return read
 
 
-def asperity(material: str, by: str, value: float) -> Job:
+def asperity(material: str, by: str, value: float, steps: int = scene.STEPS) -> Job:
     """The default mesh of a size, or the tolerance."""
 
     def prepare(place: Path) -> Start:
         out = place / "out.json"
-        command = [sys.executable, str(HERE / "asperity_model.py"), material, by, str(value), str(out)]
+        out.unlink(missing_ok=True)
+        command = [sys.executable, str(HERE / "asperity_model.py"), material, by, str(value), str(steps), str(out)]
         return Start(command, {}, _read_json(out))
 
-    return Job("asperity" if by == "size" else "asperity, by tolerance", material, f"{by} {value:g}", prepare)
+    name = "asperity" if by == "size" else "asperity, by tolerance"
+    return Job(name, material, f"{by} {value:g}{_in_steps(steps)}", prepare)
+
+
+def _in_steps(steps: int) -> str:
+    """Addition to the name of a mesh where the load steps are not those of the scene."""
+    return "" if steps == scene.STEPS else f", {steps} steps"
 
 
 def calculix_grid(material: str, n: int, steps: int = scene.STEPS) -> Job:
     """n x n columns of bricks."""
-    note = "" if steps == scene.STEPS else f", {steps} steps"
     return _calculix(
-        "CalculiX", material, f"{n} x {n} hex{note}", lambda at: calculix.write_grid(at, material, n, steps)
+        "CalculiX", material, f"{n} x {n} hex{_in_steps(steps)}", lambda at: calculix.write_grid(at, material, n, steps)
     )
 
 
 def calculix_own(material: str, h: float, steps: int = scene.STEPS) -> Job:
     """The mesh that asperity makes for elements of size h in the contact."""
-    note = "" if steps == scene.STEPS else f", {steps} steps"
     return _calculix(
-        "CalculiX, mesh of asperity", material, f"C3D10, size {h:g}{note}",
+        "CalculiX, mesh of asperity", material, f"C3D10, size {h:g}{_in_steps(steps)}",
         lambda at: calculix.write_own(at, material, h, steps),
     )  # fmt: skip
 
