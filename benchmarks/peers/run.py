@@ -3,12 +3,11 @@
     benchmarks/peers/install                                        once: fetches the programs
     ./run python3 benchmarks/peers/run.py [-o FOLDER] [--limit CPU_SECONDS] [--kept] [elastic] [plastic]
 
-All programs press the same surface on the same block in the same ten load steps (`scene`; more
-where the table says so), on one thread, each run in a
-process of its own. Seconds are CPU seconds of that process, user and system, start-up included; what is not counted
-is the making of the meshes and decks of the others. Errors are root mean squares over the path, relative to the
-reference force, which is kept in FOLDER like each run: the command goes on where it was stopped, and runs that met a
-lower limit are repeated. Prints Markdown tables and writes peers.png to FOLDER.
+All programs press the same surface on the same block in the same ten load steps (`scene`; more where the table says
+so), on one thread, each run in a process of its own. Seconds are CPU seconds of that process, user and system, start-up
+included; what is not counted is the making of the meshes and decks of the others. Errors are root mean squares over the
+path, relative to the reference force, which is kept in FOLDER like each run: the command goes on where it was stopped,
+and runs that met a lower limit are repeated. Prints Markdown tables and writes peers.png to FOLDER.
 """
 
 from __future__ import annotations
