@@ -115,31 +115,28 @@ def number(value: float) -> str:
 
 
 def cost(points: list[Point], target: float) -> Cost | None:
-    """CPU time and memory at an error, on the line through a program's runs in logarithms; None where it does
-    not fall, or too slowly to tell.
+    """CPU time and memory from which on the error stays below a target, on the line through a program's runs.
 
-    Between two runs the line is theirs; beyond the dearest one it is that of the last two.
+    The line is straight in logarithms between two runs; a run with a small error does not count where a dearer one
+    has a larger one again: nobody knows beforehand which mesh is lucky. Beyond the dearest run the line is that of
+    the last two. None where it does not fall, or too slowly to tell.
     """
     done = sorted((p for p in points if np.isfinite(p.error)), key=lambda p: p.run.cpu)
     if len(done) < 2:
         return None
     error = np.log([p.error for p in done])
-    cpu, memory = np.log([p.run.cpu for p in done]), np.log([p.run.memory for p in done])
-    wanted = np.log(target)
-    reached = np.flatnonzero(error <= wanted)
-    if len(reached) and reached[0] == 0:
-        return Cost("≤", float(np.exp(cpu[0])), float(np.exp(memory[0])))
-    if len(reached):
-        k = reached[0]
-        part = (wanted - error[k - 1]) / (error[k] - error[k - 1])
-        return Cost("", *(float(np.exp(v[k - 1] + part * (v[k] - v[k - 1]))) for v in (cpu, memory)))
-    gain = error[-2] - error[-1]
-    if gain <= 0.0:
+    costs = np.log([(p.run.cpu, p.run.memory) for p in done])
+    over = np.flatnonzero(error > np.log(target))
+    if not len(over):
+        return Cost("≤", *np.exp(costs[0]))
+    k = min(over[-1], len(done) - 2)
+    if error[k] <= error[k + 1]:
         return None
-    part = (error[-1] - wanted) / gain
-    if part * (cpu[-1] - cpu[-2]) > np.log(FARTHEST):
+    part = (error[k] - np.log(target)) / (error[k] - error[k + 1])
+    there = costs[k] + part * (costs[k + 1] - costs[k])
+    if there[0] > costs[-1, 0] + np.log(FARTHEST):
         return None
-    return Cost("≈", *(float(np.exp(v[-1] + part * (v[-1] - v[-2]))) for v in (cpu, memory)))
+    return Cost("≈" if part > 1.0 else "", *np.exp(there))
 
 
 def compare(points: list[Point]) -> None:
