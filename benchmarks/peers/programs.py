@@ -1,0 +1,253 @@
+"""The programs: where they are, what they compute, how one run of each is started and read."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from importlib import metadata
+from pathlib import Path
+
+import calculix
+import numpy as np
+import scene
+
+HERE = Path(__file__).parent
+PEERS = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "asperity" / "peers"
+LOADER = "ld-linux-x86-64.so.2"
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a run gave.
+
+    Attributes:
+        program, material, mesh: which one
+        dofs: unknowns, boundary conditions included
+        cpu: seconds of the process, user and system, start-up included
+        memory: its greatest resident memory [bytes]
+        force: after each load step done [E L^2]
+        ended: "done", "limit" (of CPU time), or "failed" with the exit code
+        limit: CPU seconds it was allowed
+    """
+
+    program: str
+    material: str
+    mesh: str
+    dofs: int
+    cpu: float
+    memory: int
+    force: list[float]
+    ended: str
+    limit: float
+
+
+@dataclass(frozen=True)
+class Start:
+    """A prepared run: command line, environment, and how to read dofs and forces in the end."""
+
+    command: list[str]
+    environment: dict[str, str]
+    read: Callable[[], tuple[int, list[float]]]
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run to make; `prepare` writes the input to a folder, and is not part of its time."""
+
+    program: str
+    material: str
+    mesh: str
+    prepare: Callable[[Path], Start]
+
+    @property
+    def _name(self) -> str:
+        return "-".join([self.program, self.material, self.mesh]).replace(" ", "_")
+
+    def kept(self, folder: Path) -> Run | None:
+        """What an earlier run left."""
+        file = folder / "runs" / f"{self._name}.json"
+        return Run(**json.loads(file.read_text(encoding="utf-8"))) if file.exists() else None
+
+    def run(self, folder: Path, limit: float) -> Run:
+        """Run it in a process of its own, or read what an earlier call kept."""
+        earlier = self.kept(folder)
+        if earlier is not None and (earlier.ended != "limit" or earlier.limit >= limit):
+            return earlier
+        place = folder / "work" / self._name
+        place.mkdir(parents=True, exist_ok=True)
+        start = self.prepare(place)
+
+        def limited() -> None:
+            seconds = int(np.ceil(limit))
+            resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 10))
+
+        with (place / "log").open("w", encoding="utf-8") as log:
+            child = subprocess.Popen(
+                start.command, cwd=place, env=os.environ | {"OMP_NUM_THREADS": "1"} | start.environment,
+                stdout=log, stderr=log, preexec_fn=limited,
+            )  # fmt: skip
+            _, status, used = os.wait4(child.pid, 0)
+            child.returncode = os.waitstatus_to_exitcode(status)
+        cpu = used.ru_utime + used.ru_stime
+        dofs, force = start.read()
+        ended = "done"
+        if len(force) < scene.STEPS:
+            ended = "limit" if child.returncode == -signal.SIGXCPU else f"failed ({child.returncode})"
+        memory = used.ru_maxrss * 1024
+        run = Run(self.program, self.material, self.mesh, dofs, cpu, memory, force, ended, limit)
+        file = folder / "runs" / f"{self._name}.json"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(json.dumps(asdict(run), indent=1) + "\n", encoding="utf-8")
+        return run
+
+
+def _inside(suite: str, program: str) -> tuple[list[str], dict[str, str]]:
+    """Command and environment of a program of an unpacked Debian, run by that one's own loader and libraries."""
+    root = PEERS / suite
+    places = [root / "usr/lib/x86_64-linux-gnu", root / "lib/x86_64-linux-gnu"]
+    # the links in lib64 are absolute, and lead to the loader of the surrounding system
+    loader = next((p / LOADER for p in places if (p / LOADER).exists()), Path(LOADER))
+    paths = [places[0] / "openblas-pthread", *places]
+    command = [str(loader), "--library-path", ":".join(map(str, paths)), str(root / program)]
+    return command, {"PYTHONHOME": str(root / "usr"), "PYTHONPATH": str(PEERS / "pypi")}
+
+
+def _read_json(path: Path) -> Callable[[], tuple[int, list[float]]]:
+    def read() -> tuple[int, list[float]]:
+        if not path.exists():
+            return 0, []
+        found = json.loads(path.read_text(encoding="ascii"))
+        return found["dofs"], found["force"]
+
+    return read
+
+
+def asperity(material: str, by: str, value: float, steps: int = scene.STEPS) -> Job:
+    """The default mesh of a size, or the tolerance."""
+
+    def prepare(place: Path) -> Start:
+        out = place / "out.json"
+        out.unlink(missing_ok=True)
+        command = [sys.executable, str(HERE / "asperity_model.py"), material, by, str(value), str(steps), str(out)]
+        return Start(command, {}, _read_json(out))
+
+    name = "asperity" if by == "size" else "asperity, by tolerance"
+    return Job(name, material, f"{by} {value:g}{_in_steps(steps)}", prepare)
+
+
+def _in_steps(steps: int) -> str:
+    """Addition to the name of a mesh where the load steps are not those of the scene."""
+    return "" if steps == scene.STEPS else f", {steps} steps"
+
+
+def calculix_grid(material: str, n: int, steps: int = scene.STEPS) -> Job:
+    """n x n columns of bricks."""
+    return _calculix(
+        "CalculiX", material, f"{n} x {n} hex{_in_steps(steps)}", lambda at: calculix.write_grid(at, material, n, steps)
+    )
+
+
+def calculix_own(material: str, h: float, steps: int = scene.STEPS) -> Job:
+    """The mesh that asperity makes for elements of size h in the contact."""
+    return _calculix(
+        "CalculiX, mesh of asperity", material, f"C3D10, size {h:g}{_in_steps(steps)}",
+        lambda at: calculix.write_own(at, material, h, steps),
+    )  # fmt: skip
+
+
+def _calculix(program: str, material: str, mesh: str, write: Callable[[Path], int]) -> Job:
+    def prepare(place: Path) -> Start:
+        dofs = write(place / "model.inp")
+        (place / "model.dat").unlink(missing_ok=True)
+        command, environment = _inside("bookworm", "usr/bin/ccx")
+        return Start([*command, "model"], environment, lambda: (dofs, calculix.read(place / "model.dat")))
+
+    return Job(program, material, mesh, prepare)
+
+
+def getfem(material: str, n: int, degree: int) -> Job:
+    """n x n columns of isoparametric bricks of first or second degree."""
+
+    def prepare(place: Path) -> Start:
+        np.savez(
+            place / "mesh.npz",
+            grid=scene.grid(n, degree),
+            degree=degree,
+            plastic=material == "plastic",
+            E=scene.E,
+            nu=scene.NU,
+            sigma_y=scene.YIELD,
+            hardening=scene.HARDENING,
+            path=scene.AT,
+        )
+        command, environment = _inside("trixie", "usr/bin/python3.13")
+        out = place / "out.json"
+        out.unlink(missing_ok=True)
+        return Start(
+            [*command, str(HERE / "getfem_model.py"), "mesh.npz", "out.json"],
+            {"PYTHONHOME": environment["PYTHONHOME"]},
+            _read_json(out),
+        )
+
+    return Job(f"GetFEM, Q{degree}", material, f"{n} x {n} hex", prepare)
+
+
+def tamaas(n: int, exact: tuple[float, float]) -> Job:
+    """n x n points, mirrored to 2 n x 2 n; forces are sought between half the least and twice the greatest one."""
+
+    def prepare(place: Path) -> Start:
+        top = scene.surface()
+        t = (np.arange(n) + 0.5) / n
+        heights = top.height(*np.meshgrid(t, t, indexing="ij")) - top.mean()
+        np.savez(
+            place / "mesh.npz", heights=heights, summit=top.maximum()[2] - top.mean(), E=scene.E, nu=scene.NU,
+            path=scene.AT, forces=[0.5 * exact[0], 2.0 * exact[1]],
+        )  # fmt: skip
+        command, environment = _inside("bookworm", "usr/bin/python3.11")
+        out = place / "out.json"
+        return Start([*command, str(HERE / "tamaas_model.py"), "mesh.npz", "out.json"], environment, _read_json(out))
+
+    return Job("Tamaas (half-space)", "elastic", f"{n} x {n} points", prepare)
+
+
+def missing() -> dict[str, str]:
+    """What cannot be run here, and why; by the beginning of the program's name."""
+    needs = {
+        "CalculiX": PEERS / "bookworm/usr/bin/ccx",
+        "GetFEM": PEERS / "trixie/usr/lib/python3/dist-packages/getfem",
+        "Tamaas": PEERS / "pypi/tamaas",
+    }
+    return {
+        name: f"{path} is missing: benchmarks/peers/install fetches it"
+        for name, path in needs.items()
+        if not path.exists()
+    }
+
+
+def versions() -> dict[str, str]:
+    """Version of each program that is here, as packaged."""
+    out = {"asperity": metadata.version("asperity")}
+    for name, document in (
+        ("CalculiX", "bookworm/usr/share/doc/calculix-ccx"),
+        ("GetFEM", "trixie/usr/share/doc/libgetfem5t64"),
+    ):
+        log = PEERS / document / "changelog.Debian.gz"
+        if log.exists():
+            with gzip.open(log, "rt", encoding="utf-8") as lines:
+                out[name] = lines.readline().partition("(")[2].partition(")")[0]
+    for wheel in PEERS.glob("pypi/tamaas-*.dist-info"):
+        out["Tamaas"] = wheel.stem.partition("-")[2]
+    return out
+
+
+def cpu_name() -> str:
+    """Name of the processor."""
+    text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
+    return text.partition("model name")[2].partition(":")[2].partition("\n")[0].strip()

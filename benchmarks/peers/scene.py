@@ -1,0 +1,86 @@
+"""The scene all programs compute, and what its force is.
+
+The surface of cases/demo.toml stands on a block of side and height 1 (E = 1 in the unit of stress of each program),
+base clamped, sides on rollers, and is pressed by a rigid frictionless flat from first touch to 0.03 L in ten steps, in
+small strains.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+import asperity as asp
+from asperity.accuracy import Goal, loading_force, solve_to_tolerance
+from asperity.surface import Surface
+
+Floats = npt.NDArray[np.float64]
+
+DELTA, STEPS = 0.03, 10
+AT = DELTA * np.arange(1, STEPS + 1) / STEPS  # deflections compared [L]
+E, NU, YIELD, TANGENT = 1.0, 0.3, 0.005, 0.05  # of cases/demo.toml over its E = 200 GPa
+HARDENING = E * TANGENT / (E - TANGENT)  # of the yield strength with the plastic strain
+MATERIALS = {"elastic": asp.Material(E, NU), "plastic": asp.Material(E, NU, YIELD, TANGENT)}
+TOLERANCE = {"elastic": 0.004, "plastic": 0.01}  # of the reference: greatest error bar
+
+
+def surface() -> Surface:
+    """The fractal surface with side 1."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return Surface.from_spec(kind="weierstrass-mandelbrot", L=1.0, D=2.4, G=1.36e-5)
+
+
+def reference(material: str, folder: Path) -> tuple[Floats, float]:
+    """Force at the deflections AT [E L^2] and the greatest relative error bar, kept in a file of the folder."""
+    file = folder / f"reference-{material}.json"
+    if not file.exists():
+        goal = Goal(TOLERANCE[material])
+        found = solve_to_tolerance(surface(), MATERIALS[material], goal, delta_max=DELTA, steps=STEPS)
+        modulus = MATERIALS[material].reduced_modulus
+        kept = {
+            "force": (loading_force(found.curve, AT) * modulus).tolist(),
+            "bar": found.worst,
+            "dofs": [level.dofs for level in found.levels],
+            "steps": found.levels[-1].steps,
+        }
+        file.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    kept = json.loads(file.read_text(encoding="utf-8"))
+    return np.array(kept["force"]), kept["bar"]
+
+
+def grid(n: int, degree: int = 1, growth: float = 1.4, largest: float = 0.125) -> Floats:
+    """Nodes of a structured mesh of the block as one makes it by hand: n x n columns, layers that grow with the depth.
+
+    They are moved vertically to put the top on the surface, less and less towards the base.
+
+    Args:
+        n: elements along a side; the upmost layer is as high as they are wide
+        degree: of the elements: 2 puts nodes on the middle of edges, faces and elements
+        growth: of the height from layer to layer
+        largest: height of a layer
+
+    Returns:
+        (degree n + 1, degree n + 1, degree layers + 1, 3)
+    """
+    heights = [1.0 / n]
+    while sum(heights) < 1.0:
+        heights.append(min(heights[-1] * growth, largest))
+    z = np.cumsum([0.0, *np.repeat(heights[::-1], degree)])
+    z /= z[-1]
+    t = np.linspace(0.0, 1.0, degree * n + 1)
+    top = surface()
+    x, y = (a[..., None] for a in np.meshgrid(t, t, indexing="ij"))
+    return np.stack(np.broadcast_arrays(x, y, z * (1.0 + top.height(x, y) - top.mean())), axis=-1)
+
+
+def bricks(nodes: Floats) -> npt.NDArray[np.int64]:
+    """Numbers of the corners of the elements of a grid: the lower face anticlockwise from above, then the upper one."""
+    number = np.arange(nodes.size // 3).reshape(nodes.shape[:3])
+    low, high = slice(None, -1), slice(1, None)
+    face = ((low, low), (high, low), (high, high), (low, high))
+    return np.stack([number[i, j, k].ravel() for k in (low, high) for i, j in face], axis=-1)

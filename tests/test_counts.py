@@ -1,0 +1,126 @@
+"""Counts of work on small fixed scenes against stored ones: a slow-down shows without a clock.
+
+    ./run python3 tests/test_counts.py      computes the counts again and stores them in tests/counts.json
+
+Three scenes are on the stored mesh, where the counts vary with round-off only; that of the fourth is made by gmsh,
+whose versions differ a little. Store the counts again after a change that is meant to alter them, and say why.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import asperity.bulk
+from asperity import Material, MeshSize, SolverOptions, Surface, solve_contact
+from asperity.mesh import BlockMesh
+from asperity.statics import ContactResult
+
+STORED = Path(__file__).parent / "counts.json"
+MESH = Path(__file__).parent.parent / "meshes" / "fractal.npz"
+ALLOWANCE = 0.1  # more than the stored count, relative; the mesh of another gmsh has a few per cent more cells
+SPARE = 2  # and absolute, for small counts
+
+L = 1e-6
+ELASTIC, STEEL = Material(200e9, 0.3), Material(200e9, 0.3, 1e9, 10e9)
+ITERATIVE = SolverOptions(linear="cg")  # the size of the scenes would choose a factorisation
+SCENES: dict[str, tuple[Material, dict[str, Any]]] = {
+    "elastic": (ELASTIC, dict(delta_max=0.03 * L, steps=6, options=ITERATIVE)),
+    "plastic": (STEEL, dict(delta_max=0.03 * L, steps=6, options=ITERATIVE)),
+    "unloading": (STEEL, dict(delta_max=0.02 * L, steps=2, unload_steps=4, options=ITERATIVE)),
+    "meshed": (ELASTIC, dict(delta_max=0.03 * L, steps=3, size=MeshSize(0.12 * L))),
+}
+
+
+class Kernels:
+    """Stands in for the compiled kernels and counts their calls and the cells they linearise again."""
+
+    def __init__(self, kernels: Any) -> None:
+        self._kernels, self.calls = kernels, Counter[str]()
+
+    def __getattr__(self, name: str) -> Callable[..., Any]:
+        kernel = getattr(self._kernels, name)
+
+        def counted(*arguments: Any) -> Any:
+            self.calls[f"calls of {name}"] += 1
+            if name == "stiffness_plastic":
+                self.calls["cells linearised again"] += int(arguments[4].sum())
+            return kernel(*arguments)
+
+        return counted if name[0].islower() else kernel  # classes are capitalised
+
+
+def work(result: ContactResult, kernels: Kernels) -> dict[str, int]:
+    """What a run took, by name."""
+    counts, calls = result.counts, result.phases.calls
+    return {
+        "dofs": result.dofs,
+        "cells": result.cells,
+        "load steps": counts.steps,
+        "Newton iterations": counts.newton,
+        "shortened Newton steps": counts.shortened,
+        "Krylov iterations": counts.krylov,
+        "factorisations for rescue": counts.direct,
+        "cutbacks": counts.cutbacks,
+        "residuals": calls["residual"],
+        "tangents": calls["tangent"],
+        "preconditioners": calls["preconditioner"],
+        **kernels.calls,
+    }
+
+
+def measure(name: str, patch: pytest.MonkeyPatch) -> dict[str, int]:
+    """Counts of a scene."""
+    material, settings = SCENES[name]
+    kernels = Kernels(asperity.bulk._solver)
+    patch.setattr(asperity.bulk, "_solver", kernels)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        surface = Surface.from_spec(kind="weierstrass-mandelbrot", L=L, D=2.4, G=1.36e-11)
+    block = None if "size" in settings else BlockMesh.read(MESH)
+    return work(solve_contact(surface, material, block=block, **settings), kernels)
+
+
+def excess(name: str, found: dict[str, int], stored: dict[str, int]) -> list[str]:
+    """A sentence for each count that is above the stored one by more than the allowance."""
+    return [
+        f"{count} of the {name} scene went up from {stored.get(count, 0)} to {value}, more than {ALLOWANCE:.0%} and "
+        f"{SPARE}: mend it, or if it is meant, store it with ./run python3 tests/test_counts.py"
+        for count, value in found.items()
+        if value > stored.get(count, 0) * (1.0 + ALLOWANCE) + SPARE
+    ]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_no_count_has_gone_up(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = measure(name, monkeypatch)
+    assert excess(name, found, json.loads(STORED.read_text(encoding="utf-8"))[name]) == []
+
+
+def test_a_sentence_names_the_count() -> None:
+    stored = {"Newton iterations": 100, "cutbacks": 0}
+    assert excess("plastic", stored | {"Newton iterations": 112}, stored) == []
+    (sentence,) = excess("plastic", stored | {"Newton iterations": 113, "cutbacks": 2}, stored)
+    assert sentence.startswith("Newton iterations of the plastic scene went up from 100 to 113")
+    (sentence,) = excess("plastic", stored | {"calls of stress": 3}, stored)
+    assert sentence.startswith("calls of stress of the plastic scene went up from 0 to 3")
+
+
+def store() -> None:
+    """Compute all counts and write the file."""
+    found = {}
+    for name in SCENES:
+        with pytest.MonkeyPatch.context() as patch:
+            found[name] = measure(name, patch)
+    STORED.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
+    print(STORED.read_text(encoding="utf-8"))
+
+
+if __name__ == "__main__":
+    store()
