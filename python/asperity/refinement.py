@@ -17,14 +17,14 @@ Floats = npt.NDArray[np.float64]
 
 MESH_ORDERS = (1.3, 3.5)  # range of the order of the force in the element size, measured by benchmarks/accuracy.py
 MESH_ORDER = 2.0  # typical one, to plan with
-SAFETY = 1.1  # on half the range of limits
-GUIDE_SAFETY = 1.65  # where the coarser mesh is the guiding one, on which small spots hardly have an element
+SAFETY = 1.3  # on half the range of limits
+GUIDE_SAFETY = 2.0  # where the coarser mesh is the guiding one, on which small spots hardly have an element
 GUIDE = 0.1  # size of the guiding mesh [L]
 FIRST = 0.5**0.5  # of the next one, over that of the guide
 SMALLEST_RATIO, LARGEST_RATIO = 1.6, 4.0  # of two sizes; below, scatter from mesh to mesh hides the order
 LEAST_STEP = 1.2  # from one size to the next
 FIRST_STEP = 2.25  # greatest one after the second mesh, for the guide only tells roughly how large errors are
-MARGIN = 0.9  # part of the tolerance that is planned for
+MARGIN = 0.8  # part of the tolerance that is planned for
 DOFS_ORDER = 2.0  # dofs grow as h^-DOFS_ORDER: refinement is nearly confined to the contact
 GROWTH = 0.25, 0.04  # growth of the element size around the contact, and the size in it that this belongs to [L]
 
