@@ -139,22 +139,14 @@ class PMultigrid:
         least = -solid.comm.allreduce(float(np.max(-diagonal, initial=-np.inf)), op=MPI.MAX)
         if not least > 0.0:
             return False
-        fine, coarse = self._mask
+        fine = self._mask[0]
         fine.set(1.0)
         fine.array[eliminated] = 0.0
-        kept = solid.with_ghosts(fine.array_r)
-        corners = np.ascontiguousarray(kept[self._corners])
-        coarse.array = corners.ravel()[: coarse.getLocalSize()]
-        graph, matrix = solid.graph, self._coarse
-        _solver.galerkin(
-            graph.indptr, graph.indices, solid.values, kept, self._parents,
-            matrix.graph.indptr, matrix.graph.indices, corners, matrix.values,
-        )  # fmt: skip
-        matrix.values[self._diagonal[np.flatnonzero(coarse.array_r == 0.0)]] = 1.0
-        matrix.assemble()
-        self._ksp.setOperators(matrix.A)
+        self._kept = solid.with_ghosts(fine.array_r)
+        self._galerkin()
+        self._ksp.setOperators(self._coarse.A)
         self._ksp.setUp()
-        _solver.upper_half(graph.indptr, graph.indices, solid.values, self._blocks)
+        _solver.upper_half(solid.graph.indptr, solid.graph.indices, solid.values, self._blocks)
         self._inverse = (1.0 / diagonal).astype(np.float32)
         self._free = fine.array_r.astype(np.float32)
         self._scaling = self._free * self._inverse
@@ -163,6 +155,18 @@ class PMultigrid:
         else:
             self.estimate()
         return True
+
+    def _galerkin(self) -> None:
+        """Coarse matrix of the free dofs, with a unit row for each held corner; collective."""
+        fine, coarse, held = self._solid.graph, self._coarse, self._mask[1]
+        corners = np.ascontiguousarray(self._kept[self._corners])
+        held.array = corners.ravel()[: held.getLocalSize()]
+        _solver.galerkin(
+            fine.indptr, fine.indices, self._solid.values, self._kept, self._parents,
+            coarse.graph.indptr, coarse.graph.indices, corners, coarse.values,
+        )  # fmt: skip
+        coarse.values[self._diagonal[np.flatnonzero(held.array_r == 0.0)]] = 1.0
+        coarse.assemble()
 
     def forget(self) -> None:
         """Let the next `update` estimate the greatest eigenvalue from anew."""
