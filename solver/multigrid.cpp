@@ -80,23 +80,27 @@ void galerkin(Graph indptr, Graph indices, Array1<const double> values, Array2<c
       double* out = coarse.data() + 9 * static_cast<std::ptrdiff_t>(start);
       for (int k = start; k < end; ++k)
         place[coarse_indices.data()[k]] = k - start;
+      const double* above = coarse_kept.data() + 3 * static_cast<std::ptrdiff_t>(up[p]);
+      double left[3];
+      for (int i = 0; i < 3; ++i)
+        left[i] = mine[i] * above[i] / count;
       for (int k = 0; k < width; ++k)
       {
         const std::ptrdiff_t other = indices.data()[first + k];
         const double* theirs = kept.data() + 3 * other;
         const int* across = parents.data() + 2 * other;
         const int counted = across[0] == across[1] ? 1 : 2;
-        double block[9];
-        for (int i = 0; i < 3; ++i)
-          for (int j = 0; j < 3; ++j)
-            block[3 * i + j] = mine[i] * theirs[j] * rows[3 * (i * width + k) + j] / (count * counted);
-        const double* left = coarse_kept.data() + 3 * static_cast<std::ptrdiff_t>(up[p]);
+        const double share = 1.0 / counted;
         for (int q = 0; q < counted; ++q)
         {
-          const double* right = coarse_kept.data() + 3 * static_cast<std::ptrdiff_t>(across[q]);
-          for (int i = 0; i < 3; ++i)
+          const double* beyond = coarse_kept.data() + 3 * static_cast<std::ptrdiff_t>(across[q]);
+          const double right[3] = {share * theirs[0] * beyond[0], share * theirs[1] * beyond[1],
+                                   share * theirs[2] * beyond[2]};
+          double* to = out + 3 * place[across[q]];
+          const double* from = rows + 3 * k;
+          for (int i = 0; i < 3; ++i, to += 3 * size, from += 3 * width)
             for (int j = 0; j < 3; ++j)
-              out[3 * (i * size + place[across[q]]) + j] += left[i] * block[3 * i + j] * right[j];
+              to[j] += left[i] * from[j] * right[j];
         }
       }
     }
