@@ -75,6 +75,11 @@ def work(result: ContactResult, kernels: Kernels) -> dict[str, int]:
     }
 
 
+def fractal() -> Surface:
+    """The surface of the demo, for which the stored mesh is made."""
+    return Surface.from_spec(kind="weierstrass-mandelbrot", L=L, D=2.4, G=1.36e-11)
+
+
 def measure(name: str, patch: pytest.MonkeyPatch) -> dict[str, int]:
     """Counts of a scene."""
     material, settings = SCENES[name]
@@ -82,7 +87,7 @@ def measure(name: str, patch: pytest.MonkeyPatch) -> dict[str, int]:
     patch.setattr(asperity.bulk, "_solver", kernels)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        surface = Surface.from_spec(kind="weierstrass-mandelbrot", L=L, D=2.4, G=1.36e-11)
+        surface = fractal()
     block = None if "size" in settings else BlockMesh.read(MESH)
     return work(solve_contact(surface, material, block=block, **settings), kernels)
 
@@ -110,6 +115,19 @@ def test_a_sentence_names_the_count() -> None:
     assert sentence.startswith("Newton iterations of the plastic scene went up from 100 to 113")
     (sentence,) = excess("plastic", stored | {"calls of stress": 3}, stored)
     assert sentence.startswith("calls of stress of the plastic scene went up from 0 to 3")
+
+
+def test_nothing_is_compiled_at_run_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From surface to curve no form is handed to a compiler, which nodes of a cluster may not have."""
+    import dolfinx.jit
+
+    def refuse(*arguments: Any, **options: Any) -> None:
+        raise AssertionError("a form was compiled at run time")
+
+    monkeypatch.setattr(dolfinx.jit, "ffcx_jit", refuse)
+    for material in (ELASTIC, STEEL):
+        result = solve_contact(fractal(), material, delta_max=0.01 * L, steps=1, block=BlockMesh.read(MESH))
+        assert result.complete
 
 
 def store() -> None:
