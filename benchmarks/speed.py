@@ -1,6 +1,7 @@
 """Where the time of a run goes, how it grows with size, and what a second rank brings.
 
     ./run python3 benchmarks/speed.py profile [H ...]      phases of elastic-plastic runs, one process
+    ./run python3 benchmarks/speed.py step [H ...]         a single load step of large problems: growth and memory
     ./run python3 benchmarks/speed.py scaling [H ...]      the same run on one rank and on two (starts mpirun)
     ./run mpirun -n 2 python3 benchmarks/speed.py one H    one run
 
@@ -23,11 +24,15 @@ import asperity as asp
 L = 1e-6
 STEEL = asp.Material(200e9, 0.3, 1e9, 10e9)
 DELTA, STEPS = 0.02, 4
-SIZES = {"profile": (0.08, 0.04, 0.024, 0.0155, 0.0095), "scaling": (0.04, 0.024)}
+SIZES = {
+    "step": (0.03, 0.0125, 0.0066, 0.0053),
+    "profile": (0.08, 0.04, 0.024, 0.0155, 0.0095),
+    "scaling": (0.04, 0.024),
+}
 PHASES = ("residual", "tangent", "elimination", "preconditioner", "linear solve")
 
 
-def one(h: float) -> dict[str, Any]:
+def one(h: float, **path: Any) -> dict[str, Any]:
     """Facts of one run; collective."""
     from mpi4py import MPI
 
@@ -35,7 +40,7 @@ def one(h: float) -> dict[str, Any]:
     warnings.simplefilter("ignore")
     surface = asp.Surface.from_spec(kind="weierstrass-mandelbrot", L=L, D=2.4, G=1.36e-11)
     cpu, wall = process_time(), perf_counter()
-    result = asp.solve_contact(surface, STEEL, delta_max=DELTA * L, steps=STEPS, size=asp.MeshSize(h * L))
+    result = asp.solve_contact(surface, STEEL, delta_max=DELTA * L, size=asp.MeshSize(h * L), **{"steps": STEPS} | path)
     owned = result.press.top.owned_nodes
     spread = comm.gather((len(result.press.solid.cell_nodes), len(owned)))
     memory = comm.allreduce(result.memory) if comm.size > 1 else result.memory
@@ -78,15 +83,29 @@ def profile(sizes: tuple[float, ...]) -> None:
              round(facts["memory"] / facts["dofs"])))  # fmt: skip
 
 
+def step(sizes: tuple[float, ...]) -> None:
+    """One step of backward Euler to the whole depth: what does not depend on the path."""
+    row(("dofs", "Newton", "Krylov", "CPU s", "order", "CPU s a Newton iteration", "order", "GiB"))
+    row(["---"] * 8)
+    before: list[tuple[int, float]] = []
+    for h in sizes:
+        facts = run_apart(h, 1, "single")
+        now = [(facts["dofs"], facts["cpu"]), (facts["dofs"], facts["cpu"] / facts["newton"])]
+        orders = [f"{_slope(a, b):.2f}" for a, b in zip(before, now, strict=True)] if before else ["", ""]
+        row((facts["dofs"], facts["newton"], facts["krylov"], now[0][1], orders[0], now[1][1], orders[1],
+             facts["memory"] / 2**30))  # fmt: skip
+        before = now
+
+
 def _slope(a: tuple[int, float], b: tuple[int, float]) -> float:
     from math import log
 
     return log(b[1] / a[1]) / log(b[0] / a[0])
 
 
-def run_apart(h: float, ranks: int) -> dict[str, Any]:
+def run_apart(h: float, ranks: int, job: str = "one") -> dict[str, Any]:
     """A run in processes of its own, so that its memory is its own."""
-    command = [sys.executable, __file__, "one", str(h)]
+    command = [sys.executable, __file__, job, str(h)]
     if ranks > 1:
         command = ["mpirun", "-n", str(ranks), *command]
     out = subprocess.run(command, check=True, capture_output=True, text=True).stdout
@@ -112,11 +131,11 @@ def scaling(sizes: tuple[float, ...]) -> None:
 
 if __name__ == "__main__":
     job, *numbers = sys.argv[1:] or ["profile"]
-    if job == "one":
-        facts = one(float(numbers[0]))
+    if job in ("one", "single"):
+        facts = one(float(numbers[0]), **({"steps": 1, "integrator": "backward-euler"} if job == "single" else {}))
         from mpi4py import MPI
 
         if MPI.COMM_WORLD.rank == 0:
             print(json.dumps(facts))
     else:
-        {"profile": profile, "scaling": scaling}[job](tuple(map(float, numbers)) or SIZES[job])
+        {"profile": profile, "step": step, "scaling": scaling}[job](tuple(map(float, numbers)) or SIZES[job])

@@ -203,11 +203,12 @@ def solve_to_tolerance(
     while True:
         result = run(plan.size, steps, reach)
         sizes.append(plan.size)
-        curve, budget = _correct(result, curves[plan.coarse], sizes[plan.coarse] / plan.size, plan.coarse, path)
+        judged = _judged(result.curve, steps_asked)
+        ratio = sizes[plan.coarse] / plan.size
+        curve, budget = _correct(result, curves[plan.coarse], ratio, safety_of(plan.coarse), judged, path)
         worst = worst_error(curve, steps_asked)
         if worst <= goal.tolerance:
             return AccurateResult(curve, result.curve, budget, tuple(run.levels), result, worst, True, "done")
-        judged = _judged(curve, steps_asked)
         mesh, rest = ((bar / curve.P_star)[judged] for bar in (budget.mesh, budget.total - budget.mesh))
         left = np.maximum(goal.tolerance - rest, 0.1 * goal.tolerance)  # for the mesh, when the load steps have theirs
         plan = plan_next(sizes, plan.coarse, float(np.max(mesh / left)), 1.0)
@@ -356,7 +357,12 @@ def _choose_steps(run: _Runner, curve: Curve, steps: int, wanted: float) -> tupl
 
 
 def _correct(
-    result: ContactResult, coarse: Curve, ratio: float, place: int, path: _PathError | None
+    result: ContactResult,
+    coarse: Curve,
+    ratio: float,
+    safety: float,
+    judged: npt.NDArray[np.bool_],
+    path: _PathError | None,
 ) -> tuple[Curve, Budget]:
     """Extrapolated curve of the finest level with its error bars.
 
@@ -367,16 +373,18 @@ def _correct(
         result: of the finest level
         coarse: curve of the level to extrapolate from
         ratio: of its element size to that of the finest
-        place: of it among the levels
+        safety: factor of the bar of the mesh
+        judged: rows whose bars are; those before have larger ones that say nothing about their neighbours
         path: error of the load steps
     """
     curve = result.curve
     loading = curve.branch == "load"
     at = curve.delta_star[loading]
     raw = curve.P_star[loading]
-    _, mesh, spread = extrapolate_mesh(loading_force(coarse, at), raw, ratio, safety_of(place))
+    _, mesh, spread = extrapolate_mesh(loading_force(coarse, at), raw, ratio, safety)
     correction = mesh / raw
     mesh_bar = steady(spread / raw)
+    mesh_bar[judged[loading]] = steady((spread / raw)[judged[loading]])
     path_bar = np.zeros(len(raw))
     if path is not None:
         correction = correction + np.interp(at, path.delta_star, path.correction)

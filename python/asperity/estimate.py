@@ -48,8 +48,8 @@ class Rates:
     per_dof: float
 
 
-ELASTIC = Rates(3.7e-5, 3.0e-5, 1.07, 239e6, 2.53e3)
-PLASTIC = Rates(4.6e-5, 3.6e-5, 1.25, 235e6, 3.45e3)
+ELASTIC = Rates(4.9e-5, 1.7e-5, 1.07, 230e6, 2.81e3)
+PLASTIC = Rates(4.4e-5, 1.9e-5, 1.28, 229e6, 3.60e3)
 
 
 @dataclass(frozen=True)
