@@ -16,10 +16,12 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from newton import step_length, without
 
-from asperity.linear import GAMG, set_defaults
 from asperity.material import Material, return_map_ufl
 from asperity.mesh import SizeField
+from asperity.node_matrix import set_rigid_modes
+from asperity.petsc_options import GAMG, set_defaults
 from asperity.surface import Surface
 
 Floats = npt.NDArray[np.float64]
@@ -120,8 +122,7 @@ class Hexahedra:
         self.A.setOption(self.A.Option.SPD, True)
         self._assemble()
         self._elastic = self.A.copy()
-        self._modes = rigid_modes(points)
-        self._solver()
+        self._solver(points)
 
     def _yielding(self, mesh: Any, degree: int, strain: Any, material: Material) -> Any:
         """Stress by the return map, and what its history needs."""
@@ -146,7 +147,7 @@ class Hexahedra:
             petsc.assemble_matrix(self.A, part)
         self.A.assemble()
 
-    def _solver(self) -> None:
+    def _solver(self, points: Floats) -> None:
         from petsc4py import PETSc
 
         self.ksp = PETSc.KSP().create(PETSc.COMM_SELF)
@@ -161,7 +162,7 @@ class Hexahedra:
             self.ksp.setType("cg")
             self.ksp.setNormType(PETSc.KSP.NormType.NATURAL)
             pc.setType("gamg")
-            self.A.setNearNullSpace(PETSc.NullSpace().create(vectors=self._modes))
+            set_rigid_modes(self.A, points)
         self.ksp.setTolerances(rtol=KRYLOV_RTOL, max_it=500)
         self.ksp.setOperators(self.A)
         self.ksp.setFromOptions()
@@ -220,31 +221,16 @@ class Hexahedra:
         return force, lacking[active], rows[active]
 
     def _free(self, force: Floats, rows: npt.NDArray[np.int64]) -> Floats:
-        out = force.copy()
-        out[rows] = 0.0
-        out[self.fixed] = 0.0
-        return out
+        return without(force, rows, self.fixed)
 
     def _length(self, y: Floats, residual: Floats, rows: npt.NDArray[np.int64], z: float) -> float:
-        """Part of a Newton step after which the energy does not rise steeply along it."""
-        step, start, length = self._free(y, rows), self.u.x.array.copy(), 1.0
-        first = -float(step @ residual)
-        while first < 0.0 and length > 0.1:
+        step, start = self._free(y, rows), self.u.x.array.copy()
+
+        def slope(length: float) -> float:
             self.u.x.array[:] = start - length * y
             force, _, now = self._contact(z)
-            if -float(step @ self._free(force, now)) < -0.5 * first:
-                break
-            length *= 0.6
+            return -float(step @ self._free(force, now))
+
+        length = step_length(-float(step @ residual), slope)
         self.u.x.array[:] = start
         return length
-
-
-def rigid_modes(points: Floats) -> list[Any]:
-    """Orthonormal rigid motions of the nodes as PETSc vectors."""
-    from petsc4py import PETSc
-
-    x, y, z = (points - points.mean(axis=0)).T
-    o, i = np.zeros_like(x), np.ones_like(x)
-    modes = ((i, o, o), (o, i, o), (o, o, i), (-y, x, o), (z, o, -x), (o, -z, y))
-    q, _ = np.linalg.qr(np.stack([np.stack(mode, axis=1).ravel() for mode in modes], axis=1))
-    return [PETSc.Vec().createWithArray(np.ascontiguousarray(column), comm=PETSc.COMM_SELF) for column in q.T]

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from newton import step_length, without
 
 from asperity.material import Material, return_map_ufl
 from asperity.validation.flattening import HERTZ, NU, ONSET, E, Y
@@ -134,23 +135,17 @@ class Hemisphere:
         return force, lacking[active], 2 * self._top[active] + 1
 
     def _free(self, force: Floats, rows: npt.NDArray[np.int64]) -> Floats:
-        out = force.copy()
-        out[rows] = 0.0
-        out[self._fixed] = 0.0
-        return out
+        return without(force, rows, self._fixed)
 
     def _length(self, y: Floats, residual: Floats, rows: npt.NDArray[np.int64], deflection: float) -> float:
-        """Part of a Newton step that does not overshoot, by halving; the slope of the energy along it may not turn."""
-        free = self._free(np.ones_like(y), rows)
-        first = -float((y * free) @ residual)
-        start, length = self.u.x.array.copy(), 1.0
-        while first < 0.0 and length > 0.1:
+        step, start = self._free(y, rows), self.u.x.array.copy()
+
+        def slope(length: float) -> float:
             self.u.x.array[:] = start - length * y
             force, _, now = self._contact(deflection)
-            slope = -float((y * free) @ self._free(force, now))
-            if slope < -0.5 * first:
-                break
-            length *= 0.6
+            return -float(step @ self._free(force, now))
+
+        length = step_length(-float(step @ residual), slope)
         self.u.x.array[:] = start
         return length
 

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from .errors import InputError
 from .multigrid import PMultigrid
+from .petsc_options import GAMG, set_defaults
 
 if TYPE_CHECKING:
     from .solid import Floats, Solid
@@ -17,14 +18,6 @@ LU_LIMIT = 6_000  # dofs below which a factorisation beats CG with multigrid (be
 DIRECT_LIMIT = 200_000  # dofs up to which a factorisation may stand in for an iterative solver that fails
 KINDS = ("auto", "lu", "cg", "gamg")
 PREFIX = "asperity_linear_"
-
-GAMG = {
-    "pc_gamg_coarse_eq_limit": 1000,
-    "pc_gamg_esteig_ksp_type": "cg",
-    "pc_gamg_esteig_ksp_max_it": 10,
-    "mg_levels_ksp_type": "chebyshev",
-    "mg_levels_pc_type": "jacobi",
-}
 
 
 class LinearSolver:
@@ -145,16 +138,3 @@ class LinearSolver:
         self.rescue = True
         self.rescued += 1
         return bool(self._direct.getConvergedReason() > 0)
-
-
-def set_defaults(prefix: str, options: dict[str, Any]) -> None:
-    """Put options in PETSc's database where the user has not set them.
-
-    They stay there: PETSc reads those of multigrid levels only when the levels are built.
-    """
-    from petsc4py import PETSc
-
-    database = PETSc.Options(prefix)
-    for key, value in options.items():
-        if not database.hasName(key):
-            database[key] = value

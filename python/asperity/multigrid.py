@@ -16,7 +16,8 @@ import numpy.typing as npt
 from scipy.linalg import eigh_tridiagonal
 
 from . import _solver
-from .node_matrix import NodeGraph, NodeMatrix
+from .node_matrix import NodeGraph, NodeMatrix, set_rigid_modes
+from .petsc_options import GAMG, set_defaults
 
 if TYPE_CHECKING:
     from .solid import Solid
@@ -31,16 +32,9 @@ EDGES = (
     (0, 2),
     (0, 1),
 )  # corners of edge k of a cell, in the order of basix
-DIRECT_LIMIT = 60_000  # coarse dofs up to which the coarse problem is factorised
+COARSE_DIRECT_LIMIT = 60_000  # coarse dofs up to which the coarse problem is factorised
 
 PREFIX = "asperity_coarse_"
-GAMG = {
-    "pc_gamg_coarse_eq_limit": 1000,
-    "pc_gamg_esteig_ksp_type": "cg",
-    "pc_gamg_esteig_ksp_max_it": 10,
-    "mg_levels_ksp_type": "chebyshev",
-    "mg_levels_pc_type": "jacobi",
-}
 
 SWEEPS = 2  # of the smoother, before and after the coarse correction
 LANCZOS, UPDATE = 20, 4  # steps of an estimate of the greatest eigenvalue: from anew, and for the next matrix
@@ -64,8 +58,6 @@ class PMultigrid:
         from dolfinx import fem
         from petsc4py import PETSc
 
-        from .linear import set_defaults
-
         self._solid = solid
         coarse = fem.functionspace(solid.mesh, ("Lagrange", 1, (3,))).dofmap
         index_map = coarse.index_map
@@ -77,7 +69,7 @@ class PMultigrid:
         for k, ends in enumerate([(k, k) for k in range(4)] + list(EDGES)):
             self._parents[solid.V.dofmap.list[:, k]] = coarse.list[:, ends]
         self._coarse = NodeMatrix(NodeGraph(coarse.list, corners), index_map, solid.comm)
-        self._coarse.set_rigid_modes(solid.points[self._corners])
+        set_rigid_modes(self._coarse.A, solid.points[self._corners])
         self._diagonal = self._coarse.graph.diagonal()
         self._P = self._interpolation(index_map)
         self._mask = self._P.createVecLeft(), self._P.createVecRight()
@@ -87,7 +79,7 @@ class PMultigrid:
         self._coarse.A.setOption(PETSc.Mat.Option.SPD, symmetric)
         self._ksp.setType("preonly")
         pc = self._ksp.getPC()
-        if 3 * index_map.size_global <= DIRECT_LIMIT:
+        if 3 * index_map.size_global <= COARSE_DIRECT_LIMIT:
             pc.setType("cholesky" if symmetric else "lu")
             # CHOLMOD is faster (benchmarks/linear.py), but works in one process
             alone = symmetric and solid.comm.size == 1 and PETSc.Sys.hasExternalPackage("cholmod")

@@ -100,19 +100,20 @@ class NodeMatrix:
             self.A.setValuesLocalCSR(self.graph.rows, self.graph.columns, self.values, PETSc.InsertMode.ADD)
         self.A.assemble()
 
-    def set_rigid_modes(self, points: npt.NDArray[np.float64]) -> None:
-        """Give algebraic multigrid the rigid-body modes of the nodes `points` (n, 3) as near-null space."""
-        from petsc4py import PETSc
 
-        basis: list[Any] = []
-        for mode in rigid_modes(points):
-            v = self.A.createVecRight()
-            v.array = mode.ravel()[: v.getLocalSize()]
-            for b in basis:
-                v.axpy(-v.dot(b), b)
-            v.normalize()
-            basis.append(v)
-        self.A.setNearNullSpace(PETSc.NullSpace().create(vectors=basis, comm=self._comm))
+def set_rigid_modes(A: Any, points: npt.NDArray[np.float64]) -> None:
+    """Give A the rigid-body modes of its nodes `points` (n, 3), ghosts last, as the near-null space multigrid needs."""
+    from petsc4py import PETSc
+
+    basis: list[Any] = []
+    for mode in rigid_modes(points):
+        v = A.createVecRight()
+        v.array = mode.ravel()[: v.getLocalSize()]
+        for b in basis:
+            v.axpy(-v.dot(b), b)
+        v.normalize()
+        basis.append(v)
+    A.setNearNullSpace(PETSc.NullSpace().create(vectors=basis, comm=A.getComm()))
 
 
 def rigid_modes(points: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from . import compat
 from .material import Material
 from .mesh import BASE, SIDE_X, SIDE_Y
-from .node_matrix import NodeGraph, NodeMatrix
+from .node_matrix import NodeGraph, NodeMatrix, set_rigid_modes
 from .phases import Phases
 
 Floats = npt.NDArray[np.float64]
@@ -93,7 +93,7 @@ class Solid:
         self.bulk = self._make_bulk(kernels)
         self.matrix = NodeMatrix(self.graph, index_map, self.comm)
         self.values, self.A = self.matrix.values, self.matrix.A
-        self.matrix.set_rigid_modes(self.points)
+        set_rigid_modes(self.A, self.points)
 
     def _make_bulk(self, kernels: str) -> Bulk:
         if kernels == "ufl":

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from .contact import Contact
-from .linear import LinearSolver, set_defaults
+from .linear import LinearSolver
+from .petsc_options import set_defaults
 from .solid import Floats, Solid
 
 OUT_OF_MEMORY = 55  # PETSC_ERR_MEM
