@@ -2,6 +2,8 @@
 
     ./run python3 benchmarks/linear.py [H ...]            element sizes in the contact, in units of L
     ./run python3 benchmarks/linear.py pieces [H ...]     parts of the p-multigrid against what PETSc has for them
+    ./run python3 benchmarks/linear.py krylov [H ...]     tolerance of the Krylov solver, elastic and elastic-plastic
+    ./run python3 benchmarks/linear.py coarse [H ...]     coarse problem factorised, or by algebraic multigrid
 
 Three large load steps to 0.03 L on one process. Seconds are CPU seconds of the load path; the part of the linear
 systems (elimination, preconditioner, solution) is in seconds of the clock; memory is the peak of all runs so far.
@@ -14,14 +16,17 @@ import sys
 import warnings
 from collections.abc import Callable
 from time import process_time
+from unittest.mock import patch
 
 import numpy as np
 
 import asperity as asp
+from asperity import multigrid
 from asperity.multigrid import PMultigrid
 
 L = 1e-6
 STEEL = asp.Material(200e9, 0.3, 1e9, 10e9)
+MATERIALS = {"elastic": asp.Material(200e9, 0.3), "plastic": STEEL}
 SIZES = (0.2, 0.12, 0.08, 0.056, 0.04)
 REPEATS = 15
 KINDS = ("cg", "lu", "gamg")  # the first one always runs and tells the size
@@ -62,9 +67,7 @@ def pieces(sizes: tuple[float, ...]) -> None:
     surface = asp.Surface.from_spec(kind="weierstrass-mandelbrot", L=L, D=2.4, G=1.36e-11)
     print("| dofs | part | PETSc ms | here ms | ratio |\n|---|---|---|---|---|")
     for h in sizes:
-        result = asp.solve_contact(
-            surface, asp.Material(200e9, 0.3), delta_max=0.03 * L, steps=1, size=asp.MeshSize(h * L)
-        )
+        result = asp.solve_contact(surface, MATERIALS["elastic"], delta_max=0.03 * L, steps=1, size=asp.MeshSize(h * L))
         solid = result.press.solid
         A = solid.assemble_tangent()
         A.zeroRowsColumns(solid.fixed, diag=1.0)
@@ -83,6 +86,42 @@ def pieces(sizes: tuple[float, ...]) -> None:
             "coarse factors (MUMPS; CHOLMOD)": factor,
         }.items():
             print(f"| {solid.dofs} | {name} | {theirs:.2f} | {ours:.2f} | {theirs / ours:.1f} |", flush=True)
+
+
+def demo(material: asp.Material, h: float, **options: float) -> tuple[asp.ContactResult, float]:
+    """The demo surface to 0.03 L in ten planned steps, and its CPU seconds."""
+    warnings.simplefilter("ignore")
+    surface = asp.Surface.from_spec(kind="weierstrass-mandelbrot", L=L, D=2.4, G=1.36e-11)
+    start = process_time()
+    result = asp.solve_contact(
+        surface, material, delta_max=0.03 * L, steps=10, size=asp.MeshSize(h * L), options=asp.SolverOptions(**options)
+    )
+    return result, process_time() - start
+
+
+def krylov(sizes: tuple[float, ...]) -> None:
+    """Iterations against the tolerance of the Krylov solver."""
+    print("| dofs | material | Krylov tolerance | Newton | Krylov | CPU s |\n|---|---|---|---|---|---|")
+    for h in sizes:
+        for name, material in MATERIALS.items():
+            for rtol in (1e-3, 1e-2, 3e-2):
+                result, seconds = demo(material, h, krylov_rtol=rtol)
+                counts = result.counts
+                print(
+                    f"| {result.dofs} | {name} | {rtol:g} | {counts.newton} | {counts.krylov} | {seconds:.1f} |",
+                    flush=True,
+                )
+
+
+def coarse(sizes: tuple[float, ...]) -> None:
+    """Iterations with the two ways to solve the coarse problem, elastic."""
+    print("| dofs | coarse problem | Newton | Krylov | CPU s |\n|---|---|---|---|---|")
+    for h in sizes:
+        for name, limit in (("factorised", multigrid.COARSE_DIRECT_LIMIT), ("algebraic multigrid", 0)):
+            with patch.object(multigrid, "COARSE_DIRECT_LIMIT", limit):
+                result, seconds = demo(MATERIALS["elastic"], h)
+            counts = result.counts
+            print(f"| {result.dofs} | {name} | {counts.newton} | {counts.krylov} | {seconds:.1f} |", flush=True)
 
 
 def median(work: Callable[..., object], *arguments: object) -> float:
@@ -107,5 +146,6 @@ def factorise(cycle: PMultigrid, package: str) -> None:
 
 
 if __name__ == "__main__":
-    job, numbers = (pieces, sys.argv[2:]) if sys.argv[1:2] == ["pieces"] else (main, sys.argv[1:])
-    job(tuple(map(float, numbers)) or (SIZES if job is main else (0.08, 0.04)))
+    jobs = {"pieces": (pieces, (0.08, 0.04)), "krylov": (krylov, (0.05,)), "coarse": (coarse, (0.1, 0.05, 0.022))}
+    job, sizes = jobs.get("".join(sys.argv[1:2]), (main, SIZES))
+    job(tuple(map(float, sys.argv[1 if job is main else 2 :])) or sizes)

@@ -28,7 +28,7 @@ class SolverOptions:
         rtol: residual force relative to the contact force at which a step has converged
         newton_max: Newton iterations after which a step is given up
         krylov_rtol: relative tolerance of the linear solver; None takes 1e-3, and 1e-2 for an elastic-plastic solid,
-            whose Newton iterations need no more (benchmarks/speed.py)
+            whose Newton iterations need no more (benchmarks/linear.py)
     """
 
     linear: str = "auto"
