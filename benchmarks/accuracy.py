@@ -5,6 +5,8 @@
     python3 benchmarks/accuracy.py orders        order and bars of the family of meshes, on surfaces of many kinds
     python3 benchmarks/accuracy.py tolerance     bars and errors of runs driven by a tolerance, on the same surfaces
     python3 benchmarks/accuracy.py plastic       the same for elastic-plastic material
+    python3 benchmarks/accuracy.py demo          the demo surface to 1 %
+    python3 benchmarks/accuracy.py fixed         what the growth of a family of meshes is for
 
 Prints Markdown tables. Seconds are process seconds of rank 0. Forces of the family are kept in out/accuracy, so that
 the next job need not compute them again.
@@ -27,6 +29,7 @@ from asperity.mesh import Reach
 from asperity.refinement import GUIDE, LARGEST_RATIO, SMALLEST_RATIO, extrapolate, extrapolate_mesh, growth
 
 Floats = npt.NDArray[np.float64]
+Judged = tuple[Floats, Floats]  # relative error and bar at some deflections
 
 L, DELTA, STEPS = 1e-6, 0.03e-6, 10
 AT = np.array([0.003 * k for k in range(1, 11)])
@@ -137,7 +140,7 @@ def forces(name: str, surface: asp.Surface, delta: float, sizes: Sequence[float]
 
 def orders() -> None:
     """Order of the force along the family of meshes, and how often the bar of two of them holds the error."""
-    inside, ratios = [], []
+    judged = []
     row("surface", *(f"h = {h:.3g} L" for h in FAMILY[:-1]), "order")
     row(*["---"] * (len(FAMILY) + 1))
     for name, (surface, delta) in scenes().items():
@@ -149,11 +152,8 @@ def orders() -> None:
             for fine in FAMILY[k + 1 : -1]:
                 if SMALLEST_RATIO <= coarse / fine <= LARGEST_RATIO:
                     value, _, bar = extrapolate_mesh(found[coarse], found[fine], coarse / fine)
-                    bar, error = steady(bar / limit), np.abs(value / limit - 1.0)
-                    inside += list(error <= bar)
-                    ratios.append(float(np.median(bar) / np.median(error)))
-    print(f"\nerror inside the bar: {100 * np.mean(inside):.0f} % of {len(inside)} steps; ", end="")
-    print(f"bar over error, medians: {np.median(ratios):.1f}")
+                    judged.append((np.abs(value / limit - 1.0), steady(bar / limit)))
+    summary(judged)
 
 
 def _limit(found: dict[float, Floats]) -> Floats:
@@ -172,50 +172,84 @@ def _limit(found: dict[float, Floats]) -> Floats:
 
 def tolerance() -> None:
     """Bars of tolerance-driven runs against the errors they estimate, on all surfaces."""
-    inside, ratios = [], []
-    row("surface", "tolerance %", "met", "bar %", "true error %", "steps inside", "finest dofs", "CPU s")
-    row(*["---"] * 8)
+    judged = []
+    header("surface")
     for name, (surface, delta) in scenes().items():
         limit = _limit(forces(name, surface, delta, FAMILY, Path("out/accuracy")))
         for goal in (0.05, 0.02, 0.01):
-            start = process_time()
-            result = solve_to_tolerance(surface, UNIT, Goal(goal), delta_max=delta, steps=10)
-            seconds = process_time() - start
-            branch = result.curve.loading()
-            error = np.abs(branch.P_star / limit - 1.0)
-            bar = branch.error_P_star / branch.P_star
-            inside += list(error <= bar)
-            ratios.append(float(np.median(bar) / np.median(error)))
-            row(
-                name, f"{100 * goal:g}", result.met, 100 * float(np.median(bar)), 100 * float(np.median(error)),
-                f"{int(np.sum(error <= bar))}/{len(bar)}", result.levels[-1].dofs, seconds,
-            )  # fmt: skip
-    print(f"\nerror inside the bar: {100 * np.mean(inside):.0f} % of {len(inside)} steps; ", end="")
-    print(f"bar over error, medians: {np.median(ratios):.1f}")
+            judged.append(driven(name, surface, UNIT, goal, delta * np.arange(1, 11) / 10, limit))
+    summary(judged)
 
 
 def plastic() -> None:
     """Bars of elastic-plastic runs against a run to a third of the tolerance."""
-    row("seed", "tolerance %", "met", "bar %", "true error %", "steps inside", "steps", "finest dofs", "CPU s")
-    row(*["---"] * 9)
+    judged = []
+    header("seed")
     for seed in (1, 2):
         reference = solve_to_tolerance(surface(seed), PLASTIC, Goal(0.01), delta_max=DELTA, steps=STEPS)
-        P = loading_force(reference.curve, AT)
+        judged.append(driven(seed, surface(seed), PLASTIC, 0.03, AT * L, loading_force(reference.curve, AT)))
+    summary(judged)
+
+
+def demo() -> None:
+    """The demo surface to 1 %: what it costs, on which meshes."""
+    row("material", "bar %", "load steps", "dofs of the meshes", "CPU s")
+    row(*["---"] * 5)
+    for name, material in (("elastic", ELASTIC), ("plastic", PLASTIC)):
         start = process_time()
-        result = solve_to_tolerance(surface(seed), PLASTIC, Goal(0.03), delta_max=DELTA, steps=STEPS)
+        result = solve_to_tolerance(surface(), material, Goal(0.01), delta_max=DELTA, steps=STEPS)
         seconds = process_time() - start
-        branch = result.curve.loading()
-        at = [int(np.argmin(np.abs(branch.delta_star - d))) for d in AT]
-        error = np.abs(branch.P_star[at] / P - 1.0)
-        bar = (branch.error_P_star / branch.P_star)[at]
-        row(
-            seed, "3", result.met, 100 * float(np.median(bar)), 100 * float(np.median(error)),
-            f"{int(np.sum(error <= bar))}/{len(AT)}", result.levels[-1].steps, result.levels[-1].dofs, seconds,
-        )  # fmt: skip
+        dofs = ", ".join(str(level.dofs) for level in result.levels)
+        row(name, 100 * result.worst, result.levels[-1].steps, dofs, seconds)
+
+
+def fixed() -> None:
+    """What stays with a fixed growth of the elements around the contact of a sphere, in place of the family's."""
+    name = "sphere beside it"
+    sphere, delta = scenes()[name]
+    limit = _limit(forces(name, sphere, delta, FAMILY, Path("out/accuracy")))
+    at = delta * np.arange(1, 11) / 10
+    row("h_contact/L", "growth", "dofs", "rms error %", "greatest %")
+    row(*["---"] * 5)
+    for h, rate in ((0.05, 0.25), (0.025, 0.25), (0.0177, 0.25), (0.05, 0.125)):
+        reach = Reach(*asp.solve_contact(sphere, UNIT, delta_max=delta, size=asp.MeshSize(GUIDE)).press.reach())
+        result = asp.solve_contact(sphere, UNIT, delta_max=delta, size=asp.MeshSize(h, rate, reach=reach))
+        row(f"{h:g}", f"{rate:g}", result.dofs, *per_cent(loading_force(result.curve, at), limit))
+
+
+def header(first: str) -> None:
+    """Head of the tables of `driven`."""
+    row(first, "tolerance %", "met", "bar %", "true error %", "steps inside", "finest dofs", "CPU s")
+    row(*["---"] * 8)
+
+
+def driven(name: object, top: asp.Surface, material: asp.Material, goal: float, at: Floats, limit: Floats) -> Judged:
+    """Run to a tolerance; error and bar at the deflections `at` [length], relative, and a row of the table."""
+    start = process_time()
+    result = solve_to_tolerance(top, material, Goal(goal), delta_max=float(at[-1]), steps=len(at))
+    seconds = process_time() - start
+    branch = result.curve.loading()
+    rows = [int(np.argmin(np.abs(branch.delta_star - d))) for d in at / top.L]
+    error = np.abs(branch.P_star[rows] / limit - 1.0)
+    bar = (branch.error_P_star / branch.P_star)[rows]
+    row(
+        name, f"{100 * goal:g}", result.met, 100 * float(np.median(bar)), 100 * float(np.median(error)),
+        f"{int(np.sum(error <= bar))}/{len(bar)}", result.levels[-1].dofs, seconds,
+    )  # fmt: skip
+    return error, bar
+
+
+def summary(judged: Sequence[Judged]) -> None:
+    """Print how often errors are inside their bars, and how much larger these are."""
+    inside = np.concatenate([error <= bar for error, bar in judged])
+    ratio = np.median([np.median(bar) / np.median(error) for error, bar in judged])
+    print(f"\nerror inside the bar: {100 * np.mean(inside):.0f} % of {len(inside)} steps; ", end="")
+    print(f"bar over error, medians: {ratio:.1f}")
 
 
 if __name__ == "__main__":
-    jobs = {"mesh": mesh, "steps": steps, "orders": orders, "tolerance": tolerance, "plastic": plastic}
+    jobs = {"mesh": mesh, "steps": steps, "orders": orders, "tolerance": tolerance, "plastic": plastic,
+            "demo": demo, "fixed": fixed}  # fmt: skip
     for job in sys.argv[1:] or jobs:
         print(f"\n## {job}\n")
         jobs[job]()
