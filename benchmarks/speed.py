@@ -29,7 +29,7 @@ SIZES = {
     "profile": (0.08, 0.04, 0.024, 0.0155, 0.0095),
     "scaling": (0.03, 0.0125),
 }
-PHASES = ("residual", "tangent", "elimination", "preconditioner", "linear solve")
+PHASES = ("residual", "tangent", "preconditioner", "linear solve")
 
 
 def one(h: float, **path: Any) -> dict[str, Any]:

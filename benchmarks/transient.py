@@ -140,8 +140,8 @@ def first_frequency(press: Press) -> float:
     from scipy.sparse.linalg import eigsh
 
     solid = press.solid
-    press.solid.u.x.array[:] = 0.0
-    elastic = solid.bulk.tangent(solid.u.x.array.reshape(-1, 3)).copy()
+    elastic = np.empty_like(solid.values)
+    solid.bulk.tangent(np.zeros((solid.nodes, 3)), elastic)
     K = sparse.csr_array((elastic, solid.graph.columns, solid.graph.rows))
     M = sparse.kron(consistent_mass(solid), sparse.eye_array(3)).tocsr()
     free = np.setdiff1d(np.arange(3 * solid.owned), solid.fixed)

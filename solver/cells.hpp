@@ -59,18 +59,18 @@ inline J2 material(const nb::tuple& parameters)
           nb::cast<double>(parameters[2]), nb::cast<double>(parameters[3])};
 }
 
-/// Scalar CSR matrix with 3 x 3 node blocks, all three rows of a node having the same columns. The node graph
-/// (indptr, indices) is that of the local cells; `offsets` (cells, 10, 10) holds where in row a column b stands.
-struct BlockMatrix
+/// Where element matrices go among the values of a scalar CSR matrix with 3 x 3 node blocks, all three rows of a node
+/// having the same columns. The node graph (indptr, indices) is that of the local cells; `offsets` (cells, 10, 10)
+/// holds where in row a column b stands.
+struct BlockPattern
 {
-  Array1<const int> indptr, indices;
-  Array1<double> values;
+  Array1<const int> indptr;
+  std::size_t size; // of the values
   std::vector<std::uint16_t> offsets;
 
   /// `cell_dofs` (cells, 10): nodes of the cells whose element matrices will be added.
-  BlockMatrix(Array2<const int> cell_dofs, Array1<const int> indptr, Array1<const int> indices,
-              Array1<double> values)
-      : indptr(indptr), indices(indices), values(values), offsets(cell_dofs.size() * nodes)
+  BlockPattern(Array2<const int> cell_dofs, Array1<const int> indptr, Array1<const int> indices)
+      : indptr(indptr), size(9 * indices.size()), offsets(cell_dofs.size() * nodes)
   {
     auto out = offsets.begin();
     for (std::size_t c = 0; c < cell_dofs.shape(0); ++c)
@@ -86,20 +86,29 @@ struct BlockMatrix
     }
   }
 
-  BlockMatrix(const Cells& cells, Array1<const int> indptr, Array1<const int> indices, Array1<double> values)
-      : BlockMatrix(cells.u_dofs, indptr, indices, values)
+  /// The start of an array of values, which has to have their number.
+  double* start(const Array1<double>& values) const
   {
+    if (values.size() != size)
+      throw std::invalid_argument("BlockPattern: the number of values is not that of the graph");
+    return values.data();
   }
 
   /// Add a symmetric 30 x 30 element matrix, of which the node pairs a <= b are given.
-  void add(const int* cell_dofs, std::size_t c, const double* A) { add<true>(cell_dofs, c, A); }
+  void add(const int* cell_dofs, std::size_t c, const double* A, double* values) const
+  {
+    add<true>(cell_dofs, c, A, values);
+  }
 
   /// Add a full 30 x 30 element matrix.
-  void add_full(const int* cell_dofs, std::size_t c, const double* A) { add<false>(cell_dofs, c, A); }
+  void add_full(const int* cell_dofs, std::size_t c, const double* A, double* values) const
+  {
+    add<false>(cell_dofs, c, A, values);
+  }
 
 private:
   template <bool symmetric>
-  void add(const int* cell_dofs, std::size_t c, const double* A)
+  void add(const int* cell_dofs, std::size_t c, const double* A, double* values) const
   {
     const std::uint16_t* offset = offsets.data() + c * nodes * nodes;
     for (int a = 0; a < nodes; ++a)
@@ -108,7 +117,7 @@ private:
       const std::ptrdiff_t width = 3 * (indptr.data()[cell_dofs[a] + 1] - begin);
       for (int b = 0; b < nodes; ++b)
       {
-        double* target = values.data() + 9 * begin + 3 * offset[nodes * a + b];
+        double* target = values + 9 * begin + 3 * offset[nodes * a + b];
         for (int i = 0; i < 3; ++i)
           for (int j = 0; j < 3; ++j)
             target[i * width + j]

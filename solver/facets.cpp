@@ -136,8 +136,9 @@ void facet_load(const Facets& facets, Array2<const double> weights, Array2<const
 
 /// Add the derivative of the virtual work; `pressure` is that of the same displacement.
 void facet_stiffness(const Facets& facets, const Law& law, Array2<const double> u, const History& committed,
-                     Array2<const double> pressure, BlockMatrix& matrix)
+                     Array2<const double> pressure, const BlockPattern& pattern, Array1<double> values)
 {
+  double* out = pattern.start(values);
   const std::size_t points = facets.points();
   double A[dofs * dofs];
   for (std::size_t f = 0; f < facets.count(); ++f)
@@ -180,7 +181,7 @@ void facet_stiffness(const Facets& facets, const Law& law, Array2<const double> 
               row[3 * b + j] += pressing * dP[b][j] + symmetrising * (dP[b][j] + slope[b][j]);
         }
     }
-    matrix.add_full(facets.dofs_of(f), f, A);
+    pattern.add_full(facets.dofs_of(f), f, A, out);
   }
 }
 } // namespace
@@ -216,6 +217,6 @@ void bind_facets(nb::module_& m)
         nb::arg("committed"), nb::arg("trial"), nb::arg("pressure"), nb::arg("b"));
   m.def("facet_load", &facet_load, nb::arg("facets"), nb::arg("weights"), nb::arg("pressure"), nb::arg("b"));
   m.def("facet_stiffness", &facet_stiffness, nb::arg("facets"), nb::arg("law"), nb::arg("u"), nb::arg("committed"),
-        nb::arg("pressure"), nb::arg("matrix"));
+        nb::arg("pressure"), nb::arg("pattern"), nb::arg("values"));
 }
 } // namespace asperity

@@ -1,7 +1,7 @@
 // Python interface of the element kernels; kernels of the cells.
 #include "cells.hpp"
 #include "facets.hpp"
-#include "multigrid.hpp"
+#include "linear.hpp"
 
 using namespace asperity;
 
@@ -94,8 +94,9 @@ void residual_elastic(const Cells& cells, double lambda, double mu, Array2<const
 }
 
 /// Add the elastic stiffness of all cells.
-void stiffness_elastic(const Cells& cells, double lambda, double mu, BlockMatrix& matrix)
+void stiffness_elastic(const Cells& cells, double lambda, double mu, const BlockPattern& pattern, Array1<double> values)
 {
+  double* out = pattern.start(values);
   Gradients g;
   double A[dofs * dofs];
   for (std::size_t c = 0; c < cells.count(); ++c)
@@ -107,14 +108,16 @@ void stiffness_elastic(const Cells& cells, double lambda, double mu, BlockMatrix
       const double det = push_forward(cells.gradients.data() + 30 * q, x, g);
       add_stiffness(g, lambda, mu, 0.0, {}, det * cells.weights.data()[q], A);
     }
-    matrix.add(cells.dofs_of(c), c, A);
+    pattern.add(cells.dofs_of(c), c, A, out);
   }
 }
 
 /// Add consistent tangent minus elastic stiffness of the cells marked plastic.
 void stiffness_plastic(const Cells& cells, const nb::tuple& parameters, Array2<const double> u,
-                       const History& committed, Array1<const bool> plastic, BlockMatrix& matrix)
+                       const History& committed, Array1<const bool> plastic, const BlockPattern& pattern,
+                       Array1<double> values)
 {
+  double* out = pattern.start(values);
   const J2 m = material(parameters);
   const std::size_t points = cells.points();
   Gradients g;
@@ -135,7 +138,7 @@ void stiffness_plastic(const Cells& cells, const nb::tuple& parameters, Array2<c
         add_stiffness(g, -2.0 / 3.0 * m.mu * (r.theta - 1.0), m.mu * (r.theta - 1.0), r.chi,
                       r.direction, det * cells.weights.data()[q], A);
     }
-    matrix.add(cells.dofs_of(c), c, A);
+    pattern.add(cells.dofs_of(c), c, A, out);
   }
 }
 
@@ -176,17 +179,15 @@ NB_MODULE(_solver, m)
         nb::arg("u"), nb::arg("b"));
   m.def("residual_j2", &residual_j2, nb::arg("cells"), nb::arg("material"), nb::arg("u"),
         nb::arg("committed"), nb::arg("trial"), nb::arg("plastic"), nb::arg("b"));
-  nb::class_<BlockMatrix>(m, "BlockMatrix")
-      .def(nb::init<const Cells&, Array1<const int>, Array1<const int>, Array1<double>>(), nb::arg("cells"),
-           nb::arg("indptr"), nb::arg("indices"), nb::arg("values"))
-      .def(nb::init<Array2<const int>, Array1<const int>, Array1<const int>, Array1<double>>(),
-           nb::arg("cell_dofs"), nb::arg("indptr"), nb::arg("indices"), nb::arg("values"));
+  nb::class_<BlockPattern>(m, "BlockPattern")
+      .def(nb::init<Array2<const int>, Array1<const int>, Array1<const int>>(), nb::arg("cell_dofs"),
+           nb::arg("indptr"), nb::arg("indices"));
   m.def("stiffness_elastic", &stiffness_elastic, nb::arg("cells"), nb::arg("lam"), nb::arg("mu"),
-        nb::arg("matrix"));
+        nb::arg("pattern"), nb::arg("values"));
   m.def("stiffness_plastic", &stiffness_plastic, nb::arg("cells"), nb::arg("material"), nb::arg("u"),
-        nb::arg("committed"), nb::arg("plastic"), nb::arg("matrix"));
+        nb::arg("committed"), nb::arg("plastic"), nb::arg("pattern"), nb::arg("values"));
   m.def("stress", &stress, nb::arg("cells"), nb::arg("material"), nb::arg("u"), nb::arg("committed"),
         nb::arg("out"));
   bind_facets(m);
-  bind_multigrid(m);
+  bind_linear(m);
 }

@@ -44,7 +44,8 @@ class Sample:
     def tangent(self, u: Array) -> sparse.csr_array:
         """Tangent of the last force."""
         graph, n = self.solid.graph, 3 * self.solid.nodes
-        values = self.bulk.tangent(u).copy()
+        values = np.empty(len(graph.columns))
+        self.bulk.tangent(u, values)
         return sparse.csr_array((values, graph.columns, graph.rows), shape=(n, n))
 
     def affine(self, strain: npt.ArrayLike) -> Array:

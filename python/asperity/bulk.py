@@ -52,15 +52,13 @@ class CompiledBulk:
         gradients, weights = reference_gradients(QUADRATURE_DEGREE)
         self._cells = _solver.Cells(x, x_nodes, cell_nodes, gradients, weights)
         self._material = material
+        self.linear = not material.plastic
         cells, points = len(cell_nodes), len(weights)
         self.points = cells * points
         self.plastic_points = 0
+        self._pattern = _solver.BlockPattern(cell_nodes, graph.indptr, graph.indices)
         self._elastic = np.zeros(len(graph.columns))
-        _solver.stiffness_elastic(
-            self._cells,
-            *material.lame,
-            _solver.BlockMatrix(self._cells, graph.indptr, graph.indices, self._elastic),
-        )
+        _solver.stiffness_elastic(self._cells, *material.lame, self._pattern, self._elastic)
         held = cells if material.plastic else 0  # an elastic material has no history
         shape = (held, points)
         self._committed = (np.zeros((*shape, 6)), np.zeros(shape))
@@ -68,9 +66,6 @@ class CompiledBulk:
         self._flowing = np.zeros(cells, dtype=bool)
         self.volumes = np.empty((cells, points))
         _solver.volumes(self._cells, self.volumes)
-        if material.plastic:
-            self._values = np.empty_like(self._elastic)
-            self._matrix = _solver.BlockMatrix(self._cells, graph.indptr, graph.indices, self._values)
 
     def add_internal_force(self, u: Floats, b: Floats) -> None:
         if not self._material.plastic:
@@ -86,19 +81,18 @@ class CompiledBulk:
             b,
         )
 
-    def tangent(self, u: Floats) -> Floats:
-        if not self._flowing.any():
-            return self._elastic
-        np.copyto(self._values, self._elastic)
-        _solver.stiffness_plastic(
-            self._cells,
-            self._material.parameters,
-            u,
-            _solver.History(*self._committed),
-            self._flowing,
-            self._matrix,
-        )
-        return self._values
+    def tangent(self, u: Floats, values: Floats) -> None:
+        np.copyto(values, self._elastic)
+        if self._flowing.any():
+            _solver.stiffness_plastic(
+                self._cells,
+                self._material.parameters,
+                u,
+                _solver.History(*self._committed),
+                self._flowing,
+                self._pattern,
+                values,
+            )
 
     def commit(self) -> None:
         for committed, trial in zip(self._committed, self._trial, strict=True):

@@ -53,10 +53,10 @@ class UflBulk:
         self._outputs = fem.Expression(ufl.as_vector(outputs), points, mesh.comm)
         self._matrix = fem.create_matrix(self._tangent)
         self._from, self._to = _positions(self._matrix, graph)
-        self._values = np.zeros(len(graph.columns))
         self.volumes = self._quadrature_volumes(len(points))
         self.plastic_points = 0
         self._plastic = material.plastic
+        self.linear = not material.plastic
 
     def _quadrature_volumes(self, points: int) -> Floats:
         import basix
@@ -74,15 +74,14 @@ class UflBulk:
         if self._plastic:
             self.plastic_points = int(np.sum(self._state()[..., 12] > self._committed()[..., 6]))
 
-    def tangent(self, u: Floats) -> Floats:
+    def tangent(self, u: Floats, values: Floats) -> None:
         from dolfinx import fem
 
         self._u.x.array[:] = u.ravel()
         self._matrix.data[:] = 0.0
         fem.assemble_matrix(self._matrix, self._tangent)
-        self._values[:] = 0.0
-        self._values[self._to] = self._matrix.data[self._from]
-        return self._values
+        values[:] = 0.0
+        values[self._to] = self._matrix.data[self._from]
 
     def commit(self) -> None:
         if self._plastic:

@@ -1,4 +1,4 @@
-"""The linear system of a Newton iteration: prescribed dofs eliminated, then a direct or a multigrid solver."""
+"""The linear system of a Newton iteration: some dofs prescribed, then a Krylov method or a factorisation."""
 
 from __future__ import annotations
 
@@ -9,11 +9,16 @@ import numpy.typing as npt
 
 from .errors import InputError
 from .multigrid import PMultigrid
+from .node_matrix import NodeMatrix, set_rigid_modes
 from .petsc_options import GAMG, set_defaults
+from .tangent import Tangent
 
 if TYPE_CHECKING:
     from .solid import Floats, Solid
 
+Rows = npt.NDArray[np.int32]
+
+SINGLE_RTOL = 1e-5  # tolerance from which on a product in single precision is exact enough
 LU_LIMIT = 6_000  # dofs below which a factorisation beats CG with multigrid (benchmarks/linear.py)
 DIRECT_LIMIT = 200_000  # dofs up to which a factorisation may stand in for an iterative solver that fails
 KINDS = ("auto", "lu", "cg", "gamg")
@@ -21,20 +26,20 @@ PREFIX = "asperity_linear_"
 
 
 class LinearSolver:
-    """Solves A y = r with some dofs of y prescribed; collective.
+    """Solves A y = r with some dofs of y prescribed, A the tangent of a solid; collective.
 
-    The prescribed dofs are eliminated symmetrically in place, so the matrix keeps its structure and near-null
-    space. Where an iterative solver fails, because the matrix is nearly singular or indefinite, the system is
-    factorised, and so are those that follow in the same step.
+    Where an iterative solver fails, because the matrix is nearly singular or indefinite, the system is factorised,
+    and so are those that follow in the same step.
 
     Args:
-        solid: whose matrix is solved with
+        solid: whose tangent is solved with
         kind: "lu" (MUMPS), "cg" (p-multigrid), "gamg" (algebraic multigrid), or "auto", which takes "lu" for small
             problems and "cg" for others
         rtol: relative tolerance of the iterative solvers, in the energy norm
         symmetric: whether the matrix is symmetric and positive definite: Cholesky and CG, else LU and GMRES
 
     Attributes:
+        operator: the tangent as a matrix of PETSc
         rescue: whether systems are factorised because the iterative solver failed in this step
         rescued: systems that were factorised for that
 
@@ -43,49 +48,28 @@ class LinearSolver:
     """
 
     def __init__(self, solid: Solid, kind: str, rtol: float, symmetric: bool = True) -> None:
-        from petsc4py import PETSc
-
         if kind not in KINDS:
             raise InputError(f'solver.linear = "{kind}" is not one of {", ".join(KINDS)}')
         if kind == "auto":
             kind = "lu" if solid.dofs < LU_LIMIT else "cg"
         self.rescue, self.rescued = False, 0
-        self._direct: Any = None
-        self._may_rescue = kind != "lu" and solid.dofs <= DIRECT_LIMIT
         self._solid = solid
-        self._ksp = PETSc.KSP().create(solid.comm)
-        self._ksp.setOptionsPrefix(PREFIX)
-        self._multigrid: PMultigrid | None = None
-        pc = self._ksp.getPC()
-        if kind == "lu":
-            self._ksp.setType("preonly")
-            pc.setType("cholesky" if symmetric else "lu")
-            pc.setFactorSolverType("mumps")
+        self._may_rescue = kind != "lu" and solid.dofs <= DIRECT_LIMIT
+        self._direct: Assembled | None = None
+        tangent = Tangent(solid, symmetric, rtol >= SINGLE_RTOL)
+        self.operator = tangent.matrix()
+        self._method: Split | Assembled
+        if kind == "cg":
+            self._method = Split(tangent, self.operator, rtol, symmetric)
         else:
-            self._ksp.setType("cg" if symmetric else "gmres")
-            self._ksp.setTolerances(rtol=rtol, max_it=1000)
-            if symmetric:
-                self._ksp.setNormType(PETSc.KSP.NormType.NATURAL)
-            if kind == "cg":
-                self._multigrid = PMultigrid(solid, symmetric)
-                pc.setType("python")
-                pc.setPythonContext(self._multigrid)
-            else:
-                pc.setType("gamg")
-                set_defaults(PREFIX, GAMG)
-        solid.A.setOption(PETSc.Mat.Option.SYMMETRIC, symmetric)
-        solid.A.setOption(PETSc.Mat.Option.SPD, symmetric)
-        self._ksp.setOperators(solid.A)
-        self._ksp.setFromOptions()
-        self._b, self._y = solid.A.createVecRight(), solid.A.createVecRight()
+            self._method = Assembled(solid, kind, rtol, symmetric, PREFIX)
 
     def forget(self) -> None:
         """Let the next solve depend on its system alone, not on those before, as after a restart."""
-        if self._multigrid is not None:
-            self._multigrid.forget()
+        self._method.forget()
 
-    def solve(self, r: Any, rows: npt.NDArray[np.int32], values: Floats, y: Any) -> tuple[int, bool]:
-        """Solve with the current values of the matrix, which are changed by the elimination.
+    def solve(self, r: Any, rows: Rows, values: Floats, y: Any) -> tuple[int, bool]:
+        """Solve with the current values of the solid's tangent.
 
         Args:
             r: right-hand side, unchanged
@@ -96,45 +80,133 @@ class LinearSolver:
         Returns:
             iterations, and whether the solver converged
         """
-        A, phase = self._solid.A, self._solid.phases.phase
-        with phase("elimination"):
+        iterations, solved = 0, False
+        if not self.rescue:
+            iterations, solved = self._method.solve(r, rows, values, y)
+        if not solved and self._may_rescue:
+            if self._direct is None:
+                # not Cholesky, which would fail where the matrix is indefinite
+                self._direct = Assembled(self._solid, "lu", 0.0, symmetric=False)
+            with self._solid.phases.phase("direct rescue"):
+                _, solved = self._direct.solve(r, rows, values, y)
+            self.rescue = True
+            self.rescued += 1
+        # an iterative solver only meets them to its tolerance
+        y.array[rows] = 0.0
+        y.array[rows[len(rows) - len(values) :]] = values
+        return iterations, solved
+
+
+class Split:
+    """CG, or GMRES, with p-multigrid on the free dofs.
+
+    Args:
+        tangent: of the solid
+        operator: the same as a matrix of PETSc
+        rtol, symmetric: see `LinearSolver`
+    """
+
+    def __init__(self, tangent: Tangent, operator: Any, rtol: float, symmetric: bool) -> None:
+        from petsc4py import PETSc
+
+        solid = tangent.solid
+        self._solid, self._tangent = solid, tangent
+        self._multigrid = PMultigrid(tangent, symmetric)
+        self._ksp = PETSc.KSP().create(solid.comm)
+        self._ksp.setOptionsPrefix(PREFIX)
+        self._ksp.setType("cg" if symmetric else "gmres")
+        self._ksp.setTolerances(rtol=rtol, max_it=1000)
+        if symmetric:
+            self._ksp.setNormType(PETSc.KSP.NormType.NATURAL)
+        pc = self._ksp.getPC()
+        pc.setType("python")
+        pc.setPythonContext(self._multigrid)
+        self._ksp.setOperators(operator)
+        self._ksp.setFromOptions()
+        self._b = solid.vector()
+
+    def forget(self) -> None:
+        """See `LinearSolver`; so for `solve`."""
+        self._multigrid.forget()
+
+    def solve(self, r: Any, rows: Rows, values: Floats, y: Any) -> tuple[int, bool]:
+        solid, tangent = self._solid, self._tangent
+        with solid.phases.phase("preconditioner"):
+            tangent.hold(rows)
+            tangent.update()
+            if not self._multigrid.update():
+                return 0, False
+        with solid.phases.phase("linear solve"):
+            lifted = np.zeros(3 * solid.owned)
+            lifted[rows[len(rows) - len(values) :]] = values
+            b = tangent.free * r.array_r
+            if solid.comm.allreduce(bool(lifted.any()), op=_or()):
+                b -= tangent.free * tangent.product(lifted)
+            self._b.array = b
+            self._ksp.solve(self._b, y)
+            if self._ksp.getConvergedReason() < 0:
+                self._multigrid.estimate()
+                self._ksp.solve(self._b, y)
+        return self._ksp.getIterationNumber(), self._ksp.getConvergedReason() > 0
+
+
+class Assembled:
+    """A matrix of PETSc, prescribed dofs eliminated in place: structure and near-null space stay as they are.
+
+    Args:
+        solid, rtol, symmetric: see `LinearSolver`
+        kind: "lu" or "gamg"
+        prefix: of the options
+    """
+
+    def __init__(self, solid: Solid, kind: str, rtol: float, symmetric: bool, prefix: str = "") -> None:
+        from petsc4py import PETSc
+
+        self._solid = solid
+        self._matrix = NodeMatrix(solid.graph, solid.V.dofmap.index_map, solid.comm)
+        A = self._matrix.A
+        A.setOption(PETSc.Mat.Option.SYMMETRIC, symmetric)
+        A.setOption(PETSc.Mat.Option.SPD, symmetric)
+        self._ksp = PETSc.KSP().create(solid.comm)
+        self._ksp.setOptionsPrefix(prefix)
+        pc = self._ksp.getPC()
+        if kind == "lu":
+            self._ksp.setType("preonly")
+            pc.setType("cholesky" if symmetric else "lu")
+            pc.setFactorSolverType("mumps")
+        else:
+            self._ksp.setType("cg" if symmetric else "gmres")
+            self._ksp.setTolerances(rtol=rtol, max_it=1000)
+            if symmetric:
+                self._ksp.setNormType(PETSc.KSP.NormType.NATURAL)
+            pc.setType("gamg")
+            set_defaults(prefix, GAMG)
+            set_rigid_modes(A, solid.points)
+        self._ksp.setOperators(A)
+        self._ksp.setFromOptions()
+        self._b, self._y = solid.vector(), solid.vector()
+
+    def forget(self) -> None:
+        """See `LinearSolver`; so for `solve`."""
+
+    def solve(self, r: Any, rows: Rows, values: Floats, y: Any) -> tuple[int, bool]:
+        A, solid = self._matrix.A, self._solid
+        with solid.phases.phase("preconditioner"):
+            np.copyto(self._matrix.values, solid.values)
+            self._matrix.assemble()
             r.copy(self._b)
             self._y.set(0.0)
             self._y.array[rows[len(rows) - len(values) :]] = values
-            diagonal = A.getDiagonal().sum() / self._solid.dofs
+            diagonal = A.getDiagonal().sum() / solid.dofs
             A.zeroRowsColumns(rows + A.getOwnershipRange()[0], diag=diagonal, x=self._y, b=self._b)
-        iterations, solved = 0, False
-        if not self.rescue:
-            with phase("preconditioner"):
-                self._ksp.setOperators(A)
-                ready = self._multigrid is None or self._multigrid.update(A, rows)
-                self._ksp.setUp()
-            if ready:
-                with phase("linear solve"):
-                    iterations, solved = self._iterate(y)
-        if not solved and self._may_rescue:
-            with phase("direct rescue"):
-                solved = self._solve_directly(y)
-        y.array[rows] = self._y.array_r[rows]  # an iterative solver only meets them to its tolerance
-        return iterations, solved
-
-    def _iterate(self, y: Any) -> tuple[int, bool]:
-        self._ksp.solve(self._b, y)
-        if self._multigrid is not None and self._ksp.getConvergedReason() < 0:
-            self._multigrid.estimate()
+            self._ksp.setOperators(A)
+            self._ksp.setUp()
+        with solid.phases.phase("linear solve"):
             self._ksp.solve(self._b, y)
         return self._ksp.getIterationNumber(), self._ksp.getConvergedReason() > 0
 
-    def _solve_directly(self, y: Any) -> bool:
-        from petsc4py import PETSc
 
-        if self._direct is None:
-            self._direct = PETSc.KSP().create(self._solid.comm)
-            self._direct.setType("preonly")
-            self._direct.getPC().setType("lu")  # Cholesky would fail where the matrix is indefinite
-            self._direct.getPC().setFactorSolverType("mumps")
-        self._direct.setOperators(self._solid.A)
-        self._direct.solve(self._b, y)
-        self.rescue = True
-        self.rescued += 1
-        return bool(self._direct.getConvergedReason() > 0)
+def _or() -> Any:
+    from mpi4py import MPI
+
+    return MPI.LOR

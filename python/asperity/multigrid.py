@@ -3,26 +3,20 @@
 The coarse space is an eighth of the size, so it can be factorised where the second-order problem of the same mesh
 is far too large for that, and is set up in a fraction of the time of an algebraic hierarchy on the fine level.
 
-Smoothing costs what reading the matrix costs, and a preconditioner needs few digits: the fine level works on a copy
-of its upper half in single precision (benchmarks/linear.py).
+The fine level works in single precision, see `tangent.Tangent`.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.linalg import eigh_tridiagonal
 
 from . import _solver
 from .node_matrix import NodeGraph, NodeMatrix, set_rigid_modes
 from .petsc_options import GAMG, set_defaults
-
-if TYPE_CHECKING:
-    from .solid import Solid
-
-Singles = npt.NDArray[np.float32]
+from .tangent import Singles, Tangent
 
 EDGES = (
     (2, 3),
@@ -43,22 +37,23 @@ SMOOTHED = (0.1, 1.1)  # part of the spectrum that is damped, in units of the es
 
 
 class PMultigrid:
-    """Preconditioner for the eliminated tangent of a solid, as a python context of PETSc; collective.
+    """Preconditioner for the tangent of a solid on its free dofs, as a python context of PETSc; collective.
 
     A V-cycle with Chebyshev's iteration on the Jacobi-scaled matrix as smoother (Adams et al., J. Comput. Phys. 188
-    (2003) 593). Eliminated dofs are masked, on the fine level and in the interpolation, so that the cycle never moves
-    them; eliminated corners get a unit row in the coarse matrix.
+    (2003) 593). The other dofs are masked, on the fine level and in the interpolation, so that the cycle never moves
+    them; corners that are not free get a unit row in the coarse matrix.
 
     Args:
-        solid: whose matrix is preconditioned
-        symmetric: whether the matrix is; of another one the smoother takes the upper half for the whole
+        tangent: what is preconditioned
+        symmetric: whether it is symmetric; of another one the smoother takes the upper half for the whole
     """
 
-    def __init__(self, solid: Solid, symmetric: bool = True) -> None:
+    def __init__(self, tangent: Tangent, symmetric: bool = True) -> None:
         from dolfinx import fem
         from petsc4py import PETSc
 
-        self._solid = solid
+        self._tangent, self._solid = tangent, tangent.solid
+        solid = self._solid
         coarse = fem.functionspace(solid.mesh, ("Lagrange", 1, (3,))).dofmap
         index_map = coarse.index_map
         corners = index_map.size_local + index_map.num_ghosts
@@ -70,10 +65,9 @@ class PMultigrid:
             self._parents[solid.V.dofmap.list[:, k]] = coarse.list[:, ends]
         self._coarse = NodeMatrix(NodeGraph(coarse.list, corners), index_map, solid.comm)
         set_rigid_modes(self._coarse.A, solid.points[self._corners])
-        self._diagonal = self._coarse.graph.diagonal()
         self._P = self._interpolation(index_map)
-        self._mask = self._P.createVecLeft(), self._P.createVecRight()
-        self._fine, self._rhs, self._correction = self._P.createVecLeft(), *(self._P.createVecRight() for _ in "ab")
+        self._fine = self._P.createVecLeft()
+        self._coarse_mask, self._rhs, self._correction = (self._P.createVecRight() for _ in range(3))
         self._ksp = PETSc.KSP().create(solid.comm)
         self._ksp.setOptionsPrefix(PREFIX)
         self._coarse.A.setOption(PETSc.Mat.Option.SPD, symmetric)
@@ -88,15 +82,11 @@ class PMultigrid:
             pc.setType("gamg")
             set_defaults(PREFIX, GAMG)
         self._ksp.setFromOptions()
-        indptr, indices = solid.graph.indptr, solid.graph.indices
-        upper = indices >= np.repeat(np.arange(solid.nodes), np.diff(indptr))
-        before = np.concatenate([[0], np.cumsum(upper)])
-        self._upper = before[indptr].astype(np.int32), indices[upper]
-        self._blocks = np.empty((len(self._upper[1]), 9), dtype=np.float32)
-        self._vector = np.zeros((solid.nodes, 3), dtype=np.float32)
-        self._image = np.zeros_like(self._vector)
+        self._version = 0
         noise = np.random.default_rng(solid.comm.rank).normal(size=3 * solid.owned)
         self._noise = (NOISE * noise / np.sqrt(solid.dofs)).astype(np.float32)
+        self._supported = np.ones(3 * solid.owned, dtype=np.float32)
+        self._supported[solid.fixed] = 0.0
         self._extreme, self._greatest = self._noise, 0.0
 
     def _interpolation(self, index_map: Any) -> Any:
@@ -119,74 +109,73 @@ class PMultigrid:
         out.setBlockSizes(3, 3)
         return out
 
-    def update(self, A: Any, eliminated: npt.NDArray[np.int32]) -> bool:
-        """Adapt to new values of the matrix and a new set of eliminated owned dofs; collective.
+    def update(self) -> bool:
+        """Adapt to the current values and free dofs of the tangent; collective.
 
         Returns:
             whether the matrix can be smoothed; not so one with a diagonal that is not positive
         """
         from mpi4py import MPI
 
-        solid, diagonal = self._solid, A.getDiagonal().array_r
-        least = -solid.comm.allreduce(float(np.max(-diagonal, initial=-np.inf)), op=MPI.MAX)
-        if not least > 0.0:
-            return False
-        fine = self._mask[0]
-        fine.set(1.0)
-        fine.array[eliminated] = 0.0
-        self._kept = solid.with_ghosts(fine.array_r)
+        solid, tangent = self._solid, self._tangent
+        self._free = tangent.free.astype(np.float32)
+        new = self._version != tangent.version
+        if new:
+            diagonal = solid.halo.add(solid.values[solid.graph.diagonal].reshape(-1, 3)).ravel()
+            least = -solid.comm.allreduce(float(np.max(-diagonal[self._free > 0.0], initial=-np.inf)), op=MPI.MAX)
+            if not least > 0.0:
+                return False
+            self._inverse = (1.0 / np.where(diagonal > 0.0, diagonal, 1.0)).astype(np.float32)
+            self._version = tangent.version
+        self._scaling = self._free * self._inverse
         self._galerkin()
         self._ksp.setOperators(self._coarse.A)
         self._ksp.setUp()
-        _solver.upper_half(solid.graph.indptr, solid.graph.indices, solid.values, self._blocks)
-        self._inverse = (1.0 / diagonal).astype(np.float32)
-        self._free = fine.array_r.astype(np.float32)
-        self._scaling = self._free * self._inverse
-        if self._greatest > 0.0:
-            self._greatest = max(self._greatest, self._greatest_eigenvalue(UPDATE))
-        else:
+        if self._greatest == 0.0:
             self.estimate()
+        elif new:
+            self._greatest = max(self._greatest, self._greatest_eigenvalue(UPDATE, self._free))
         return True
 
     def _galerkin(self) -> None:
         """Coarse matrix of the free dofs, with a unit row for each held corner; collective."""
-        fine, coarse, held = self._solid.graph, self._coarse, self._mask[1]
-        corners = np.ascontiguousarray(self._kept[self._corners])
-        held.array = corners.ravel()[: held.getLocalSize()]
+        fine, coarse, mask, kept = self._solid.graph, self._coarse, self._coarse_mask, self._tangent.kept
+        corners = np.ascontiguousarray(kept[self._corners])
+        mask.array = corners.ravel()[: mask.getLocalSize()]
         _solver.galerkin(
-            fine.indptr, fine.indices, self._solid.values, self._kept, self._parents,
+            fine.indptr, fine.indices, self._solid.values, kept, self._parents,
             coarse.graph.indptr, coarse.graph.indices, corners, coarse.values,
         )  # fmt: skip
-        coarse.values[self._diagonal[np.flatnonzero(held.array_r == 0.0)]] = 1.0
+        coarse.values[coarse.graph.diagonal[np.flatnonzero(mask.array_r == 0.0)]] = 1.0
         coarse.assemble()
 
     def forget(self) -> None:
-        """Let the next `update` estimate the greatest eigenvalue from anew."""
-        self._greatest = 0.0
+        """Let the next `update` estimate the greatest eigenvalue from anew, unless the tangent never changed."""
+        if self._solid.version > 1:
+            self._greatest = 0.0
 
     def estimate(self) -> None:
         """Estimate the greatest eigenvalue from anew; collective.
 
         It grows when cells yield (from 3.6 to 4.5 has been seen). The smoother works with the greatest one so far,
-        for one too great costs little and one too small by a fifth makes the cycle indefinite.
+        for one too great costs little and one too small by a fifth makes the cycle indefinite. It is that of the solid
+        without contact, which bounds that with some more dofs held.
         """
         self._extreme = self._noise
-        self._greatest = max(self._greatest, self._greatest_eigenvalue(LANCZOS))
+        self._greatest = max(self._greatest, self._greatest_eigenvalue(LANCZOS, self._supported))
 
     def apply(self, pc: Any, r: Any, z: Any) -> None:
         """One V-cycle from zero: z is about the solution for r."""
-        b = r.array_r.astype(np.float32)
-        x, left = self._smooth(np.zeros_like(b), self._free * b)
-        coarse_mask = self._mask[1]
+        x, left = self._smooth(np.zeros_like(self._free), self._free * r.array_r.astype(np.float32))
         self._fine.array = left
         self._P.multTranspose(self._fine, self._rhs)
-        self._rhs.pointwiseMult(self._rhs, coarse_mask)
+        self._rhs.pointwiseMult(self._rhs, self._coarse_mask)
         self._ksp.solve(self._rhs, self._correction)
-        self._correction.pointwiseMult(self._correction, coarse_mask)
+        self._correction.pointwiseMult(self._correction, self._coarse_mask)
         self._P.mult(self._correction, self._fine)
         correction = self._free * self._fine.array_r.astype(np.float32)
-        x, _ = self._smooth(x + correction, left - self._product(correction), last=True)
-        z.array = x + (1.0 - self._free) * self._inverse * b
+        x, _ = self._smooth(x + correction, left - self._free * self._tangent.single_product(correction), last=True)
+        z.array = x
 
     def _smooth(self, x: Singles, residual: Singles, last: bool = False) -> tuple[Singles, Singles]:
         """Chebyshev's iteration (Saad, Iterative Methods, 2003, algorithm 12.1); the last residual only if needed."""
@@ -198,37 +187,26 @@ class PMultigrid:
             x = x + step
             if last and k == SWEEPS - 1:
                 break
-            residual = residual - self._product(step)
+            residual = residual - self._free * self._tangent.single_product(step)
             before, rho = rho, 1.0 / (2.0 * middle / half - rho)
             step = np.float32(rho * before) * step + np.float32(2.0 * rho / half) * self._scaling * residual
         return x, residual
 
-    def _product(self, x: Singles) -> Singles:
-        """Matrix times vector of owned dofs, in the rows of the free ones; collective."""
-        solid = self._solid
-        if solid.comm.size == 1:
-            self._vector.reshape(-1)[:] = x
-            _solver.symmetric_product(*self._upper, self._blocks, self._vector, self._image)
-            return self._free * self._image.reshape(-1)
-        self._vector[:] = solid.with_ghosts(x.astype(np.float64))
-        _solver.symmetric_product(*self._upper, self._blocks, self._vector, self._image)
-        return self._free * solid.sum_ghosts(self._image.astype(np.float64)).astype(np.float32).reshape(-1)
-
-    def _greatest_eigenvalue(self, steps: int) -> float:
-        """Of the Jacobi-scaled matrix, by Lanczos' method from the vector it led to last time; collective."""
+    def _greatest_eigenvalue(self, steps: int, free: Singles) -> float:
+        """Of the Jacobi-scaled matrix with those dofs free, by Lanczos' method from the last vector; collective."""
         comm = self._solid.comm
-        root = np.sqrt(self._scaling)
+        root = np.sqrt(free * self._inverse)
 
         def dot(a: Singles, b: Singles) -> float:
             return float(comm.allreduce(float(np.dot(a, b))))
 
-        v = self._free * self._extreme
+        v = free * self._extreme
         v /= np.float32(np.sqrt(dot(v, v)))
         before, beta = np.zeros_like(v), 0.0
         basis, diagonal, beside = [], [], []
         for _ in range(steps):
             basis.append(v)
-            w = root * self._product(root * v) - np.float32(beta) * before
+            w = root * self._tangent.single_product(root * v) - np.float32(beta) * before
             diagonal.append(dot(w, v))
             w -= np.float32(diagonal[-1]) * v
             beta = np.sqrt(dot(w, w))

@@ -1,4 +1,4 @@
-"""Sparse matrices with three dofs a node, as each process knows them and as PETSc does."""
+"""Sparse matrices with three dofs a node: the part of a process, and the sum of all parts as a matrix of PETSc."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ class NodeGraph:
     Attributes:
         indptr, indices: CSR graph of the nodes (indices ascending)
         rows, columns: CSR of the matrix with three dofs a node
+        diagonal: positions of its diagonal among its values
     """
 
     def __init__(self, cell_nodes: Integers, nodes: int) -> None:
@@ -38,6 +39,7 @@ class NodeGraph:
         width = np.diff(self.indptr)
         self.rows = np.concatenate([[0], np.cumsum(np.repeat(3 * width, 3))]).astype(np.int32)
         self.columns = self._columns(width)
+        self.diagonal = self._diagonal()
 
     def _columns(self, width: Integers) -> Integers:
         """Column numbers of the dofs: each node's list of columns, expanded and repeated for its three rows."""
@@ -50,8 +52,7 @@ class NodeGraph:
             out[3 * start[row_of] + i * 3 * width[row_of].astype(np.int64) + local] = expanded
         return out
 
-    def diagonal(self) -> Integers:
-        """Positions of the diagonal entries among the values, of all local dofs."""
+    def _diagonal(self) -> Integers:
         node = np.arange(len(self.indptr) - 1)
         row_of = np.repeat(node, np.diff(self.indptr))
         at = np.flatnonzero(self.indices == row_of) - self.indptr[:-1]
@@ -69,7 +70,7 @@ class NodeMatrix:
 
     Attributes:
         values: of this process's part, in the order of `graph.columns`
-        A: the matrix; in one process it works on `values`
+        A: the matrix; in one process it works on `values`, and an elimination changes them
     """
 
     def __init__(self, graph: NodeGraph, index_map: Any, comm: Any) -> None:

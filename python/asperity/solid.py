@@ -13,9 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from . import compat
+from .halo import Halo
 from .material import Material
 from .mesh import BASE, SIDE_X, SIDE_Y
-from .node_matrix import NodeGraph, NodeMatrix, set_rigid_modes
+from .node_matrix import NodeGraph
 from .phases import Phases
 
 Floats = npt.NDArray[np.float64]
@@ -23,6 +24,8 @@ Floats = npt.NDArray[np.float64]
 
 class Bulk(Protocol):
     """Constitutive part of a solid: what both the compiled kernels and the UFL forms provide."""
+
+    linear: bool  # whether the tangent never changes
 
     @property
     def plastic_points(self) -> int:
@@ -35,8 +38,8 @@ class Bulk(Protocol):
     def add_internal_force(self, u: Floats, b: Floats) -> None:
         """Add the internal force of the nodal displacement u (nodes, 3) to b; writes the trial history."""
 
-    def tangent(self, u: Floats) -> Floats:
-        """Values of the local CSR matrix at u, the state of the last residual."""
+    def tangent(self, u: Floats, values: Floats) -> None:
+        """Write the values of the local CSR matrix at u, the state of the last residual."""
 
     def commit(self) -> None:
         """Make the trial history the committed one."""
@@ -60,6 +63,11 @@ class Solid:
         sides: "rollers" (no normal displacement) or "free"
         kernels: "compiled" or "ufl"
         phases: collects where the time goes
+
+    Attributes:
+        graph: sparsity of this process's part of the tangent
+        values: of that part, the sum of the parts being the tangent
+        version: how often `values` were written
     """
 
     def __init__(
@@ -91,9 +99,8 @@ class Solid:
         self.fixed = self._fixed_rows(sides)
         self.base = self.nodes_on(BASE)
         self.bulk = self._make_bulk(kernels)
-        self.matrix = NodeMatrix(self.graph, index_map, self.comm)
-        self.values, self.A = self.matrix.values, self.matrix.A
-        set_rigid_modes(self.A, self.points)
+        self.halo = Halo(index_map)
+        self.values, self.version = np.zeros(len(self.graph.columns)), 0
 
     def _make_bulk(self, kernels: str) -> Bulk:
         if kernels == "ufl":
@@ -126,24 +133,19 @@ class Solid:
         self.u.x.array[: 3 * self.owned] = x.array_r
         self.u.x.scatter_forward()
 
+    def vector(self) -> Any:
+        """A PETSc vector of the owned dofs."""
+        from petsc4py import PETSc
+
+        return PETSc.Vec().createMPI((3 * self.owned, self.dofs), bsize=3, comm=self.comm)
+
     def with_ghosts(self, values: Floats) -> Floats:
         """Owned dof values (3 owned,) as a nodal array with ghosts (nodes, 3); collective."""
-        from dolfinx import la
-
-        vector = la.vector(self.V.dofmap.index_map, 3)
-        vector.array[: 3 * self.owned] = values
-        vector.scatter_forward()
-        return vector.array.reshape(-1, 3)
+        return self.halo.fill(values.reshape(-1, 3)).copy()
 
     def sum_ghosts(self, values: Floats) -> Floats:
         """Nodal values (nodes, k) summed over the processes that hold a part: (owned, k); collective."""
-        from dolfinx import la
-
-        width = values.shape[1]
-        vector = la.vector(self.V.dofmap.index_map, width)
-        vector.array[:] = values.ravel()
-        vector.scatter_reverse(la.InsertMode.add)
-        return vector.array.reshape(-1, width)[: self.owned]
+        return self.halo.add(values).copy()
 
     def internal_force(self) -> Floats:
         """Internal force of the current displacement on the owned nodes (owned, 3); collective."""
@@ -156,14 +158,16 @@ class Solid:
             self.force.x.scatter_reverse(la.InsertMode.add)
         return b.reshape(-1, 3)[: self.owned]
 
-    def assemble_tangent(self, add: Callable[[], None] = lambda: None) -> Any:
-        """Tangent at the state of the last internal force, without boundary conditions; collective.
+    def assemble_tangent(self, add: Callable[[], None] | None = None) -> None:
+        """Bring `values` to the state of the last internal force, without boundary conditions.
 
         Args:
-            add: adds what else there is to `values`, the local CSR matrix of `graph`
+            add: adds what else there is to `values`, if there is anything
         """
+        if self.version and self.bulk.linear and add is None:
+            return
         with self.phases.phase("tangent"):
-            np.copyto(self.values, self.bulk.tangent(self.u.x.array.reshape(-1, 3)))
-            add()
-            self.matrix.assemble()
-        return self.A
+            self.bulk.tangent(self.u.x.array.reshape(-1, 3), self.values)
+            if add is not None:
+                add()
+        self.version += 1

@@ -60,16 +60,15 @@ class NewtonSolver:
     """Solves for the equilibrium displacement of `solid` under `contact`; collective.
 
     The linear system of an iteration prescribes the increment of some dofs (fixed ones, and the active ones of
-    exact contact). They are eliminated symmetrically inside the preconditioner of an outer `preonly` KSP, so the
-    matrix keeps its structure and near-null space and the inner solver can be CG.
+    exact contact). That is done inside the preconditioner of an outer `preonly` KSP, see `linear.LinearSolver`, so the
+    inner solver can be CG.
     """
 
     def __init__(self, solid: Solid, contact: Contact, options: SolverOptions) -> None:
         from petsc4py import PETSc
 
         self.solid, self.contact, self.options = solid, contact, options
-        self._residual_vec = solid.A.createVecRight()
-        self.x = solid.A.createVecRight()
+        self._residual_vec, self.x = solid.vector(), solid.vector()
         self._krylov = self._shortened = 0
         rtol = options.krylov_rtol or (1e-2 if solid.material.plastic else 1e-3)
         self.linear = LinearSolver(solid, options.linear, rtol, contact.symmetric)
@@ -80,7 +79,7 @@ class NewtonSolver:
         # a strong reference held by PETSc is unseen by the garbage collector: nothing would ever be freed
         me = weakref.proxy(self)
         snes.setFunction(lambda *args: me._function(*args), self._residual_vec)
-        snes.setJacobian(lambda *args: me._jacobian(*args), solid.A)
+        snes.setJacobian(lambda *args: me._jacobian(*args), self.linear.operator)
         snes.setConvergenceTest(lambda *args: me._test(*args))
         snes.setTolerances(max_it=options.newton_max)
         outer = snes.getKSP()
@@ -102,7 +101,7 @@ class NewtonSolver:
         r.array = flat
 
     def _jacobian(self, snes: Any, x: Any, A: Any, P: Any) -> None:
-        self.solid.assemble_tangent(self.contact.add_tangent)
+        self.solid.assemble_tangent(self.contact.add_tangent if self.contact.stiff else None)
 
     def _test(self, snes: Any, it: int, norms: Any) -> int | bool:
         """Converged when forces balance and the flat is not penetrated, both relative to their own scales."""
@@ -173,10 +172,6 @@ class NewtonSolver:
                 else:
                     low, s_low, s_high = length, s, 0.5 * s_high
         return length
-
-    def _diagonal(self) -> float:
-        """Size of the diagonal for eliminated rows: the mean of the matrix."""
-        return self.solid.A.getDiagonal().sum() / self.solid.dofs
 
     def solve(self, start: Floats, scale: float) -> StepStats:
         """Solve from the displacement `start` (owned, 3); `scale` is the length penetration is measured by."""

@@ -107,11 +107,13 @@ class InertialBulk:
     Attributes:
         shift: c; 0 leaves the bulk as it was
         anchor: u* at the local nodes (nodes, 3)
+        linear: False, for the tangent changes with the shift
         mass: M of one component, this process's cells (nodes, nodes)
     """
 
     def __init__(self, bulk: Bulk, solid: Solid, density: float) -> None:
         self.inner = bulk
+        self.linear = False
         self.shift = 0.0
         self.anchor = np.zeros((solid.nodes, 3))
         self.mass = density * consistent_mass(solid)
@@ -139,12 +141,10 @@ class InertialBulk:
         if self.shift:
             b += self.shift * (self.mass @ (u - self.anchor))
 
-    def tangent(self, u: Floats) -> Floats:
-        values = self.inner.tangent(u)
+    def tangent(self, u: Floats, values: Floats) -> None:
+        self.inner.tangent(u, values)
         if self.shift:
-            values = values.copy()
             values[self._diagonals] += self.shift * self.mass.data[:, None]
-        return values
 
     def commit(self) -> None:
         self.inner.commit()

@@ -20,6 +20,7 @@ class ActiveSet:
     """
 
     symmetric = True
+    stiff = False  # active dofs are prescribed by the solver
 
     def __init__(self, solid: Solid, top: Top) -> None:
         self._solid, self._top = solid, top
@@ -45,7 +46,7 @@ class ActiveSet:
         return r, (3 * held + 2).astype(np.int32), -d[self.active]
 
     def add_tangent(self) -> None:
-        pass  # active dofs are prescribed by the solver
+        pass
 
     def nodal_force(self, force: Floats) -> Floats:
         out = np.zeros(len(force))

@@ -24,6 +24,7 @@ class Contact(Protocol):
     """
 
     symmetric: bool  # whether the tangent is symmetric, and positive definite with the solid's
+    stiff: bool  # whether there is a contact stiffness at all
 
     def begin(self, z: float) -> None:
         """Move the flat to height z [length]."""

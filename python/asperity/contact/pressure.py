@@ -57,7 +57,7 @@ class PressureContact:
             )
         self._solid, self._top = solid, top
         self._rule = FacetRule(top, FACET_DEGREE) if rule is None else rule
-        self.symmetric = not traction or theta == 1
+        self.symmetric, self.stiff = not traction or theta == 1, True
         points = self._rule.weights.shape
         h = 3.0 * solid.bulk.volumes[top.cells].sum(axis=1) / top.area if traction else top.diameter
         self._law = _solver.ContactLaw(
@@ -70,7 +70,7 @@ class PressureContact:
         held = (len(top.cells) if traction and solid.material.plastic else 0, points[1])
         self._committed = (np.zeros((*held, 6)), np.zeros(held))
         self._trial = (np.zeros((*held, 6)), np.zeros(held))
-        self._matrix = _solver.BlockMatrix(top.cell_nodes, solid.graph.indptr, solid.graph.indices, solid.values)
+        self._pattern = _solver.BlockPattern(top.cell_nodes, solid.graph.indptr, solid.graph.indices)
         self._z = np.inf
         self.points = np.zeros(points)  # pressure at the quadrature points (facets, points)
 
@@ -102,7 +102,8 @@ class PressureContact:
             self._solid.u.x.array.reshape(-1, 3),
             _solver.History(*self._committed),
             self.points,
-            self._matrix,
+            self._pattern,
+            self._solid.values,
         )
 
     def nodal_force(self, force: Floats) -> Floats:

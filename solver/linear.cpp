@@ -1,7 +1,7 @@
-// Kernels of the multigrid preconditioner, which take most of the time of a linear solve. A smoother needs few digits
-// and its time is that of reading the matrix: it reads the upper half, in single precision. All matrices are symmetric
-// with three dofs a node; `values` holds the three rows of a node one after the other, as PETSc's AIJ does.
-#include "multigrid.hpp"
+// Kernels of the linear solver. The time of a product is that of reading the matrix: of a symmetric one the upper half
+// is read, in single precision where few digits are enough. All matrices have three dofs a node;
+// `values` holds the three rows of a node one after the other, as PETSc's AIJ does.
+#include "linear.hpp"
 
 #include <algorithm>
 
@@ -10,6 +10,27 @@ namespace asperity
 namespace
 {
 using Graph = Array1<const int>;
+
+/// y = A x.
+void product(Graph indptr, Graph indices, Array1<const double> values, Array2<const double> x, Array2<double> y)
+{
+  for (std::size_t node = 0; node + 1 < indptr.shape(0); ++node)
+  {
+    const int first = indptr.data()[node], width = indptr.data()[node + 1] - first;
+    const double* rows = values.data() + 9 * static_cast<std::ptrdiff_t>(first);
+    double sums[3]{};
+    for (int k = 0; k < width; ++k)
+    {
+      const double* xj = x.data() + 3 * static_cast<std::ptrdiff_t>(indices.data()[first + k]);
+      for (int i = 0; i < 3; ++i)
+      {
+        const double* a = rows + 3 * (i * width + k);
+        sums[i] += a[0] * xj[0] + a[1] * xj[1] + a[2] * xj[2];
+      }
+    }
+    std::copy_n(sums, 3, y.data() + 3 * node);
+  }
+}
 
 /// Blocks of the upper half row by row, the diagonal ones first in theirs, out (blocks, 9).
 void upper_half(Graph indptr, Graph indices, Array1<const double> values, Array2<float> out)
@@ -108,8 +129,9 @@ void galerkin(Graph indptr, Graph indices, Array1<const double> values, Array2<c
 }
 } // namespace
 
-void bind_multigrid(nb::module_& m)
+void bind_linear(nb::module_& m)
 {
+  m.def("product", &product, nb::arg("indptr"), nb::arg("indices"), nb::arg("values"), nb::arg("x"), nb::arg("y"));
   m.def("upper_half", &upper_half, nb::arg("indptr"), nb::arg("indices"), nb::arg("values"), nb::arg("out"));
   m.def("symmetric_product", &symmetric_product, nb::arg("indptr"), nb::arg("indices"), nb::arg("blocks"),
         nb::arg("x"), nb::arg("y"));
