@@ -4,6 +4,7 @@
 #include "linear.hpp"
 
 #include <algorithm>
+#include <cstring>
 
 namespace asperity
 {
@@ -32,8 +33,8 @@ void product(Graph indptr, Graph indices, Array1<const double> values, Array2<co
   }
 }
 
-/// Blocks of the upper half row by row, the diagonal ones first in theirs, out (blocks, 9).
-void upper_half(Graph indptr, Graph indices, Array1<const double> values, Array2<float> out)
+/// Blocks of the upper half row by row, the diagonal ones first in theirs, the columns of each one after the other.
+void upper_half(Graph indptr, Graph indices, Array1<const double> values, Array1<float> out)
 {
   float* block = out.data();
   for (std::size_t node = 0; node + 1 < indptr.shape(0); ++node)
@@ -42,41 +43,76 @@ void upper_half(Graph indptr, Graph indices, Array1<const double> values, Array2
     const double* rows = values.data() + 9 * static_cast<std::ptrdiff_t>(first);
     for (int k = 0; k < width; ++k)
       if (indices.data()[first + k] >= static_cast<int>(node))
-        for (int i = 0; i < 3; ++i)
-          for (int j = 0; j < 3; ++j)
+        for (int j = 0; j < 3; ++j)
+          for (int i = 0; i < 3; ++i)
             *block++ = static_cast<float>(rows[3 * (i * width + k) + j]);
   }
 }
 
-/// y = A x for the symmetric A whose upper half is given; the graph is that of the upper half.
-void symmetric_product(Graph indptr, Graph indices, Array2<const float> blocks, Array2<const float> x, Array2<float> y)
+using Four = float __attribute__((vector_size(16))); // three components and one to spare
+
+Four load(const float* at)
 {
-  std::fill_n(y.data(), y.size(), 0.0f);
-  const float* a = blocks.data();
-  for (std::size_t node = 0; node + 1 < indptr.shape(0); ++node)
-  {
-    const float* xi = x.data() + 3 * node;
-    const float x0 = xi[0], x1 = xi[1], x2 = xi[2];
-    float y0 = a[0] * x0 + a[1] * x1 + a[2] * x2;
-    float y1 = a[3] * x0 + a[4] * x1 + a[5] * x2;
-    float y2 = a[6] * x0 + a[7] * x1 + a[8] * x2;
-    a += 9;
-    for (int k = indptr.data()[node] + 1; k < indptr.data()[node + 1]; ++k, a += 9)
+  Four out;
+  std::memcpy(&out, at, sizeof(out));
+  return out;
+}
+
+/// y = A x for the symmetric A whose upper half is given by the columns of its blocks (blocks, 9) and one float behind;
+/// the graph is that of the upper half. `work` (2, nodes, 4) is overwritten.
+void symmetric_product(Graph indptr, Graph indices, Array1<const float> blocks, Array2<const float> x, Array3<float> work,
+                       Array2<float> y)
+{
+  const std::size_t count = x.shape(0);
+  float *from = work.data(), *to = from + 4 * count;
+  for (std::size_t node = 0; node < count; ++node)
+    for (int i = 0; i < 4; ++i)
     {
-      const std::ptrdiff_t other = 3 * static_cast<std::ptrdiff_t>(indices.data()[k]);
-      const float* xj = x.data() + other;
-      float* yj = y.data() + other;
-      y0 += a[0] * xj[0] + a[1] * xj[1] + a[2] * xj[2];
-      y1 += a[3] * xj[0] + a[4] * xj[1] + a[5] * xj[2];
-      y2 += a[6] * xj[0] + a[7] * xj[1] + a[8] * xj[2];
-      yj[0] += a[0] * x0 + a[3] * x1 + a[6] * x2;
-      yj[1] += a[1] * x0 + a[4] * x1 + a[7] * x2;
-      yj[2] += a[2] * x0 + a[5] * x1 + a[8] * x2;
+      from[4 * node + i] = i < 3 ? x.data()[3 * node + i] : 0.0f;
+      to[4 * node + i] = 0.0f;
     }
-    float* yi = y.data() + 3 * node;
-    yi[0] += y0;
-    yi[1] += y1;
-    yi[2] += y2;
+  const float* block = blocks.data();
+  for (std::size_t node = 0; node < count; ++node)
+  {
+    const Four xi = load(from + 4 * node), zero{};
+    Four yi{};
+    const int first = indptr.data()[node];
+    for (int k = first; k < indptr.data()[node + 1]; ++k, block += 9)
+    {
+      const std::ptrdiff_t other = 4 * static_cast<std::ptrdiff_t>(indices.data()[k]);
+      const Four a = load(block), b = load(block + 3), c = load(block + 6);
+      const float* xj = from + other;
+      yi += a * xj[0] + b * xj[1] + c * xj[2];
+      if (k == first)
+        continue; // the diagonal
+      // the inner products of xi with the three columns: their terms sorted by component, and added
+      const Four ax = a * xi, bx = b * xi, cx = c * xi;
+      const Four low = __builtin_shufflevector(ax, bx, 0, 4, 1, 5), high = __builtin_shufflevector(ax, bx, 2, 6, 3, 7);
+      Four yj = load(to + other);
+      yj += __builtin_shufflevector(low, __builtin_shufflevector(cx, zero, 0, 4, 1, 4), 0, 1, 4, 5);
+      yj += __builtin_shufflevector(low, __builtin_shufflevector(cx, zero, 0, 4, 1, 4), 2, 3, 6, 7);
+      yj += __builtin_shufflevector(high, __builtin_shufflevector(cx, zero, 2, 4, 3, 4), 0, 1, 4, 5);
+      std::memcpy(to + other, &yj, sizeof(yj));
+    }
+    yi += load(to + 4 * node);
+    std::memcpy(to + 4 * node, &yi, sizeof(yi));
+  }
+  for (std::size_t node = 0; node < count; ++node)
+    std::copy_n(to + 4 * node, 3, y.data() + 3 * node);
+}
+
+/// Take the image of the last step from the residual at the free dofs, and go on by keep * step + add * scaling * residual.
+void relax(Array1<const float> image, Array1<const float> free, Array1<const float> scaling, float keep, float add,
+           Array1<float> residual, Array1<float> step, Array1<float> x)
+{
+  const float *const A = image.data(), *const F = free.data(), *const D = scaling.data();
+  float *const r = residual.data(), *const s = step.data(), *const y = x.data();
+#pragma omp simd
+  for (std::size_t i = 0; i < x.size(); ++i)
+  {
+    r[i] -= F[i] * A[i];
+    s[i] = keep * s[i] + add * D[i] * r[i];
+    y[i] += s[i];
   }
 }
 
@@ -134,7 +170,9 @@ void bind_linear(nb::module_& m)
   m.def("product", &product, nb::arg("indptr"), nb::arg("indices"), nb::arg("values"), nb::arg("x"), nb::arg("y"));
   m.def("upper_half", &upper_half, nb::arg("indptr"), nb::arg("indices"), nb::arg("values"), nb::arg("out"));
   m.def("symmetric_product", &symmetric_product, nb::arg("indptr"), nb::arg("indices"), nb::arg("blocks"),
-        nb::arg("x"), nb::arg("y"));
+        nb::arg("x"), nb::arg("work"), nb::arg("y"));
+  m.def("relax", &relax, nb::arg("image"), nb::arg("free"), nb::arg("scaling"), nb::arg("keep"), nb::arg("add"),
+        nb::arg("residual"), nb::arg("step"), nb::arg("x"));
   m.def("galerkin", &galerkin, nb::arg("indptr"), nb::arg("indices"), nb::arg("values"), nb::arg("kept"),
         nb::arg("parents"), nb::arg("coarse_indptr"), nb::arg("coarse_indices"), nb::arg("coarse_kept"), nb::arg("coarse"));
 }

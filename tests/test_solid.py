@@ -16,7 +16,7 @@ from asperity.loading import Press
 from asperity.material import Material
 from asperity.mesh import BlockMesh, build_block, distribute, on_root
 from asperity.multigrid import EDGES, PMultigrid
-from asperity.node_matrix import NodeMatrix, set_rigid_modes
+from asperity.node_matrix import assembled, set_rigid_modes
 from asperity.solid import Solid
 from asperity.statics import make_press
 from asperity.surface import Flat, Sinusoid, Surface
@@ -49,13 +49,10 @@ def solid_of(comm: Any, block: BlockMesh | None, **options: Any) -> Solid:
     return Solid(*distribute(comm, block, 1.0), options.pop("material", ELASTIC), **options)
 
 
-def assembled(solid: Solid) -> Any:
+def matrix_of(solid: Solid) -> Any:
     """Tangent of the last force as a matrix of PETSc."""
-    matrix = NodeMatrix(solid.graph, solid.V.dofmap.index_map, solid.comm)
     solid.assemble_tangent()
-    matrix.values[:] = solid.values
-    matrix.assemble()
-    return matrix.A
+    return assembled(solid)
 
 
 def press_of(height: float, material: Material, sides: str = "rollers", kernels: str = "compiled") -> Press:
@@ -133,7 +130,7 @@ def rigid_modes(x: Array) -> Array:
 def test_rigid_modes_do_no_work(coarse: BlockMesh | None, kernels: str) -> None:
     solid = solid_of(world(), coarse, kernels=kernels)
     modes = rigid_modes(solid.points)
-    scale = world().allreduce(float(np.abs(assembled(solid).getDiagonal().array).max()))
+    scale = world().allreduce(float(np.abs(matrix_of(solid).getDiagonal().array).max()))
     for mode in modes:
         solid.u.x.array[:] = mode.ravel()
         force = solid.internal_force()
@@ -150,7 +147,7 @@ def test_rigid_modes_do_no_work(coarse: BlockMesh | None, kernels: str) -> None:
 @pytest.mark.mpi
 def test_near_null_space_is_orthonormal_and_rigid(coarse: BlockMesh | None) -> None:
     solid = solid_of(world(), coarse)
-    A = assembled(solid)
+    A = matrix_of(solid)
     set_rigid_modes(A, solid.points)
     basis = A.getNearNullSpace().getVecs()
     assert len(basis) == 6
@@ -178,7 +175,7 @@ def test_matrix_is_that_of_dolfinx(coarse: BlockMesh | None, kernels: str) -> No
     expected = assemble_matrix(form(ufl.inner(stress, ufl.sym(ufl.grad(v))) * dx))
     expected.assemble()
     scale = expected.norm()
-    expected.axpy(-1.0, assembled(solid), structure=expected.Structure.DIFFERENT_NONZERO_PATTERN)
+    expected.axpy(-1.0, matrix_of(solid), structure=expected.Structure.DIFFERENT_NONZERO_PATTERN)
     assert expected.norm() < 1e-13 * scale
 
 
@@ -195,7 +192,7 @@ def test_linear_solver_with_prescribed_dofs(coarse: BlockMesh | None, kind: str)
     values = -0.01 * rng.uniform(size=len(held))
     rows = np.concatenate([solid.fixed, held]).astype(np.int32)
     solver = LinearSolver(solid, kind, 1e-11)
-    A = assembled(solid)
+    A = matrix_of(solid)
     for _ in range(2):  # the second time with everything set up
         r, y, out = (solid.vector() for _ in range(3))
         r.array = 1e-4 * rng.normal(size=3 * solid.owned)
@@ -217,14 +214,11 @@ def test_linear_solver_with_prescribed_dofs(coarse: BlockMesh | None, kind: str)
 def test_tangent_that_is_never_assembled_is_the_matrix(coarse: BlockMesh | None, symmetric: bool, single: bool) -> None:
     """On the free dofs; in single precision if that is enough and the matrix is symmetric."""
     solid = solid_of(world(), coarse)
-    A = assembled(solid)
+    A = matrix_of(solid)
     rng = np.random.default_rng(world().rank)
     if not symmetric:
         solid.values *= rng.uniform(size=len(solid.values))
-        other = NodeMatrix(solid.graph, solid.V.dofmap.index_map, solid.comm)
-        other.values[:] = solid.values
-        other.assemble()
-        A = other.A
+        A = assembled(solid)
     tangent = Tangent(solid, symmetric, single)
     tangent.update()
     held = rng.choice(3 * solid.owned, size=solid.owned // 3, replace=False).astype(np.int32)
@@ -245,7 +239,7 @@ def test_galerkin_matrix_is_that_of_the_interpolation(coarse: BlockMesh) -> None
     from asperity.node_matrix import NodeGraph
 
     solid = solid_of(here(), coarse)
-    A = assembled(solid)
+    A = matrix_of(solid)
     cells = solid.cell_nodes
     corners = np.unique(cells[:, :4])
     number = np.full(solid.nodes, -1, dtype=np.int32)

@@ -34,7 +34,7 @@ class Halo:
         return values
 
     def add(self, values: npt.NDArray[Real]) -> npt.NDArray[Real]:
-        """Nodal values (nodes, k) summed over the processes that hold a node, at the owned ones (owned, k); collective."""
+        """Nodal values (nodes, k) summed over the processes that hold a node: at owned ones (owned, k); collective."""
         if self._alone:
             return values
         from dolfinx import la

@@ -26,7 +26,7 @@ EDGES = (
     (0, 2),
     (0, 1),
 )  # corners of edge k of a cell, in the order of basix
-COARSE_DIRECT_LIMIT = 60_000  # coarse dofs up to which the coarse problem is factorised
+COARSE_DIRECT_LIMIT = 60_000  # coarse dofs up to which the coarse problem is factorised in one process
 
 PREFIX = "asperity_coarse_"
 
@@ -73,11 +73,12 @@ class PMultigrid:
         self._coarse.A.setOption(PETSc.Mat.Option.SPD, symmetric)
         self._ksp.setType("preonly")
         pc = self._ksp.getPC()
-        if 3 * index_map.size_global <= COARSE_DIRECT_LIMIT:
+        small = 3 * index_map.size_global <= COARSE_DIRECT_LIMIT
+        # a parallel factorisation is slower than multigrid at any size (benchmarks/linear.py coarse)
+        if small and (solid.comm.size == 1 or not symmetric):
             pc.setType("cholesky" if symmetric else "lu")
-            # CHOLMOD is faster (benchmarks/linear.py), but works in one process
-            alone = symmetric and solid.comm.size == 1 and PETSc.Sys.hasExternalPackage("cholmod")
-            pc.setFactorSolverType("cholmod" if alone else "mumps")
+            # faster than MUMPS (benchmarks/linear.py pieces)
+            pc.setFactorSolverType("cholmod" if symmetric and PETSc.Sys.hasExternalPackage("cholmod") else "mumps")
         else:
             pc.setType("gamg")
             set_defaults(PREFIX, GAMG)
@@ -166,7 +167,8 @@ class PMultigrid:
 
     def apply(self, pc: Any, r: Any, z: Any) -> None:
         """One V-cycle from zero: z is about the solution for r."""
-        x, left = self._smooth(np.zeros_like(self._free), self._free * r.array_r.astype(np.float32))
+        x, left = np.zeros_like(self._free), self._free * r.array_r.astype(np.float32)
+        left -= self._free * self._smooth(x, left)
         self._fine.array = left
         self._P.multTranspose(self._fine, self._rhs)
         self._rhs.pointwiseMult(self._rhs, self._coarse_mask)
@@ -174,23 +176,29 @@ class PMultigrid:
         self._correction.pointwiseMult(self._correction, self._coarse_mask)
         self._P.mult(self._correction, self._fine)
         correction = self._free * self._fine.array_r.astype(np.float32)
-        x, _ = self._smooth(x + correction, left - self._free * self._tangent.single_product(correction), last=True)
+        x += correction
+        left -= self._free * self._tangent.single_product(correction)
+        self._smooth(x, left, last=True)
         z.array = x
 
-    def _smooth(self, x: Singles, residual: Singles, last: bool = False) -> tuple[Singles, Singles]:
-        """Chebyshev's iteration (Saad, Iterative Methods, 2003, algorithm 12.1); the last residual only if needed."""
+    def _smooth(self, x: Singles, residual: Singles, last: bool = False) -> Singles:
+        """Chebyshev's iteration (Saad, Iterative Methods, 2003, algorithm 12.1) on x and its residual, in place.
+
+        Returns:
+            what the residual still lacks of the product with the last step, unless it was the last of all
+        """
         low, high = (self._greatest * part for part in SMOOTHED)
         middle, half = 0.5 * (high + low), 0.5 * (high - low)
         rho = half / middle
-        step = self._scaling * residual * np.float32(1.0 / middle)
-        for k in range(SWEEPS):
-            x = x + step
-            if last and k == SWEEPS - 1:
-                break
-            residual = residual - self._free * self._tangent.single_product(step)
+        step, image = np.zeros_like(x), np.zeros_like(x)
+        keep, add = 0.0, 1.0 / middle
+        for sweep in range(SWEEPS):
+            _solver.relax(image, self._free, self._scaling, keep, add, residual, step, x)
+            if not last or sweep < SWEEPS - 1:
+                image = self._tangent.single_product(step)
             before, rho = rho, 1.0 / (2.0 * middle / half - rho)
-            step = np.float32(rho * before) * step + np.float32(2.0 * rho / half) * self._scaling * residual
-        return x, residual
+            keep, add = rho * before, 2.0 * rho / half
+        return image
 
     def _greatest_eigenvalue(self, steps: int, free: Singles) -> float:
         """Of the Jacobi-scaled matrix with those dofs free, by Lanczos' method from the last vector; collective."""
@@ -217,5 +225,5 @@ class PMultigrid:
         size = len(diagonal)
         values, vectors = eigh_tridiagonal(diagonal, beside[: size - 1])
         # the noise lets a mode grow that has become the greatest one somewhere else
-        self._extreme = sum(np.float32(c) * v for c, v in zip(vectors[:, -1], basis, strict=True)) + self._noise
+        self._extreme = np.stack(basis, axis=1) @ vectors[:, -1].astype(np.float32) + self._noise
         return float(values[-1])

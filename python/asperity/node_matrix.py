@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from .solid import Solid
 
 Integers = npt.NDArray[np.int32]
 
@@ -100,6 +103,14 @@ class NodeMatrix:
             self.A.zeroEntries()
             self.A.setValuesLocalCSR(self.graph.rows, self.graph.columns, self.values, PETSc.InsertMode.ADD)
         self.A.assemble()
+
+
+def assembled(solid: Solid) -> Any:
+    """The current tangent of a solid as a matrix of PETSc of its own; collective."""
+    matrix = NodeMatrix(solid.graph, solid.V.dofmap.index_map, solid.comm)
+    np.copyto(matrix.values, solid.values)
+    matrix.assemble()
+    return matrix.A
 
 
 def set_rigid_modes(A: Any, points: npt.NDArray[np.float64]) -> None:

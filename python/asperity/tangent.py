@@ -38,7 +38,8 @@ class Tangent:
         upper = indices >= np.repeat(np.arange(solid.nodes), np.diff(indptr))
         self._starts = np.concatenate([[0], np.cumsum(upper)])[indptr].astype(np.int32)
         self._columns = indices[upper]
-        self._blocks = np.empty((len(self._columns), 9), dtype=np.float32)
+        self._blocks = np.zeros(9 * len(self._columns) + 1, dtype=np.float32)  # one more is read with the last
+        self._work = np.empty((2, solid.nodes, 4), dtype=np.float32)
         self._image = np.empty((solid.nodes, 3))
         self._single_image = np.empty((solid.nodes, 3), dtype=np.float32)
         self.version = 0
@@ -68,7 +69,7 @@ class Tangent:
         """Copy of the tangent times owned dof values (3 owned,); collective. The next call overwrites the result."""
         halo = self.solid.halo
         _solver.symmetric_product(
-            self._starts, self._columns, self._blocks, halo.fill(x.reshape(-1, 3)), self._single_image
+            self._starts, self._columns, self._blocks, halo.fill(x.reshape(-1, 3)), self._work, self._single_image
         )
         return halo.add(self._single_image).reshape(-1)
 
