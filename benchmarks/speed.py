@@ -43,7 +43,6 @@ def one(h: float, **path: Any) -> dict[str, Any]:
     result = asp.solve_contact(surface, STEEL, delta_max=DELTA * L, size=asp.MeshSize(h * L), **{"steps": STEPS} | path)
     owned = result.press.top.owned_nodes
     spread = comm.gather((len(result.press.solid.cell_nodes), len(owned)))
-    memory = comm.allreduce(result.memory) if comm.size > 1 else result.memory
     return {
         "h": h,
         "ranks": comm.size,
@@ -54,7 +53,7 @@ def one(h: float, **path: Any) -> dict[str, Any]:
         "cpu": process_time() - cpu,
         "wall": perf_counter() - wall,
         "seconds": result.phases.seconds,
-        "memory": memory,
+        "memory": result.memory,
         "spread": spread,
         "force": float(result.curve.force[-1]),
     }
@@ -115,18 +114,20 @@ def run_apart(h: float, ranks: int, job: str = "one") -> dict[str, Any]:
 
 def scaling(sizes: tuple[float, ...]) -> None:
     """One rank against two."""
-    row(("dofs", "ranks", "wall s of the load path", "speed-up", "efficiency", "Krylov", "cells a rank",
-         "contact nodes a rank", "MiB", "force"))  # fmt: skip
-    row(["---"] * 10)
+    row(("dofs", "ranks", *PHASES, "load path", "efficiency", "Newton", "Krylov", "cells a rank",
+         "contact nodes a rank", "GiB", "force"))  # fmt: skip
+    row(["---"] * (10 + len(PHASES)))
     for h in sizes:
         base = 0.0
         for ranks in (1, 2):
             facts = run_apart(h, ranks, "single")
-            path = sum(facts["seconds"].get(name, 0.0) for name in PHASES)
+            spent = [facts["seconds"].get(name, 0.0) for name in PHASES]
+            path = sum(spent)
             base = base or path
             cells, nodes = zip(*facts["spread"], strict=True)
-            row((facts["dofs"], ranks, path, base / path, base / path / ranks, facts["krylov"], list(cells),
-                 list(nodes), round(facts["memory"] / 2**20), f"{facts['force']:.9e}"))  # fmt: skip
+            row((facts["dofs"], ranks, *spent, path, base / path / ranks, facts["newton"], facts["krylov"],
+                 ", ".join(map(str, cells)), ", ".join(map(str, nodes)), facts["memory"] / 2**30,
+                 f"{facts['force']:.9e}"))  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -161,7 +161,16 @@ def test_bar_holds_the_error_against_an_independent_solution() -> None:
 
 
 def test_limit_ends_the_refinement_with_what_is_known() -> None:
-    result = solve_to_tolerance(wave(), ELASTIC, Goal(1e-4, max_dofs=5000), delta_max=0.012, steps=2)
+    """No mesh is larger than allowed, not even by little; the last one uses what is left."""
+    sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=3.0, centre=(0.3, 0.4))
+    result = solve_to_tolerance(sphere, ELASTIC, Goal(1e-4, max_dofs=60_000), delta_max=0.01, steps=2)
     assert not result.met
-    assert "accuracy.max_dofs = 5000" in result.reason
+    assert "accuracy.max_dofs = 60000" in result.reason
     assert np.all(np.isfinite(result.curve.error_P_star))
+    sizes = [level.dofs for level in result.levels]
+    assert 45_000 < sizes[-1] <= 60_000 and len(sizes) >= 3
+
+
+def test_limit_below_the_coarsest_meshes() -> None:
+    with pytest.raises(asp.InputError, match=r"accuracy\.max_dofs = 1000 is too small, a coarse mesh .* has \d+ dofs"):
+        solve_to_tolerance(wave(), ELASTIC, Goal(1e-4, max_dofs=1000), delta_max=0.012, steps=2)

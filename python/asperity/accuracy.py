@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -19,22 +18,20 @@ from scipy.interpolate import PchipInterpolator
 
 from .curve import Curve
 from .errors import InputError
+from .levels import Goal, Level, Runner
 from .loading import Callback
 from .material import Material
-from .mesh import Reach
 from .refinement import (
-    DOFS_ORDER,
     FIRST,
     GUIDE,
     LEAST_STEP,
     Plan,
     extrapolate,
     extrapolate_mesh,
-    growth,
     plan_next,
     safety_of,
 )
-from .statics import ContactResult, MeshSize, solve_contact
+from .statics import ContactResult
 from .surface import Surface
 
 Floats = npt.NDArray[np.float64]
@@ -43,44 +40,6 @@ STEP_ORDER = 2.0  # of the force in the load step: midpoint rule
 STEPS_SHARE = 0.4  # part of the tolerance the load steps should use; the mesh has what they leave
 MAX_DOUBLINGS = 5  # of the load steps
 PATH_TRANSFER = 0.5  # part of the load-step correction taken for its bar (docs/accuracy.md)
-
-
-@dataclass(frozen=True)
-class Goal:
-    """What is asked for.
-
-    Attributes:
-        tolerance: greatest error bar of the force along the first loading, relative to the force, in (0, 1)
-        max_dofs: size no mesh may exceed
-        max_seconds: time after which no finer level is started; None for no limit
-
-    Raises:
-        InputError: a value outside its range
-    """
-
-    tolerance: float
-    max_dofs: int = 1_000_000
-    max_seconds: float | None = None
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.tolerance < 1.0:
-            raise InputError(
-                f"accuracy.tolerance = {self.tolerance!r} must lie between 0 and 1, for example 0.01 for 1 %"
-            )
-        if self.max_dofs < 1000:
-            raise InputError(f"accuracy.max_dofs = {self.max_dofs} must be at least 1000")
-        if self.max_seconds is not None and not self.max_seconds > 0:
-            raise InputError(f"accuracy.max_seconds = {self.max_seconds!r} must be positive")
-
-
-@dataclass(frozen=True)
-class Level:
-    """One computed curve: element size [length], dofs, planned steps, seconds."""
-
-    h: float
-    dofs: int
-    steps: int
-    seconds: float
 
 
 @dataclass(frozen=True)
@@ -185,26 +144,26 @@ def solve_to_tolerance(
         on_stage, on_step: progress call-backs
 
     Raises:
-        InputError: see `statics.solve_contact`
+        InputError: see `statics.solve_contact`; or goal.max_dofs does not even allow the coarse meshes
         PartialResult: a load step does not converge
     """
     if "size" in settings or "block" in settings:
         raise InputError("accuracy.tolerance chooses the mesh: leave out mesh.h_contact and mesh.file")
     driven = dict(delta_max=delta_max, force_max=force_max)
-    run = _Runner(surface, material, driven | settings, on_stage, on_step)
+    run = Runner(surface, material, goal.max_dofs, driven | settings, on_stage, on_step)
     steps_asked = steps
     guide = run(GUIDE, steps)
-    reach = _reach(guide, surface.L)
+    run.aim(guide)
     path, coarse = None, guide.curve
     if material.plastic:
         path, steps, coarse = _choose_steps(run, guide.curve, steps, STEPS_SHARE * goal.tolerance)
     del guide  # its memory is needed for the next one
-    sizes, curves, plan = [GUIDE], [coarse], Plan(FIRST * GUIDE, 0)
+    sizes, curves, plan = [run.levels[0].h / surface.L], [coarse], Plan(FIRST * GUIDE, 0)
     while True:
-        result = run(plan.size, steps, reach)
-        sizes.append(plan.size)
+        result = run(plan.size, steps)
+        sizes.append(run.levels[-1].h / surface.L)
         judged = _judged(result.curve, steps_asked)
-        ratio = sizes[plan.coarse] / plan.size
+        ratio = sizes[plan.coarse] / sizes[-1]
         curve, budget = _correct(result, curves[plan.coarse], ratio, safety_of(plan.coarse), judged, path)
         worst = worst_error(curve, steps_asked)
         if worst <= goal.tolerance:
@@ -212,7 +171,7 @@ def solve_to_tolerance(
         mesh, rest = ((bar / curve.P_star)[judged] for bar in (budget.mesh, budget.total - budget.mesh))
         left = np.maximum(goal.tolerance - rest, 0.1 * goal.tolerance)  # for the mesh, when the load steps have theirs
         plan = plan_next(sizes, plan.coarse, float(np.max(mesh / left)), 1.0)
-        room = (goal.max_dofs / result.dofs) ** (1.0 / DOFS_ORDER)
+        room = (goal.max_dofs / result.dofs) ** (1.0 / run.growth_of_dofs())
         wanted, plan = plan, replace(plan, size=max(plan.size, sizes[-1] / max(room, LEAST_STEP)))
         limit = run.limit(goal, float(rest.max()), sizes[-1], wanted.size if room < LEAST_STEP else plan.size)
         if limit:
@@ -239,79 +198,6 @@ def worst_error(curve: Curve, steps: int) -> float:
     return float(np.max((curve.error_P_star / curve.P_star)[judged]))
 
 
-class _Runner:
-    """Solves one level after the other and keeps the account."""
-
-    def __init__(
-        self,
-        surface: Surface,
-        material: Material,
-        settings: dict[str, Any],
-        on_stage: Callable[[str], None] | None,
-        on_step: Callback | None,
-    ) -> None:
-        self._surface, self._material, self._settings = surface, material, settings
-        self._on_stage, self._on_step = on_stage, on_step
-        self._start = perf_counter()
-        self.levels: list[Level] = []
-
-    def __call__(self, h: float, steps: int, reach: Reach | None = None, loading_only: bool = False) -> ContactResult:
-        """Curve with elements of size h [L]."""
-        start = perf_counter()
-        L = self._surface.L
-        settings = self._settings | ({"unload_steps": 0, "cycles": 1} if loading_only else {})
-        if settings.get("checkpoint") is not None:
-            level = settings["checkpoint"].part(f"level-{len(self.levels) + 1}")
-            settings = settings | {"checkpoint": level}
-        result = solve_contact(
-            self._surface,
-            self._material,
-            steps=steps,
-            size=MeshSize(h * L, growth=growth(h), reach=reach),
-            on_stage=self._announce(f"h = {h:.3g} L, {steps} steps"),
-            on_step=self._on_step,
-            **settings,
-        )
-        self.levels.append(Level(h * L, result.dofs, steps, perf_counter() - start))
-        return result
-
-    def _announce(self, level: str) -> Callable[[str], None] | None:
-        if self._on_stage is None:
-            return None
-        on_stage = self._on_stage
-        return lambda name: on_stage(f"{level}: {name}")
-
-    def limit(self, goal: Goal, rest: float, size: float, finer: float) -> str:
-        """Why the next level must not be computed; empty when it may.
-
-        Args:
-            goal: with the limits
-            rest: greatest relative error bar of what is not the mesh
-            size, finer: elements of the last level and of the next [L]
-        """
-        refinement = size / finer
-        if rest > 0.9 * goal.tolerance:
-            return "what is left comes from the load steps, raise loading.steps"
-        last = self.levels[-1]
-        dofs = int(last.dofs * refinement**DOFS_ORDER)
-        if dofs > goal.max_dofs:
-            return f"the next mesh has about {dofs} dofs, accuracy.max_dofs = {goal.max_dofs} allows no more"
-        elapsed = perf_counter() - self._start
-        needed = last.seconds * refinement ** (1.2 * DOFS_ORDER)
-        if goal.max_seconds is not None and elapsed + needed > goal.max_seconds:
-            return (
-                f"the next mesh takes about {needed:.0f} s after the {elapsed:.0f} s so far, accuracy.max_seconds = "
-                f"{goal.max_seconds:g} allows no more"
-            )
-        return ""
-
-
-def _reach(guide: ContactResult, L: float) -> Reach | None:
-    """What the guide touched, on rank 0; the meshes are made there."""
-    xy, touched_at = guide.press.reach()
-    return Reach(xy * L, touched_at * L) if len(xy) else None
-
-
 @dataclass(frozen=True)
 class _PathError:
     """Error of the force from the load steps, relative, at deflections of the guiding mesh.
@@ -327,7 +213,7 @@ class _PathError:
     bar: Floats
 
 
-def _choose_steps(run: _Runner, curve: Curve, steps: int, wanted: float) -> tuple[_PathError, int, Curve]:
+def _choose_steps(run: Runner, curve: Curve, steps: int, wanted: float) -> tuple[_PathError, int, Curve]:
     """Number of load steps whose error bar is the wanted one, and the guide's curve with as many.
 
     The guiding mesh is loaded in N, 2 N, 4 N ... steps, and the limit extrapolated from the last two runs. What is

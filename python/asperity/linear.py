@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from .errors import InputError
 from .multigrid import PMultigrid
@@ -14,9 +13,8 @@ from .petsc_options import GAMG, set_defaults
 from .tangent import Tangent
 
 if TYPE_CHECKING:
-    from .solid import Floats, Solid
+    from .solid import Floats, Rows, Solid
 
-Rows = npt.NDArray[np.int32]
 
 SINGLE_RTOL = 1e-5  # tolerance from which on a product in single precision is exact enough
 LU_LIMIT = 6_000  # dofs below which a factorisation beats CG with multigrid (benchmarks/linear.py)
@@ -35,8 +33,8 @@ class LinearSolver:
         solid: whose tangent is solved with
         kind: "lu" (MUMPS), "cg" (p-multigrid), "gamg" (algebraic multigrid), or "auto", which takes "lu" for small
             problems and "cg" for others
-        rtol: relative tolerance of the iterative solvers, in the energy norm
         symmetric: whether the matrix is symmetric and positive definite: Cholesky and CG, else LU and GMRES
+        rtol: smallest tolerance that will be asked for
 
     Attributes:
         operator: the tangent as a matrix of PETSc
@@ -47,7 +45,7 @@ class LinearSolver:
         InputError: unknown kind
     """
 
-    def __init__(self, solid: Solid, kind: str, rtol: float, symmetric: bool = True) -> None:
+    def __init__(self, solid: Solid, kind: str, symmetric: bool = True, rtol: float = SINGLE_RTOL) -> None:
         if kind not in KINDS:
             raise InputError(f'solver.linear = "{kind}" is not one of {", ".join(KINDS)}')
         if kind == "auto":
@@ -58,17 +56,17 @@ class LinearSolver:
         self._direct: Assembled | None = None
         tangent = Tangent(solid, symmetric, rtol >= SINGLE_RTOL)
         self.operator = tangent.matrix()
-        self._method: Split | Assembled
+        self._method: Krylov | Assembled
         if kind == "cg":
-            self._method = Split(tangent, self.operator, rtol, symmetric)
+            self._method = Krylov(tangent, self.operator, symmetric)
         else:
-            self._method = Assembled(solid, kind, rtol, symmetric, PREFIX)
+            self._method = Assembled(solid, kind, symmetric, PREFIX)
 
     def forget(self) -> None:
         """Let the next solve depend on its system alone, not on those before, as after a restart."""
         self._method.forget()
 
-    def solve(self, r: Any, rows: Rows, values: Floats, y: Any) -> tuple[int, bool]:
+    def solve(self, r: Any, rows: Rows, values: Floats, y: Any, rtol: float) -> tuple[int, bool]:
         """Solve with the current values of the solid's tangent.
 
         Args:
@@ -76,19 +74,20 @@ class LinearSolver:
             rows: owned dofs to be zero besides the prescribed ones, which come last
             values: of the prescribed dofs, for the last rows
             y: receives the solution
+            rtol: relative tolerance of the iterative solvers, in the energy norm
 
         Returns:
             iterations, and whether the solver converged
         """
         iterations, solved = 0, False
         if not self.rescue:
-            iterations, solved = self._method.solve(r, rows, values, y)
+            iterations, solved = self._method.solve(r, rows, values, y, rtol)
         if not solved and self._may_rescue:
             if self._direct is None:
                 # not Cholesky, which would fail where the matrix is indefinite
-                self._direct = Assembled(self._solid, "lu", 0.0, symmetric=False)
+                self._direct = Assembled(self._solid, "lu", symmetric=False)
             with self._solid.phases.phase("direct rescue"):
-                _, solved = self._direct.solve(r, rows, values, y)
+                _, solved = self._direct.solve(r, rows, values, y, rtol)
             self.rescue = True
             self.rescued += 1
         # an iterative solver only meets them to its tolerance
@@ -97,16 +96,16 @@ class LinearSolver:
         return iterations, solved
 
 
-class Split:
+class Krylov:
     """CG, or GMRES, with p-multigrid on the free dofs.
 
     Args:
         tangent: of the solid
         operator: the same as a matrix of PETSc
-        rtol, symmetric: see `LinearSolver`
+        symmetric: see `LinearSolver`
     """
 
-    def __init__(self, tangent: Tangent, operator: Any, rtol: float, symmetric: bool) -> None:
+    def __init__(self, tangent: Tangent, operator: Any, symmetric: bool) -> None:
         from petsc4py import PETSc
 
         solid = tangent.solid
@@ -115,7 +114,7 @@ class Split:
         self._ksp = PETSc.KSP().create(solid.comm)
         self._ksp.setOptionsPrefix(PREFIX)
         self._ksp.setType("cg" if symmetric else "gmres")
-        self._ksp.setTolerances(rtol=rtol, max_it=1000)
+        self._ksp.setTolerances(max_it=1000)
         if symmetric:
             self._ksp.setNormType(PETSc.KSP.NormType.NATURAL)
         pc = self._ksp.getPC()
@@ -129,7 +128,7 @@ class Split:
         """See `LinearSolver`; so for `solve`."""
         self._multigrid.forget()
 
-    def solve(self, r: Any, rows: Rows, values: Floats, y: Any) -> tuple[int, bool]:
+    def solve(self, r: Any, rows: Rows, values: Floats, y: Any, rtol: float) -> tuple[int, bool]:
         solid, tangent = self._solid, self._tangent
         with solid.phases.phase("preconditioner"):
             tangent.hold(rows)
@@ -143,10 +142,12 @@ class Split:
             if solid.comm.allreduce(bool(lifted.any()), op=_or()):
                 b -= tangent.free * tangent.product(lifted)
             self._b.array = b
+            self._ksp.setTolerances(rtol=rtol)
             self._ksp.solve(self._b, y)
             if self._ksp.getConvergedReason() < 0:
                 self._multigrid.estimate()
                 self._ksp.solve(self._b, y)
+            self._multigrid.judge(self._ksp.getIterationNumber())
         return self._ksp.getIterationNumber(), self._ksp.getConvergedReason() > 0
 
 
@@ -154,12 +155,12 @@ class Assembled:
     """A matrix of PETSc, prescribed dofs eliminated in place: structure and near-null space stay as they are.
 
     Args:
-        solid, rtol, symmetric: see `LinearSolver`
+        solid, symmetric: see `LinearSolver`
         kind: "lu" or "gamg"
         prefix: of the options
     """
 
-    def __init__(self, solid: Solid, kind: str, rtol: float, symmetric: bool, prefix: str = "") -> None:
+    def __init__(self, solid: Solid, kind: str, symmetric: bool, prefix: str = "") -> None:
         from petsc4py import PETSc
 
         self._solid = solid
@@ -176,7 +177,7 @@ class Assembled:
             pc.setFactorSolverType("mumps")
         else:
             self._ksp.setType("cg" if symmetric else "gmres")
-            self._ksp.setTolerances(rtol=rtol, max_it=1000)
+            self._ksp.setTolerances(max_it=1000)
             if symmetric:
                 self._ksp.setNormType(PETSc.KSP.NormType.NATURAL)
             pc.setType("gamg")
@@ -189,7 +190,7 @@ class Assembled:
     def forget(self) -> None:
         """See `LinearSolver`; so for `solve`."""
 
-    def solve(self, r: Any, rows: Rows, values: Floats, y: Any) -> tuple[int, bool]:
+    def solve(self, r: Any, rows: Rows, values: Floats, y: Any, rtol: float) -> tuple[int, bool]:
         A, solid = self._matrix.A, self._solid
         with solid.phases.phase("preconditioner"):
             np.copyto(self._matrix.values, solid.values)
@@ -202,6 +203,7 @@ class Assembled:
             self._ksp.setOperators(A)
             self._ksp.setUp()
         with solid.phases.phase("linear solve"):
+            self._ksp.setTolerances(rtol=rtol)
             self._ksp.solve(self._b, y)
         return self._ksp.getIterationNumber(), self._ksp.getConvergedReason() > 0
 

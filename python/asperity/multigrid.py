@@ -32,6 +32,7 @@ PREFIX = "asperity_coarse_"
 
 SWEEPS = 2  # of the smoother, before and after the coarse correction
 LANCZOS, UPDATE = 20, 4  # steps of an estimate of the greatest eigenvalue: from anew, and for the next matrix
+RENEWAL = 1.5  # increase of the iterations at which the coarse matrix is renewed
 NOISE = 0.1  # in the start of an update, relative to the vector the last one led to
 SMOOTHED = (0.1, 1.1)  # part of the spectrum that is damped, in units of the estimate
 
@@ -84,6 +85,7 @@ class PMultigrid:
             set_defaults(PREFIX, GAMG)
         self._ksp.setFromOptions()
         self._version = 0
+        self._reusable, self._of, self._usual = False, tangent.kept, 0  # free dofs and iterations of the coarse matrix
         noise = np.random.default_rng(solid.comm.rank).normal(size=3 * solid.owned)
         self._noise = (NOISE * noise / np.sqrt(solid.dofs)).astype(np.float32)
         self._supported = np.ones(3 * solid.owned, dtype=np.float32)
@@ -129,9 +131,12 @@ class PMultigrid:
             self._inverse = (1.0 / np.where(diagonal > 0.0, diagonal, 1.0)).astype(np.float32)
             self._version = tangent.version
         self._scaling = self._free * self._inverse
-        self._galerkin()
-        self._ksp.setOperators(self._coarse.A)
-        self._ksp.setUp()
+        same = self._reusable and bool(np.array_equal(self._of, tangent.kept))
+        if not solid.comm.allreduce(same, op=MPI.LAND):
+            self._galerkin()
+            self._ksp.setOperators(self._coarse.A)
+            self._ksp.setUp()
+            self._of, self._usual = tangent.kept, 0
         if self._greatest == 0.0:
             self.estimate()
         elif new:
@@ -151,9 +156,17 @@ class PMultigrid:
         coarse.assemble()
 
     def forget(self) -> None:
-        """Let the next `update` estimate the greatest eigenvalue from anew, unless the tangent never changed."""
+        """Let the next `update` set everything up from anew, unless the tangent never changed."""
         if self._solid.version > 1:
-            self._greatest = 0.0
+            self._greatest, self._reusable = 0.0, False
+
+    def judge(self, iterations: int) -> None:
+        """Decide by the iterations of a solve whether the next one may do with the same coarse matrix.
+
+        It may while the free dofs stay the same, the flow of a few cells more or less, and iterations do not rise.
+        """
+        self._usual = self._usual or iterations
+        self._reusable = iterations <= RENEWAL * self._usual + 2
 
     def estimate(self) -> None:
         """Estimate the greatest eigenvalue from anew; collective.

@@ -2,7 +2,7 @@
 
 The meshes of a family differ by one number, the element size in the contact. The force differs from the limit by
 c h^p, and the order p depends on the scene (docs/accuracy.md has the orders measured). The limit is therefore the mean
-of those that the ends of a range of orders give, and a little more than half their distance is its error bar.
+of those that the ends of a range of orders give, and half their distance, times a safety factor, is its error bar.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ GUIDE = 0.1  # size of the guiding mesh [L]
 FIRST = 0.5**0.5  # of the next one, over that of the guide
 SMALLEST_RATIO, LARGEST_RATIO = 1.6, 4.0  # of two sizes; below, scatter from mesh to mesh hides the order
 LEAST_STEP = 1.2  # from one size to the next
-FIRST_STEP = 2.25  # greatest one after the second mesh, for the guide only tells roughly how large errors are
+FIRST_STEP = 2.5  # greatest one after the second mesh, for the guide only tells roughly how large errors are
 MARGIN = 0.8  # part of the tolerance that is planned for
 DOFS_ORDER = 2.0  # dofs grow as h^-DOFS_ORDER: refinement is nearly confined to the contact
 GROWTH = 0.25, 0.04  # growth of the element size around the contact, and the size in it that this belongs to [L]

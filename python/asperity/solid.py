@@ -20,6 +20,7 @@ from .node_matrix import NodeGraph
 from .phases import Phases
 
 Floats = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.int32]  # local dofs
 
 
 class Bulk(Protocol):

@@ -5,13 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-import numpy as np
-import numpy.typing as npt
-
-from ..solid import Floats
+from ..solid import Floats, Rows
 from ..top import Area
-
-Rows = npt.NDArray[np.int32]
 
 __all__ = ["Area", "Contact", "Rows"]
 

@@ -1,0 +1,182 @@
+"""The curves of a run with a tolerance, one mesh after the other, within limits of size and time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import log
+from time import perf_counter
+from typing import Any
+
+from .errors import InputError
+from .loading import Callback
+from .material import Material
+from .mesh import BlockMesh, Reach
+from .refinement import DOFS_ORDER, growth
+from .statics import ContactResult, MeshSize, make_block, solve_contact
+from .surface import Surface
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What is asked for.
+
+    Attributes:
+        tolerance: greatest error bar of the force along the first loading, relative to the force, in (0, 1)
+        max_dofs: size no mesh may exceed
+        max_seconds: time after which no finer level is started; None for no limit
+
+    Raises:
+        InputError: a value outside its range
+    """
+
+    tolerance: float
+    max_dofs: int = 1_000_000
+    max_seconds: float | None = None
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.tolerance < 1.0:
+            raise InputError(
+                f"accuracy.tolerance = {self.tolerance!r} must lie between 0 and 1, for example 0.01 for 1 %"
+            )
+        if self.max_dofs < 1000:
+            raise InputError(f"accuracy.max_dofs = {self.max_dofs} must be at least 1000")
+        if self.max_seconds is not None and not self.max_seconds > 0:
+            raise InputError(f"accuracy.max_seconds = {self.max_seconds!r} must be positive")
+
+
+@dataclass(frozen=True)
+class Level:
+    """One computed curve: element size [length], dofs, planned steps, seconds."""
+
+    h: float
+    dofs: int
+    steps: int
+    seconds: float
+
+
+class Runner:
+    """Solves one level after the other and keeps the account; collective.
+
+    Args:
+        surface, material: as in `statics.solve_contact`
+        max_dofs: size no mesh may exceed
+        settings: other arguments of `statics.solve_contact`
+        on_stage, on_step: progress call-backs
+
+    Attributes:
+        levels: what was computed, in order
+    """
+
+    def __init__(
+        self,
+        surface: Surface,
+        material: Material,
+        max_dofs: int,
+        settings: dict[str, Any],
+        on_stage: Callable[[str], None] | None,
+        on_step: Callback | None,
+    ) -> None:
+        self._surface, self._material, self._max_dofs, self._settings = surface, material, max_dofs, settings
+        self._on_stage, self._on_step = on_stage, on_step
+        self._start = perf_counter()
+        self._reach: Reach | None = None
+        self._depth: float | None = settings["delta_max"]
+        self.levels: list[Level] = []
+
+    def aim(self, guide: ContactResult) -> None:
+        """Make the meshes from here on for what the guide touched."""
+        L = self._surface.L
+        xy, touched_at = guide.press.reach()
+        self._reach = Reach(xy * L, touched_at * L) if len(xy) else None  # on rank 0, where meshes are made
+        self._depth = self._depth or guide.press.delta * L
+
+    def _mesh(self, h: float) -> tuple[BlockMesh | None, float]:
+        """Mesh of size h [length], or the finest that the greatest number of dofs allows, and its size; collective.
+
+        Raises:
+            InputError: not even the first meshes are allowed
+        """
+        comm = self._settings.get("comm") or _world()
+        height = self._settings.get("height") or self._surface.L
+        assert self._depth is not None
+        while True:
+            size = MeshSize(h, growth=growth(h / self._surface.L), reach=self._reach)
+            block = make_block(comm, self._surface, height, self._depth, size)
+            dofs = comm.bcast(None if block is None else 3 * len(block.points), root=0)
+            if dofs <= self._max_dofs:
+                return block, h
+            if len(self.levels) < 2:
+                raise InputError(
+                    f"accuracy.max_dofs = {self._max_dofs} is too small, a coarse mesh of this block has {dofs} dofs: "
+                    "raise it, or choose the mesh by mesh.h_contact"
+                )
+            h *= 1.02 * (dofs / self._max_dofs) ** (1.0 / DOFS_ORDER)
+
+    def __call__(self, h: float, steps: int, loading_only: bool = False) -> ContactResult:
+        """Curve with elements of size h [L], or of the smallest allowed."""
+        start = perf_counter()
+        L = self._surface.L
+        settings = self._settings | ({"unload_steps": 0, "cycles": 1} if loading_only else {})
+        if settings.get("checkpoint") is not None:
+            level = settings["checkpoint"].part(f"level-{len(self.levels) + 1}")
+            settings = settings | {"checkpoint": level}
+        h, block = h * L, None
+        if self._depth is not None:  # known in advance or from the guide
+            block, h = self._mesh(h)
+        result = solve_contact(
+            self._surface,
+            self._material,
+            steps=steps,
+            size=MeshSize(h, growth=growth(h / L)),
+            block=block,
+            on_stage=self._announce(f"h = {h / L:.3g} L, {steps} steps"),
+            on_step=self._on_step,
+            **settings,
+        )
+        self.levels.append(Level(h, result.dofs, steps, perf_counter() - start))
+        return result
+
+    def _announce(self, level: str) -> Callable[[str], None] | None:
+        if self._on_stage is None:
+            return None
+        on_stage = self._on_stage
+        return lambda name: on_stage(f"{level}: {name}")
+
+    def growth_of_dofs(self) -> float:
+        """Order of the dofs in 1/h, from the last two meshes; no less than the usual one."""
+        before, last = self.levels[-2:]
+        if not last.h < before.h:
+            return DOFS_ORDER
+        return max(DOFS_ORDER, log(last.dofs / before.dofs) / log(before.h / last.h))
+
+    def limit(self, goal: Goal, rest: float, size: float, finer: float) -> str:
+        """Why the next level must not be computed; empty when it may.
+
+        Args:
+            goal: with the limits
+            rest: greatest relative error bar of what is not the mesh
+            size, finer: elements of the last level and of the next [L]
+        """
+        refinement = size / finer
+        if rest > 0.9 * goal.tolerance:
+            return "what is left comes from the load steps, raise loading.steps"
+        last = self.levels[-1]
+        order = self.growth_of_dofs()
+        dofs = int(last.dofs * refinement**order)
+        if dofs > goal.max_dofs:
+            return f"the next mesh has about {dofs} dofs, accuracy.max_dofs = {goal.max_dofs} allows no more"
+        elapsed = perf_counter() - self._start
+        needed = last.seconds * refinement ** (1.2 * order)
+        if goal.max_seconds is not None and elapsed + needed > goal.max_seconds:
+            return (
+                f"the next mesh takes about {needed:.0f} s after the {elapsed:.0f} s so far, accuracy.max_seconds = "
+                f"{goal.max_seconds:g} allows no more"
+            )
+        return ""
+
+
+def _world() -> Any:
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD
