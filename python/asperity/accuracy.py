@@ -153,10 +153,10 @@ def solve_to_tolerance(
     run = Runner(surface, material, goal.max_dofs, driven | settings, on_stage, on_step)
     steps_asked = steps
     guide = run(GUIDE, steps)
-    run.aim(guide)
     path, coarse = None, guide.curve
     if material.plastic:
         path, steps, coarse = _choose_steps(run, guide.curve, steps, STEPS_SHARE * goal.tolerance)
+    run.aim(guide)
     del guide  # its memory is needed for the next one
     sizes, curves, plan = [run.levels[0].h / surface.L], [coarse], Plan(FIRST * GUIDE, 0)
     while True:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +26,7 @@ SMALLEST_RATIO, LARGEST_RATIO = 1.6, 4.0  # of two sizes; below, scatter from me
 LEAST_STEP = 1.2  # from one size to the next
 FIRST_STEP = 2.5  # greatest one after the second mesh, for the guide only tells roughly how large errors are
 MARGIN = 0.8  # part of the tolerance that is planned for
+COST_ORDER = 2.6  # time grows as h^-COST_ORDER
 DOFS_ORDER = 2.0  # dofs grow as h^-DOFS_ORDER: refinement is nearly confined to the contact
 GROWTH = 0.25, 0.04  # growth of the element size around the contact, and the size in it that this belongs to [L]
 
@@ -94,7 +96,10 @@ def safety_of(coarse: int) -> float:
 
 
 def plan_next(sizes: Sequence[float], coarse: int, bar: float, wanted: float) -> Plan:
-    """The largest mesh whose error bar should be the wanted one.
+    """The next mesh on the cheapest way to the wanted error bar.
+
+    The force on a mesh h has the error bar that two meshes give it. It is met at once by a mesh that is fine enough to
+    extrapolate from one of those before, or at less cost by one in between and a last one that need not be so fine.
 
     Args:
         sizes: of the meshes so far, the guide first [L]
@@ -102,17 +107,22 @@ def plan_next(sizes: Sequence[float], coarse: int, bar: float, wanted: float) ->
         bar: relative error bar on the last one
         wanted: relative error bar asked for
     """
-    last = sizes[-1]
+    last, aim = sizes[-1], MARGIN * wanted
     ratio = sizes[coarse] / last
     error = bar / bar_share(ratio, safety_of(coarse)) / (ratio**MESH_ORDER - 1.0)
-    step = FIRST_STEP if len(sizes) == 2 else LARGEST_RATIO
-    found = Plan(last / step, len(sizes) - 1)
-    for k in range(1, len(sizes)):
-        enough = ratio_for(error * (sizes[k] / last) ** MESH_ORDER, MARGIN * wanted)
-        size = min(sizes[k] / enough, last / LEAST_STEP)
-        if enough < LARGEST_RATIO and size >= found.size and sizes[k] / size <= LARGEST_RATIO:
-            found = Plan(size, k)
-    return found
+    greatest = FIRST_STEP if len(sizes) == 2 else LARGEST_RATIO
+    ways = [(inf, last / greatest)]
+    for size in sizes[1:]:
+        enough = ratio_for(error * (size / last) ** MESH_ORDER, aim)
+        step = max(last / size * enough, LEAST_STEP)
+        if enough < LARGEST_RATIO and step <= greatest and size / last * step <= LARGEST_RATIO:
+            ways.append((step**COST_ORDER, last / step))
+    for step in np.linspace(LEAST_STEP, greatest, 100):
+        enough = ratio_for(error * step**-MESH_ORDER, aim)
+        if enough < LARGEST_RATIO:
+            ways.append((step**COST_ORDER * (1.0 + enough**COST_ORDER), last / step))
+    size = min(ways)[1]
+    return Plan(float(size), max(k for k, h in enumerate(sizes) if h >= 0.999 * SMALLEST_RATIO * size))
 
 
 def ratio_for(error: float, wanted: float) -> float:
