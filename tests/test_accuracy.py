@@ -16,13 +16,14 @@ from asperity.accuracy import (
 from asperity.curve import Curve
 from asperity.reference import half_space_contact
 from asperity.refinement import (
-    FIRST,
-    GUIDE,
+    COST_ORDER,
+    MARGIN,
     MESH_ORDER,
+    SMALLEST_RATIO,
     bar_share,
     extrapolate,
     extrapolate_mesh,
-    plan_next,
+    meshes,
     ratio_for,
     safety_of,
 )
@@ -82,23 +83,24 @@ def test_planned_refinement_meets_the_bar() -> None:
 
 
 @pytest.mark.parametrize("wanted", [0.02, 0.01, 0.003, 1e-4])
-def test_plan_takes_the_largest_mesh_that_should_do(wanted: float) -> None:
-    """A force with the typical order, on the guide and one mesh more; the plan is followed to its end."""
-    sizes, coarse = [GUIDE, FIRST * GUIDE], 0
+def test_plan_meets_the_bar_and_does_not_waste(wanted: float) -> None:
+    """A force with the typical order, followed to its end."""
+    sizes = np.array(meshes(0.06, wanted))
+    assert len(sizes) <= 7 and np.all(sizes[:-1] / sizes[1:] >= 1.2 - 1e-12)
+    force = 1.0 + sizes**MESH_ORDER
 
-    def bar(k: int) -> float:
-        coarse, fine = (np.array([1.0 + 5.0 * sizes[i] ** MESH_ORDER]) for i in (k, -1))
-        return float(extrapolate_mesh(coarse, fine, sizes[k] / sizes[-1], safety_of(k))[2][0])
+    def bar(coarse: int, fine: int) -> float:
+        ratio = sizes[coarse] / sizes[fine]
+        return float(extrapolate_mesh(force[[coarse]], force[[fine]], ratio, safety_of(coarse))[2][0])
 
-    for _ in range(5):
-        plan = plan_next(sizes, coarse, bar(coarse), wanted)
-        assert 1.0 < sizes[-1] / plan.size <= 4.0 and 0 < plan.coarse < len(sizes)
-        sizes.append(plan.size)
-        coarse = plan.coarse
-        if bar(coarse) <= wanted:
-            break
-    assert bar(coarse) <= wanted
-    assert bar(coarse) > 0.3 * wanted or len(sizes) == 3
+    scale = 0.06 / bar(0, 1)
+    last = len(sizes) - 1
+    usable = [k for k in range(last) if SMALLEST_RATIO <= 1.001 * sizes[k] / sizes[last]]
+    assert 0.5 * wanted < scale * bar(usable[-1], last) <= wanted
+    # the cheapest way is cheaper than one step from the second mesh
+    enough = sizes[1] / ratio_for(scale * sizes[1] ** MESH_ORDER, MARGIN * wanted)
+    if sizes[1] / enough < 4.0 and len(sizes) > 3:
+        assert np.sum(sizes[2:] ** -COST_ORDER) <= 1.05 * enough**-COST_ORDER
 
 
 def test_bars_do_not_vanish_with_a_change_of_sign() -> None:

@@ -58,7 +58,7 @@ def test_what_costs_more_is_estimated_higher() -> None:
 def test_a_tolerance_makes_several_meshes() -> None:
     found = estimate(Case.load(ROOT / "cases/elastic.toml"), ranks=4)
     sizes = [level.dofs for level in found.levels]
-    assert len(sizes) == 3 and sizes[2] > sizes[1] > sizes[0] and found.ranks == 4
+    assert 3 <= len(sizes) <= 5 and sizes == sorted(sizes) and found.ranks == 4
     assert found.memory > 4 * ELASTIC.base
 
 

@@ -63,7 +63,7 @@ def jobs(material: str, force: scene.Floats) -> Iterator[Job]:
     plastic = material == "plastic"
     for h in (0.2, 0.14, 0.1, 0.07, 0.05, 0.035):
         yield programs.asperity(material, "size", h, 20 if plastic and h < 0.12 else scene.STEPS)
-    for tolerance in (0.05, 0.02, 0.01):
+    for tolerance in (0.2, 0.1, 0.05, 0.02, 0.01):
         yield programs.asperity(material, "tolerance", tolerance)
     if not plastic:
         for n in (32, 64, 128, 256):

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from .errors import InputError
 from .loading import BACKWARD_EULER, Schedule
 from .mesh import BlockMesh, SizeField
-from .refinement import FIRST, GUIDE, growth, ratio_for
+from .refinement import growth, meshes
 
 if TYPE_CHECKING:
     from .case import Case
@@ -25,8 +25,7 @@ Size = Callable[[float, float, float], float]
 # fast as a field may ask; from 15 meshes, within 15 %
 NODES, NODES_OF_GROWTH = 4.5, 19.0
 
-# Of a run driven by a tolerance: error of the force on the second mesh, and the part of the tolerance the mesh takes
-TYPICAL_ERROR, MESH_SHARE = 0.03, 0.85
+TYPICAL_BAR = 0.06  # relative, of the second mesh of a run driven by a tolerance
 
 
 @dataclass(frozen=True)
@@ -130,11 +129,13 @@ def _plan(case: Case) -> list[tuple[float, int]]:
     if case.accuracy.tolerance is None:
         return [(case.mesh.h_contact, steps(loading.steps))]
     L = case.surface.L
-    first = FIRST * GUIDE
-    finest = first / ratio_for(TYPICAL_ERROR, MESH_SHARE * case.accuracy.tolerance)
-    guide = [(GUIDE * L, steps(loading.steps))]
-    doubled = [(GUIDE * L, steps(2 * loading.steps, whole=False))] if plastic else []
-    return [*guide, *doubled, (first * L, steps(loading.steps)), (finest * L, steps(loading.steps))]
+    guide, *finer = meshes(TYPICAL_BAR, case.accuracy.tolerance)
+    planned = loading.steps
+    levels = [(guide * L, steps(planned))]
+    if plastic:  # as many steps more have to show that they are enough
+        planned *= 2
+        levels.append((guide * L, steps(planned, whole=False)))
+    return levels + [(h * L, steps(planned)) for h in finer]
 
 
 def _given_dofs(case: Case) -> int:

@@ -125,6 +125,24 @@ def plan_next(sizes: Sequence[float], coarse: int, bar: float, wanted: float) ->
     return Plan(float(size), max(k for k, h in enumerate(sizes) if h >= 0.999 * SMALLEST_RATIO * size))
 
 
+def meshes(bar: float, wanted: float) -> list[float]:
+    """Sizes of all meshes of a run [L] when the force has the typical order.
+
+    Args:
+        bar: relative error bar on the second mesh, the first to have one
+        wanted: relative error bar asked for
+    """
+    sizes, coarse, ratio = [GUIDE, FIRST * GUIDE], 0, 1.0 / FIRST
+    error = bar / (bar_share(ratio, GUIDE_SAFETY) * (ratio**MESH_ORDER - 1.0))
+    while bar > wanted:
+        plan = plan_next(sizes, coarse, bar, wanted)
+        sizes.append(plan.size)
+        coarse, ratio = plan.coarse, sizes[plan.coarse] / plan.size
+        here = error * (plan.size / sizes[1]) ** MESH_ORDER
+        bar = bar_share(ratio, safety_of(coarse)) * (ratio**MESH_ORDER - 1.0) * here
+    return sizes
+
+
 def ratio_for(error: float, wanted: float) -> float:
     """Ratio to a finer element size whose bar should be the wanted one, when the coarser one has this error."""
     ratios = np.linspace(SMALLEST_RATIO, LARGEST_RATIO, 200)
