@@ -28,8 +28,8 @@ from hexahedra import HEXAHEDRA, Hexahedra, lines
 
 import asperity as asp
 from asperity.accuracy import extrapolate, loading_force
-from asperity.loading import BACKWARD_EULER
 from asperity.mesh import Reach
+from asperity.schedule import BACKWARD_EULER
 from asperity.surface import Surface
 from asperity.validation.hertz import CONTACT, RADIUS, SPHERE, layer_force
 

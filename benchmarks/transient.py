@@ -19,9 +19,10 @@ import numpy.typing as npt
 
 from asperity.case import Case
 from asperity.dynamics import ContactOscillator, TableLaw, unload_reload
-from asperity.loading import Position, Record, Schedule, follow
+from asperity.loading import Position, Record, follow
 from asperity.material import Material
 from asperity.press import Press
+from asperity.schedule import Schedule
 from asperity.statics import MeshSize, make_block, make_press
 from asperity.transient import History, Scheme, Transient, consistent_mass
 

@@ -14,9 +14,10 @@ from conftest import ELASTIC, PLASTIC
 from asperity.case import Case
 from asperity.contact import ActiveSet
 from asperity.errors import CheckError
-from asperity.loading import Record, Schedule, follow
+from asperity.loading import Record, follow
 from asperity.mesh import BlockMesh
 from asperity.press import Press
+from asperity.schedule import Schedule
 from asperity.simulation import run
 from asperity.solve import NewtonSolver
 from asperity.statics import Formulation, make_press

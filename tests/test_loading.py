@@ -17,10 +17,11 @@ from scipy.optimize import brentq
 from asperity import reference as ref
 from asperity.errors import ConvergenceError
 from asperity.linear import Krylov
-from asperity.loading import GROWTH, SMALLEST_CUT, Position, Record, Schedule, follow
+from asperity.loading import GROWTH, SMALLEST_CUT, Position, Record, follow
 from asperity.material import Material
 from asperity.mesh import BlockMesh, build_block
 from asperity.press import Press, carried_on
+from asperity.schedule import Schedule
 from asperity.solve import NewtonSolver, SolverOptions, StepStats
 from asperity.statics import make_press
 from asperity.surface import Flat, Surface

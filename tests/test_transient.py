@@ -12,10 +12,11 @@ from scipy.optimize import brentq
 from asperity import reference as ref
 from asperity.dynamics import ContactOscillator, TableLaw
 from asperity.errors import ConvergenceError, InputError
-from asperity.loading import Record, Schedule, follow
+from asperity.loading import Record, follow
 from asperity.material import Material
 from asperity.mesh import build_block, on_root
 from asperity.press import Press
+from asperity.schedule import Schedule
 from asperity.solve import SolverOptions
 from asperity.statics import make_press
 from asperity.surface import Flat, Sinusoid, Surface

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from .errors import InputError
-from .loading import BACKWARD_EULER, Schedule
 from .mesh import BlockMesh, SizeField
 from .refinement import growth, meshes
+from .schedule import BACKWARD_EULER, Schedule
 
 if TYPE_CHECKING:
     from .case import Case

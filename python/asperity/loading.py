@@ -12,61 +12,14 @@ import numpy as np
 from .curve import Curve
 from .errors import ConvergenceError
 from .press import Press, Snapshot
+from .schedule import MIDPOINT, Schedule
 from .solve import StepStats
 
 DEEP, FAR = 0.1, 100.0  # deflection [L] from which a force that lies more than so many L ahead is given up
 SMALLEST_CUT = 1.0 / 256  # part of a planned step below which a run gives up
 FIRST_MOVE = 1e-3  # first step of a force-driven loading [L]
 FORCE_TOLERANCE = 1e-6  # relative, of force_max
-BACKWARD_EULER, MIDPOINT = "backward-euler", "midpoint"
-FIRST_PIECES = (4, 4, 2, 2)  # into which the midpoint rule divides the first planned steps
 GROWTH = 1.5  # a cut step grows again by this factor
-
-
-@dataclass(frozen=True)
-class Schedule:
-    """What the flat does; lengths in units of L, forces in units of A_0 E'.
-
-    Attributes:
-        delta_max: greatest deflection, or None when `force_max` is given
-        force_max: greatest force, found to 1e-6
-        steps: planned steps of a loading
-        unload_steps: planned steps of an unloading, 0 for none
-        cycles: loadings, each followed by an unloading; one when there is none
-        integrator: of plasticity along a loading, "backward-euler" (first order) or "midpoint" (second)
-    """
-
-    delta_max: float | None = None
-    force_max: float | None = None
-    steps: int = 10
-    unload_steps: int = 0
-    cycles: int = 1
-    integrator: str = BACKWARD_EULER
-
-    def stops(self) -> list[float]:
-        """Where the planned steps of a loading end, as parts of the way.
-
-        The midpoint rule starts with half a step, and its first steps are divided: the force is small there, and so
-        must its error be.
-        """
-        whole = [k / self.steps for k in range(1, self.steps + 1)]
-        if self.integrator == BACKWARD_EULER:
-            return whole
-        stops: list[float] = []
-        for k, end in enumerate(whole):
-            pieces = FIRST_PIECES[k] if k < len(FIRST_PIECES) else 1
-            stops += [end - (pieces - j) / (pieces * self.steps) for j in range(1, pieces)] + [end]
-        return [0.5 * stops[0], *stops]
-
-    @property
-    def legs(self) -> list[tuple[str, int]]:
-        """Branch and planned steps of each loading and unloading, in order."""
-        legs = []
-        for cycle in range(self.cycles if self.unload_steps else 1):
-            legs.append(("reload" if cycle else "load", self.steps))
-            if self.unload_steps:
-                legs.append(("unload", self.unload_steps))
-        return legs
 
 
 @dataclass(frozen=True)

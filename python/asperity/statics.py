@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import resource
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,11 +12,12 @@ from .audit import Checks
 from .contact import ActiveSet, Contact, PressureContact
 from .curve import Curve
 from .errors import ConvergenceError, InputError, Interrupted, MeshError
-from .loading import BACKWARD_EULER, MIDPOINT, Callback, Position, Record, Schedule, follow
+from .loading import Callback, Position, Record, follow
 from .material import Material
 from .mesh import BlockMesh, Reach, SizeField, build_block, check_distortion, distribute, on_root
 from .phases import Phases
 from .press import Counts, Press, Snapshot
+from .schedule import BACKWARD_EULER, MIDPOINT, Schedule
 from .solid import Solid
 from .solve import SolverOptions
 from .top import Top
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
 
     from .checkpoint import Checkpoint
     from .surface import Surface
+
+ESTIMATE_STEPS = 40  # after which the deflection at a given force is only guessed
 
 
 @dataclass(frozen=True)
@@ -212,7 +216,7 @@ def solve_contact(
         sides: "rollers" or "free"
         delta_max: greatest deflection from first touch [length]
         force_max: greatest force instead [force]
-        steps, unload_steps, cycles, integrator: see `loading.Schedule`
+        steps, unload_steps, cycles, integrator: see `schedule.Schedule`
         size: element sizes
         formulation: contact formulation
         kernels: "compiled" or "ufl"
@@ -314,11 +318,19 @@ def estimate_deflection(
     schedule: Schedule,
     settings: dict[str, Any],
 ) -> float:
-    """Deflection at schedule.force_max on a coarse mesh [length], for the size of the real one; collective."""
+    """About the deflection at schedule.force_max on a coarse mesh [length], for the size of the real one; collective.
+
+    A force that is not reached soon, or not at all, gives the deflection so far: the run itself has to say so.
+    """
     L = surface.L
     depth = surface.maximum()[2] - surface.mean()
     block = make_block(comm, surface, height, max(depth, 0.01 * L), MeshSize(0.1 * L))
     press = make_press(comm, surface, block, material, **settings)
-    record = Record(L, material.E, material.reduced_modulus)
-    follow(press, Schedule(force_max=schedule.force_max, steps=5), record)
-    return press.delta * L
+
+    def give_up(at: Position) -> None:
+        if press.counts.steps >= ESTIMATE_STEPS:
+            raise Interrupted("enough for an estimate")
+
+    with suppress(ConvergenceError):
+        follow(press, Schedule(force_max=schedule.force_max, steps=5), Record(L, material.E, 1.0), on_position=give_up)
+    return max(press.delta, 1e-3) * L

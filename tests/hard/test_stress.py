@@ -14,7 +14,8 @@ from asperity.mesh import build_block
 from asperity.stress import stress
 from asperity.stress.files import SLIVER, with_slivers, with_turned_element
 from asperity.stress.outcome import run_scene
-from asperity.stress.scenes import SCENES, Scene, Twin
+from asperity.stress.scene import Scene, Twin
+from asperity.stress.scenes import SCENES
 from asperity.surface import Sinusoid
 
 

@@ -65,7 +65,7 @@ def shakes_down(case: Case, curve: Curve) -> tuple[bool, str]:
     """Cycles between no force and one deflection: the peaks of force may only change by less and less."""
     peaks, dents = _peaks(curve), _dents(curve)
     change = np.abs(np.diff(peaks)) / peaks[0]
-    creep = np.abs(np.diff(dents)) / case.loading.delta_max
+    creep = np.abs(np.diff(dents)) / curve.delta.max()
     text = (
         f"peak force {peaks[1] / peaks[0]:.4f} of the first in cycle 2, {peaks[-1] / peaks[0]:.4f} in the last; "
         f"last change {change[-1]:.0e}, of the dent {creep[-1]:.0e}"

@@ -21,7 +21,7 @@ from ..errors import CheckError, ConvergenceError, InputError
 from ..simulation import run
 from ..statics import MeshSize, make_block
 from . import files
-from .scenes import BASE, Keys, L, Scene
+from .scene import BASE, Keys, L, Scene
 
 
 @dataclass(frozen=True)

@@ -1,109 +1,11 @@
-"""The scenes: what differs from a small rough block, how each should end, and what it is compared with."""
+"""The hard cases."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from math import pi
-from typing import Any
 
 from . import claims, files
-from .claims import Claim
-
-Keys = dict[str, Any]
-
-L = 1e-6
-#: The demo's surface and material on a coarse mesh.
-BASE: Keys = {
-    "surface.kind": "weierstrass-mandelbrot",
-    "surface.L": L,
-    "surface.D": 2.4,
-    "surface.G": 1.36e-11,
-    "material.E": 200e9,
-    "material.nu": 0.3,
-    "material.yield_strength": 1e9,
-    "material.tangent_modulus": 10e9,
-    "mesh.h_contact": 0.12 * L,
-    "mesh.growth": 0.6,
-    "mesh.h_max": 0.4 * L,
-    "loading.delta_max": 0.03 * L,
-    "loading.steps": 6,
-    "solver.linear": "cg",  # which breaks down before LU does
-}
-ELASTIC: Keys = {"material.yield_strength": None, "material.tangent_modulus": None}
-
-
-def wave(amplitude: float, dims: int = 2, **more: Any) -> Keys:
-    """A sinusoid in place of the rough surface; amplitude in units of L."""
-    shape = {"kind": "sinusoid", "amplitude": amplitude * L, "dims": dims, "D": None, "G": None}
-    return {f"surface.{key}": value for key, value in (shape | more).items()}
-
-
-def sphere(radius: float, **more: Any) -> Keys:
-    """A sphere in place of the rough surface; radius in units of L."""
-    shape = {"kind": "sphere", "radius": radius * L, "D": None, "G": None}
-    return {f"surface.{key}": value for key, value in (shape | more).items()}
-
-
-FLAT: Keys = {"surface.kind": "flat", "surface.D": None, "surface.G": None}
-FILE: Keys = {"surface.kind": "file", "surface.path": "map.npy", "surface.D": None, "surface.G": None}
-
-
-@dataclass(frozen=True)
-class Twin:
-    """The same problem solved in another way.
-
-    Attributes:
-        about: the other way, in words
-        bar: greatest difference of the curves that is no contradiction, relative to the greatest force
-        keys: what differs from the scene
-        map: height map in place of the scene's
-    """
-
-    about: str
-    bar: float
-    keys: Keys = field(default_factory=dict)
-    map: files.Map | None = None
-
-
-DIRECT = Twin("LU, not CG", 1e-6, {"solver.linear": "lu"})
-PENALTY = Twin("penalty", 0.05, {"contact.method": "penalty", "contact.penalty": 100.0})
-
-
-@dataclass(frozen=True)
-class Scene:
-    """A hard case.
-
-    Attributes:
-        name: "group" or "group/variant"
-        about: parameters, in words
-        keys: dotted keys of the case that differ from BASE, None to remove one
-        ends: "done", "refused" (exit code 2) or "stopped" (exit code 3)
-        reason: part of the sentence that a refusal or stop must give
-        depth: delta_max as part of the height of the summit above the mean plane
-        twin: what the curve is compared with
-        claim: what theory says of the curve
-        map: heights of a surface of kind "file"
-        spoil: makes a bad mesh of the scene's own
-        fast: whether it is part of the short suite
-    """
-
-    name: str
-    about: str
-    keys: Keys = field(default_factory=dict)
-    ends: str = "done"
-    reason: str = ""
-    depth: float | None = None
-    twin: Twin | None = None
-    claim: Claim | None = None
-    map: files.Map | None = None
-    spoil: Callable[[Any], Any] | None = None
-    fast: bool = False
-
-    @property
-    def group(self) -> str:
-        """First part of the name."""
-        return self.name.partition("/")[0]
+from .scene import DIRECT, ELASTIC, FILE, FLAT, PENALTY, Keys, L, Scene, Twin, sphere, wave
 
 
 def _plane() -> list[Scene]:
@@ -198,7 +100,7 @@ def _penalties() -> list[Scene]:
             },
             twin=Twin("exact contact", min(0.6, 0.05 + 0.5 / factor), exact),
         )
-        for factor in (0.1, 1.0, 10.0, 100.0, 1e3, 1e4)
+        for factor in (0.1, 1.0, 10.0, 100.0, 1e3, 1e4, 1e6)
     ]
 
 
@@ -381,6 +283,25 @@ SCENES: tuple[Scene, ...] = (
         claim=claims.shakes_down,
     ),
     Scene(
+        "cycles/50",
+        "50 cycles to a force",
+        {
+            "loading.delta_max": None,
+            "loading.force_max": 5e-3,
+            "loading.unload": True,
+            "loading.cycles": 50,
+            "loading.steps": 2,
+            "loading.unload_steps": 2,
+        },
+        claim=claims.shakes_down,
+    ),
+    Scene(
+        "cycles/long-unloading",
+        "an unloading in 100 steps",
+        {"loading.unload": True, "loading.unload_steps": 100},
+        twin=Twin("in 10 steps", 0.05, {"loading.unload_steps": 10}),
+    ),
+    Scene(
         "cycles/20-perfect",
         "20 cycles, perfectly plastic",
         {
@@ -430,6 +351,12 @@ SCENES: tuple[Scene, ...] = (
         twin=Twin("exact contact", 0.1, {"contact.method": "active-set", "contact.gamma": None}),
     ),
     Scene(
+        "nitsche/1e4",
+        "Nitsche's method, gamma = 1e4",
+        {"contact.method": "nitsche", "contact.gamma": 1e4, "loading.unload": True},
+        twin=Twin("exact contact", 0.05, {"contact.method": "active-set", "contact.gamma": None}),
+    ),
+    Scene(
         "mesh/slivers",
         f"tetrahedra flattened to {files.SLIVER:g} of their height",
         {"loading.unload": True, "mesh.h_max": 0.15 * L},
@@ -469,6 +396,18 @@ SCENES: tuple[Scene, ...] = (
         "force/light",
         "force of 1e-8 E' L^2",
         {"loading.delta_max": None, "loading.force_max": 2e-9, "mesh.h_contact": 0.1 * L},
+        twin=DIRECT,
+    ),
+    Scene(
+        "force/next-to-nothing",
+        "force of 5e-15 E' L^2, on a sphere",
+        sphere(1.0) | {"loading.delta_max": None, "loading.force_max": 1e-15, "mesh.h_contact": 0.1 * L},
+        twin=DIRECT,
+    ),
+    Scene(
+        "force/huge",
+        "elastic, pressed by its own stiffness",
+        ELASTIC | {"loading.delta_max": None, "loading.force_max": 0.2},
         twin=DIRECT,
     ),
     Scene(

@@ -9,10 +9,11 @@ import numpy as np
 
 from .. import reference
 from ..contact import ActiveSet
-from ..loading import Press, Record, Schedule, follow
+from ..loading import Press, Record, follow
 from ..material import Material
 from ..mesh import distribute
 from ..refinement import extrapolate
+from ..schedule import Schedule
 from ..solid import Solid
 from ..solve import SolverOptions
 from ..top import Top

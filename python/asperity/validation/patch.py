@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import reference
-from ..loading import Record, Schedule, follow
+from ..loading import Record, follow
 from ..material import Material
+from ..schedule import Schedule
 from ..schema import ContactSection
 from ..solve import SolverOptions
 from ..statics import Formulation, MeshSize, make_block, make_press
