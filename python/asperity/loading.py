@@ -270,6 +270,10 @@ def _load_to_force(press: Press, schedule: Schedule, at: Position) -> Outcome:
     while True:
         target = press.delta + step
         stats = press.trial(target)
+        if stats.converged and press.force == 0.0 and (ahead := press.trial_force() * schedule.steps / goal) > 2.0:
+            # nothing was known of the stiffness yet; the force of a first contact grows as the power 3/2
+            step *= ahead ** (-2.0 / 3.0)
+            continue
         if stats.converged and press.trial_force() > goal:
             target, stats = _find_force(press, goal, target, stats)
         if stats.converged:

@@ -134,7 +134,7 @@ class Press:
             if (delta - self.delta) * (self.delta - before) > 0.0:
                 start = self._u + (self._u - u) * (delta - self.delta) / (self.delta - before)
         self.contact.begin(self.summit - delta)
-        return self._solve(start, max(abs(delta - self.delta), 1e-6))
+        return self._solve(start, abs(delta - self.delta))
 
     def _solve(self, start: Floats, scale: float) -> StepStats:
         self.newton.linear.forget()  # a step of a resumed run is the same to the last bit
@@ -208,7 +208,7 @@ class Press:
         """Lift the flat off; the deflection becomes how much lower it would touch the deformed surface again."""
         self._previous = None
         self.contact.begin(np.inf)
-        stats = self._solve(self._u, 1.0)
+        stats = self._solve(self._u, 0.0)
         if stats.converged:
             self.accept(self._first_touch - self._touch())
         return stats

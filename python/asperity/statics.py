@@ -329,7 +329,7 @@ def estimate_deflection(
 
     def give_up(at: Position) -> None:
         if press.counts.steps >= ESTIMATE_STEPS:
-            raise Interrupted("enough for an estimate")
+            raise Interrupted  # enough for an estimate
 
     with suppress(ConvergenceError):
         follow(press, Schedule(force_max=schedule.force_max, steps=5), Record(L, material.E, 1.0), on_position=give_up)

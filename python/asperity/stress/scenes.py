@@ -98,7 +98,9 @@ def _penalties() -> list[Scene]:
                 "loading.steps": 4,
                 "loading.unload": True,
             },
-            twin=Twin("exact contact", min(0.6, 0.05 + 0.5 / factor), exact),
+            ends="stopped" if factor > 1e5 else "done",
+            reason="no convergence" if factor > 1e5 else "",
+            twin=None if factor > 1e5 else Twin("exact contact", min(0.6, 0.05 + 0.5 / factor), exact),
         )
         for factor in (0.1, 1.0, 10.0, 100.0, 1e3, 1e4, 1e6)
     ]
@@ -400,8 +402,8 @@ SCENES: tuple[Scene, ...] = (
     ),
     Scene(
         "force/next-to-nothing",
-        "force of 5e-15 E' L^2, on a sphere",
-        sphere(1.0) | {"loading.delta_max": None, "loading.force_max": 1e-15, "mesh.h_contact": 0.1 * L},
+        "force of 1.4e-12 E' L^2, on a sphere",
+        sphere(1.0) | {"loading.delta_max": None, "loading.force_max": 3e-13, "mesh.h_contact": 0.1 * L},
         twin=DIRECT,
     ),
     Scene(
