@@ -385,6 +385,17 @@ def test_systems_the_iterative_solver_fails_on_are_factorised(
     assert rescued.counts.krylov == 14  # once a step the iterative solver is tried
 
 
+@pytest.mark.mpi
+@pytest.mark.parametrize("linear", ["lu", "cg"])
+def test_a_force_next_to_nothing(press_of: Callable[..., Press], linear: str) -> None:
+    """While one node is touched the force is proportional to the deflection, to the digits coordinates have."""
+    light, tiny = (drive(press_of(ELASTIC, linear=linear), force_max=force, steps=4).curve() for force in (1e-9, 1e-12))
+    assert len(light.force) == len(tiny.force) == 4
+    stiffness = light.force / light.delta
+    np.testing.assert_allclose(stiffness, stiffness[0], rtol=1e-7)
+    np.testing.assert_allclose(tiny.force / tiny.delta, stiffness[0], rtol=1e-4)
+
+
 def test_flow_is_carried_on_as_far_as_it_keeps_its_direction() -> None:
     """Angles between tensors by the double contraction, in which a shear component counts twice."""
     strain = np.array([[2e-3, -1e-3, -1e-3, 0, 0, 0], [0, 0, 0, 3e-3, 0, 0], [0] * 6, [1e-3, -1e-3, 0, 0, 0, 0]])
