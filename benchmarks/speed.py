@@ -16,6 +16,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from time import perf_counter, process_time
 from typing import Any
 
@@ -113,7 +114,7 @@ def run_apart(h: float, ranks: int, job: str = "one") -> dict[str, Any]:
 
 
 def scaling(sizes: tuple[float, ...]) -> None:
-    """One rank against two."""
+    """One rank against two, and against two runs side by side, which share what the machine's cores share."""
     row(("dofs", "ranks", *PHASES, "load path", "efficiency", "Newton", "Krylov", "cells a rank",
          "contact nodes a rank", "GiB", "force"))  # fmt: skip
     row(["---"] * (10 + len(PHASES)))
@@ -128,6 +129,10 @@ def scaling(sizes: tuple[float, ...]) -> None:
             row((facts["dofs"], ranks, *spent, path, base / path / ranks, facts["newton"], facts["krylov"],
                  ", ".join(map(str, cells)), ", ".join(map(str, nodes)), facts["memory"] / 2**30,
                  f"{facts['force']:.9e}"))  # fmt: skip
+        with ThreadPoolExecutor() as pool:
+            both = list(pool.map(lambda h: run_apart(h, 1, "single"), (h, h)))
+        path = max(sum(facts["seconds"].get(name, 0.0) for name in PHASES) for facts in both)
+        print(f"\ntwo runs side by side: {path:.3g} s each, efficiency {base / path:.2f}")
 
 
 if __name__ == "__main__":

@@ -47,8 +47,8 @@ class Rates:
     per_dof: float
 
 
-ELASTIC = Rates(4.9e-5, 1.7e-5, 1.07, 230e6, 2.81e3)
-PLASTIC = Rates(4.4e-5, 1.9e-5, 1.28, 229e6, 3.60e3)
+ELASTIC = Rates(6.0e-5, 9.7e-6, 1.20, 231e6, 2.77e3)
+PLASTIC = Rates(5.9e-5, 1.5e-5, 1.21, 228e6, 2.98e3)
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ EDGES = (
     (0, 1),
 )  # corners of edge k of a cell, in the order of basix
 COARSE_DIRECT_LIMIT = 60_000  # coarse dofs up to which the coarse problem is factorised in one process
+COARSE_SWEEPS = 4  # of the smoother where it is not: a tenth fewer iterations on the fine level than with two
 
 PREFIX = "asperity_coarse_"
 
@@ -82,7 +83,7 @@ class PMultigrid:
             pc.setFactorSolverType("cholmod" if symmetric and PETSc.Sys.hasExternalPackage("cholmod") else "mumps")
         else:
             pc.setType("gamg")
-            set_defaults(PREFIX, GAMG)
+            set_defaults(PREFIX, GAMG | {"mg_levels_ksp_max_it": COARSE_SWEEPS})
         self._ksp.setFromOptions()
         self._version = 0
         self._reusable, self._of, self._usual = False, tangent.kept, 0  # free dofs and iterations of the coarse matrix

@@ -30,8 +30,8 @@ class SolverOptions:
         linear: see `linear.LinearSolver`
         rtol: residual force relative to the contact force at which a step has converged
         newton_max: Newton iterations after which a step is given up
-        krylov_rtol: loosest relative tolerance of the linear solver; None takes 1e-3, and 1e-2 for an elastic-plastic
-            solid that is not nearly incompressible, whose Newton iterations need no more (benchmarks/linear.py)
+        krylov_rtol: loosest relative tolerance of the linear solver; None takes 1e-2 (benchmarks/linear.py), and 1e-3
+            for a nearly incompressible solid
     """
 
     linear: str = "auto"
@@ -75,8 +75,7 @@ class NewtonSolver:
         self._krylov = self._shortened = 0
         self.rows: Rows = np.empty(0, dtype=np.int32)
         # in nearly incompressible solids the error is larger than what is left of the equations tells
-        loose = solid.material.plastic and solid.material.nu <= 0.45
-        self._loosest = options.krylov_rtol or (1e-2 if loose else 1e-3)
+        self._loosest = options.krylov_rtol or (1e-2 if solid.material.nu <= 0.45 else 1e-3)
         self.linear = LinearSolver(solid, options.linear, contact.symmetric, min(self._loosest, TIGHTEST))
         snes = PETSc.SNES().create(solid.comm)
         snes.setOptionsPrefix("asperity_")
