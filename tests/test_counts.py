@@ -18,6 +18,8 @@ from typing import Any
 import pytest
 
 import asperity.bulk
+import asperity.multigrid
+import asperity.tangent
 from asperity import Material, MeshSize, SolverOptions, Surface, solve_contact
 from asperity.mesh import BlockMesh
 from asperity.statics import ContactResult
@@ -84,7 +86,8 @@ def measure(name: str, patch: pytest.MonkeyPatch) -> dict[str, int]:
     """Counts of a scene."""
     material, settings = SCENES[name]
     kernels = Kernels(asperity.bulk._solver)
-    patch.setattr(asperity.bulk, "_solver", kernels)
+    for module in (asperity.bulk, asperity.multigrid, asperity.tangent):
+        patch.setattr(module, "_solver", kernels)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         surface = fractal()
