@@ -22,6 +22,7 @@ from time import perf_counter, process_time
 
 import numpy as np
 import numpy.typing as npt
+from mpi4py import MPI
 
 import asperity as asp
 from asperity.accuracy import Goal, loading_force, solve_to_tolerance, steady
@@ -47,8 +48,9 @@ def surface(seed: int = 0) -> asp.Surface:
 
 
 def row(*cells: object) -> None:
-    """Print a row of a table."""
-    print("| " + " | ".join(f"{c:.2f}" if isinstance(c, float) else str(c) for c in cells) + " |", flush=True)
+    """Print a row of a table, on rank 0."""
+    if MPI.COMM_WORLD.rank == 0:
+        print("| " + " | ".join(f"{c:.2f}" if isinstance(c, float) else str(c) for c in cells) + " |", flush=True)
 
 
 def per_cent(value: np.ndarray, reference: np.ndarray) -> tuple[float, float]:
@@ -193,18 +195,22 @@ def plastic() -> None:
 
 def demo() -> None:
     """The demo surface to a tolerance: what it costs, on which meshes; collective."""
-    from mpi4py import MPI
-
-    comm = MPI.COMM_WORLD
-    say = row if comm.rank == 0 else lambda *cells: None
-    say("material", "tolerance %", "ranks", "bar %", "load steps", "dofs of the meshes", "s")
-    say(*["---"] * 7)
+    row("material", "tolerance %", "ranks", "bar %", "load steps", "dofs of the meshes", "s")
+    row(*["---"] * 7)
     for name, material, goal in (("elastic", ELASTIC, 0.01), ("plastic", PLASTIC, 0.01), ("elastic", ELASTIC, 0.001)):
         start = perf_counter()
         result = solve_to_tolerance(surface(), material, Goal(goal), delta_max=DELTA, steps=STEPS)
         seconds = perf_counter() - start
         dofs = ", ".join(str(level.dofs) for level in result.levels)
-        say(name, f"{100 * goal:g}", comm.size, f"{100 * result.worst:.2g}", result.levels[-1].steps, dofs, seconds)
+        row(
+            name,
+            f"{100 * goal:g}",
+            MPI.COMM_WORLD.size,
+            f"{100 * result.worst:.2g}",
+            result.levels[-1].steps,
+            dofs,
+            seconds,
+        )
 
 
 def fixed() -> None:
