@@ -8,8 +8,8 @@
     python3 benchmarks/accuracy.py demo          the demo surface to 1 % and to 0.1 %, also under mpirun
     python3 benchmarks/accuracy.py fixed         what the growth of a family of meshes is for
 
-Prints Markdown tables. CPU seconds are those of rank 0, others of the clock. Forces of the family are kept in out/accuracy, so that
-the next job need not compute them again.
+Prints Markdown tables. CPU seconds are those of rank 0, others of the clock. Forces of the family are kept in
+out/accuracy, so that the next job need not compute them again.
 """
 
 from __future__ import annotations
