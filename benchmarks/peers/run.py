@@ -25,7 +25,7 @@ from programs import Job, Run
 
 from asperity.plot import style
 
-TARGETS = (0.05, 0.02, 0.01)
+TARGETS = (0.05, 0.02, 0.01, 0.005)
 FARTHEST = 100.0  # times the CPU time of the dearest run, up to which its line is carried on
 COLOURS = {
     "asperity": style.BLACK,
@@ -143,7 +143,9 @@ def compare(points: list[Point]) -> None:
     """Print what each error costs with each program, and how many times what it costs with asperity."""
     names = list(dict.fromkeys(p.run.program for p in points))
     lines = {name: [cost([p for p in points if p.run.program == name], t) for t in TARGETS] for name in names}
-    print("\n| program | " + " | ".join(f"{t:.0%}: CPU, memory | times the CPU of asperity" for t in TARGETS) + " |")
+    print(
+        "\n| program | " + " | ".join(f"{100 * t:g} %: CPU, memory | times the CPU of asperity" for t in TARGETS) + " |"
+    )
     print("|---" * (1 + 2 * len(TARGETS)) + "|")
     for name, costs in lines.items():
         cells = []

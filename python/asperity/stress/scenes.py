@@ -85,8 +85,12 @@ def _hardening() -> list[Scene]:
 
 
 def _penalties() -> list[Scene]:
-    """How far each factor is from exact contact is known: 2 % at 10, in proportion to its inverse."""
+    """How far each factor is from exact contact is known: 2 % at 10, in proportion to its inverse.
+
+    To tell that from the error of the mesh needs a finer one than the largest factors allow in seconds.
+    """
     exact = {"contact.method": "active-set", "contact.penalty": None}
+    fine = {"mesh.h_contact": 0.05 * L, "mesh.growth": 0.25}
     return [
         Scene(
             f"penalty/{factor:g}",
@@ -97,10 +101,11 @@ def _penalties() -> list[Scene]:
                 "loading.delta_max": 0.01 * L,
                 "loading.steps": 4,
                 "loading.unload": True,
-            },
+            }
+            | (fine if factor < 1e4 else {}),
             ends="stopped" if factor > 1e5 else "done",
             reason="no convergence" if factor > 1e5 else "",
-            twin=None if factor > 1e5 else Twin("exact contact", min(0.6, 0.05 + 0.5 / factor), exact),
+            twin=Twin("exact contact", min(0.6, 0.08 + 0.5 / factor), exact) if factor < 1e4 else None,
         )
         for factor in (0.1, 1.0, 10.0, 100.0, 1e3, 1e4, 1e6)
     ]
