@@ -19,6 +19,7 @@ OUT_OF_MEMORY = 55  # PETSC_ERR_MEM
 TIGHTEST = 1e-5  # tolerance of the linear solver
 CURVATURE = 10.0  # error after a Newton iteration over the square of that before it, as seen on the demo surface
 ROUNDING = 1e-13  # of the equations' residual, relative to displacements (E = L = 1)
+NOT_YET = np.array([-1], dtype=np.int32)  # an active set that no step begins with
 SLOPE_DROP = 0.3  # a step is long enough when the work rate along it has dropped to this part
 
 
@@ -73,7 +74,7 @@ class NewtonSolver:
         self.solid, self.contact, self.options = solid, contact, options
         self._residual_vec, self.x = solid.vector(), solid.vector()
         self._krylov = self._shortened = 0
-        self.rows: Rows = np.empty(0, dtype=np.int32)
+        self.rows: Rows = NOT_YET
         # in nearly incompressible solids the error is larger than what is left of the equations tells
         self._loosest = options.krylov_rtol or (1e-2 if solid.material.nu <= 0.45 else 1e-3)
         self.linear = LinearSolver(solid, options.linear, contact.symmetric, min(self._loosest, TIGHTEST))
@@ -198,6 +199,7 @@ class NewtonSolver:
         """Solve from the displacement `start` (owned, 3) for a step of length `scale`; collective."""
         largest = max(scale, self.solid.comm.allreduce(float(np.max(np.abs(start), initial=0.0)), op=_max()))
         self._scale, self._rounding = max(scale, 1e-6), ROUNDING * largest
+        self.rows = NOT_YET  # a step of a resumed run is the same to the last bit
         self._krylov = self._shortened = 0
         self.linear.rescue, rescued = False, self.linear.rescued
         self.x.array = start.reshape(-1)
