@@ -261,5 +261,6 @@ if __name__ == "__main__":
     jobs = {"mesh": mesh, "steps": steps, "orders": orders, "tolerance": tolerance, "plastic": plastic,
             "demo": demo, "fixed": fixed}  # fmt: skip
     for job in sys.argv[1:] or jobs:
-        print(f"\n## {job}\n")
+        if MPI.COMM_WORLD.rank == 0:
+            print(f"\n## {job}\n")
         jobs[job]()

@@ -97,7 +97,9 @@ class Runner:
         Raises:
             InputError: not even the first meshes are allowed
         """
-        comm = self._settings.get("comm") or _world()
+        from mpi4py import MPI
+
+        comm = self._settings.get("comm") or MPI.COMM_WORLD
         height = self._settings.get("height") or self._surface.L
         assert self._depth is not None
         while True:
@@ -174,9 +176,3 @@ class Runner:
                 f"{goal.max_seconds:g} allows no more"
             )
         return ""
-
-
-def _world() -> Any:
-    from mpi4py import MPI
-
-    return MPI.COMM_WORLD

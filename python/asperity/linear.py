@@ -54,13 +54,12 @@ class LinearSolver:
         self._solid = solid
         self._may_rescue = kind != "lu" and solid.dofs <= DIRECT_LIMIT
         self._direct: Assembled | None = None
-        tangent = Tangent(solid, symmetric, rtol >= SINGLE_RTOL)
-        self.operator = tangent.matrix()
         self._method: Krylov | Assembled
         if kind == "cg":
-            self._method = Krylov(tangent, self.operator, symmetric)
+            self._method = Krylov(Tangent(solid, symmetric, rtol >= SINGLE_RTOL), symmetric)
         else:
             self._method = Assembled(solid, kind, symmetric, PREFIX)
+        self.operator = self._method.operator
 
     def forget(self) -> None:
         """Let the next solve depend on its system alone, not on those before, as after a restart."""
@@ -101,15 +100,15 @@ class Krylov:
 
     Args:
         tangent: of the solid
-        operator: the same as a matrix of PETSc
         symmetric: see `LinearSolver`
     """
 
-    def __init__(self, tangent: Tangent, operator: Any, symmetric: bool) -> None:
+    def __init__(self, tangent: Tangent, symmetric: bool) -> None:
         from petsc4py import PETSc
 
         solid = tangent.solid
         self._solid, self._tangent = solid, tangent
+        self.operator = tangent.matrix()
         self._multigrid = PMultigrid(tangent, symmetric)
         self._ksp = PETSc.KSP().create(solid.comm)
         self._ksp.setOptionsPrefix(PREFIX)
@@ -120,7 +119,7 @@ class Krylov:
         pc = self._ksp.getPC()
         pc.setType("python")
         pc.setPythonContext(self._multigrid)
-        self._ksp.setOperators(operator)
+        self._ksp.setOperators(self.operator)
         self._ksp.setFromOptions()
         self._b = solid.vector()
 
@@ -129,6 +128,8 @@ class Krylov:
         self._multigrid.forget()
 
     def solve(self, r: Any, rows: Rows, values: Floats, y: Any, rtol: float) -> tuple[int, bool]:
+        from mpi4py import MPI
+
         solid, tangent = self._solid, self._tangent
         with solid.phases.phase("preconditioner"):
             tangent.hold(rows)
@@ -139,7 +140,7 @@ class Krylov:
             lifted = np.zeros(3 * solid.owned)
             lifted[rows[len(rows) - len(values) :]] = values
             b = tangent.free * r.array_r
-            if solid.comm.allreduce(bool(lifted.any()), op=_or()):
+            if solid.comm.allreduce(bool(lifted.any()), op=MPI.LOR):
                 b -= tangent.free * tangent.product(lifted)
             self._b.array = b
             self._ksp.setTolerances(rtol=rtol)
@@ -165,7 +166,7 @@ class Assembled:
 
         self._solid = solid
         self._matrix = NodeMatrix(solid.graph, solid.V.dofmap.index_map, solid.comm)
-        A = self._matrix.A
+        self.operator = A = self._matrix.A
         A.setOption(PETSc.Mat.Option.SYMMETRIC, symmetric)
         A.setOption(PETSc.Mat.Option.SPD, symmetric)
         self._ksp = PETSc.KSP().create(solid.comm)
@@ -191,7 +192,7 @@ class Assembled:
         """See `LinearSolver`; so for `solve`."""
 
     def solve(self, r: Any, rows: Rows, values: Floats, y: Any, rtol: float) -> tuple[int, bool]:
-        A, solid = self._matrix.A, self._solid
+        A, solid = self.operator, self._solid
         with solid.phases.phase("preconditioner"):
             np.copyto(self._matrix.values, solid.values)
             self._matrix.assemble()
@@ -206,9 +207,3 @@ class Assembled:
             self._ksp.setTolerances(rtol=rtol)
             self._ksp.solve(self._b, y)
         return self._ksp.getIterationNumber(), self._ksp.getConvergedReason() > 0
-
-
-def _or() -> Any:
-    from mpi4py import MPI
-
-    return MPI.LOR
