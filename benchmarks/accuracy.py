@@ -37,6 +37,7 @@ AT = np.array([0.003 * k for k in range(1, 11)])
 ELASTIC = asp.Material(200e9, 0.3)
 PLASTIC = asp.Material(200e9, 0.3, 1e9, 10e9)
 UNIT = asp.Material(1.0, 0.3)
+KEPT = Path("out/accuracy")
 FAMILY = (0.1, 0.0707, 0.05, 0.0354, 0.025, 0.0177)  # element sizes in the contact
 
 
@@ -122,21 +123,30 @@ def scenes() -> dict[str, tuple[asp.Surface, float]]:
         }
 
 
-def forces(name: str, surface: asp.Surface, delta: float, sizes: Sequence[float], folder: Path) -> dict[float, Floats]:
-    """Force at ten deflections on the meshes of the family, kept in a file of the folder."""
-    path = folder / f"{name.replace(' ', '-').replace(',', '')}.npz"
+def forces(
+    name: str,
+    surface: asp.Surface,
+    delta: float,
+    sizes: Sequence[float],
+    material: asp.Material = UNIT,
+    steps: int = 10,
+) -> dict[float, Floats]:
+    """Force at ten deflections on the meshes of the family, kept in a file of KEPT."""
+    path = KEPT / f"{name.replace(' ', '-').replace(',', '')}.npz"
     kept = dict(np.load(path)) if path.is_file() else {}
     at, reach, out = delta * np.arange(1, 11) / 10, None, {}
     for h in sizes:
-        if f"{h:.4f}" not in kept:
+        key = f"{h:.4f}" + (f" {material.yield_strength:g} {material.tangent_modulus:g} {steps}" if material.plastic else "")
+        if key not in kept:
             if reach is None and h < GUIDE:
-                guide = asp.solve_contact(surface, UNIT, delta_max=delta, size=asp.MeshSize(GUIDE, growth(GUIDE)))
+                guide = asp.solve_contact(surface, material, delta_max=delta, size=asp.MeshSize(GUIDE, growth(GUIDE)))
                 reach = Reach(*guide.press.reach())
             size = asp.MeshSize(h, growth(h), reach=reach)
-            kept[f"{h:.4f}"] = loading_force(asp.solve_contact(surface, UNIT, delta_max=delta, size=size).curve, at)
-            folder.mkdir(parents=True, exist_ok=True)
+            result = asp.solve_contact(surface, material, delta_max=delta, steps=steps, size=size)
+            kept[key] = loading_force(result.curve, at)
+            KEPT.mkdir(parents=True, exist_ok=True)
             np.savez(path, **kept)
-        out[h] = kept[f"{h:.4f}"]
+        out[h] = kept[key]
     return out
 
 
@@ -146,7 +156,7 @@ def orders() -> None:
     row("surface", *(f"h = {h:.3g} L" for h in FAMILY[:-1]), "order")
     row(*["---"] * (len(FAMILY) + 1))
     for name, (surface, delta) in scenes().items():
-        found = forces(name, surface, delta, FAMILY, Path("out/accuracy"))
+        found = forces(name, surface, delta, FAMILY)
         limit = _limit(found)
         errors = [per_cent(P, limit)[0] for P in found.values()]
         row(name, *errors[:-1], float(np.polyfit(np.log(FAMILY[1:-1]), np.log(errors[1:-1]), 1)[0]))
@@ -177,19 +187,44 @@ def tolerance() -> None:
     judged = []
     header("surface")
     for name, (surface, delta) in scenes().items():
-        limit = _limit(forces(name, surface, delta, FAMILY, Path("out/accuracy")))
+        limit = _limit(forces(name, surface, delta, FAMILY))
         for goal in (0.05, 0.02, 0.01):
             judged.append(driven(name, surface, UNIT, goal, delta * np.arange(1, 11) / 10, limit))
     summary(judged)
 
 
+def plastic_scenes() -> dict[str, tuple[asp.Surface, float, asp.Material]]:
+    """Surfaces, how deep they are pressed, and materials that yield early or late and harden much or not at all."""
+    chosen = {
+        "rough, seed 12": (0.005, 0.05),
+        "rough, seed 14": (0.002, 0.01),
+        "rough, D 2.2": (0.005, 0.05),
+        "rough, D 2.6": (0.01, 0.2),
+        "rough, seed 21": (0.005, 0.0),
+        "sphere beside it": (0.003, 0.02),
+        "four summits": (0.003, 0.05),
+        "two bumps": (0.01, 0.1),
+    }
+    return {name: (*scenes()[name], asp.Material(1.0, 0.3, *yields)) for name, yields in chosen.items()}
+
+
+def plastic_limit(name: str, surface: asp.Surface, delta: float, material: asp.Material) -> Floats:
+    """Limit of the meshes in 20 steps, and of the load steps on one of them."""
+    meshes = forces(name, surface, delta, FAMILY[2:5], material, 20)
+    few, twice, four_times = (forces(name, surface, delta, FAMILY[2:3], material, n)[FAMILY[2]] for n in (20, 40, 80))
+    settled, _ = extrapolate(twice, four_times, 2.0, 2.0)
+    return _limit(meshes) * settled / few
+
+
 def plastic() -> None:
-    """Bars of elastic-plastic runs against a run to a third of the tolerance."""
+    """Bars of elastic-plastic runs against the limit of finer meshes and load steps."""
     judged = []
-    header("seed")
-    for seed in (1, 2):
-        reference = solve_to_tolerance(surface(seed), PLASTIC, Goal(0.01), delta_max=DELTA, steps=STEPS)
-        judged.append(driven(seed, surface(seed), PLASTIC, 0.03, AT * L, loading_force(reference.curve, AT)))
+    header("surface, sigma_y/E, E_t/E")
+    for name, (surface, delta, material) in plastic_scenes().items():
+        limit = plastic_limit(name, surface, delta, material)
+        for goal in (0.05, 0.03, 0.02):
+            label = f"{name}, {material.yield_strength:g}, {material.tangent_modulus:g}"
+            judged.append(driven(label, surface, material, goal, delta * np.arange(1, 11) / 10, limit))
     summary(judged)
 
 
@@ -217,7 +252,7 @@ def fixed() -> None:
     """What stays with a fixed growth of the elements around the contact of a sphere, in place of the family's."""
     name = "sphere beside it"
     sphere, delta = scenes()[name]
-    limit = _limit(forces(name, sphere, delta, FAMILY, Path("out/accuracy")))
+    limit = _limit(forces(name, sphere, delta, FAMILY))
     at = delta * np.arange(1, 11) / 10
     row("h_contact/L", "growth", "dofs", "rms error %", "greatest %")
     row(*["---"] * 5)

@@ -21,7 +21,7 @@ from asperity.loading import GROWTH, SMALLEST_CUT, Position, Record, follow
 from asperity.material import Material
 from asperity.mesh import BlockMesh, build_block
 from asperity.press import Press, carried_on
-from asperity.schedule import Schedule
+from asperity.schedule import BACKWARD_EULER, MIDPOINT, Schedule
 from asperity.solve import NewtonSolver, SolverOptions, StepStats
 from asperity.statics import make_press
 from asperity.surface import Flat, Surface
@@ -339,11 +339,13 @@ def test_progress_runs_from_zero_to_one(press_of: Callable[..., Press]) -> None:
     assert np.all(np.diff(parts) > 0)
 
 
-def test_snapshots_are_spread_over_the_loading(press_of: Callable[..., Press]) -> None:
+@pytest.mark.parametrize("integrator", [BACKWARD_EULER, MIDPOINT])
+def test_snapshots_are_spread_over_the_loading(press_of: Callable[..., Press], integrator: str) -> None:
     press, record = press_of(PLASTIC), Record(1.0, 1.0, PLASTIC.reduced_modulus)
-    follow(press, Schedule(delta_max=DELTA, steps=6, unload_steps=2), record, snapshots=3)
-    assert [s.step for s in record.snapshots] == [2, 4, 6]
+    follow(press, Schedule(delta_max=DELTA, steps=6, unload_steps=2, integrator=integrator), record, snapshots=3)
     curve = record.curve()
+    planned = curve.delta[[s.step - 1 for s in record.snapshots]]
+    np.testing.assert_allclose(planned, DELTA * np.arange(1, 4) / 3, rtol=1e-12)
     for snapshot in record.snapshots:
         row = snapshot.step - 1
         assert snapshot.delta == curve.delta[row] and snapshot.branch == "load"

@@ -12,11 +12,13 @@ from scipy import sparse
 from asperity import reference as ref
 from asperity.errors import InputError
 from asperity.linear import LinearSolver
-from asperity.loading import Press
+from asperity.loading import Record, follow
 from asperity.material import Material
 from asperity.mesh import BlockMesh, build_block, distribute, on_root
 from asperity.multigrid import EDGES, PMultigrid
 from asperity.node_matrix import assembled, set_rigid_modes
+from asperity.press import Press
+from asperity.schedule import MIDPOINT, Schedule
 from asperity.solid import Solid
 from asperity.statics import make_press
 from asperity.surface import Flat, Sinusoid, Surface
@@ -107,6 +109,20 @@ def test_plastic_patch_test(kernels: str, E_t: float) -> None:
         assert press.force == pytest.approx(-sigma, rel=1e-10)
         assert press.row()["max_plastic_strain"] == pytest.approx(strain, rel=1e-10, abs=1e-15)
     assert press.row()["plastic_fraction"] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("E_t", [0.05, 0.0])
+def test_midpoint_rows_tell_the_flow_at_their_deflection(E_t: float) -> None:
+    """The history is carried on beyond each step, what the row says of it is not."""
+    Y, height = 0.005, 0.8
+    material = Material(1.0, NU, Y, E_t)
+    record = Record(1.0, 1.0, material.reduced_modulus)
+    follow(press_of(height, material), Schedule(delta_max=0.03, steps=6, integrator=MIDPOINT), record)
+    curve = record.curve()
+    stress, _, alpha = ref.confined_stress(-curve.delta / height, 1.0, NU, Y, E_t)
+    np.testing.assert_allclose(curve.force, -stress, rtol=1e-9)
+    np.testing.assert_allclose(curve.max_plastic_strain, alpha, rtol=1e-9, atol=1e-15)
+    np.testing.assert_array_equal(curve.plastic_fraction, np.where(alpha > 0.0, 1.0, 0.0))
 
 
 def test_a_clamped_base_makes_free_sides_stiffer_than_a_bar_and_softer_than_rollers() -> None:

@@ -226,7 +226,7 @@ class Press:
         from mpi4py import MPI
 
         solid, comm = self.solid, self.solid.comm
-        strain = solid.bulk.history()[1]
+        strain = (self._own or solid.bulk.history())[1]
         volumes = solid.bulk.volumes
         yielded = float(volumes[strain > 0.0].sum()) if strain.size else 0.0
         sums = comm.allreduce(np.array([yielded, volumes.sum()]))
