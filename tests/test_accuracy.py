@@ -128,17 +128,25 @@ def test_mesh_and_tolerance_exclude_each_other() -> None:
         solve_to_tolerance(wave(), ELASTIC, Goal(0.1), delta_max=0.01, size=asp.MeshSize(0.1))
 
 
-def test_both_rules_of_the_path_have_one_limit_and_midpoint_is_nearer() -> None:
-    at = 0.04 * np.array([0.4, 0.6, 0.8, 1.0])
+def test_load_steps_have_second_order_by_the_midpoint_rule_and_both_rules_one_limit() -> None:
+    at = 0.04 * np.array([0.2, 0.4, 0.6, 0.8, 1.0])
 
-    def force(rule: str, n: int) -> npt.NDArray[np.float64]:
-        result = asp.solve_contact(ridges(), PLASTIC, delta_max=0.04, steps=n, integrator=rule, size=asp.MeshSize(0.3))
+    def force(rule: str, substeps: int) -> npt.NDArray[np.float64]:
+        result = asp.solve_contact(
+            ridges(), PLASTIC, delta_max=0.04, steps=5, substeps=substeps, integrator=rule, size=asp.MeshSize(0.3)
+        )
         return loading_force(result.curve, at)
 
-    limit, _ = extrapolate(force("midpoint", 10), fine := force("midpoint", 20), 2.0, 2.0)
-    other, _ = extrapolate(force("backward-euler", 10), euler := force("backward-euler", 20), 2.0, 1.0)
+    def size(error: npt.NDArray[np.float64]) -> float:
+        return float(np.sqrt(np.mean(error**2)))
+
+    whole, half, quarter = (force("midpoint", n) for n in (1, 2, 4))
+    limit, _ = extrapolate(half, quarter, 2.0, 2.0)
+    assert size(half / limit - 1.0) < 0.4 * size(whole / limit - 1.0)
+    euler = force("backward-euler", 8)
+    other, _ = extrapolate(force("backward-euler", 4), euler, 2.0, 1.0)
     assert other == pytest.approx(limit, rel=2e-3)
-    assert np.abs(fine / limit - 1.0).max() < 0.25 * np.abs(euler / limit - 1.0).max()
+    assert size(whole / limit - 1.0) < size(euler / limit - 1.0)
 
 
 def test_planned_stops_are_hit_by_both_rules() -> None:

@@ -56,7 +56,7 @@ def compute_reference(material: str, file: str) -> None:
         "force": (loading_force(found.curve, AT) * modulus).tolist(),
         "bar": found.worst,
         "dofs": [level.dofs for level in found.levels],
-        "steps": found.levels[-1].steps,
+        "substeps": found.levels[-1].substeps,
     }
     Path(file).write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
 

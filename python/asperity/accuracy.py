@@ -37,9 +37,9 @@ from .surface import Surface
 Floats = npt.NDArray[np.float64]
 
 STEP_ORDER = 2.0  # of the force in the load step: midpoint rule
-STEPS_SHARE = 0.4  # part of the tolerance the load steps should use; the mesh has what they leave
-MAX_DOUBLINGS = 5  # of the load steps
-PATH_TRANSFER = 0.5  # part of the load-step correction taken for its bar (docs/accuracy.md)
+STEPS_SHARE = 0.5  # part of the tolerance the load steps should use; the mesh has what they leave
+MAX_DOUBLINGS = 5  # of the parts of load steps
+PATH_TRANSFER = 0.7  # part of the load-step correction taken for its bar (docs/accuracy.md)
 
 
 @dataclass(frozen=True)
@@ -149,23 +149,22 @@ def solve_to_tolerance(
     """
     if "size" in settings or "block" in settings:
         raise InputError("accuracy.tolerance chooses the mesh: leave out mesh.h_contact and mesh.file")
-    driven = dict(delta_max=delta_max, force_max=force_max)
+    driven = dict(delta_max=delta_max, force_max=force_max, steps=steps)
     run = Runner(surface, material, goal.max_dofs, driven | settings, on_stage, on_step)
-    steps_asked = steps
-    guide = run(GUIDE, steps)
-    path, coarse = None, guide.curve
+    guide = run(GUIDE)
+    path, substeps, coarse = None, 1, guide.curve
     if material.plastic:
-        path, steps, coarse = _choose_steps(run, guide.curve, steps, STEPS_SHARE * goal.tolerance)
+        path, substeps, coarse = _choose_substeps(run, guide.curve, steps, STEPS_SHARE * goal.tolerance)
     run.aim(guide)
     del guide  # its memory is needed for the next one
     sizes, curves, plan = [run.levels[0].h / surface.L], [coarse], Plan(FIRST * GUIDE, 0)
     while True:
-        result = run(plan.size, steps)
+        result = run(plan.size, substeps)
         sizes.append(run.levels[-1].h / surface.L)
-        judged = _judged(result.curve, steps_asked)
+        judged = _judged(result.curve, steps)
         ratio = sizes[plan.coarse] / sizes[-1]
         curve, budget = _correct(result, curves[plan.coarse], ratio, safety_of(plan.coarse), judged, path)
-        worst = worst_error(curve, steps_asked)
+        worst = worst_error(curve, steps)
         if worst <= goal.tolerance:
             return AccurateResult(curve, result.curve, budget, tuple(run.levels), result, worst, True, "done")
         mesh, rest = ((bar / curve.P_star)[judged] for bar in (budget.mesh, budget.total - budget.mesh))
@@ -213,24 +212,24 @@ class _PathError:
     bar: Floats
 
 
-def _choose_steps(run: Runner, curve: Curve, steps: int, wanted: float) -> tuple[_PathError, int, Curve]:
-    """Number of load steps whose error bar is the wanted one, and the guide's curve with as many.
+def _choose_substeps(run: Runner, curve: Curve, steps: int, wanted: float) -> tuple[_PathError, int, Curve]:
+    """Parts of each load step whose error bar is the wanted one, and the guide's curve with as many.
 
-    The guiding mesh is loaded in N, 2 N, 4 N ... steps, and the limit extrapolated from the last two runs. What is
+    The guiding mesh is loaded in steps of 1, 2, 4 ... parts, and the limit extrapolated from the last two runs. What is
     found there corrects the finest mesh as well; a part of the correction, which need not carry over and is itself
     only known to leading order, is the bar.
 
     Args:
         run: solver of levels
-        curve: of the guiding mesh with `steps` steps
-        steps: least number of steps
+        curve: of the guiding mesh with whole steps
+        steps: planned ones
         wanted: relative error bar
     """
     at = curve.delta_star[_judged(curve, steps)]
-    curves = {steps: curve}
+    curves = {1: curve}
     P = [loading_force(curve, at)]
     for doublings in range(1, MAX_DOUBLINGS + 1):
-        n = steps * 2**doublings
+        n = 2**doublings
         curves[n] = run(GUIDE, n, loading_only=True).curve
         P.append(loading_force(curves[n], at))
         limit, _ = extrapolate(P[-2], P[-1], 2.0, STEP_ORDER)

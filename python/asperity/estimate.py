@@ -121,21 +121,19 @@ def _plan(case: Case) -> list[tuple[float, int]]:
     loading, plastic = case.loading, case.material.yield_strength is not None
     integrator = loading.integrator if plastic else BACKWARD_EULER
 
-    def steps(planned: int, whole: bool = True) -> int:
-        schedule = Schedule(delta_max=1.0, steps=planned, integrator=integrator)
+    def steps(substeps: int = 1, whole: bool = True) -> int:
+        schedule = Schedule(delta_max=1.0, steps=loading.steps, integrator=integrator, substeps=substeps)
         unloading = loading.unload_steps if loading.unload and whole else 0
         return (len(schedule.stops()) + unloading) * (loading.cycles if whole else 1)
 
     if case.accuracy.tolerance is None:
-        return [(case.mesh.h_contact, steps(loading.steps))]
+        return [(case.mesh.h_contact, steps())]
     L = case.surface.L
     guide, *finer = meshes(TYPICAL_BAR, case.accuracy.tolerance)
-    planned = loading.steps
-    levels = [(guide * L, steps(planned))]
-    if plastic:  # as many steps more have to show that they are enough
-        planned *= 2
-        levels.append((guide * L, steps(planned, whole=False)))
-    return levels + [(h * L, steps(planned)) for h in finer]
+    levels = [(guide * L, steps())]
+    if plastic:  # twice as many steps have to show that they are enough
+        levels.append((guide * L, steps(2, whole=False)))
+    return levels + [(h * L, steps()) for h in finer]
 
 
 def _given_dofs(case: Case) -> int:

@@ -47,11 +47,11 @@ class Goal:
 
 @dataclass(frozen=True)
 class Level:
-    """One computed curve: element size [length], dofs, planned steps, seconds."""
+    """One computed curve: element size [length], dofs, equal parts of each load step, seconds."""
 
     h: float
     dofs: int
-    steps: int
+    substeps: int
     seconds: float
 
 
@@ -61,7 +61,7 @@ class Runner:
     Args:
         surface, material: as in `statics.solve_contact`
         max_dofs: size no mesh may exceed
-        settings: other arguments of `statics.solve_contact`
+        settings: other arguments of `statics.solve_contact`, the steps among them
         on_stage, on_step: progress call-backs
 
     Attributes:
@@ -82,6 +82,7 @@ class Runner:
         self._start = perf_counter()
         self._reach: Reach | None = None
         self._depth: float | None = settings["delta_max"]
+        self._made: tuple[float, BlockMesh | None] | None = None  # the last mesh and its size [length]
         self.levels: list[Level] = []
 
     def aim(self, guide: ContactResult) -> None:
@@ -90,6 +91,7 @@ class Runner:
         xy, touched_at = guide.press.reach()
         self._reach = Reach(xy * L, touched_at * L) if len(xy) else None  # on rank 0, where meshes are made
         self._depth = self._depth or guide.press.delta * L
+        self._made = None
 
     def _mesh(self, h: float) -> tuple[BlockMesh | None, float]:
         """Mesh of size h [length], or the finest that the greatest number of dofs allows, and its size; collective.
@@ -99,6 +101,8 @@ class Runner:
         """
         from mpi4py import MPI
 
+        if self._made is not None and self._made[0] == h:  # the guide again, in more steps
+            return self._made[1], h
         comm = self._settings.get("comm") or MPI.COMM_WORLD
         height = self._settings.get("height") or self._surface.L
         assert self._depth is not None
@@ -107,6 +111,7 @@ class Runner:
             block = make_block(comm, self._surface, height, self._depth, size)
             dofs = comm.bcast(None if block is None else 3 * len(block.points), root=0)
             if dofs <= self._max_dofs:
+                self._made = h, block
                 return block, h
             if len(self.levels) < 2:
                 raise InputError(
@@ -115,8 +120,8 @@ class Runner:
                 )
             h *= 1.02 * (dofs / self._max_dofs) ** (1.0 / DOFS_ORDER)
 
-    def __call__(self, h: float, steps: int, loading_only: bool = False) -> ContactResult:
-        """Curve with elements of size h [L], or of the smallest allowed."""
+    def __call__(self, h: float, substeps: int = 1, loading_only: bool = False) -> ContactResult:
+        """Curve with elements of size h [L], or of the smallest allowed, and load steps in so many parts."""
         start = perf_counter()
         L = self._surface.L
         settings = self._settings | ({"unload_steps": 0, "cycles": 1} if loading_only else {})
@@ -129,14 +134,14 @@ class Runner:
         result = solve_contact(
             self._surface,
             self._material,
-            steps=steps,
+            substeps=substeps,
             size=MeshSize(h, growth=growth(h / L)),
             block=block,
-            on_stage=self._announce(f"h = {h / L:.3g} L, {steps} steps"),
+            on_stage=self._announce(f"h = {h / L:.3g} L" + (f", {substeps} substeps" if substeps > 1 else "")),
             on_step=self._on_step,
             **settings,
         )
-        self.levels.append(Level(h, result.dofs, steps, perf_counter() - start))
+        self.levels.append(Level(h, result.dofs, substeps, perf_counter() - start))
         return result
 
     def _announce(self, level: str) -> Callable[[str], None] | None:

@@ -20,6 +20,7 @@ SMALLEST_CUT = 1.0 / 256  # part of a planned step below which a run gives up
 FIRST_MOVE = 1e-3  # first step of a force-driven loading [L]
 FORCE_TOLERANCE = 1e-6  # relative, of force_max
 GROWTH = 1.5  # a cut step grows again by this factor
+GREATEST_LEAD = 2.0  # of the midpoint rule, where a step is twice as long as the one before
 
 
 @dataclass(frozen=True)
@@ -178,8 +179,9 @@ def _is_kept(schedule: Schedule, snapshots: int, at: Position, after: Position) 
 def _lead(at: Position, here: float, after: float | None) -> tuple[float, float | None]:
     """By which part of a step's plastic flow to carry the history on, and the deflection it then stands for.
 
-    The midpoint rule carries it half-way to the next solve. Where no solve follows, where none went before, or where
-    a cut step fell behind the history, it stays with the displacement.
+    The midpoint rule carries it half-way to the next solve, so that steps of any lengths add up to the trapezoidal
+    rule. Where no solve follows, where none went before, or where a cut step fell behind the history, it stays with the
+    displacement.
 
     Args:
         at: position before the step
@@ -191,7 +193,7 @@ def _lead(at: Position, here: float, after: float | None) -> tuple[float, float 
     if at.history is None:
         return 0.0, here
     done = here - at.history
-    lead = min(0.5 * (after - here) / done, 1.0) if done > 0.0 else 0.0
+    lead = min(0.5 * (after - here) / done, GREATEST_LEAD) if done > 0.0 else 0.0
     return lead, here + lead * max(done, 0.0)
 
 
@@ -266,11 +268,11 @@ def _load_to_force(press: Press, schedule: Schedule, at: Position) -> Outcome:
     A step moves the flat by the planned force over the slope of the step before and takes the force it gets; only
     the last position is searched, by regula falsi (Illinois) over trial solves that commit nothing.
     """
-    goal, step = _goal(press, schedule), at.step
+    goal, step, parts = _goal(press, schedule), at.step, schedule.steps * schedule.substeps
     while True:
         target = press.delta + step
         stats = press.trial(target)
-        if stats.converged and press.force == 0.0 and (ahead := press.trial_force() * schedule.steps / goal) > 2.0:
+        if stats.converged and press.force == 0.0 and (ahead := press.trial_force() * parts / goal) > 2.0:
             # nothing was known of the stiffness yet; the force of a first contact grows as the power 3/2
             step *= ahead ** (-2.0 / 3.0)
             continue
@@ -295,7 +297,7 @@ def _load_to_force(press: Press, schedule: Schedule, at: Position) -> Outcome:
             f"loading.force_max cannot be reached: at delta/L = {target:.3g} the force is {force / goal:.2g} of it and "
             f"hardly rises: lower force_max or give delta_max"
         )
-    wanted = goal / schedule.steps / slope if slope > 0.0 else 2.0 * step
+    wanted = goal / parts / slope if slope > 0.0 else 2.0 * step
     step = min(max(wanted, 0.1 * step), 2.0 * step)
     lead, history = 0.0, None
     if schedule.integrator == MIDPOINT:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 BACKWARD_EULER, MIDPOINT = "backward-euler", "midpoint"
-FIRST_PIECES = (4, 4, 2, 2)  # into which the midpoint rule divides the first planned steps
+FIRST_PIECES = (4, 4, 3, 2, 2, 2)  # into which the midpoint rule divides the first planned steps
 
 
 @dataclass(frozen=True)
@@ -19,6 +19,7 @@ class Schedule:
         unload_steps: planned steps of an unloading, 0 for none
         cycles: loadings, each followed by an unloading; one when there is none
         integrator: of plasticity along a loading, "backward-euler" (first order) or "midpoint" (second)
+        substeps: equal parts that each step of a loading is divided into
     """
 
     delta_max: float | None = None
@@ -27,21 +28,20 @@ class Schedule:
     unload_steps: int = 0
     cycles: int = 1
     integrator: str = BACKWARD_EULER
+    substeps: int = 1
 
     def stops(self) -> list[float]:
-        """Where the planned steps of a loading end, as parts of the way.
+        """Where the steps of a loading end, as parts of the way; the planned steps are among them.
 
-        The midpoint rule starts with half a step, and its first steps are divided: the force is small there, and so
-        must its error be.
+        The midpoint rule starts with half a step, and its first steps are divided: its error goes with the square of
+        the step over the deflection.
         """
-        whole = [k / self.steps for k in range(1, self.steps + 1)]
-        if self.integrator == BACKWARD_EULER:
-            return whole
+        midpoint = self.integrator == MIDPOINT
         stops: list[float] = []
-        for k, end in enumerate(whole):
-            pieces = FIRST_PIECES[k] if k < len(FIRST_PIECES) else 1
-            stops += [end - (pieces - j) / (pieces * self.steps) for j in range(1, pieces)] + [end]
-        return [0.5 * stops[0], *stops]
+        for k in range(self.steps):
+            pieces = self.substeps * (FIRST_PIECES[k] if midpoint and k < len(FIRST_PIECES) else 1)
+            stops += [(k + j / pieces) / self.steps for j in range(1, pieces + 1)]
+        return [0.5 * stops[0], *stops] if midpoint else stops
 
     @property
     def legs(self) -> list[tuple[str, int]]:

@@ -195,6 +195,7 @@ def solve_contact(
     unload_steps: int = 0,
     cycles: int = 1,
     integrator: str = MIDPOINT,
+    substeps: int = 1,
     size: MeshSize | None = None,
     formulation: Formulation | None = None,
     kernels: str = "compiled",
@@ -216,7 +217,7 @@ def solve_contact(
         sides: "rollers" or "free"
         delta_max: greatest deflection from first touch [length]
         force_max: greatest force instead [force]
-        steps, unload_steps, cycles, integrator: see `schedule.Schedule`
+        steps, unload_steps, cycles, integrator, substeps: see `schedule.Schedule`
         size: element sizes
         formulation: contact formulation
         kernels: "compiled" or "ufl"
@@ -257,6 +258,7 @@ def solve_contact(
         unload_steps,
         cycles,
         integrator if material.plastic else BACKWARD_EULER,
+        substeps,
     )
     settings: dict[str, Any] = dict(sides=sides, formulation=formulation, kernels=kernels, options=options)
     if given is None:
