@@ -9,6 +9,7 @@ import pytest
 
 from asperity.curve import COLUMNS, Curve
 from asperity.errors import InputError
+from asperity.schedule import MIDPOINT, Schedule
 
 
 def make_curve(**header: object) -> Curve:
@@ -109,3 +110,12 @@ def test_planned_points_are_those_of_equal_steps():
     measured = Curve.from_rows([{"delta": d, "force": d} for d in (0.1, 0.25, 0.33)])
     assert len(measured.planned()) == 3
     assert len(curve.where(np.array([], dtype=int)).planned()) == 0
+
+
+@pytest.mark.parametrize("substeps", [1, 2, 4])
+@pytest.mark.parametrize("steps", [3, 4, 5, 6, 10, 50])
+def test_planned_points_of_the_midpoint_rule(steps: int, substeps: int):
+    """Its first steps are divided, which does not add points."""
+    stops = Schedule(delta_max=1.0, steps=steps, integrator=MIDPOINT, substeps=substeps).stops()
+    planned = Curve.from_rows([{"delta": 0.03e-6 * x, "force": x} for x in stops]).planned()
+    np.testing.assert_allclose(planned.force, np.arange(1, steps * substeps + 1) / (steps * substeps), rtol=1e-12)

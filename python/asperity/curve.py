@@ -145,19 +145,22 @@ class Curve:
         return self.where(self.branch == "load")
 
     def planned(self) -> Curve:
-        """Return the first loading at equal parts of its deflection, the largest increment being one part.
+        """Return the first loading at equal parts of its deflection, the smallest parts whose ends are all there.
 
         A solver cuts some steps to pieces, more of them for some materials than for others: a fit over all points
         would weigh light loads the more, the more pieces there are. A path without such parts (driven by force, or
         measured) keeps all its points.
         """
         load = self.loading()
-        increments = np.diff(load.delta, prepend=0.0)
-        if not len(load) or np.any(increments <= 0):
+        if not len(load) or np.any(np.diff(load.delta, prepend=0.0) <= 0):
             return load
-        part = load.delta / increments.max()
-        whole = np.abs(part - np.rint(part)) < 1e-6
-        return load.where(whole & (part > 0.5)) if whole[-1] else load
+        whole = load.delta / load.delta[-1]
+        for part in whole[:-1]:
+            ends = part * np.arange(1, round(1 / part) + 1)
+            rows = np.minimum(np.searchsorted(whole, ends - 1e-6 * part), len(whole) - 1)
+            if np.all(np.abs(whole[rows] - ends) < 1e-6 * part) and rows[-1] == len(whole) - 1:
+                return load.where(rows)
+        return load
 
     def unloading(self) -> Curve:
         """Return the steps of branch "unload"."""
