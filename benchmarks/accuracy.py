@@ -213,8 +213,8 @@ def plastic_scenes() -> dict[str, tuple[asp.Surface, float, asp.Material]]:
 
 
 def plastic_limit(name: str, surface: asp.Surface, delta: float, material: asp.Material) -> Floats:
-    """Limit of three meshes, and of the load steps on the coarsest of them."""
-    meshes = forces(name, surface, delta, FAMILY[2:5], material)
+    """Limit of the three finest meshes, and of the load steps on a coarser one."""
+    meshes = forces(name, surface, delta, FAMILY[3:], material)
     whole, half, quarter = (forces(name, surface, delta, FAMILY[2:3], material, n)[FAMILY[2]] for n in (1, 2, 4))
     settled, _ = extrapolate(half, quarter, 2.0, 2.0)
     return _limit(meshes) * settled / whole

@@ -25,6 +25,8 @@ from .refinement import (
     FIRST,
     GUIDE,
     LEAST_STEP,
+    STEP_ORDER,
+    STEPS_SHARE,
     Plan,
     extrapolate,
     extrapolate_mesh,
@@ -36,8 +38,6 @@ from .surface import Surface
 
 Floats = npt.NDArray[np.float64]
 
-STEP_ORDER = 2.0  # of the force in the load step: midpoint rule
-STEPS_SHARE = 0.5  # part of the tolerance the load steps should use; the mesh has what they leave
 MAX_DOUBLINGS = 5  # of the parts of load steps
 PATH_TRANSFER = 0.7  # part of the load-step correction taken for its bar (docs/accuracy.md)
 

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import ceil, log2
 from typing import TYPE_CHECKING
 
 from .errors import InputError
 from .mesh import BlockMesh, SizeField
-from .refinement import growth, meshes
+from .refinement import STEP_ORDER, STEPS_SHARE, growth, meshes
 from .schedule import BACKWARD_EULER, Schedule
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ Size = Callable[[float, float, float], float]
 NODES, NODES_OF_GROWTH = 4.5, 19.0
 
 TYPICAL_BAR = 0.06  # relative, of the second mesh of a run driven by a tolerance
+TYPICAL_STEP_BAR = 0.005  # relative, of whole load steps
 
 
 @dataclass(frozen=True)
@@ -131,9 +133,14 @@ def _plan(case: Case) -> list[tuple[float, int]]:
     L = case.surface.L
     guide, *finer = meshes(TYPICAL_BAR, case.accuracy.tolerance)
     levels = [(guide * L, steps())]
-    if plastic:  # twice as many steps have to show that they are enough
-        levels.append((guide * L, steps(2, whole=False)))
-    return levels + [(h * L, steps()) for h in finer]
+    substeps = 1
+    if plastic:
+        left = TYPICAL_STEP_BAR / (STEPS_SHARE * case.accuracy.tolerance)
+        halvings = ceil(max(log2(left) / STEP_ORDER, 0.0))
+        substeps = 2**halvings
+        # the first mesh has to show that they are enough, with half of the whole steps at the least
+        levels += [(guide * L, steps(2**k, whole=False)) for k in range(1, max(halvings, 1) + 1)]
+    return levels + [(h * L, steps(substeps)) for h in finer]
 
 
 def _given_dofs(case: Case) -> int:

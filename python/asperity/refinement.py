@@ -1,4 +1,4 @@
-"""Which mesh comes next, and what the forces on two meshes say about the limit.
+"""Which mesh comes next, and what the forces on two meshes, or with two sizes of load steps, say about the limit.
 
 The meshes of a family differ by one number, the element size in the contact. The force differs from the limit by
 c h^p, and the order p depends on the scene (docs/accuracy.md has the orders measured). The limit is therefore the mean
@@ -28,6 +28,8 @@ FIRST_STEP = 2.5  # greatest one after the second mesh, for the guide only tells
 MARGIN = 0.8  # part of the tolerance that is planned for
 COST_ORDER = 2.6  # time grows as h^-COST_ORDER
 DOFS_ORDER = 2.0  # dofs grow as h^-DOFS_ORDER: refinement is nearly confined to the contact
+STEP_ORDER = 2.0  # of the force in the load step: midpoint rule
+STEPS_SHARE = 0.5  # part of the tolerance the load steps should use; the mesh has what they leave
 GROWTH = 0.25, 0.04  # growth of the element size around the contact, and the size in it that this belongs to [L]
 
 
