@@ -422,7 +422,8 @@ Mean over the seeds; the band is one standard deviation.
 
 Mean (standard deviation over the seeds); k and n by least squares on the linear scale, over (0, δ*max]. The
 last columns are the contact area and the mean pressure over that at which the block as a whole yields,
-σ_y(1-ν)/(1-2ν), at the greatest deflection: above 1 the bulk has yielded, not only the asperities.
+σ_y(1-ν)/(1-2ν) between rollers and σ_y with free sides, at the greatest deflection: above 1 the bulk has yielded,
+not only the asperities.
 
 {fits}
 

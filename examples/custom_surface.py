@@ -1,4 +1,4 @@
-"""A surface of one's own: height and slope are all that is needed."""
+"""A surface of one's own: heights, first and second derivatives, mean and a bound of the curvature."""
 
 from __future__ import annotations
 

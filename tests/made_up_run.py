@@ -56,7 +56,7 @@ def curve_rows(plastic: bool = True) -> list[list[object]]:
     return [
         [
             i + 1, branch[i], delta[i] * 1e-6, delta[i], P[i] * E_prime * 1e-12, P[i], 25 * P[i],
-            8e9 + 1e10 * P[i], 20 * flow[i], 80 * flow[i], 0.03 * P[i], 4, 80, 1.5,
+            8e9 + 1e10 * P[i], 20 * flow[i], 80 * flow[i], 0.03 * P[i], 0.6 * P[i], 4, 80, 1.5,
         ]
         for i in range(len(delta))
     ]  # fmt: skip

@@ -26,7 +26,7 @@ def make_curve(**header: object) -> Curve:
 def test_columns_are_those_of_the_file_format():
     assert ",".join(COLUMNS) == (
         "step,branch,delta,delta_star,force,P_star,area_fraction,max_pressure,plastic_fraction,"
-        "max_plastic_strain,error_P_star,newton,krylov,seconds"
+        "max_plastic_strain,error_P_star,error_area_fraction,newton,krylov,seconds"
     )
 
 

@@ -202,6 +202,25 @@ def test_a_run_that_does_not_converge_keeps_its_curve(
     assert summary["fit"]["points"] == len(curve.planned()) >= 3
 
 
+def test_a_tolerance_that_is_not_met_leaves_all_that_was_found(tmp_path: Path) -> None:
+    """Exit code 3, for the bar is wider than asked for; the curve is whole."""
+    case = case_of(
+        surface={"kind": "sphere", "L": 1.0, "radius": 1.5},
+        material={"E": 1.0, "nu": 0.3},
+        mesh={},
+        loading={"delta_max": 0.02, "steps": 2},
+        accuracy={"tolerance": 1e-4, "max_dofs": 30_000},
+        output={"figures": True, "report": True},
+    )
+    with pytest.raises(ConvergenceError, match=r"accuracy\.max_dofs = 30000 allows no more"):
+        run(case, tmp_path)
+    results = Results.read(tmp_path)
+    bars = results.curve.error_P_star / results.curve.P_star
+    assert results.summary["accuracy"]["met"] is False and results.summary["finished"] is False
+    assert results.summary["accuracy"]["worst_relative_bar"] == pytest.approx(bars.max()) and bars.max() > 1e-4
+    assert (tmp_path / "report.html").is_file() and list((tmp_path / "figures").glob("*.png"))
+
+
 def test_a_run_that_never_converges_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fail_from(monkeypatch, 1)
     with pytest.raises(ConvergenceError, match=r"no convergence at delta/L"):

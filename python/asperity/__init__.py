@@ -40,6 +40,8 @@ _PUBLIC = {
     "Formulation": "statics",
     "SolverOptions": "solve",
     "solve_contact": "statics",
+    "Goal": "accuracy",
+    "solve_to_tolerance": "accuracy",
     "reference": "",
 }
 

@@ -35,6 +35,7 @@ COLUMNS = (
     "plastic_fraction",
     "max_plastic_strain",
     "error_P_star",
+    "error_area_fraction",
     "newton",
     "krylov",
     "seconds",
@@ -62,7 +63,8 @@ class Curve:
         max_pressure: largest contact pressure (force/length^2).
         plastic_fraction: share of the volume that has yielded.
         max_plastic_strain: largest accumulated plastic strain.
-        error_P_star: error bar of P_star.
+        error_P_star: error bar of P_star, with a tolerance.
+        error_area_fraction: error bar of area_fraction from where the edge of the contact cuts facets.
         newton: Newton iterations of the step (int).
         krylov: Krylov iterations of the step (int).
         seconds: time of the step (s).
@@ -84,6 +86,7 @@ class Curve:
     plastic_fraction: Array
     max_plastic_strain: Array
     error_P_star: Array
+    error_area_fraction: Array
     newton: Array
     krylov: Array
     seconds: Array

@@ -232,8 +232,10 @@ class Press:
         sums = comm.allreduce(np.array([yielded, volumes.sum()]))
         peaks = np.array([np.max(self.pressure, initial=0.0), np.max(strain, initial=0.0)])
         comm.Allreduce(MPI.IN_PLACE, peaks, op=MPI.MAX)
+        area = self.contact.area()
         return {
-            "area_fraction": self.contact.area().value,
+            "area_fraction": area.value,
+            "error_area_fraction": area.error,
             "max_pressure": float(peaks[0]),
             "plastic_fraction": float(sums[0] / sums[1]),
             "max_plastic_strain": float(peaks[1]),

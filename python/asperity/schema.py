@@ -43,7 +43,7 @@ class WeierstrassMandelbrotSection(_Patch):
     kind: Literal["weierstrass-mandelbrot"]
     D: Real = _key("fractal dimension", gt=2, lt=3, hint="2.4 is a usual value")
     G: Real = _key("fractal roughness", unit=LENGTH, gt=0, hint="1.36e-11 m is a usual value")
-    M: Whole = _key("number of ridges", 10, ge=1, le=1000)
+    M: Whole = _key("ridges run at the angles pi mu/M; M + 1 of them, or M with ridges = 1..M", 10, ge=1, le=1000)
     gamma: Real = _key("frequency ratio", 1.5, gt=1, le=100)
     f_max: Whole | None = _key("highest frequency index", None, shown="5, or from L_s", ge=0, le=100)
     L_s: Real | None = _key("shortest wavelength, sets f_max", None, unit=LENGTH, gt=0)

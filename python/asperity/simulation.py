@@ -68,7 +68,8 @@ def run(
     Raises:
         InputError: the case is wrong
         CheckpointError: `folder` holds no checkpoint of this case to resume from
-        ConvergenceError: the path could not be followed; the files hold the part before
+        ConvergenceError: the path could not be followed, the files hold the part before; or the tolerance was not met,
+            what was found is kept like a finished run
         Interrupted: SIGTERM or SIGINT asked to end; the files and the checkpoint hold the part before
         CheckError: the run is complete, but violates a balance
         OutputError: a file cannot be written
@@ -129,9 +130,14 @@ def run(
         writer.summary(summary)
 
     on_root(comm, write)
+    complete = accurate is not None and not doubts  # though perhaps not as accurate as asked for
+    if failure is not None and not complete:
+        raise failure
+    result = RunResult(contact.curve, fit, summary, contact)
+    result = _after(case, result, contact, out, comm, progress, writer, finished=failure is None)
     if failure is not None:
         raise failure
-    return _after(case, RunResult(contact.curve, fit, summary, contact), contact, out, comm, progress, writer)
+    return result
 
 
 def material_of(case: Case) -> Material:
@@ -229,6 +235,7 @@ def _after(
     comm: MPI.Comm,
     progress: Progress,
     writer: _Writer,
+    finished: bool,
 ) -> RunResult:
     """What follows a complete curve: fields, dynamics, figures, report; on rank 0 but for the gathering."""
     from .fields import gather_states, write_figure_data, write_vtkhdf
@@ -266,7 +273,7 @@ def _after(
         from .report import write_report
 
         write_report(folder)
-    result.summary["finished"] = True
+    result.summary["finished"] = finished
     writer.summary(result.summary)
     return replace(result, dynamics=dynamics)
 

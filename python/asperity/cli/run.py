@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 # everything a run writes into its folder
 PRODUCTS = (
-    "case.toml", "curve.csv", "summary.json", "free.csv", "response.csv", "thresholds.json",
+    "case.toml", "curve.csv", "summary.json", "free.csv", "response.csv", "band.csv", "thresholds.json",
     "report.html", "figures", "fields", "checkpoint",
 )  # fmt: skip
 

@@ -25,8 +25,9 @@ def command(case_file: str, output: str | None, overrides: tuple[str, ...]) -> N
     metre = "m" if case.units == "SI" else ""
     values = asdict(surface.statistics())
     rows = [(_LABELS[key], _text(values[key], dim, metre)) for key, dim in _DIMENSIONS.items()]
+    shortest = ("shortest wavelength", quantity(surface.feature_size, metre))
     spot = ", ".join(quantity(value, metre) for value in surface.maximum())
-    options.table(f"{case.surface.kind}", [*rows, ("first touch x, y, z", spot)])
+    options.table(f"{case.surface.kind}", [*rows, shortest, ("first touch x, y, z", spot)])
     if output:
         from asperity.plot import save, surface_map
 
