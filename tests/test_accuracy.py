@@ -18,14 +18,17 @@ from asperity.reference import half_space_contact
 from asperity.refinement import (
     COST_ORDER,
     MARGIN,
-    MESH_ORDER,
+    OF_ELASTIC,
+    OF_PLASTIC,
     SMALLEST_RATIO,
+    Convergence,
     bar_share,
     extrapolate,
     extrapolate_mesh,
+    factor_of,
     meshes,
+    partner,
     ratio_for,
-    safety_of,
 )
 from asperity.statics import ContactResult
 
@@ -68,39 +71,53 @@ def test_extrapolation_is_exact_for_a_power() -> None:
 def test_bar_of_the_mesh_holds_for_every_order_in_its_range(order: float, ratio: float) -> None:
     h = np.array([0.1, 0.1 / ratio])
     coarse, fine = (np.array([3.0 + 0.4 * x**order, 1.0 - 0.2 * x**order]) for x in h)
-    limit, error, bar = extrapolate_mesh(coarse, fine, ratio)
+    limit, error, bar = extrapolate_mesh(coarse, fine, ratio, OF_ELASTIC)
     assert np.all(np.abs(limit - [3.0, 1.0]) <= bar)
     np.testing.assert_allclose(fine - error, limit)
-    np.testing.assert_allclose(bar, bar_share(ratio) * np.abs(coarse - fine))
+    np.testing.assert_allclose(bar, bar_share(ratio, OF_ELASTIC) * np.abs(coarse - fine))
 
 
-def test_planned_refinement_meets_the_bar() -> None:
+BOTH = pytest.mark.parametrize("converges", [OF_ELASTIC, OF_PLASTIC])
+
+
+@BOTH
+def test_planned_refinement_meets_the_bar(converges: Convergence) -> None:
     """For the typical order, as the plan assumes."""
-    ratio = ratio_for(0.04, 0.01)
-    coarse, fine = np.array([1.04]), np.array([1.0 + 0.04 * ratio**-MESH_ORDER])
-    assert extrapolate_mesh(coarse, fine, ratio)[2][0] == pytest.approx(0.01, rel=0.02)
-    assert ratio_for(0.04, 0.012) < ratio < ratio_for(0.04, 0.008)
+    ratio = ratio_for(0.04, 0.015, converges)
+    coarse, fine = np.array([1.04]), np.array([1.0 + 0.04 * ratio**-converges.typical])
+    assert extrapolate_mesh(coarse, fine, ratio, converges)[2][0] == pytest.approx(0.015, rel=0.02)
+    assert ratio_for(0.04, 0.018, converges) < ratio < ratio_for(0.04, 0.012, converges)
 
 
+@BOTH
 @pytest.mark.parametrize("wanted", [0.02, 0.01, 0.003, 1e-4])
-def test_plan_meets_the_bar_and_does_not_waste(wanted: float) -> None:
+def test_plan_meets_the_bar_and_does_not_waste(wanted: float, converges: Convergence) -> None:
     """A force with the typical order, followed to its end."""
-    sizes = np.array(meshes(0.06, wanted))
-    assert len(sizes) <= 7 and np.all(sizes[:-1] / sizes[1:] >= 1.2 - 1e-12)
-    force = 1.0 + sizes**MESH_ORDER
+    sizes = np.array(meshes(0.06, wanted, converges))
+    assert len(sizes) <= 8 and np.all(sizes[:-1] / sizes[1:] >= 1.2 - 1e-12)
+    force = 1.0 + sizes**converges.typical
 
     def bar(coarse: int, fine: int) -> float:
         ratio = sizes[coarse] / sizes[fine]
-        return float(extrapolate_mesh(force[[coarse]], force[[fine]], ratio, safety_of(coarse))[2][0])
+        return float(extrapolate_mesh(force[[coarse]], force[[fine]], ratio, converges, factor_of(coarse))[2][0])
 
     scale = 0.06 / bar(0, 1)
     last = len(sizes) - 1
     usable = [k for k in range(last) if SMALLEST_RATIO <= 1.001 * sizes[k] / sizes[last]]
+    assert partner(sizes.tolist()) == usable[-1]
     assert 0.5 * wanted < scale * bar(usable[-1], last) <= wanted
     # the cheapest way is cheaper than one step from the second mesh
-    enough = sizes[1] / ratio_for(scale * sizes[1] ** MESH_ORDER, MARGIN * wanted)
+    enough = sizes[1] / ratio_for(scale * sizes[1] ** converges.typical, MARGIN * wanted, converges)
     if sizes[1] / enough < 4.0 and len(sizes) > 3:
         assert np.sum(sizes[2:] ** -COST_ORDER) <= 1.05 * enough**-COST_ORDER
+
+
+def test_a_mesh_is_never_extrapolated_from_one_of_nearly_its_size() -> None:
+    """Scatter would hide the order; max_dofs can make the last mesh hardly finer than the one before."""
+    assert partner([0.1, 0.07]) == 0
+    assert partner([0.1, 0.07, 0.04]) == 1
+    assert partner([0.1, 0.07, 0.058]) == 0
+    assert partner([0.1, 0.07, 0.058, 0.03]) == 2
 
 
 def test_bars_do_not_vanish_with_a_change_of_sign() -> None:
@@ -124,8 +141,10 @@ def test_impossible_tolerance(tolerance: float) -> None:
 
 
 def test_mesh_and_tolerance_exclude_each_other() -> None:
-    with pytest.raises(asp.InputError, match="chooses the mesh"):
+    with pytest.raises(asp.InputError, match="chooses mesh and substeps"):
         solve_to_tolerance(wave(), ELASTIC, Goal(0.1), delta_max=0.01, size=asp.MeshSize(0.1))
+    with pytest.raises(asp.InputError, match="chooses mesh and substeps"):
+        solve_to_tolerance(wave(), ELASTIC, Goal(0.1), delta_max=0.01, substeps=2)
 
 
 def test_load_steps_have_second_order_by_the_midpoint_rule_and_both_rules_one_limit() -> None:
@@ -168,6 +187,42 @@ def test_bar_holds_the_error_against_an_independent_solution() -> None:
     assert np.all(bar <= tolerance)
     assert np.all(error <= bar + 1e-4)
     assert result.budget.total == pytest.approx(result.curve.error_P_star)
+
+
+def test_a_tolerance_under_force_control_with_unloading_refines_where_the_load_was() -> None:
+    """Not where the flat has left the surface: the meshes are those of the loading alone."""
+    sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=3.0, centre=(0.3, 0.4))
+    cycle, loading = (
+        solve_to_tolerance(sphere, ELASTIC, Goal(0.05), force_max=1e-3, steps=2, unload_steps=n) for n in (2, 0)
+    )
+    assert [level.dofs for level in cycle.levels] == [level.dofs for level in loading.levels]
+    deepest = loading.curve.delta[-1:]
+    same = solve_to_tolerance(sphere, ELASTIC, Goal(0.05), delta_max=float(deepest[0]), steps=2)
+    bars = cycle.curve.error_P_star[[2]] + same.curve.error_P_star[[1]]
+    assert cycle.met and np.abs(cycle.curve.P_star[2] - same.curve.P_star[1]) <= bars
+
+
+def test_substeps_follow_the_order_of_the_integrator() -> None:
+    """Backward Euler is of first order and needs smaller steps."""
+    found = {
+        rule: solve_to_tolerance(bump(), PLASTIC, Goal(0.08), delta_max=0.04, steps=4, integrator=rule)
+        .levels[-1]
+        .substeps
+        for rule in ("midpoint", "backward-euler")
+    }
+    assert found["midpoint"] == 1 < found["backward-euler"]
+
+
+def test_one_step_and_steps_without_force() -> None:
+    one = Curve.from_rows([{"delta": 0.1, "force": 1.0, "delta_star": 0.1, "P_star": 2.0}])
+    assert loading_force(one, np.array([0.1, 0.4])) == pytest.approx([2.0, 16.0])
+    rows = [{"delta": d, "force": f, "delta_star": d, "P_star": f} for d, f in ((0.1, 0.0), (0.2, 0.2), (0.3, 0.3))]
+    assert loading_force(Curve.from_rows(rows), np.array([0.25])) == pytest.approx([0.25])
+    with pytest.raises(asp.InputError, match=r"the force is zero in every step"):
+        loading_force(Curve.from_rows(rows[:1]), np.array([0.1]))
+    sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=1.5)
+    result = solve_to_tolerance(sphere, ELASTIC, Goal(0.2), delta_max=0.02, steps=1)
+    assert result.met and len(result.curve) == 1
 
 
 def test_limit_ends_the_refinement_with_what_is_known() -> None:

@@ -230,10 +230,11 @@ def test_a_mesh_of_another_run_is_refused(saved: Path) -> None:
         Checkpoint(saved, identity(Case.from_dict(CASE)), comm()).load()
 
 
-def test_a_checkpoint_of_a_newer_version_is_refused(saved: Path) -> None:
+@pytest.mark.parametrize("other", [FORMAT - 1, FORMAT + 1])
+def test_a_checkpoint_of_another_version_is_refused(saved: Path, other: int) -> None:
     with np.load(saved / STATE) as file:
         arrays = dict(file)
-    meta = json.loads(arrays["meta"].tobytes()) | {"format": FORMAT + 1, "version": "9.1"}
+    meta = json.loads(arrays["meta"].tobytes()) | {"format": other, "version": "9.1"}
     arrays["meta"] = np.frombuffer(json.dumps(meta).encode(), dtype=np.uint8)
     (saved / STATE).write_bytes(npz_bytes(arrays))
     with pytest.raises(CheckpointError, match=r"written by asperity 9\.1"):

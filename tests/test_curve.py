@@ -112,6 +112,13 @@ def test_planned_points_are_those_of_equal_steps():
     assert len(curve.where(np.array([], dtype=int)).planned()) == 0
 
 
+@pytest.mark.parametrize("first", [1e-320, 1e-13, 1e-3])
+def test_planned_points_of_a_curve_with_a_tiny_first_deflection(first: float):
+    """There cannot be more parts than rows."""
+    curve = Curve.from_rows([{"delta": d, "force": d} for d in (first, 1.0, 2.0, 3.0)])
+    assert curve.planned().delta.tolist() == [1.0, 2.0, 3.0]
+
+
 @pytest.mark.parametrize("substeps", [1, 2, 4])
 @pytest.mark.parametrize("steps", [3, 4, 5, 6, 10, 50])
 def test_planned_points_of_the_midpoint_rule(steps: int, substeps: int):

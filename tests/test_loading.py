@@ -15,7 +15,7 @@ import pytest
 from scipy.optimize import brentq
 
 from asperity import reference as ref
-from asperity.errors import ConvergenceError
+from asperity.errors import ConvergenceError, InputError
 from asperity.linear import Krylov
 from asperity.loading import GROWTH, SMALLEST_CUT, Position, Record, follow
 from asperity.material import Material
@@ -23,7 +23,7 @@ from asperity.mesh import BlockMesh, build_block
 from asperity.press import Press, carried_on
 from asperity.schedule import BACKWARD_EULER, MIDPOINT, Schedule
 from asperity.solve import NewtonSolver, SolverOptions, StepStats
-from asperity.statics import make_press
+from asperity.statics import Formulation, make_press
 from asperity.surface import Flat, Surface
 
 Array = npt.NDArray[np.float64]
@@ -302,6 +302,39 @@ def test_cycles(press_of: Callable[..., Press], material: Material) -> None:
         np.testing.assert_allclose(tops, tops[0], rtol=0.02)
         np.testing.assert_allclose(ends.delta, ends.delta[0], rtol=0.02)
     assert not press.checks.violated
+
+
+def test_a_loading_that_was_not_felt_is_lifted_off(rough: Surface, coarse: BlockMesh | None) -> None:
+    """A penalty reaches no quadrature point yet: zero force, and nothing to share among the steps of the unloading."""
+    press = make_press(world(), rough, coarse, ELASTIC, formulation=Formulation("penalty"))
+    curve = drive(press, delta_max=1e-7, steps=2, unload_steps=3).curve()
+    assert np.all(curve.force == 0.0) and curve.branch[-1] == "unload"
+
+
+@pytest.mark.parametrize("steps", [1, 2, 5])
+def test_midpoint_rule_under_force_control_stops_at_the_force(press_of: Callable[..., Press], steps: int) -> None:
+    """The history must not be carried on beyond the last position, which the force decides."""
+    press = press_of(PLASTIC)
+    curve = drive(press, force_max=0.01, steps=steps, integrator=MIDPOINT).curve()
+    assert not press.checks.violated
+    exact = drive(press_of(PLASTIC), force_max=0.01, steps=40, integrator=MIDPOINT).curve()
+    assert curve.delta[-1] == pytest.approx(exact.delta[-1], rel=0.15 / steps)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"steps": 0}, r"loading\.steps = 0 must be at least 1"),
+        ({"substeps": 0}, r"loading\.substeps = 0 must be at least 1"),
+        ({"unload_steps": -1}, r"loading\.unload_steps = -1 must be at least 0"),
+        ({"cycles": 0}, r"loading\.cycles = 0 must be at least 1"),
+        ({"delta_max": -0.01}, r"loading\.delta_max must be positive and finite"),
+        ({"delta_max": float("nan")}, r"loading\.delta_max must be positive and finite"),
+    ],
+)
+def test_impossible_schedule(wrong: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Schedule(**{"delta_max": 0.01, **wrong})
 
 
 def test_going_on_from_a_position_is_the_same_as_never_stopping(press_of: Callable[..., Press]) -> None:

@@ -127,6 +127,14 @@ def test_materials_share_a_mesh_and_portions_keep_groups_busy() -> None:
     assert mesh_key(free) != mesh_key(other)
 
 
+def test_a_height_map_that_changed_has_another_mesh(tmp_path: Path) -> None:
+    path, keys = tmp_path / "map.npy", []
+    for height in (0.01, 0.02):
+        np.save(path, height * np.random.default_rng(0).random((9, 9)))
+        keys.append(mesh_key(Case.from_dict(BASE | {"surface": {"kind": "file", "path": str(path), "L": 1.0}})))
+    assert keys[0] != keys[1]
+
+
 def test_a_study_is_run_continued_and_tabled(tmp_path: Path) -> None:
     tables = {"material.tangent_modulus": [0.01, 0.1], "loading.delta_max": [0.02, 0.9]}
     made = study(grid=tables)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -25,14 +26,19 @@ from .refinement import (
     FIRST,
     GUIDE,
     LEAST_STEP,
-    STEP_ORDER,
+    MOVED,
+    OF_ELASTIC,
+    OF_PLASTIC,
+    STEP_ORDERS,
     STEPS_SHARE,
-    Plan,
+    Convergence,
     extrapolate,
     extrapolate_mesh,
+    factor_of,
+    partner,
     plan_next,
-    safety_of,
 )
+from .schedule import MIDPOINT
 from .statics import ContactResult
 from .surface import Surface
 
@@ -106,19 +112,31 @@ class AccurateResult:
 def steady(relative: Floats, reach: int = 2) -> Floats:
     """Error bars that do not vanish where an error happens to change sign.
 
-    Each is at least the root mean square over its neighbours, `reach` to either side.
+    Each is at least the root mean square over its neighbours, `reach` to either side, and over the branch.
 
     Args:
         relative: estimated relative errors along a branch (n,)
     """
     padded = np.pad(relative**2, reach, mode="edge")
     window = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)
-    return np.maximum(np.abs(relative), np.sqrt(window.mean(axis=1)))
+    mean_square = np.maximum(window.mean(axis=1), np.mean(relative**2))
+    return np.maximum(np.abs(relative), np.sqrt(mean_square))
 
 
 def loading_force(curve: Curve, delta_star: Floats) -> Floats:
-    """P* of the first loading at given deflections, by shape-preserving interpolation of its logarithms."""
+    """P* of the first loading at given deflections, by shape-preserving interpolation of its logarithms.
+
+    One step with a force is continued as that of a single contact, (delta*)^(3/2).
+
+    Raises:
+        InputError: no step has a force
+    """
     branch = curve.loading()
+    branch = branch.where(branch.P_star > 0.0)
+    if not len(branch):
+        raise InputError("accuracy.tolerance: the force is zero in every step: raise loading.delta_max")
+    if len(branch) == 1:
+        return np.asarray(branch.P_star[0] * (delta_star / branch.delta_star[0]) ** 1.5)
     law = PchipInterpolator(np.log(branch.delta_star), np.log(branch.P_star), extrapolate=True)
     return np.exp(law(np.log(delta_star)))
 
@@ -147,32 +165,40 @@ def solve_to_tolerance(
         InputError: see `statics.solve_contact`; or goal.max_dofs does not even allow the coarse meshes
         PartialResult: a load step does not converge
     """
-    if "size" in settings or "block" in settings:
-        raise InputError("accuracy.tolerance chooses the mesh: leave out mesh.h_contact and mesh.file")
+    if settings.keys() & {"size", "block", "substeps"}:
+        raise InputError(
+            "accuracy.tolerance chooses mesh and substeps: leave out mesh.h_contact, mesh.file and substeps"
+        )
     driven = dict(delta_max=delta_max, force_max=force_max, steps=steps)
+    converges = OF_PLASTIC if material.plastic else OF_ELASTIC
     run = Runner(surface, material, goal.max_dofs, driven | settings, on_stage, on_step)
     guide = run(GUIDE)
-    path, substeps, coarse = None, 1, guide.curve
+    path, substeps, of_guide = None, 1, guide.curve
     if material.plastic:
-        path, substeps, coarse = _choose_substeps(run, guide.curve, steps, STEPS_SHARE * goal.tolerance)
+        order = STEP_ORDERS[settings.get("integrator", MIDPOINT)]
+        path, substeps, of_guide = _choose_substeps(run, guide.curve, steps, order, STEPS_SHARE * goal.tolerance)
     run.aim(guide)
     del guide  # its memory is needed for the next one
-    sizes, curves, plan = [run.levels[0].h / surface.L], [coarse], Plan(FIRST * GUIDE, 0)
+    sizes, curves, before = [run.levels[0].h / surface.L], [of_guide], None
+    size = FIRST * GUIDE
     while True:
-        result = run(plan.size, substeps)
+        result = run(size, substeps)
         sizes.append(run.levels[-1].h / surface.L)
         judged = _judged(result.curve, steps)
-        ratio = sizes[plan.coarse] / sizes[-1]
-        curve, budget = _correct(result, curves[plan.coarse], ratio, safety_of(plan.coarse), judged, path)
+        coarse = partner(sizes)
+        pair = _Pair(curves[coarse], sizes[coarse] / sizes[-1], converges, factor_of(coarse), before)
+        curve, budget = _correct(result, pair, judged, path)
+        before = curve
         worst = worst_error(curve, steps)
         if worst <= goal.tolerance:
             return AccurateResult(curve, result.curve, budget, tuple(run.levels), result, worst, True, "done")
-        mesh, rest = ((bar / curve.P_star)[judged] for bar in (budget.mesh, budget.total - budget.mesh))
+        parts = (budget.mesh, budget.total - budget.mesh)
+        mesh, rest = (relative(bar[judged], curve.P_star[judged]) for bar in parts)
         left = np.maximum(goal.tolerance - rest, 0.1 * goal.tolerance)  # for the mesh, when the load steps have theirs
-        plan = plan_next(sizes, plan.coarse, float(np.max(mesh / left)), 1.0)
+        wanted = plan_next(sizes, coarse, float(np.max(mesh / left)), 1.0, converges)
         room = (goal.max_dofs / result.dofs) ** (1.0 / run.growth_of_dofs())
-        wanted, plan = plan, replace(plan, size=max(plan.size, sizes[-1] / max(room, LEAST_STEP)))
-        limit = run.limit(goal, float(rest.max()), sizes[-1], wanted.size if room < LEAST_STEP else plan.size)
+        size = max(wanted, sizes[-1] / max(room, LEAST_STEP))
+        limit = run.limit(goal, float(rest.max()), sizes[-1], wanted if room < LEAST_STEP else size)
         if limit:
             reason = (
                 f"the force is known to {worst:.2%}, not to the {goal.tolerance:.2%} of accuracy.tolerance: {limit}"
@@ -191,10 +217,15 @@ def _judged(curve: Curve, steps: int) -> npt.NDArray[np.bool_]:
     return loading & (curve.delta_star >= 0.999 * curve.delta_star[loading].max() / steps)
 
 
+def relative(bar: Floats, P_star: Floats) -> Floats:
+    """Error bars over the force; unbounded where there is none."""
+    return np.divide(bar, P_star, out=np.full(len(bar), inf), where=P_star > 0.0)
+
+
 def worst_error(curve: Curve, steps: int) -> float:
     """Greatest relative error bar along the first loading in `steps` planned steps, from the first one's end on."""
     judged = _judged(curve, steps)
-    return float(np.max((curve.error_P_star / curve.P_star)[judged]))
+    return float(np.max(relative(curve.error_P_star[judged], curve.P_star[judged])))
 
 
 @dataclass(frozen=True)
@@ -212,7 +243,9 @@ class _PathError:
     bar: Floats
 
 
-def _choose_substeps(run: Runner, curve: Curve, steps: int, wanted: float) -> tuple[_PathError, int, Curve]:
+def _choose_substeps(
+    run: Runner, curve: Curve, steps: int, order: float, wanted: float
+) -> tuple[_PathError, int, Curve]:
     """Parts of each load step whose error bar is the wanted one, and the guide's curve with as many.
 
     The guiding mesh is loaded in steps of 1, 2, 4 ... parts, and the limit extrapolated from the last two runs. What is
@@ -223,6 +256,7 @@ def _choose_substeps(run: Runner, curve: Curve, steps: int, wanted: float) -> tu
         run: solver of levels
         curve: of the guiding mesh with whole steps
         steps: planned ones
+        order: of the error in the step
         wanted: relative error bar
     """
     at = curve.delta_star[_judged(curve, steps)]
@@ -232,7 +266,7 @@ def _choose_substeps(run: Runner, curve: Curve, steps: int, wanted: float) -> tu
         n = 2**doublings
         curves[n] = run(GUIDE, n, loading_only=True).curve
         P.append(loading_force(curves[n], at))
-        limit, _ = extrapolate(P[-2], P[-1], 2.0, STEP_ORDER)
+        limit, _ = extrapolate(P[-2], P[-1], 2.0, order)
         for n, values in zip(curves, P, strict=True):
             correction = values / limit - 1.0
             path = _PathError(at, correction, PATH_TRANSFER * steady(correction))
@@ -241,11 +275,28 @@ def _choose_substeps(run: Runner, curve: Curve, steps: int, wanted: float) -> tu
     return path, n, curves[n]
 
 
+@dataclass(frozen=True)
+class _Pair:
+    """What a level is extrapolated with.
+
+    Attributes:
+        coarse: curve of the level to extrapolate from
+        ratio: of its element size to that of the finest
+        converges: how the force does with the element size
+        factor: on the bar
+        before: extrapolated curve of the level before, if there was one
+    """
+
+    coarse: Curve
+    ratio: float
+    converges: Convergence
+    factor: float
+    before: Curve | None
+
+
 def _correct(
     result: ContactResult,
-    coarse: Curve,
-    ratio: float,
-    safety: float,
+    pair: _Pair,
     judged: npt.NDArray[np.bool_],
     path: _PathError | None,
 ) -> tuple[Curve, Budget]:
@@ -256,9 +307,7 @@ def _correct(
 
     Args:
         result: of the finest level
-        coarse: curve of the level to extrapolate from
-        ratio: of its element size to that of the finest
-        safety: factor of the bar of the mesh
+        pair: what to extrapolate with
         judged: rows whose bars are; those before have larger ones that say nothing about their neighbours
         path: error of the load steps
     """
@@ -266,14 +315,18 @@ def _correct(
     loading = curve.branch == "load"
     at = curve.delta_star[loading]
     raw = curve.P_star[loading]
-    _, mesh, spread = extrapolate_mesh(loading_force(coarse, at), raw, ratio, safety)
-    correction = mesh / raw
-    mesh_bar = steady(spread / raw)
-    mesh_bar[judged[loading]] = steady((spread / raw)[judged[loading]])
+    touching = np.where(raw > 0.0, raw, inf)  # what has no force has no relative error
+    _, mesh, spread = extrapolate_mesh(loading_force(pair.coarse, at), raw, pair.ratio, pair.converges, pair.factor)
+    correction, bar = mesh / touching, spread / touching
     path_bar = np.zeros(len(raw))
     if path is not None:
         correction = correction + np.interp(at, path.delta_star, path.correction)
         path_bar = np.interp(at, path.delta_star, path.bar)
+    if pair.before is not None:
+        moved = np.abs(loading_force(pair.before, at) * (1.0 + correction) / touching - 1.0) * (raw > 0.0)
+        bar = np.maximum(bar, MOVED * moved / pair.ratio**pair.converges.low)
+    mesh_bar = steady(bar)
+    mesh_bar[judged[loading]] = steady(bar[judged[loading]])
     rows = np.where(loading, np.cumsum(loading) - 1, len(raw) - 1)
     factor = 1.0 / (1.0 + correction[rows])
     P = curve.P_star * factor

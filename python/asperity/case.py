@@ -105,12 +105,17 @@ class Case(Input):
         Args:
             without: sections that do not matter.
         """
-        data = {name: table for name, table in self.to_dict().items() if name not in set(without)}
+        data = {name: table for name, table in self.content().items() if name not in set(without)}
+        return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
+
+    def content(self) -> dict[str, Any]:
+        """The input with the SHA-256 of each file it names in place of the path."""
+        data = self.to_dict()
         for section, name in _FILES:
             if data.get(section, {}).get(name):
                 content = read_bytes(Path(data[section][name]), f"{section}.{name}")
                 data[section][name] = hashlib.sha256(content).hexdigest()
-        return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
+        return data
 
     def build_surface(self) -> Surface:
         """The surface that [surface] describes."""

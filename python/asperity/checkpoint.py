@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[Any]
 
-FORMAT = 1
+FORMAT = 2  # 2: pieces of the first steps of the midpoint rule
 OF_CELLS = ("stress", "plastic_strain")  # fields of a snapshot with a row a cell
 MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"
 #: Sections and keys that may differ between a run and its continuation; loading.cycles may also grow.
@@ -201,10 +201,10 @@ class Checkpoint:
             version, saved = meta["format"], meta["identity"]
         except (KeyError, TypeError, ValueError):
             raise CheckpointError(f"{path} is not a checkpoint of asperity") from None
-        if version > FORMAT:
+        if version != FORMAT:
             raise CheckpointError(
                 f"{path} was written by asperity {meta.get('version', '?')} in format {version}, this version "
-                f"reads up to {FORMAT}; continue with that version"
+                f"continues format {FORMAT}; use that version, or start again without --resume"
             )
         different = differences(saved, self._identity)
         if different:

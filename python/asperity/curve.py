@@ -158,7 +158,9 @@ class Curve:
         if not len(load) or np.any(np.diff(load.delta, prepend=0.0) <= 0):
             return load
         whole = load.delta / load.delta[-1]
-        for part in whole[:-1]:
+        for part in whole[:-2]:
+            if part * len(whole) < 0.5:
+                continue  # more ends than rows
             ends = part * np.arange(1, round(1 / part) + 1)
             rows = np.minimum(np.searchsorted(whole, ends - 1e-6 * part), len(whole) - 1)
             if np.all(np.abs(whole[rows] - ends) < 1e-6 * part) and rows[-1] == len(whole) - 1:

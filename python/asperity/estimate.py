@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 from .errors import InputError
 from .mesh import BlockMesh, SizeField
-from .refinement import STEP_ORDER, STEPS_SHARE, growth, meshes
-from .schedule import BACKWARD_EULER, Schedule
+from .refinement import OF_ELASTIC, OF_PLASTIC, STEP_ORDERS, STEPS_SHARE, growth, meshes
+from .schedule import BACKWARD_EULER, MIDPOINT, Schedule
 
 if TYPE_CHECKING:
     from .case import Case
@@ -27,7 +27,7 @@ Size = Callable[[float, float, float], float]
 NODES, NODES_OF_GROWTH = 4.5, 19.0
 
 TYPICAL_BAR = 0.06  # relative, of the second mesh of a run driven by a tolerance
-TYPICAL_STEP_BAR = 0.005  # relative, of whole load steps
+TYPICAL_STEP_BAR = {MIDPOINT: 0.005, BACKWARD_EULER: 0.05}  # relative, of whole load steps
 
 
 @dataclass(frozen=True)
@@ -131,12 +131,12 @@ def _plan(case: Case) -> list[tuple[float, int]]:
     if case.accuracy.tolerance is None:
         return [(case.mesh.h_contact, steps())]
     L = case.surface.L
-    guide, *finer = meshes(TYPICAL_BAR, case.accuracy.tolerance)
+    guide, *finer = meshes(TYPICAL_BAR, case.accuracy.tolerance, OF_PLASTIC if plastic else OF_ELASTIC)
     levels = [(guide * L, steps())]
     substeps = 1
     if plastic:
-        left = TYPICAL_STEP_BAR / (STEPS_SHARE * case.accuracy.tolerance)
-        halvings = ceil(max(log2(left) / STEP_ORDER, 0.0))
+        left = TYPICAL_STEP_BAR[integrator] / (STEPS_SHARE * case.accuracy.tolerance)
+        halvings = ceil(max(log2(left) / STEP_ORDERS[integrator], 0.0))
         substeps = 2**halvings
         # the first mesh has to show that they are enough, with half of the whole steps at the least
         levels += [(guide * L, steps(2**k, whole=False)) for k in range(1, max(halvings, 1) + 1)]

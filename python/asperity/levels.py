@@ -79,10 +79,14 @@ class Runner:
     ) -> None:
         self._surface, self._material, self._max_dofs, self._settings = surface, material, max_dofs, settings
         self._on_stage, self._on_step = on_stage, on_step
+        from mpi4py import MPI
+
+        self._comm = settings.get("comm") or MPI.COMM_WORLD
         self._start = perf_counter()
         self._reach: Reach | None = None
         self._depth: float | None = settings["delta_max"]
         self._made: tuple[float, BlockMesh | None] | None = None  # the last mesh and its size [length]
+        self._guided, self._first = False, True  # whether meshes are guided, and none of these was allowed so far
         self.levels: list[Level] = []
 
     def aim(self, guide: ContactResult) -> None:
@@ -90,8 +94,8 @@ class Runner:
         L = self._surface.L
         xy, touched_at = guide.press.reach()
         self._reach = Reach(xy * L, touched_at * L) if len(xy) else None  # on rank 0, where meshes are made
-        self._depth = self._depth or guide.press.delta * L
-        self._made = None
+        self._depth = self._depth or float(guide.curve.loading().delta[-1])  # of a loading by force
+        self._made, self._guided = None, True
 
     def _mesh(self, h: float) -> tuple[BlockMesh | None, float]:
         """Mesh of size h [length], or the finest that the greatest number of dofs allows, and its size; collective.
@@ -99,11 +103,9 @@ class Runner:
         Raises:
             InputError: not even the first meshes are allowed
         """
-        from mpi4py import MPI
-
         if self._made is not None and self._made[0] == h:  # the guide again, in more steps
             return self._made[1], h
-        comm = self._settings.get("comm") or MPI.COMM_WORLD
+        comm = self._comm
         height = self._settings.get("height") or self._surface.L
         assert self._depth is not None
         while True:
@@ -112,8 +114,9 @@ class Runner:
             dofs = comm.bcast(None if block is None else 3 * len(block.points), root=0)
             if dofs <= self._max_dofs:
                 self._made = h, block
+                self._first = not self._guided
                 return block, h
-            if len(self.levels) < 2:
+            if self._first:
                 raise InputError(
                     f"accuracy.max_dofs = {self._max_dofs} is too small, a coarse mesh of this block has {dofs} dofs: "
                     "raise it, or choose the mesh by mesh.h_contact"
@@ -125,12 +128,12 @@ class Runner:
         start = perf_counter()
         L = self._surface.L
         settings = self._settings | ({"unload_steps": 0, "cycles": 1} if loading_only else {})
-        if settings.get("checkpoint") is not None:
-            level = settings["checkpoint"].part(f"level-{len(self.levels) + 1}")
-            settings = settings | {"checkpoint": level}
         h, block = h * L, None
         if self._depth is not None:  # known in advance or from the guide
             block, h = self._mesh(h)
+        if settings.get("checkpoint") is not None:  # other limits than those of a run continued may give another size
+            level = settings["checkpoint"].part(f"level-{len(self.levels) + 1}-{h / L:.6g}")
+            settings = settings | {"checkpoint": level}
         result = solve_contact(
             self._surface,
             self._material,
@@ -141,7 +144,8 @@ class Runner:
             on_step=self._on_step,
             **settings,
         )
-        self.levels.append(Level(h, result.dofs, substeps, perf_counter() - start))
+        seconds = max(perf_counter() - start, float(result.curve.seconds.sum()))  # of a run continued too
+        self.levels.append(Level(h, result.dofs, substeps, seconds))
         return result
 
     def _announce(self, level: str) -> Callable[[str], None] | None:
@@ -158,14 +162,17 @@ class Runner:
         return max(DOFS_ORDER, log(last.dofs / before.dofs) / log(before.h / last.h))
 
     def limit(self, goal: Goal, rest: float, size: float, finer: float) -> str:
-        """Why the next level must not be computed; empty when it may.
+        """Why the next level must not be computed; empty when it may; collective, by the clock of rank 0.
 
         Args:
             goal: with the limits
             rest: greatest relative error bar of what is not the mesh
             size, finer: elements of the last level and of the next [L]
         """
-        refinement = size / finer
+        reason = self._limit(goal, rest, size / finer)
+        return str(self._comm.bcast(reason, root=0))
+
+    def _limit(self, goal: Goal, rest: float, refinement: float) -> str:
         if rest > 0.9 * goal.tolerance:
             return "what is left comes from the load steps, raise loading.steps"
         last = self.levels[-1]
@@ -173,7 +180,7 @@ class Runner:
         dofs = int(last.dofs * refinement**order)
         if dofs > goal.max_dofs:
             return f"the next mesh has about {dofs} dofs, accuracy.max_dofs = {goal.max_dofs} allows no more"
-        elapsed = perf_counter() - self._start
+        elapsed = max(perf_counter() - self._start, sum(level.seconds for level in self.levels))
         needed = last.seconds * refinement ** (1.2 * order)
         if goal.max_seconds is not None and elapsed + needed > goal.max_seconds:
             return (

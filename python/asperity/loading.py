@@ -300,8 +300,9 @@ def _load_to_force(press: Press, schedule: Schedule, at: Position) -> Outcome:
     wanted = goal / parts / slope if slope > 0.0 else 2.0 * step
     step = min(max(wanted, 0.1 * step), 2.0 * step)
     lead, history = 0.0, None
-    if schedule.integrator == MIDPOINT:
-        lead, history = _lead(at, target, target + step)
+    if schedule.integrator == MIDPOINT:  # the next solve may find the end before a whole step
+        left = (goal - force) / slope if slope > 0.0 else step
+        lead, history = _lead(at, target, target + min(step, left))
     press.accept(target, lead)
     return stats, replace(at, planned=min(at.planned, step), step=step, history=history)
 
@@ -347,6 +348,8 @@ def _next_unloading(press: Press, schedule: Schedule, at: Position) -> Position:
     """Plan the way to the next force of an unloading that is not nearly reached; the last target is the release."""
     assert at.start is not None
     n, top = schedule.unload_steps, at.start[1]
+    if top <= 0.0:
+        return replace(at, target=n)
     drop = top / n
     if at.target == 0:
         slope = 4.0 * top / press.delta

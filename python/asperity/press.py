@@ -174,8 +174,8 @@ class Press:
         self._u = solid.u.x.array.reshape(-1, 3)[: solid.owned].copy()
         self.delta = delta
         base = self._find_forces()
-        touched = self.gap()[self.top.owned_nodes] <= TOUCHED
-        self._touched_at[touched] = np.minimum(self._touched_at[touched], delta)
+        touched = (self.gap()[self.top.owned_nodes] <= TOUCHED) & np.isinf(self._touched_at)
+        self._touched_at[touched] = delta  # and not less when the flat is lifted again
         with solid.phases.phase("checks"):
             audit(self, before, base, exact=lead == 0.0 and not self._led)
         self._led, self._own = lead > 0.0, None

@@ -2,7 +2,8 @@
 
 The meshes of a family differ by one number, the element size in the contact. The force differs from the limit by
 c h^p, and the order p depends on the scene (docs/accuracy.md has the orders measured). The limit is therefore the mean
-of those that the ends of a range of orders give, and half their distance, times a safety factor, is its error bar.
+of those that the ends of a range of orders give, and half their distance, times a safety factor, is its error bar. The
+bar is no less than what the limit moved since the mesh before leaves to be expected.
 """
 
 from __future__ import annotations
@@ -14,12 +15,11 @@ from math import inf
 import numpy as np
 import numpy.typing as npt
 
+from .schedule import BACKWARD_EULER, MIDPOINT
+
 Floats = npt.NDArray[np.float64]
 
-MESH_ORDERS = (1.3, 3.5)  # range of the order of the force in the element size, measured by benchmarks/accuracy.py
-MESH_ORDER = 2.0  # typical one, to plan with
-SAFETY = 1.3  # on half the range of limits
-GUIDE_SAFETY = 2.0  # where the coarser mesh is the guiding one, on which small spots hardly have an element
+OF_GUIDE = 1.6  # times that where the coarser mesh is the guiding one, on which small spots hardly have an element
 GUIDE = 0.1  # size of the guiding mesh [L]
 FIRST = 0.5**0.5  # of the next one, over that of the guide
 SMALLEST_RATIO, LARGEST_RATIO = 1.6, 4.0  # of two sizes; below, scatter from mesh to mesh hides the order
@@ -28,17 +28,30 @@ FIRST_STEP = 2.5  # greatest one after the second mesh, for the guide only tells
 MARGIN = 0.8  # part of the tolerance that is planned for
 COST_ORDER = 2.6  # time grows as h^-COST_ORDER
 DOFS_ORDER = 2.0  # dofs grow as h^-DOFS_ORDER: refinement is nearly confined to the contact
-STEP_ORDER = 2.0  # of the force in the load step: midpoint rule
+STEP_ORDERS = {MIDPOINT: 2.0, BACKWARD_EULER: 1.0}  # of the force in the load step
 STEPS_SHARE = 0.5  # part of the tolerance the load steps should use; the mesh has what they leave
 GROWTH = 0.25, 0.04  # growth of the element size around the contact, and the size in it that this belongs to [L]
 
 
 @dataclass(frozen=True)
-class Plan:
-    """Element size of the next mesh [L], and the place of the mesh to extrapolate from among those before it."""
+class Convergence:
+    """How the force converges on a family of meshes.
 
-    size: float
-    coarse: int
+    Attributes:
+        low, high: range of its order in the element size
+        typical: order to plan with
+        safety: factor on half the range of limits
+    """
+
+    low: float
+    high: float
+    typical: float
+    safety: float
+
+
+# measured by benchmarks/accuracy.py; plastic zones scatter more from mesh to mesh
+OF_ELASTIC, OF_PLASTIC = Convergence(1.3, 3.5, 2.0, 1.15), Convergence(1.3, 3.5, 2.0, 1.6)
+MOVED = 0.5  # part of what a limit moved that it may move again, were the next mesh finer by any factor
 
 
 def growth(size: float) -> float:
@@ -69,36 +82,37 @@ def extrapolate(coarse: Floats, fine: Floats, ratio: float, order: float) -> tup
 
 
 def extrapolate_mesh(
-    coarse: Floats, fine: Floats, ratio: float, safety: float = SAFETY
+    coarse: Floats, fine: Floats, ratio: float, converges: Convergence, factor: float = 1.0
 ) -> tuple[Floats, Floats, Floats]:
-    """Limit of the force with the element size when the order is only known to lie in MESH_ORDERS.
+    """Limit of the force with the element size when the order is only known to lie in a range.
 
     Args:
         coarse, fine: forces on two meshes (n,)
         ratio: coarse over fine element size, above 1
-        safety: factor on half the range of limits
+        converges: range of its order, and safety
+        factor: on the bar
 
     Returns:
         limit (n,), fine - limit (n,), and the error bar of the limit (n,)
     """
-    low, high = (extrapolate(coarse, fine, ratio, order)[0] for order in MESH_ORDERS)
+    low, high = (extrapolate(coarse, fine, ratio, p)[0] for p in (converges.low, converges.high))
     limit = 0.5 * (low + high)
-    return limit, fine - limit, 0.5 * safety * np.abs(low - high)
+    return limit, fine - limit, 0.5 * factor * converges.safety * np.abs(low - high)
 
 
-def bar_share(ratio: float, safety: float = SAFETY) -> float:
+def bar_share(ratio: float, converges: Convergence, factor: float = 1.0) -> float:
     """Error bar of `extrapolate_mesh` over the difference of the two forces."""
-    low, high = (1.0 / (ratio**order - 1.0) for order in MESH_ORDERS)
-    return 0.5 * safety * (low - high)
+    low, high = (1.0 / (ratio**p - 1.0) for p in (converges.low, converges.high))
+    return 0.5 * factor * converges.safety * (low - high)
 
 
-def safety_of(coarse: int) -> float:
-    """Safety factor of an extrapolation from the mesh at that place; the first one is the guide."""
-    return GUIDE_SAFETY if coarse == 0 else SAFETY
+def factor_of(coarse: int) -> float:
+    """Factor on the bar of an extrapolation from the mesh at that place; the first one is the guide."""
+    return OF_GUIDE if coarse == 0 else 1.0
 
 
-def plan_next(sizes: Sequence[float], coarse: int, bar: float, wanted: float) -> Plan:
-    """The next mesh on the cheapest way to the wanted error bar.
+def plan_next(sizes: Sequence[float], coarse: int, bar: float, wanted: float, converges: Convergence) -> float:
+    """Element size of the next mesh [L], on the cheapest way to the wanted error bar.
 
     The force on a mesh h has the error bar that two meshes give it. It is met at once by a mesh that is fine enough to
     extrapolate from one of those before, or at less cost by one in between and a last one that need not be so fine.
@@ -108,46 +122,56 @@ def plan_next(sizes: Sequence[float], coarse: int, bar: float, wanted: float) ->
         coarse: place of the one that the last was extrapolated from
         bar: relative error bar on the last one
         wanted: relative error bar asked for
+        converges: how the force does
     """
     last, aim = sizes[-1], MARGIN * wanted
     ratio = sizes[coarse] / last
-    error = bar / bar_share(ratio, safety_of(coarse)) / (ratio**MESH_ORDER - 1.0)
+    error = bar / bar_share(ratio, converges, factor_of(coarse)) / (ratio**converges.typical - 1.0)
     greatest = FIRST_STEP if len(sizes) == 2 else LARGEST_RATIO
     ways = [(inf, last / greatest)]
     for size in sizes[1:]:
-        enough = ratio_for(error * (size / last) ** MESH_ORDER, aim)
+        enough = ratio_for(error * (size / last) ** converges.typical, aim, converges)
         step = max(last / size * enough, LEAST_STEP)
         if enough < LARGEST_RATIO and step <= greatest and size / last * step <= LARGEST_RATIO:
             ways.append((step**COST_ORDER, last / step))
     for step in np.linspace(LEAST_STEP, greatest, 100):
-        enough = ratio_for(error * step**-MESH_ORDER, aim)
+        enough = ratio_for(error * step**-converges.typical, aim, converges)
         if enough < LARGEST_RATIO:
             ways.append((step**COST_ORDER * (1.0 + enough**COST_ORDER), last / step))
-    size = min(ways)[1]
-    return Plan(float(size), max(k for k, h in enumerate(sizes) if h >= 0.999 * SMALLEST_RATIO * size))
+    return float(min(ways)[1])
 
 
-def meshes(bar: float, wanted: float) -> list[float]:
+def partner(sizes: Sequence[float]) -> int:
+    """Place of the mesh to extrapolate the last one from: the nearest that is coarser by SMALLEST_RATIO, or the guide.
+
+    Args:
+        sizes: of all meshes, the guide first [L]
+    """
+    return max((k for k, h in enumerate(sizes[:-1]) if h >= 0.999 * SMALLEST_RATIO * sizes[-1]), default=0)
+
+
+def meshes(bar: float, wanted: float, converges: Convergence) -> list[float]:
     """Sizes of all meshes of a run [L] when the force has the typical order.
 
     Args:
         bar: relative error bar on the second mesh, the first to have one
         wanted: relative error bar asked for
+        converges: how the force does
     """
     sizes, coarse, ratio = [GUIDE, FIRST * GUIDE], 0, 1.0 / FIRST
-    error = bar / (bar_share(ratio, GUIDE_SAFETY) * (ratio**MESH_ORDER - 1.0))
+    error = bar / (bar_share(ratio, converges, OF_GUIDE) * (ratio**converges.typical - 1.0))
     while bar > wanted:
-        plan = plan_next(sizes, coarse, bar, wanted)
-        sizes.append(plan.size)
-        coarse, ratio = plan.coarse, sizes[plan.coarse] / plan.size
-        here = error * (plan.size / sizes[1]) ** MESH_ORDER
-        bar = bar_share(ratio, safety_of(coarse)) * (ratio**MESH_ORDER - 1.0) * here
+        sizes.append(plan_next(sizes, coarse, bar, wanted, converges))
+        coarse = partner(sizes)
+        ratio = sizes[coarse] / sizes[-1]
+        here = error * (sizes[-1] / sizes[1]) ** converges.typical
+        bar = bar_share(ratio, converges, factor_of(coarse)) * (ratio**converges.typical - 1.0) * here
     return sizes
 
 
-def ratio_for(error: float, wanted: float) -> float:
+def ratio_for(error: float, wanted: float, converges: Convergence) -> float:
     """Ratio to a finer element size whose bar should be the wanted one, when the coarser one has this error."""
     ratios = np.linspace(SMALLEST_RATIO, LARGEST_RATIO, 200)
-    bars = np.array([bar_share(ratio) * (1.0 - ratio**-MESH_ORDER) for ratio in ratios]) * error
+    bars = np.array([bar_share(ratio, converges) * (1.0 - ratio**-converges.typical) for ratio in ratios]) * error
     enough = np.flatnonzero(bars <= wanted)
     return float(ratios[enough[0]]) if len(enough) else LARGEST_RATIO

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
+
+from .errors import InputError
 
 BACKWARD_EULER, MIDPOINT = "backward-euler", "midpoint"
 FIRST_PIECES = (4, 4, 3, 2, 2, 2)  # into which the midpoint rule divides the first planned steps
@@ -29,6 +32,16 @@ class Schedule:
     cycles: int = 1
     integrator: str = BACKWARD_EULER
     substeps: int = 1
+
+    def __post_init__(self) -> None:
+        for name, least in (("steps", 1), ("unload_steps", 0), ("cycles", 1), ("substeps", 1)):
+            value = getattr(self, name)
+            if value < least:
+                raise InputError(f"loading.{name} = {value!r} must be at least {least}")
+        for name in ("delta_max", "force_max"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < inf:
+                raise InputError(f"loading.{name} must be positive and finite, it is {value!r} of its unit")
 
     def stops(self) -> list[float]:
         """Where the steps of a loading end, as parts of the way; the planned steps are among them.

@@ -121,7 +121,7 @@ def run(
     if accurate is not None:
         summary |= accurate.to_dict()
     doubts = "; ".join(contact.checks.violated.values())
-    if doubts and failure is None:
+    if doubts and not isinstance(failure, Interrupted):
         failure = CheckError(f"the result is wrong, do not use it: {doubts}")
         summary["exit_reason"] = str(failure)
 
@@ -252,30 +252,33 @@ def _after(
                 if case.output.fields:
                     write_vtkhdf(aside / "contact.vtkhdf", block, states)
         seconds["fields"] = perf_counter() - start
-    if comm.rank != 0:
-        return result
-    dynamics = None
-    if case.dynamics is not None:
-        progress.stage("dynamics")
-        start = perf_counter()
-        dynamics = _dynamics(case, result.curve, folder)
-        seconds["dynamics"] = perf_counter() - start
-    writer.summary(result.summary)
-    if folder is not None and (case.output.figures or case.output.report):
-        progress.stage("figures")
-        start = perf_counter()
-        from .plot import plot_run
 
-        plot_run(folder)
-        seconds["figures"] = perf_counter() - start
+    def serial() -> Any:
+        dynamics = None
+        if case.dynamics is not None:
+            progress.stage("dynamics")
+            start = perf_counter()
+            dynamics = _dynamics(case, result.curve, folder)
+            seconds["dynamics"] = perf_counter() - start
         writer.summary(result.summary)
-    if folder is not None and case.output.report:
-        from .report import write_report
+        if folder is not None and (case.output.figures or case.output.report):
+            progress.stage("figures")
+            start = perf_counter()
+            from .plot import plot_run
 
-        write_report(folder)
-    result.summary["finished"] = finished
-    writer.summary(result.summary)
-    return replace(result, dynamics=dynamics)
+            plot_run(folder)
+            seconds["figures"] = perf_counter() - start
+            writer.summary(result.summary)
+        if folder is not None and case.output.report:
+            from .report import write_report
+
+            write_report(folder)
+        result.summary["finished"] = finished
+        writer.summary(result.summary)
+        return dynamics
+
+    # the others wait, for a process that ends with an error would end all
+    return replace(result, dynamics=on_root(comm, serial))
 
 
 def _dynamics(case: Case, curve: Curve, folder: str | Path | None) -> Any:

@@ -163,7 +163,7 @@ def shares_mesh(case: Case) -> bool:
 
 def mesh_key(case: Case) -> str:
     """Name of the mesh of a case; cases of one name can share it."""
-    data = case.to_dict()
+    data = case.content()
     parts = [data["surface"], data["block"]["height"], data["mesh"], data["loading"].get("delta_max")]
     if not shares_mesh(case):
         parts.append(case.hash())
