@@ -214,7 +214,6 @@ def plastic_scenes() -> dict[str, tuple[asp.Surface, float, asp.Material]]:
         "rough, D 2.6": (0.01, 0.2),
         "rough, seed 21": (0.005, 0.0),
         "sphere beside it": (0.003, 0.02),
-        "four summits": (0.003, 0.05),
         "two bumps": (0.01, 0.1),
     }
     return {name: (*scenes()[name], asp.Material(1.0, 0.3, *yields)) for name, yields in chosen.items()}
