@@ -221,6 +221,27 @@ def test_a_tolerance_that_is_not_met_leaves_all_that_was_found(tmp_path: Path) -
     assert (tmp_path / "report.html").is_file() and list((tmp_path / "figures").glob("*.png"))
 
 
+def test_resumed_with_more_dofs_the_meshes_are_those_of_a_fresh_run(tmp_path: Path) -> None:
+    """The saved level of a mesh that the old limit had made coarser is not taken for the finer one."""
+
+    def attempt(max_dofs: int, name: str, resume: bool = False) -> list[int]:
+        case = case_of(
+            surface={"kind": "sphere", "L": 1.0, "radius": 3.0, "centre": [0.3, 0.4]},
+            material={"E": 1.0, "nu": 0.3},
+            mesh={},
+            loading={"delta_max": 0.01, "steps": 2},
+            accuracy={"tolerance": 1e-4, "max_dofs": max_dofs},
+        )
+        with pytest.raises(ConvergenceError, match="allows no more"):
+            run(case, tmp_path / name, resume=resume)
+        return [level["dofs"] for level in Results.read(tmp_path / name).summary["accuracy"]["levels"]]
+
+    few = attempt(45_000, "limited")
+    more = attempt(60_000, "limited", resume=True)
+    assert max(few) <= 45_000 < more[-1]
+    assert more == attempt(60_000, "fresh")
+
+
 def test_a_run_that_never_converges_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fail_from(monkeypatch, 1)
     with pytest.raises(ConvergenceError, match=r"no convergence at delta/L"):
