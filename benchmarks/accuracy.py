@@ -28,9 +28,9 @@ import asperity as asp
 from asperity.accuracy import Goal, loading_force, solve_to_tolerance, steady
 from asperity.mesh import Reach
 from asperity.refinement import (
+    ELASTIC_SAFETY,
     GUIDE,
     LARGEST_RATIO,
-    OF_ELASTIC,
     SMALLEST_RATIO,
     extrapolate,
     extrapolate_mesh,
@@ -175,7 +175,7 @@ def orders() -> None:
         for k, coarse in enumerate(FAMILY[1:-1], start=1):
             for fine in FAMILY[k + 1 : -1]:
                 if SMALLEST_RATIO <= coarse / fine <= LARGEST_RATIO:
-                    value, _, bar = extrapolate_mesh(found[coarse], found[fine], coarse / fine, OF_ELASTIC)
+                    value, _, bar = extrapolate_mesh(found[coarse], found[fine], coarse / fine, ELASTIC_SAFETY)
                     judged.append((np.abs(value / limit - 1.0), steady(bar / limit)))
     summary(judged)
 

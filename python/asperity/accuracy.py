@@ -23,20 +23,20 @@ from .levels import Goal, Level, Runner
 from .loading import Callback
 from .material import Material
 from .refinement import (
+    ELASTIC_SAFETY,
     FIRST,
     GUIDE,
     LEAST_STEP,
+    MESH_ORDERS,
     MOVED,
-    OF_ELASTIC,
-    OF_PLASTIC,
+    PLASTIC_SAFETY,
     STEP_ORDERS,
     STEPS_SHARE,
-    Convergence,
     extrapolate,
     extrapolate_mesh,
-    factor_of,
     partner,
     plan_next,
+    safety_of,
 )
 from .schedule import MIDPOINT
 from .statics import ContactResult
@@ -170,7 +170,7 @@ def solve_to_tolerance(
             "accuracy.tolerance chooses mesh and substeps: leave out mesh.h_contact, mesh.file and substeps"
         )
     driven = dict(delta_max=delta_max, force_max=force_max, steps=steps)
-    converges = OF_PLASTIC if material.plastic else OF_ELASTIC
+    safety = PLASTIC_SAFETY if material.plastic else ELASTIC_SAFETY
     run = Runner(surface, material, goal.max_dofs, driven | settings, on_stage, on_step)
     guide = run(GUIDE)
     path, substeps, of_guide = None, 1, guide.curve
@@ -186,7 +186,7 @@ def solve_to_tolerance(
         sizes.append(run.levels[-1].h / surface.L)
         judged = _judged(result.curve, steps)
         coarse = partner(sizes)
-        pair = _Pair(curves[coarse], sizes[coarse] / sizes[-1], converges, factor_of(coarse), before)
+        pair = _Pair(curves[coarse], sizes[coarse] / sizes[-1], safety_of(coarse, safety), before)
         curve, budget = _correct(result, pair, judged, path)
         before = curve
         worst = worst_error(curve, steps)
@@ -195,7 +195,7 @@ def solve_to_tolerance(
         parts = (budget.mesh, budget.total - budget.mesh)
         mesh, rest = (relative(bar[judged], curve.P_star[judged]) for bar in parts)
         left = np.maximum(goal.tolerance - rest, 0.1 * goal.tolerance)  # for the mesh, when the load steps have theirs
-        wanted = plan_next(sizes, coarse, float(np.max(mesh / left)), 1.0, converges)
+        wanted = plan_next(sizes, coarse, float(np.max(mesh / left)), 1.0, safety)
         room = (goal.max_dofs / result.dofs) ** (1.0 / run.growth_of_dofs())
         size = max(wanted, sizes[-1] / max(room, LEAST_STEP))
         limit = run.limit(goal, float(rest.max()), sizes[-1], wanted if room < LEAST_STEP else size)
@@ -282,15 +282,13 @@ class _Pair:
     Attributes:
         coarse: curve of the level to extrapolate from
         ratio: of its element size to that of the finest
-        converges: how the force does with the element size
-        factor: on the bar
+        safety: factor on the bar
         before: extrapolated curve of the level before, if there was one
     """
 
     coarse: Curve
     ratio: float
-    converges: Convergence
-    factor: float
+    safety: float
     before: Curve | None
 
 
@@ -316,7 +314,7 @@ def _correct(
     at = curve.delta_star[loading]
     raw = curve.P_star[loading]
     touching = np.where(raw > 0.0, raw, inf)  # what has no force has no relative error
-    _, mesh, spread = extrapolate_mesh(loading_force(pair.coarse, at), raw, pair.ratio, pair.converges, pair.factor)
+    _, mesh, spread = extrapolate_mesh(loading_force(pair.coarse, at), raw, pair.ratio, pair.safety)
     correction, bar = mesh / touching, spread / touching
     path_bar = np.zeros(len(raw))
     if path is not None:
@@ -324,7 +322,7 @@ def _correct(
         path_bar = np.interp(at, path.delta_star, path.bar)
     if pair.before is not None:
         moved = np.abs(loading_force(pair.before, at) * (1.0 + correction) / touching - 1.0) * (raw > 0.0)
-        bar = np.maximum(bar, MOVED * moved / pair.ratio**pair.converges.low)
+        bar = np.maximum(bar, MOVED * moved / pair.ratio ** MESH_ORDERS[0])
     mesh_bar = steady(bar)
     mesh_bar[judged[loading]] = steady(bar[judged[loading]])
     rows = np.where(loading, np.cumsum(loading) - 1, len(raw) - 1)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from .errors import InputError
 from .mesh import BlockMesh, SizeField
-from .refinement import OF_ELASTIC, OF_PLASTIC, STEP_ORDERS, STEPS_SHARE, growth, meshes
+from .refinement import ELASTIC_SAFETY, PLASTIC_SAFETY, STEP_ORDERS, STEPS_SHARE, growth, meshes
 from .schedule import BACKWARD_EULER, MIDPOINT, Schedule
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ def _plan(case: Case) -> list[tuple[float, int]]:
     if case.accuracy.tolerance is None:
         return [(case.mesh.h_contact, steps())]
     L = case.surface.L
-    guide, *finer = meshes(TYPICAL_BAR, case.accuracy.tolerance, OF_PLASTIC if plastic else OF_ELASTIC)
+    guide, *finer = meshes(TYPICAL_BAR, case.accuracy.tolerance, PLASTIC_SAFETY if plastic else ELASTIC_SAFETY)
     levels = [(guide * L, steps())]
     substeps = 1
     if plastic:

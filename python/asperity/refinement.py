@@ -9,7 +9,6 @@ bar is no less than what the limit moved since the mesh before leaves to be expe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import inf
 
 import numpy as np
@@ -19,6 +18,10 @@ from .schedule import BACKWARD_EULER, MIDPOINT
 
 Floats = npt.NDArray[np.float64]
 
+MESH_ORDERS = (1.3, 3.5)  # range of the order of the force in the element size, measured by benchmarks/accuracy.py
+MESH_ORDER = 2.0  # typical one, to plan with
+ELASTIC_SAFETY, PLASTIC_SAFETY = 1.15, 2.0  # on half the range of limits; plastic forces scatter more from mesh to mesh
+MOVED = 0.5  # part of what a limit moved that it may move again, were the next mesh finer by any factor
 OF_GUIDE = 1.6  # times that where the coarser mesh is the guiding one, on which small spots hardly have an element
 GUIDE = 0.1  # size of the guiding mesh [L]
 FIRST = 0.5**0.5  # of the next one, over that of the guide
@@ -31,27 +34,6 @@ DOFS_ORDER = 2.0  # dofs grow as h^-DOFS_ORDER: refinement is nearly confined to
 STEP_ORDERS = {MIDPOINT: 2.0, BACKWARD_EULER: 1.0}  # of the force in the load step
 STEPS_SHARE = 0.5  # part of the tolerance the load steps should use; the mesh has what they leave
 GROWTH = 0.25, 0.04  # growth of the element size around the contact, and the size in it that this belongs to [L]
-
-
-@dataclass(frozen=True)
-class Convergence:
-    """How the force converges on a family of meshes.
-
-    Attributes:
-        low, high: range of its order in the element size
-        typical: order to plan with
-        safety: factor on half the range of limits
-    """
-
-    low: float
-    high: float
-    typical: float
-    safety: float
-
-
-# measured by benchmarks/accuracy.py; plastic zones scatter more from mesh to mesh
-OF_ELASTIC, OF_PLASTIC = Convergence(1.3, 3.5, 2.0, 1.15), Convergence(1.3, 3.5, 2.0, 2.0)
-MOVED = 0.5  # part of what a limit moved that it may move again, were the next mesh finer by any factor
 
 
 def growth(size: float) -> float:
@@ -81,37 +63,34 @@ def extrapolate(coarse: Floats, fine: Floats, ratio: float, order: float) -> tup
     return fine - error, error
 
 
-def extrapolate_mesh(
-    coarse: Floats, fine: Floats, ratio: float, converges: Convergence, factor: float = 1.0
-) -> tuple[Floats, Floats, Floats]:
-    """Limit of the force with the element size when the order is only known to lie in a range.
+def extrapolate_mesh(coarse: Floats, fine: Floats, ratio: float, safety: float) -> tuple[Floats, Floats, Floats]:
+    """Limit of the force with the element size when the order is only known to lie in MESH_ORDERS.
 
     Args:
         coarse, fine: forces on two meshes (n,)
         ratio: coarse over fine element size, above 1
-        converges: range of its order, and safety
-        factor: on the bar
+        safety: factor on half the range of limits
 
     Returns:
         limit (n,), fine - limit (n,), and the error bar of the limit (n,)
     """
-    low, high = (extrapolate(coarse, fine, ratio, p)[0] for p in (converges.low, converges.high))
+    low, high = (extrapolate(coarse, fine, ratio, p)[0] for p in MESH_ORDERS)
     limit = 0.5 * (low + high)
-    return limit, fine - limit, 0.5 * factor * converges.safety * np.abs(low - high)
+    return limit, fine - limit, 0.5 * safety * np.abs(low - high)
 
 
-def bar_share(ratio: float, converges: Convergence, factor: float = 1.0) -> float:
+def bar_share(ratio: float, safety: float) -> float:
     """Error bar of `extrapolate_mesh` over the difference of the two forces."""
-    low, high = (1.0 / (ratio**p - 1.0) for p in (converges.low, converges.high))
-    return 0.5 * factor * converges.safety * (low - high)
+    low, high = (1.0 / (ratio**p - 1.0) for p in MESH_ORDERS)
+    return 0.5 * safety * (low - high)
 
 
-def factor_of(coarse: int) -> float:
-    """Factor on the bar of an extrapolation from the mesh at that place; the first one is the guide."""
-    return OF_GUIDE if coarse == 0 else 1.0
+def safety_of(coarse: int, safety: float) -> float:
+    """Safety factor of an extrapolation from the mesh at that place; the first one is the guide."""
+    return OF_GUIDE * safety if coarse == 0 else safety
 
 
-def plan_next(sizes: Sequence[float], coarse: int, bar: float, wanted: float, converges: Convergence) -> float:
+def plan_next(sizes: Sequence[float], coarse: int, bar: float, wanted: float, safety: float) -> float:
     """Element size of the next mesh [L], on the cheapest way to the wanted error bar.
 
     The force on a mesh h has the error bar that two meshes give it. It is met at once by a mesh that is fine enough to
@@ -122,20 +101,20 @@ def plan_next(sizes: Sequence[float], coarse: int, bar: float, wanted: float, co
         coarse: place of the one that the last was extrapolated from
         bar: relative error bar on the last one
         wanted: relative error bar asked for
-        converges: how the force does
+        safety: factor on the bars
     """
     last, aim = sizes[-1], MARGIN * wanted
     ratio = sizes[coarse] / last
-    error = bar / bar_share(ratio, converges, factor_of(coarse)) / (ratio**converges.typical - 1.0)
+    error = bar / bar_share(ratio, safety_of(coarse, safety)) / (ratio**MESH_ORDER - 1.0)
     greatest = FIRST_STEP if len(sizes) == 2 else LARGEST_RATIO
     ways = [(inf, last / greatest)]
     for size in sizes[1:]:
-        enough = ratio_for(error * (size / last) ** converges.typical, aim, converges)
+        enough = ratio_for(error * (size / last) ** MESH_ORDER, aim, safety)
         step = max(last / size * enough, LEAST_STEP)
         if enough < LARGEST_RATIO and step <= greatest and size / last * step <= LARGEST_RATIO:
             ways.append((step**COST_ORDER, last / step))
     for step in np.linspace(LEAST_STEP, greatest, 100):
-        enough = ratio_for(error * step**-converges.typical, aim, converges)
+        enough = ratio_for(error * step**-MESH_ORDER, aim, safety)
         if enough < LARGEST_RATIO:
             ways.append((step**COST_ORDER * (1.0 + enough**COST_ORDER), last / step))
     return float(min(ways)[1])
@@ -150,28 +129,28 @@ def partner(sizes: Sequence[float]) -> int:
     return max((k for k, h in enumerate(sizes[:-1]) if h >= 0.999 * SMALLEST_RATIO * sizes[-1]), default=0)
 
 
-def meshes(bar: float, wanted: float, converges: Convergence) -> list[float]:
+def meshes(bar: float, wanted: float, safety: float) -> list[float]:
     """Sizes of all meshes of a run [L] when the force has the typical order.
 
     Args:
         bar: relative error bar on the second mesh, the first to have one
         wanted: relative error bar asked for
-        converges: how the force does
+        safety: factor on the bars
     """
     sizes, coarse, ratio = [GUIDE, FIRST * GUIDE], 0, 1.0 / FIRST
-    error = bar / (bar_share(ratio, converges, OF_GUIDE) * (ratio**converges.typical - 1.0))
+    error = bar / (bar_share(ratio, OF_GUIDE * safety) * (ratio**MESH_ORDER - 1.0))
     while bar > wanted:
-        sizes.append(plan_next(sizes, coarse, bar, wanted, converges))
+        sizes.append(plan_next(sizes, coarse, bar, wanted, safety))
         coarse = partner(sizes)
         ratio = sizes[coarse] / sizes[-1]
-        here = error * (sizes[-1] / sizes[1]) ** converges.typical
-        bar = bar_share(ratio, converges, factor_of(coarse)) * (ratio**converges.typical - 1.0) * here
+        here = error * (sizes[-1] / sizes[1]) ** MESH_ORDER
+        bar = bar_share(ratio, safety_of(coarse, safety)) * (ratio**MESH_ORDER - 1.0) * here
     return sizes
 
 
-def ratio_for(error: float, wanted: float, converges: Convergence) -> float:
+def ratio_for(error: float, wanted: float, safety: float) -> float:
     """Ratio to a finer element size whose bar should be the wanted one, when the coarser one has this error."""
     ratios = np.linspace(SMALLEST_RATIO, LARGEST_RATIO, 200)
-    bars = np.array([bar_share(ratio, converges) * (1.0 - ratio**-converges.typical) for ratio in ratios]) * error
+    bars = np.array([bar_share(ratio, safety) * (1.0 - ratio**-MESH_ORDER) for ratio in ratios]) * error
     enough = np.flatnonzero(bars <= wanted)
     return float(ratios[enough[0]]) if len(enough) else LARGEST_RATIO
