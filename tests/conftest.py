@@ -13,8 +13,9 @@ from typing import Any
 
 import pytest
 
+from asperity.block import BlockMesh
 from asperity.material import Material
-from asperity.mesh import BlockMesh, SizeField, build_block, on_root
+from asperity.mesh import SizeField, build_block, on_root
 from asperity.surface import Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 
 ELASTIC = Material(1.0, 0.3)

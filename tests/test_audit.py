@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from conftest import ELASTIC, PLASTIC
 
+from asperity.block import BlockMesh
 from asperity.case import Case
 from asperity.contact import ActiveSet
 from asperity.errors import CheckError
 from asperity.loading import Record, follow
-from asperity.mesh import BlockMesh
 from asperity.press import Press
 from asperity.schedule import Schedule
 from asperity.simulation import run

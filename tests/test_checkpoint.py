@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from conftest import ELASTIC, PLASTIC
 
+from asperity.block import BlockMesh
 from asperity.case import Case
 from asperity.checkpoint import FORMAT, MESH, STATE, Checkpoint, differences, identity
 from asperity.errors import CheckpointError, Interrupted, OutputError
 from asperity.fields import gather_states
 from asperity.loading import Position
 from asperity.material import Material
-from asperity.mesh import BlockMesh
 from asperity.schedule import Schedule
 from asperity.statics import ContactResult, Formulation, PartialResult, solve_contact
 from asperity.storage import npz_bytes, remove_asides, replace_file

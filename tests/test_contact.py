@@ -11,11 +11,12 @@ from scipy import sparse
 from scipy.optimize import brentq
 
 from asperity import reference as ref
+from asperity.block import BlockMesh
 from asperity.contact import Contact
 from asperity.errors import InputError
 from asperity.loading import Press
 from asperity.material import Material
-from asperity.mesh import BlockMesh, SizeField, build_block, distribute
+from asperity.mesh import SizeField, build_block, distribute
 from asperity.solid import Solid
 from asperity.solve import SolverOptions
 from asperity.statics import Formulation, MeshSize, make_press, solve_contact

@@ -21,7 +21,7 @@ import asperity.bulk
 import asperity.multigrid
 import asperity.tangent
 from asperity import Material, MeshSize, SolverOptions, Surface, solve_contact
-from asperity.mesh import BlockMesh
+from asperity.block import BlockMesh
 from asperity.statics import ContactResult
 
 STORED = Path(__file__).parent / "counts.json"

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from asperity.block import BlockMesh
 from asperity.cli import main
 from asperity.errors import CompatError, InputError
 from asperity.fields import State, gather_states, von_mises, write_vtkhdf
 from asperity.material import Material
-from asperity.mesh import BlockMesh
 from asperity.statics import ContactResult, solve_contact
 from asperity.surface import Surface
 

@@ -15,11 +15,12 @@ import pytest
 from scipy.optimize import brentq
 
 from asperity import reference as ref
+from asperity.block import BlockMesh
 from asperity.errors import ConvergenceError, InputError
 from asperity.linear import Krylov
 from asperity.loading import GROWTH, SMALLEST_CUT, Position, Record, follow
 from asperity.material import Material
-from asperity.mesh import BlockMesh, build_block
+from asperity.mesh import build_block
 from asperity.press import Press, carried_on
 from asperity.schedule import BACKWARD_EULER, MIDPOINT, Schedule
 from asperity.solve import NewtonSolver, SolverOptions, StepStats

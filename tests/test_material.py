@@ -12,9 +12,10 @@ import pytest
 from scipy import sparse
 
 from asperity import reference as ref
+from asperity.block import BlockMesh
 from asperity.errors import InputError
 from asperity.material import Material
-from asperity.mesh import BlockMesh, build_block, distribute
+from asperity.mesh import build_block, distribute
 from asperity.solid import Bulk, Solid
 from asperity.surface import Flat
 

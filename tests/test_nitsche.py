@@ -9,10 +9,11 @@ import numpy.typing as npt
 import pytest
 
 from asperity import reference as ref
+from asperity.block import BlockMesh
 from asperity.contact import PressureContact
 from asperity.errors import InputError
 from asperity.material import Material
-from asperity.mesh import BlockMesh, SizeField, build_block
+from asperity.mesh import SizeField, build_block
 from asperity.node_matrix import assembled
 from asperity.statics import Formulation, MeshSize, make_press, solve_contact
 from asperity.surface import Flat, Surface

@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from asperity.block import BlockMesh
 from asperity.curve import Curve
 from asperity.fields import gather_states
 from asperity.material import Material
-from asperity.mesh import BlockMesh, build_block, on_root
+from asperity.mesh import build_block, on_root
 from asperity.simulation import run
 from asperity.solve import SolverOptions
 from asperity.statics import ContactResult, Formulation, MeshSize, make_press, solve_contact

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import asperity
+from asperity.block import BlockMesh
 from asperity.case import Case
 from asperity.cli import main
 from asperity.curve import COLUMNS, Curve
 from asperity.errors import ConvergenceError, InputError, MeshError
-from asperity.mesh import BlockMesh
 from asperity.results import Results
 from asperity.simulation import RunResult, run
 from asperity.solve import NewtonSolver

@@ -10,11 +10,12 @@ import pytest
 from scipy import sparse
 
 from asperity import reference as ref
+from asperity.block import BlockMesh
 from asperity.errors import InputError
 from asperity.linear import LinearSolver
 from asperity.loading import Record, follow
 from asperity.material import Material
-from asperity.mesh import BlockMesh, build_block, distribute, on_root
+from asperity.mesh import build_block, distribute, on_root
 from asperity.multigrid import EDGES, PMultigrid
 from asperity.node_matrix import assembled, set_rigid_modes
 from asperity.press import Press

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from .block import BlockMesh
 from .case import read_bytes
 from .errors import CheckpointError
 from .gather import (
@@ -30,7 +31,6 @@ from .gather import (
     spread_some,
 )
 from .loading import Position, Record
-from .mesh import BlockMesh
 from .press import Press, Snapshot
 from .schema import show
 from .storage import UNREADABLE, npz_bytes, on_root, remove_asides, replace_file

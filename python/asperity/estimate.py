@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from math import ceil, log2
 from typing import TYPE_CHECKING
 
+from .block import BlockMesh
 from .errors import InputError
-from .mesh import BlockMesh, SizeField
+from .mesh import SizeField
 from .refinement import ELASTIC_SAFETY, PLASTIC_SAFETY, STEP_ORDERS, STEPS_SHARE, growth, meshes
 from .schedule import BACKWARD_EULER, MIDPOINT, Schedule
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from .block import BlockMesh
 from .gather import cell_numbers, collect, node_numbers
-from .mesh import BlockMesh
 from .press import Snapshot
 from .statics import ContactResult
 from .top import Top

@@ -8,10 +8,11 @@ from math import log
 from time import perf_counter
 from typing import Any
 
+from .block import BlockMesh
 from .errors import InputError
 from .loading import Callback
 from .material import Material
-from .mesh import BlockMesh, Reach
+from .mesh import Reach
 from .refinement import DOFS_ORDER, growth
 from .statics import ContactResult, MeshSize, make_block, solve_contact
 from .surface import Surface

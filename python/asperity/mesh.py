@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import hypot
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -19,8 +18,8 @@ from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
 from . import compat
+from .block import BlockMesh
 from .errors import AsperityError, MeshError
-from .storage import UNREADABLE, one_line
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -34,69 +33,6 @@ NEIGHBOURS = 6  # corners and edges of a facet: a margin of an element around wh
 
 Floats = npt.NDArray[np.float64]
 T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class BlockMesh:
-    """Nodes and second-order tetrahedra of a block, in one process and before partitioning.
-
-    Attributes:
-        points: node coordinates (N, 3) [length], base at z = 0, mean plane of the top at z = `height`
-        tets: node numbers (M, 10) in the order of gmsh
-        side: length L of the square base [length]
-        height: height of the block [length]
-    """
-
-    points: Floats
-    tets: npt.NDArray[np.int64]
-    side: float
-    height: float
-
-    def save(self, path: str | Path) -> None:
-        """Write a compressed .npz file."""
-        np.savez_compressed(path, points=self.points, tets=self.tets, side=self.side, height=self.height)
-
-    @staticmethod
-    def read(path: str | Path) -> BlockMesh:
-        """Read what `save` wrote.
-
-        Raises:
-            MeshError: the file is missing or holds something else
-        """
-        try:
-            with np.load(path, allow_pickle=False) as f:
-                points, tets = f["points"].astype(np.float64), f["tets"].astype(np.int64, casting="same_kind")
-                side, height = float(f["side"]), float(f["height"])
-        except UNREADABLE as e:
-            raise MeshError(f"mesh.file: {path} is not a mesh written by asperity ({one_line(e)})") from None
-        if not (points.ndim == tets.ndim == 2 and points.shape[1] == 3 and tets.shape[1] == 10 and tets.size):
-            wrong = f"points {points.shape} and tets {tets.shape} should be (N, 3) and (M, 10)"
-        elif not (0 <= tets.min() and tets.max() < len(points)):
-            wrong = f"tets names the nodes {tets.min()} to {tets.max()} of {len(points)}"
-        elif not (np.all(np.isfinite(points)) and 0.0 < side < np.inf and 0.0 < height < np.inf):
-            wrong = "points, side and height must be finite, side and height positive"
-        else:
-            return BlockMesh(points, tets, side, height)
-        raise MeshError(f"mesh.file: {path} is not a mesh written by asperity ({wrong})")
-
-    def check_surface(self, surface: Surface) -> None:
-        """Make sure that the mesh was built for `surface`.
-
-        Raises:
-            MeshError: side or heights differ
-        """
-        if abs(self.side - surface.L) > 1e-9 * surface.L:
-            raise MeshError(
-                f"mesh.file: the mesh has the side {self.side:g}, the surface {surface.L:g}: use the mesh of this case"
-            )
-        x, y, z = self.points.T
-        # both have the same mean, so where they differ the mesh sticks out somewhere
-        above = float(np.max(z - self.height - surface.height(x, y) + surface.mean()))
-        if above > 1e-9 * surface.L:
-            raise MeshError(
-                f"mesh.file: the top of the mesh is not this surface, it lies up to {above:.3g} above: use the mesh of "
-                "this case or leave mesh.file out"
-            )
 
 
 @dataclass(frozen=True)

@@ -191,7 +191,7 @@ def _settings(
 
 def _solve(case: Case, settings: dict[str, Any]) -> ContactResult:
     """The static part of a case on one mesh."""
-    from .mesh import BlockMesh
+    from .block import BlockMesh
     from .statics import MeshSize, solve_contact
 
     mesh = case.mesh

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from .audit import Checks
+from .block import BlockMesh
 from .contact import ActiveSet, Contact, PressureContact
 from .curve import Curve
 from .errors import ConvergenceError, InputError, Interrupted, MeshError
 from .loading import Callback, Position, Record, follow
 from .material import Material
-from .mesh import BlockMesh, Reach, SizeField, build_block, check_distortion, distribute, on_root
+from .mesh import Reach, SizeField, build_block, check_distortion, distribute, on_root
 from .phases import Phases
 from .press import Counts, Press, Snapshot
 from .schedule import BACKWARD_EULER, MIDPOINT, Schedule
@@ -170,7 +171,7 @@ def make_press(
 
     def checked_height() -> float:
         assert block is not None
-        block.check_surface(surface)
+        block.check(surface)
         return block.height
 
     height = comm.bcast(on_root(comm, checked_height), root=0)

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import math
 import tempfile
 import warnings
@@ -18,12 +19,13 @@ import pytest
 from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
+from asperity.block import EDGES, BlockMesh
 from asperity.case import Case
 from asperity.cli.run import prepare
 from asperity.curve import Curve
 from asperity.errors import AsperityError, CheckError, ConvergenceError, InputError
-from asperity.mesh import BlockMesh
 from asperity.simulation import run
+from asperity.surface import Flat
 
 ROOT = Path(__file__).parents[2]
 TEXTS = tuple(path.read_bytes() for path in sorted((ROOT / "cases").glob("*.toml")))
@@ -287,18 +289,46 @@ test_any_bytes_are_a_curve_or_a_sentence, test_any_of_many_curves = fuzz(
 )
 
 
+def cubes(n: int) -> BlockMesh:
+    """A flat block of unit side of n^3 cubes with six tetrahedra each, the nodes on their edges included."""
+    corner = np.stack(np.meshgrid(*3 * [np.arange(n + 1)], indexing="ij"), axis=-1).reshape(-1, 3)
+    steps = [np.eye(3, dtype=int)[list(order)].cumsum(axis=0) for order in itertools.permutations(range(3))]
+    of_cube = np.array([[(0, 0, 0), *path] for path in steps])
+    at = corner[(corner < n).all(axis=1)][:, None, None] + of_cube
+    corners = 2 * at.reshape(-1, 4, 3)
+    nodes = np.concatenate([corners, corners[:, EDGES].mean(axis=2).astype(int)], axis=1)
+    points, tets = np.unique(nodes.reshape(-1, 3), axis=0, return_inverse=True)
+    return BlockMesh(points / (2 * n), tets.reshape(-1, 10), 1.0, 1.0)
+
+
+BLOCK = cubes(2)
+
+
 @st.composite
 def meshes(draw: st.DrawFn) -> bytes:
-    """A mesh of two tetrahedra with something else in place of one of its arrays."""
-    arrays: dict[str, Any] = {
-        "points": np.random.default_rng(0).random((14, 3)),
-        "tets": np.arange(20).reshape(2, 10) % 14,
-        "side": 1.0,
-        "height": 1.0,
-    }
+    """A mesh with something else in place of one of its arrays, or with a few of its numbers or rows changed."""
+    arrays: dict[str, Any] = dict(vars(BLOCK))
     name = draw(st.sampled_from(sorted(arrays)))
-    arrays[name] = draw(ARRAYS | st.lists(st.integers(-5, 10**9), min_size=20, max_size=20).map(np.array))
-    return saved(np.savez, **arrays)
+    if draw(st.booleans()):
+        arrays[name] = draw(ARRAYS)
+        return saved(np.savez, **arrays)
+    points, tets = BLOCK.points.copy(), BLOCK.tets.copy()
+    for _ in range(draw(st.integers(0, 2))):
+        row, other = (draw(st.integers(0, len(tets) - 1)) for _ in range(2))
+        change = draw(st.sampled_from(["remove", "repeat", "swap", "rename", "move", "add"]))
+        if change == "remove":
+            tets = np.delete(tets, row, axis=0)
+        elif change == "repeat":
+            tets = np.concatenate([tets, tets[row : row + 1]])
+        elif change == "swap":
+            tets[row] = np.roll(tets[row], draw(st.integers(0, 9)))
+        elif change == "rename":
+            tets[row, draw(st.integers(0, 9))] = draw(st.integers(-1, len(points)))
+        elif change == "move":
+            points[draw(st.integers(0, len(points) - 1))] += draw(st.floats(-1.0, 1.0))
+        else:
+            points = np.concatenate([points, points[other : other + 1]])
+    return saved(np.savez, **(arrays | {"points": points, "tets": tets}))
 
 
 def any_mesh_file_is_a_mesh_or_a_sentence(data: bytes) -> None:
@@ -307,14 +337,17 @@ def any_mesh_file_is_a_mesh_or_a_sentence(data: bytes) -> None:
         path.write_bytes(data)
         try:
             block = BlockMesh.read(path)
+            block.check(Flat(L=1.0))
         except InputError as error:
             return refused(error)
-        assert 0 <= block.tets.min() and block.tets.max() < len(block.points)
+        a, b, c, d = np.moveaxis(block.points[block.tets[:, :4]], 1, 0)
+        volume = np.abs(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a)).sum() / 6.0
+        assert volume >= block.height - 1e-9  # whole: inside one another tetrahedra are refused with the solid
         event("accepted")
 
 
 test_any_mesh_file_is_a_mesh_or_a_sentence, test_any_of_many_meshes = fuzz(
-    any_mesh_file_is_a_mesh_or_a_sentence, meshes() | mutated((saved(np.savez, side=1.0),)), FEW, MANY
+    any_mesh_file_is_a_mesh_or_a_sentence, meshes() | mutated((saved(np.savez, **vars(BLOCK)),)), FEW, MANY
 )
 
 

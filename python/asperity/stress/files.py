@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from ..block import EDGES, outer_faces
+
 if TYPE_CHECKING:
-    from ..mesh import BlockMesh
+    from ..block import BlockMesh
 
 Floats = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
 #: Heights in units of L at the nodes of a regular grid, from their coordinates (n, n) in the same units.
 Map = Callable[[Floats, Floats], Floats]
 SAMPLES = 33
-EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3))  # corners of nodes 4 to 9 of a tetrahedron of gmsh
 SLIVER = 1e-4  # height of a flattened tetrahedron over its height before
 
 
@@ -116,9 +117,7 @@ def with_turned_element(block: BlockMesh) -> BlockMesh:
 
 def _inner_and_top(points: Floats, corners: Nodes) -> tuple[Nodes, Nodes]:
     """Corners on no outer face (a face inside belongs to two tetrahedra), and those on the only one not plane."""
-    faces = np.sort(np.concatenate([np.delete(corners, k, axis=1) for k in range(4)]), axis=1)
-    faces, times = np.unique(faces, axis=0, return_counts=True)
-    outer = faces[times == 1]
+    outer = outer_faces(corners)
     plane = np.any(np.ptp(points[outer], axis=1) == 0.0, axis=1)
     return np.setdiff1d(corners, outer), np.unique(outer[~plane])
 

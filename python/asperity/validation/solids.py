@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from .. import compat
+from ..block import BlockMesh
 from ..contact import Contact
 from ..errors import ConvergenceError
-from ..mesh import BlockMesh
 from ..solid import Floats, Solid
 from ..solve import NewtonSolver, SolverOptions
 

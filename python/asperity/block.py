@@ -1,0 +1,121 @@
+"""Nodes and tetrahedra of a block, on file and checked against the surface they are said to have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from .errors import MeshError
+from .storage import UNREADABLE, one_line
+
+if TYPE_CHECKING:
+    from .surface import Surface
+
+Floats = npt.NDArray[np.float64]
+Nodes = npt.NDArray[np.int64]
+
+NEAR = 1e-9  # what counts as the same place [L]
+#: Corners at the ends of the edges on which the nodes 4 to 9 of a second-order tetrahedron of gmsh lie.
+EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3))
+
+
+@dataclass(frozen=True)
+class BlockMesh:
+    """Nodes and second-order tetrahedra of a block, in one process and before partitioning.
+
+    Attributes:
+        points: node coordinates (N, 3) [length], base at z = 0, mean plane of the top at z = `height`
+        tets: node numbers (M, 10) in the order of gmsh
+        side: length L of the square base [length]
+        height: height of the block [length]
+    """
+
+    points: Floats
+    tets: npt.NDArray[np.int64]
+    side: float
+    height: float
+
+    def save(self, path: str | Path) -> None:
+        """Write a compressed .npz file."""
+        np.savez_compressed(path, points=self.points, tets=self.tets, side=self.side, height=self.height)
+
+    @staticmethod
+    def read(path: str | Path) -> BlockMesh:
+        """Read what `save` wrote.
+
+        Raises:
+            MeshError: the file is missing or holds something else
+        """
+        try:
+            with np.load(path, allow_pickle=False) as f:
+                points = f["points"].astype(np.float64, casting="same_kind")
+                tets = f["tets"].astype(np.int64, casting="same_kind")
+                side, height = float(f["side"].item()), float(f["height"].item())
+        except UNREADABLE as e:
+            raise MeshError(f"mesh.file: {path} is not a mesh written by asperity ({one_line(e)})") from None
+        if not (points.ndim == tets.ndim == 2 and points.shape[1] == 3 and tets.shape[1] == 10 and tets.size):
+            wrong = f"points {points.shape} and tets {tets.shape} should be (N, 3) and (M, 10)"
+        elif not (0 <= tets.min() and tets.max() < len(points)):
+            wrong = f"tets names the nodes {tets.min()} to {tets.max()} of {len(points)}"
+        elif not (np.all(np.isfinite(points)) and 0.0 < side < np.inf and 0.0 < height < np.inf):
+            wrong = "points, side and height must be finite, side and height positive"
+        else:
+            return BlockMesh(points, tets, side, height)
+        raise MeshError(f"mesh.file: {path} is not a mesh written by asperity ({wrong})")
+
+    def check(self, surface: Surface) -> None:
+        """Make sure that the mesh was built for `surface` and fills the block.
+
+        Raises:
+            MeshError: side or heights differ, tetrahedra are missing or doubled, or neighbours do not share their nodes
+        """
+        if abs(self.side - surface.L) > NEAR * surface.L:
+            raise MeshError(
+                f"mesh.file: the mesh has the side {self.side:g}, the surface {surface.L:g}: use the mesh of this case"
+            )
+        x, y, z = self.points.T
+        below = self.height + surface.height(x, y) - surface.mean() - z
+        # both have the same mean, so where they differ the mesh sticks out somewhere
+        above = -float(below.min())
+        if above > NEAR * surface.L:
+            raise MeshError(
+                f"mesh.file: the top of the mesh is not this surface, it lies up to {above:.3g} above: use the mesh of "
+                "this case or leave mesh.file out"
+            )
+        near = np.abs(np.stack([x, x - self.side, y, y - self.side, z, below])) < NEAR * surface.L
+        faces = outer_faces(self.tets)
+        inside = faces[~near[:, faces].all(axis=2).any(axis=0)]
+        if len(inside):
+            cx, cy, cz = self.points[inside[0]].mean(axis=0)
+            raise MeshError(
+                f"mesh.file: {len(inside)} faces inside the block do not belong to two tetrahedra, the first at "
+                f"x = {cx:.4g}, y = {cy:.4g}, z = {cz:.4g}: some are missing, doubled, or do not meet face to face; "
+                "mesh the case again"
+            )
+        ends = np.sort(self.tets[:, EDGES].reshape(-1, 2), axis=1)
+        edges = np.column_stack([ends, self.tets[:, 4:].ravel()])[np.lexsort(ends.T)]
+        torn = (np.diff(edges, axis=0) != 0) @ np.array([2, 2, 1]) == 1
+        if torn.any():
+            i, j, _ = edges[np.flatnonzero(torn)[0]]
+            raise MeshError(
+                f"mesh.file: tetrahedra that share the edge from node {i} to {j} have different nodes on it; mesh the "
+                "case again"
+            )
+
+
+def outer_faces(tets: Nodes) -> Nodes:
+    """Corners of the faces that do not belong to two tetrahedra (n, 3), sorted; in a whole mesh those on its outside.
+
+    Args:
+        tets: node numbers (M, 4 or more), the corners first
+    """
+    corners = np.sort(tets[:, :4], axis=1)
+    faces = np.concatenate([np.delete(corners, k, axis=1) for k in range(4)])
+    faces = faces[np.lexsort(faces.T)]
+    first = np.flatnonzero(np.append(True, np.any(np.diff(faces, axis=0) != 0, axis=1)))
+    times = np.diff(np.append(first, len(faces)))
+    return faces[first[times != 2]]
