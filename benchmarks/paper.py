@@ -391,8 +391,8 @@ strains are small. E = 200 GPa, ν = 0.3; elastic-plastic solids harden bilinear
 from first touch.
 
 Study: {title}. {cases} cases, {failed} refused or failed{reasons}; {cost} minutes of wall time summed over the
-cases, on a machine busy with other work ({software}). `cases/paper/full.toml` is the full grid, on finer meshes; it
-continues where it was stopped.
+cases, one on each rank ({software}). `cases/paper/full.toml` is the full grid, on finer meshes; it continues
+where it was stopped.
 
 ## Verdicts
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from asperity.block import BlockMesh
 from asperity.errors import MeshError
 from asperity.fields import top_facets
 from asperity.material import Material
@@ -17,7 +19,6 @@ from asperity.mesh import (
     SIDE_X,
     SIDE_Y,
     TOP,
-    BlockMesh,
     Reach,
     SizeField,
     build_block,
@@ -235,6 +236,23 @@ def test_a_mesh_of_another_surface_is_refused(rough: Surface, wave: Surface, coa
     larger = Flat(L=2.0)
     with pytest.raises(MeshError, match=r"mesh\.file.* side"):
         make_press(here(), larger, uniform(Flat(L=1.0), 1.0), Material(1.0, 0.3))
+
+
+@pytest.mark.parametrize("change", ["missing", "doubled", "torn face", "torn edge"])
+def test_a_mesh_that_does_not_fill_its_block_is_refused(rough: Surface, coarse: BlockMesh, change: str) -> None:
+    """A hole inside would be taken for a part of the top that is not touched yet."""
+    tets, points = coarse.tets.copy(), coarse.points
+    if change == "missing":
+        tets = np.delete(tets, len(tets) // 2, axis=0)
+    elif change == "doubled":
+        tets = np.concatenate([tets, tets[-1:]])
+    else:
+        cell, node = len(tets) // 2, 0 if change == "torn face" else 4
+        points = np.concatenate([points, points[tets[cell, node]][None]])
+        tets[cell, node] = len(points) - 1
+    wanted = "different nodes" if change == "torn edge" else r"faces inside the block .* two tetrahedra"
+    with pytest.raises(MeshError, match=wanted):
+        make_press(here(), rough, replace(coarse, tets=tets, points=points), Material(1.0, 0.3))
 
 
 # --- files and ranks ------------------------------------------------------------------------------------------
