@@ -7,9 +7,11 @@
     python3 benchmarks/accuracy.py plastic       the same for elastic-plastic material
     python3 benchmarks/accuracy.py demo          the demo surface to 1 % and to 0.1 %, also under mpirun
     python3 benchmarks/accuracy.py fixed         what the growth of a family of meshes is for
+    python3 benchmarks/accuracy.py grading       what finer elements at the spots touched first are for
 
-Prints Markdown tables. CPU seconds are those of rank 0, others of the clock. Forces of the family are kept in
-out/accuracy, so that the next job need not compute them again.
+Prints Markdown tables. CPU seconds are those of rank 0, others of the clock. The limits that errors are judged by are
+those of meshes of another grading than the runs have. Forces are kept in out/accuracy, so that the next job need not
+compute them again.
 """
 
 from __future__ import annotations
@@ -26,9 +28,9 @@ from mpi4py import MPI
 
 import asperity as asp
 from asperity.accuracy import Goal, loading_force, solve_to_tolerance, steady
-from asperity.mesh import Reach
+from asperity.block import BlockMesh
+from asperity.mesh import GRADING, GUIDED, Reach, SizeField, build_block, is_distorted
 from asperity.refinement import (
-    ELASTIC_SAFETY,
     GUIDE,
     LARGEST_RATIO,
     SMALLEST_RATIO,
@@ -47,6 +49,7 @@ PLASTIC = asp.Material(200e9, 0.3, 1e9, 10e9)
 UNIT = asp.Material(1.0, 0.3)
 KEPT = Path("out/accuracy")
 FAMILY = (0.1, 0.0707, 0.05, 0.0354, 0.025, 0.0177)  # element sizes in the contact
+FINEST = 0.0125  # of elastic-plastic material, whose force converges later
 
 
 def surface(seed: int = 0) -> asp.Surface:
@@ -140,26 +143,40 @@ def forces(
     sizes: Sequence[float],
     material: asp.Material = UNIT,
     substeps: int = 1,
+    grading: tuple[float, float] = GRADING,
 ) -> dict[float, Floats]:
-    """Force at ten deflections on the meshes of the family, kept in a file of KEPT."""
+    """Force at ten deflections on a family of meshes, kept in a file of KEPT; that of the tolerance runs is GUIDED."""
     path = KEPT / f"{name.replace(' ', '-').replace(',', '')}.npz"
     kept = dict(np.load(path)) if path.is_file() else {}
     at, reach, out = delta * np.arange(1, 11) / 10, None, {}
     for h in sizes:
-        key = f"{h:.4f}"
+        key = f"{h:.4f}" if grading == GRADING else f"{grading[0]:g} {grading[1]:g} {h:.4f}"
         if material.plastic:
             key += f" {material.yield_strength:g} {material.tangent_modulus:g} {substeps}"
         if key not in kept:
             if reach is None and h < GUIDE:
                 guide = asp.solve_contact(surface, material, delta_max=delta, size=asp.MeshSize(GUIDE, growth(GUIDE)))
                 reach = Reach(*guide.press.reach())
-            size = asp.MeshSize(h, growth(h), reach=reach)
-            result = asp.solve_contact(surface, material, delta_max=delta, substeps=substeps, size=size)
+            block = mesh_of(surface, delta, h, reach, grading if reach else GRADING)
+            result = asp.solve_contact(surface, material, delta_max=delta, substeps=substeps, block=block)
             kept[key] = loading_force(result.curve, at)
             KEPT.mkdir(parents=True, exist_ok=True)
             np.savez(path, **kept)
         out[h] = kept[key]
     return out
+
+
+def mesh_of(
+    surface: asp.Surface, delta: float, h: float, reach: Reach | None, grading: tuple[float, float]
+) -> BlockMesh:
+    """A mesh as a run with a tolerance makes it, with a given grading."""
+    h_max = 0.25 * surface.L
+    while True:
+        field = SizeField.of(surface, delta, h, growth=growth(h), h_max=h_max, reach=reach, grading=grading)
+        block = build_block(surface, surface.L, field.at)
+        if not is_distorted(block):
+            return block
+        h_max *= 0.7
 
 
 def orders() -> None:
@@ -168,14 +185,14 @@ def orders() -> None:
     row("surface", *(f"h = {h:.3g} L" for h in FAMILY[:-1]), "order")
     row(*["---"] * (len(FAMILY) + 1))
     for name, (surface, delta) in scenes().items():
-        found = forces(name, surface, delta, FAMILY)
-        limit = _limit(found)
+        found = forces(name, surface, delta, FAMILY[:-1], grading=GUIDED)
+        limit = _limit(forces(name, surface, delta, FAMILY[3:]))
         errors = [per_cent(P, limit)[0] for P in found.values()]
-        row(name, *errors[:-1], float(np.polyfit(np.log(FAMILY[1:-1]), np.log(errors[1:-1]), 1)[0]))
+        row(name, *errors, float(np.polyfit(np.log(FAMILY[1:-1]), np.log(errors[1:]), 1)[0]))
         for k, coarse in enumerate(FAMILY[1:-1], start=1):
             for fine in FAMILY[k + 1 : -1]:
                 if SMALLEST_RATIO <= coarse / fine <= LARGEST_RATIO:
-                    value, _, bar = extrapolate_mesh(found[coarse], found[fine], coarse / fine, ELASTIC_SAFETY)
+                    value, _, bar = extrapolate_mesh(found[coarse], found[fine], coarse / fine)
                     judged.append((np.abs(value / limit - 1.0), steady(bar / limit)))
     summary(judged)
 
@@ -199,7 +216,7 @@ def tolerance() -> None:
     judged = []
     header("surface")
     for name, (surface, delta) in scenes().items():
-        limit = _limit(forces(name, surface, delta, FAMILY))
+        limit = _limit(forces(name, surface, delta, FAMILY[3:]))
         for goal in (0.05, 0.02, 0.01):
             judged.append(driven(name, surface, UNIT, goal, delta * np.arange(1, 11) / 10, limit))
     summary(judged)
@@ -220,8 +237,8 @@ def plastic_scenes() -> dict[str, tuple[asp.Surface, float, asp.Material]]:
 
 
 def plastic_limit(name: str, surface: asp.Surface, delta: float, material: asp.Material) -> Floats:
-    """Limit of the three finest meshes, and of the load steps on a coarser one."""
-    meshes = forces(name, surface, delta, FAMILY[3:], material)
+    """Limit of three finer meshes than those of elastic material, and of the load steps on a coarser one."""
+    meshes = forces(name, surface, delta, (*FAMILY[4:], FINEST), material)
     whole, half, quarter = (forces(name, surface, delta, FAMILY[2:3], material, n)[FAMILY[2]] for n in (1, 2, 4))
     settled, _ = extrapolate(half, quarter, 2.0, 2.0)
     return _limit(meshes) * settled / whole
@@ -263,7 +280,7 @@ def fixed() -> None:
     """What stays with a fixed growth of the elements around the contact of a sphere, in place of the family's."""
     name = "sphere beside it"
     sphere, delta = scenes()[name]
-    limit = _limit(forces(name, sphere, delta, FAMILY))
+    limit = _limit(forces(name, sphere, delta, FAMILY[3:]))
     at = delta * np.arange(1, 11) / 10
     row("h_contact/L", "growth", "dofs", "rms error %", "greatest %")
     row(*["---"] * 5)
@@ -271,6 +288,27 @@ def fixed() -> None:
         reach = Reach(*asp.solve_contact(sphere, UNIT, delta_max=delta, size=asp.MeshSize(GUIDE)).press.reach())
         result = asp.solve_contact(sphere, UNIT, delta_max=delta, size=asp.MeshSize(h, rate, reach=reach))
         row(f"{h:g}", f"{rate:g}", result.dofs, *per_cent(loading_force(result.curve, at), limit))
+
+
+def grading() -> None:
+    """Error of the force on meshes of both gradings, with the steps as they are."""
+    row("surface", "material", "power", "h_contact/L", "dofs", "rms error %", "greatest %")
+    row(*["---"] * 7)
+    for name in ("rough, seed 12", "rough, seed 21", "sphere beside it"):
+        top, delta, yielding = plastic_scenes()[name]
+        at = delta * np.arange(1, 11) / 10
+        for material in (UNIT, yielding):
+            sizes = (*FAMILY[4:], FINEST) if material.plastic else FAMILY[3:]
+            limit = _limit(forces(name, top, delta, sizes, material))
+            guide = asp.solve_contact(top, material, delta_max=delta, size=asp.MeshSize(GUIDE, growth(GUIDE)))
+            reach = Reach(*guide.press.reach())
+            for powers in (GRADING, GUIDED):
+                for h in FAMILY[1:4]:
+                    block = mesh_of(top, delta, h, reach, powers)
+                    result = asp.solve_contact(top, material, delta_max=delta, block=block)
+                    errors = per_cent(loading_force(result.curve, at), limit)
+                    kind = "elastic-plastic" if material.plastic else "elastic"
+                    row(name, kind, f"{powers[0]:g}", f"{h:.3g}", result.dofs, *errors)
 
 
 def header(first: str) -> None:
@@ -305,7 +343,7 @@ def summary(judged: Sequence[Judged]) -> None:
 
 if __name__ == "__main__":
     jobs = {"mesh": mesh, "steps": steps, "orders": orders, "tolerance": tolerance, "plastic": plastic,
-            "demo": demo, "fixed": fixed}  # fmt: skip
+            "demo": demo, "fixed": fixed, "grading": grading}  # fmt: skip
     for job in sys.argv[1:] or jobs:
         if MPI.COMM_WORLD.rank == 0:
             print(f"\n## {job}\n")

@@ -1,9 +1,9 @@
 """Accuracy as an input: meshes and load steps refined until the force has the error bar asked for.
 
-A coarse mesh serves twice: it shows where the surface is touched, which guides the finer meshes, and it measures the
-error of the load steps, which hardly depends on the mesh. That of the mesh follows from two guided ones (`refinement`);
-the finest needs no more steps than the coarse one told. The midpoint rule along a spreading plastic contact is of
-second order; a part of its correction is the bar.
+A coarse mesh shows where the surface is touched, which guides the finer meshes. The first of these measures the error
+of the load steps, which depends little on the mesh: the finer ones need no more steps than it told, and all forces are
+corrected for their steps; a part of the correction is its bar. The error of the mesh follows from two of them
+(`refinement`).
 """
 
 from __future__ import annotations
@@ -23,15 +23,12 @@ from .levels import Goal, Level, Runner
 from .loading import Callback
 from .material import Material
 from .refinement import (
-    ELASTIC_SAFETY,
     FIRST,
     GUIDE,
     LEAST_STEP,
-    MESH_ORDERS,
-    MOVED,
-    PLASTIC_SAFETY,
     STEP_ORDERS,
-    STEPS_SHARE,
+    cheapest_substeps,
+    error_of,
     extrapolate,
     extrapolate_mesh,
     partner,
@@ -44,8 +41,7 @@ from .surface import Surface
 
 Floats = npt.NDArray[np.float64]
 
-MAX_DOUBLINGS = 5  # of the parts of load steps
-PATH_TRANSFER = 0.7  # part of the load-step correction taken for its bar (docs/accuracy.md)
+PATH_TRANSFER = 0.5  # part of the load-step correction taken for its bar (docs/accuracy.md)
 
 
 @dataclass(frozen=True)
@@ -170,42 +166,47 @@ def solve_to_tolerance(
             "accuracy.tolerance chooses mesh and substeps: leave out mesh.h_contact, mesh.file and substeps"
         )
     driven = dict(delta_max=delta_max, force_max=force_max, steps=steps)
-    safety = PLASTIC_SAFETY if material.plastic else ELASTIC_SAFETY
     run = Runner(surface, material, goal.max_dofs, driven | settings, on_stage, on_step)
     guide = run(GUIDE)
-    path, substeps, of_guide = None, 1, guide.curve
+    run.aim(guide)
+    whole, path, substeps = guide.curve, None, 1
+    del guide  # its memory is needed for the next one
     if material.plastic:
         order = STEP_ORDERS[settings.get("integrator", MIDPOINT)]
-        path, substeps, of_guide = _choose_substeps(run, guide.curve, steps, order, STEPS_SHARE * goal.tolerance)
-    run.aim(guide)
-    del guide  # its memory is needed for the next one
-    sizes, curves, before = [run.levels[0].h / surface.L], [of_guide], None
-    size = FIRST * GUIDE
+        result, path, substeps = _choose_substeps(run, whole, steps, order, goal)
+    else:
+        result = run(FIRST * GUIDE)
+    sizes = [run.levels[0].h / surface.L]
+    curves = [_without_path_error(whole, path, 1)]
     while True:
-        result = run(size, substeps)
-        sizes.append(run.levels[-1].h / surface.L)
+        level = run.levels[-1]
+        sizes.append(level.h / surface.L)
         judged = _judged(result.curve, steps)
         coarse = partner(sizes)
-        pair = _Pair(curves[coarse], sizes[coarse] / sizes[-1], safety_of(coarse, safety), before)
-        curve, budget = _correct(result, pair, judged, path)
-        before = curve
+        settled = _without_path_error(result.curve, path, level.substeps)
+        ratio, safety = sizes[coarse] / sizes[-1], safety_of(coarse == 0)
+        path_bar = path.bar[level.substeps] if path else None
+        algebraic = result.checks.force_balance
+        curve, budget = _correct(settled, curves[coarse], ratio, safety, judged, path_bar, algebraic)
         worst = worst_error(curve, steps)
         if worst <= goal.tolerance:
             return AccurateResult(curve, result.curve, budget, tuple(run.levels), result, worst, True, "done")
-        parts = (budget.mesh, budget.total - budget.mesh)
-        mesh, rest = (relative(bar[judged], curve.P_star[judged]) for bar in parts)
+        at = curve.delta_star[judged]
+        mesh = relative(budget.mesh[judged], curve.P_star[judged])
+        rest = algebraic + (path.bar[substeps].at(at) if path else np.zeros(len(at)))
         left = np.maximum(goal.tolerance - rest, 0.1 * goal.tolerance)  # for the mesh, when the load steps have theirs
-        wanted = plan_next(sizes, coarse, float(np.max(mesh / left)), 1.0, safety)
+        wanted = plan_next(sizes, error_of(float(np.max(mesh / left)), ratio, safety), 1.0)
         room = (goal.max_dofs / result.dofs) ** (1.0 / run.growth_of_dofs())
         size = max(wanted, sizes[-1] / max(room, LEAST_STEP))
-        limit = run.limit(goal, float(rest.max()), sizes[-1], wanted if room < LEAST_STEP else size)
+        limit = run.limit(goal, float(rest.max()), sizes[-1], wanted if room < LEAST_STEP else size, substeps)
         if limit:
             reason = (
                 f"the force is known to {worst:.2%}, not to the {goal.tolerance:.2%} of accuracy.tolerance: {limit}"
             )
             return AccurateResult(curve, result.curve, budget, tuple(run.levels), result, worst, False, reason)
-        curves.append(result.curve)
+        curves.append(settled)
         del result
+        result = run(size, substeps)
 
 
 def _judged(curve: Curve, steps: int) -> npt.NDArray[np.bool_]:
@@ -229,107 +230,122 @@ def worst_error(curve: Curve, steps: int) -> float:
 
 
 @dataclass(frozen=True)
-class _PathError:
-    """Error of the force from the load steps, relative, at deflections of the guiding mesh.
-
-    Attributes:
-        delta_star: deflections (n,)
-        correction: relative error with the steps chosen (n,)
-        bar: relative error left after the correction (n,)
-    """
+class _Along:
+    """A relative error along the loading: values at deflections (n,), constant before the first and after the last."""
 
     delta_star: Floats
-    correction: Floats
-    bar: Floats
+    value: Floats
 
-
-def _choose_substeps(
-    run: Runner, curve: Curve, steps: int, order: float, wanted: float
-) -> tuple[_PathError, int, Curve]:
-    """Parts of each load step whose error bar is the wanted one, and the guide's curve with as many.
-
-    The guiding mesh is loaded in steps of 1, 2, 4 ... parts, and the limit extrapolated from the last two runs. What is
-    found there corrects the finest mesh as well; a part of the correction, which need not carry over and is itself
-    only known to leading order, is the bar.
-
-    Args:
-        run: solver of levels
-        curve: of the guiding mesh with whole steps
-        steps: planned ones
-        order: of the error in the step
-        wanted: relative error bar
-    """
-    at = curve.delta_star[_judged(curve, steps)]
-    curves = {1: curve}
-    P = [loading_force(curve, at)]
-    for doublings in range(1, MAX_DOUBLINGS + 1):
-        n = 2**doublings
-        curves[n] = run(GUIDE, n, loading_only=True).curve
-        P.append(loading_force(curves[n], at))
-        limit, _ = extrapolate(P[-2], P[-1], 2.0, order)
-        for n, values in zip(curves, P, strict=True):
-            correction = values / limit - 1.0
-            path = _PathError(at, correction, PATH_TRANSFER * steady(correction))
-            if np.max(path.bar) <= wanted:
-                return path, n, curves[n]
-    return path, n, curves[n]
+    def at(self, delta_star: Floats) -> Floats:
+        """Value at other deflections."""
+        return np.interp(delta_star, self.delta_star, self.value)
 
 
 @dataclass(frozen=True)
-class _Pair:
-    """What a level is extrapolated with.
+class _PathError:
+    """Error of the force from the load steps, relative, by the number of parts of each.
 
     Attributes:
-        coarse: curve of the level to extrapolate from
-        ratio: of its element size to that of the finest
-        safety: factor on the bar
-        before: extrapolated curve of the level before, if there was one
+        correction: error of the force
+        bar: error left after the correction
     """
 
-    coarse: Curve
-    ratio: float
-    safety: float
-    before: Curve | None
+    correction: dict[int, _Along]
+    bar: dict[int, _Along]
+
+
+def _choose_substeps(
+    run: Runner, guide: Curve, steps: int, order: float, goal: Goal
+) -> tuple[ContactResult, _PathError, int]:
+    """Solve on the first guided mesh for the error of the load steps, and choose the parts of each for the finer ones.
+
+    It is loaded in steps of 1, 2, 4 ... parts, and the limit extrapolated from the last two runs. What is found
+    corrects other meshes as well; a part of the correction, which need not carry over and is itself only known to
+    leading order, is the bar.
+
+    Args:
+        run: solver of levels
+        guide: curve of the guiding mesh with whole steps
+        steps: planned ones
+        order: of the error in the step
+        goal: what is asked for
+
+    Returns:
+        the result with the most parts, at least two; the error; the parts chosen, no more than these
+    """
+    result = run(FIRST * GUIDE)
+    at = result.curve.delta_star[_judged(result.curve, steps)]
+    P, n = {1: loading_force(result.curve, at)}, 1
+    ratio = run.levels[0].h / run.levels[-1].h
+    _, _, spread = extrapolate_mesh(loading_force(guide, at), P[1], ratio, safety_of(True))
+    while True:
+        n *= 2
+        del result
+        result = run(FIRST * GUIDE, n)
+        P[n] = loading_force(result.curve, at)
+        limit, _ = extrapolate(P[n // 2], P[n], 2.0, order)
+        errors = {k: values / limit - 1.0 for k, values in P.items()}
+        bars = {k: PATH_TRANSFER * steady(error) for k, error in errors.items()}
+        chosen = cheapest_substeps(bars, steady(spread / P[1]), goal.tolerance, order)
+        if chosen > n and run.limit(goal, 0.0, ratio, ratio, 2 * n):
+            chosen = n
+        if chosen <= n:
+            correction, bar = ({k: _Along(at, v) for k, v in of.items()} for of in (errors, bars))
+            return result, _PathError(correction, bar), chosen
+
+
+def _without_path_error(curve: Curve, path: _PathError | None, substeps: int) -> Curve:
+    """The curve corrected for its load steps.
+
+    Along the first loading by the corrections of the rows; later branches start from its end and take its correction
+    there.
+    """
+    if path is None:
+        return curve
+    factor = 1.0 / (1.0 + path.correction[substeps].at(curve.delta_star))
+    return _scaled(curve, factor[curve.branch == "load"])
+
+
+def _scaled(curve: Curve, factor: Floats) -> Curve:
+    """A curve with the forces of its first loading times a factor (n,), those of later branches times its last one."""
+    loading = curve.branch == "load"
+    of_row = factor[np.where(loading, np.cumsum(loading) - 1, len(factor) - 1)]
+    return replace(curve, force=curve.force * of_row, P_star=curve.P_star * of_row)
 
 
 def _correct(
-    result: ContactResult,
-    pair: _Pair,
+    fine: Curve,
+    coarse: Curve,
+    ratio: float,
+    safety: float,
     judged: npt.NDArray[np.bool_],
-    path: _PathError | None,
+    path: _Along | None,
+    algebraic: float,
 ) -> tuple[Curve, Budget]:
     """Extrapolated curve of the finest level with its error bars.
 
-    Along the first loading the corrections are those of the rows. Later branches start from its end: they take its
-    corrections there as a factor, and their bars keep its size.
+    Later branches start from the end of the first loading: their bars keep its size.
 
     Args:
-        result: of the finest level
-        pair: what to extrapolate with
+        fine, coarse: of the finest level and of the one to extrapolate from, without the error of their load steps
+        ratio: of their element sizes
+        safety: factor on the bar of the mesh
         judged: rows whose bars are; those before have larger ones that say nothing about their neighbours
-        path: error of the load steps
+        path: relative error left of the load steps
+        algebraic: relative error of the equations left unsolved
     """
-    curve = result.curve
-    loading = curve.branch == "load"
-    at = curve.delta_star[loading]
-    raw = curve.P_star[loading]
+    loading = fine.branch == "load"
+    at = fine.delta_star[loading]
+    raw = fine.P_star[loading]
     touching = np.where(raw > 0.0, raw, inf)  # what has no force has no relative error
-    _, mesh, spread = extrapolate_mesh(loading_force(pair.coarse, at), raw, pair.ratio, pair.safety)
-    correction, bar = mesh / touching, spread / touching
-    path_bar = np.zeros(len(raw))
-    if path is not None:
-        correction = correction + np.interp(at, path.delta_star, path.correction)
-        path_bar = np.interp(at, path.delta_star, path.bar)
-    if pair.before is not None:
-        moved = np.abs(loading_force(pair.before, at) * (1.0 + correction) / touching - 1.0) * (raw > 0.0)
-        bar = np.maximum(bar, MOVED * moved / pair.ratio ** MESH_ORDERS[0])
+    _, error, spread = extrapolate_mesh(loading_force(coarse, at), raw, ratio, safety)
+    curve = _scaled(fine, 1.0 / (1.0 + error / touching))  # positive, however much too stiff the coarse mesh is
+    bar = spread / touching
     mesh_bar = steady(bar)
     mesh_bar[judged[loading]] = steady(bar[judged[loading]])
+    path_bar = np.zeros(len(raw)) if path is None else path.at(at)
     rows = np.where(loading, np.cumsum(loading) - 1, len(raw) - 1)
-    factor = 1.0 / (1.0 + correction[rows])
-    P = curve.P_star * factor
-    scale = np.where(loading, P, P[loading][-1] if loading.any() else 0.0)
-    algebraic = np.full(len(curve), result.checks.force_balance) * scale
-    budget = Budget(mesh_bar[rows] * scale, path_bar[rows] * scale, algebraic)
-    corrected = replace(curve, force=curve.force * factor, P_star=P, error_P_star=budget.total)
-    return corrected, budget
+    P = curve.P_star
+    scale = np.where(loading, P, P[loading][-1])
+    budget = Budget(mesh_bar[rows] * scale, path_bar[rows] * scale, np.full(len(P), algebraic) * scale)
+    return replace(curve, error_P_star=budget.total), budget

@@ -21,6 +21,8 @@ Nodes = npt.NDArray[np.int64]
 NEAR = 1e-9  # what counts as the same place [L]
 #: Corners at the ends of the edges on which the nodes 4 to 9 of a second-order tetrahedron of gmsh lie.
 EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3))
+#: Nodes of its faces, corners first.
+FACES = ((1, 2, 3, 5, 8, 9), (0, 2, 3, 6, 7, 8), (0, 1, 3, 4, 7, 9), (0, 1, 2, 4, 5, 6))
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,10 @@ class BlockMesh:
                 f"x = {cx:.4g}, y = {cy:.4g}, z = {cz:.4g}: some are missing, doubled, or do not meet face to face; "
                 "mesh the case again"
             )
+        a, b, c = np.moveaxis(self.points[faces[near[4, faces].all(axis=1), :3]], 1, 0)
+        base = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / surface.L**2
+        if abs(base - 1.0) > 1e-6:
+            raise MeshError(f"mesh.file: the faces on the base cover {base:.6g} of it; mesh the case again")
         ends = np.sort(self.tets[:, EDGES].reshape(-1, 2), axis=1)
         edges = np.column_stack([ends, self.tets[:, 4:].ravel()])[np.lexsort(ends.T)]
         torn = (np.diff(edges, axis=0) != 0) @ np.array([2, 2, 1]) == 1
@@ -108,14 +114,15 @@ class BlockMesh:
 
 
 def outer_faces(tets: Nodes) -> Nodes:
-    """Corners of the faces that do not belong to two tetrahedra (n, 3), sorted; in a whole mesh those on its outside.
+    """Nodes of the faces that do not belong to two tetrahedra (n, 6), corners first; in a whole mesh those outside.
 
     Args:
-        tets: node numbers (M, 4 or more), the corners first
+        tets: node numbers (M, 10)
     """
-    corners = np.sort(tets[:, :4], axis=1)
-    faces = np.concatenate([np.delete(corners, k, axis=1) for k in range(4)])
-    faces = faces[np.lexsort(faces.T)]
-    first = np.flatnonzero(np.append(True, np.any(np.diff(faces, axis=0) != 0, axis=1)))
+    faces = np.concatenate([tets[:, nodes] for nodes in FACES])
+    corners = np.sort(faces[:, :3], axis=1)
+    order = np.lexsort(corners.T)
+    new = np.any(np.diff(corners[order], axis=0) != 0, axis=1)
+    first = np.flatnonzero(np.append(True, new))
     times = np.diff(np.append(first, len(faces)))
-    return faces[first[times != 2]]
+    return faces[order[first[times != 2]]]

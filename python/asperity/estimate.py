@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import ceil, log2
+from math import log2
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from .block import BlockMesh
 from .errors import InputError
-from .mesh import SizeField
-from .refinement import ELASTIC_SAFETY, PLASTIC_SAFETY, STEP_ORDERS, STEPS_SHARE, growth, meshes
+from .mesh import GRADING, GUIDED, SizeField
+from .refinement import GUIDE, STEP_ORDERS, cheapest_substeps, growth, meshes
 from .schedule import BACKWARD_EULER, MIDPOINT, Schedule
 
 if TYPE_CHECKING:
@@ -124,24 +126,24 @@ def _plan(case: Case) -> list[tuple[float, int]]:
     loading, plastic = case.loading, case.material.yield_strength is not None
     integrator = loading.integrator if plastic else BACKWARD_EULER
 
-    def steps(substeps: int = 1, whole: bool = True) -> int:
+    def steps(substeps: int = 1) -> int:
         schedule = Schedule(delta_max=1.0, steps=loading.steps, integrator=integrator, substeps=substeps)
-        unloading = loading.unload_steps if loading.unload and whole else 0
-        return (len(schedule.stops()) + unloading) * (loading.cycles if whole else 1)
+        unloading = loading.unload_steps if loading.unload else 0
+        return (len(schedule.stops()) + unloading) * loading.cycles
 
     if case.accuracy.tolerance is None:
         return [(case.mesh.h_contact, steps())]
     L = case.surface.L
-    guide, *finer = meshes(TYPICAL_BAR, case.accuracy.tolerance, PLASTIC_SAFETY if plastic else ELASTIC_SAFETY)
-    levels = [(guide * L, steps())]
-    substeps = 1
+    left, substeps, probes = case.accuracy.tolerance, 1, []
     if plastic:
-        left = TYPICAL_STEP_BAR[integrator] / (STEPS_SHARE * case.accuracy.tolerance)
-        halvings = ceil(max(log2(left) / STEP_ORDERS[integrator], 0.0))
-        substeps = 2**halvings
-        # the first mesh has to show that they are enough, with half of the whole steps at the least
-        levels += [(guide * L, steps(2**k, whole=False)) for k in range(1, max(halvings, 1) + 1)]
-    return levels + [(h * L, steps(substeps)) for h in finer]
+        whole, order = TYPICAL_STEP_BAR[integrator], STEP_ORDERS[integrator]
+        substeps = cheapest_substeps({1: np.array([whole])}, np.array([TYPICAL_BAR]), left, order)
+        left = max(left - whole * substeps**-order, 0.1 * left)
+    guide, *finer = meshes(TYPICAL_BAR, left)
+    if plastic:  # the second mesh measures the error of the steps, with two parts at the least
+        probes = [(finer[0] * L, steps(2**k)) for k in range(max(int(log2(substeps)), 1) + 1)]
+        finer = finer[1:]
+    return [(guide * L, steps()), *probes, *((h * L, steps(substeps)) for h in finer)]
 
 
 def _given_dofs(case: Case) -> int:
@@ -154,7 +156,8 @@ def count_dofs(surface: Surface, case: Case, h_contact: float) -> int:
     mesh, L = case.mesh, surface.L
     adaptive = case.accuracy.tolerance is not None
     rate, h_max = (growth(h_contact / L), None) if adaptive else (mesh.growth, mesh.h_max)
-    field = SizeField.of(surface, case.loading.delta_max, h_contact, growth=rate, h_max=h_max)
+    grading = GUIDED if adaptive and h_contact < GUIDE * L else GRADING
+    field = SizeField.of(surface, case.loading.delta_max, h_contact, growth=rate, h_max=h_max, grading=grading)
     nodes = NODES + NODES_OF_GROWTH * rate
     return round(3 * nodes * integral(field.at, case.block.height / L))
 

@@ -12,10 +12,12 @@ from .block import BlockMesh
 from .errors import InputError
 from .loading import Callback
 from .material import Material
-from .mesh import Reach
+from .mesh import Reach, is_distorted
 from .refinement import DOFS_ORDER, growth
 from .statics import ContactResult, MeshSize, make_block, solve_contact
 from .surface import Surface
+
+SMALLEST_H_MAX = 0.05  # of elements away from the contact, which hardly bear anything [L]
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,7 @@ class Runner:
         self._start = perf_counter()
         self._reach: Reach | None = None
         self._depth: float | None = settings["delta_max"]
+        self._h_max = 0.25 * surface.L  # of the elements away from the contact; smaller on a surface too steep for it
         self._made: tuple[float, BlockMesh | None] | None = None  # the last mesh and its size [length]
         self._guided, self._first = False, True  # whether meshes are guided, and none of these was allowed so far
         self.levels: list[Level] = []
@@ -101,17 +104,23 @@ class Runner:
     def _mesh(self, h: float) -> tuple[BlockMesh | None, float]:
         """Mesh of size h [length], or the finest that the greatest number of dofs allows, and its size; collective.
 
+        Its largest elements are small enough not to be turned inside out by the slopes, if that is possible.
+
         Raises:
             InputError: not even the first meshes are allowed
         """
-        if self._made is not None and self._made[0] == h:  # the guide again, in more steps
+        if self._made is not None and self._made[0] == h:  # once more, in other steps
             return self._made[1], h
         comm = self._comm
         height = self._settings.get("height") or self._surface.L
         assert self._depth is not None
         while True:
-            size = MeshSize(h, growth=growth(h / self._surface.L), reach=self._reach)
+            size = MeshSize(h, growth(h / self._surface.L), self._h_max, self._reach)
             block = make_block(comm, self._surface, height, self._depth, size)
+            turned = comm.bcast(block is not None and is_distorted(block), root=0)
+            if turned and self._h_max > SMALLEST_H_MAX * self._surface.L:
+                self._h_max *= 0.7
+                continue
             dofs = comm.bcast(None if block is None else 3 * len(block.points), root=0)
             if dofs <= self._max_dofs:
                 self._made = h, block
@@ -124,16 +133,16 @@ class Runner:
                 )
             h *= 1.02 * (dofs / self._max_dofs) ** (1.0 / DOFS_ORDER)
 
-    def __call__(self, h: float, substeps: int = 1, loading_only: bool = False) -> ContactResult:
+    def __call__(self, h: float, substeps: int = 1) -> ContactResult:
         """Curve with elements of size h [L], or of the smallest allowed, and load steps in so many parts."""
         start = perf_counter()
         L = self._surface.L
-        settings = self._settings | ({"unload_steps": 0, "cycles": 1} if loading_only else {})
+        settings = self._settings
         h, block = h * L, None
         if self._depth is not None:  # known in advance or from the guide
             block, h = self._mesh(h)
         if settings.get("checkpoint") is not None:  # other limits than those of a run continued may give another size
-            level = settings["checkpoint"].part(f"level-{len(self.levels) + 1}-{h / L:.6g}")
+            level = settings["checkpoint"].part(f"level-{len(self.levels) + 1}-{h / L:.6g}-{substeps}")
             settings = settings | {"checkpoint": level}
         result = solve_contact(
             self._surface,
@@ -156,24 +165,25 @@ class Runner:
         return lambda name: on_stage(f"{level}: {name}")
 
     def growth_of_dofs(self) -> float:
-        """Order of the dofs in 1/h, from the last two meshes; no less than the usual one."""
+        """Order of the dofs in 1/h, from the last two guided meshes; no less than the usual one."""
         before, last = self.levels[-2:]
-        if not last.h < before.h:
+        if len(self.levels) < 3 or not last.h < before.h:
             return DOFS_ORDER
         return max(DOFS_ORDER, log(last.dofs / before.dofs) / log(before.h / last.h))
 
-    def limit(self, goal: Goal, rest: float, size: float, finer: float) -> str:
+    def limit(self, goal: Goal, rest: float, size: float, finer: float, substeps: int) -> str:
         """Why the next level must not be computed; empty when it may; collective, by the clock of rank 0.
 
         Args:
             goal: with the limits
             rest: greatest relative error bar of what is not the mesh
             size, finer: elements of the last level and of the next [L]
+            substeps: of the next level
         """
-        reason = self._limit(goal, rest, size / finer)
+        reason = self._limit(goal, rest, size / finer, substeps)
         return str(self._comm.bcast(reason, root=0))
 
-    def _limit(self, goal: Goal, rest: float, refinement: float) -> str:
+    def _limit(self, goal: Goal, rest: float, refinement: float, substeps: int) -> str:
         if rest > 0.9 * goal.tolerance:
             return "what is left comes from the load steps, raise loading.steps"
         last = self.levels[-1]
@@ -182,7 +192,7 @@ class Runner:
         if dofs > goal.max_dofs:
             return f"the next mesh has about {dofs} dofs, accuracy.max_dofs = {goal.max_dofs} allows no more"
         elapsed = max(perf_counter() - self._start, sum(level.seconds for level in self.levels))
-        needed = last.seconds * refinement ** (1.2 * order)
+        needed = last.seconds * substeps / last.substeps * refinement ** (1.2 * order)
         if goal.max_seconds is not None and elapsed + needed > goal.max_seconds:
             return (
                 f"the next mesh takes about {needed:.0f} s after the {elapsed:.0f} s so far, accuracy.max_seconds = "

@@ -28,7 +28,10 @@ if TYPE_CHECKING:
 
 BASE, SIDE_X, SIDE_Y, TOP = 1, 2, 3, 4
 
-FLAT = 1e-12  # depth below which a surface counts as plane [L]
+FLAT = 1e-12  # difference of depths below which a surface counts as touched at once [L]
+#: Exponent of the size in the depth, and least size over h_contact. A spot grows with the root of the depth; where it
+#: is known what was touched when, more makes the errors of the steps of a rough surface alike (docs/accuracy.md).
+GRADING, GUIDED = (0.5, 0.2), (0.75, 0.15)
 NEIGHBOURS = 6  # corners and edges of a facet: a margin of an element around what was touched
 
 Floats = npt.NDArray[np.float64]
@@ -57,9 +60,9 @@ class Reach:
 class SizeField:
     """Element size around the part of a surface that a flat reaches.
 
-    On the surface the size is h_contact sqrt(gap/delta_max), gap being the depth below the summit: a contact
-    spot that has just been touched is small, so the summit needs the finest elements, while what is touched last
-    only has to be as fine as h_contact. It is kept between `h_min` and h_contact there and grows by `growth` per
+    On the surface the size is h_contact (gap/delta_max)^p, gap being the depth below the summit: a
+    contact spot that has just been touched is small, so the summit needs the finest elements, while what is touched
+    last only has to be as fine as h_contact. It is kept between `h_min` and h_contact there and grows by `growth` per
     unit of distance elsewhere, up to h_max.
 
     All lengths are in units of L and free of the round-off of other units: gmsh makes another mesh of a size that
@@ -89,13 +92,15 @@ class SizeField:
         growth: float = 0.25,
         h_max: float | None = None,
         reach: Reach | None = None,
+        grading: tuple[float, float] | None = None,
         levels: int = 8,
         grid: int = 257,
     ) -> SizeField:
         """Build the field for a flat that moves by `delta_max` from first touch.
 
         The sizes are given as lengths like those of the surface. With a `reach` the deflection that touched a point
-        takes the place of its depth below the summit, which is only the least deflection that can touch it.
+        takes the place of its depth below the summit, which is only the least deflection that can touch it. The
+        `grading` is the power p and the least size over h_contact: GRADING, or GUIDED with a reach.
         """
         L = surface.L
         delta_max, h_contact = _rounded(delta_max / L), _rounded(h_contact / L)
@@ -103,15 +108,17 @@ class SizeField:
         if reach is not None:
             t = np.linspace(0.0, side, grid)
             gap = np.maximum(gap, reach.depth(*np.meshgrid((x0 + t) * L, (y0 + t) * L)) / L)
-        if h_min is None:  # a plane top is touched everywhere at once: it has no small spot
-            h_min = h_contact if float(gap.max()) <= FLAT else 0.2 * h_contact
+        at_once = float(gap.max() - gap.min()) <= FLAT  # there is no small spot
+        power, least = grading or (GRADING if reach is None else GUIDED)
+        if h_min is None:  # what a reach tells of the first spots ends with the first step of the guide
+            h_min = h_contact * (1.0 if at_once else min(max(least, (float(gap.min()) / delta_max) ** power), 1.0))
         else:
             h_min = min(_rounded(h_min / L), h_contact)
-        sizes = np.sqrt(np.linspace(h_min**2, h_contact**2, levels))
+        sizes = np.linspace(h_min ** (1.0 / power), h_contact ** (1.0 / power), levels) ** power
         spacing = side / (grid - 1)
         distances = np.empty((grid, grid, levels))
         for k, size in enumerate(sizes):
-            reached = gap <= _just_above(max((size / h_contact) ** 2 * delta_max, float(gap.min())))
+            reached = gap <= _just_above(max((size / h_contact) ** (1.0 / power) * delta_max, float(gap.min())))
             distances[:, :, k] = distance_transform_edt(~reached) * spacing
         greatest = 0.25 if h_max is None else _rounded(h_max / L)
         return SizeField(sizes, distances, (x0, y0, side), growth, greatest)
@@ -291,6 +298,14 @@ def _tag_facets(mesh: Any) -> Any:
         values[(np.abs(mid[:, axis]) < 1e-9) | (np.abs(mid[:, axis] - 1.0) < 1e-9)] = tag
     values[np.abs(mid[:, 2]) < 1e-9] = BASE
     return dmesh.meshtags(mesh, tdim - 1, facets, values)
+
+
+def is_distorted(block: BlockMesh) -> bool:
+    """Whether an element is turned inside out; in one process."""
+    from .bulk import least_jacobians
+
+    cells = block.tets[:, compat.gmsh_to_dolfinx(10)].astype(np.int32)
+    return bool(least_jacobians(block.points, cells).min() <= 0.0)
 
 
 def check_distortion(mesh: Any, surface: Surface) -> None:

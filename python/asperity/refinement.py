@@ -2,13 +2,12 @@
 
 The meshes of a family differ by one number, the element size in the contact. The force differs from the limit by
 c h^p, and the order p depends on the scene (docs/accuracy.md has the orders measured). The limit is therefore the mean
-of those that the ends of a range of orders give, and half their distance, times a safety factor, is its error bar. The
-bar is no less than what the limit moved since the mesh before leaves to be expected.
+of those that the ends of a range of orders give, and half their distance, times a safety factor, is its error bar.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import inf
 
 import numpy as np
@@ -20,19 +19,18 @@ Floats = npt.NDArray[np.float64]
 
 MESH_ORDERS = (1.3, 3.5)  # range of the order of the force in the element size, measured by benchmarks/accuracy.py
 MESH_ORDER = 2.0  # typical one, to plan with
-ELASTIC_SAFETY, PLASTIC_SAFETY = 1.15, 2.0  # on half the range of limits; plastic forces scatter more from mesh to mesh
-MOVED = 0.5  # part of what the limit moved since the mesh before that may be left
+SAFETY = 1.3  # on half the range of limits
 OF_GUIDE = 1.6  # times that where the coarser mesh is the guiding one, on which small spots hardly have an element
 GUIDE = 0.1  # size of the guiding mesh [L]
 FIRST = 0.5**0.5  # of the next one, over that of the guide
 SMALLEST_RATIO, LARGEST_RATIO = 1.6, 4.0  # of two sizes; below, scatter from mesh to mesh hides the order
 LEAST_STEP = 1.2  # from one size to the next
 FIRST_STEP = 2.5  # greatest one after the second mesh, for the guide only tells roughly how large errors are
-MARGIN = 0.8  # part of the tolerance that is planned for
+MARGIN = 0.9  # part of the tolerance that is planned for; all of it by the guide, whose grading makes errors look large
 COST_ORDER = 2.6  # time grows as h^-COST_ORDER
 DOFS_ORDER = 2.0  # dofs grow as h^-DOFS_ORDER: refinement is nearly confined to the contact
 STEP_ORDERS = {MIDPOINT: 2.0, BACKWARD_EULER: 1.0}  # of the force in the load step
-STEPS_SHARE = 0.5  # part of the tolerance the load steps should use; the mesh has what they leave
+MOST_SUBSTEPS = 32
 GROWTH = 0.25, 0.04  # growth of the element size around the contact, and the size in it that this belongs to [L]
 
 
@@ -63,7 +61,9 @@ def extrapolate(coarse: Floats, fine: Floats, ratio: float, order: float) -> tup
     return fine - error, error
 
 
-def extrapolate_mesh(coarse: Floats, fine: Floats, ratio: float, safety: float) -> tuple[Floats, Floats, Floats]:
+def extrapolate_mesh(
+    coarse: Floats, fine: Floats, ratio: float, safety: float = SAFETY
+) -> tuple[Floats, Floats, Floats]:
     """Limit of the force with the element size when the order is only known to lie in MESH_ORDERS.
 
     Args:
@@ -79,18 +79,23 @@ def extrapolate_mesh(coarse: Floats, fine: Floats, ratio: float, safety: float) 
     return limit, fine - limit, 0.5 * safety * np.abs(low - high)
 
 
-def bar_share(ratio: float, safety: float) -> float:
+def bar_share(ratio: float, safety: float = SAFETY) -> float:
     """Error bar of `extrapolate_mesh` over the difference of the two forces."""
     low, high = (1.0 / (ratio**p - 1.0) for p in MESH_ORDERS)
     return 0.5 * safety * (low - high)
 
 
-def safety_of(coarse: int, safety: float) -> float:
-    """Safety factor of an extrapolation from the mesh at that place; the first one is the guide."""
-    return OF_GUIDE * safety if coarse == 0 else safety
+def error_of(bar: float, ratio: float, safety: float) -> float:
+    """Error of the finer of two meshes when it has the typical order, from the error bar that they give."""
+    return bar / bar_share(ratio, safety) / (ratio**MESH_ORDER - 1.0)
 
 
-def plan_next(sizes: Sequence[float], coarse: int, bar: float, wanted: float, safety: float) -> float:
+def safety_of(guide: bool) -> float:
+    """Safety factor of an extrapolation, from the guide or another mesh."""
+    return OF_GUIDE * SAFETY if guide else SAFETY
+
+
+def plan_next(sizes: Sequence[float], error: float, wanted: float) -> float:
     """Element size of the next mesh [L], on the cheapest way to the wanted error bar.
 
     The force on a mesh h has the error bar that two meshes give it. It is met at once by a mesh that is fine enough to
@@ -98,23 +103,21 @@ def plan_next(sizes: Sequence[float], coarse: int, bar: float, wanted: float, sa
 
     Args:
         sizes: of the meshes so far, the guide first [L]
-        coarse: place of the one that the last was extrapolated from
-        bar: relative error bar on the last one
+        error: relative, of the force on the last one
         wanted: relative error bar asked for
-        safety: factor on the bars
     """
-    last, aim = sizes[-1], MARGIN * wanted
-    ratio = sizes[coarse] / last
-    error = bar / bar_share(ratio, safety_of(coarse, safety)) / (ratio**MESH_ORDER - 1.0)
-    greatest = FIRST_STEP if len(sizes) == 2 else LARGEST_RATIO
+    last, third = sizes[-1], len(sizes) == 2
+    # the third mesh is not extrapolated from the guide, which is graded in another way
+    least, greatest = (SMALLEST_RATIO, FIRST_STEP) if third else (LEAST_STEP, LARGEST_RATIO)
+    aim = wanted if third else MARGIN * wanted
     ways = [(inf, last / greatest)]
     for size in sizes[1:]:
-        enough = ratio_for(error * (size / last) ** MESH_ORDER, aim, safety)
-        step = max(last / size * enough, LEAST_STEP)
+        enough = ratio_for(error * (size / last) ** MESH_ORDER, aim)
+        step = max(last / size * enough, least)
         if enough < LARGEST_RATIO and step <= greatest and size / last * step <= LARGEST_RATIO:
             ways.append((step**COST_ORDER, last / step))
-    for step in np.linspace(LEAST_STEP, greatest, 100):
-        enough = ratio_for(error * step**-MESH_ORDER, aim, safety)
+    for step in np.linspace(least, greatest, 100):
+        enough = ratio_for(error * step**-MESH_ORDER, aim)
         if enough < LARGEST_RATIO:
             ways.append((step**COST_ORDER * (1.0 + enough**COST_ORDER), last / step))
     return float(min(ways)[1])
@@ -129,28 +132,51 @@ def partner(sizes: Sequence[float]) -> int:
     return max((k for k, h in enumerate(sizes[:-1]) if h >= 0.999 * SMALLEST_RATIO * sizes[-1]), default=0)
 
 
-def meshes(bar: float, wanted: float, safety: float) -> list[float]:
+def meshes(bar: float, wanted: float) -> list[float]:
     """Sizes of all meshes of a run [L] when the force has the typical order.
 
     Args:
         bar: relative error bar on the second mesh, the first to have one
         wanted: relative error bar asked for
-        safety: factor on the bars
     """
-    sizes, coarse, ratio = [GUIDE, FIRST * GUIDE], 0, 1.0 / FIRST
-    error = bar / (bar_share(ratio, OF_GUIDE * safety) * (ratio**MESH_ORDER - 1.0))
+    sizes = [GUIDE, FIRST * GUIDE]
+    error = first = error_of(bar, 1.0 / FIRST, safety_of(True))
     while bar > wanted:
-        sizes.append(plan_next(sizes, coarse, bar, wanted, safety))
+        sizes.append(plan_next(sizes, error, wanted))
         coarse = partner(sizes)
-        ratio = sizes[coarse] / sizes[-1]
-        here = error * (sizes[-1] / sizes[1]) ** MESH_ORDER
-        bar = bar_share(ratio, safety_of(coarse, safety)) * (ratio**MESH_ORDER - 1.0) * here
+        error = first * (sizes[-1] / sizes[1]) ** MESH_ORDER
+        bar = error / error_of(1.0, sizes[coarse] / sizes[-1], safety_of(coarse == 0))
     return sizes
 
 
-def ratio_for(error: float, wanted: float, safety: float) -> float:
+def cheapest_substeps(bars: Mapping[int, Floats], mesh: Floats, tolerance: float, order: float) -> int:
+    """Equal parts of each load step with which the tolerance is met at the least cost: more leave more to the mesh.
+
+    Args:
+        bars: relative error bars of the load steps at some deflections (n,), by their parts; of more parts than the
+            last, they are taken to fall with the order
+        mesh: relative error bars of the last mesh there (n,)
+        tolerance: relative error bar asked for
+        order: of the error in the step
+
+    Returns:
+        the parts; the most of `bars` when no number would do
+    """
+    last = max(bars)
+    known = dict(bars)
+    while 2 * max(known) <= MOST_SUBSTEPS:
+        known[2 * max(known)] = bars[last] * (2 * max(known) / last) ** -order
+    costs = {}
+    for n, bar in known.items():
+        if np.all(bar < 0.9 * tolerance):
+            finer = max(float(np.max(mesh / (tolerance - bar))), 1.0)
+            costs[n] = n * finer ** (COST_ORDER / MESH_ORDER)
+    return min(costs, key=lambda n: costs[n], default=last)
+
+
+def ratio_for(error: float, wanted: float) -> float:
     """Ratio to a finer element size whose bar should be the wanted one, when the coarser one has this error."""
     ratios = np.linspace(SMALLEST_RATIO, LARGEST_RATIO, 200)
-    bars = np.array([bar_share(ratio, safety) * (1.0 - ratio**-MESH_ORDER) for ratio in ratios]) * error
+    bars = np.array([bar_share(ratio) * (1.0 - ratio**-MESH_ORDER) for ratio in ratios]) * error
     enough = np.flatnonzero(bars <= wanted)
     return float(ratios[enough[0]]) if len(enough) else LARGEST_RATIO

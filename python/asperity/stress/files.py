@@ -85,7 +85,7 @@ def with_slivers(block: BlockMesh, count: int = 4) -> BlockMesh:
         ValueError: the mesh has not so many inner corners away from its top
     """
     points, corners = block.points.copy(), block.tets[:, :4]
-    inner, top = _inner_and_top(points, corners)
+    inner, top = _inner_and_top(points, block.tets)
     near = {int(node) for node in top}
     for node in inner:
         around = corners[(corners == node).any(axis=1)]
@@ -109,17 +109,17 @@ def with_slivers(block: BlockMesh, count: int = 4) -> BlockMesh:
 def with_turned_element(block: BlockMesh) -> BlockMesh:
     """Move a corner inside a mesh through the opposite face of a tetrahedron."""
     points, corners = block.points.copy(), block.tets[:, :4]
-    inner, top = _inner_and_top(points, corners)
+    inner, top = _inner_and_top(points, block.tets)
     cell = corners[(corners == inner[0]).any(axis=1)][0]
     points[inner[0]] += 1.5 * (points[cell[cell != inner[0]]].mean(axis=0) - points[inner[0]])
     return replace(block, points=_straightened(points, block.tets, top))
 
 
-def _inner_and_top(points: Floats, corners: Nodes) -> tuple[Nodes, Nodes]:
-    """Corners on no outer face (a face inside belongs to two tetrahedra), and those on the only one not plane."""
-    outer = outer_faces(corners)
+def _inner_and_top(points: Floats, tets: Nodes) -> tuple[Nodes, Nodes]:
+    """Corners on no outer face, and those on the only one not plane."""
+    outer = outer_faces(tets)[:, :3]
     plane = np.any(np.ptp(points[outer], axis=1) == 0.0, axis=1)
-    return np.setdiff1d(corners, outer), np.unique(outer[~plane])
+    return np.setdiff1d(tets[:, :4], outer), np.unique(outer[~plane])
 
 
 def _straightened(points: Floats, tets: Nodes, top: Nodes) -> Floats:
