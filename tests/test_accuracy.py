@@ -20,6 +20,7 @@ from asperity.refinement import (
     MESH_ORDER,
     SMALLEST_RATIO,
     bar_share,
+    cheapest_substeps,
     extrapolate,
     extrapolate_mesh,
     meshes,
@@ -102,6 +103,22 @@ def test_plan_meets_the_bar_and_does_not_waste(wanted: float) -> None:
     enough = sizes[1] / ratio_for(scale * sizes[1] ** MESH_ORDER, wanted)
     if sizes[1] / enough < 4.0 and len(sizes) > 3:
         assert np.sum(sizes[2:] ** -COST_ORDER) <= 1.05 * enough**-COST_ORDER
+
+
+def test_load_steps_are_divided_where_that_is_cheaper_than_a_finer_mesh() -> None:
+    mesh, order = np.array([0.04, 0.02]), 2.0
+    bars = {n: np.array([0.004, 0.012]) / n**order for n in (1, 2)}
+
+    def cost(n: int, tolerance: float) -> float:
+        left = tolerance - bars[1] / n**order
+        return float(n * np.max(mesh / left) ** (COST_ORDER / MESH_ORDER)) if np.all(left > 0.1 * tolerance) else np.inf
+
+    for tolerance, best in ((0.01, 2), (1e-3, 8)):  # the last has to be tried first
+        assert cheapest_substeps(bars, mesh, tolerance, order) == best
+        assert best == min((1, 2, 4, 8, 16, 32), key=lambda n: cost(n, tolerance))
+    assert cheapest_substeps(bars, mesh, 0.1, order) == 1  # the mesh suffices already
+    assert cheapest_substeps(bars, 0.0 * mesh, 0.1, order) == 1
+    assert cheapest_substeps(bars, mesh, 1e-6, order) == 2  # none would do
 
 
 def test_a_mesh_is_never_extrapolated_from_one_of_nearly_its_size() -> None:
@@ -207,6 +224,16 @@ def test_load_steps_are_extrapolated_by_the_order_of_the_integrator() -> None:
     assert other_step > 2.0 * step
     assert abs(P - other) <= bar + other_bar
     assert abs(P - other) < abs(P - euler.raw.P_star[-1])
+
+
+def test_unloading_follows_an_extrapolated_elastic_plastic_loading() -> None:
+    """The finest curve is scaled as a whole at its greatest load, and keeps the bar it has there."""
+    result = solve_to_tolerance(bump(), PLASTIC, Goal(0.2), delta_max=0.04, steps=3, unload_steps=2)
+    curve, raw = result.curve, result.raw
+    last = int(np.flatnonzero(curve.branch == "load")[-1])
+    assert result.met and curve.branch[last + 1] == "unload"
+    np.testing.assert_allclose(curve.P_star[last:] * raw.P_star[last], raw.P_star[last:] * curve.P_star[last])
+    assert np.all(curve.error_P_star[last:] == curve.error_P_star[last])
 
 
 def test_one_step_and_steps_without_force() -> None:
