@@ -174,7 +174,7 @@ def mesh_of(
     while True:
         field = SizeField.of(surface, delta, h, growth=growth(h), h_max=h_max, reach=reach, grading=grading)
         block = build_block(surface, surface.L, field.at)
-        if not is_distorted(block):
+        if not is_distorted(MPI.COMM_WORLD, block):
             return block
         h_max *= 0.7
 

@@ -117,8 +117,7 @@ class Runner:
         while True:
             size = MeshSize(h, growth(h / self._surface.L), self._h_max, self._reach)
             block = make_block(comm, self._surface, height, self._depth, size)
-            turned = comm.bcast(block is not None and is_distorted(block), root=0)
-            if turned and self._h_max > SMALLEST_H_MAX * self._surface.L:
+            if is_distorted(comm, block) and self._h_max > SMALLEST_H_MAX * self._surface.L:
                 self._h_max *= 0.7
                 continue
             dofs = comm.bcast(None if block is None else 3 * len(block.points), root=0)

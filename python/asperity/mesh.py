@@ -300,12 +300,18 @@ def _tag_facets(mesh: Any) -> Any:
     return dmesh.meshtags(mesh, tdim - 1, facets, values)
 
 
-def is_distorted(block: BlockMesh) -> bool:
-    """Whether an element is turned inside out; in one process."""
+def is_distorted(comm: MPI.Comm, block: BlockMesh | None) -> bool:
+    """Whether an element of the block on rank 0 is turned inside out; collective."""
+    import dolfinx  # noqa: F401  # starts PETSc, which all ranks have to do together
+
     from .bulk import least_jacobians
 
-    cells = block.tets[:, compat.gmsh_to_dolfinx(10)].astype(np.int32)
-    return bool(least_jacobians(block.points, cells).min() <= 0.0)
+    def worst() -> float:
+        assert block is not None
+        cells = block.tets[:, compat.gmsh_to_dolfinx(10)].astype(np.int32)
+        return float(least_jacobians(block.points, cells).min())
+
+    return bool(comm.bcast(on_root(comm, worst), root=0) <= 0.0)
 
 
 def check_distortion(mesh: Any, surface: Surface) -> None:
