@@ -236,6 +236,19 @@ def test_unloading_follows_an_extrapolated_elastic_plastic_loading() -> None:
     assert np.all(curve.error_P_star[last:] == curve.error_P_star[last])
 
 
+@pytest.mark.mpi
+def test_a_run_with_a_tolerance_does_not_depend_on_the_ranks() -> None:
+    from mpi4py import MPI
+
+    together, alone = (
+        solve_to_tolerance(bump(), PLASTIC, Goal(0.2), delta_max=0.04, steps=2, comm=comm)
+        for comm in (MPI.COMM_WORLD, MPI.COMM_SELF)
+    )
+    assert [level.dofs for level in together.levels] == [level.dofs for level in alone.levels]
+    np.testing.assert_allclose(together.curve.P_star, alone.curve.P_star, rtol=1e-7)
+    np.testing.assert_allclose(together.curve.error_P_star, alone.curve.error_P_star, rtol=1e-4)
+
+
 def test_one_step_and_steps_without_force() -> None:
     one = Curve.from_rows([{"delta": 0.1, "force": 1.0, "delta_star": 0.1, "P_star": 2.0}])
     assert loading_force(one, np.array([0.1, 0.4])) == pytest.approx([2.0, 16.0])
