@@ -29,7 +29,8 @@ from mpi4py import MPI
 import asperity as asp
 from asperity.accuracy import Goal, loading_force, solve_to_tolerance, steady
 from asperity.block import BlockMesh
-from asperity.mesh import GRADING, GUIDED, Reach, SizeField, build_block, is_distorted
+from asperity.levels import make_undistorted
+from asperity.mesh import GRADING, GUIDED, Reach
 from asperity.refinement import (
     GUIDE,
     LARGEST_RATIO,
@@ -168,15 +169,10 @@ def forces(
 
 def mesh_of(
     surface: asp.Surface, delta: float, h: float, reach: Reach | None, grading: tuple[float, float]
-) -> BlockMesh:
+) -> BlockMesh | None:
     """A mesh as a run with a tolerance makes it, with a given grading."""
-    h_max = 0.25 * surface.L
-    while True:
-        field = SizeField.of(surface, delta, h, growth=growth(h), h_max=h_max, reach=reach, grading=grading)
-        block = build_block(surface, surface.L, field.at)
-        if not is_distorted(MPI.COMM_WORLD, block):
-            return block
-        h_max *= 0.7
+    size = asp.MeshSize(h, growth(h), reach=reach, grading=grading)
+    return make_undistorted(MPI.COMM_WORLD, surface, surface.L, delta, size)[0]
 
 
 def orders() -> None:

@@ -287,7 +287,7 @@ def _choose_substeps(
         errors = {k: values / limit - 1.0 for k, values in P.items()}
         bars = {k: PATH_TRANSFER * steady(error) for k, error in errors.items()}
         chosen = cheapest_substeps(bars, steady(spread / P[1]), goal.tolerance, order)
-        if chosen > n and run.limit(goal, 0.0, ratio, ratio, 2 * n):
+        if chosen > n and run.limit(goal, 0.0, FIRST * GUIDE, FIRST * GUIDE, 2 * n):
             chosen = n
         if chosen <= n:
             correction, bar = ({k: _Along(at, v) for k, v in of.items()} for of in (errors, bars))
@@ -306,10 +306,14 @@ def _without_path_error(curve: Curve, path: _PathError | None, substeps: int) ->
     return _scaled(curve, factor[curve.branch == "load"])
 
 
+def _rows_of_loading(loading: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+    """Place of each row among those of the first loading (rows,); of later branches that of its last one."""
+    return np.where(loading, np.cumsum(loading), np.count_nonzero(loading)) - 1
+
+
 def _scaled(curve: Curve, factor: Floats) -> Curve:
     """A curve with the forces of its first loading times a factor (n,), those of later branches times its last one."""
-    loading = curve.branch == "load"
-    of_row = factor[np.where(loading, np.cumsum(loading) - 1, len(factor) - 1)]
+    of_row = factor[_rows_of_loading(curve.branch == "load")]
     return replace(curve, force=curve.force * of_row, P_star=curve.P_star * of_row)
 
 
@@ -344,7 +348,7 @@ def _correct(
     mesh_bar = steady(bar)
     mesh_bar[judged[loading]] = steady(bar[judged[loading]])
     path_bar = np.zeros(len(raw)) if path is None else path.at(at)
-    rows = np.where(loading, np.cumsum(loading) - 1, len(raw) - 1)
+    rows = _rows_of_loading(loading)
     P = curve.P_star
     scale = np.where(loading, P, P[loading][-1])
     budget = Budget(mesh_bar[rows] * scale, path_bar[rows] * scale, np.full(len(P), algebraic) * scale)

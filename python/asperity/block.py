@@ -21,8 +21,8 @@ Nodes = npt.NDArray[np.int64]
 NEAR = 1e-9  # what counts as the same place [L]
 #: Corners at the ends of the edges on which the nodes 4 to 9 of a second-order tetrahedron of gmsh lie.
 EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3))
-#: Nodes of its faces, corners first.
-FACES = ((1, 2, 3, 5, 8, 9), (0, 2, 3, 6, 7, 8), (0, 1, 3, 4, 7, 9), (0, 1, 2, 4, 5, 6))
+#: Nodes of its faces: corners, and then the edges 01, 12, 20 of the face.
+FACES = ((0, 1, 2, 4, 5, 6), (0, 1, 3, 4, 9, 7), (0, 2, 3, 6, 8, 7), (1, 2, 3, 5, 8, 9))
 
 
 @dataclass(frozen=True)
@@ -114,14 +114,14 @@ class BlockMesh:
 
 
 def outer_faces(tets: Nodes) -> Nodes:
-    """Nodes of the faces that do not belong to two tetrahedra (n, 6), corners first; in a whole mesh those outside.
+    """Nodes of the faces that do not belong to two tetrahedra (n, 6), as in FACES; in a whole mesh those outside.
 
     Args:
         tets: node numbers (M, 10)
     """
     faces = np.concatenate([tets[:, nodes] for nodes in FACES])
     corners = np.sort(faces[:, :3], axis=1)
-    order = np.lexsort(corners.T)
+    order = np.lexsort(corners.T[::-1])
     new = np.any(np.diff(corners[order], axis=0) != 0, axis=1)
     first = np.flatnonzero(np.append(True, new))
     times = np.diff(np.append(first, len(faces)))

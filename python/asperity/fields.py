@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .block import BlockMesh
+from .block import BlockMesh, outer_faces
 from .gather import cell_numbers, collect, node_numbers
 from .press import Snapshot
 from .statics import ContactResult
@@ -80,12 +80,8 @@ def _on_edges(top: Top, snapshot: Snapshot) -> Array:
 
 
 def top_facets(block: BlockMesh) -> npt.NDArray[np.int64]:
-    """Facets of the top, corners and then edges 01, 12, 20 (K, 6); found as the faces used once and not plane."""
-    faces = ((0, 1, 2, 4, 5, 6), (0, 1, 3, 4, 9, 7), (0, 2, 3, 6, 8, 7), (1, 2, 3, 5, 8, 9))
-    every = np.concatenate([block.tets[:, f] for f in faces])
-    key = np.sort(every[:, :3], axis=1)
-    _, first, count = np.unique(key, axis=0, return_index=True, return_counts=True)
-    outer = every[first[count == 1]]
+    """Facets of the top, corners and then edges 01, 12, 20 (K, 6); found as the outer faces that are not plane."""
+    outer = outer_faces(block.tets)
     x, L = block.points[outer[:, :3]], block.side
     eps = 1e-9 * L
     on_side = np.zeros(len(outer), dtype=bool)

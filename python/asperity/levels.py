@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .block import BlockMesh
 from .errors import InputError
@@ -16,6 +16,9 @@ from .mesh import Reach, is_distorted
 from .refinement import DOFS_ORDER, growth
 from .statics import ContactResult, MeshSize, make_block, solve_contact
 from .surface import Surface
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 SMALLEST_H_MAX = 0.05  # of elements away from the contact, which hardly bear anything [L]
 
@@ -58,6 +61,23 @@ class Level:
     seconds: float
 
 
+def make_undistorted(
+    comm: MPI.Comm, surface: Surface, height: float, delta_max: float, size: MeshSize
+) -> tuple[BlockMesh | None, float]:
+    """Mesh whose largest elements are, if possible, too small to be turned inside out, and their size; collective.
+
+    Args:
+        comm, surface, height, delta_max: as in `statics.make_block`
+        size: element sizes; h_max is made smaller as far as needed
+    """
+    while True:
+        block = make_block(comm, surface, height, delta_max, size)
+        h_max = 0.25 * surface.L if size.h_max is None else size.h_max
+        if not is_distorted(comm, block) or h_max <= SMALLEST_H_MAX * surface.L:
+            return block, h_max
+        size = replace(size, h_max=0.7 * h_max)
+
+
 class Runner:
     """Solves one level after the other and keeps the account; collective.
 
@@ -88,7 +108,7 @@ class Runner:
         self._start = perf_counter()
         self._reach: Reach | None = None
         self._depth: float | None = settings["delta_max"]
-        self._h_max = 0.25 * surface.L  # of the elements away from the contact; smaller on a surface too steep for it
+        self._h_max: float | None = None  # of the elements away from the contact; smaller on a surface too steep for it
         self._made: tuple[float, BlockMesh | None] | None = None  # the last mesh and its size [length]
         self._guided, self._first = False, True  # whether meshes are guided, and none of these was allowed so far
         self.levels: list[Level] = []
@@ -116,10 +136,7 @@ class Runner:
         assert self._depth is not None
         while True:
             size = MeshSize(h, growth(h / self._surface.L), self._h_max, self._reach)
-            block = make_block(comm, self._surface, height, self._depth, size)
-            if is_distorted(comm, block) and self._h_max > SMALLEST_H_MAX * self._surface.L:
-                self._h_max *= 0.7
-                continue
+            block, self._h_max = make_undistorted(comm, self._surface, height, self._depth, size)
             dofs = comm.bcast(None if block is None else 3 * len(block.points), root=0)
             if dofs <= self._max_dofs:
                 self._made = h, block

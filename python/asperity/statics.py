@@ -72,6 +72,7 @@ class MeshSize:
     growth: float = 0.25
     h_max: float | None = None
     reach: Reach | None = None
+    grading: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -133,7 +134,9 @@ def make_block(comm: MPI.Comm, surface: Surface, height: float, delta_max: float
     h = 0.04 * surface.L if size.h_contact is None else size.h_contact
 
     def build() -> BlockMesh:
-        field = SizeField.of(surface, delta_max, h, growth=size.growth, h_max=size.h_max, reach=size.reach)
+        field = SizeField.of(
+            surface, delta_max, h, growth=size.growth, h_max=size.h_max, reach=size.reach, grading=size.grading
+        )
         return build_block(surface, height, field.at)
 
     return on_root(comm, build)

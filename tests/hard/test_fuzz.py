@@ -340,6 +340,7 @@ def any_mesh_file_is_a_mesh_or_a_sentence(data: bytes) -> None:
             block.check(Flat(L=1.0))
         except InputError as error:
             return refused(error)
+        assert 0 <= block.tets.min() and block.tets.max() < len(block.points)
         a, b, c, d = np.moveaxis(block.points[block.tets[:, :4]], 1, 0)
         volume = np.abs(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a)).sum() / 6.0
         assert volume >= 1.0 - 1e-9  # whole: tetrahedra inside one another are refused when they are pressed
