@@ -36,11 +36,13 @@ from .refinement import (
     safety_of,
 )
 from .schedule import MIDPOINT
+from .solve import RTOL, SolverOptions
 from .statics import ContactResult
 from .surface import Surface
 
 Floats = npt.NDArray[np.float64]
 
+SOLVED = 1e-3  # part of the tolerance to which equations are solved; the force is off by far less
 PATH_TRANSFER = 0.5  # part of the load-step correction taken for its bar (docs/accuracy.md)
 
 
@@ -165,7 +167,10 @@ def solve_to_tolerance(
         raise InputError(
             "accuracy.tolerance chooses mesh and substeps: leave out mesh.h_contact, mesh.file and substeps"
         )
-    driven = dict(delta_max=delta_max, force_max=force_max, steps=steps)
+    options = settings.pop("options", None) or SolverOptions()
+    if options.rtol is None:
+        options = replace(options, rtol=max(RTOL, SOLVED * goal.tolerance))
+    driven = dict(delta_max=delta_max, force_max=force_max, steps=steps, options=options)
     run = Runner(surface, material, goal.max_dofs, driven | settings, on_stage, on_step)
     guide = run(GUIDE)
     run.aim(guide)
@@ -195,7 +200,7 @@ def solve_to_tolerance(
         mesh = relative(budget.mesh[judged], curve.P_star[judged])
         rest = algebraic + (path.bar[substeps].at(at) if path else np.zeros(len(at)))
         left = np.maximum(goal.tolerance - rest, 0.1 * goal.tolerance)  # for the mesh, when the load steps have theirs
-        wanted = plan_next(sizes, error_of(float(np.max(mesh / left)), ratio, safety), 1.0)
+        wanted = plan_next(sizes, error_of(float(np.max(mesh / left)), ratio, coarse == 0), 1.0)
         room = (goal.max_dofs / result.dofs) ** (1.0 / run.growth_of_dofs())
         size = max(wanted, sizes[-1] / max(room, LEAST_STEP))
         limit = run.limit(goal, float(rest.max()), sizes[-1], wanted if room < LEAST_STEP else size, substeps)

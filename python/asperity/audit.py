@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from .solid import Floats, Solid
 
 SUCTION = 1e-6  # greatest tension over greatest pressure
-EXACT = 1e-6  # penetration over deflection that exact contact may leave
+EXACT = 1e-6  # penetration over deflection that exact contact may leave, unless the solver's tolerance is larger
 ENERGY = 1e-6  # of the work done so far
 MIDPOINT_ENERGY = 0.05  # the same where the path is integrated by the midpoint rule
 ROUNDING = 1e-12
@@ -115,8 +115,8 @@ def audit(press: Press, before: Before, base: float, exact: bool = True) -> None
     unbalanced = abs(base - force)
     if force > 0.0:
         checks.force_balance = max(checks.force_balance, unbalanced / force)
-    options = press.newton.options
-    solved = sqrt(press.solid.dofs) * (options.rtol * force + 1e-15) + ROUNDING * force
+    rtol = press.newton.rtol
+    solved = sqrt(press.solid.dofs) * (rtol * force + 1e-15) + ROUNDING * force
     judge(
         "force_balance",
         unbalanced <= solved,
@@ -127,7 +127,7 @@ def audit(press: Press, before: Before, base: float, exact: bool = True) -> None
         checks.tension = max(checks.tension, suction / pressure)
     judge("tension", suction <= SUCTION * pressure + 1e-15, "the flat pulls on the surface")
 
-    slack = allowed + EXACT * abs(delta) + ROUNDING
+    slack = allowed + max(EXACT, rtol) * abs(delta) + ROUNDING
     checks.penetration = max(checks.penetration, penetration)
     judge("penetration", penetration <= slack, f"the surface penetrates the flat by {penetration:.3g} L")
 

@@ -21,12 +21,13 @@ MESH_ORDERS = (1.3, 3.5)  # range of the order of the force in the element size,
 MESH_ORDER = 2.0  # typical one, to plan with
 SAFETY = 1.3  # on half the range of limits
 OF_GUIDE = 1.6  # times that where the coarser mesh is the guiding one, on which small spots hardly have an element
+GUIDE_EXCESS = 1.8  # what the guide makes errors look larger than they are, by its own grading (docs/accuracy.md)
 GUIDE = 0.1  # size of the guiding mesh [L]
 FIRST = 0.5**0.5  # of the next one, over that of the guide
 SMALLEST_RATIO, LARGEST_RATIO = 1.6, 4.0  # of two sizes; below, scatter from mesh to mesh hides the order
 LEAST_STEP = 1.2  # from one size to the next
 FIRST_STEP = 2.5  # greatest one after the second mesh, for the guide only tells roughly how large errors are
-MARGIN = 0.9  # part of the tolerance that is planned for; all of it by the guide, whose grading makes errors look large
+MARGIN = 0.9  # part of the tolerance that is planned for
 COST_ORDER = 2.6  # time grows as h^-COST_ORDER
 DOFS_ORDER = 2.0  # dofs grow as h^-DOFS_ORDER: refinement is nearly confined to the contact
 STEP_ORDERS = {MIDPOINT: 2.0, BACKWARD_EULER: 1.0}  # of the force in the load step
@@ -85,9 +86,16 @@ def bar_share(ratio: float, safety: float = SAFETY) -> float:
     return 0.5 * safety * (low - high)
 
 
-def error_of(bar: float, ratio: float, safety: float) -> float:
-    """Error of the finer of two meshes when it has the typical order, from the error bar that they give."""
-    return bar / bar_share(ratio, safety) / (ratio**MESH_ORDER - 1.0)
+def error_of(bar: float, ratio: float, guide: bool) -> float:
+    """Error of the finer of two meshes when it has the typical order, from the error bar that they give.
+
+    Args:
+        bar: that they give
+        ratio: of their sizes
+        guide: whether the coarser one is the guide
+    """
+    error = bar / bar_share(ratio, safety_of(guide)) / (ratio**MESH_ORDER - 1.0)
+    return error / GUIDE_EXCESS if guide else error
 
 
 def safety_of(guide: bool) -> float:
@@ -109,15 +117,14 @@ def plan_next(sizes: Sequence[float], error: float, wanted: float) -> float:
     last, third = sizes[-1], len(sizes) == 2
     # the third mesh is not extrapolated from the guide, which is graded in another way
     least, greatest = (SMALLEST_RATIO, FIRST_STEP) if third else (LEAST_STEP, LARGEST_RATIO)
-    aim = wanted if third else MARGIN * wanted
     ways = [(inf, last / greatest)]
     for size in sizes[1:]:
-        enough = ratio_for(error * (size / last) ** MESH_ORDER, aim)
+        enough = ratio_for(error * (size / last) ** MESH_ORDER, MARGIN * wanted)
         step = max(last / size * enough, least)
         if enough < LARGEST_RATIO and step <= greatest and size / last * step <= LARGEST_RATIO:
             ways.append((step**COST_ORDER, last / step))
     for step in np.linspace(least, greatest, 100):
-        enough = ratio_for(error * step**-MESH_ORDER, aim)
+        enough = ratio_for(error * step**-MESH_ORDER, MARGIN * wanted)
         if enough < LARGEST_RATIO:
             ways.append((step**COST_ORDER * (1.0 + enough**COST_ORDER), last / step))
     return float(min(ways)[1])
@@ -140,12 +147,12 @@ def meshes(bar: float, wanted: float) -> list[float]:
         wanted: relative error bar asked for
     """
     sizes = [GUIDE, FIRST * GUIDE]
-    error = first = error_of(bar, 1.0 / FIRST, safety_of(True))
+    error = first = error_of(bar, 1.0 / FIRST, guide=True)
     while bar > wanted:
         sizes.append(plan_next(sizes, error, wanted))
         coarse = partner(sizes)
         error = first * (sizes[-1] / sizes[1]) ** MESH_ORDER
-        bar = error / error_of(1.0, sizes[coarse] / sizes[-1], safety_of(coarse == 0))
+        bar = error / error_of(1.0, sizes[coarse] / sizes[-1], coarse == 0)
     return sizes
 
 
