@@ -29,7 +29,6 @@ from mpi4py import MPI
 import asperity as asp
 from asperity.accuracy import Goal, loading_force, solve_to_tolerance, steady
 from asperity.block import BlockMesh
-from asperity.levels import make_undistorted
 from asperity.mesh import GRADING, GUIDED, Reach
 from asperity.refinement import (
     GUIDE,
@@ -39,6 +38,7 @@ from asperity.refinement import (
     extrapolate_mesh,
     growth,
 )
+from asperity.statics import make_block
 
 Floats = npt.NDArray[np.float64]
 Judged = tuple[Floats, Floats]  # relative error and bar at some deflections
@@ -172,7 +172,7 @@ def mesh_of(
 ) -> BlockMesh | None:
     """A mesh as a run with a tolerance makes it, with a given grading."""
     size = asp.MeshSize(h, growth(h), reach=reach, grading=grading)
-    return make_undistorted(MPI.COMM_WORLD, surface, surface.L, delta, size)[0]
+    return make_block(MPI.COMM_WORLD, surface, surface.L, delta, size)
 
 
 def orders() -> None:

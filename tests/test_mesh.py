@@ -24,9 +24,10 @@ from asperity.mesh import (
     build_block,
     check_distortion,
     distribute,
+    is_distorted,
 )
 from asperity.solid import Solid
-from asperity.statics import MeshSize, make_block, make_press
+from asperity.statics import MeshSize, make_block, make_press, make_undistorted
 from asperity.surface import Flat, Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 from asperity.top import Top
 
@@ -216,6 +217,21 @@ def test_a_surface_too_steep_for_its_mesh_is_refused() -> None:
     mesh, _ = distribute(here(), block, 1.0)
     with pytest.raises(MeshError, match=r"too steep .* size 0\.\d+ is turned inside out \(slope \d.*h_contact"):
         check_distortion(mesh, surface)
+
+
+@pytest.mark.mpi
+def test_large_elements_are_made_smaller_where_slopes_turn_them_inside_out() -> None:
+    """Only where no greatest size is given, and what bears the load is as fine as before."""
+    comm = world()
+    surface = Sinusoid(L=1.0, amplitude=0.05, wavelength=0.5, dims=2)  # slopes up to 0.6
+    size = MeshSize(0.15, growth=0.6)
+    assert is_distorted(comm, make_block(comm, surface, 1.0, 0.02, replace(size, h_max=0.25)))
+    block, h_max = make_undistorted(comm, surface, 1.0, 0.02, size)
+    assert 0.05 < h_max < 0.25 and not is_distorted(comm, block)
+    own = make_block(comm, surface, 1.0, 0.02, size)
+    if block is not None:
+        assert own is not None
+        np.testing.assert_array_equal(own.points, block.points)
 
 
 @pytest.mark.mpi

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 Floats = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
 
+H_CONTACT, H_MAX = 0.04, 0.25  # element sizes of a mesh when none are given [L]
 NEAR = 1e-9  # what counts as the same place [L]
 #: Corners at the ends of the edges on which the nodes 4 to 9 of a second-order tetrahedron of gmsh lie.
 EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3))

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
+from asperity.block import H_CONTACT
 from asperity.checks import Mistake, check_loading, check_together, doubts
 from asperity.errors import InputError
 from asperity.mistakes import sentence
@@ -188,7 +189,7 @@ def _complete(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         side = surface.get("L")
         if isinstance(side, float | int):
             _default(full, "block", height=side)
-            _default(full, "mesh", h_contact=0.04 * _as_float(side), h_max=0.25 * _as_float(side))
+            _default(full, "mesh", h_contact=H_CONTACT * _as_float(side))
         if surface.get("kind") == "weierstrass-mandelbrot" and "L_s" not in surface:
             surface.setdefault("f_max", 5)
     loading = full.get("loading")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
+from asperity.block import H_MAX
 from asperity.errors import InputError
 from asperity.schema import Input, show
 
@@ -99,8 +100,9 @@ def _check_lengths(case: Input) -> None:
                 f"= {value:g} is {value / side:.2g} of surface.L = {side:g}, legal are {low:g} to "
                 f"{high:g}; give all lengths in the same unit (m)",
             )
-    if case.mesh.h_contact > case.mesh.h_max:
-        _refuse("mesh.h_contact", f"= {case.mesh.h_contact:g} exceeds mesh.h_max = {case.mesh.h_max:g}")
+    h_max = case.mesh.h_max or H_MAX * side
+    if case.mesh.h_contact > h_max:
+        _refuse("mesh.h_contact", f"= {case.mesh.h_contact:g} exceeds mesh.h_max = {h_max:g}")
     delta, force = case.loading.delta_max, case.loading.force_max
     if delta is not None and delta >= case.block.height:
         _refuse(

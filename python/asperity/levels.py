@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import log
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -12,15 +12,13 @@ from .block import BlockMesh
 from .errors import InputError
 from .loading import Callback
 from .material import Material
-from .mesh import Reach, is_distorted
+from .mesh import Reach
 from .refinement import DOFS_ORDER, growth
-from .statics import ContactResult, MeshSize, make_block, solve_contact
+from .statics import ContactResult, MeshSize, make_undistorted, solve_contact
 from .surface import Surface
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
-SMALLEST_H_MAX = 0.05  # of elements away from the contact, which hardly bear anything [L]
+    pass
 
 
 @dataclass(frozen=True)
@@ -59,23 +57,6 @@ class Level:
     dofs: int
     substeps: int
     seconds: float
-
-
-def make_undistorted(
-    comm: MPI.Comm, surface: Surface, height: float, delta_max: float, size: MeshSize
-) -> tuple[BlockMesh | None, float]:
-    """Mesh whose largest elements are, if possible, too small to be turned inside out, and their size; collective.
-
-    Args:
-        comm, surface, height, delta_max: as in `statics.make_block`
-        size: element sizes; h_max is made smaller as far as needed
-    """
-    while True:
-        block = make_block(comm, surface, height, delta_max, size)
-        h_max = 0.25 * surface.L if size.h_max is None else size.h_max
-        if not is_distorted(comm, block) or h_max <= SMALLEST_H_MAX * surface.L:
-            return block, h_max
-        size = replace(size, h_max=0.7 * h_max)
 
 
 class Runner:

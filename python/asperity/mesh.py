@@ -18,7 +18,7 @@ from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
 from . import compat
-from .block import BlockMesh
+from .block import H_MAX, BlockMesh
 from .errors import AsperityError, MeshError
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ class SizeField:
         for k, size in enumerate(sizes):
             reached = gap <= _just_above(max((size / h_contact) ** (1.0 / power) * delta_max, float(gap.min())))
             distances[:, :, k] = distance_transform_edt(~reached) * spacing
-        greatest = 0.25 if h_max is None else _rounded(h_max / L)
+        greatest = H_MAX if h_max is None else _rounded(h_max / L)
         return SizeField(sizes, distances, (x0, y0, side), growth, greatest)
 
     def at(self, x: float, y: float, depth: float) -> float:

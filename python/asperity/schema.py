@@ -143,7 +143,7 @@ class MeshSection(Section):
 
     h_contact: Real = _key("size at the surface where it is reached last", shown="0.04 L", unit=LENGTH, gt=0)
     growth: Real = _key("increase of size per unit distance", 0.25, gt=0, le=10)
-    h_max: Real = _key("largest size", shown="0.25 L", unit=LENGTH, gt=0)
+    h_max: Real | None = _key("largest size", None, shown="0.25 L, less where slopes need it", unit=LENGTH, gt=0)
     file: Text | None = _key("a saved mesh instead", None)
 
 

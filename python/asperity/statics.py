@@ -5,17 +5,17 @@ from __future__ import annotations
 import resource
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from .audit import Checks
-from .block import BlockMesh
+from .block import H_CONTACT, H_MAX, BlockMesh
 from .contact import ActiveSet, Contact, PressureContact
 from .curve import Curve
 from .errors import ConvergenceError, InputError, Interrupted, MeshError
 from .loading import Callback, Position, Record, follow
 from .material import Material
-from .mesh import Reach, SizeField, build_block, check_distortion, distribute, on_root
+from .mesh import Reach, SizeField, build_block, check_distortion, distribute, is_distorted, on_root
 from .phases import Phases
 from .press import Counts, Press, Snapshot
 from .schedule import BACKWARD_EULER, MIDPOINT, Schedule
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from .checkpoint import Checkpoint
     from .surface import Surface
 
+SMALLEST_H_MAX = 0.05  # to which the largest elements are made smaller for the slopes [L]
 ESTIMATE_STEPS = 40  # after which the deflection at a given force is only guessed
 
 
@@ -126,20 +127,40 @@ def make_block(comm: MPI.Comm, surface: Surface, height: float, delta_max: float
         surface: the top
         height: mean height of the block [length]
         delta_max: deflection the mesh is made for [length]
-        size: element sizes
+        size: element sizes; without h_max, the largest elements are as small as slopes need, see `make_undistorted`
 
     Raises:
         MeshError: the surface cannot be meshed
     """
-    h = 0.04 * surface.L if size.h_contact is None else size.h_contact
+    if size.h_max is None:
+        return make_undistorted(comm, surface, height, delta_max, size)[0]
 
     def build() -> BlockMesh:
+        h = H_CONTACT * surface.L if size.h_contact is None else size.h_contact
         field = SizeField.of(
             surface, delta_max, h, growth=size.growth, h_max=size.h_max, reach=size.reach, grading=size.grading
         )
         return build_block(surface, height, field.at)
 
     return on_root(comm, build)
+
+
+def make_undistorted(
+    comm: MPI.Comm, surface: Surface, height: float, delta_max: float, size: MeshSize
+) -> tuple[BlockMesh | None, float]:
+    """Mesh whose largest elements are, if possible, too small to be turned inside out by slopes, and their size;
+    collective.
+
+    Args:
+        comm, surface, height, delta_max: as in `make_block`
+        size: element sizes; h_max is made smaller as far as needed, but not much below SMALLEST_H_MAX
+    """
+    h_max = H_MAX * surface.L if size.h_max is None else size.h_max
+    while True:
+        block = make_block(comm, surface, height, delta_max, replace(size, h_max=h_max))
+        if not is_distorted(comm, block) or h_max <= SMALLEST_H_MAX * surface.L:
+            return block, h_max
+        h_max *= 0.7
 
 
 def make_press(

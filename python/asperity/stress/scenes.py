@@ -31,6 +31,12 @@ SCENES: tuple[Scene, ...] = (
         fast=True,
     ),
     Scene(
+        "slope/own-size",
+        "slopes up to 1.5, without a greatest size of elements",
+        wave(1.5 / (2 * pi)) | ELASTIC | {"loading.delta_max": 0.05 * L, "mesh.h_max": None},
+        twin=DIRECT,
+    ),
+    Scene(
         "full/wave-1d",
         "elastic wave pressed to nearly full contact",
         wave(0.01, 1) | ELASTIC | {"loading.steps": 10},
