@@ -22,8 +22,9 @@ if TYPE_CHECKING:
     from .press import Press
     from .solid import Floats, Solid
 
+# Limits, unless the tolerance of the equations is larger
 SUCTION = 1e-6  # greatest tension over greatest pressure
-EXACT = 1e-6  # penetration over deflection that exact contact may leave, unless the solver's tolerance is larger
+EXACT = 1e-6  # penetration over deflection that exact contact may leave
 ENERGY = 1e-6  # of the work done so far
 MIDPOINT_ENERGY = 0.05  # the same where the path is integrated by the midpoint rule
 ROUNDING = 1e-12
@@ -125,7 +126,7 @@ def audit(press: Press, before: Before, base: float, exact: bool = True) -> None
 
     if pressure > 0.0:
         checks.tension = max(checks.tension, suction / pressure)
-    judge("tension", suction <= SUCTION * pressure + 1e-15, "the flat pulls on the surface")
+    judge("tension", suction <= max(SUCTION, rtol) * pressure + 1e-15, "the flat pulls on the surface")
 
     slack = allowed + max(EXACT, rtol) * abs(delta) + ROUNDING
     checks.penetration = max(checks.penetration, penetration)
@@ -135,7 +136,7 @@ def audit(press: Press, before: Before, base: float, exact: bool = True) -> None
     judge("plastic_strain", decrease <= ROUNDING, "the accumulated plastic strain decreased")
     checks.least_dissipation = min(checks.least_dissipation, plastic_work)
     scale = checks.stored + checks.dissipated + stored + dissipated
-    judge("dissipation", plastic_work >= -ENERGY * scale, "plastic flow gained energy")
+    judge("dissipation", plastic_work >= -max(ENERGY, rtol) * scale, "plastic flow gained energy")
 
     move = delta - before.delta
     gained = stored + dissipated - checks.stored - checks.dissipated
@@ -147,7 +148,7 @@ def audit(press: Press, before: Before, base: float, exact: bool = True) -> None
     checks.peak = max(checks.peak, (stored + dissipated, checks.work))
     if scale > 0.0:
         checks.energy_excess = max(checks.energy_excess, beyond / scale)
-    slack = ENERGY if exact else MIDPOINT_ENERGY
+    slack = max(ENERGY, rtol) if exact else MIDPOINT_ENERGY
     judge("energy", beyond <= slack * scale + 1e-18, "work and energy of the step do not balance")
 
 

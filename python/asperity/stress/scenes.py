@@ -288,6 +288,7 @@ SCENES: tuple[Scene, ...] = (
         reason="turned inside out",
         fast=True,
     ),
+    Scene("solver/loose", "equations solved to 1e-2 only", {"solver.rtol": 1e-2, "loading.unload": True}, fast=True),
     Scene(
         "yield/one-step",
         "flat block in full contact from the first of its steps",
