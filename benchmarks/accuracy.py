@@ -8,6 +8,7 @@
     python3 benchmarks/accuracy.py demo          the demo surface to 1 % and to 0.1 %, also under mpirun
     python3 benchmarks/accuracy.py fixed         what the growth of a family of meshes is for
     python3 benchmarks/accuracy.py grading       what finer elements at the spots touched first are for
+    python3 benchmarks/accuracy.py equations     how well equations have to be solved
 
 Prints Markdown tables. CPU seconds are those of rank 0, others of the clock. The limits that errors are judged by are
 those of meshes of another grading than the runs have. Forces are kept in out/accuracy, so that the next job need not
@@ -33,7 +34,9 @@ from asperity.mesh import GRADING, GUIDED, Reach
 from asperity.refinement import (
     GUIDE,
     LARGEST_RATIO,
+    MESH_ORDER,
     SMALLEST_RATIO,
+    error_of,
     extrapolate,
     extrapolate_mesh,
     growth,
@@ -178,19 +181,34 @@ def mesh_of(
 def orders() -> None:
     """Order of the force along the family of meshes, and how often the bar of two of them holds the error."""
     judged = []
-    row("surface", *(f"h = {h:.3g} L" for h in FAMILY[:-1]), "order")
-    row(*["---"] * (len(FAMILY) + 1))
+    row("surface", *(f"h = {h:.3g} L" for h in FAMILY[:-1]), "order", "excess of the guide")
+    row(*["---"] * (len(FAMILY) + 2))
     for name, (surface, delta) in scenes().items():
         found = forces(name, surface, delta, FAMILY[:-1], grading=GUIDED)
         limit = _limit(forces(name, surface, delta, FAMILY[3:]))
         errors = [per_cent(P, limit)[0] for P in found.values()]
-        row(name, *errors, float(np.polyfit(np.log(FAMILY[1:-1]), np.log(errors[1:]), 1)[0]))
+        order = float(np.polyfit(np.log(FAMILY[1:-1]), np.log(errors[1:]), 1)[0])
+        row(name, *errors, order, seen_by_guide(found) / seen(found, 1, 3))
         for k, coarse in enumerate(FAMILY[1:-1], start=1):
             for fine in FAMILY[k + 1 : -1]:
                 if SMALLEST_RATIO <= coarse / fine <= LARGEST_RATIO:
                     value, _, bar = extrapolate_mesh(found[coarse], found[fine], coarse / fine)
                     judged.append((np.abs(value / limit - 1.0), steady(bar / limit)))
     summary(judged)
+
+
+def seen(found: dict[float, Floats], coarse: int, fine: int) -> float:
+    """Greatest error of the coarser of two meshes of FAMILY, as a run sees it from their bar."""
+    h, finer = FAMILY[coarse], FAMILY[fine]
+    _, _, bar = extrapolate_mesh(found[h], found[finer], h / finer)
+    return error_of(float(np.max(steady(bar / found[finer]))), h / finer, guide=False) * (h / finer) ** MESH_ORDER
+
+
+def seen_by_guide(found: dict[float, Floats]) -> float:
+    """The same of the second mesh, from the guide, as if this were of the family."""
+    guide, h = FAMILY[:2]
+    _, _, bar = extrapolate_mesh(found[guide], found[h], guide / h)
+    return error_of(float(np.max(steady(bar / found[h]))), guide / h, guide=False)
 
 
 def _limit(found: dict[float, Floats]) -> Floats:
@@ -307,6 +325,22 @@ def grading() -> None:
                     row(name, kind, f"{powers[0]:g}", f"{h:.3g}", result.dofs, *errors)
 
 
+def equations() -> None:
+    """Work, and change of the force, by the tolerance of the equations."""
+    row("material", "solver.rtol", "Newton", "Krylov", "greatest change of the force %")
+    row(*["---"] * 5)
+    for name, material in (("elastic", ELASTIC), ("plastic", PLASTIC)):
+        exact = None
+        for rtol in (1e-8, 1e-6, 1e-5, 1e-4):
+            options = asp.SolverOptions(rtol=rtol)
+            size = asp.MeshSize(0.06 * L)
+            result = asp.solve_contact(surface(), material, delta_max=DELTA, steps=STEPS, size=size, options=options)
+            P = loading_force(result.curve, AT)
+            exact = P if exact is None else exact
+            change = per_cent(P, exact)[1]
+            row(name, f"{rtol:g}", result.counts.newton, result.counts.krylov, f"{change:.1g}")
+
+
 def header(first: str) -> None:
     """Head of the tables of `driven`."""
     row(first, "tolerance %", "met", "bar %", "true error %", "steps inside", "finest dofs", "CPU s")
@@ -339,7 +373,7 @@ def summary(judged: Sequence[Judged]) -> None:
 
 if __name__ == "__main__":
     jobs = {"mesh": mesh, "steps": steps, "orders": orders, "tolerance": tolerance, "plastic": plastic,
-            "demo": demo, "fixed": fixed, "grading": grading}  # fmt: skip
+            "demo": demo, "fixed": fixed, "grading": grading, "equations": equations}  # fmt: skip
     for job in sys.argv[1:] or jobs:
         if MPI.COMM_WORLD.rank == 0:
             print(f"\n## {job}\n")

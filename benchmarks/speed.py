@@ -3,6 +3,7 @@
     ./run python3 benchmarks/speed.py profile [H ...]      phases of elastic-plastic runs, one process
     ./run python3 benchmarks/speed.py step [H ...]         a single load step of large problems: growth and memory
     ./run python3 benchmarks/speed.py scaling [H ...]      that step on one rank and on two (starts mpirun)
+    ./run python3 benchmarks/speed.py weak [H1 H2 ...]     that step on one rank (H1) and twice as large on two (H2)
     ./run mpirun -n 2 python3 benchmarks/speed.py one H    one run
 
 The demo surface with its elastic-plastic material is pressed to 0.02 L in four planned steps. H is the element size
@@ -29,6 +30,7 @@ SIZES = {
     "step": (0.03, 0.0125, 0.0066, 0.0053),
     "profile": (0.08, 0.04, 0.024, 0.0155, 0.0095),
     "scaling": (0.03, 0.0125),
+    "weak": (0.0193, 0.0125, 0.0125, 0.0081),
 }
 PHASES = ("residual", "tangent", "preconditioner", "linear solve")
 
@@ -135,6 +137,23 @@ def scaling(sizes: tuple[float, ...]) -> None:
         print(f"\ntwo runs side by side: {path:.3g} s each, efficiency {base / path:.2f}")
 
 
+def weak(sizes: tuple[float, ...]) -> None:
+    """A problem on one rank against one of twice the size on two; a Newton iteration is the unit of work."""
+    row(("ranks", "dofs", "dofs a rank", *(f"{name}, s a Newton iteration" for name in PHASES), "sum", "efficiency",
+         "Newton", "Krylov", "contact nodes a rank"))  # fmt: skip
+    row(["---"] * (8 + len(PHASES)))
+    for pair in zip(sizes[::2], sizes[1::2], strict=True):
+        base = 0.0
+        for ranks, h in enumerate(pair, start=1):
+            facts = run_apart(h, ranks, "single")
+            spent = [facts["seconds"].get(name, 0.0) / facts["newton"] for name in PHASES]
+            share = facts["dofs"] / ranks
+            rate = sum(spent) / share
+            base = base or rate
+            row((ranks, facts["dofs"], round(share), *spent, sum(spent), base / rate, facts["newton"],
+                 facts["krylov"], ", ".join(str(nodes) for _, nodes in facts["spread"])))  # fmt: skip
+
+
 if __name__ == "__main__":
     job, *numbers = sys.argv[1:] or ["profile"]
     if job in ("one", "single"):
@@ -144,4 +163,6 @@ if __name__ == "__main__":
         if MPI.COMM_WORLD.rank == 0:
             print(json.dumps(facts))
     else:
-        {"profile": profile, "step": step, "scaling": scaling}[job](tuple(map(float, numbers)) or SIZES[job])
+        {"profile": profile, "step": step, "scaling": scaling, "weak": weak}[job](
+            tuple(map(float, numbers)) or SIZES[job]
+        )
