@@ -36,13 +36,11 @@ from .refinement import (
     safety_of,
 )
 from .schedule import MIDPOINT
-from .solve import RTOL, SolverOptions
 from .statics import ContactResult
 from .surface import Surface
 
 Floats = npt.NDArray[np.float64]
 
-SOLVED = 1e-3  # part of the tolerance to which equations are solved; the force is off by far less
 PATH_TRANSFER = 0.5  # part of the load-step correction taken for its bar (docs/accuracy.md)
 
 
@@ -167,10 +165,7 @@ def solve_to_tolerance(
         raise InputError(
             "accuracy.tolerance chooses mesh and substeps: leave out mesh.h_contact, mesh.file and substeps"
         )
-    options = settings.pop("options", None) or SolverOptions()
-    if options.rtol is None:
-        options = replace(options, rtol=max(RTOL, SOLVED * goal.tolerance))
-    driven = dict(delta_max=delta_max, force_max=force_max, steps=steps, options=options)
+    driven = dict(delta_max=delta_max, force_max=force_max, steps=steps)
     run = Runner(surface, material, goal.max_dofs, driven | settings, on_stage, on_step)
     guide = run(GUIDE)
     run.aim(guide)

@@ -116,7 +116,7 @@ def audit(press: Press, before: Before, base: float, exact: bool = True) -> None
     unbalanced = abs(base - force)
     if force > 0.0:
         checks.force_balance = max(checks.force_balance, unbalanced / force)
-    rtol = press.newton.rtol
+    rtol = press.newton.options.rtol
     solved = sqrt(press.solid.dofs) * (rtol * force + 1e-15) + ROUNDING * force
     judge(
         "force_balance",

@@ -205,13 +205,7 @@ class SolverSection(Section):
         "linear solver: direct, CG with p-multigrid, or with algebraic multigrid", "auto"
     )
     newton_max: Whole = _key("Newton steps before cutback", 30, ge=1, le=1000)
-    rtol: Real | None = _key(
-        "relative residual at convergence",
-        None,
-        gt=0,
-        le=1e-2,
-        shown="1e-8, or tolerance/1000 where that is larger",
-    )
+    rtol: Real = _key("relative residual at convergence", 1e-8, gt=0, le=1e-2)
 
 
 class OutputSection(Section):

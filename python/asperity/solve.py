@@ -15,7 +15,6 @@ from .linear import LinearSolver
 from .petsc_options import set_defaults
 from .solid import Floats, Rows, Solid
 
-RTOL = 1e-8  # curves are the same to this on any number of ranks
 OUT_OF_MEMORY = 55  # PETSC_ERR_MEM
 TIGHTEST = 1e-5  # tolerance of the linear solver
 CURVATURE = 10.0  # error after a Newton iteration over the square of that before it, as seen on the demo surface
@@ -30,15 +29,14 @@ class SolverOptions:
 
     Attributes:
         linear: see `linear.LinearSolver`
-        rtol: residual force relative to the contact force at which a step has converged; None takes RTOL, and a run
-            with a tolerance what that needs
+        rtol: residual force relative to the contact force at which a step has converged
         newton_max: Newton iterations after which a step is given up
         krylov_rtol: loosest relative tolerance of the linear solver; None takes 1e-2 (benchmarks/linear.py), and 1e-3
             for a nearly incompressible solid
     """
 
     linear: str = "auto"
-    rtol: float | None = None
+    rtol: float = 1e-8
     newton_max: int = 30
     krylov_rtol: float | None = None
 
@@ -74,7 +72,6 @@ class NewtonSolver:
         from petsc4py import PETSc
 
         self.solid, self.contact, self.options = solid, contact, options
-        self.rtol = options.rtol or RTOL
         self._residual_vec, self.x = solid.vector(), solid.vector()
         self._krylov = self._shortened = 0
         self.rows: Rows = NOT_YET
@@ -127,7 +124,10 @@ class NewtonSolver:
         if not np.isfinite(unbalanced):
             return reasons.DIVERGED_FNORM_NAN
         self.balance = unbalanced / contact if contact > 0 else unbalanced
-        if unbalanced <= self.rtol * contact + self._rounding and gap <= self.rtol * self._scale + 1e-14:
+        if (
+            unbalanced <= self.options.rtol * contact + self._rounding
+            and gap <= self.options.rtol * self._scale + 1e-14
+        ):
             return reasons.CONVERGED_FNORM_RELATIVE
         return reasons.DIVERGED_MAX_IT if it >= self.options.newton_max else reasons.ITERATING
 
@@ -156,7 +156,7 @@ class NewtonSolver:
         """
         if not self.solid.comm.allreduce(self._settled, op=_and()):
             return self._loosest
-        useful = max(0.3 * self.rtol / max(self.balance, 1e-15), CURVATURE * self.balance)
+        useful = max(0.3 * self.options.rtol / max(self.balance, 1e-15), CURVATURE * self.balance)
         return float(min(max(useful, TIGHTEST), self._loosest))
 
     def _step_length(self, r: Any, y: Any) -> float:

@@ -13,7 +13,7 @@ from ..loading import Record, follow
 from ..material import Material
 from ..schedule import Schedule
 from ..schema import ContactSection
-from ..solve import RTOL
+from ..solve import SolverOptions
 from ..statics import Formulation, MeshSize, make_block, make_press
 from ..surface import Flat
 from .solids import planes_of_symmetry
@@ -21,7 +21,7 @@ from .table import Level, Row, press
 
 METHODS: tuple[str, ...] = get_args(ContactSection.model_fields["method"].annotation)
 SIZE = MeshSize(0.5, h_max=0.5)
-ROUND_OFF = 10.0 * RTOL  # forces balance to RTOL; a derived quantity may lose a digit
+ROUND_OFF = 10.0 * SolverOptions().rtol  # forces balance to rtol; a derived quantity may lose a digit
 
 
 def patch(level: Level) -> Iterator[Row]:
