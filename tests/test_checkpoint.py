@@ -318,11 +318,13 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.
 
 
 def test_what_a_killed_process_left_is_removed(tmp_path: Path) -> None:
-    for name in (".state.npz.123", ".curve.csv.7", "state.npz", ".hidden", ".x.y"):
+    """And nothing else: a hidden file with a number at its end is somebody's."""
+    theirs = ["state.npz", ".hidden", ".x.y", ".note.2024", ".git.2024.asperity.txt"]
+    for name in (".state.npz.123.asperity", ".curve.csv.7.asperity", *theirs):
         (tmp_path / name).write_text("")
-    (tmp_path / ".fields.55").mkdir()
+    (tmp_path / ".fields.55.asperity").mkdir()
     remove_asides(tmp_path)
-    assert sorted(p.name for p in tmp_path.iterdir()) == [".hidden", ".x.y", "state.npz"]
+    assert {p.name for p in tmp_path.iterdir()} == set(theirs)
 
 
 def test_a_folder_that_vanishes_is_a_clear_error(wave: Surface, coarse_wave: BlockMesh | None, tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import log
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from .block import BlockMesh
 from .errors import InputError
@@ -16,9 +16,6 @@ from .mesh import Reach
 from .refinement import DOFS_ORDER, growth
 from .statics import ContactResult, MeshSize, make_undistorted, solve_contact
 from .surface import Surface
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)

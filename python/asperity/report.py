@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from asperity.plot import CAPTIONS, plot_run
 from asperity.plot.style import DPI
 from asperity.publications import publications
 from asperity.results import Results
+from asperity.storage import aside_of
 from asperity.units import quantity
 
 Rows = list[tuple[str, str]]
@@ -56,7 +56,7 @@ def write_report(folder: str | Path) -> Path:
         publications=publications(results.case),
     )
     target = results.folder / "report.html"
-    aside = results.folder / f".report.{os.getpid()}"
+    aside = aside_of(target)
     aside.write_text(text, encoding="utf-8")
     return aside.replace(target)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import shutil
 import zlib
 from collections.abc import Callable, Iterator, Mapping
@@ -30,13 +31,23 @@ UNREADABLE = (
 )  # fmt: skip
 
 
+def aside_of(path: Path) -> Path:
+    """Where this process writes what is to become `path`: beside it, hidden, under a name that nobody else uses."""
+    return path.with_name(f".{path.name}.{os.getpid()}.asperity")
+
+
+def is_aside(name: str) -> bool:
+    """Whether a file or folder of that name is what a process was writing aside."""
+    return re.fullmatch(r"\..+\.[0-9]+\.asperity", name) is not None
+
+
 def replace_file(path: Path, data: bytes) -> None:
     """Write a file; whatever happens meanwhile, `path` holds either its old content or the new one.
 
     Raises:
         OSError: no space, no permission, no such folder; the old content is untouched
     """
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
+    aside = aside_of(path)
     try:
         with aside.open("wb") as file:
             file.write(data)
@@ -52,7 +63,7 @@ def replace_file(path: Path, data: bytes) -> None:
 @contextmanager
 def files_into(folder: Path) -> Iterator[Path]:
     """A folder to write files in, which are moved to `folder` when all of them are complete."""
-    aside = folder.with_name(f".{folder.name}.{os.getpid()}")
+    aside = aside_of(folder)
     aside.mkdir(parents=True)
     try:
         yield aside
@@ -65,9 +76,7 @@ def files_into(folder: Path) -> Iterator[Path]:
 
 def remove_asides(folder: Path) -> None:
     """Remove what a killed process left half-written in a folder; nobody else may be writing there."""
-    for path in folder.glob(".*.[0-9]*"):
-        if not path.suffix[1:].isdigit():
-            continue
+    for path in filter(lambda path: is_aside(path.name), list(folder.iterdir())):
         if path.is_dir():
             shutil.rmtree(path)
         else:

@@ -14,6 +14,7 @@ from asperity.cli import options
 from asperity.cli.ranks import on_first_rank
 from asperity.errors import InputError
 from asperity.progress import make_progress, world_rank
+from asperity.storage import is_aside
 
 if TYPE_CHECKING:
     from asperity.case import Case
@@ -96,8 +97,7 @@ def check_folder(folder: Path, *, resume: bool, force: bool) -> None:
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file; give a folder to -o")
     names = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
-    # what a killed run was writing is hidden and ends in a process number
-    names = {n for n in names if not (n.startswith(".") and n.rpartition(".")[2].isdigit())}
+    names = {name for name in names if not is_aside(name)}  # what a killed run was writing
     ours = names & set(PRODUCTS)
     if not names or force or (resume and ours):
         return

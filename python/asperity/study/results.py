@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import math
-import os
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from ..case import Case
 from ..curve import Curve
 from ..errors import AsperityError, InputError
 from ..power_law import PowerLawFit, fit_power_law, interface_deflection
+from ..storage import aside_of
 from .definition import ENSEMBLE, Entry, Family, Study
 
 Array = NDArray[Any]
@@ -154,7 +154,7 @@ def write_tables(study: Study, folder: Path) -> list[dict[str, Any]]:
     """Write results.csv and study.json; return the rows."""
     rows = tabulate(study, folder)
     names = ("case", "families", *study.keys, *FIGURES)
-    aside = folder / f".{TABLE}.{os.getpid()}"
+    aside = aside_of(folder / TABLE)
     with aside.open("w", newline="", encoding="utf-8") as file:
         table = csv.DictWriter(file, names, restval="", lineterminator="\n")
         table.writeheader()
