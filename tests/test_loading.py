@@ -173,7 +173,7 @@ def test_force_control_gives_up_with_the_curve_so_far(
 def test_the_predictor_saves_work_and_changes_nothing_else(press_of: Callable[..., Press], material: Material) -> None:
     with_it, without = press_of(material, rtol=1e-10), press_of(material, rtol=1e-10)
     newton = [0, 0]
-    for delta in DELTA * np.arange(1, 6) / 20:  # larger steps may fail without it
+    for delta in DELTA * np.arange(1, 6) / 40:  # larger steps may fail without it, on some partitions
         stats = with_it.attempt(delta)
         without._previous = None
         plain = without.attempt(delta)
