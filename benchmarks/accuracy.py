@@ -5,6 +5,7 @@
     python3 benchmarks/accuracy.py orders        order and bars of the family of meshes, on surfaces of many kinds
     python3 benchmarks/accuracy.py tolerance     bars and errors of runs driven by a tolerance, on the same surfaces
     python3 benchmarks/accuracy.py plastic       the same for elastic-plastic material
+    python3 benchmarks/accuracy.py few           the same in fewer planned steps
     python3 benchmarks/accuracy.py demo          the demo surface to 1 % and to 0.1 %, also under mpirun
     python3 benchmarks/accuracy.py fixed         what the growth of a family of meshes is for
     python3 benchmarks/accuracy.py grading       what finer elements at the spots touched first are for
@@ -183,12 +184,14 @@ def orders() -> None:
     judged = []
     row("surface", *(f"h = {h:.3g} L" for h in FAMILY[:-1]), "order", "excess of the guide")
     row(*["---"] * (len(FAMILY) + 2))
+    guide, second, _, fourth = FAMILY[:4]
     for name, (surface, delta) in scenes().items():
         found = forces(name, surface, delta, FAMILY[:-1], grading=GUIDED)
         limit = _limit(forces(name, surface, delta, FAMILY[3:]))
         errors = [per_cent(P, limit)[0] for P in found.values()]
         order = float(np.polyfit(np.log(FAMILY[1:-1]), np.log(errors[1:]), 1)[0])
-        row(name, *errors, order, seen_by_guide(found) / seen(found, 1, 3))
+        excess = seen(found, guide, second, second) / seen(found, second, fourth, second)
+        row(name, *errors, order, excess)
         for k, coarse in enumerate(FAMILY[1:-1], start=1):
             for fine in FAMILY[k + 1 : -1]:
                 if SMALLEST_RATIO <= coarse / fine <= LARGEST_RATIO:
@@ -197,18 +200,11 @@ def orders() -> None:
     summary(judged)
 
 
-def seen(found: dict[float, Floats], coarse: int, fine: int) -> float:
-    """Greatest error of the coarser of two meshes of FAMILY, as a run sees it from their bar."""
-    h, finer = FAMILY[coarse], FAMILY[fine]
-    _, _, bar = extrapolate_mesh(found[h], found[finer], h / finer)
-    return error_of(float(np.max(steady(bar / found[finer]))), h / finer, guide=False) * (h / finer) ** MESH_ORDER
-
-
-def seen_by_guide(found: dict[float, Floats]) -> float:
-    """The same of the second mesh, from the guide, as if this were of the family."""
-    guide, h = FAMILY[:2]
-    _, _, bar = extrapolate_mesh(found[guide], found[h], guide / h)
-    return error_of(float(np.max(steady(bar / found[h]))), guide / h, guide=False)
+def seen(found: dict[float, Floats], coarse: float, fine: float, h: float) -> float:
+    """Greatest error of the mesh h, as a run sees it from the bar of two meshes as if both were of the family."""
+    _, _, bar = extrapolate_mesh(found[coarse], found[fine], coarse / fine)
+    error = error_of(float(np.max(steady(bar / found[fine]))), coarse / fine, guide=False)
+    return error * (h / fine) ** MESH_ORDER
 
 
 def _limit(found: dict[float, Floats]) -> Floats:
@@ -268,6 +264,17 @@ def plastic() -> None:
             label = f"{name}, {material.yield_strength:g}, {material.tangent_modulus:g}"
             judged.append(driven(label, surface, material, goal, delta * np.arange(1, 11) / 10, limit))
     summary(judged)
+
+
+def few() -> None:
+    """Bars of elastic runs in fewer planned steps."""
+    header("surface, steps")
+    for name in ("rough, seed 12", "rough, seed 14", "rough, seed 21", "sphere beside it"):
+        surface, delta = scenes()[name]
+        limit = _limit(forces(name, surface, delta, FAMILY[3:]))
+        for steps in (1, 2, 5):
+            rows = np.arange(1, steps + 1) * 10 // steps - 1
+            driven(f"{name}, {steps}", surface, UNIT, 0.01, delta * (rows + 1) / 10, limit[rows])
 
 
 def demo() -> None:
@@ -373,7 +380,7 @@ def summary(judged: Sequence[Judged]) -> None:
 
 if __name__ == "__main__":
     jobs = {"mesh": mesh, "steps": steps, "orders": orders, "tolerance": tolerance, "plastic": plastic,
-            "demo": demo, "fixed": fixed, "grading": grading, "equations": equations}  # fmt: skip
+            "demo": demo, "fixed": fixed, "grading": grading, "equations": equations, "few": few}  # fmt: skip
     for job in sys.argv[1:] or jobs:
         if MPI.COMM_WORLD.rank == 0:
             print(f"\n## {job}\n")

@@ -13,7 +13,7 @@ from asperity.plot import CAPTIONS, plot_run
 from asperity.plot.style import DPI
 from asperity.publications import publications
 from asperity.results import Results
-from asperity.storage import aside_of
+from asperity.storage import replace_file
 from asperity.units import quantity
 
 Rows = list[tuple[str, str]]
@@ -56,9 +56,8 @@ def write_report(folder: str | Path) -> Path:
         publications=publications(results.case),
     )
     target = results.folder / "report.html"
-    aside = aside_of(target)
-    aside.write_text(text, encoding="utf-8")
-    return aside.replace(target)
+    replace_file(target, text.encode())
+    return target
 
 
 def _law(results: Results) -> Rows:

@@ -31,7 +31,7 @@ UNREADABLE = (
 )  # fmt: skip
 
 
-def aside_of(path: Path) -> Path:
+def _aside_of(path: Path) -> Path:
     """Where this process writes what is to become `path`: beside it, hidden, under a name that nobody else uses."""
     return path.with_name(f".{path.name}.{os.getpid()}.asperity")
 
@@ -47,7 +47,7 @@ def replace_file(path: Path, data: bytes) -> None:
     Raises:
         OSError: no space, no permission, no such folder; the old content is untouched
     """
-    aside = aside_of(path)
+    aside = _aside_of(path)
     try:
         with aside.open("wb") as file:
             file.write(data)
@@ -63,7 +63,7 @@ def replace_file(path: Path, data: bytes) -> None:
 @contextmanager
 def files_into(folder: Path) -> Iterator[Path]:
     """A folder to write files in, which are moved to `folder` when all of them are complete."""
-    aside = aside_of(folder)
+    aside = _aside_of(folder)
     aside.mkdir(parents=True)
     try:
         yield aside
@@ -76,7 +76,9 @@ def files_into(folder: Path) -> Iterator[Path]:
 
 def remove_asides(folder: Path) -> None:
     """Remove what a killed process left half-written in a folder; nobody else may be writing there."""
-    for path in filter(lambda path: is_aside(path.name), list(folder.iterdir())):
+    for path in folder.glob(".*.asperity"):
+        if not is_aside(path.name):
+            continue
         if path.is_dir():
             shutil.rmtree(path)
         else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import math
 import warnings
@@ -18,7 +19,7 @@ from ..case import Case
 from ..curve import Curve
 from ..errors import AsperityError, InputError
 from ..power_law import PowerLawFit, fit_power_law, interface_deflection
-from ..storage import aside_of
+from ..storage import replace_file
 from .definition import ENSEMBLE, Entry, Family, Study
 
 Array = NDArray[Any]
@@ -154,12 +155,11 @@ def write_tables(study: Study, folder: Path) -> list[dict[str, Any]]:
     """Write results.csv and study.json; return the rows."""
     rows = tabulate(study, folder)
     names = ("case", "families", *study.keys, *FIGURES)
-    aside = aside_of(folder / TABLE)
-    with aside.open("w", newline="", encoding="utf-8") as file:
-        table = csv.DictWriter(file, names, restval="", lineterminator="\n")
-        table.writeheader()
-        table.writerows({k: "" if v is None else v for k, v in row.items()} for row in rows)
-    aside.replace(folder / TABLE)
+    text = io.StringIO(newline="")
+    table = csv.DictWriter(text, names, restval="", lineterminator="\n")
+    table.writeheader()
+    table.writerows({k: "" if v is None else v for k, v in row.items()} for row in rows)
+    replace_file(folder / TABLE, text.getvalue().encode())
     families = [{"name": f.name, "title": f.title, "keys": f.keys} for f in study.families]
     about = {"title": study.title, "families": families, "cases": len(study.entries), "keys": study.keys}
     (folder / ABOUT).write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")

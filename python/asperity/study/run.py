@@ -18,7 +18,7 @@ import numpy as np
 
 from ..errors import AsperityError, InputError
 from ..progress import duration
-from ..storage import aside_of
+from ..storage import replace_file
 from .definition import Entry, Study
 from .results import ABOUT, case_folder, case_state, write_tables
 
@@ -297,6 +297,4 @@ def _line(entry: Entry, state: dict[str, Any], keys: Sequence[str], done: int, t
 
 def _write(path: Path, text: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    aside = aside_of(path)
-    aside.write_text(text, encoding="utf-8")
-    aside.replace(path)
+    replace_file(path, text.encode())
