@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -291,19 +292,50 @@ def test_a_saved_mesh_reads_back_to_the_same_bits(coarse: BlockMesh, tmp_path: P
     assert (again.side, again.height) == (coarse.side, coarse.height)
 
 
-@pytest.mark.parametrize("content", ["missing", "empty", "nonsense", "cut off", "something else"])
-def test_what_is_no_mesh_is_refused(coarse: BlockMesh, tmp_path: Path, content: str) -> None:
+NO_FILE = "not a whole .npz file of numbers"
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (None, "No such file"),
+        (lambda whole: b"", NO_FILE),
+        (lambda whole: b"PK nonsense", NO_FILE),
+        (lambda whole: b"text that anyone may have written", NO_FILE),
+        (lambda whole: pickle.dumps([1]), NO_FILE),
+        (lambda whole: whole[:3000], NO_FILE),
+    ],
+    ids=["missing", "empty", "nonsense", "text", "pickle", "cut off"],
+)
+def test_what_is_no_mesh_is_refused(coarse: BlockMesh, tmp_path: Path, content: Any, reason: str) -> None:
     path = tmp_path / "block.npz"
-    coarse.save(path)
-    whole = path.read_bytes()
-    if content == "missing":
-        path.unlink()
-    elif content == "something else":
-        np.savez(path, points=np.zeros((3, 3)))
-    else:
-        path.write_bytes({"empty": b"", "nonsense": b"PK nonsense", "cut off": whole[:3000]}[content])
-    with pytest.raises(MeshError, match=r"mesh\.file: .*block\.npz is not a mesh"):
+    if content is not None:
+        coarse.save(path)
+        path.write_bytes(content(path.read_bytes()))
+    with pytest.raises(MeshError, match=rf"mesh\.file: .*block\.npz is not a mesh written by asperity \(.*{reason}"):
         BlockMesh.read(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"points": np.zeros((3, 3))}, "tets names the nodes 0 to"),
+        ({"points": np.zeros((3, 2))}, r"points \(3, 2\) and tets"),
+        ({"points": np.array([["a"]])}, "its points are <U1 in place of float64"),
+        ({"points": np.array([None])}, NO_FILE),
+        ({"tets": np.zeros((1, 10))}, "its tets are float64 in place of int64"),
+        ({"side": np.ones(2)}, "its side is 2 numbers in place of one"),
+        ({"side": np.array(np.nan)}, "must be finite"),
+        ({"height": None}, "it has no height"),
+    ],
+)
+def test_arrays_that_are_no_mesh_are_refused(
+    coarse: BlockMesh, tmp_path: Path, change: dict[str, Any], reason: str
+) -> None:
+    arrays = {name: values for name, values in (coarse.arrays() | change).items() if values is not None}
+    np.savez(tmp_path / "block.npz", **arrays)
+    with pytest.raises(MeshError, match=reason):
+        BlockMesh.read(tmp_path / "block.npz")
 
 
 @pytest.mark.mpi

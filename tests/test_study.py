@@ -15,10 +15,11 @@ import tomli_w
 
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.errors import InputError
+from asperity.errors import InputError, OutputError
+from asperity.storage import is_aside
 from asperity.study import Level, Study, StudyResults, ensemble_curve, run_study, summarise_case
 from asperity.study.results import mean_interval
-from asperity.study.run import mesh_key, portions
+from asperity.study.run import mesh_key, portions, shared_mesh
 from asperity.study.trend import CONDITIONAL, FAILS, HOLDS, Condition, Trend, trend, verdict
 
 ROOT = Path(__file__).parent.parent
@@ -163,6 +164,38 @@ def test_a_study_is_run_continued_and_tabled(tmp_path: Path) -> None:
 
     alone = run(next(e.case for e in made.entries if e.key == row["case"]))
     np.testing.assert_allclose(alone.curve.force, results.curve(row).force, rtol=1e-9)
+
+
+def test_what_a_kill_left_of_a_shared_mesh_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made, rename = study(grid={"block.height": [1.0]}), Path.replace
+
+    def kill(path: Path, target: Path) -> Path:
+        if target.suffix == ".npz":
+            raise KeyboardInterrupt
+        return rename(path, target)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Path, "replace", kill)
+        run_study(made, tmp_path)
+    (left,) = (tmp_path / "meshes").iterdir()
+    assert is_aside(left.name)
+    assert run_study(made, tmp_path).done == 1
+    assert [path.suffix for path in (tmp_path / "meshes").iterdir()] == [".npz"]
+
+
+def test_a_mesh_that_cannot_be_written_is_recorded_with_its_case(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from mpi4py import MPI
+
+    def full(descriptor: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    case = study(grid={"block.height": [1.0]}).entries[0].case
+    error = shared_mesh(case, tmp_path, MPI.COMM_SELF)
+    assert isinstance(error, OutputError) and "npz: No space left on device" in str(error)
+    assert list((tmp_path / "meshes").iterdir()) == []
 
 
 def test_a_folder_with_other_things_is_left_alone(tmp_path: Path) -> None:

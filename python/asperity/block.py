@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from .errors import MeshError
-from .storage import UNREADABLE, one_line
+from .storage import npz_bytes, read_npz, replace_file
 
 if TYPE_CHECKING:
     from .surface import Surface
@@ -42,9 +43,38 @@ class BlockMesh:
     side: float
     height: float
 
+    def arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """What a file holds, by name."""
+        sizes = {"side": np.array(self.side), "height": np.array(self.height)}
+        return {"points": self.points, "tets": self.tets, **sizes}
+
+    @staticmethod
+    def from_arrays(arrays: Mapping[str, npt.NDArray[Any]]) -> BlockMesh:
+        """The mesh that a file holds.
+
+        Raises:
+            ValueError: it holds something else
+        """
+        for name, kind in (("points", np.float64), ("tets", np.int64), ("side", np.float64), ("height", np.float64)):
+            if name not in arrays:
+                raise ValueError(f"it has no {name}")
+            if not np.can_cast(arrays[name].dtype, kind, "same_kind"):
+                raise ValueError(f"its {name} are {arrays[name].dtype} in place of {kind.__name__}")
+            if name in ("side", "height") and arrays[name].size != 1:
+                raise ValueError(f"its {name} is {arrays[name].size} numbers in place of one")
+        points, tets = arrays["points"].astype(np.float64), arrays["tets"].astype(np.int64)
+        side, height = arrays["side"].item(), arrays["height"].item()
+        if not (points.ndim == tets.ndim == 2 and points.shape[1] == 3 and tets.shape[1] == 10 and tets.size):
+            raise ValueError(f"points {points.shape} and tets {tets.shape} should be (N, 3) and (M, 10)")
+        if not (0 <= tets.min() and tets.max() < len(points)):
+            raise ValueError(f"tets names the nodes {tets.min()} to {tets.max()} of {len(points)}")
+        if not (np.all(np.isfinite(points)) and 0.0 < side < np.inf and 0.0 < height < np.inf):
+            raise ValueError("points, side and height must be finite, side and height positive")
+        return BlockMesh(points, tets, float(side), float(height))
+
     def save(self, path: str | Path) -> None:
         """Write a compressed .npz file."""
-        np.savez_compressed(path, points=self.points, tets=self.tets, side=self.side, height=self.height)
+        replace_file(Path(path), npz_bytes(self.arrays(), compress=True))
 
     @staticmethod
     def read(path: str | Path) -> BlockMesh:
@@ -54,21 +84,10 @@ class BlockMesh:
             MeshError: the file is missing or holds something else
         """
         try:
-            with np.load(path, allow_pickle=False) as f:
-                points = f["points"].astype(np.float64, casting="same_kind")
-                tets = f["tets"].astype(np.int64, casting="same_kind")
-                side, height = float(f["side"].item()), float(f["height"].item())
-        except UNREADABLE as e:
-            raise MeshError(f"mesh.file: {path} is not a mesh written by asperity ({one_line(e)})") from None
-        if not (points.ndim == tets.ndim == 2 and points.shape[1] == 3 and tets.shape[1] == 10 and tets.size):
-            wrong = f"points {points.shape} and tets {tets.shape} should be (N, 3) and (M, 10)"
-        elif not (0 <= tets.min() and tets.max() < len(points)):
-            wrong = f"tets names the nodes {tets.min()} to {tets.max()} of {len(points)}"
-        elif not (np.all(np.isfinite(points)) and 0.0 < side < np.inf and 0.0 < height < np.inf):
-            wrong = "points, side and height must be finite, side and height positive"
-        else:
-            return BlockMesh(points, tets, side, height)
-        raise MeshError(f"mesh.file: {path} is not a mesh written by asperity ({wrong})")
+            return BlockMesh.from_arrays(read_npz(path))
+        except (OSError, ValueError) as e:
+            reason = getattr(e, "strerror", None) or e
+        raise MeshError(f"mesh.file: {path} is not a mesh written by asperity ({reason}); give one, or leave it out")
 
     def check(self, surface: Surface) -> None:
         """Make sure that the mesh was built for `surface` and fills the block.

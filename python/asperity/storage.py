@@ -91,11 +91,26 @@ def one_line(error: Exception) -> str:
     return "".join(c if c.isprintable() else "?" for c in text)[:200]
 
 
-def npz_bytes(arrays: Mapping[str, npt.NDArray[Any]]) -> bytes:
-    """Content of an uncompressed .npz file, a checksum for each array included."""
-    buffer = io.BytesIO()
-    np.savez(buffer, allow_pickle=False, **arrays)
+def npz_bytes(arrays: Mapping[str, npt.NDArray[Any]], compress: bool = False) -> bytes:
+    """Content of a .npz file, a checksum for each array included."""
+    buffer, save = io.BytesIO(), np.savez_compressed if compress else np.savez
+    save(buffer, **arrays)  # type: ignore[arg-type]
     return buffer.getvalue()
+
+
+def read_npz(path: str | Path) -> dict[str, npt.NDArray[Any]]:
+    """Arrays of a .npz file.
+
+    Raises:
+        OSError: the file cannot be read
+        ValueError: it is damaged, of another kind, or holds Python objects
+    """
+    data = io.BytesIO(Path(path).read_bytes())
+    try:
+        with np.load(data, allow_pickle=False) as file:
+            return {name: np.asarray(file[name]) for name in file.files}
+    except UNREADABLE:
+        raise ValueError("it is not a whole .npz file of numbers") from None
 
 
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T:

@@ -18,7 +18,7 @@ import numpy as np
 
 from ..errors import AsperityError, InputError
 from ..progress import duration
-from ..storage import replace_file
+from ..storage import is_aside, on_root, remove_asides, replace_file
 from .definition import Entry, Study
 from .results import ABOUT, case_folder, case_state, write_tables
 
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from ..case import Case
 
+MESHES = "meshes"  # folder of the meshes that cases share
 PORTIONS = 4  # a group gets its cases in about this many portions: fewer leave groups idle, more mesh twice
 
 Say = Callable[[str], None]
@@ -175,22 +176,23 @@ def shared_mesh(case: Case, folder: Path, comm: MPI.Comm) -> Path | AsperityErro
     """File of the mesh of a case, made when missing; or why it cannot be; collective."""
     from ..statics import MeshSize, make_block
 
-    path = (folder / "meshes" / f"{mesh_key(case)}.npz").absolute()
+    path = (folder / MESHES / f"{mesh_key(case)}.npz").absolute()
     if comm.bcast(path.is_file() if comm.rank == 0 else None):
         return path
     m, delta = case.mesh, case.loading.delta_max
     assert delta is not None
+
+    def save() -> None:
+        assert block is not None
+        path.parent.mkdir(parents=True, exist_ok=True)
+        block.save(path)
+
     try:
         size = MeshSize(m.h_contact, m.growth, m.h_max)
         block = make_block(comm, case.build_surface(), case.block.height, delta, size)
+        on_root(comm, save)
     except AsperityError as error:
         return error
-    if block is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        aside = path.with_name(f"{path.stem}.{os.getpid()}.aside.npz")
-        block.save(aside)
-        aside.replace(path)
-    comm.Barrier()
     return path
 
 
@@ -228,10 +230,13 @@ def _prepare(study: Study, folder: Path, lock: _Lock, retry: bool, groups: int) 
     try:
         if folder.exists() and not folder.is_dir():
             raise InputError(f"{folder} is a file; give a folder to -o")
-        if folder.is_dir() and any(p.name != ".lock" for p in folder.iterdir()) and not (folder / ABOUT).is_file():
+        names = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
+        if ABOUT not in names and any(name != ".lock" and not is_aside(name) for name in names):
             raise InputError(f"{folder} is not empty and holds no study; give another folder to -o")
         folder.mkdir(parents=True, exist_ok=True)
         lock.take()
+        for place in (folder, folder / MESHES):
+            remove_asides(place)
         write_tables(study, folder)
     except AsperityError as error:
         return error, 0
