@@ -18,7 +18,7 @@ import numpy.typing as npt
 from scipy.interpolate import PchipInterpolator
 
 from .curve import Curve
-from .errors import InputError
+from .errors import InputError, Interrupted
 from .levels import Goal, Level, Runner
 from .loading import Callback
 from .material import Material
@@ -33,10 +33,12 @@ from .refinement import (
     extrapolate_mesh,
     partner,
     plan_next,
+    planned_steps,
     safety_of,
+    too_soft,
 )
 from .schedule import MIDPOINT
-from .statics import ContactResult
+from .statics import ContactResult, PartialResult
 from .surface import Surface
 
 Floats = npt.NDArray[np.float64]
@@ -77,7 +79,7 @@ class AccurateResult:
         raw: the same rows as computed
         budget: parts of the error bar, rows as in the curve
         levels: what was computed, in order
-        contact: the finest result, with mesh and last state
+        contact: the finest result, with mesh and last state; one that did not converge ends where it stopped
         worst: greatest relative bar that is judged
         met: whether the bar is within the tolerance along the first loading
         reason: "done", or what stopped the refinement
@@ -147,6 +149,7 @@ def solve_to_tolerance(
     steps: int = 10,
     on_stage: Callable[[str], None] | None = None,
     on_step: Callback | None = None,
+    on_curve: Callable[[Curve], None] | None = None,
     **settings: Any,
 ) -> AccurateResult:
     """Refine mesh and load steps until the force along the first loading has the error bar asked for; collective.
@@ -154,23 +157,32 @@ def solve_to_tolerance(
     Args:
         surface, material: as in `statics.solve_contact`, whose other arguments `settings` may hold
         goal: tolerance and limits
-        delta_max, force_max, steps: as in `statics.solve_contact`; the steps of the result
+        delta_max, force_max, steps: as in `statics.solve_contact`; the steps of the result are a multiple, see
+            `refinement.planned_steps`
         on_stage, on_step: progress call-backs
+        on_curve: told of the curve with error bars that each mesh after the guide gives
 
     Raises:
-        InputError: see `statics.solve_contact`; or goal.max_dofs does not even allow the coarse meshes
-        PartialResult: a load step does not converge
+        InputError: see `statics.solve_contact`; goal.max_dofs does not even allow the guide; or the contact is a
+            penalty too soft for an error bar
+        PartialResult: a load step does not converge before there is an error bar, the run was stopped, or
+            goal.max_dofs allows no mesh beside the guide
     """
     if settings.keys() & {"size", "block", "substeps"}:
         raise InputError(
             "accuracy.tolerance chooses mesh and substeps: leave out mesh.h_contact, mesh.file and substeps"
         )
+    if (delta_max is None) == (force_max is None):
+        raise InputError("give exactly one of delta_max and force_max")
+    formulation = settings.get("formulation")
+    if formulation is not None and (soft := too_soft(formulation.method, formulation.penalty)):
+        raise InputError(soft)
+    steps = planned_steps(steps)
     driven = dict(delta_max=delta_max, force_max=force_max, steps=steps)
     run = Runner(surface, material, goal.max_dofs, driven | settings, on_stage, on_step)
     guide = run(GUIDE)
     run.aim(guide)
     whole, path, substeps = guide.curve, None, 1
-    del guide  # its memory is needed for the next one
     if material.plastic:
         order = STEP_ORDERS[settings.get("integrator", MIDPOINT)]
         result, path, substeps = _choose_substeps(run, whole, steps, order, goal)
@@ -188,25 +200,50 @@ def solve_to_tolerance(
         path_bar = path.bar[level.substeps] if path else None
         algebraic = result.checks.force_balance
         curve, budget = _correct(settled, curves[coarse], ratio, safety, judged, path_bar, algebraic)
-        worst = worst_error(curve, steps)
+        raw, worst = result.curve, worst_error(curve, steps)
+        if on_curve is not None:
+            on_curve(curve)
         if worst <= goal.tolerance:
-            return AccurateResult(curve, result.curve, budget, tuple(run.levels), result, worst, True, "done")
+            return AccurateResult(curve, raw, budget, tuple(run.levels), result, worst, True, "done")
         at = curve.delta_star[judged]
         mesh = relative(budget.mesh[judged], curve.P_star[judged])
-        rest = algebraic + (path.bar[substeps].at(at) if path else np.zeros(len(at)))
+        of_steps = path.bar[substeps].at(at) if path else np.zeros(len(at))
+        rest = algebraic + of_steps
         left = np.maximum(goal.tolerance - rest, 0.1 * goal.tolerance)  # for the mesh, when the load steps have theirs
         wanted = plan_next(sizes, error_of(float(np.max(mesh / left)), ratio, coarse == 0), 1.0)
         room = (goal.max_dofs / result.dofs) ** (1.0 / run.growth_of_dofs())
         size = max(wanted, sizes[-1] / max(room, LEAST_STEP))
-        limit = run.limit(goal, float(rest.max()), sizes[-1], wanted if room < LEAST_STEP else size, substeps)
+        known = f"the force is known to {worst:.2%}, not to the {goal.tolerance:.2%} of accuracy.tolerance"
+        limit = _beside_the_mesh(algebraic, float(of_steps.max()), goal.tolerance)
+        limit = limit or run.limit(goal, sizes[-1], wanted if room < LEAST_STEP else size, substeps)
         if limit:
-            reason = (
-                f"the force is known to {worst:.2%}, not to the {goal.tolerance:.2%} of accuracy.tolerance: {limit}"
-            )
-            return AccurateResult(curve, result.curve, budget, tuple(run.levels), result, worst, False, reason)
+            return AccurateResult(curve, raw, budget, tuple(run.levels), result, worst, False, f"{known}: {limit}")
         curves.append(settled)
-        del result
-        result = run(size, substeps)
+        del result  # its memory is needed for the next one
+        try:
+            result = run(size, substeps)
+        except PartialResult as e:
+            if isinstance(e.__cause__, Interrupted):
+                raise
+            reason = (
+                f"{known}: on the next mesh, of {e.result.dofs} dofs, no step converges beyond delta/L = "
+                f"{e.result.press.delta:.6g}, use more loading.steps"
+            )
+            return AccurateResult(curve, raw, budget, tuple(run.levels), e.result, worst, False, reason)
+
+
+def _beside_the_mesh(algebraic: float, of_steps: float, tolerance: float) -> str:
+    """Why no mesh meets the tolerance; empty when one may.
+
+    Args:
+        algebraic, of_steps: relative error bars of the equations and of the load steps
+        tolerance: asked for
+    """
+    if algebraic + of_steps <= 0.9 * tolerance:
+        return ""
+    if algebraic > of_steps:
+        return f"{algebraic:.2g} is left by the equations, lower solver.rtol or raise accuracy.tolerance"
+    return "what is left comes from the load steps, raise loading.steps"
 
 
 def _judged(curve: Curve, steps: int) -> npt.NDArray[np.bool_]:
@@ -287,7 +324,7 @@ def _choose_substeps(
         errors = {k: values / limit - 1.0 for k, values in P.items()}
         bars = {k: PATH_TRANSFER * steady(error) for k, error in errors.items()}
         chosen = cheapest_substeps(bars, steady(spread / P[1]), goal.tolerance, order)
-        if chosen > n and run.limit(goal, 0.0, FIRST * GUIDE, FIRST * GUIDE, 2 * n):
+        if chosen > n and run.limit(goal, FIRST * GUIDE, FIRST * GUIDE, 2 * n):
             chosen = n
         if chosen <= n:
             correction, bar = ({k: _Along(at, v) for k, v in of.items()} for of in (errors, bars))

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from asperity.block import H_CONTACT
-from asperity.checks import Mistake, check_loading, check_together, doubts
+from asperity.checks import Mistake, check_loading, check_together, doubts, unused
 from asperity.errors import InputError
 from asperity.mistakes import sentence
 from asperity.schema import Input, LoadingSection, show
@@ -125,8 +125,8 @@ class Case(Input):
         return Surface.from_spec(**self.surface.parameters())
 
     def warnings(self) -> list[str]:
-        """Sentences about values that are legal but improbable."""
-        return [] if self.units == "other" else list(doubts(self))
+        """Sentences about values that are legal but improbable, or not used."""
+        return [*([] if self.units == "other" else doubts(self)), *unused(self)]
 
 
 def read_bytes(path: Path, what: str) -> bytes:

@@ -2,15 +2,16 @@
 
 The folder holds mesh.npz, written once, snapshot-K.npz for each snapshot, and state.npz, replaced as a whole after
 each step: displacements and history in the numbering of the mesh as built, and all numbers as JSON in the array
-"meta". Nothing is pickled, every array carries a checksum, and the state names the case and the mesh it belongs to.
+"meta". Nothing is pickled. The state names the case it belongs to, and carries a digest of itself and of the files it
+needs; what it holds is compared with what a run would save before it is taken up (`state`).
 """
 
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,7 +34,8 @@ from .gather import (
 from .loading import Position, Record
 from .press import Press, Snapshot
 from .schema import show
-from .storage import UNREADABLE, npz_bytes, on_root, remove_asides, replace_file
+from .state import wrong_array, wrong_number
+from .storage import UNREADABLE, npz_bytes, on_root, read_npz, remove_asides, replace_file
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -42,11 +44,14 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[Any]
 
-FORMAT = 2  # 2: pieces of the first steps of the midpoint rule
+FORMAT = 3  # 3: digests; the tolerance of the equations belongs to the case
 OF_CELLS = ("stress", "plastic_strain")  # fields of a snapshot with a row a cell
 MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"
-#: Sections and keys that may differ between a run and its continuation; loading.cycles may also grow.
-CHANGEABLE = frozenset({"units", "dynamics", "solver", "output", "accuracy.max_seconds", "accuracy.max_dofs"})
+#: Sections and keys that may differ between a run and its continuation, for the curve stays what it is to the tolerance
+#: of the equations; loading.cycles may also grow.
+CHANGEABLE = frozenset(
+    {"units", "dynamics", "output", "solver.kernels", "solver.linear", "accuracy.max_seconds", "accuracy.max_dofs"}
+)
 CYCLES = "loading.cycles"
 FILES = ("surface.path", "mesh.file")
 
@@ -68,19 +73,26 @@ class Saved:
     """What a checkpoint holds; the arrays and the mesh on rank 0 only.
 
     Attributes:
+        folder: where it was read
         meta: position, rows, counts and all other numbers
         arrays: fields by name
         snapshots: fields of each snapshot
         block: the mesh
     """
 
+    folder: Path
     meta: Mapping[str, Any]
     arrays: Mapping[str, Array]
     snapshots: tuple[Mapping[str, Array], ...]
     block: BlockMesh | None
 
     def restore(self, press: Press, record: Record) -> Position:
-        """Put `press`, on the same mesh, and `record` into the saved state; collective."""
+        """Put `press`, on the same mesh and at its initial state, and `record` into the saved state; collective.
+
+        Raises:
+            CheckpointError: the arrays are not those of `press`
+        """
+        self._judge(press)
         solid, comm = press.solid, press.solid.comm
         nodes, cells = node_numbers(solid), cell_numbers(solid)
         root = comm.rank == 0
@@ -90,7 +102,7 @@ class Saved:
 
         owned = nodes[: solid.owned]
         displacements = {
-            name: spread(comm, owned, self.arrays.get(f"displacement.{name}")) for name in self.meta["displacements"]
+            name: spread(comm, owned, self.arrays.get(f"displacement.{name}")) for name in self._displacements()
         }
         touched = spread_some(comm, nodes[press.top.owned_nodes], rows("touched_at"), np.inf)
         if solid.material.plastic:
@@ -100,14 +112,14 @@ class Saved:
             )
         facets = facet_numbers(press.top)
         press.contact.restore_state(
-            {name: spread_some(comm, facets, rows(f"contact.{name}")) for name in self.meta["contact"]}
+            {name: spread_some(comm, facets, rows(f"contact.{name}")) for name in _contact_state(press)}
         )
         press.resume(self.meta["press"], displacements, touched)
         record.rows[:] = self.meta["rows"]
         for k, about in enumerate(self.meta["snapshots"]):
             fields = {
                 name: spread(comm, cells if name in OF_CELLS else nodes, self._snapshot(k, name))
-                for name in about["fields"]
+                for name in _snapshot_names(press)
             }
             fields.setdefault("plastic_strain", solid.bulk.history()[1].copy())
             record.snapshots.append(Snapshot(about["step"], about["branch"], about["delta"], **fields))
@@ -116,6 +128,26 @@ class Saved:
             for name, value in self.meta[kind].items():
                 totals[name] = totals.get(name, 0) + value
         return Position.from_dict(self.meta["position"])
+
+    def _displacements(self) -> tuple[str, ...]:
+        return ("last",) if self.meta["press"]["before"] is None else ("last", "previous")
+
+    def _judge(self, press: Press) -> None:
+        """Make sure that the arrays are those that `press` would save."""
+        fresh = _fields(press)
+        fields = _snapshot_fields(press, press.snapshot(0, "load")) if self.meta["snapshots"] else {}
+
+        def judge() -> None:
+            assert self.block is not None
+            like = fresh | {f"displacement.{name}": fresh["displacement.last"] for name in self._displacements()}
+            names = [SNAPSHOT.format(k) for k in range(len(self.snapshots))]
+            pairs = [(STATE, self.arrays, like), *((n, s, fields) for n, s in zip(names, self.snapshots, strict=True))]
+            for name, arrays, expected in pairs:
+                wrong = wrong_array(arrays, expected, len(self.block.points), len(self.block.tets))
+                if wrong:
+                    raise _damaged(self.folder / name, wrong)
+
+        on_root(press.solid.comm, judge)
 
     def _snapshot(self, k: int, name: str) -> Array | None:
         return self.snapshots[k][name] if self.snapshots else None
@@ -134,8 +166,8 @@ class Checkpoint:
     def __init__(self, folder: Path, identity: Mapping[str, Any], comm: MPI.Comm, interval: int = 1) -> None:
         self.folder, self.interval = folder, interval
         self._identity, self._comm = dict(identity), comm
-        self._mesh_hash = ""
-        self._snapshots = 0  # written so far
+        self._mesh = ""  # digest of the mesh written
+        self._snapshots: list[str] = []  # digests of those written
 
     def part(self, name: str) -> Checkpoint:
         """Checkpoint of one of several load paths of the same run."""
@@ -145,9 +177,13 @@ class Checkpoint:
         """Remove what an earlier run left, and nothing else."""
 
         def remove() -> None:
-            for name in (MESH, STATE, SNAPSHOT.format("*")):
-                for path in self.folder.glob(f"**/{name}"):
-                    path.unlink(missing_ok=True)
+            for folder in sorted(self.folder.glob("**/"), reverse=True):  # those inside first
+                remove_asides(folder)
+                for name in (MESH, STATE, SNAPSHOT.format("*")):
+                    for path in folder.glob(name):
+                        path.unlink(missing_ok=True)
+                with suppress(OSError):  # it holds what is somebody else's
+                    folder.rmdir()
 
         on_root(self._comm, remove)
 
@@ -183,30 +219,40 @@ class Checkpoint:
             remove_asides(self.folder)
             meta, arrays = self._read_state(self.folder / STATE)
             block = _read_block(self.folder / MESH, meta["mesh"])
-            names = [SNAPSHOT.format(k) for k in range(len(meta["snapshots"]))]
-            snapshots = tuple(_read_npz(self.folder / name) for name in names)
-            found.append(Saved(meta, arrays, snapshots, block))
+            snapshots = tuple(
+                _read_npz(self.folder / SNAPSHOT.format(k), about["digest"])
+                for k, about in enumerate(meta["snapshots"])
+            )
+            found.append(Saved(self.folder, meta, arrays, snapshots, block))
             return meta
 
         meta = on_root(self._comm, read)
         if meta is None:
             return None
-        self._mesh_hash, self._snapshots = meta["mesh"], len(meta["snapshots"])
-        return found[0] if found else Saved(meta, {}, (), None)
+        self._mesh, self._snapshots = meta["mesh"], [about["digest"] for about in meta["snapshots"]]
+        return found[0] if found else Saved(self.folder, meta, {}, (), None)
 
     def _read_state(self, path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
         arrays = _read_npz(path)
         try:
-            meta = json.loads(arrays.pop("meta").tobytes())
-            version, saved = meta["format"], meta["identity"]
-        except (KeyError, TypeError, ValueError):
+            text = arrays["meta"].tobytes()
+            meta: dict[str, Any] = json.loads(text)
+            version = meta["format"]
+        except UNREADABLE:
             raise CheckpointError(f"{path} is not a checkpoint of asperity") from None
         if version != FORMAT:
             raise CheckpointError(
                 f"{path} was written by asperity {meta.get('version', '?')} in format {version}, this version "
                 f"continues format {FORMAT}; use that version, or start again without --resume"
             )
-        different = differences(saved, self._identity)
+        digest = arrays.pop("digest", None)
+        if digest is None or digest.tobytes() != _digest(arrays).encode():
+            raise _damaged(path, "its content is not what was written")
+        wrong = wrong_number(text, meta)
+        if wrong:
+            raise _damaged(path, wrong)
+        del arrays["meta"]
+        different = differences(meta["identity"], self._identity)
         if different:
             raise CheckpointError(
                 f"{path} belongs to another case: {'; '.join(different[:3])}"
@@ -221,18 +267,16 @@ class Checkpoint:
         Raises:
             OutputError: it cannot be written
         """
-        if not self.interval or self._mesh_hash:
+        if not self.interval or self._mesh:
             return
 
         def write() -> str:
             assert block is not None
             self.folder.mkdir(parents=True, exist_ok=True)
-            data = {"points": block.points, "tets": block.tets}
-            sizes = {"side": np.array(block.side), "height": np.array(block.height)}
-            replace_file(self.folder / MESH, npz_bytes(data | sizes))
-            return _hash(block)
+            replace_file(self.folder / MESH, npz_bytes(block.arrays()))
+            return _digest(block.arrays())
 
-        self._mesh_hash = on_root(self._comm, write)
+        self._mesh = on_root(self._comm, write)
 
     def due(self, steps: int) -> bool:
         """Whether to save after that many accepted steps."""
@@ -248,35 +292,41 @@ class Checkpoint:
             return
         with press.solid.phases.phase("checkpoint"):
             arrays = _fields(press)
-            new = [_snapshot_fields(press, s) for s in record.snapshots[self._snapshots :]]
-            about = [
-                {"step": s.step, "branch": s.branch, "delta": s.delta, "fields": _snapshot_names(press)}
-                for s in record.snapshots
-            ]
-            meta = {
+            new = [_snapshot_fields(press, s) for s in record.snapshots[len(self._snapshots) :]]
+            meta: dict[str, Any] = {
                 "format": FORMAT,
                 "version": _version(),
                 "identity": self._identity,
-                "mesh": self._mesh_hash,
+                "mesh": self._mesh,
                 "position": asdict(position),
                 "press": press.numbers(),
-                "displacements": list(press.displacements()),
-                "contact": list(press.contact.state()),
                 "rows": record.rows,
-                "snapshots": about,
                 "seconds": press.solid.phases.seconds,
                 "calls": press.solid.phases.calls,
             }
 
-            def write() -> None:
-                for k, fields in enumerate(new, self._snapshots):
+            def write() -> list[str]:
+                for k, fields in enumerate(new, len(self._snapshots)):
                     replace_file(self.folder / SNAPSHOT.format(k), npz_bytes(fields))
-                text = json.dumps(meta, default=float).encode()
-                state = {"meta": np.frombuffer(text, dtype=np.uint8)} | arrays
-                replace_file(self.folder / STATE, npz_bytes(state))
+                digests = [*self._snapshots, *map(_digest, new)]
+                meta["snapshots"] = [
+                    {"step": s.step, "branch": s.branch, "delta": s.delta, "digest": digest}
+                    for s, digest in zip(record.snapshots, digests, strict=True)
+                ]
+                replace_file(self.folder / STATE, npz_bytes(signed(meta, arrays)))
+                return digests
 
-            on_root(self._comm, write)
-            self._snapshots = len(record.snapshots)
+            self._snapshots = on_root(self._comm, write)
+
+
+def signed(meta: Mapping[str, Any], arrays: Mapping[str, Array]) -> dict[str, Array]:
+    """Content of the file of a state."""
+    content = {"meta": _letters(json.dumps(meta, default=float)), **arrays}
+    return {**content, "digest": _letters(_digest(content))}
+
+
+def _letters(text: str) -> Array:
+    return np.frombuffer(text.encode(), dtype=np.uint8)
 
 
 def differences(saved: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
@@ -284,7 +334,7 @@ def differences(saved: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     found = []
     for name in sorted({*saved, *now}):
         old, new = saved.get(name), now.get(name)
-        if old == new or (name == CYCLES and old is not None and new is not None and new > old):
+        if old == new or (name == CYCLES and isinstance(old, int) and isinstance(new, int) and new > old):
             continue
         if name in FILES:
             found.append(f"{name} has another content")
@@ -317,9 +367,16 @@ def _fields(press: Press) -> dict[str, Array]:
         yielded = np.flatnonzero(accumulated.any(axis=1))
         keep_some("plastic_strain", cells[yielded], strain[yielded])
         keep_some("accumulated", cells[yielded], accumulated[yielded])
-    for name, values in press.contact.state().items():
+    for name, values in _contact_state(press).items():
         keep_some(f"contact.{name}", facet_numbers(press.top), values)
     return out
+
+
+def _contact_state(press: Press) -> dict[str, Array]:
+    """History of the contact, of the same names on all ranks: one without facets has no rows of it; collective."""
+    own = press.contact.state()
+    all_of_them = press.solid.comm.allgather({name: values.shape[1:] for name, values in own.items()})
+    return {name: own.get(name, np.zeros((0, *shape))) for name, shape in max(all_of_them, key=len).items()}
 
 
 def _snapshot_names(press: Press) -> list[str]:
@@ -341,30 +398,38 @@ def _snapshot_fields(press: Press, snapshot: Snapshot) -> dict[str, Array]:
     return out
 
 
-def _read_npz(path: Path) -> dict[str, Array]:
+def _damaged(path: Path, reason: str) -> CheckpointError:
+    return CheckpointError(f"{path} is damaged: {reason}; start the run anew with --force")
+
+
+def _read_npz(path: Path, digest: str | None = None) -> dict[str, Array]:
     try:
-        with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
-            return {name: file[name] for name in file.files}
+        arrays = read_npz(path)
     except FileNotFoundError:
         raise CheckpointError(f"{path} is missing; start the run anew with --force") from None
-    except UNREADABLE as error:
-        raise CheckpointError(f"{path} is damaged ({error}); start the run anew with --force") from None
+    except OSError as error:
+        raise _damaged(path, error.strerror or "it cannot be read") from None
+    except ValueError as error:
+        raise _damaged(path, str(error)) from None
+    if digest not in (None, _digest(arrays)):
+        raise CheckpointError(f"{path} does not belong to the state beside it; start the run anew with --force")
+    return arrays
 
 
-def _read_block(path: Path, expected: str) -> BlockMesh:
-    arrays = _read_npz(path)
+def _read_block(path: Path, digest: str) -> BlockMesh:
     try:
-        block = BlockMesh(arrays["points"], arrays["tets"], float(arrays["side"]), float(arrays["height"]))
-    except (KeyError, TypeError):
-        raise CheckpointError(f"{path} is not a mesh of asperity") from None
-    if _hash(block) != expected:
-        raise CheckpointError(f"{path} is not the mesh the state beside it was computed on")
-    return block
+        return BlockMesh.from_arrays(_read_npz(path, digest))
+    except ValueError as error:
+        raise _damaged(path, str(error)) from None
 
 
-def _hash(block: BlockMesh) -> str:
-    content = [np.ascontiguousarray(a).tobytes() for a in (block.points, block.tets)]
-    return hashlib.sha256(b"".join(content)).hexdigest()
+def _digest(arrays: Mapping[str, Array]) -> str:
+    """SHA-256 of arrays with their names, types and shapes."""
+    content = hashlib.sha256()
+    for name, array in sorted(arrays.items()):
+        content.update(f"{name} {array.dtype.str} {array.shape};".encode())
+        content.update(np.ascontiguousarray(array))
+    return content.hexdigest()
 
 
 def _version() -> str:

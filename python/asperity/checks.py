@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from asperity.block import H_MAX
+from asperity.block import H_CONTACT, H_MAX
 from asperity.errors import InputError
+from asperity.refinement import too_soft
 from asperity.schema import Input, show
 
 if TYPE_CHECKING:
@@ -32,6 +33,9 @@ def check_together(case: Input) -> None:
     _check_material(case)
     _check_lengths(case)
     loading, dynamics = case.loading, case.dynamics
+    if case.accuracy.tolerance is not None and (soft := too_soft(case.contact.method, case.contact.penalty)):
+        key, _, rest = soft.partition(" ")
+        _refuse(key, rest)
     if (loading.delta_max is None) == (loading.force_max is None):
         state = "are both missing" if loading.delta_max is None else "are both given"
         _refuse("loading.delta_max", f"and loading.force_max {state}; give exactly one of them")
@@ -77,7 +81,7 @@ def _check_material(case: Input) -> None:
 # key -> legal range as a fraction of L: wide enough for any sensible model, narrow enough to catch
 # metres mixed with micrometres
 _FRACTIONS_OF_L = {
-    "block.height": (1e-3, 1e3),
+    "block.height": (1e-3, 1e2),
     "loading.delta_max": (1e-7, 1e3),
     "mesh.h_contact": (1e-5, 1.0),
     "mesh.h_max": (1e-5, 1e3),
@@ -100,9 +104,10 @@ def _check_lengths(case: Input) -> None:
                 f"= {value:g} is {value / side:.2g} of surface.L = {side:g}, legal are {low:g} to "
                 f"{high:g}; give all lengths in the same unit (m)",
             )
-    h_max = case.mesh.h_max or H_MAX * side
-    if case.mesh.h_contact > h_max:
-        _refuse("mesh.h_contact", f"= {case.mesh.h_contact:g} exceeds mesh.h_max = {h_max:g}")
+    size, h_max = case.mesh.h_contact, case.mesh.h_max
+    if size > (h_max or H_MAX * side):
+        greatest = f"mesh.h_max = {h_max:g}" if h_max else f"the default of mesh.h_max, {H_MAX:g} L: give that as well"
+        _refuse("mesh.h_contact", f"= {size:g} exceeds {greatest}")
     delta, force = case.loading.delta_max, case.loading.force_max
     if delta is not None and delta >= case.block.height:
         _refuse(
@@ -131,6 +136,33 @@ def doubts(case: Input) -> Iterator[str]:
         yield f"material.E = {case.material.E:g} is taken as Pa; {advice}"
     elif case.surface.L > 0.1:
         yield f"surface.L = {case.surface.L:g} is taken as m; {advice}"
+
+
+def unused(case: Input) -> Iterator[str]:
+    """Keys with another value than their default that this case makes no use of."""
+    method, tolerance = case.contact.method, case.accuracy.tolerance
+    size, by_method = ("mesh.h_contact", "mesh.growth", "mesh.h_max"), f"contact.method is {method}"
+    idle = [
+        (tolerance is not None, size, "accuracy.tolerance chooses the mesh"),
+        (case.mesh.file is not None, size, "mesh.file is the mesh"),
+        (tolerance is None, ("accuracy.max_dofs", "accuracy.max_seconds"), "there is no accuracy.tolerance"),
+        (method != "penalty", ("contact.penalty",), by_method),
+        (method != "nitsche", ("contact.gamma", "contact.theta"), by_method),
+        (not case.loading.unload, ("loading.unload_steps",), "loading.unload is false"),
+        (case.material.yield_strength is None, ("loading.integrator",), "the material is elastic"),
+    ]
+    # defaults that follow from other keys
+    defaults = {
+        "mesh.h_contact": H_CONTACT * case.surface.L,
+        "loading.unload_steps": max(case.loading.steps // 2, 1),
+    }
+    for applies, keys, why in idle:
+        for key in keys if applies else ():
+            name, _, entry = key.partition(".")
+            section = getattr(case, name)
+            value = getattr(section, entry)
+            if value != defaults.get(key, type(section).model_fields[entry].default):
+                yield f"{key} = {show(value)} is not used: {why}"
 
 
 def check_loading(case: Input, surface: Surface) -> list[str]:

@@ -6,9 +6,9 @@ by `benchmarks/estimate.py`, which prints the constants below.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from math import log2
+from math import inf, log2
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from .block import BlockMesh
 from .errors import InputError
 from .mesh import GRADING, GUIDED, SizeField
-from .refinement import GUIDE, STEP_ORDERS, cheapest_substeps, growth, meshes
+from .refinement import GUIDE, STEP_ORDERS, cheapest_substeps, growth, meshes, planned_steps
 from .schedule import BACKWARD_EULER, MIDPOINT, Schedule
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ NODES, NODES_OF_GROWTH = 4.5, 19.0
 
 TYPICAL_BAR = 0.06  # relative, of the second mesh of a run driven by a tolerance
 TYPICAL_STEP_BAR = {MIDPOINT: 0.005, BACKWARD_EULER: 0.05}  # relative, of whole load steps
+MOST_DOFS = 1e8  # that are counted
 
 
 @dataclass(frozen=True)
@@ -81,11 +82,13 @@ class Estimate:
         levels: the meshes, the last one the finest.
         ranks: processes the memory is for.
         memory: of all ranks [bytes].
+        enough: whether the meshes end where the tolerance is expected to be met, not before, at accuracy.max_dofs.
     """
 
     levels: tuple[Level, ...]
     ranks: int
     memory: float
+    enough: bool = True
 
     @property
     def dofs(self) -> int:
@@ -105,7 +108,7 @@ def estimate(case: Case, ranks: int = 1) -> Estimate:
     gets a finer one more.
 
     Raises:
-        InputError: the case is driven by a force, so nobody knows yet how deep it goes.
+        InputError: the case is driven by a force, so nobody knows yet how deep it goes; or it has more than MOST_DOFS.
     """
     if case.loading.delta_max is None:
         raise InputError(
@@ -113,45 +116,55 @@ def estimate(case: Case, ranks: int = 1) -> Estimate:
             "replace it, for example --set loading.force_max= --set loading.delta_max=2e-8"
         )
     surface, rates = case.build_surface(), PLASTIC if case.material.yield_strength is not None else ELASTIC
-    levels = []
+    levels: list[Level] = []
+    enough, most = True, MOST_DOFS if case.accuracy.tolerance is None else case.accuracy.max_dofs
     for h, steps in _plan(case):
-        dofs = _given_dofs(case) or count_dofs(surface, case, h)
+        dofs = _given_dofs(case) or count_dofs(surface, case, h, most)
+        if dofs > most:
+            enough = False
+            break
         levels.append(Level(h, dofs, steps, _seconds(rates, dofs, steps)))
+    if not levels:
+        key = "mesh.h_contact" if case.accuracy.tolerance is None else "accuracy.max_dofs"
+        raise InputError(f"the first mesh has more than {most:g} dofs: raise {key}")
     memory = ranks * rates.base + rates.per_dof * levels[-1].dofs
-    return Estimate(tuple(levels), ranks, memory)
+    return Estimate(tuple(levels), ranks, memory, enough)
 
 
-def _plan(case: Case) -> list[tuple[float, int]]:
-    """Size h_contact [length] and load steps of each mesh."""
+def _plan(case: Case) -> Iterator[tuple[float, int]]:
+    """Size h_contact [length] and load steps of each mesh, one after the other."""
     loading, plastic = case.loading, case.material.yield_strength is not None
     integrator = loading.integrator if plastic else BACKWARD_EULER
+    wanted = case.accuracy.tolerance
+    planned = loading.steps if wanted is None else planned_steps(loading.steps)
 
     def steps(substeps: int = 1) -> int:
-        schedule = Schedule(delta_max=1.0, steps=loading.steps, integrator=integrator, substeps=substeps)
+        schedule = Schedule(delta_max=1.0, steps=planned, integrator=integrator, substeps=substeps)
         unloading = loading.unload_steps if loading.unload else 0
         return (len(schedule.stops()) + unloading) * loading.cycles
 
-    if case.accuracy.tolerance is None:
-        return [(case.mesh.h_contact, steps())]
+    if wanted is None:
+        yield case.mesh.h_contact, steps()
+        return
     L = case.surface.L
-    left, substeps, probes = case.accuracy.tolerance, 1, []
+    left, substeps = wanted, 1
     if plastic:
         whole, order = TYPICAL_STEP_BAR[integrator], STEP_ORDERS[integrator]
         substeps = cheapest_substeps({1: np.array([whole])}, np.array([TYPICAL_BAR]), left, order)
         left = max(left - whole * substeps**-order, 0.1 * left)
-    guide, *finer = meshes(TYPICAL_BAR, left)
-    if plastic:  # the second mesh measures the error of the steps, with two parts at the least
-        probes = [(finer[0] * L, steps(2**k)) for k in range(max(int(log2(substeps)), 1) + 1)]
-        finer = finer[1:]
-    return [(guide * L, steps()), *probes, *((h * L, steps(substeps)) for h in finer)]
+    for k, h in enumerate(meshes(TYPICAL_BAR, left)):
+        if k == 1 and plastic:  # the second mesh measures the error of the steps, with two parts at the least
+            yield from ((h * L, steps(2**n)) for n in range(max(int(log2(substeps)), 1) + 1))
+        else:
+            yield h * L, steps(substeps if k else 1)
 
 
 def _given_dofs(case: Case) -> int:
     return 0 if case.mesh.file is None else 3 * len(BlockMesh.read(case.mesh.file).points)
 
 
-def count_dofs(surface: Surface, case: Case, h_contact: float) -> int:
-    """Unknowns of the mesh of a case with a given size h_contact [length]."""
+def count_dofs(surface: Surface, case: Case, h_contact: float, most: float = inf) -> int:
+    """Unknowns of the mesh of a case with a given size h_contact [length]; counted until there are more than `most`."""
     assert case.loading.delta_max is not None
     mesh, L = case.mesh, surface.L
     adaptive = case.accuracy.tolerance is not None
@@ -159,22 +172,23 @@ def count_dofs(surface: Surface, case: Case, h_contact: float) -> int:
     grading = GUIDED if adaptive and h_contact < GUIDE * L else GRADING
     field = SizeField.of(surface, case.loading.delta_max, h_contact, growth=rate, h_max=h_max, grading=grading)
     nodes = NODES + NODES_OF_GROWTH * rate
-    return round(3 * nodes * integral(field.at, case.block.height / L))
+    return round(3 * nodes * integral(field.at, case.block.height / L, most / (3 * nodes)))
 
 
-def integral(size: Size, height: float) -> float:
+def integral(size: Size, height: float, most: float = inf) -> float:
     """Integral of 1/h^3 over the block, by cubes of at most 2 h.
 
     Args:
         size: h at (x, y, depth), in units of L
         height: of the block [L]
+        most: value beyond which it is given up
     """
     total = 0.0
     layers = max(round(8 * height), 1)
     edges = (1 / 8, 1 / 8, height / layers)
     todo = [((i + 0.5) / 8, (j + 0.5) / 8, (k + 0.5) * edges[2], edges)
             for i in range(8) for j in range(8) for k in range(layers)]  # fmt: skip
-    while todo:
+    while todo and total <= most:
         x, y, z, (a, b, c) = todo.pop()
         h = size(x, y, z)
         if max(a, b, c) <= 2.0 * h:

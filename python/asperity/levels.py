@@ -14,7 +14,7 @@ from .loading import Callback
 from .material import Material
 from .mesh import Reach
 from .refinement import DOFS_ORDER, growth
-from .statics import ContactResult, MeshSize, make_undistorted, solve_contact
+from .statics import ContactResult, MeshSize, PartialResult, estimate_deflection, make_undistorted, solve_contact
 from .surface import Surface
 
 
@@ -85,10 +85,10 @@ class Runner:
         self._comm = settings.get("comm") or MPI.COMM_WORLD
         self._start = perf_counter()
         self._reach: Reach | None = None
-        self._depth: float | None = settings["delta_max"]
+        self._depth: float | None = settings["delta_max"]  # that meshes are made for [length]
         self._h_max: float | None = None  # of the elements away from the contact; smaller on a surface too steep for it
         self._made: tuple[float, BlockMesh | None] | None = None  # the last mesh and its size [length]
-        self._guided, self._first = False, True  # whether meshes are guided, and none of these was allowed so far
+        self._guide: ContactResult | None = None  # until the first mesh that it guides
         self.levels: list[Level] = []
 
     def aim(self, guide: ContactResult) -> None:
@@ -96,8 +96,8 @@ class Runner:
         L = self._surface.L
         xy, touched_at = guide.press.reach()
         self._reach = Reach(xy * L, touched_at * L) if len(xy) else None  # on rank 0, where meshes are made
-        self._depth = self._depth or float(guide.curve.loading().delta[-1])  # of a loading by force
-        self._made, self._guided = None, True
+        self._depth = float(guide.curve.loading().delta[-1])
+        self._made, self._guide = None, guide
 
     def _mesh(self, h: float) -> tuple[BlockMesh | None, float]:
         """Mesh of size h [length], or the finest that the greatest number of dofs allows, and its size; collective.
@@ -105,26 +105,32 @@ class Runner:
         Its largest elements are small enough not to be turned inside out by the slopes, if that is possible.
 
         Raises:
-            InputError: not even the first meshes are allowed
+            InputError: not even the guide is allowed
+            PartialResult: nothing else is
         """
         if self._made is not None and self._made[0] == h:  # once more, in other steps
             return self._made[1], h
         comm = self._comm
         height = self._settings.get("height") or self._surface.L
-        assert self._depth is not None
+        if self._depth is None:
+            force, settings = self._settings["force_max"], self._settings
+            of_press = {k: settings[k] for k in ("sides", "formulation", "kernels", "options") if k in settings}
+            self._depth = estimate_deflection(comm, self._surface, self._material, height, force, of_press)
         while True:
             size = MeshSize(h, growth(h / self._surface.L), self._h_max, self._reach)
             block, self._h_max = make_undistorted(comm, self._surface, height, self._depth, size)
             dofs = comm.bcast(None if block is None else 3 * len(block.points), root=0)
             if dofs <= self._max_dofs:
-                self._made = h, block
-                self._first = not self._guided
+                self._made, self._guide = (h, block), None
                 return block, h
-            if self._first:
-                raise InputError(
-                    f"accuracy.max_dofs = {self._max_dofs} is too small, a coarse mesh of this block has {dofs} dofs: "
-                    "raise it, or choose the mesh by mesh.h_contact"
-                )
+            small = (
+                f"accuracy.max_dofs = {self._max_dofs} is too small, a coarse mesh of this block has {dofs} dofs: "
+                "raise it, or choose the mesh by mesh.h_contact"
+            )
+            if not self.levels:
+                raise InputError(small)
+            if self._guide is not None:
+                raise PartialResult(f"the force has no error bar: {small}", self._guide)
             h *= 1.02 * (dofs / self._max_dofs) ** (1.0 / DOFS_ORDER)
 
     def __call__(self, h: float, substeps: int = 1) -> ContactResult:
@@ -132,9 +138,7 @@ class Runner:
         start = perf_counter()
         L = self._surface.L
         settings = self._settings
-        h, block = h * L, None
-        if self._depth is not None:  # known in advance or from the guide
-            block, h = self._mesh(h)
+        block, h = self._mesh(h * L)
         if settings.get("checkpoint") is not None:  # other limits than those of a run continued may give another size
             level = settings["checkpoint"].part(f"level-{len(self.levels) + 1}-{h / L:.6g}-{substeps}")
             settings = settings | {"checkpoint": level}
@@ -165,21 +169,18 @@ class Runner:
             return DOFS_ORDER
         return max(DOFS_ORDER, log(last.dofs / before.dofs) / log(before.h / last.h))
 
-    def limit(self, goal: Goal, rest: float, size: float, finer: float, substeps: int) -> str:
+    def limit(self, goal: Goal, size: float, finer: float, substeps: int) -> str:
         """Why the next level must not be computed; empty when it may; collective, by the clock of rank 0.
 
         Args:
             goal: with the limits
-            rest: greatest relative error bar of what is not the mesh
             size, finer: elements of the last level and of the next [L]
             substeps: of the next level
         """
-        reason = self._limit(goal, rest, size / finer, substeps)
+        reason = self._limit(goal, size / finer, substeps)
         return str(self._comm.bcast(reason, root=0))
 
-    def _limit(self, goal: Goal, rest: float, refinement: float, substeps: int) -> str:
-        if rest > 0.9 * goal.tolerance:
-            return "what is left comes from the load steps, raise loading.steps"
+    def _limit(self, goal: Goal, refinement: float, substeps: int) -> str:
         last = self.levels[-1]
         order = self.growth_of_dofs()
         dofs = int(last.dofs * refinement**order)

@@ -7,8 +7,8 @@ of those that the ends of a range of orders give, and half their distance, times
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from math import inf
+from collections.abc import Iterator, Mapping, Sequence
+from math import ceil, inf
 
 import numpy as np
 import numpy.typing as npt
@@ -32,7 +32,29 @@ COST_ORDER = 2.6  # time grows as h^-COST_ORDER
 DOFS_ORDER = 2.0  # dofs grow as h^-DOFS_ORDER: refinement is nearly confined to the contact
 STEP_ORDERS = {MIDPOINT: 2.0, BACKWARD_EULER: 1.0}  # of the force in the load step
 MOST_SUBSTEPS = 32
+LEAST_STEPS = 5  # planned ones, for the difference of two meshes at one or two deflections may vanish by chance
+LEAST_PENALTY = 10.0  # factor below which the penalty leaves an error of first order (docs/accuracy.md)
 GROWTH = 0.25, 0.04  # growth of the element size around the contact, and the size in it that this belongs to [L]
+
+
+def planned_steps(steps: int) -> int:
+    """Planned load steps of a run with a tolerance: the least multiple of those asked for that tells of the bar."""
+    return steps * ceil(LEAST_STEPS / steps)
+
+
+def too_soft(method: str, penalty: float) -> str:
+    """Why a contact formulation has no error bar: a soft penalty, whose error is not of MESH_ORDERS; empty for none.
+
+    Args:
+        method: formulation
+        penalty: factor of E p^2/h
+    """
+    if method != "penalty" or penalty >= LEAST_PENALTY:
+        return ""
+    return (
+        f"contact.penalty = {penalty:g} is too soft for accuracy.tolerance, whose error bars need {LEAST_PENALTY:g} or "
+        'more: raise it, or take contact.method = "active-set"'
+    )
 
 
 def growth(size: float) -> float:
@@ -139,21 +161,22 @@ def partner(sizes: Sequence[float]) -> int:
     return max((k for k, h in enumerate(sizes[:-1]) if h >= 0.999 * SMALLEST_RATIO * sizes[-1]), default=0)
 
 
-def meshes(bar: float, wanted: float) -> list[float]:
-    """Sizes of all meshes of a run [L] when the force has the typical order.
+def meshes(bar: float, wanted: float) -> Iterator[float]:
+    """Sizes of all meshes of a run [L], one after the other, when the force has the typical order.
 
     Args:
         bar: relative error bar on the second mesh, the first to have one
         wanted: relative error bar asked for
     """
     sizes = [GUIDE, FIRST * GUIDE]
+    yield from sizes
     error = first = error_of(bar, 1.0 / FIRST, guide=True)
     while bar > wanted:
         sizes.append(plan_next(sizes, error, wanted))
+        yield sizes[-1]
         coarse = partner(sizes)
         error = first * (sizes[-1] / sizes[1]) ** MESH_ORDER
         bar = error / error_of(1.0, sizes[coarse] / sizes[-1], coarse == 0)
-    return sizes
 
 
 def cheapest_substeps(bars: Mapping[int, Floats], mesh: Floats, tolerance: float, order: float) -> int:

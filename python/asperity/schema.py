@@ -34,7 +34,7 @@ class Section(BaseModel):
 
 
 class _Patch(Section):
-    L: Real = _key("side of the square patch", unit=LENGTH, gt=0, hint="1e-6 is 1 um in SI")
+    L: Real = _key("side of the square patch", unit=LENGTH, ge=1e-20, le=1e20, hint="1e-6 is 1 um in SI")
 
 
 class WeierstrassMandelbrotSection(_Patch):
@@ -100,8 +100,8 @@ SURFACES = (
 class MaterialSection(Section):
     """Isotropic solid, elastic or elastic-plastic (J2, linear isotropic hardening)."""
 
-    E: Real = _key("Young's modulus", unit=STRESS, gt=0, hint="200e9 Pa for steel")
-    nu: Real = _key("Poisson's ratio", gt=-1, lt=0.5, hint="0.3 for steel")
+    E: Real = _key("Young's modulus", unit=STRESS, ge=1e-20, le=1e40, hint="200e9 Pa for steel")
+    nu: Real = _key("Poisson's ratio", ge=-0.99, le=0.4999, hint="0.3 for steel, 0.499 for rubber")
     yield_strength: Real | None = _key(
         "yield strength", None, shown="elastic", unit=STRESS, gt=0,
         hint="leave it out for an elastic material",
@@ -133,8 +133,8 @@ class ContactSection(Section):
     """How the flat and the surface interact."""
 
     method: Literal["active-set", "penalty", "nitsche"] = _key("formulation", "active-set")
-    penalty: Real = _key("factor of E p^2/h (penalty)", 10.0, gt=0)
-    gamma: Real | None = _key("factor of E p^2/h (nitsche)", None, shown="1; 10 if theta is not 0", gt=0)
+    penalty: Real = _key("factor of E p^2/h (penalty)", 10.0, ge=0.01, le=1e6)
+    gamma: Real | None = _key("factor of E p^2/h (nitsche)", None, shown="1; 10 if theta is not 0", ge=0.01, le=1e6)
     theta: Whole = _key("symmetry of nitsche; 1 and -1 need an elastic solid", 0, ge=-1, le=1)
 
 
@@ -168,7 +168,7 @@ class AccuracySection(Section):
     """Error control; without a tolerance one mesh of size h_contact is used."""
 
     tolerance: Real | None = _key(
-        "relative error of the force", None, shown="one mesh", gt=0, lt=1,
+        "relative error of the force", None, shown="one mesh", ge=1e-6, lt=1,
         hint="0.01 for one per cent",
     )  # fmt: skip
     max_dofs: Whole = _key("limit of unknowns", 1_000_000, ge=1000)

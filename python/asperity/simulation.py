@@ -106,7 +106,7 @@ def run(
             if case.accuracy.tolerance is None:
                 contact = _solve(case, settings | {"checkpoint": checkpoint})
             else:
-                accurate = _solve_to_tolerance(case, settings | {"checkpoint": checkpoint})
+                accurate = _solve_to_tolerance(case, settings | {"checkpoint": checkpoint}, writer)
                 contact = replace(accurate.contact, curve=accurate.curve, reason=accurate.reason)
                 failure = None if accurate.met else ConvergenceError(accurate.reason)
         except PartialResult as e:
@@ -126,7 +126,7 @@ def run(
         summary["exit_reason"] = str(failure)
 
     def write() -> None:
-        writer.curve(contact.curve)
+        (writer.steps if accurate is None else writer.curve)(contact.curve)
         writer.summary(summary)
 
     on_root(comm, write)
@@ -166,7 +166,7 @@ def _settings(
         progress.stage(name)
 
     def on_step(rows: Sequence[Mapping[str, Any]], fraction: float) -> None:
-        on_root(comm, lambda: writer.curve(Curve.from_rows(rows)))
+        on_root(comm, lambda: writer.steps(Curve.from_rows(rows)))
         progress.step(rows[-1], fraction)
 
     return dict(
@@ -204,7 +204,7 @@ def _solve(case: Case, settings: dict[str, Any]) -> ContactResult:
     )
 
 
-def _solve_to_tolerance(case: Case, settings: dict[str, Any]) -> AccurateResult:
+def _solve_to_tolerance(case: Case, settings: dict[str, Any], writer: _Writer) -> AccurateResult:
     """The static part of a case on meshes that its tolerance chooses."""
     from .accuracy import Goal, solve_to_tolerance
 
@@ -216,6 +216,7 @@ def _solve_to_tolerance(case: Case, settings: dict[str, Any]) -> AccurateResult:
         case.build_surface(),
         material_of(case),
         Goal(wanted.tolerance, wanted.max_dofs, wanted.max_seconds),
+        on_curve=lambda curve: on_root(settings["comm"], lambda: writer.curve(curve)),
         **settings,
     )
 
@@ -343,6 +344,7 @@ class _Writer:
 
     def __init__(self, case: Case, folder: Path | None) -> None:
         self._case, self._folder = case, folder
+        self._whole = False
 
     def begin(self) -> None:
         """Make the folder and write the completed input."""
@@ -363,8 +365,17 @@ class _Writer:
         complete = summary.get("finished") is True and text == self._case.to_toml()
         return (curve, summary) if complete else None
 
+    def steps(self, curve: Curve) -> None:
+        """Write the curve so far; a killed run keeps it, unless it has had a whole one on a coarser mesh."""
+        if not self._whole:
+            self._write(curve)
+
     def curve(self, curve: Curve) -> None:
-        """Write the curve so far; a killed run keeps it."""
+        """Write a whole curve."""
+        self._whole = True
+        self._write(curve)
+
+    def _write(self, curve: Curve) -> None:
         if self._folder is not None:
             curve.write(self._folder / "curve.csv")
 

@@ -289,8 +289,9 @@ def solve_contact(
     if given is None:
         stage("mesh")
         if delta_max is None:
+            assert force_max is not None
             with phases.phase("deflection estimate"):
-                delta_max = estimate_deflection(comm, surface, material, height, schedule, settings)
+                delta_max = estimate_deflection(comm, surface, material, height, force_max, settings)
         with phases.phase("mesh"):
             block = make_block(comm, surface, height, delta_max, size or MeshSize())
     stage("set-up")
@@ -342,10 +343,10 @@ def estimate_deflection(
     surface: Surface,
     material: Material,
     height: float,
-    schedule: Schedule,
+    force_max: float,
     settings: dict[str, Any],
 ) -> float:
-    """About the deflection at schedule.force_max on a coarse mesh [length], for the size of the real one; collective.
+    """About the deflection at a force on a coarse mesh [length], for the size of the real one; collective.
 
     A force that is not reached soon, or not at all, gives the deflection so far: the run itself has to say so.
     """
@@ -358,6 +359,7 @@ def estimate_deflection(
         if press.counts.steps >= ESTIMATE_STEPS:
             raise Interrupted  # enough for an estimate
 
+    schedule = Schedule(force_max=force_max / (L**2 * material.reduced_modulus), steps=5)
     with suppress(ConvergenceError):
-        follow(press, Schedule(force_max=schedule.force_max, steps=5), Record(L, material.E, 1.0), on_position=give_up)
+        follow(press, schedule, Record(L, material.E, 1.0), on_position=give_up)
     return max(press.delta, 1e-3) * L

@@ -32,4 +32,9 @@ def command(case_file: str, ranks: int, overrides: tuple[str, ...]) -> None:
     if ranks > 1:
         options.say(f"time on {ranks} ranks: {duration(found.seconds / ranks)} if they share it evenly, more in truth")
     if case.accuracy.tolerance is not None:
-        options.say("finer meshes follow where the error bar is not met by the last one")
+        options.say(
+            "finer meshes follow where the error bar is not met by the last one"
+            if found.enough
+            else f"the next mesh has more than the {case.accuracy.max_dofs} dofs of accuracy.max_dofs: "
+            "the tolerance is not expected to be met"
+        )
