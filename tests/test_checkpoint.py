@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +16,14 @@ from conftest import ELASTIC, PLASTIC
 
 from asperity.block import BlockMesh
 from asperity.case import Case
-from asperity.checkpoint import FORMAT, MESH, STATE, Checkpoint, differences, identity
+from asperity.checkpoint import FORMAT, MESH, SNAPSHOT, STATE, Checkpoint, differences, identity, signed
 from asperity.errors import CheckpointError, Interrupted, OutputError
 from asperity.fields import gather_states
 from asperity.loading import Position
 from asperity.material import Material
 from asperity.schedule import Schedule
 from asperity.statics import ContactResult, Formulation, PartialResult, solve_contact
-from asperity.storage import npz_bytes, remove_asides, replace_file
+from asperity.storage import npz_bytes, read_npz, remove_asides, replace_file
 from asperity.surface import Surface
 
 CASE = {
@@ -226,7 +228,7 @@ def test_a_mesh_of_another_run_is_refused(saved: Path) -> None:
         arrays = dict(file)
     arrays["points"][0, 0] += 1e-12
     (saved / MESH).write_bytes(npz_bytes(arrays))
-    with pytest.raises(CheckpointError, match="not the mesh"):
+    with pytest.raises(CheckpointError, match="does not belong to the state"):
         Checkpoint(saved, identity(Case.from_dict(CASE)), comm()).load()
 
 
@@ -239,6 +241,128 @@ def test_a_checkpoint_of_another_version_is_refused(saved: Path, other: int) -> 
     (saved / STATE).write_bytes(npz_bytes(arrays))
     with pytest.raises(CheckpointError, match=r"written by asperity 9\.1"):
         Checkpoint(saved, identity(Case.from_dict(CASE)), comm()).load()
+
+
+NITSCHE: dict[str, Any] = {
+    "delta_max": 0.02,
+    "steps": 2,
+    "integrator": "backward-euler",
+    "unload_steps": 2,
+    "formulation": Formulation("nitsche"),
+    "snapshots": 2,
+}
+
+
+@pytest.fixture(scope="module")
+def plastic_state(wave: Surface, coarse_wave: BlockMesh | None) -> Iterator[Path]:
+    """Folder of a checkpoint in the middle of an unloading, with every kind of array."""
+    path = Path(comm().bcast(tempfile.mkdtemp(prefix="asperity-") if comm().rank == 0 else None))
+    with pytest.raises(PartialResult):
+        checkpoint = Checkpoint(path, {}, comm())
+        solve_contact(wave, PLASTIC, block=coarse_wave, checkpoint=checkpoint, stop=stop_after(3), **NITSCHE)
+    yield path
+    comm().Barrier()
+    if comm().rank == 0:
+        shutil.rmtree(path)
+
+
+def edit(folder: Path, change: Callable[[dict[str, Any], dict[str, Any]], object]) -> None:
+    """Change numbers and arrays of a saved state, and sign it again."""
+    arrays = read_npz(folder / STATE)
+    del arrays["digest"]
+    meta = json.loads(arrays.pop("meta").tobytes())
+    change(meta, arrays)
+    (folder / STATE).write_bytes(npz_bytes(signed(meta, arrays)))
+
+
+def put(name: str, value: Any) -> Callable[[dict[str, Any], dict[str, Any]], object]:
+    """A change of the number "section.key", or of the array it names; None removes it."""
+
+    def change(meta: dict[str, Any], arrays: dict[str, Any]) -> None:
+        *sections, key = [name] if name in arrays else name.split(".")
+        table: Any = arrays if name in arrays else meta
+        for section in sections:
+            table = table[int(section)] if section.isdigit() else table[section]
+        if value is None:
+            del table[key]
+        else:
+            table[key] = value(table[key]) if callable(value) else value
+
+    return change
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("displacement.last", None, "displacement.last is missing"),
+        ("displacement.previous", None, "displacement.previous is missing"),
+        ("displacement.last", lambda u: u[:-1], "displacement.last is float64 .* in place of float64"),
+        ("displacement.last", lambda u: u[:, :2], "displacement.last is float64 .* in place of float64"),
+        ("displacement.last", lambda u: u.astype(np.float32), "displacement.last is float32"),
+        ("displacement.last", lambda u: u.astype("U5"), "displacement.last is <U5"),
+        ("displacement.last", lambda u: u * np.nan, "displacement.last is not finite"),
+        ("touched_at", None, "touched_at is missing"),
+        ("touched_at.at", lambda at: at[::-1].copy(), "touched_at.at are other numbers"),
+        ("touched_at.at", lambda at: at + 10**6, "touched_at.at are other numbers"),
+        ("touched_at.at", lambda at: at[:, None], "touched_at.at is int64 .* in place of"),
+        ("plastic_strain", lambda strain: strain[..., :5], "plastic_strain is float64"),
+        ("plastic_strain", lambda strain: strain[1:], "plastic_strain is float64"),
+        ("accumulated.at", None, "accumulated.at is missing"),
+        ("contact.plastic_strain", lambda strain: strain[:, 1:], "contact.plastic_strain is float64"),
+        ("contact.plastic_strain.at", lambda at: at + 4, "contact.plastic_strain.at are other numbers"),
+        ("position.leg", -1, "position.leg contradicts"),
+        ("position.leg", 2, "position.leg contradicts"),
+        ("position.leg", 1.5, r"position.leg = 1.5 is not legal"),
+        ("position.leg", "1", "position.leg = .* is not legal"),
+        ("position.target", -1, "position.target contradicts"),
+        ("position.step", 0.0, "position.step contradicts"),
+        ("position.step", float("nan"), "position.step = nan is not legal"),
+        ("position.start", [1.0], "position.start.1 is missing"),
+        ("position", None, "position is missing"),
+        ("position", [], r"position = \[\] is not legal"),
+        ("press.delta", 0.5, "press.delta contradicts"),
+        ("press.counts.steps", 7, "press.counts.steps contradicts"),
+        ("press.checks.peak", None, "press.checks.peak is missing"),
+        ("press.led", 0, "press.led = 0 is not legal"),
+        ("rows", lambda rows: rows[:-1], "contradict"),
+        ("rows.1.force", None, "rows.1.force is missing"),
+        ("rows.1.force", "much", "rows.1.force = .* is not legal"),
+        ("rows.1.branch", "sideways", "rows.1.branch = .* is not legal"),
+        ("identity", [1], r"identity = \[1\] is not legal"),
+        ("snapshots.0.step", 9, "snapshots contradicts"),
+        ("calls", {"mesh": "x"}, "calls.mesh = .* is not legal"),
+        ("mesh", "0", "mesh.npz does not belong to the state"),
+        ("mesh", 0, "mesh = 0 is not legal"),
+        ("surprise", 0, "surprise is unknown"),
+    ],
+)
+def test_a_state_that_is_none_is_refused_on_every_rank(
+    wave: Surface, plastic_state: Path, shared_path: Path, name: str, value: Any, words: str
+) -> None:
+    """Well-formed and signed: one sentence, no hang, nothing done."""
+    folder = shared_path / "state"
+    if comm().rank == 0:
+        shutil.copytree(plastic_state, folder)
+        edit(folder, put(name, value))
+    comm().Barrier()
+    with pytest.raises(CheckpointError, match=words) as error:
+        solve_contact(wave, PLASTIC, checkpoint=Checkpoint(folder, {}, comm()), **NITSCHE)
+    assert "\n" not in str(error.value)
+
+
+def test_what_was_changed_after_it_was_saved_is_refused(plastic_state: Path, tmp_path: Path) -> None:
+    """However plausible: digests tell."""
+    for name, key, words in (
+        (STATE, "displacement.last", "its content is not"),
+        (SNAPSHOT.format(0), "gap", "belong"),
+    ):
+        folder = tmp_path / name
+        shutil.copytree(plastic_state, folder)
+        arrays = read_npz(folder / name)
+        (folder / name).write_bytes(npz_bytes(arrays | {key: 0.5 * arrays[key]}))
+        with pytest.raises(CheckpointError, match=words):
+            Checkpoint(folder, {}, comm()).load()
 
 
 def test_a_checkpoint_of_another_case_names_the_keys(saved: Path) -> None:
@@ -258,7 +382,9 @@ def test_no_checkpoint_is_an_error_where_one_is_required(tmp_path: Path) -> None
     ("section", "change", "free"),
     [
         ("output", {"figures": True}, True),
-        ("solver", {"linear": "lu"}, True),
+        ("solver", {"linear": "lu", "kernels": "ufl"}, True),
+        ("solver", {"rtol": 1e-10}, False),
+        ("solver", {"newton_max": 5}, False),
         ("dynamics", {"zeta": 0.1}, True),
         ("accuracy", {"max_dofs": 5000}, True),
         ("loading", {"delta_max": 0.02, "steps": 11}, False),
@@ -297,11 +423,14 @@ def test_a_height_map_counts_by_its_content(tmp_path: Path) -> None:
 
 def test_clear_removes_only_checkpoints(saved: Path) -> None:
     (saved / "notes.npz").write_text("mine")
-    part = saved / "level-1"
-    part.mkdir()
-    (part / STATE).write_text("old")
+    for name in ("level-1", "level-2"):
+        (saved / name).mkdir()
+        (saved / name / STATE).write_text("old")
+        (saved / name / f".{STATE}.12.asperity").write_text("half")
+    (saved / "level-2" / "notes").write_text("mine")
     Checkpoint(saved, {}, comm()).clear()
-    assert sorted(p.name for p in saved.rglob("*") if p.is_file()) == ["notes.npz"]
+    left = sorted(str(path.relative_to(saved)) for path in saved.rglob("*"))
+    assert left == ["level-2", "level-2/notes", "notes.npz"]
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -219,10 +219,8 @@ class Checkpoint:
             remove_asides(self.folder)
             meta, arrays = self._read_state(self.folder / STATE)
             block = _read_block(self.folder / MESH, meta["mesh"])
-            snapshots = tuple(
-                _read_npz(self.folder / SNAPSHOT.format(k), about["digest"])
-                for k, about in enumerate(meta["snapshots"])
-            )
+            digests = [about["digest"] for about in meta["snapshots"]]
+            snapshots = tuple(_read_npz(self.folder / SNAPSHOT.format(k), d) for k, d in enumerate(digests))
             found.append(Saved(self.folder, meta, arrays, snapshots, block))
             return meta
 
@@ -411,7 +409,7 @@ def _read_npz(path: Path, digest: str | None = None) -> dict[str, Array]:
         raise _damaged(path, error.strerror or "it cannot be read") from None
     except ValueError as error:
         raise _damaged(path, str(error)) from None
-    if digest not in (None, _digest(arrays)):
+    if digest is not None and digest != _digest(arrays):
         raise CheckpointError(f"{path} does not belong to the state beside it; start the run anew with --force")
     return arrays
 
@@ -428,7 +426,7 @@ def _digest(arrays: Mapping[str, Array]) -> str:
     content = hashlib.sha256()
     for name, array in sorted(arrays.items()):
         content.update(f"{name} {array.dtype.str} {array.shape};".encode())
-        content.update(np.ascontiguousarray(array))
+        content.update(array.tobytes())
     return content.hexdigest()
 
 

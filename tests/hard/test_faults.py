@@ -257,6 +257,18 @@ def test_ranks_without_contact_or_plastic_cells_take_part(case: Path, tmp_path: 
     assert_same(run(case, tmp_path / "1", *local), run(case, tmp_path / "6", *local, ranks=6), 1e-8)
 
 
+@pytest.mark.slow
+@needs_mpirun
+def test_ranks_without_facets_of_the_top_take_part(case: Path, tmp_path: Path) -> None:
+    """A high block on many ranks, with a contact that has a history of its own to save and to take up."""
+    sets = ("block.height=3.0", "mesh.h_contact=0.3", "mesh.growth=1.0", "loading.steps=2", "loading.unload=false")
+    options = [word for text in (*sets, "contact.method=nitsche") for word in ("--set", text)]
+    alone = run(case, tmp_path / "1", *options)
+    assert_same(alone, run(case, tmp_path / "6", *options, ranks=6), 1e-8)
+    (tmp_path / "6" / "summary.json").unlink()  # as if the run had not finished
+    assert_same(alone, run(case, tmp_path / "6", *options, "--resume", ranks=6), 1e-8)
+
+
 def test_nothing_is_written_outside_the_output_folder(case: Path, tmp_path: Path) -> None:
     """Whatever the file and its texts are called; the folder of the case is read only."""
     place = tmp_path / "place"
