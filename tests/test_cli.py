@@ -16,9 +16,11 @@ import pytest
 from made_up_run import write_run
 
 from asperity.cli import main
+from asperity.cli.measure import CASE
 from asperity.cli.run import check_folder
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError
+from asperity.plot import CAPTIONS
 from asperity.progress import COLUMNS, Progress, StepLines, duration, make_progress
 
 ROOT = Path(__file__).parent.parent
@@ -51,8 +53,8 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
         progress.stage("solve")
         row = dict(step=1, branch="load", delta_star=1e-3, P_star=2e-6, area_fraction=0.01)
         progress.step({**row, "newton": 4, "krylov": 60, "seconds": 0.5}, 0.5)
-        fit = {"k": 0.5, "n": 1.5, "r2": 0.999}
-        return types.SimpleNamespace(summary={"fit": fit}, curve=None, contact=..., dynamics=None)
+        fit = types.SimpleNamespace(k=0.5, n=1.5, r2=0.999)
+        return types.SimpleNamespace(summary={}, fit=fit, curve=None, contact=..., dynamics=None)
 
     stand_in = types.ModuleType("asperity.simulation")
     stand_in.run = run  # type: ignore[attr-defined]
@@ -92,8 +94,63 @@ def test_an_earlier_run_is_kept_unless_resumed_or_forced(cli: Cli, calls: list[d
     assert not (out / "curve.csv").exists() and (out / "notes.txt").read_text() == "mine"
 
 
+FOREIGN = ("figures/thesis.png", "fields/notes.txt", "report.html")
+
+
+@pytest.mark.parametrize("case", [None, "hand-written", "of a measured map"])
+def test_what_is_no_run_is_not_replaced(cli: Cli, calls: list[Any], tmp_path: Path, case: str | None) -> None:
+    """Whatever its files are called."""
+    for name in FOREIGN:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("mine")
+    texts = {"hand-written": Path(DEMO).read_text(), "of a measured map": CASE.format(delta=1e-8)}
+    if case is not None:
+        (tmp_path / "case.toml").write_text(texts[case])
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    for options in ((), ("--force",), ("--resume",)):
+        code, _, err = cli("run", DEMO, "-o", tmp_path, *options)
+        assert code == 2 and "not empty and holds no run" in err and not calls
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+
+
+def test_force_removes_what_a_run_wrote_and_leaves_what_others_put_there(
+    cli: Cli, calls: list[Any], tmp_path: Path
+) -> None:
+    out = write_run(tmp_path / "out", n=2)
+    (out / "checkpoint").mkdir()
+    (out / "checkpoint/mesh.npz").write_text("")
+    (out / "figures").mkdir()
+    theirs = [out / name for name in ("figures/thesis.png", "fields/notes.txt", "notes")]
+    for path in [*theirs, *(out / f"figures/{name}.png" for name in (*CAPTIONS, "scene"))]:
+        path.write_text("")
+    (out / "case.toml").write_text(Path(DEMO).read_text())  # edited, the checkpoint tells that there is a run
+    assert cli("run", DEMO, "-o", out, "--force")[0] == 0
+    left = {path for path in out.rglob("*") if path.is_file()}
+    assert left == {*theirs, out / "case.toml", out / "checkpoint/mesh.npz"}
+
+
+def test_a_run_killed_at_its_begin_can_be_replaced(cli: Cli, calls: list[Any], tmp_path: Path) -> None:
+    cli("run", DEMO, "-o", tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["case.toml"]
+    (tmp_path / ".curve.csv.12.asperity").write_text("half")
+    assert cli("run", DEMO, "-o", tmp_path)[0] == 2
+    assert cli("run", DEMO, "-o", tmp_path, "--force")[0] == 0
+
+
+@pytest.mark.parametrize("command", ["run", "surface", "measure", "study", "dynamics", "validate"])
+def test_an_empty_name_is_refused(
+    cli: Cli, calls: list[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("", " "):
+        code, _, err = cli(command, *([] if command in ("dynamics", "validate") else [DEMO]), "-o", name)
+        assert code == 2 and "the name is empty" in err and len(err.splitlines()) == 1 and not calls
+
+
 def test_a_foreign_folder_or_a_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("x")
+    with pytest.raises(InputError, match="not empty"):
+        check_folder(tmp_path, resume=False, force=True)
     with pytest.raises(InputError, match="not empty"):
         check_folder(tmp_path, resume=False, force=False)
     with pytest.raises(InputError, match="not empty"):

@@ -14,8 +14,9 @@ import asperity
 from asperity.block import BlockMesh
 from asperity.case import Case
 from asperity.cli import main
+from asperity.cli.run import PRODUCTS
 from asperity.curve import COLUMNS, Curve
-from asperity.errors import ConvergenceError, InputError, MeshError
+from asperity.errors import CheckpointError, ConvergenceError, InputError, MeshError
 from asperity.results import Results
 from asperity.simulation import RunResult, run
 from asperity.solve import NewtonSolver
@@ -83,6 +84,40 @@ def test_stored_curve_is_the_one_returned(full: tuple[Path, RunResult]) -> None:
     assert np.all(np.diff(loading.force) > 0) and stored.force[-1] == 0.0
     assert 1e9 < stored.max_pressure.max() < 10e9  # between yield strength and some hardnesses, in Pa
     assert np.all(stored.seconds > 0) and np.all(stored.newton > 0)
+
+
+def test_force_knows_all_files_of_a_run(full: tuple[Path, RunResult]) -> None:
+    folder, _ = full
+    files = {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()}
+    assert {name for name in files if not name.startswith("checkpoint/")} <= set(PRODUCTS)
+
+
+@pytest.mark.parametrize(
+    "summary", ["[1]", "null", "1", '"finished"', "{}", '{"finished": true}', '{"finished": true, "case_hash": 1}', "["]
+)
+def test_a_summary_of_anything_is_written_again(tmp_path: Path, summary: str) -> None:
+    """Of a finished run that is resumed."""
+    case = case_of(loading={"delta_max": 0.01e-6, "steps": 1}, material={"E": 200e9, "nu": 0.3})
+    first = run(case, tmp_path)
+    assert run(case, tmp_path, resume=True).contact is None
+    (tmp_path / "summary.json").write_text(summary, encoding="utf-8")
+    again = run(case, tmp_path, resume=True)
+    np.testing.assert_array_equal(again.curve.force, first.curve.force)
+    assert json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))["finished"] is True
+    assert again.contact is not None
+
+
+def test_a_finished_run_is_not_resumed_under_another_tolerance_of_the_equations(tmp_path: Path) -> None:
+    """The curve would stay, and the case beside it would tell another one."""
+    settings: dict[str, Any] = {"loading": {"delta_max": 0.01e-6, "steps": 1}, "material": {"E": 200e9, "nu": 0.3}}
+    run(case_of(**settings), tmp_path)
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    with pytest.raises(CheckpointError, match=r"solver\.rtol = 1e-08 there, 1e-10 here"):
+        run(case_of(solver={"rtol": 1e-10}, **settings), tmp_path, resume=True)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+    case = case_of(output={"figures": True}, **settings)
+    run(case, tmp_path, resume=True)
+    assert (tmp_path / "figures/curve.png").is_file() and Case.load(tmp_path / "case.toml") == case
 
 
 def test_summary(full: tuple[Path, RunResult]) -> None:

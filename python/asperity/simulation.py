@@ -18,7 +18,7 @@ from .errors import CheckError, ConvergenceError, InputError, Interrupted, Outpu
 from .material import Material
 from .power_law import PowerLawFit
 from .progress import Progress
-from .storage import files_into, on_root, remove_asides, replace_file
+from .storage import UNREADABLE, files_into, on_root, remove_asides, replace_file
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -360,10 +360,10 @@ class _Writer:
             summary = json.loads((self._folder / "summary.json").read_text(encoding="utf-8"))
             text = (self._folder / "case.toml").read_text(encoding="utf-8")
             curve = Curve.read(self._folder / "curve.csv")
-        except (OSError, ValueError, InputError):
+            done = summary["finished"] is True and summary["case_hash"] == self._case.hash()
+        except (*UNREADABLE, InputError):
             return None
-        complete = summary.get("finished") is True and text == self._case.to_toml()
-        return (curve, summary) if complete else None
+        return (curve, summary) if done and text == self._case.to_toml() else None
 
     def steps(self, curve: Curve) -> None:
         """Write the curve so far; a killed run keeps it, unless it has had a whole one on a coarser mesh."""

@@ -41,7 +41,7 @@ MODELS = ("exact", "taylor")
 @click.option("--detached", is_flag=True, help="Also search for detached loops.")
 @click.option("--bands/--no-bands", default=True, show_default=True,
               help="Carry the confidence of a fitted law to the response.")  # fmt: skip
-@click.option("-o", "--output", metavar="DIR", help="Folder for free.csv, response.csv, "
+@options.output("DIR", "Folder for free.csv, response.csv, "
               "thresholds.json and the figures.")  # fmt: skip
 @options.serial
 def command(

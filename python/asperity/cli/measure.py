@@ -29,7 +29,7 @@ steps = 10
 
 @click.command()
 @click.argument("map_file", metavar="MAP")
-@click.option("-o", "--output", metavar="OUT", help="Folder; default out/<name of the file>.")
+@options.output("OUT", "Folder; default out/<name of the file>.")
 @click.option("--pixel", type=float, metavar="LENGTH", help="Distance between heights, where the file has none.")
 @click.option("--level", type=click.Choice(["mean", "plane", "curvature"]), default="plane", show_default=True,
               help="Trend to take off.")  # fmt: skip

@@ -21,6 +21,21 @@ overrides = click.option(
 )
 
 
+class _Name(click.ParamType):
+    """Name of a file or folder."""
+
+    name = "text"
+
+    def convert(self, value: str, parameter: click.Parameter | None, context: click.Context | None) -> str:
+        """The name, unless it is empty."""
+        return value if value.strip() else self.fail("the name is empty; leave the option out, or give a name")
+
+
+def output(metavar: str, help: str) -> Callable[..., Any]:
+    """Option -o of a command."""
+    return click.option("-o", "--output", metavar=metavar, type=_Name(), help=help)
+
+
 def _tolerances(context: click.Context, parameter: click.Parameter, texts: tuple[str, ...]) -> dict[str, float] | None:
     pairs = [text.partition("=") for text in texts]
     try:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
+import tomllib
 import warnings
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -18,17 +19,21 @@ from asperity.storage import is_aside
 
 if TYPE_CHECKING:
     from asperity.case import Case
+    from asperity.power_law import PowerLawFit
 
-# everything a run writes into its folder
+# what a run writes into its folder, without the checkpoint; case.toml, which shows that there is a run, is removed last
 PRODUCTS = (
-    "case.toml", "curve.csv", "summary.json", "free.csv", "response.csv", "band.csv", "thresholds.json",
-    "report.html", "figures", "fields", "checkpoint",
+    "curve.csv", "summary.json", "free.csv", "response.csv", "band.csv", "thresholds.json", "report.html",
+    "fields/mesh.npz", "fields/top.npz", "fields/contact.vtkhdf", "fields",
+    "figures/surface.png", "figures/mesh.png", "figures/curve.png", "figures/area.png", "figures/pressure.png",
+    "figures/plasticity.png", "figures/frequency.png", "figures/response.png", "figures/scene.png", "figures",
+    "case.toml",
 )  # fmt: skip
 
 
 @click.command()
 @options.case_file
-@click.option("-o", "--output", metavar="OUT", help="Run directory; default out/<name of the case>.")
+@options.output("OUT", "Run directory; default out/<name of the case>.")
 @click.option("--resume", is_flag=True, help="Continue the run in OUT from its checkpoint.")
 @click.option("--force", is_flag=True, help="Replace the run in OUT.")
 @click.option("-q", "--quiet", is_flag=True, help="Show no progress.")
@@ -61,18 +66,18 @@ def command(
     if not quiet and world_rank() == 0:
         if result.contact is None:
             options.say(f"{folder} holds the complete run of {len(result.curve)} steps; nothing is left to do")
-        _show_fit(result.summary.get("fit") or {})
+        _show_fit(result.fit)
         options.say(f"written to {folder}")
 
 
 def prepare(case: Case, folder: Path, *, resume: bool, force: bool) -> None:
     """Make the run directory after everything that can be refused has been.
 
-    With `force` what an earlier run wrote is removed, and nothing else.
+    With `force` what an earlier run wrote is removed, and nothing else; its checkpoint is left to the run.
 
     Raises:
-        InputError: the load leaves no gap; or the folder is a file, holds a run (without `resume`
-            or `force`), or holds foreign files.
+        InputError: the load leaves no gap; or the folder is a file, holds a run (without `resume` or `force`), or
+            holds files but no run
     """
     from asperity.case import check_loading
 
@@ -86,8 +91,9 @@ def prepare(case: Case, folder: Path, *, resume: bool, force: bool) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name in PRODUCTS if force else ():
         path = folder / name
-        if path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path)
+        if path.is_dir():
+            with suppress(OSError):  # it holds what is somebody else's
+                path.rmdir()
         else:
             path.unlink(missing_ok=True)
 
@@ -96,18 +102,31 @@ def check_folder(folder: Path, *, resume: bool, force: bool) -> None:
     """Refuse a folder that holds something this run would write over, see `prepare`."""
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file; give a folder to -o")
-    names = {path.name for path in folder.iterdir()} if folder.is_dir() else set()
-    names = {name for name in names if not is_aside(name)}  # what a killed run was writing
-    ours = names & set(PRODUCTS)
-    if not names or force or (resume and ours):
+    # a killed run may have left what it was writing aside
+    if not folder.is_dir() or all(is_aside(path.name) for path in folder.iterdir()):
         return
-    if ours:
+    if not holds_run(folder):
+        raise InputError(f"{folder} is not empty and holds no run; give another folder to -o")
+    if not (resume or force):
         raise InputError(
             f"{folder} already holds a run; --resume continues it, --force replaces it, -o takes another folder"
         )
-    raise InputError(f"{folder} is not empty and holds no run; give another folder to -o")
 
 
-def _show_fit(fit: dict[str, Any]) -> None:
-    if {"k", "n"} <= set(fit):
-        options.say(f"P* = {fit['k']:.5g} (delta/L)^{fit['n']:.4f}, R^2 = {fit['r2']:.5f}")
+def holds_run(folder: Path) -> bool:
+    """Whether a folder holds a run, or the begin of one: a checkpoint, or a case.toml that no hand has written."""
+    import tomli_w
+
+    if any((folder / "checkpoint").glob("**/mesh.npz")):
+        return True
+    try:
+        text = (folder / "case.toml").read_text(encoding="utf-8")
+        case = tomllib.loads(text)
+    except (OSError, ValueError, RecursionError):
+        return False
+    return {"mesh", "solver", "output"} <= case.keys() and tomli_w.dumps(case) == text
+
+
+def _show_fit(fit: PowerLawFit | None) -> None:
+    if fit is not None:
+        options.say(f"P* = {fit.k:.5g} (delta/L)^{fit.n:.4f}, R^2 = {fit.r2:.5f}")

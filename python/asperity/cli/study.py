@@ -13,7 +13,7 @@ from asperity.progress import world_rank
 
 @click.command()
 @click.argument("study_file", metavar="STUDY.toml")
-@click.option("-o", "--output", metavar="OUT", help="Folder of the study; default out/<name of the file>.")
+@options.output("OUT", "Folder of the study; default out/<name of the file>.")
 @click.option("--ranks-per-case", default=1, show_default=True, metavar="N", help="Ranks that work on one case.")
 @click.option("--retry", is_flag=True, help="Repeat the cases that failed.")
 @click.option("--dry-run", is_flag=True, help="Check the file, count the cases and meshes, run nothing.")

@@ -13,7 +13,7 @@ from asperity.units import quantity
 
 @click.command()
 @options.case_file
-@click.option("-o", "--output", metavar="DIR", help="Folder for surface.png.")
+@options.output("DIR", "Folder for surface.png.")
 @options.overrides
 @options.serial
 def command(case_file: str, output: str | None, overrides: tuple[str, ...]) -> None:

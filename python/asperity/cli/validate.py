@@ -22,10 +22,10 @@ HEADER = ("case", "quantity", "reference", "its value", "computed", "error", "ba
 @click.command()
 @click.argument("names", metavar="[NAME]...", nargs=-1, type=click.Choice(NAMES))
 @click.option("--level", type=click.Choice(["quick", "full"]), default="quick", show_default=True)
-@click.option("-o", "--output", metavar="FILE", type=click.Path(path_type=Path), help="Write all columns as CSV.")
+@options.output("FILE", "Write all columns as CSV.")
 @click.option("--markdown", is_flag=True, help="Print a Markdown table.")
 @options.serial
-def command(names: tuple[str, ...], level: str, output: Path | None, markdown: bool) -> int:
+def command(names: tuple[str, ...], level: str, output: str | None, markdown: bool) -> int:
     """Compare the solver with reference solutions: closed forms, tables and fits of the literature.
 
     NAME: patch, material, hertz, westergaard, double-sinusoid, thick-sphere, flattened-sphere, rough, rates; all
@@ -36,7 +36,7 @@ def command(names: tuple[str, ...], level: str, output: Path | None, markdown: b
     from asperity.validation.table import write_csv
 
     if output is not None:
-        output.touch()  # a table that cannot be written is refused before the work
+        Path(output).touch()  # a table that cannot be written is refused before the work
     start = process_time()
 
     def done(name: str, rows: list[Row]) -> None:
@@ -45,7 +45,7 @@ def command(names: tuple[str, ...], level: str, output: Path | None, markdown: b
 
     rows = validate(names, level, done)
     if output is not None:
-        write_csv(rows, output)
+        write_csv(rows, Path(output))
     if markdown:
         for line in (HEADER, ("---",) * len(HEADER), *map(_texts, rows)):
             options.say("| " + " | ".join(line) + " |")
