@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from conftest import ELASTIC, PLASTIC
 
+import asperity.audit
 from asperity.block import BlockMesh
 from asperity.case import Case
 from asperity.contact import ActiveSet
@@ -134,6 +135,34 @@ def test_wrong_runs_are_noticed(
     pressed(press)
     assert kind in press.checks.violated
     assert "delta/L" in press.checks.violated[kind]
+
+
+@pytest.mark.parametrize("material", [ELASTIC, PLASTIC])
+@pytest.mark.parametrize(
+    "soft",
+    [
+        Formulation("penalty", penalty=0.01),
+        Formulation("penalty", penalty=1e-300),
+        Formulation("nitsche", gamma=1e-300),
+    ],
+)
+def test_a_contact_too_soft_to_carry_the_load_is_noticed(
+    wave: Surface, coarse_wave: BlockMesh | None, soft: Formulation, material: Any
+) -> None:
+    from mpi4py import MPI
+
+    checks = pressed(make_press(MPI.COMM_WORLD, wave, coarse_wave, material, formulation=soft)).checks
+    assert "raise contact.penalty or contact.gamma" in checks.violated["compliance"]
+
+
+@pytest.mark.parametrize("method", ["penalty", "nitsche"])
+def test_the_energy_of_a_compliant_contact_is_balanced_too(
+    monkeypatch: pytest.MonkeyPatch, wave: Surface, coarse_wave: BlockMesh | None, method: str
+) -> None:
+    press = make(wave, coarse_wave, method)
+    right = asperity.audit.energies
+    monkeypatch.setattr("asperity.audit.energies", lambda *args: tuple(1.05 * e for e in right(*args)))
+    assert "energy" in pressed(press, 20).checks.violated
 
 
 def test_a_wrong_run_ends_with_an_error_that_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

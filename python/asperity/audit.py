@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 # Limits, unless the tolerance of the equations is larger
 SUCTION = 1e-6  # greatest tension over greatest pressure
 EXACT = 1e-6  # penetration over deflection that exact contact may leave
+COMPLIANT = 0.1  # mean penetration over deflection that a compliant one may; the force lacks about twice that part
 ENERGY = 1e-6  # of the work done so far
 MIDPOINT_ENERGY = 0.05  # the same where the path is integrated by the midpoint rule
 ROUNDING = 1e-12
@@ -38,6 +39,8 @@ class Checks:
         force_balance: |force on the flat - reaction of the base| over the force
         tension: greatest suction over the greatest pressure of a step
         penetration: of a node into the flat [L]
+        greatest_force: so far [E L^2]
+        mean_penetration: weighted by the pressure, over the deflection, at the greatest force
         strain_decrease: greatest decrease of the accumulated plastic strain, negative when there is none
         least_dissipation: least plastic work sum sigma : d eps_p of a step
         work: done by the flat, trapezoidal rule
@@ -51,6 +54,8 @@ class Checks:
     force_balance: float = 0.0
     tension: float = 0.0
     penetration: float = 0.0
+    greatest_force: float = 0.0
+    mean_penetration: float = 0.0
     strain_decrease: float = 0.0
     least_dissipation: float = 0.0
     work: float = 0.0
@@ -75,18 +80,15 @@ class Checks:
 
 @dataclass(frozen=True)
 class Before:
-    """What the audit of a step needs of the state before it."""
+    """What the audit of a step needs of the state before it: deflection, force on the flat, displacement and internal
+    force of the owned nodes (owned, 3), history of the bulk."""
 
     delta: float
     force: float
+    displacement: Floats
+    internal: Floats
     plastic_strain: Floats
     accumulated: Floats
-
-    @staticmethod
-    def of(press: Press) -> Before:
-        """Copy it, before the step is committed."""
-        strain, accumulated = press.solid.bulk.history()
-        return Before(press.delta, press.force, strain.copy(), accumulated.copy())
 
 
 def audit(press: Press, before: Before, base: float, exact: bool = True) -> None:
@@ -102,8 +104,8 @@ def audit(press: Press, before: Before, base: float, exact: bool = True) -> None
     checks = press.checks
     sums, peaks = _measure(press, before)
     force, delta = press.force, press.delta
-    stored, dissipated, plastic_work = sums
-    penetration, suction, pressure, decrease, allowed = peaks
+    stored, dissipated, plastic_work, sunk, *of_forces = sums
+    penetration, suction, pressure, decrease = peaks
     where = f"at delta/L = {delta:.6g}"
 
     def judge(kind: str, ok: bool, sentence: str) -> None:
@@ -128,9 +130,19 @@ def audit(press: Press, before: Before, base: float, exact: bool = True) -> None
         checks.tension = max(checks.tension, suction / pressure)
     judge("tension", suction <= max(SUCTION, rtol) * pressure + 1e-15, "the flat pulls on the surface")
 
-    slack = allowed + max(EXACT, rtol) * abs(delta) + ROUNDING
     checks.penetration = max(checks.penetration, penetration)
-    judge("penetration", penetration <= slack, f"the surface penetrates the flat by {penetration:.3g} L")
+    if not press.contact.stiff:
+        slack = max(EXACT, rtol) * abs(delta) + ROUNDING
+        judge("penetration", penetration <= slack, f"the surface penetrates the flat by {penetration:.3g} L")
+    elif force > checks.greatest_force:  # a first touch of less than a facet is softer
+        checks.greatest_force, checks.mean_penetration = force, abs(sunk) / force / delta
+        checks.violated.pop("compliance", None)
+        judge(
+            "compliance",
+            checks.mean_penetration <= COMPLIANT,
+            f"the surface penetrates the flat by {checks.mean_penetration:.2g} of the deflection in the mean, raise "
+            "contact.penalty or contact.gamma,",
+        )
 
     checks.strain_decrease = max(checks.strain_decrease, decrease)
     judge("plastic_strain", decrease <= ROUNDING, "the accumulated plastic strain decreased")
@@ -140,9 +152,12 @@ def audit(press: Press, before: Before, base: float, exact: bool = True) -> None
 
     move = delta - before.delta
     gained = stored + dissipated - checks.stored - checks.dissipated
-    bounds = before.force * move, force * move
-    beyond = max(bounds[0] - gained, gained - bounds[1])
-    beyond -= max(force, before.force) * (penetration + allowed)  # the springs of a compliant contact
+    if press.contact.stiff:  # it takes a part of the work of the flat itself
+        low, high = of_forces
+    else:
+        left = max(force, before.force) * penetration
+        low, high = before.force * move - left, force * move + left
+    beyond = max(low - gained, gained - high)
     checks.work += 0.5 * (before.force + force) * move
     checks.stored, checks.dissipated = stored, dissipated
     checks.peak = max(checks.peak, (stored + dissipated, checks.work))
@@ -153,9 +168,11 @@ def audit(press: Press, before: Before, base: float, exact: bool = True) -> None
 
 
 def _measure(press: Press, before: Before) -> tuple[Floats, Floats]:
-    """Energies (stored, dissipated so far, plastic work of the step) and greatest values over all ranks; collective.
+    """Sums and greatest values over all ranks; collective.
 
-    The greatest values: penetration, suction, pressure, decrease of plastic strain, penetration allowed.
+    The sums: energy stored, dissipated so far, plastic work of the step, force times penetration of a compliant
+    contact, work of the internal force at the beginning and at the end of the step along it.
+    The greatest values: penetration, suction, pressure, decrease of plastic strain.
     """
     from mpi4py import MPI
 
@@ -177,10 +194,11 @@ def _measure(press: Press, before: Before) -> tuple[Floats, Floats]:
             np.max(-pressure, initial=0.0),
             np.max(pressure, initial=0.0),
             decrease,
-            press.contact.allowed_penetration(),
         ]
     )
-    sums = np.array([held, dissipated, plastic_work])
+    u, internal = solid.u.x.array.reshape(-1, 3)[: solid.owned], press.newton.force
+    works = [float(np.vdot(f, u - before.displacement)) for f in (before.internal, internal)]
+    sums = np.array([held, dissipated, plastic_work, press.contact.sinking(), *works])
     solid.comm.Allreduce(MPI.IN_PLACE, sums)
     solid.comm.Allreduce(MPI.IN_PLACE, peaks, op=MPI.MAX)
     return sums, peaks

@@ -112,7 +112,7 @@ class Press:
         self.delta, self.force = 0.0, 0.0
         self.nodal_force = np.zeros(solid.owned)
         self.pressure = np.zeros(solid.nodes)
-        self._u = np.zeros((solid.owned, 3))
+        self._u, self._internal = np.zeros((solid.owned, 3)), np.zeros((solid.owned, 3))
         self._previous: tuple[float, Floats] | None = None
         self._led = False  # whether the committed history is ahead of the displacement
         self._own: tuple[Floats, Floats] | None = None  # the history of the displacement where it is
@@ -166,7 +166,8 @@ class Press:
         """
         solid = self.solid
         with solid.phases.phase("checks"):
-            before = Before.of(self)
+            history = (values.copy() for values in solid.bulk.history())
+            before = Before(self.delta, self.force, self._u, self._internal, *history)
         of_contact = [values.copy() for values in self.contact.state().values()]
         solid.bulk.commit()
         self.contact.commit()
@@ -178,6 +179,7 @@ class Press:
         self._touched_at[touched] = delta  # and not less when the flat is lifted again
         with solid.phases.phase("checks"):
             audit(self, before, base, exact=lead == 0.0 and not self._led)
+        self._internal = self.newton.force
         self._led, self._own = lead > 0.0, None
         if self._led:
             strain, accumulated = (values.copy() for values in solid.bulk.history())
@@ -306,7 +308,7 @@ class Press:
         self._touched_at = touched_at
         self.contact.begin(self.summit - self.delta)
         self.restore()
-        self.newton.force = self.solid.internal_force().copy()
+        self._internal = self.newton.force = self.solid.internal_force().copy()
         self.contact.residual(self.newton.force)
         self._find_forces()
         self.force = numbers["force"]

@@ -41,8 +41,12 @@ class FacetRule:
         self.facets = _solver.Facets(x, x_nodes, top.cell_nodes, top.local, gradients, shape, _area_vectors(), weights)
         self.weights = np.empty((len(top.cells), len(weights)))
         _solver.facet_weights(self.facets, self.weights)
-        z = solid.points[top.cell_nodes, 2]
-        self.height = np.einsum("fqa,fa->fq", shape[top.local], z)
+        self._of_nodes = shape[0][:, _reference_facets()[0]]
+        self.height = self.at_points(solid.points[top.nodes, 2])
+
+    def at_points(self, values: Floats) -> Floats:
+        """Values at the quadrature points (F, Q) from those at the nodes of the facets (F, 6)."""
+        return values @ self._of_nodes.T
 
 
 class Top:

@@ -56,7 +56,7 @@ class ActiveSet:
     def commit(self) -> None:
         pass  # no history
 
-    def allowed_penetration(self) -> float:
+    def sinking(self) -> float:
         return 0.0
 
     def state(self) -> dict[str, Floats]:

@@ -43,8 +43,11 @@ class Contact(Protocol):
     def commit(self) -> None:
         """Make the history of the last residual, if there is any, the committed one."""
 
-    def allowed_penetration(self) -> float:
-        """Depth by which a node may lie above the flat at the last residual [length]; of this process."""
+    def sinking(self) -> float:
+        """Sum of force times penetration over the points of a compliant contact at the last residual [force length].
+
+        Of this process; zero for exact contact.
+        """
 
     def state(self) -> dict[str, Floats]:
         """Committed history: arrays with a row per facet of the top (F, ...); empty when there is none."""

@@ -113,11 +113,12 @@ class PressureContact:
         for committed, trial in zip(self._committed, self._trial, strict=True):
             np.copyto(committed, trial)
 
-    def allowed_penetration(self) -> float:
-        # the law holds at the points; how deep a node between them lies tells of the size of the facets only
-        nodes = self._top.nodes
-        z = self._solid.points[nodes, 2] + self._solid.u.x.array.reshape(-1, 3)[nodes, 2]
-        return float(np.max(z - self._z, initial=0.0))
+    def sinking(self) -> float:
+        # at the points, where the law holds; how deep a node between them lies tells of the size of the facets
+        uz = self._solid.u.x.array.reshape(-1, 3)[self._top.nodes, 2]
+        pressed = self.points > 0.0
+        depth = (self._rule.height + self._rule.at_points(uz) - self._z)[pressed]
+        return float(np.sum((self._rule.weights * self.points)[pressed] * depth))
 
     def state(self) -> dict[str, Floats]:
         if not self._committed[1].size:
