@@ -1,7 +1,8 @@
 """Kill a run at random moments and resume it until it is complete, again and again; print what was found.
 
 After each SIGKILL every file must be whole: the old content or the new one. Each completed run must have the curve of
-the run that was never killed. Usage: python3 benchmarks/kill_resume.py [--kills 50] [--seed 0] [--ranks 1]
+the run that was never killed: on one rank to the last bit, on several to the tolerance of the equations, to which two
+runs that nobody killed agree there. Usage: python3 benchmarks/kill_resume.py [--kills 50] [--seed 0] [--ranks 1]
 """
 
 from __future__ import annotations
@@ -159,7 +160,7 @@ def main() -> None:
         print(f"steps saved then  {' '.join(f'{k}:{n}' for k, n in sorted(killed_at.items()))} of {len(straight)}")
         print(f"runs completed    {completed}, begun anew for want of a checkpoint {fresh}")
         print(f"half-written files 0, greatest difference of the curves {worst:.1e}")
-        sys.exit(worst > 1e-10)
+        sys.exit(worst > (1e-10 if options.ranks == 1 else 1e-8))
 
 
 if __name__ == "__main__":
