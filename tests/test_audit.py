@@ -15,7 +15,7 @@ import asperity.audit
 from asperity.block import BlockMesh
 from asperity.case import Case
 from asperity.contact import ActiveSet
-from asperity.errors import CheckError
+from asperity.errors import CheckError, ResolutionWarning
 from asperity.loading import Record, follow
 from asperity.press import Press
 from asperity.schedule import Schedule
@@ -163,6 +163,31 @@ def test_the_energy_of_a_compliant_contact_is_balanced_too(
     right = asperity.audit.energies
     monkeypatch.setattr("asperity.audit.energies", lambda *args: tuple(1.05 * e for e in right(*args)))
     assert "energy" in pressed(press, 20).checks.violated
+
+
+@pytest.mark.parametrize("method", ["active-set", "penalty"])
+def test_a_flat_that_touches_no_node_is_noticed(wave: Surface, coarse_wave: BlockMesh | None, method: str) -> None:
+    """Here by a flat that starts too high; until something is touched a first step may be without force."""
+    press = make(wave, coarse_wave, method)
+    press.summit += 0.01
+    follow(press, Schedule(0.005, steps=2), Record(1.0, 1.0, 1.0))
+    assert "no node is touched" in press.checks.violated["touch"]
+    follow(press, Schedule(0.02, steps=2), Record(1.0, 1.0, 1.0))
+    assert press.checks.violated == {}
+
+
+def test_a_contact_of_a_few_facets_is_said() -> None:
+    case = Case.from_dict(
+        {
+            "units": "other",
+            "surface": {"kind": "sphere", "L": 1.0, "radius": 1.0, "centre": [0.31, 0.47]},
+            "material": {"E": 1.0, "nu": 0.3},
+            "loading": {"delta_max": 1e-5, "steps": 2},
+        }
+    )
+    with pytest.warns(ResolutionWarning, match="touches a few facets only"):
+        result = run(case)
+    assert result.curve.error_area_fraction[-1] > 0.5 * result.curve.area_fraction[-1]
 
 
 def test_a_wrong_run_ends_with_an_error_that_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -134,15 +134,17 @@ def audit(press: Press, before: Before, base: float, exact: bool = True) -> None
     if not press.contact.stiff:
         slack = max(EXACT, rtol) * abs(delta) + ROUNDING
         judge("penetration", penetration <= slack, f"the surface penetrates the flat by {penetration:.3g} L")
-    elif force > checks.greatest_force:  # a first touch of less than a facet is softer
-        checks.greatest_force, checks.mean_penetration = force, abs(sunk) / force / delta
+    if force > checks.greatest_force:  # until then the contact may have been smaller than a facet
+        checks.violated.pop("touch", None)
         checks.violated.pop("compliance", None)
-        judge(
-            "compliance",
-            checks.mean_penetration <= COMPLIANT,
-            f"the surface penetrates the flat by {checks.mean_penetration:.2g} of the deflection in the mean, raise "
-            "contact.penalty or contact.gamma,",
-        )
+        checks.greatest_force, checks.mean_penetration = force, abs(sunk) / force / delta
+    judge("touch", checks.greatest_force > 0.0, "no node is touched, make mesh.h_contact smaller,")
+    judge(
+        "compliance",
+        checks.mean_penetration <= COMPLIANT,
+        f"the surface penetrates the flat by {checks.mean_penetration:.2g} of the deflection in the mean, raise "
+        "contact.penalty or contact.gamma, or make mesh.h_contact smaller,",
+    )
 
     checks.strain_decrease = max(checks.strain_decrease, decrease)
     judge("plastic_strain", decrease <= ROUNDING, "the accumulated plastic strain decreased")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import warnings
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,17 @@ def require(module: str, package: str) -> None:
     """Raise CompatError when `module` cannot be imported; `package` is the Debian package to install."""
     if importlib.util.find_spec(module) is None:
         raise CompatError(f"the Python module {module} is missing: install {package} or use ./run")
+
+
+def start() -> None:
+    """Import dolfinx, which starts PETSc: all ranks have to do that together.
+
+    Its form compiler hands all warnings to a logger that nobody hears; here they are shown as before.
+    """
+    show = warnings.showwarning
+    import dolfinx  # noqa: F401
+
+    warnings.showwarning = show
 
 
 def gmsh_to_dolfinx(nodes_per_tet: int) -> npt.NDArray[np.integer[Any]]:

@@ -51,3 +51,7 @@ class OutputError(AsperityError):
     """A result cannot be written: no space, no permission, no folder; earlier files are untouched."""
 
     exit_code = 4
+
+
+class ResolutionWarning(UserWarning):
+    """The mesh is too coarse for the contact: the force is the right order of magnitude at best."""

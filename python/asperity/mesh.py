@@ -272,6 +272,9 @@ def distribute(comm: MPI.Comm, block: BlockMesh | None, scale: float) -> tuple[A
     """
     import basix.ufl
     import ufl
+
+    compat.start()
+
     from dolfinx import mesh as dmesh
 
     element = basix.ufl.element("Lagrange", "tetrahedron", 2, shape=(3,))
@@ -302,7 +305,7 @@ def _tag_facets(mesh: Any) -> Any:
 
 def is_distorted(comm: MPI.Comm, block: BlockMesh | None) -> bool:
     """Whether an element of the block on rank 0 is turned inside out; collective."""
-    import dolfinx  # noqa: F401  # starts PETSc, which all ranks have to do together
+    compat.start()
 
     from .bulk import least_jacobians
 

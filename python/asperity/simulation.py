@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from .case import Case
 from .curve import Curve
-from .errors import CheckError, ConvergenceError, InputError, Interrupted, OutputError
+from .errors import CheckError, ConvergenceError, InputError, Interrupted, OutputError, ResolutionWarning
 from .material import Material
 from .power_law import PowerLawFit
 from .progress import Progress
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from .accuracy import AccurateResult
     from .statics import ContactResult
 
+UNRESOLVED = 0.5  # error of the area over the area: fewer than about six facets are touched
 PACKAGES = ("numpy", "scipy", "mpi4py", "petsc4py", "gmsh")
 
 
@@ -118,6 +120,8 @@ def run(
             raise OutputError(f"{e}{hint}") from None
     fit = _fit(contact.curve)
     summary = summarise(case, contact, fit, comm.size)
+    if summary["unresolved"] and comm.rank == 0:
+        warnings.warn(summary["unresolved"], ResolutionWarning, stacklevel=2)
     if accurate is not None:
         summary |= accurate.to_dict()
     doubts = "; ".join(contact.checks.violated.values())
@@ -310,6 +314,7 @@ def summarise(case: Case, contact: ContactResult, fit: PowerLawFit | None, ranks
         "cells": contact.cells,
         **asdict(contact.counts),
         "checks": asdict(contact.checks) | {"energy_ratio": contact.checks.energy_ratio},
+        "unresolved": unresolved(contact.curve),
         "seconds": {k: round(v, 4) for k, v in contact.phases.seconds.items()},
         "calls": contact.phases.calls,
         "peak_memory_MiB": round(contact.memory / 2**20, 1),
@@ -318,6 +323,17 @@ def summarise(case: Case, contact: ContactResult, fit: PowerLawFit | None, ranks
         "case_hash": case.hash(),
         "versions": versions(),
     }
+
+
+def unresolved(curve: Curve) -> str:
+    """That the mesh is too coarse for the contact at the greatest load, in words; empty when it is not."""
+    branch = curve.loading()
+    if not len(branch) or branch.error_area_fraction[-1] <= UNRESOLVED * branch.area_fraction[-1]:
+        return ""
+    return (
+        f"the contact touches a few facets only: area_fraction = {branch.area_fraction[-1]:.2g} with an error of "
+        f"{branch.error_area_fraction[-1]:.2g} at delta/L = {branch.delta_star[-1]:.3g}; make mesh.h_contact smaller"
+    )
 
 
 def versions() -> dict[str, str]:

@@ -75,4 +75,7 @@ class ActiveSet:
         owned[3 * self._nodes[self.active]] = 1.0
         held = self._solid.with_ghosts(owned)[:, 0] > 0.0
         edges = self._top.nodes[:, 3:]
-        return self._top.area_of(held[edges], np.repeat(self._top.area[:, None] / 3.0, 3, axis=1))
+        area = self._top.area_of(held[edges], np.repeat(self._top.area[:, None] / 3.0, 3, axis=1))
+        if area.value > 0.0:
+            return area
+        return self._top.area_of(held[self._top.nodes[:, :3]], np.zeros((len(edges), 3)))  # it may lie around a corner
