@@ -20,14 +20,16 @@ SINGLE_RTOL = 1e-5  # tolerance from which on a product in single precision is e
 LU_LIMIT = 6_000  # dofs below which a factorisation beats CG with multigrid (benchmarks/linear.py)
 DIRECT_LIMIT = 200_000  # dofs up to which a factorisation may stand in for an iterative solver that fails
 KINDS = ("auto", "lu", "cg", "gamg")
-PREFIX = "asperity_linear_"
+PREFIX, RESCUE_PREFIX = "asperity_linear_", "asperity_rescue_"
+#: Memory beyond what MUMPS foresees, in per cent: what its scheduling needs on several ranks depends on their speed.
+WORKSPACE = 100
 
 
 class LinearSolver:
     """Solves A y = r with some dofs of y prescribed, A the tangent of a solid; collective.
 
-    Where an iterative solver fails, because the matrix is nearly singular or indefinite, the system is factorised,
-    and so are those that follow in the same step.
+    Where CG, GMRES or Cholesky's method fails, because the matrix is nearly singular or indefinite, the system is
+    factorised by LU, and so are those that follow in the same step.
 
     Args:
         solid: whose tangent is solved with
@@ -38,7 +40,7 @@ class LinearSolver:
 
     Attributes:
         operator: the tangent as a matrix of PETSc
-        rescue: whether systems are factorised because the iterative solver failed in this step
+        rescue: whether systems are factorised because the solver failed in this step
         rescued: systems that were factorised for that
 
     Raises:
@@ -52,7 +54,7 @@ class LinearSolver:
             kind = "lu" if solid.dofs < LU_LIMIT else "cg"
         self.rescue, self.rescued = False, 0
         self._solid = solid
-        self._may_rescue = kind != "lu" and solid.dofs <= DIRECT_LIMIT
+        self._may_rescue = (symmetric or kind != "lu") and solid.dofs <= DIRECT_LIMIT
         self._direct: Assembled | None = None
         self._method: Krylov | Assembled
         if kind == "cg":
@@ -77,14 +79,16 @@ class LinearSolver:
 
         Returns:
             iterations, and whether the solver converged
+
+        Raises:
+            MemoryError: there is not enough for a factorisation
         """
         iterations, solved = 0, False
         if not self.rescue:
             iterations, solved = self._method.solve(r, rows, values, y, rtol)
         if not solved and self._may_rescue:
             if self._direct is None:
-                # not Cholesky, which would fail where the matrix is indefinite
-                self._direct = Assembled(self._solid, "lu", symmetric=False)
+                self._direct = Assembled(self._solid, "lu", False, RESCUE_PREFIX)
             with self._solid.phases.phase("direct rescue"):
                 _, solved = self._direct.solve(r, rows, values, y, rtol)
             self.rescue = True
@@ -176,6 +180,7 @@ class Assembled:
             self._ksp.setType("preonly")
             pc.setType("cholesky" if symmetric else "lu")
             pc.setFactorSolverType("mumps")
+            set_defaults(prefix, {"mat_mumps_icntl_14": WORKSPACE})
         else:
             self._ksp.setType("cg" if symmetric else "gmres")
             self._ksp.setTolerances(max_it=1000)
@@ -192,6 +197,8 @@ class Assembled:
         """See `LinearSolver`; so for `solve`."""
 
     def solve(self, r: Any, rows: Rows, values: Floats, y: Any, rtol: float) -> tuple[int, bool]:
+        from petsc4py import PETSc
+
         A, solid = self.operator, self._solid
         with solid.phases.phase("preconditioner"):
             np.copyto(self._matrix.values, solid.values)
@@ -206,4 +213,6 @@ class Assembled:
         with solid.phases.phase("linear solve"):
             self._ksp.setTolerances(rtol=rtol)
             self._ksp.solve(self._b, y)
+        if self._ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.FACTOR_OUTMEMORY:
+            raise MemoryError
         return self._ksp.getIterationNumber(), self._ksp.getConvergedReason() > 0
