@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 # Limits, unless the tolerance of the equations is larger
 SUCTION = 1e-6  # greatest tension over greatest pressure
 EXACT = 1e-6  # penetration over deflection that exact contact may leave
-COMPLIANT = 0.1  # mean penetration over deflection that a compliant one may; the force lacks about twice that part
+COMPLIANT = 0.05  # mean penetration over deflection that a compliant one may; the force lacks about twice that part
 ENERGY = 1e-6  # of the work done so far
 MIDPOINT_ENERGY = 0.05  # the same where the path is integrated by the midpoint rule
 ROUNDING = 1e-12

@@ -104,10 +104,10 @@ def _check_lengths(case: Input) -> None:
                 f"= {value:g} is {value / side:.2g} of surface.L = {side:g}, legal are {low:g} to "
                 f"{high:g}; give all lengths in the same unit (m)",
             )
-    size, h_max = case.mesh.h_contact, case.mesh.h_max
-    if size > (h_max or H_MAX * side):
-        greatest = f"mesh.h_max = {h_max:g}" if h_max else f"the default of mesh.h_max, {H_MAX:g} L: give that as well"
-        _refuse("mesh.h_contact", f"= {size:g} exceeds {greatest}")
+    size, h_max = case.mesh.h_contact, case.mesh.h_max or H_MAX * side
+    if size > h_max:
+        given = "" if case.mesh.h_max else ", its default: give that as well"
+        _refuse("mesh.h_contact", f"= {size:g} exceeds mesh.h_max = {h_max:g}{given}")
     delta, force = case.loading.delta_max, case.loading.force_max
     if delta is not None and delta >= case.block.height:
         _refuse(

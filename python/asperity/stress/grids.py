@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import pi
 
-from .scene import DIRECT, ELASTIC, PENALTY, L, Scene, Twin, wave
+from .scene import DIRECT, ELASTIC, PENALTY, L, Scene, Twin, sphere, wave
 
 
 def plane() -> list[Scene]:
@@ -87,7 +87,7 @@ def hardening() -> list[Scene]:
 
 
 def penalties() -> list[Scene]:
-    """How far each factor is from exact contact is known: 2 % at 10, in proportion to its inverse.
+    """How far each factor is from exact contact is known: 2 % at 10, in proportion to its inverse; 0.1 is refused.
 
     To tell that from the error of the mesh needs a finer one than the largest factors allow in seconds.
     """
@@ -105,9 +105,84 @@ def penalties() -> list[Scene]:
                 "loading.unload": True,
             }
             | (fine if factor < 1e4 else {}),
-            ends="stopped" if factor > 1e5 else "done",
-            reason="no convergence" if factor > 1e5 else "",
+            ends=ends,
+            reason=reason,
             twin=Twin("exact contact", min(0.6, 0.08 + 0.5 / factor), exact) if factor < 1e4 else None,
         )
-        for factor in (0.1, 1.0, 10.0, 100.0, 1e3, 1e4, 1e6)
+        for factor, ends, reason in (
+            (0.1, "wrong", "penetrates the flat"),
+            *((factor, "done", "") for factor in (1.0, 10.0, 100.0, 1e3, 1e4)),
+            (1e6, "stopped", "no convergence"),
+        )
+    ]
+
+
+def tolerances() -> list[Scene]:
+    """Runs that choose mesh and steps by themselves; the twin is known much better."""
+    own = {"mesh.h_contact": None, "mesh.growth": None, "mesh.h_max": None, "solver.linear": None}
+    better = {"accuracy.tolerance": 0.005}
+    plain, quarter = own | ELASTIC | {"accuracy.tolerance": 0.03}, sphere(1.0, centre=(0.0, 0.0))
+    five, one = {"loading.steps": 5}, {"loading.steps": 1}
+    return [
+        Scene("tolerance/rough", "3 % on the rough surface, elastic", plain, twin=Twin("0.5 %", 0.035, better)),
+        Scene("tolerance/one-step", "3 %, one planned step", plain | one, twin=Twin("0.5 %", 0.035, better), fast=True),
+        Scene(
+            "tolerance/plastic",
+            "5 % on a quarter of an elastic-plastic sphere, with unloading",
+            own | quarter | five | {"accuracy.tolerance": 0.05, "loading.unload": True},
+            twin=Twin("1 %", 0.06, {"accuracy.tolerance": 0.01}),
+        ),
+        Scene(
+            "tolerance/one-step-euler",
+            "10 % on the same, one planned step by backward Euler",
+            own | quarter | one | {"accuracy.tolerance": 0.1, "loading.integrator": "backward-euler"},
+            twin=Twin("1 %, midpoint rule", 0.11, {"accuracy.tolerance": 0.01, "loading.integrator": "midpoint"}),
+        ),
+        Scene(
+            "tolerance/force",
+            "3 % to a given force",
+            plain | five | {"loading.delta_max": None, "loading.force_max": 2e-3, "loading.unload": True},
+            twin=DIRECT,
+        ),
+        Scene(
+            "tolerance/light",
+            "3 %, delta = 1e-5 L",
+            plain | five | {"loading.delta_max": 1e-5 * L},
+            twin=Twin("0.5 %", 0.035, better),
+        ),
+        Scene(
+            "tolerance/penalty",
+            "3 % by a penalty of factor 10",
+            plain | five | {"contact.method": "penalty"},
+            twin=Twin("0.5 %, exact contact", 0.035, better | {"contact.method": "active-set"}),
+        ),
+        Scene(
+            "tolerance/nitsche",
+            "3 % by Nitsche's method",
+            plain | five | {"contact.method": "nitsche"},
+            twin=Twin("0.5 %, exact contact", 0.035, better | {"contact.method": "active-set"}),
+        ),
+        Scene(
+            "tolerance/soft",
+            "3 % by a penalty of factor 1",
+            plain | {"contact.method": "penalty", "contact.penalty": 1.0},
+            ends="refused",
+            reason="too soft for accuracy.tolerance",
+            fast=True,
+        ),
+        Scene(
+            "tolerance/max-dofs",
+            "0.01 % with 30000 dofs",
+            plain | five | {"accuracy.tolerance": 1e-4, "accuracy.max_dofs": 30_000},
+            ends="stopped",
+            reason="accuracy.max_dofs = 30000 allows no more",
+            fast=True,
+        ),
+        Scene(
+            "tolerance/loose-equations",
+            "0.1 % with equations solved to 1e-2",
+            plain | five | {"accuracy.tolerance": 1e-3, "solver.rtol": 1e-2},
+            ends="stopped",
+            reason="is left by the equations",
+        ),
     ]

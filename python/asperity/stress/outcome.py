@@ -32,7 +32,7 @@ class Outcome:
         scene: what was run
         ends: "done", "refused" (exit code 2), "stopped" (3), "wrong" (3, a balance is violated), or
             "crashed" by an error that nobody foresaw
-        reason: sentence of a refusal or stop
+        reason: sentence of a refusal or stop, or that the contact is not resolved
         summary: what summary.json holds; empty after a refusal
         notes: figures of the comparisons
         faults: what is not as it should be
@@ -100,9 +100,11 @@ def _run(scene: Scene, keys: Keys, heights: files.Map | None, folder: Path) -> _
         return done
     done.curve = Curve.read(out / "curve.csv")
     done.summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-    saved = Checkpoint(out / "checkpoint", identity(case), MPI.COMM_SELF).load()
-    if saved is None or len(saved.meta["rows"]) != len(done.curve):
-        done.faults.append("the checkpoint does not hold the steps of the curve")
+    done.reason = done.reason or done.summary["unresolved"]
+    if case.accuracy.tolerance is None:  # else there is one of each mesh
+        saved = Checkpoint(out / "checkpoint", identity(case), MPI.COMM_SELF).load()
+        if saved is None or len(saved.meta["rows"]) != len(done.curve):
+            done.faults.append("the checkpoint does not hold the steps of the curve")
     return done
 
 

@@ -77,7 +77,7 @@ class Scene:
         name: "group" or "group/variant"
         about: parameters, in words
         keys: dotted keys of the case that differ from BASE, None to remove one
-        ends: "done", "refused" (exit code 2) or "stopped" (exit code 3)
+        ends: "done", "refused" (exit code 2), "stopped" or "wrong", which the run says itself (both exit code 3)
         reason: part of the sentence that a refusal or stop must give
         depth: delta_max as part of the height of the summit above the mean plane
         twin: what the curve is compared with

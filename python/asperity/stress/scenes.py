@@ -97,6 +97,7 @@ SCENES: tuple[Scene, ...] = (
         "light/1e-5-coarse",
         "the same on a mesh far coarser than the contact spot",
         {"loading.delta_max": 1e-5 * L, "loading.steps": 3},
+        reason="touches a few facets only",
     ),
     *grids.hardening(),
     *grids.strengths(),
@@ -247,6 +248,7 @@ SCENES: tuple[Scene, ...] = (
         twin=DIRECT,
     ),
     *grids.penalties(),
+    *grids.tolerances(),
     Scene(
         "nitsche/100",
         "Nitsche's method, gamma = 100",
