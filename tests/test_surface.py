@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import tracemalloc
 import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.integrate import dblquad
 
 from asperity.errors import InputError
@@ -20,7 +23,10 @@ from asperity.surface import (
     SurfaceWarning,
     WeierstrassMandelbrot,
     cut_off_index,
+    summit,
+    waves,
 )
+from asperity.surface.maximum import global_maximum
 
 L = 1e-6
 
@@ -199,6 +205,42 @@ def test_maximum_of_many_short_waves():
     assert around.max() <= z * (1 + 1e-12)
 
 
+def around(point: tuple[float, float, float], size: float) -> tuple[np.ndarray, np.ndarray]:
+    """A grid of 101 x 101 points of the patch within `size` of a point."""
+    x, y = (np.clip(c + np.linspace(-size, size, 101), 0, L) for c in point[:2])
+    return x[None, :], y[:, None]
+
+
+@pytest.mark.parametrize(
+    "options", [{"L_s": 1e-12}, {"M": 300, "f_max": 11}, {"gamma": 100.0, "f_max": 4}, {"D": 2.05, "L_s": 1e-15}]
+)
+def test_maximum_of_many_ridges_and_of_waves_far_below_any_grid(options):
+    surface = fractal(**options)
+    summit = surface.maximum()
+    assert summit[2] == pytest.approx(float(surface.height(*summit[:2])), rel=1e-12)
+    assert summit[2] >= surface.grid(513).max()
+    for size in (1e-2 * L, 1e-4 * L, 1e-6 * L, surface.feature_size):
+        assert surface.height(*around(summit, size)).max() <= summit[2] * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("options", [{}, {"M": 3, "f_max": 7, "D": 2.8}, {"M": 2, "f_max": 3}])
+def test_maximum_by_waves_is_that_of_the_bound_of_curvature(options):
+    """Two searches agree, also where phases are chosen so that waves meet and no chance spreads them."""
+    phases = np.full((options.get("M", 10) + 1, options.get("f_max", 5) + 1), np.pi)
+    phases[:, 1:] = 0.3
+    drawn, chosen = fractal(**options), fractal(**options, phases=phases)
+    assert drawn.random and not chosen.random
+    for surface in (drawn, chosen):
+        assert surface.maximum()[2] == pytest.approx(global_maximum(surface)[2], rel=1e-12)
+
+
+def test_too_many_summits_are_said(monkeypatch):
+    monkeypatch.setattr(summit, "_CELLS", 200)
+    surface = fractal(D=2.9, L_s=1e-9)
+    with pytest.warns(SurfaceWarning, match="too many summits compete"):
+        surface.maximum()
+
+
 class Slope(Flat):
     """A surface whose highest point is a corner or an edge: z = (x - 1)^2 + s y."""
 
@@ -258,6 +300,58 @@ def test_exact_rms_values_are_the_limit_of_fine_grids():
         error = [abs(grid - value) for grid in grids]
         assert error[1] < 0.3 * error[0] < 1e-3 * value
     assert surface.rms_slope() == exact[1]
+
+
+def test_exact_rms_of_many_waves_needs_little_memory(monkeypatch):
+    surface = fractal(M=300, f_max=9)
+    tracemalloc.start()
+    exact = surface.exact_rms()
+    assert tracemalloc.get_traced_memory()[1] < 200e6  # a number for each pair of waves would take 72 MB
+    tracemalloc.stop()
+    stats = surface.statistics(513)
+    for value, grid in zip(exact, (stats.Sq, stats.rms_slope, stats.rms_curvature), strict=True):
+        assert value == pytest.approx(grid, rel=2e-2)
+    monkeypatch.setattr(waves, "_BLOCK", 5000)
+    np.testing.assert_allclose(fractal(M=300, f_max=9).exact_rms(), exact, rtol=1e-12)
+    np.testing.assert_allclose(
+        surface.grid(33), surface.height(*np.meshgrid(*[np.linspace(0, L, 33)] * 2)), rtol=1e-9, atol=1e-20
+    )
+
+
+def test_exact_rms_against_quadrature():
+    surface = fractal(M=5, f_max=4)
+    t, w = np.polynomial.legendre.leggauss(60)
+    x, y = np.meshgrid(0.5 * L * (1 + t), 0.5 * L * (1 + t))
+    weight = 0.25 * np.multiply.outer(w, w)
+    z = surface.height(x, y)
+    zx, zy = surface.gradient(x, y)
+    xx, _, yy = surface.hessian(x, y)
+    squares = [(weight * v**2).sum() for v in (z - (weight * z).sum(), np.hypot(zx, zy), 0.5 * (xx + yy))]
+    np.testing.assert_allclose(surface.exact_rms(), np.sqrt(squares), rtol=1e-12)
+
+
+EXTREME = st.one_of(st.floats(-330, 310).map(lambda e: 10.0**e if e < 308 else np.inf), st.floats(), st.integers())
+COUNT = st.one_of(st.integers(0, 6), st.integers())
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.fixed_dictionaries(
+        {"L": st.one_of(st.just(L), EXTREME), "G": st.one_of(st.just(1e-11), EXTREME)},
+        optional={"D": st.floats(1.9, 3.1), "M": COUNT, "f_max": COUNT, "gamma": EXTREME, "L_s": EXTREME},
+    )
+)
+def test_any_numbers_give_a_finite_surface_or_a_sentence(spec):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SurfaceWarning)
+        try:
+            surface = Surface.from_spec("weierstrass-mandelbrot", **spec)
+        except InputError as error:
+            assert "surface." in str(error)
+            return
+        assert isinstance(surface, WeierstrassMandelbrot)
+        values = [*surface.maximum(), surface.mean(), *surface.exact_rms(), *surface.grid(5).ravel()]
+    assert np.isfinite(values).all() and values[2] >= max(values[7:]) * (1 - 1e-12)
 
 
 def test_bearing_curve_of_a_wave():
@@ -336,6 +430,16 @@ def test_steep_surfaces_warn():
         ({"gamma": 1.0}, "surface.gamma = 1.0"),
         ({"f_max": -1}, "surface.f_max = -1"),
         ({"L_s": 1e-3}, "surface.L_s = 0.001"),
+        ({"L_s": 1e-18}, "surface.L_s = 1e-18 is not legal: it must be a length from 1e-15 to L = 1e-06"),
+        ({"gamma": 100.0, "f_max": 100}, "surface.f_max = 100 is not legal: it must be at most 4 with gamma = 100"),
+        ({"gamma": 1e300}, "surface.f_max = 5 is not legal: it must be at most 0"),
+        (
+            {"M": 1000, "f_max": 100, "gamma": 1.1},
+            "surface.f_max = 100 is not legal: it must be at most 23 with M = 1000",
+        ),
+        ({"M": 10**6}, "surface.M = 1000000 is not legal: it must be an integer of at most 1000"),
+        ({"kind": "flat", "L": 10**400}, "surface.L = 1000"),
+        ({"kind": "sphere", "L": 1.0, "radius": 1e-200}, "surface.radius = 1e-200"),
         ({"seed": -1}, "surface.seed = -1"),
         ({"ridges": "all"}, "surface.ridges = 'all'"),
         ({"phases": np.zeros((3, 3))}, r"shape \(M\+1, f_max\+1\) = \(11, 6\)"),

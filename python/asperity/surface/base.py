@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import difflib
-import math
 import numbers
+import sys
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -24,6 +24,8 @@ Array = NDArray[Any]
 
 #: Beyond this rms slope small-strain, small-slope contact theory loses its footing.
 SMALL_SLOPE = 0.1
+
+_SMALLEST, _LARGEST = 1e-50, 1e50  # lengths
 
 
 class SurfaceWarning(UserWarning):
@@ -220,7 +222,8 @@ def nearest(name: str, legal: Any) -> str:
 
 def is_number(value: Any) -> bool:
     """Tell whether value is a finite real number (booleans are not)."""
-    return isinstance(value, numbers.Real) and not isinstance(value, bool) and math.isfinite(value)
+    real = isinstance(value, numbers.Real) and not isinstance(value, bool)
+    return real and abs(value) <= sys.float_info.max
 
 
 def is_integer(value: Any) -> bool:
@@ -235,8 +238,9 @@ def check(legal: bool, key: str, value: Any, rule: str) -> None:
 
 
 def check_positive(key: str, value: Any) -> None:
-    """Raise InputError unless value is a positive, finite length."""
-    check(is_number(value) and value > 0, key, value, "a positive length (SI: metres)")
+    """Raise InputError unless value is a positive length whose square and cube are numbers."""
+    legal = is_number(value) and _SMALLEST <= value <= _LARGEST
+    check(legal, key, value, f"a positive length (SI: metres), {_SMALLEST:g} to {_LARGEST:g}")
 
 
 def check_integer(key: str, value: Any, least: int) -> None:

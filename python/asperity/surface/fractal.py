@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,17 +22,12 @@ from .base import (
     is_number,
     nodes,
 )
+from .waves import Waves, mean_squares, on_product
 
 _CHUNK = 2**21  # angles evaluated at once: 16 MiB a temporary
-
-
-class Waves(NamedTuple):
-    """Plane waves a cos(kx x + ky y + phi), one entry a wave."""
-
-    a: Array  # amplitude (length)
-    kx: Array  # wave vector (1/length)
-    ky: Array
-    phi: Array
+_SHORTEST = 1e-9  # wavelength over L: heights are lost in the round-off of the angles of shorter waves
+_RIDGES = 1000
+_WAVES = 25_000  # more would take minutes
 
 
 def cut_off_index(L: float, L_s: float, gamma: float) -> int:
@@ -59,9 +54,10 @@ class WeierstrassMandelbrot(Surface):
     Attributes:
         D: fractal dimension, 2 < D < 3.
         G: fractal roughness (length), 0 < G < L.
-        M: number that sets the ridge directions pi mu/M, >= 1.
+        M: number that sets the ridge directions pi mu/M, 1 to 1000.
         gamma: ratio of successive wave numbers, > 1.
-        f_max: highest frequency index, >= 0; default from L_s, or 5 without it.
+        f_max: highest frequency index, >= 0; default from L_s, or 5 without it. The shortest wavelength
+            L/gamma^f_max is at least 1e-9 L, and there are at most 25000 waves, (M+1)(f_max+1).
         L_s: cut-off wavelength (length), optional; f_max = cut_off_index(L, L_s, gamma).
         seed: of the phases, default_rng(seed).uniform(0, 2 pi, size=(M+1, f_max+1)).
         ridges: "0..M" (all M+1 rows of the phases; rows 0 and M are collinear, so the x
@@ -92,10 +88,11 @@ class WeierstrassMandelbrot(Surface):
             f"a length above 0 and below L = {self.L:g} (both in metres)",
         )
         check_integer("M", self.M, 1)
+        check(self.M <= _RIDGES, "M", self.M, f"an integer of at most {_RIDGES}; 10 is usual")
         check(is_number(self.gamma) and self.gamma > 1, "gamma", self.gamma, "a number above 1")
         check_integer("seed", self.seed, 0)
         check(self.ridges in ("0..M", "1..M"), "ridges", self.ridges, '"0..M" or "1..M"')
-        object.__setattr__(self, "f_max", self._resolve_f_max())
+        object.__setattr__(self, "f_max", self._checked(self._resolve_f_max()))
         object.__setattr__(self, "phases", self._resolve_phases())
 
     def _resolve_f_max(self) -> int:
@@ -104,7 +101,8 @@ class WeierstrassMandelbrot(Surface):
         if self.L_s is None:
             return 5 if self.f_max is None else self.f_max
         check_positive("L_s", self.L_s)
-        check(self.L_s <= self.L, "L_s", self.L_s, f"at most L = {self.L:g}")
+        least = _SHORTEST * self.L
+        check(least <= self.L_s <= self.L, "L_s", self.L_s, f"a length from {least:g} to L = {self.L:g}")
         expected = cut_off_index(self.L, self.L_s, self.gamma)
         if self.f_max is None or self.f_max == expected:
             return expected
@@ -115,21 +113,38 @@ class WeierstrassMandelbrot(Surface):
         )
         return self.f_max
 
-    def _resolve_phases(self) -> Array:
+    def _checked(self, f_max: int) -> int:
+        most = cut_off_index(1.0, _SHORTEST, self.gamma)
+        short = f"wavelengths L/gamma^f of at least {_SHORTEST:g} L"
+        check(f_max <= most, "f_max", f_max, f"at most {most} with gamma = {self.gamma:g}, for {short}")
+        most = _WAVES // (self.M + 1) - 1
+        few = f"(M + 1)(f_max + 1) waves of which there are no more than {_WAVES}"
+        check(f_max <= most, "f_max", f_max, f"at most {most} with M = {self.M}, for {few}")
+        return f_max
+
+    def _drawn(self) -> Array:
         assert self.f_max is not None
-        shape = (self.M + 1, self.f_max + 1)
+        return np.random.default_rng(self.seed).uniform(0, 2 * np.pi, size=(self.M + 1, self.f_max + 1))
+
+    def _resolve_phases(self) -> Array:
+        drawn = self._drawn()
         if self.phases is None:
-            phases = np.random.default_rng(self.seed).uniform(0, 2 * np.pi, size=shape)
+            phases = drawn
         else:
             phases = np.array(self.phases, dtype=float)
             check(
-                phases.shape == shape and bool(np.isfinite(phases).all()),
+                phases.shape == drawn.shape and bool(np.isfinite(phases).all()),
                 "phases",
                 phases.shape,
-                f"a finite array of shape (M+1, f_max+1) = {shape}",
+                f"a finite array of shape (M+1, f_max+1) = {drawn.shape}",
             )
         phases.flags.writeable = False
         return phases
+
+    @cached_property
+    def random(self) -> bool:
+        """Whether the phases are those of the seed."""
+        return bool(np.array_equal(self.phases, self._drawn()))  # type: ignore[arg-type]
 
     @cached_property
     def _waves(self) -> Waves:
@@ -175,22 +190,6 @@ class WeierstrassMandelbrot(Surface):
             out[part] = wave(theta) @ w
         return tuple(column.reshape(shape) for column in out.T)
 
-    def _on_product(self, x: Array, y: Array, *weights: Array) -> tuple[Array, ...]:
-        """Return Re sum_j w_j exp(i theta_j) at all (x[i], y[j]) for each complex weight array w.
-
-        A plane wave separates, exp(i(kx x + ky y)) = exp(i kx x) exp(i ky y), so the sum over
-        all waves is one real matrix product (len(y) x 2 waves)(2 waves x len(x)).
-        """
-        _, kx, ky, phi = self._waves
-        along_x = np.exp(1j * np.multiply.outer(kx, x))
-        right = np.vstack([along_x.real, along_x.imag])
-        along_y = np.exp(1j * (np.multiply.outer(y, ky) + phi))
-        grids = []
-        for w in weights:
-            left = along_y * w
-            grids.append(np.hstack([left.real, -left.imag]) @ right)
-        return tuple(grids)
-
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
         (z,) = self._at_points(x, y, np.cos, [-self._waves.a])
         return z + self._offset
@@ -205,28 +204,22 @@ class WeierstrassMandelbrot(Surface):
         xx, xy, yy = self._at_points(x, y, np.cos, [a * kx**2, a * kx * ky, a * ky**2])
         return xx, xy, yy
 
-    def _product(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
-        a, kx, ky, _ = self._waves
-        z, zx, zy = self._on_product(x, y, -a, -1j * a * kx, -1j * a * ky)
-        z += self._offset
-        return z, zx, zy
-
     def grid(self, n: int) -> Array:
         s = nodes(self.L, n)
-        (z,) = self._on_product(s, s, -self._waves.a)
+        (z,) = on_product(self._waves, s, s, -self._waves.a)
         z += self._offset
         return z
 
     def grid_gradient(self, n: int) -> tuple[Array, Array]:
         s = nodes(self.L, n)
         a, kx, ky, _ = self._waves
-        zx, zy = self._on_product(s, s, -1j * a * kx, -1j * a * ky)
+        zx, zy = on_product(self._waves, s, s, -1j * a * kx, -1j * a * ky)
         return zx, zy
 
     def grid_hessian(self, n: int) -> tuple[Array, Array, Array]:
         s = nodes(self.L, n)
         a, kx, ky, _ = self._waves
-        xx, xy, yy = self._on_product(s, s, a * kx**2, a * kx * ky, a * ky**2)
+        xx, xy, yy = on_product(self._waves, s, s, a * kx**2, a * kx * ky, a * ky**2)
         return xx, xy, yy
 
     def mean(self) -> float:
@@ -247,20 +240,14 @@ class WeierstrassMandelbrot(Surface):
         """Return (Sq, rms slope, rms curvature) over the patch in closed form.
 
         Units: length, 1, 1/length; curvature is half the Laplacian, as in SurfaceStatistics.
-        Products of two waves are waves of the sum and of the difference of their vectors, whose
-        mean over the patch is known.
         """
-        a, kx, ky, phi = self._waves
-        c = a * np.exp(1j * phi)
-        plus = np.multiply.outer(c, c) * self._patch_mean(np.add.outer(kx, kx), np.add.outer(ky, ky))
-        minus = np.multiply.outer(c, c.conj()) * self._patch_mean(np.subtract.outer(kx, kx), np.subtract.outer(ky, ky))
-        dot = np.multiply.outer(kx, kx) + np.multiply.outer(ky, ky)
-        k2 = kx**2 + ky**2
-        squares = 0.5 * (plus + minus).real
-        variance = squares.sum() - (self.mean() - self._offset) ** 2
-        slope2 = (0.5 * (minus - plus).real * dot).sum()
-        curvature2 = (squares * np.multiply.outer(k2, k2)).sum() / 4
-        return math.sqrt(variance), math.sqrt(slope2), math.sqrt(curvature2)
+        return self._exact_rms
+
+    @cached_property
+    def _exact_rms(self) -> tuple[float, float, float]:
+        square, slope2, laplacian2 = mean_squares(self._waves, self.L)
+        variance = square - (self.mean() - self._offset) ** 2
+        return math.sqrt(variance), math.sqrt(slope2), math.sqrt(laplacian2) / 2
 
     def rms_slope(self) -> float:
         """Return sqrt(<|grad z|^2>) over the patch, in closed form (dimensionless)."""
@@ -269,3 +256,9 @@ class WeierstrassMandelbrot(Surface):
     def curvature_bound(self) -> float:
         a, kx, ky, _ = self._waves
         return float(a @ (kx**2 + ky**2))
+
+    @cached_property
+    def _maximum(self) -> tuple[float, float, float]:
+        from .summit import highest_point
+
+        return highest_point(self)
