@@ -56,6 +56,7 @@ def test_files_of_a_run(full: tuple[Path, RunResult]) -> None:
         "case.toml",
         "curve.csv",
         "summary.json",
+        "run.log",
         "free.csv",
         "response.csv",
         "thresholds.json",
@@ -289,6 +290,10 @@ def test_too_few_newton_steps_end_in_a_partial_curve(tmp_path: Path) -> None:
     with pytest.raises(ConvergenceError, match=r"diverged_max_it after 3 Newton iterations"):
         run(case_of(solver={"newton_max": 3}), tmp_path / "out")
     assert Curve.read(tmp_path / "out" / "curve.csv").delta_star[-1] < 0.03 - 1e-9
+    log = (tmp_path / "out" / "run.log").read_text(encoding="utf-8")
+    cutbacks = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))["cutbacks"]
+    assert log.count("given up after 3 Newton steps, diverged_max_it") == cutbacks > 1
+    assert log.count("step cut to") == cutbacks - 1  # the last one ends the run
 
 
 @pytest.mark.parametrize("trouble", ["steep", "deep", "another surface"])

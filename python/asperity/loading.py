@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from time import perf_counter
@@ -230,6 +231,7 @@ def _approach(
                 f"iterations) although the step was cut to {abs(move):.2g} L; the curve up to delta/L = "
                 f"{press.delta:.6g} is kept: use more loading.steps or a finer mesh.h_contact"
             )
+        logging.getLogger(__name__).info("delta/L = %.6g: step cut to %.3g L", press.delta, step)
 
 
 def _load(press: Press, schedule: Schedule, at: Position) -> Outcome:
@@ -282,6 +284,7 @@ def _load_to_force(press: Press, schedule: Schedule, at: Position) -> Outcome:
             break
         press.counts.cutbacks += 1
         step *= 0.5
+        logging.getLogger(__name__).info("delta/L = %.6g: step cut to %.3g L", press.delta, step)
         if step < SMALLEST_CUT * at.planned:
             raise ConvergenceError(
                 f"no convergence at delta/L = {target:.6g} on the way to loading.force_max ({stats.reason}); the "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -134,16 +135,26 @@ class Press:
             if (delta - self.delta) * (self.delta - before) > 0.0:
                 start = self._u + (self._u - u) * (delta - self.delta) / (self.delta - before)
         self.contact.begin(self.summit - delta)
-        return self._solve(start, abs(delta - self.delta))
+        return self._solve(f"delta/L = {delta:.6g}", start, abs(delta - self.delta))
 
-    def _solve(self, start: Floats, scale: float) -> StepStats:
+    def _solve(self, where: str, start: Floats, scale: float) -> StepStats:
         self.newton.linear.forget()  # a step of a resumed run is the same to the last bit
         stats = self.newton.solve(start, scale)
         self.counts.newton += stats.newton
         self.counts.krylov += stats.krylov
         self.counts.shortened += stats.shortened
         self.counts.direct += stats.direct
+        log = logging.getLogger(__name__)
+        if stats.shortened or stats.direct:
+            log.info(
+                "%s: of %d Newton steps %d shortened, %d solved by LU",
+                where,
+                stats.newton,
+                stats.shortened,
+                stats.direct,
+            )
         if not stats.converged:
+            log.info("%s: given up after %d Newton steps, %s", where, stats.newton, stats.reason)
             self.restore()
         return stats
 
@@ -210,7 +221,7 @@ class Press:
         """Lift the flat off; the deflection becomes how much lower it would touch the deformed surface again."""
         self._previous = None
         self.contact.begin(np.inf)
-        stats = self._solve(self._u, 0.0)
+        stats = self._solve("release", self._u, 0.0)
         if stats.converged:
             self.accept(self._first_touch - self._touch())
         return stats

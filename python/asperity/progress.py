@@ -6,11 +6,37 @@ The solver calls `stage` when it turns to something new, `step` after each accep
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, TextIO
+
+
+@contextmanager
+def log_file(path: Path | None, append: bool = False) -> Iterator[None]:
+    """Write what the package logs to a file, a line each with its time; no path writes nothing.
+
+    A line that cannot be written is left out: the results, which come after, tell what is wrong with the disk.
+    """
+    if path is None:
+        yield
+        return
+    logger, handler = logging.getLogger("asperity"), logging.FileHandler(path, "a" if append else "w", delay=True)
+    handler.setFormatter(logging.Formatter("%(asctime)s %(message)s"))
+    handler.handleError = lambda record: None  # type: ignore[method-assign]
+    level = logger.level
+    logger.setLevel(logging.INFO)
+    logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
+        logger.setLevel(level)
+        handler.close()
 
 
 class Progress:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import platform
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +19,7 @@ from .curve import Curve
 from .errors import CheckError, ConvergenceError, InputError, Interrupted, OutputError, ResolutionWarning
 from .material import Material
 from .power_law import PowerLawFit
-from .progress import Progress
+from .progress import Progress, log_file
 from .storage import UNREADABLE, files_into, on_root, remove_asides, replace_file
 
 if TYPE_CHECKING:
@@ -102,7 +103,8 @@ def run(
     on_root(comm, writer.begin)
     failure: ConvergenceError | None = None
     accurate = None
-    with nullcontext() if out is None else StopRequest(comm) as request:
+    log = None if out is None or comm.rank > 0 else out / "run.log"
+    with nullcontext() if out is None else StopRequest(comm) as request, log_file(log, append=resume):
         settings = _settings(case, comm, progress, writer, None if request is None else request.agreed)
         try:
             if case.accuracy.tolerance is None:
@@ -168,6 +170,7 @@ def _settings(
         if reason:
             raise Interrupted(f"stopped by {reason} before the load path (next: {name})")
         progress.stage(name)
+        logging.getLogger(__name__).info("%s", name)
 
     def on_step(rows: Sequence[Mapping[str, Any]], fraction: float) -> None:
         on_root(comm, lambda: writer.steps(Curve.from_rows(rows)))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 # what a run writes into its folder, without the checkpoint; case.toml, which shows that there is a run, is removed last
 PRODUCTS = (
-    "curve.csv", "summary.json", "free.csv", "response.csv", "band.csv", "thresholds.json", "report.html",
+    "curve.csv", "summary.json", "run.log", "free.csv", "response.csv", "band.csv", "thresholds.json", "report.html",
     "fields/mesh.npz", "fields/top.npz", "fields/contact.vtkhdf", "fields",
     "figures/surface.png", "figures/mesh.png", "figures/curve.png", "figures/area.png", "figures/pressure.png",
     "figures/plasticity.png", "figures/frequency.png", "figures/response.png", "figures/scene.png", "figures",
