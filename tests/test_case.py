@@ -170,7 +170,7 @@ MISTAKES = {
     "accuracy.tolerance=-0.01": ("accuracy.tolerance = -0.01", "[1e-06, 1)"),
     "accuracy.tolerance=1.5": ("accuracy.tolerance = 1.5", "[1e-06, 1)"),
     "dynamics.forcing=[]": ("dynamics.forcing = []",),
-    "dynamics.forcing=[0]": ("dynamics.forcing", "(0, inf)"),
+    "dynamics.forcing=[0]": ("dynamics.forcing", "[1e-09, 1e+06]"),
     "dynamics.forcing=0.1": ("dynamics.forcing", "list"),
     "dynamics.omega=[1.3, 0.5]": ("dynamics.omega", "rise"),
     "dynamics.omega=[1]": ("dynamics.omega", "short"),

@@ -162,6 +162,12 @@ def test_paper_law_is_the_fit_of_the_loading_branch(tmp_path) -> None:
         (lambda: PowerLaw(0.0), "n = 0.0"),
         (lambda: PowerLaw(-1.5), "n = -1.5"),
         (lambda: PowerLaw(1.5, float("nan")), "K = nan"),
+        (lambda: PowerLaw(1e-3), "n = 0.001 is not legal: it must lie between 0.25 and 100"),
+        (lambda: PowerLaw(1e3), "n = 1000"),
+        (lambda: PowerLaw(1.5, 1e300), "K = 1e+300"),
+        (lambda: law_from({"delta": 1e-6 * Z, "force": Z**60}), "K = inf"),
+        (lambda: ContactOscillator(PowerLaw(1.5), load=1e-300), "under load = 1e-300"),
+        (lambda: ContactOscillator(PowerLaw(0.25), load=1e300), "under load = 1e+300"),
         (lambda: PowerLaw(1.5, ci_n=(1.6, 1.7)), "ci_n"),
         (lambda: ContactOscillator(PowerLaw(1.5), zeta=-0.01), "zeta = -0.01"),
         (lambda: ContactOscillator(PowerLaw(1.5), zeta=1.5), "zeta = 1.5"),
@@ -219,4 +225,6 @@ def test_what_is_no_table_is_refused(tmp_path) -> None:
 
 def test_scales_beyond_the_arithmetic_are_refused() -> None:
     with pytest.raises(InputError, match="beyond the arithmetic"):
-        Restoring(PowerLaw(1.5, 1e300), 1.0)
+        Restoring(PowerLaw(1.5, 1e100), 1e-20)
+    with pytest.raises(InputError, match="beyond the arithmetic"):
+        Restoring(PowerLaw(0.25), 1e300)

@@ -11,8 +11,10 @@ from scipy.integrate import solve_ivp
 from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw
 from asperity.dynamics.free import free_orbit
 from asperity.dynamics.hbm import Balance
+from asperity.dynamics.response import frequency_response
 from asperity.dynamics.restoring import Restoring
 from asperity.dynamics.shooting import shoot, state_at_phase_zero
+from asperity.dynamics.stability import floquet
 from asperity.errors import ConvergenceError, InputError, RangeError
 
 
@@ -296,7 +298,7 @@ def test_table_response_follows_its_power_law_and_stops_at_its_end() -> None:
         table.response(5.0, (0.95, 1.05))
 
 
-@pytest.mark.parametrize("bad", [0.0, -0.1, np.nan, np.inf])
+@pytest.mark.parametrize("bad", [0.0, -0.1, np.nan, np.inf, 1e-300, 1e300])
 def test_forcing_must_be_positive(bad: float) -> None:
     with pytest.raises(InputError, match="forcing"):
         ContactOscillator(PowerLaw(1.5)).response(bad)
@@ -304,7 +306,7 @@ def test_forcing_must_be_positive(bad: float) -> None:
 
 def test_bad_windows() -> None:
     o = ContactOscillator(PowerLaw(1.5))
-    for window in ((1.3, 0.5), (0.0, 1.0), (0.5,)):
+    for window in ((1.3, 0.5), (0.0, 1.0), (0.5,), (1e-5, 1.3), (0.5, 1e160)):
         with pytest.raises(InputError, match="omega"):
             o.response(0.05, window)
     with pytest.raises(InputError, match="window"):
@@ -355,9 +357,53 @@ def test_period_2_branch_that_dies_among_other_doublings() -> None:
 def test_stiff_law_and_faint_forcing() -> None:
     r = ContactOscillator(PowerLaw(12.0), zeta=0.02).response(1e-3, (0.9, 1.1))
     assert r.branches[0].end == "window"
-    for forcing in (1e-8, 1e-12):
+    for forcing in (1e-8, 1e-9):
         faint = ContactOscillator(PowerLaw(1.5), zeta=0.01).response(forcing, (0.9, 1.1))
         assert faint.peak[1] == pytest.approx(forcing / 0.02, rel=1e-4)
+
+
+def linear(forcing: float, zeta: float, omega: Any) -> Any:
+    return forcing / np.abs(1 - omega**2 + 2j * zeta * omega)
+
+
+@pytest.mark.parametrize("zeta", [1e-3, 0.05, 0.5, 0.99])
+@pytest.mark.parametrize("window", [(0.01, 1.3), (0.5, 100.0), (0.01, 0.02)])
+def test_slowest_and_fastest_forcing(zeta: float, window: tuple[float, float]) -> None:
+    """Small motion has its closed form and its multipliers at both ends of the legal frequencies, for any damping."""
+    forcing = 1e-6
+    r = ContactOscillator(PowerLaw(1.5), zeta=zeta).response(forcing, window, subharmonics=False)
+    assert r.det_error <= 2e-6 and not r.notes
+    for b in r.branches:
+        np.testing.assert_allclose(b.a1, linear(forcing, zeta, b.Omega), rtol=1e-4)
+        np.testing.assert_allclose(b.radius, np.exp(-2 * np.pi * zeta / b.Omega), atol=1e-4)
+
+
+def test_round_off_is_in_the_tolerance() -> None:
+    r = ContactOscillator(PowerLaw(1.5)).response(1e-9, (50.0, 100.0))
+    b = r.branches[0]
+    miss = np.abs(b.u_max / linear(1e-9, 0.01, b.Omega) - 1)
+    assert 1e-4 < miss.max() < r.tolerance < 0.1 and (miss < b.error).all()
+
+
+def test_steps_too_long_tell_no_stability() -> None:
+    r = ContactOscillator(PowerLaw(1.5)).response(0.01, (0.01, 0.02), subharmonics=False)
+    b = r.branches[0]
+    long = floquet(r.balance, b.coefficients, b.Omega, 256)
+    assert (long.error == 1.0).all() and b.stable.all() and (b.det_error < 1e-6).all()
+
+
+def test_multipliers_beyond_the_arithmetic() -> None:
+    """An orbit beside the rim of the Taylor well leaves it exponentially over a long period."""
+    balance = ContactOscillator(PowerLaw(1.5)).taylor().response(0.01, (0.9, 1.0)).balance
+    data = floquet(balance, np.array([[-3.0 + 0j, 1e-3, 0.0]]), np.array([0.01]))
+    assert data.radius[0] > 1e100 and not data.stable[0]
+    assert np.isfinite([data.trace, data.determinant, data.radius, data.error]).all()
+
+
+def test_work_is_bounded() -> None:
+    o = ContactOscillator(PowerLaw(1.5))
+    r = frequency_response(o.balance(), o.setting(0.05), (0.5, 1.3), max_points=20)
+    assert any("ends early: too much work" in note for note in r.notes)
 
 
 def test_many_harmonics_are_solved_as_few() -> None:

@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from asperity.case import Case
 from asperity.dynamics import ContactOscillator, PowerLaw, response_band, run_dynamics
-from asperity.errors import InputError, RangeError
+from asperity.dynamics.setting import forcings, window
+from asperity.errors import AsperityError, InputError, RangeError
+
+MINIMAL: dict[str, Any] = {
+    "surface": {"kind": "flat", "L": 1e-6},
+    "material": {"E": 200e9, "nu": 0.3},
+    "loading": {"delta_max": 1e-8},
+}
 
 
 def test_simulate_flight_is_a_parabola() -> None:
@@ -145,6 +156,9 @@ def test_run_writes_its_files(tmp_path) -> None:
         ({"damping": "no"}, "damping"),
         ({"omega": (1.0, 0.5)}, "omega"),
         ({"load": -1.0}, "load"),
+        ({"omega": (1e-5, 1.3)}, "omega = 1e-05 is not legal: it must lie between 0.01 and 100"),
+        ({"omega": (0.5, 1e160)}, r"omega = 1e\+160"),
+        ({"forcing": [0.1, 1e-300]}, "forcing = 1e-300"),
     ],
 )
 def test_bad_arguments_write_nothing(tmp_path, options, words) -> None:
@@ -183,11 +197,74 @@ def test_response_beyond_the_fitted_curve_says_so() -> None:
         (lambda o: o.attractors(1.0, 0.1, starts=0), "starts = 0"),
         (lambda o: o.attractors([], 0.1), "omega is empty"),
         (lambda o: o.free("far"), "u0 = 'far'"),
+        (lambda o: o.simulate(1e-9, 0.1), "omega = 1e-09"),
+        (lambda o: o.simulate(1.0, 1e300), r"forcing = 1e\+300"),
+        (lambda o: o.attractors([1.0, 1e9], 0.1), r"omega = 1e\+09"),
+        (lambda o: replace(o, zeta=1e-6).sweep(0.1), "zeta = 1e-06 is not legal for motion that must settle"),
+        (lambda o: replace(o, zeta=0.0).attractors(1.0, 0.1), "zeta = 0"),
     ],
 )
 def test_bad_calls_are_one_sentence(call, words) -> None:
     with pytest.raises(InputError, match=words):
         call(ContactOscillator(PowerLaw(1.5)))
+
+
+def test_light_damping_leaves_out_the_sweep_and_says_so() -> None:
+    result = run_dynamics(PowerLaw(1.5), zeta=1e-6, forcing=1e-5, omega=(0.7, 0.8), models=["exact"])
+    assert result.sweeps["exact"] == () and any("no sweep: zeta = 1e-06" in note for note in result.notes)
+
+
+def test_band_reaches_the_ends_of_the_legal_frequencies() -> None:
+    band = response_band(ContactOscillator(PowerLaw(1.5), zeta=0.5), 1e-9, (0.01, 0.02), members=[PowerLaw(1.4)])
+    assert np.isfinite(band.upper).all()
+
+
+TEN_TO = st.floats(-320, 308).map(lambda e: 10.0**e)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.one_of(st.floats(0.25, 100), TEN_TO),
+    st.one_of(st.just(1.0), TEN_TO),
+    st.fixed_dictionaries(
+        {"zeta": st.one_of(st.floats(0.001, 0.999), TEN_TO), "forcing": st.one_of(st.floats(1e-9, 1.0), TEN_TO)},
+        optional={"load": TEN_TO, "damping": st.sampled_from(["always", "contact", "hunt-crossley"])},
+    ),
+)
+def test_any_numbers_give_finite_results_or_a_sentence(n: float, K: float, options: dict[str, Any]) -> None:
+    try:
+        result = run_dynamics(PowerLaw(n, K), sweeps=False, omega=(0.9, 1.1), **options)
+    except AsperityError as error:
+        assert "\n" not in str(error)
+    else:
+        json.dumps(result.to_dict(), allow_nan=False)
+        assert all(np.isfinite([*b.u_max, *b.u_min]).all() for r in result.responses["exact"] for b in r.branches)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    st.lists(st.one_of(st.floats(), TEN_TO), min_size=2, max_size=2),
+    st.lists(st.one_of(st.floats(), TEN_TO), min_size=1, max_size=3),
+)
+def test_a_case_allows_what_can_be_computed(omega: list[float], forcing: list[float]) -> None:
+    for key, value, allow in (("omega", omega, window), ("forcing", forcing, forcings)):
+        try:
+            allow(value)
+            legal = True
+        except InputError:
+            legal = False
+        try:
+            Case.from_dict({**MINIMAL, "dynamics": {key: value}})
+            assert legal
+        except InputError as error:
+            assert not legal and f"dynamics.{key}" in str(error)
+
+
+@pytest.mark.parametrize("preload", [1e-300, 1e-3, 1e300])
+def test_a_preload_beyond_the_run_is_refused_before_it(preload: float) -> None:
+    case = {**MINIMAL, "loading": {"force_max": 1e-4}, "dynamics": {"preload": preload}}
+    with pytest.raises(InputError, match=r"dynamics\.preload = .* must lie between .* and 0\.0001, the greatest force"):
+        Case.from_dict(case)
 
 
 def test_every_result_states_what_it_holds_for() -> None:

@@ -47,6 +47,15 @@ def check_together(case: Input) -> None:
         _refuse("dynamics.omega", f"= {show(dynamics.omega)} must rise, for example [0.5, 1.3]")
     if dynamics and dynamics.law == "unload-reload" and not loading.unload:
         _refuse("dynamics.law", '= "unload-reload" needs an unloading; set loading.unload = true')
+    if dynamics and dynamics.preload is not None:
+        full = case.material.E_prime * case.surface.L**2
+        least, most = 1e-12 * full, loading.force_max or full
+        if not least <= dynamics.preload <= most:
+            _refuse(
+                "dynamics.preload",
+                f"= {dynamics.preload:g} must lie between {least:.3g} and {most:.3g}, the greatest force the run may "
+                "reach; leave it out for half of what it does reach",
+            )
 
 
 def _check_material(case: Input) -> None:

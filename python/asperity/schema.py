@@ -185,14 +185,14 @@ class DynamicsSection(Section):
     preload: Real | None = _key("weight of the mass", None, shown="half of the greatest force", unit=FORCE, gt=0)
     zeta: Real = _key("damping ratio", 0.01, ge=0, lt=1)
     damping: Literal["always", "contact", "hunt-crossley"] = _key("when damping acts", "always")
-    forcing: tuple[Annotated[Real, Field(gt=0)], ...] = _key(
+    forcing: tuple[Annotated[Real, Field(ge=1e-9, le=1e6)], ...] = _key(
         "amplitudes F/(m omega_s^2 z_s)", (0.01,), min_length=1, max_length=100
     )
     model: tuple[Model, ...] = _key(
         "restoring force: exact, its Taylor expansion", ("exact", "taylor"), min_length=1,
         max_length=2,
     )  # fmt: skip
-    omega: tuple[Annotated[Real, Field(gt=0)], Annotated[Real, Field(gt=0)]] = _key(
+    omega: tuple[Annotated[Real, Field(ge=0.01, le=100)], Annotated[Real, Field(ge=0.01, le=100)]] = _key(
         "range of excitation frequency over omega_s", (0.5, 1.3)
     )
 

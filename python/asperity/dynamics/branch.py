@@ -13,6 +13,8 @@ from asperity.dynamics.law import Array
 from asperity.dynamics.shooting import state_at_phase_zero
 from asperity.dynamics.stability import Floquet, extrema, floquet, stack
 
+_ROUND_OFF = 1e-15  # of the contact force
+
 
 @dataclass(frozen=True)
 class Event:
@@ -38,8 +40,8 @@ class Branch:
         a1: amplitude of the harmonic at the forcing frequency.
         stable: linear stability.
         radius: largest modulus of a Floquet multiplier.
-        error: truncation estimate, relative to the amplitude.
-        det_error: deviation of the monodromy determinant from Liouville's.
+        error: truncation estimate, or what the round-off of the force leaves, relative to the amplitude.
+        det_error: deviation of the monodromy determinant from Liouville's; 1 where the stability is a guess.
         harmonics: harmonics in use at each point.
         coefficients: complex Fourier coefficients (points, K + 1) in the angle Omega tau / order.
         valid: False where the law means nothing physically (a Taylor law with u_min < -1).
@@ -98,6 +100,7 @@ def measure(
     omega = np.array([p.parameter for p in points])
     u_min, u_max = extrema(c)
     f = multipliers or floquet(balance, c, omega)
+    round_off = _ROUND_OFF / (balance.restoring.n_loc * 0.5 * (u_max - u_min))
     valid = np.ones(omega.size, bool) if balance.restoring.contact else u_min >= -1.0
     return Branch(
         kind,
@@ -108,7 +111,7 @@ def measure(
         np.abs(c[:, balance.order]),
         f.stable,
         f.radius,
-        np.array([p.error for p in points]),
+        np.maximum([p.error for p in points], round_off),
         f.error,
         np.array([p.x.size // 2 for p in points]),
         c,

@@ -204,7 +204,7 @@ def trace(
         least: smallest number of harmonics.
         zeta: damping ratio, which sets how small a harmonic may still hide a resonance.
         max_step: longest step in the parameter.
-        max_points: the path ends with "too many points" beyond this.
+        max_points: the path ends with "too much work" beyond this; many harmonics make a point count for more.
         smooth: whether Newton's method converges quadratically (the stiffness is bounded).
         stop: called with the points so far; a string ends the path for that reason.
     """
@@ -212,7 +212,7 @@ def trace(
     rtol = newton_rtol(tol, smooth)
     points = [first]
     watch = max(1e-6, min(1e-3, 0.1 * zeta))
-    h = 0.25 * max_step
+    h, work = 0.25 * max_step, 0.0
     while True:
         here = points[-1]
         amplitude = float(np.sqrt(here.x @ here.x))
@@ -222,6 +222,9 @@ def trace(
         while True:
             if h < _HMIN:
                 return Path(tuple(points), "step too small")
+            work += 0.5 + (0.5 * here.x.size / _LOW) ** 2
+            if work > max_points:
+                return Path(tuple(points), "too much work")
             guess, guess_p = predict(h)
             try:
                 x, parameter, t, tp = correct(equations, guess, guess_p, here.t, here.t_parameter, limit=h, rtol=rtol)
@@ -254,8 +257,6 @@ def trace(
         reason = stop(points) if stop else None
         if reason:
             return Path(tuple(points), reason)
-        if len(points) >= max_points:
-            return Path(tuple(points), "too many points")
         h *= min(2.0, max(0.3, (0.6 / max(error, 1e-6)) ** 0.25))
 
 

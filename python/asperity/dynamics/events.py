@@ -8,7 +8,7 @@ from asperity.dynamics.branch import Branch, Event, measure
 from asperity.dynamics.continuation import Equations, Path, Point, adapt, between, locate, newton_rtol
 from asperity.dynamics.hbm import Balance, resize
 from asperity.dynamics.law import Array
-from asperity.dynamics.stability import Floquet, extrema, floquet, rise, stack
+from asperity.dynamics.stability import NOTHING, Floquet, extrema, floquet, rise, stack
 from asperity.errors import ConvergenceError
 
 _TOP = "greatest u_max"  # a point of the branch, but no event
@@ -154,6 +154,6 @@ def _open_tongues(balance: Balance, equations: Equations, points: list[Point], d
 
 def _phase_square(data: Floquet) -> Array:
     """psi^2 with multipliers -rho exp(+-i psi); negative where they are real and below zero."""
-    h = -data.trace / (2.0 * np.sqrt(data.determinant))
+    h = -data.trace / (2.0 * np.sqrt(np.maximum(data.determinant, NOTHING)))
     inside = np.arccos(np.clip(h, -1.0, 1.0)) ** 2
     return np.where(h > 1.0, -(np.arccosh(np.maximum(h, 1.0)) ** 2), inside)

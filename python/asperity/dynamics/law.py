@@ -25,6 +25,8 @@ from asperity.errors import InputError, RangeError
 Array = NDArray[Any]
 
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(16)
+EXPONENT = (0.25, 100.0)  # softer and stiffer contacts have orbits that no number of harmonics describes
+COEFFICIENT = (1e-100, 1e100)
 _SMALL = 0.05  # below this |u| the potential is summed, not subtracted
 
 
@@ -37,6 +39,14 @@ def positive(name: str, value: float, *, zero: bool = False) -> float:
     if not np.isfinite(number) or number < 0 or (number == 0 and not zero):
         legal = "at least 0" if zero else "greater than 0"
         raise InputError(f"{name} = {value} is not legal: it must be finite and {legal}")
+    return number
+
+
+def within(name: str, value: float, legal: tuple[float, float]) -> float:
+    """Return `value` as a float, or raise `InputError` unless it is a number in the legal range."""
+    number, (low, high) = positive(name, value), legal
+    if not low <= number <= high:
+        raise InputError(f"{name} = {number:g} is not legal: it must lie between {low:g} and {high:g}")
     return number
 
 
@@ -163,15 +173,15 @@ class PowerLaw(Law):
     """``F = K z^n`` for z > 0, zero otherwise.
 
     Attributes:
-        n: exponent, > 0.
-        K: coefficient (force/length^n), > 0.
+        n: exponent, 0.25 to 100.
+        K: coefficient (force/length^n), 1e-100 to 1e100.
         ci_n: 95 % confidence interval of n, or None.
         ci_K: 95 % confidence interval of K, or None.
         correlation: of the estimates of ln K and n.
         fitted_to: greatest deflection of the points it was fitted to (length); results say where they pass it.
 
     Raises:
-        InputError: n or K is not finite and positive.
+        InputError: n or K is out of range.
     """
 
     n: float
@@ -184,8 +194,8 @@ class PowerLaw(Law):
     scalar = True
 
     def __post_init__(self) -> None:
-        positive("n", self.n)
-        positive("K", self.K)
+        within("n", self.n, EXPONENT)
+        within("K", self.K, COEFFICIENT)
         for name, value, ci in (("n", self.n, self.ci_n), ("K", self.K, self.ci_K)):
             if ci is not None and not (0 < ci[0] <= value <= ci[1]):
                 raise InputError(f"ci_{name} = {ci} must be positive and hold {name} = {value:g}")
@@ -205,7 +215,8 @@ class PowerLaw(Law):
         covariance = fit.correlation * half_n * half_k
         half_K = np.sqrt(max(half_k**2 - 2 * shift * covariance + shift**2 * half_n**2, 0.0))
         mixed = covariance - shift * half_n**2
-        K = force * fit.k / length**fit.n
+        with np.errstate(over="ignore"):
+            K = force * fit.k * np.float64(length) ** -fit.n
         return cls(
             float(fit.n),
             float(K),
@@ -244,7 +255,8 @@ class PowerLaw(Law):
         return p1, (n - 1) * p1 / z, (n - 1) * (n - 2) * p1 / z**2
 
     def deflection(self, load: float) -> float:
-        return float((positive("load", load) / self.K) ** (1.0 / self.n))
+        with np.errstate(over="ignore"):
+            return float(np.float64(positive("load", load) / self.K) ** (1.0 / self.n))
 
     def describe(self) -> str:
         return f"power law n = {self.n:g}, K = {self.K:g}"

@@ -14,11 +14,11 @@ from asperity.dynamics import thresholds as _thresholds
 from asperity.dynamics.damping import check_damping
 from asperity.dynamics.free import FreeVibration, contact_limit, free_vibration
 from asperity.dynamics.hbm import Balance
-from asperity.dynamics.law import Array, Law, TaylorLaw, positive, positives
+from asperity.dynamics.law import Array, Law, TaylorLaw, positive
 from asperity.dynamics.polish import polish as _polish
 from asperity.dynamics.response import FrequencyResponse, frequency_response
 from asperity.dynamics.restoring import Restoring
-from asperity.dynamics.setting import Setting
+from asperity.dynamics.setting import LIGHTEST, Setting, forcings, frequencies, window
 from asperity.dynamics.sweep import Attractor, Sweep
 from asperity.dynamics.table import TableLaw
 from asperity.dynamics.thresholds import Backbone, Thresholds
@@ -134,7 +134,7 @@ class ContactOscillator:
             model=self.model,
             zeta=self.zeta,
             damping=self.damping,
-            forcing=() if none else positives("forcing", forcing),
+            forcing=() if none else forcings(forcing),
         )
 
     def response(
@@ -150,8 +150,8 @@ class ContactOscillator:
         """All periodic orbits over a window of frequencies, stable and unstable, with their bifurcations.
 
         Args:
-            forcing: F^ = F/(n_loc m g), > 0.
-            omega: lowest and highest Omega.
+            forcing: F^ = F/(n_loc m g), 1e-9 to 1e6.
+            omega: lowest and highest Omega, 0.01 to 100.
             tol: truncation error allowed, relative to the amplitude.
             subharmonics: follow period-2 branches from period doublings.
             detached: search for loops that no branch reaches, by integrating many initial states first.
@@ -161,13 +161,12 @@ class ContactOscillator:
             InputError: forcing or window is not legal.
             ConvergenceError: no orbit is found at the ends of the window.
         """
-        setting = self._setting(positive("forcing", forcing))
-        window, tol = _window(omega), positive("tol", tol)
-        balance = self._balance()
-        extra: tuple[tuple[int, Array, float], ...] = ()
-        if detached:
-            extra = self._seeds(setting.F_hat, window, tol)
-        result = frequency_response(balance, setting, window, tol=tol, subharmonics=subharmonics, extra=extra)
+        (f,) = forcings(positive("forcing", forcing))
+        ends, tol = window(omega), positive("tol", tol)
+        extra = self._seeds(f, ends, tol) if detached else ()
+        result = frequency_response(
+            self.balance(), self.setting(f), ends, tol=tol, subharmonics=subharmonics, extra=extra
+        )
         return _polish(result) if polish else result
 
     def sweep(
@@ -198,17 +197,18 @@ class ContactOscillator:
         Raises:
             RangeError: the motion leaves a table.
         """
-        values = positives("forcing", forcing)
+        values = forcings(forcing)
+        self._check_settles()
         for d in directions:
             if d not in ("up", "down"):
                 raise InputError(f'direction = "{d}" is unknown: choose "up" or "down"')
-        low, high = _window(omega)
+        ends = window(omega)
         if points < 2:
             raise InputError(f"points = {points} is not legal: a sweep needs at least 2")
         return _sweep.sweep(
-            self._balance(),
-            [self._setting(f) for f in values],
-            np.linspace(low, high, points),
+            self.balance(),
+            [self.setting(f) for f in values],
+            np.linspace(*ends, points),
             directions=tuple(directions),
             tol=positive("tol", tol),
             max_periods=max_periods,
@@ -235,17 +235,17 @@ class ContactOscillator:
             tol: as in `sweep`.
             max_periods: default 4/zeta (100 to 20000).
         """
-        setting = self._setting(positive("forcing", forcing))
-        f = setting.F_hat
-        values = np.array(positives("omega", omega))
+        (f,) = forcings(positive("forcing", forcing))
+        values = np.array(frequencies(omega))
+        self._check_settles()
         if starts < 1:
             raise InputError(f"starts = {starts} is not legal: give at least 1 initial state per side")
         if spread is None:
             spread = float(np.clip(f / (2.0 * max(self.zeta, 1e-3)), 0.5, 3.0))
         return _sweep.attractors(
-            self._balance(),
+            self.balance(),
             values,
-            setting,
+            self.setting(f),
             starts=starts,
             spread=positive("spread", spread),
             tol=positive("tol", tol),
@@ -276,14 +276,16 @@ class ContactOscillator:
         Raises:
             RangeError: the motion escapes from a Taylor well, or leaves a table.
         """
-        w = positive("omega", omega)
+        (w,) = frequencies(positive("omega", omega))
         f = positive("forcing", forcing, zero=True)
+        if f:
+            forcings(f)
         for name, value in (("u", u), ("v", v)):
             if not np.isfinite(value):
                 raise InputError(f"{name} = {value} is not legal: the initial state must be finite")
         duration = positive("periods", periods) * 2.0 * np.pi / w
         path, _ = integrate(
-            self._balance(),
+            self.balance(),
             w,
             f,
             float(u),
@@ -294,34 +296,36 @@ class ContactOscillator:
         )
         low = float(path.u.min())
         self.restoring.check_range(low, float(path.u.max()))
-        return replace(path, setting=self._setting(f), tolerance=rtol, valid=self.restoring.contact or low >= -1.0)
+        return replace(path, setting=self.setting(f), tolerance=rtol, valid=self.restoring.contact or low >= -1.0)
 
-    def _balance(self) -> Balance:
+    def _check_settles(self) -> None:
+        if self.zeta < LIGHTEST:
+            raise InputError(
+                f"zeta = {self.zeta:g} is not legal for motion that must settle: it must be at least {LIGHTEST:g}; "
+                "response takes any"
+            )
+
+    def balance(self) -> Balance:
+        """Equations of the harmonic balance."""
         return Balance(self.restoring, self.zeta, self.damping)
 
-    def _setting(self, forcing: float) -> Setting:
-        return Setting(
-            self.model,
-            self.law.describe(),
-            self.restoring.n_loc,
-            self.zeta,
-            self.damping,
-            positive("forcing", forcing, zero=True),
-        )
+    def setting(self, forcing: float) -> Setting:
+        """What a result for F^ = `forcing` holds for."""
+        return Setting(self.model, self.law.describe(), self.restoring.n_loc, self.zeta, self.damping, float(forcing))
 
     def _seeds(self, forcing: float, window: tuple[float, float], tol: float) -> tuple[tuple[int, Array, float], ...]:
         """Periodic orbits met from many initial states, as starting points of detached branches."""
         from asperity.dynamics.polish import coefficients
 
-        if self.zeta == 0:
-            warnings.warn("without damping no motion settles: detached loops are not searched", stacklevel=3)
+        if self.zeta < LIGHTEST:
+            warnings.warn("with so little damping no motion settles: detached loops are not searched", stacklevel=3)
             return ()
         omega = np.linspace(*window, 14)[1:-1]
         found = self.attractors(omega, forcing, starts=8, tol=1e-3)
         seeds = []
         for a in found:
             if a.period:
-                balance = replace(self._balance(), order=a.period)
+                balance = replace(self.balance(), order=a.period)
                 x = coefficients(balance, a.Omega, forcing, a.state)
                 if x is not None:
                     seeds.append((a.period, x, a.Omega))
@@ -334,10 +338,3 @@ def _default_load(law: Law) -> float:
     if isinstance(law, TaylorLaw):
         return law.load
     return float(law.both(np.array([1.0]))[0][0])
-
-
-def _window(omega: Sequence[float]) -> tuple[float, float]:
-    values = positives("omega", omega)
-    if len(values) != 2 or not (0 < values[0] < values[1] < np.inf):
-        raise InputError(f"omega = {list(values)} is not legal: give two frequencies 0 < low < high")
-    return values[0], values[1]

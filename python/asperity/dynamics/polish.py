@@ -65,5 +65,5 @@ def _polish_branch(response: FrequencyResponse, branch: Branch) -> Branch:
         radius = max(abs(m) for m in shot.multipliers)
         values["u_max"][i], values["u_min"][i], values["a1"][i] = shot.u_max, shot.u_min, shot.a1
         values["radius"][i], values["stable"][i] = radius, radius <= 1.0 + 1e-7
-        values["error"][i] = max(shot.residual / size, 1e-11)
+        values["error"][i] = max(shot.residual / size, 1e-11, 1e-12 / size)
     return replace(branch, **values)

@@ -18,6 +18,8 @@ from asperity.dynamics.setting import Setting
 from asperity.dynamics.starts import LEAST, backbone_chart, edge_orbits
 from asperity.errors import ConvergenceError, InputError
 
+_GUESS = 1e-3  # deviation of the determinant from Liouville's
+
 
 @dataclass(frozen=True)
 class FrequencyResponse:
@@ -137,7 +139,7 @@ def frequency_response(
         tol: truncation error allowed, relative to the amplitude.
         subharmonics: also follow the period-2 branches born at period doublings.
         extra: further orbits (order, coefficients, Omega) whose branches are traced when new ("detached").
-        max_points: longest branch.
+        max_points: longest branch, see `continuation.trace`.
 
     Raises:
         ConvergenceError: no orbit can be found at either end of the window.
@@ -202,6 +204,11 @@ def frequency_response(
     for number, b in enumerate(branches):
         if b.end not in ("window", "closed", "period doubling"):
             notes.append(f"branch {number} ({b.kind}) ends early: {b.end}")
+    guesses = sum(int((b.det_error > _GUESS).sum()) for b in branches)
+    if guesses:
+        notes.append(
+            f"the stability of {guesses} orbits is a guess: their multipliers are known to {_GUESS:g} or worse"
+        )
     valid = all(bool(b.valid.all()) for b in branches)
     if not valid:
         notes.append("the Taylor law is unphysical where u_min < -1: contact is lost there")

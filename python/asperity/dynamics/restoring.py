@@ -41,9 +41,10 @@ class Restoring:
 
     def __post_init__(self) -> None:
         z = self.law.deflection(self.load)
-        if not _LEAST < z < 1.0 / _LEAST:
+        if not all(_LEAST < value < 1.0 / _LEAST for value in (z, self.load)):
             raise InputError(
-                f"the static deflection is {z:g}, beyond the arithmetic: choose another load or other units"
+                f"the static deflection is {z:g} under load = {self.load:g}, beyond the arithmetic: both must lie "
+                f"between {_LEAST:g} and {1.0 / _LEAST:g}; choose another load or other units"
             )
         p1, p2, p3 = self.law.derivatives(z)
         if not p1 > 0:

@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from asperity.dynamics.free import FreeVibration
-from asperity.dynamics.law import Array, Law, PowerLaw, positives
+from asperity.dynamics.law import Array, Law, PowerLaw
 from asperity.dynamics.oscillator import ContactOscillator
 from asperity.dynamics.response import FrequencyResponse
+from asperity.dynamics.setting import forcings, window
 from asperity.dynamics.sweep import ESCAPED, Sweep
 from asperity.dynamics.table import TableLaw, columns, unload_reload
 from asperity.dynamics.thresholds import Thresholds
@@ -177,9 +178,9 @@ def run_dynamics(
         source: a `Law`, a `Curve`, a CSV file with columns delta and force, or a run directory (curve.csv).
         zeta: damping ratio of small motion, 0 <= zeta < 1.
         damping: "always", "contact" or "hunt-crossley".
-        forcing: F^ = F/(n_loc m g), one or several, each > 0.
+        forcing: F^ = F/(n_loc m g), one or several, each 1e-9 to 1e6.
         models: "exact" and/or "taylor".
-        omega: lowest and highest Omega = omega/omega_s.
+        omega: lowest and highest Omega = omega/omega_s, 0.01 to 100.
         load: preload W = m g (force); default half of the greatest force of the curve.
         law: "paper", "unload-reload" or "table", see `law_from`; ignored when `source` is a `Law`.
         out_dir: where free.csv, response.csv and thresholds.json go (and *.png with `figures`); None: nowhere.
@@ -197,7 +198,7 @@ def run_dynamics(
         RangeError: the law does not reach the preload, or an orbit leaves a table at once.
         ConvergenceError: no orbit can be found.
     """
-    values = positives("forcing", forcing)
+    values, omega = forcings(forcing), window(omega)
     names = tuple(models)
     for name in names:
         if name not in MODELS:

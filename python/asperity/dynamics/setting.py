@@ -1,8 +1,17 @@
-"""What a forced result was computed for."""
+"""What a forced result was computed for, and which frequencies and forcings are legal."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
+
+from asperity.dynamics.law import positives, within
+from asperity.errors import InputError
+
+OMEGA = (0.01, 100.0)  # slower, the deflection follows the force; faster, the mass stays where it is
+FORCING = (1e-9, 1e6)  # fainter motion is linear in the forcing, and lost in the round-off of the force
+LIGHTEST = 1e-4  # damping ratio of motion that settles in 20000 periods
 
 
 @dataclass(frozen=True)
@@ -36,3 +45,21 @@ class Setting:
             f"{self.model}: {self.law}, zeta = {self.zeta:g} ({self.damping}), F^ = {self.F_hat:g}, "
             f"F/(m g) = {self.F_over_mg:g}"
         )
+
+
+def frequencies(values: Any) -> tuple[float, ...]:
+    """Return one Omega or several, or raise `InputError` unless all are legal."""
+    return tuple(within("omega", value, OMEGA) for value in positives("omega", values))
+
+
+def forcings(values: Any) -> tuple[float, ...]:
+    """Return one F^ or several, or raise `InputError` unless all are legal."""
+    return tuple(within("forcing", value, FORCING) for value in positives("forcing", values))
+
+
+def window(omega: Sequence[float]) -> tuple[float, float]:
+    """Return lowest and highest Omega, or raise `InputError`."""
+    values = frequencies(omega)
+    if len(values) != 2 or values[0] >= values[1]:
+        raise InputError(f"omega = {list(values)} is not legal: give two frequencies 0 < low < high")
+    return values[0], values[1]

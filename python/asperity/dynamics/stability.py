@@ -21,8 +21,11 @@ from asperity.dynamics.law import Array
 
 _SAMPLES = 512
 _SAMPLES_LOSS = 1024
-_MAX_SAMPLES = 16384
+_MAX_SAMPLES = 65536
+_TOGETHER = 2**21  # samples of all orbits at once: 16 MiB an array
 _DET_RTOL = 1e-6
+NOTHING = 1e-200  # of a motion that has decayed
+_HUGE = 300.0  # logarithm of a multiplier beyond which only its sign counts
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,7 @@ class Floquet:
     Attributes:
         trace, determinant: of the monodromy matrix over one period of the orbit.
         radius: largest modulus of a multiplier.
-        error: relative deviation of the computed determinant from Liouville's.
+        error: relative deviation of the computed determinant from Liouville's; 1 where steps are too long to tell.
     """
 
     trace: Array
@@ -136,11 +139,11 @@ def floquet(balance: Balance, c: Array, omega: Array, points: int | None = None)
     for group, samples_wanted in ((~kinked, _SAMPLES), (kinked, _SAMPLES_LOSS)):
         rows, n = np.flatnonzero(group), max(samples_wanted, least)
         while rows.size and n <= _MAX_SAMPLES:
-            with np.errstate(over="ignore", invalid="ignore"):  # steps too long for a slow forcing
-                part = _floquet(balance, c[rows], omega[rows], n)
-            for name in ("trace", "determinant", "radius", "error"):
-                getattr(result, name)[rows] = getattr(part, name)
-            rows = rows[~(part.error < _DET_RTOL)]
+            for some in np.array_split(rows, -(-rows.size * n // _TOGETHER)):
+                part = _floquet(balance, c[some], omega[some], n)
+                for name in ("trace", "determinant", "radius", "error"):
+                    getattr(result, name)[some] = getattr(part, name)
+            rows = rows[~(result.error[rows] < _DET_RTOL)]
             n *= 2
     return result
 
@@ -154,20 +157,30 @@ def _floquet(balance: Balance, c: Array, omega: Array, points: int) -> Floquet:
         d = d * rate(balance.restoring, balance.damping, u)
     if balance.restoring.contact:
         k = _averaged(balance, u, h, *k)
-    m = _runge_kutta(*k, *_ends_and_middle(d))
-    while m[0].shape[1] > 1:  # product tree, later factors on the left
-        a, b = tuple(x[:, 1::2] for x in m), tuple(x[:, ::2] for x in m)
-        m = (a[0] * b[0] + a[1] * b[2], a[0] * b[1] + a[1] * b[3], a[2] * b[0] + a[3] * b[2], a[2] * b[1] + a[3] * b[3])
-    m11, m12, m21, m22 = (x[:, 0] for x in m)
-    trace = m11 + m22
-    determinant = np.exp(-0.5 * points * d.mean(axis=1))
+    resolved = np.max([np.abs(x).max(axis=1) for x in k], axis=0) < 1.0
+    m, log = _multiplied(_runge_kutta(*k, *_ends_and_middle(d)))
+    decay = -0.5 * points * d.mean(axis=1)
     # cancellation in the determinant of a wildly unstable orbit is not an error of the steps
-    found = m11 * m22 - m12 * m21
-    noise = 1e-14 * points * (np.abs(m11 * m22) + np.abs(m12 * m21))
-    error = np.maximum(np.abs(found - determinant) - noise, 0.0) / determinant
+    expected, found = np.exp(decay - 2.0 * log), m[0] * m[3] - m[1] * m[2]
+    noise = 1e-14 * points * (np.abs(m[0] * m[3]) + np.abs(m[1] * m[2]))
+    error = np.maximum(np.abs(found - expected) - noise, 0.0) / np.maximum(expected, NOTHING)
+    error = np.where(resolved, np.minimum(error, 1.0), 1.0)
+    trace, determinant = (m[0] + m[3]) * np.exp(np.clip(log, -_HUGE, _HUGE)), np.exp(decay)
     root = np.sqrt((0.25 * trace * trace - determinant).astype(complex))
     radius = np.maximum(np.abs(0.5 * trace + root), np.abs(0.5 * trace - root))
     return Floquet(trace, determinant, radius, error)
+
+
+def _multiplied(m: tuple[Array, ...]) -> tuple[tuple[Array, ...], Array]:
+    """Products of the matrices of all steps, their largest entries 1, and the logarithms of what that took away."""
+    log = np.zeros(m[0].shape)
+    while m[0].shape[1] > 1:  # product tree, later factors on the left
+        a, b = tuple(x[:, 1::2] for x in m), tuple(x[:, ::2] for x in m)
+        m = (a[0] * b[0] + a[1] * b[2], a[0] * b[1] + a[1] * b[3], a[2] * b[0] + a[3] * b[2], a[2] * b[1] + a[3] * b[3])
+        size = np.max(np.abs(m), axis=0)
+        m = tuple(x / size for x in m)
+        log = log[:, 1::2] + log[:, ::2] + np.log(size)
+    return tuple(x[:, 0] for x in m), log[:, 0]
 
 
 def _ends_and_middle(x: Array) -> tuple[Array, ...]:

@@ -132,7 +132,7 @@ def sweep(
     forcing = np.array([s.F_hat for s, _ in lanes])
     path = np.array([omega if d == "up" else omega[::-1] for _, d in lanes])
     state = _Lanes(np.zeros(len(lanes)), np.zeros(len(lanes)), np.zeros(len(lanes), bool))
-    limit = max_periods or int(np.clip(4.0 / max(balance.zeta, 1e-9), 100, 20000))
+    limit = max_periods or int(np.clip(4.0 / balance.zeta, 100, 20000))
     columns = [_settle(balance, state, path[:, j], forcing, tol, limit, steps) for j in range(omega.size)]
     out = []
     for i, (setting, direction) in enumerate(lanes):
@@ -188,7 +188,7 @@ def attractors(
     lanes_omega = np.repeat(omega, per)
     u, v = np.tile(grid_u.ravel(), omega.size), np.tile(grid_v.ravel(), omega.size)
     state = _Lanes(u, v + 2.0 * balance.zeta * primitive(balance.restoring, balance.damping, u), np.zeros(u.size, bool))
-    limit = max_periods or int(np.clip(4.0 / max(balance.zeta, 1e-9), 100, 20000))
+    limit = max_periods or int(np.clip(4.0 / balance.zeta, 100, 20000))
     u_max, u_min, a1, _, kind, _ = _settle(
         balance, state, lanes_omega, np.full(u.size, setting.F_hat), tol, limit, None
     )
@@ -243,7 +243,7 @@ def _settle(
     nearly affine there (Aitken), as long as the extrapolation stays close to the motion.
     """
     lanes = omega.size
-    shrink = 1.0 - np.exp(-2.0 * np.pi * max(balance.zeta, 1e-4) / omega)
+    shrink = 1.0 - np.exp(-2.0 * np.pi * balance.zeta / omega)
     kind = np.where(state.escaped, -1, 0)
     residual = np.full(lanes, np.inf)
     periods = np.zeros(lanes, int)

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from asperity.dynamics.law import Array, Law, PowerLaw
+from asperity.dynamics.law import EXPONENT, Array, Law, PowerLaw
 from asperity.dynamics.oscillator import ContactOscillator
-from asperity.dynamics.response import FrequencyResponse
+from asperity.dynamics.response import FrequencyResponse, frequency_response
+from asperity.dynamics.setting import forcings, window
 from asperity.dynamics.table import TableLaw
 from asperity.errors import InputError
 
@@ -100,7 +101,7 @@ def ensemble(law: Law) -> tuple[Law, ...]:
     if isinstance(law, TableLaw) and law.values == "interpolant":
         scale = law.z
         return tuple(replace(law, F=law.F * scale**dn * np.exp(dk), origin=0.0) for dn, dk in factors)
-    return tuple(PowerLaw(max(centre.n + dn, 1e-6), centre.K * float(np.exp(dk))) for dn, dk in factors)
+    return tuple(PowerLaw(float(np.clip(centre.n + dn, *EXPONENT)), centre.K * float(np.exp(dk))) for dn, dk in factors)
 
 
 def uncertainty(oscillator: ContactOscillator, members: Iterable[Law] | None = None) -> Uncertainty:
@@ -152,22 +153,23 @@ def response_band(
         tol: see `ContactOscillator.response`.
     """
     laws = tuple(members) if members is not None else ensemble(oscillator.law)
-    grid = np.linspace(omega[0], omega[1], points)
+    (f,), (low, high) = forcings(forcing), window(omega)
+    grid = np.linspace(low, high, points)
     centre = oscillator.restoring
     upper, lower = [], []
     for law in (oscillator.law, *laws):
         other = replace(oscillator, law=law, load=centre.load)
         ratio = oscillator.omega_s / other.omega_s
-        window = (omega[0] * ratio, omega[1] * ratio)
-        found = other.response(forcing * centre.scale / other.restoring.scale, window, tol=tol, subharmonics=False)
-        high, low = stable_range(found, grid * ratio)
+        setting = other.setting(f * centre.scale / other.restoring.scale)
+        found = frequency_response(other.balance(), setting, (low * ratio, high * ratio), tol=tol, subharmonics=False)
+        greatest, smallest = stable_range(found, grid * ratio)
         size = other.restoring.z_s / centre.z_s
         shift = size - 1.0  # deflection is counted from the central static one
-        upper.append(high * size + shift)
-        lower.append(low * size + shift)
+        upper.append(greatest * size + shift)
+        lower.append(smallest * size + shift)
     with np.errstate(all="ignore"):
         pack = [np.array([np.fmin.reduce(v), np.fmax.reduce(v)]) for v in (np.array(upper), np.array(lower))]
-    return Band(float(forcing), grid, pack[0], pack[1])
+    return Band(f, grid, pack[0], pack[1])
 
 
 def stable_range(response: FrequencyResponse, omega: Array) -> tuple[Array, Array]:
