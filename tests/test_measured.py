@@ -62,6 +62,30 @@ def test_unreadable_files_are_named(tmp_path: Path, name: str) -> None:
         HeightField.read(tmp_path / name)
 
 
+@pytest.mark.parametrize(
+    ("name", "content", "reason"),
+    [
+        ("a.npy", b"no array", "it is not a whole .npy file of numbers"),
+        ("a.npz", b"no archive", "it is not a whole .npz file of numbers"),
+        ("a.csv", b"", "there are no numbers in it"),
+        ("a.npy", np.zeros((5, 5), dtype=complex), "its numbers are complex"),
+        ("a.npz", np.zeros((5, 5), dtype=complex), "its numbers are complex"),
+    ],
+)
+def test_what_is_wrong_with_a_map_is_said_in_own_words(tmp_path: Path, name: str, content: Any, reason: str) -> None:
+    path = tmp_path / name
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    elif path.suffix == ".npy":
+        np.save(path, content)
+    else:
+        np.savez(path, z=content)
+    for read in (HeightField.read, lambda file: Surface.from_spec(kind="file", path=str(file), L=1.0)):
+        with pytest.raises(InputError) as caught:
+            read(path)
+        assert f"cannot be read as a height map ({reason})" in str(caught.value)
+
+
 def test_without_surfacetopography_the_remedy_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "scan.sur").write_bytes(b"x")
     real = builtins.__import__

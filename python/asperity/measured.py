@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import CompatError, InputError
+from .storage import UNREADABLE, one_line, read_matrix, read_npy, read_npz, real
 
 Array = NDArray[Any]
 Trend = Literal["mean", "plane", "curvature"]
@@ -89,8 +90,8 @@ class HeightField:
             return _read_instrument(path, pixel)
         try:
             z, dx, dy = _read_plain(path)
-        except (ValueError, OSError, KeyError) as error:
-            raise InputError(f"{path}: cannot be read as a height map ({error})") from None
+        except UNREADABLE as error:
+            raise InputError(f"{path}: cannot be read as a height map ({one_line(error)})") from None
         if pixel is not None:
             dx = dy = pixel
         if dx is None or dy is None:
@@ -194,23 +195,22 @@ class HeightField:
 def _read_plain(path: Path) -> tuple[Array, float | None, float | None]:
     """Heights and spacings by NumPy; None where the file does not tell."""
     if path.suffix == ".npy":
-        return np.load(path, allow_pickle=False), None, None
+        return real(read_npy(path)), None, None
     if path.suffix in (".csv", ".txt"):
-        delimiter = "," if path.suffix == ".csv" else None
-        return np.loadtxt(path, delimiter=delimiter, ndmin=2), None, None
-    with np.load(path, allow_pickle=False) as data:
-        z = np.asarray(data["z"], float)
-        if "x" in data and "y" in data:
-            x, y = (np.unique(data[name]) for name in ("x", "y"))
-            if z.shape != (y.size, x.size) or any(np.ptp(np.diff(v)) > 1e-6 * v[-1] for v in (x, y)):
-                raise ValueError(f"x and y are no regular grid for z of shape {z.shape}")
-            return z, float(np.ptp(x)) / (x.size - 1), float(np.ptp(y)) / (y.size - 1)
-        if "dx" in data:
-            return z, float(data["dx"]), float(data["dy"] if "dy" in data else data["dx"])
-        if "L" in data:
-            step = float(data["L"]) / (z.shape[1] - 1)
-            return z, step, step
-        return z, None, None
+        return read_matrix(path, "," if path.suffix == ".csv" else None), None, None
+    data = read_npz(path)
+    z = real(data["z"])
+    if "x" in data and "y" in data:
+        x, y = (np.unique(data[name]) for name in ("x", "y"))
+        if z.shape != (y.size, x.size) or any(np.ptp(np.diff(v)) > 1e-6 * v[-1] for v in (x, y)):
+            raise ValueError(f"x and y are no regular grid for z of shape {z.shape}")
+        return z, float(np.ptp(x)) / (x.size - 1), float(np.ptp(y)) / (y.size - 1)
+    if "dx" in data:
+        return z, float(data["dx"]), float(data["dy"] if "dy" in data else data["dx"])
+    if "L" in data:
+        step = float(data["L"]) / (z.shape[1] - 1)
+        return z, step, step
+    return z, None, None
 
 
 def _read_instrument(path: Path, pixel: float | None) -> HeightField:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from asperity.curve import Curve
 from asperity.errors import InputError
+from asperity.storage import UNREADABLE, one_line, read_npz
 
 Array = NDArray[np.float64]
 Columns = Mapping[str, NDArray[Any]]
@@ -69,16 +70,16 @@ class Results:
             "response": ("response.csv", _read_csv),
             "thresholds": ("thresholds.json", _read_json),
             "band": ("band.csv", _read_csv),
-            "top": ("fields/top.npz", _read_npz),
-            "mesh": ("fields/mesh.npz", _read_npz),
+            "top": ("fields/top.npz", read_npz),
+            "mesh": ("fields/mesh.npz", read_npz),
         }
         found = {}
         for attribute, (name, reader) in readers.items():
             if (folder / name).is_file():
                 try:
                     found[attribute] = reader(folder / name)
-                except (OSError, ValueError, KeyError, EOFError) as error:
-                    raise InputError(f"{folder / name} cannot be read: {error}") from None
+                except UNREADABLE as error:
+                    raise InputError(f"{folder / name} cannot be read: {one_line(error)}") from None
         return cls(folder=folder, **found)
 
     def unit(self, dimension: str) -> str:
@@ -118,7 +119,9 @@ def _read_toml(path: Path) -> Mapping[str, Any]:
 
 
 def _read_json(path: Path) -> Mapping[str, Any]:
-    data: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    data = json.loads(path.read_text(encoding="utf-8"))
+    if not isinstance(data, dict):
+        raise ValueError("it holds no table")
     return data
 
 
@@ -137,8 +140,3 @@ def _column(values: tuple[str, ...]) -> NDArray[Any]:
         return np.array([float(value) if value else np.nan for value in values])
     except ValueError:
         return np.array(values, dtype=str)
-
-
-def _read_npz(path: Path) -> Columns:
-    with np.load(path, allow_pickle=False) as archive:
-        return {name: archive[name] for name in archive.files}

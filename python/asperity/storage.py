@@ -6,6 +6,7 @@ import io
 import os
 import re
 import shutil
+import warnings
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -111,6 +112,46 @@ def read_npz(path: str | Path) -> dict[str, npt.NDArray[Any]]:
             return {name: np.asarray(file[name]) for name in file.files}
     except UNREADABLE:
         raise ValueError("it is not a whole .npz file of numbers") from None
+
+
+def read_npy(path: str | Path) -> npt.NDArray[Any]:
+    """Array of a .npy file; errors as those of `read_npz`."""
+    data = io.BytesIO(Path(path).read_bytes())
+    try:
+        return np.asarray(np.lib.format.read_array(data, allow_pickle=False))
+    except UNREADABLE:
+        raise ValueError("it is not a whole .npy file of numbers") from None
+
+
+def read_matrix(path: str | Path, delimiter: str | None, skip: int = 0) -> npt.NDArray[np.float64]:
+    """Numbers of a text file (rows, columns).
+
+    Args:
+        path: of the file
+        delimiter: between numbers; None for white space
+        skip: lines before the first row
+
+    Raises:
+        OSError: the file cannot be read
+        ValueError: it holds something else, or nothing
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of an empty file, which is an error here
+        table = np.loadtxt(path, delimiter=delimiter, skiprows=skip, ndmin=2, dtype=float)
+    if not table.size:
+        raise ValueError("there are no numbers in it")
+    return table
+
+
+def real(values: npt.ArrayLike) -> npt.NDArray[np.float64]:
+    """Values as real numbers.
+
+    Raises:
+        ValueError: they are complex, or no numbers
+    """
+    if np.iscomplexobj(values):
+        raise ValueError("its numbers are complex")
+    return np.array(values, dtype=float)
 
 
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..storage import UNREADABLE, one_line
+from ..storage import UNREADABLE, one_line, read_matrix, read_npy, read_npz, real
 from .base import Array, Surface, check, check_positive, is_integer, nodes
 
 if TYPE_CHECKING:
@@ -160,38 +160,38 @@ def _read(path: Path) -> tuple[Array, float | None]:
 
 
 def _read_npy(path: Path) -> tuple[Array, None]:
-    return np.array(np.load(path, allow_pickle=False), dtype=float), None
+    return real(read_npy(path)), None
 
 
 def _read_npz(path: Path) -> tuple[Array, float | None]:
-    with np.load(path, allow_pickle=False) as data:
-        if "z" not in data:
-            raise InputError(f"{path}: no array 'z'; it has {', '.join(data) or 'none'}.")
-        z = np.array(data["z"], dtype=float)
-        if "x" in data and "y" in data:
-            x, y = (np.array(data[key], dtype=float) for key in ("x", "y"))
-            if x.ndim == y.ndim == 2:
-                if x.shape != z.shape or y.shape != z.shape:
-                    raise InputError(f"{path}: x {x.shape}, y {y.shape}, z {z.shape} must agree.")
-                if not (np.allclose(x, x[0]) and np.allclose(y, y[:, :1])):
-                    raise InputError(f"{path}: x must vary along columns only, y along rows only.")
-                x, y = x[0], y[:, 0]
-            if z.shape != (y.size, x.size):
-                raise InputError(f"{path}: z has shape {z.shape}, expected (len(y), len(x)) = ({y.size}, {x.size}).")
-            return z, _side(x, y, path)
-        if "L" in data:
-            side = float(data["L"])
-            check_positive("L", side)
-            return z, side
-        return z, None
+    data = read_npz(path)
+    if "z" not in data:
+        raise InputError(f"{path}: no array 'z'; it has {', '.join(data) or 'none'}.")
+    z = real(data["z"])
+    if "x" in data and "y" in data:
+        x, y = (real(data[key]) for key in ("x", "y"))
+        if x.ndim == y.ndim == 2:
+            if x.shape != z.shape or y.shape != z.shape:
+                raise InputError(f"{path}: x {x.shape}, y {y.shape}, z {z.shape} must agree.")
+            if not (np.allclose(x, x[0]) and np.allclose(y, y[:, :1])):
+                raise InputError(f"{path}: x must vary along columns only, y along rows only.")
+            x, y = x[0], y[:, 0]
+        if z.shape != (y.size, x.size):
+            raise InputError(f"{path}: z has shape {z.shape}, expected (len(y), len(x)) = ({y.size}, {x.size}).")
+        return z, _side(x, y, path)
+    if "L" in data:
+        side = float(real(data["L"]))
+        check_positive("L", side)
+        return z, side
+    return z, None
 
 
 def _read_csv(path: Path) -> tuple[Array, float | None]:
     with path.open(encoding="utf-8") as file:
         header = [name.strip() for name in file.readline().split(",")]
     if header != ["x", "y", "z"]:
-        return np.loadtxt(path, delimiter=",", ndmin=2, dtype=float), None
-    table = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2, dtype=float)
+        return read_matrix(path, ","), None
+    table = read_matrix(path, ",", skip=1)
     x, column = np.unique(table[:, 0], return_inverse=True)
     y, row = np.unique(table[:, 1], return_inverse=True)
     if len(table) != x.size * y.size or np.unique(row * x.size + column).size != len(table):
