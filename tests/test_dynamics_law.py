@@ -82,6 +82,19 @@ def test_table_of_a_power_law_is_the_power_law() -> None:
     assert r.kappa == pytest.approx(-1 / 24, rel=1e-9)
 
 
+@pytest.mark.parametrize("load", [1e-60, 1e-20, 1e-6])
+def test_below_its_first_point_a_table_is_a_power_law(load: float) -> None:
+    with pytest.warns(UserWarning, match="below the first point"):
+        r = ContactOscillator(TableLaw(Z, Z**1.5), load=load).restoring
+    assert r.z_s == pytest.approx(load ** (1 / 1.5), rel=1e-9)
+    assert r.n_loc == pytest.approx(1.5, rel=1e-9) and r.kappa == pytest.approx(-1 / 24, rel=1e-6)
+
+
+def test_nothing_vibrates_at_the_end_of_a_table() -> None:
+    with pytest.raises(RangeError, match="lies at the end of the law"):
+        ContactOscillator(TableLaw(Z, Z**1.5), load=float(Z[-1] ** 1.5))
+
+
 def test_noise_widens_the_interval_and_keeps_the_truth_inside() -> None:
     inside = 0
     for seed in range(20):

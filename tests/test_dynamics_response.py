@@ -230,6 +230,8 @@ def test_no_damping() -> None:
         assert (b.det_error < 1e-6).all()
     s = r.at(0.95)
     assert len(s) == 3
+    at_resonance = ContactOscillator(PowerLaw(1.5), zeta=0.0).response(0.01, (1.0, 1.3))
+    assert at_resonance.at(1.2)[0].u_max == pytest.approx(r.at(1.2)[0].u_max, rel=1e-6)
     # the two large orbits lie on both sides of the free one of that frequency
     free = free_orbit(r.balance.restoring, 0.8648).omega
     assert free == pytest.approx(0.95, abs=2e-3)

@@ -23,7 +23,7 @@ from asperity.dynamics.sweep import Attractor, Sweep
 from asperity.dynamics.table import TableLaw
 from asperity.dynamics.thresholds import Backbone, Thresholds
 from asperity.dynamics.trajectory import Trajectory, integrate
-from asperity.errors import InputError
+from asperity.errors import InputError, RangeError
 
 GRAVITY = 9.80665
 
@@ -72,6 +72,11 @@ class ContactOscillator:
         load = self.load if self.load is not None else _default_load(self.law)
         object.__setattr__(self, "load", positive("load", load))
         object.__setattr__(self, "restoring", Restoring(self.law, float(load)))
+        if self.restoring.u_range[1] < 1e-9:
+            raise RangeError(
+                f"load = {load:g} lies at the end of the law, where nothing can vibrate; lower the load, or compute "
+                "the curve further"
+            )
 
     @property
     def model(self) -> str:

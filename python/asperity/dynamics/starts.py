@@ -14,11 +14,15 @@ from asperity.dynamics.law import Array
 from asperity.errors import ConvergenceError
 
 LEAST = 8  # harmonics per period of the forcing
+_AT_REST = 1e-9  # impedance below which any forcing moves the mass far
 
 
 def orbit_from_rest(balance: Balance, omega: float, forcing: float, tol: float) -> Array:
     """Coefficients of the orbit reached at fixed Omega by raising the forcing from zero."""
-    transfer = 1.0 / complex(1.0 - omega * omega, 2.0 * balance.zeta * omega)
+    impedance = complex(1.0 - omega * omega, 2.0 * balance.zeta * omega)
+    if abs(impedance) < _AT_REST:
+        raise ConvergenceError(f"no orbit found from rest at Omega = {omega:g}, the resonance without damping")
+    transfer = 1.0 / impedance
     first = min(forcing, 0.02 / abs(transfer))
     x: Array = np.zeros(2 * LEAST + 1)
     x[1], x[LEAST + 1] = first * transfer.real, -first * transfer.imag

@@ -21,7 +21,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
 
-from asperity.dynamics.law import Array, Law, PowerLaw
+from asperity.dynamics.law import Array, Law, PowerLaw, positive
 from asperity.dynamics.local_fit import LocalFit, log_derivatives, regress
 from asperity.errors import InputError, RangeError
 
@@ -186,8 +186,8 @@ class TableLaw(Law):
     def derivatives(self, z: float) -> tuple[float, float, float]:
         if self.values == "fit":
             return self._smooth.derivatives(z)
-        fit = self.local_fit(z)
-        return log_derivatives(fit.logarithmic(), float(self.both(np.array([z]))[0][0]), z)
+        slopes = self.local_fit(z).logarithmic() if z >= self.z[0] else np.array([self._ends[1], 0.0, 0.0])
+        return log_derivatives(slopes, float(self.both(np.array([z]))[0][0]), z)
 
     def deflection(self, load: float) -> float:
         if self.values == "fit":
@@ -195,13 +195,14 @@ class TableLaw(Law):
             if z > self.z_range[1]:
                 raise RangeError(f"load = {load:g} lies outside the table, which ends at force {self.F[-1]:g}")
             return z
-        z = super().deflection(load)
         if load < self.F[0]:
             warnings.warn(
                 f"load {load:g} lies below the first point of the table (force {self.F[0]:g}): the "
                 "law there is a guess",
                 stacklevel=2,
             )
+            return float(self.z[0] * (positive("load", load) / self.F[0]) ** (1.0 / self._ends[1]))
+        z = super().deflection(load)
         fit = self.local_fit(z)
         rough = np.sqrt(2.0) * fit.scatter / (fit.spacing * fit.logarithmic()[0])
         if rough > 0.1:
