@@ -267,14 +267,23 @@ def plastic() -> None:
 
 
 def few() -> None:
-    """Bars of elastic runs in fewer planned steps."""
+    """Bars of runs in fewer planned steps, also by the rule of first order."""
     header("surface, steps")
+    judged = []
     for name in ("rough, seed 12", "rough, seed 14", "rough, seed 21", "sphere beside it"):
         surface, delta = scenes()[name]
         limit = _limit(forces(name, surface, delta, FAMILY[3:]))
         for steps in (1, 2, 5):
             rows = np.arange(1, steps + 1) * 10 // steps - 1
-            driven(f"{name}, {steps}", surface, UNIT, 0.01, delta * (rows + 1) / 10, limit[rows])
+            at = delta * (rows + 1) / 10
+            judged.append(driven(f"{name}, {steps}", surface, UNIT, 0.01, at, limit[rows]))
+            if name in ("rough, seed 12", "sphere beside it"):
+                _, _, material = plastic_scenes()[name]
+                yielding = plastic_limit(name, surface, delta, material)[rows]
+                for rule in ("midpoint", "backward-euler"):
+                    label = f"{name}, {steps}, elastic-plastic, {rule}"
+                    judged.append(driven(label, surface, material, 0.03, at, yielding, integrator=rule))
+    summary(judged)
 
 
 def demo() -> None:
@@ -354,10 +363,19 @@ def header(first: str) -> None:
     row(*["---"] * 8)
 
 
-def driven(name: object, top: asp.Surface, material: asp.Material, goal: float, at: Floats, limit: Floats) -> Judged:
+def driven(
+    name: object,
+    top: asp.Surface,
+    material: asp.Material,
+    goal: float,
+    at: Floats,
+    limit: Floats,
+    integrator: str = "midpoint",
+) -> Judged:
     """Run to a tolerance; error and bar at the deflections `at` [length], relative, and a row of the table."""
     start = process_time()
-    result = solve_to_tolerance(top, material, Goal(goal), delta_max=float(at[-1]), steps=len(at))
+    steps = dict(delta_max=float(at[-1]), steps=len(at), integrator=integrator)
+    result = solve_to_tolerance(top, material, Goal(goal), **steps)
     seconds = process_time() - start
     branch = result.curve.loading()
     rows = [int(np.argmin(np.abs(branch.delta_star - d))) for d in at / top.L]

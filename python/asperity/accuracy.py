@@ -37,13 +37,14 @@ from .refinement import (
     safety_of,
     too_soft,
 )
-from .schedule import MIDPOINT
+from .schedule import BACKWARD_EULER, MIDPOINT
 from .statics import ContactResult, PartialResult
 from .surface import Surface
 
 Floats = npt.NDArray[np.float64]
 
-PATH_TRANSFER = 0.5  # part of the load-step correction taken for its bar (docs/accuracy.md)
+# Part of the load-step correction taken for its bar; of the rule of first order much more is corrected
+PATH_TRANSFER = {MIDPOINT: 0.5, BACKWARD_EULER: 1.0}
 
 
 @dataclass(frozen=True)
@@ -184,8 +185,8 @@ def solve_to_tolerance(
     run.aim(guide)
     whole, path, substeps = guide.curve, None, 1
     if material.plastic:
-        order = STEP_ORDERS[settings.get("integrator", MIDPOINT)]
-        result, path, substeps = _choose_substeps(run, whole, steps, order, goal)
+        integrator = settings.get("integrator", MIDPOINT)
+        result, path, substeps = _choose_substeps(run, whole, steps, integrator, goal)
     else:
         result = run(FIRST * GUIDE)
     sizes = [run.levels[0].h / surface.L]
@@ -292,7 +293,7 @@ class _PathError:
 
 
 def _choose_substeps(
-    run: Runner, guide: Curve, steps: int, order: float, goal: Goal
+    run: Runner, guide: Curve, steps: int, integrator: str, goal: Goal
 ) -> tuple[ContactResult, _PathError, int]:
     """Solve on the first guided mesh for the error of the load steps, and choose the parts of each for the finer ones.
 
@@ -304,12 +305,13 @@ def _choose_substeps(
         run: solver of levels
         guide: curve of the guiding mesh with whole steps
         steps: planned ones
-        order: of the error in the step
+        integrator: of plasticity
         goal: what is asked for
 
     Returns:
         the result with the most parts, at least two; the error; the parts chosen, no more than these
     """
+    order, transfer = STEP_ORDERS[integrator], PATH_TRANSFER[integrator]
     result = run(FIRST * GUIDE)
     at = result.curve.delta_star[_judged(result.curve, steps)]
     P, n = {1: loading_force(result.curve, at)}, 1
@@ -322,7 +324,7 @@ def _choose_substeps(
         P[n] = loading_force(result.curve, at)
         limit, _ = extrapolate(P[n // 2], P[n], 2.0, order)
         errors = {k: values / limit - 1.0 for k, values in P.items()}
-        bars = {k: PATH_TRANSFER * steady(error) for k, error in errors.items()}
+        bars = {k: transfer * steady(error) for k, error in errors.items()}
         chosen = cheapest_substeps(bars, steady(spread / P[1]), goal.tolerance, order)
         if chosen > n and run.limit(goal, FIRST * GUIDE, FIRST * GUIDE, 2 * n):
             chosen = n

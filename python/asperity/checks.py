@@ -95,7 +95,7 @@ _FRACTIONS_OF_L = {
     "mesh.h_contact": (1e-5, 1.0),
     "mesh.h_max": (1e-5, 1e3),
     "surface.G": (0.0, 1.0),
-    "surface.L_s": (1e-12, 1.0),
+    "surface.L_s": (1e-9, 1.0),
     "surface.amplitude": (1e-9, 1.0),
     "surface.wavelength": (1e-3, 1e3),
     "surface.radius": (1e-2, 1e9),

@@ -152,8 +152,12 @@ def cases(draw: st.DrawFn) -> dict[str, Any]:
     driven = {"delta_max": L * draw(spread(1e-7, 0.5))}
     if draw(st.integers(0, 4)) == 0:
         driven = {"force_max": E * L**2 * draw(spread(1e-12, 0.3))}
+    wanted = {}
+    if draw(st.integers(0, 9)) == 0:
+        wanted = {"tolerance": draw(spread(1e-3, 0.9)), "max_dofs": draw(st.integers(1000, 20_000))}
     return {
         "surface": {"L": L, **draw(SURFACES)},
+        "accuracy": wanted,
         "material": solid,
         "block": {"height": L * draw(spread(0.05, 2.0)), "sides": draw(st.sampled_from(["rollers", "free"]))},
         "contact": contact,
@@ -184,8 +188,10 @@ def any_case_runs_or_says_why_not(tables: dict[str, Any]) -> None:
                 run(case, Path(place) / "out")
             except InputError as error:
                 return refused(error)
-            except CheckError:
-                raise
+            except CheckError as error:  # of a mesh as coarse as here the contact may be too soft, or nowhere
+                assert "raise contact.penalty" in str(error) or "no node is touched" in str(error)
+                event("unresolved")
+                return
             except ConvergenceError as error:
                 assert "\n" not in str(error)
                 Curve.read(Path(place) / "out/curve.csv")
