@@ -374,8 +374,9 @@ def driven(
 ) -> Judged:
     """Run to a tolerance; error and bar at the deflections `at` [length], relative, and a row of the table."""
     start = process_time()
-    steps = dict(delta_max=float(at[-1]), steps=len(at), integrator=integrator)
-    result = solve_to_tolerance(top, material, Goal(goal), **steps)
+    result = solve_to_tolerance(
+        top, material, Goal(goal), delta_max=float(at[-1]), steps=len(at), integrator=integrator
+    )
     seconds = process_time() - start
     branch = result.curve.loading()
     rows = [int(np.argmin(np.abs(branch.delta_star - d))) for d in at / top.L]

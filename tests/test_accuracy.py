@@ -311,6 +311,13 @@ def test_what_the_equations_leave_is_not_blamed_on_the_load_steps() -> None:
     assert not result.met and "is left by the equations, lower solver.rtol" in result.reason
 
 
+def test_a_contact_of_one_node_meets_no_tolerance() -> None:
+    """Its force is that of the size of the elements, and the difference of two meshes no error."""
+    sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=1.0, centre=(0.31, 0.47))
+    result = solve_to_tolerance(sphere, ELASTIC, Goal(0.9, max_dofs=15_000), delta_max=1e-7, steps=5)
+    assert not result.met and "the force has no error bar, the contact touches a few facets only" in result.reason
+
+
 def test_a_soft_penalty_has_no_error_bar() -> None:
     with pytest.raises(asp.InputError, match=r"contact\.penalty = 5 is too soft .* need 10 or more"):
         solve_to_tolerance(

@@ -249,7 +249,6 @@ def test_other_units_are_accepted() -> None:
         ("accuracy.max_seconds=100", "there is no accuracy.tolerance"),
         ("contact.gamma=3", "contact.method is active-set"),
         ("contact.method=nitsche contact.penalty=20", "contact.method is nitsche"),
-        ("loading.unload=false loading.unload_steps=7", "loading.unload is false"),
         ("loading.integrator=backward-euler material.yield_strength= material.tangent_modulus=", "is elastic"),
     ],
 )

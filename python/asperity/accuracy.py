@@ -18,12 +18,13 @@ import numpy.typing as npt
 from scipy.interpolate import PchipInterpolator
 
 from .curve import Curve
-from .errors import InputError, Interrupted
+from .errors import InputError, Interrupted, MeshError
 from .levels import Goal, Level, Runner
 from .loading import Callback
 from .material import Material
 from .refinement import (
     FIRST,
+    FIRST_STEP,
     GUIDE,
     LEAST_STEP,
     STEP_ORDERS,
@@ -80,7 +81,7 @@ class AccurateResult:
         raw: the same rows as computed
         budget: parts of the error bar, rows as in the curve
         levels: what was computed, in order
-        contact: the finest result, with mesh and last state; one that did not converge ends where it stopped
+        contact: the result of the mesh of the curve, with its last state
         worst: greatest relative bar that is judged
         met: whether the bar is within the tolerance along the first loading
         reason: "done", or what stopped the refinement
@@ -183,10 +184,11 @@ def solve_to_tolerance(
     run = Runner(surface, material, goal.max_dofs, driven | settings, on_stage, on_step)
     guide = run(GUIDE)
     run.aim(guide)
-    whole, path, substeps = guide.curve, None, 1
+    whole, path, substeps, stopped = guide.curve, None, 1, ""
+    del guide
     if material.plastic:
         integrator = settings.get("integrator", MIDPOINT)
-        result, path, substeps = _choose_substeps(run, whole, steps, integrator, goal)
+        result, path, substeps, stopped = _choose_substeps(run, whole, steps, integrator, goal)
     else:
         result = run(FIRST * GUIDE)
     sizes = [run.levels[0].h / surface.L]
@@ -204,7 +206,8 @@ def solve_to_tolerance(
         raw, worst = result.curve, worst_error(curve, steps)
         if on_curve is not None:
             on_curve(curve)
-        if worst <= goal.tolerance:
+        unresolved = curve.unresolved() or curves[coarse].unresolved()
+        if worst <= goal.tolerance and not unresolved:
             return AccurateResult(curve, raw, budget, tuple(run.levels), result, worst, True, "done")
         at = curve.delta_star[judged]
         mesh = relative(budget.mesh[judged], curve.P_star[judged])
@@ -212,39 +215,47 @@ def solve_to_tolerance(
         rest = algebraic + of_steps
         left = np.maximum(goal.tolerance - rest, 0.1 * goal.tolerance)  # for the mesh, when the load steps have theirs
         wanted = plan_next(sizes, error_of(float(np.max(mesh / left)), ratio, coarse == 0), 1.0)
+        if unresolved:  # by a single node the force grows with its size, and what two meshes tell is no error
+            wanted = sizes[-1] / FIRST_STEP
         room = (goal.max_dofs / result.dofs) ** (1.0 / run.growth_of_dofs())
         size = max(wanted, sizes[-1] / max(room, LEAST_STEP))
-        known = f"the force is known to {worst:.2%}, not to the {goal.tolerance:.2%} of accuracy.tolerance"
-        limit = _beside_the_mesh(algebraic, float(of_steps.max()), goal.tolerance)
+        known = (
+            f"the force is known to {worst:.2%}, not to the {goal.tolerance:.2%} of accuracy.tolerance"
+            if not unresolved
+            else f"the force has no error bar, {unresolved}"
+        )
+        limit = "" if unresolved else _beside_the_mesh(algebraic, float(of_steps.max()), goal.tolerance, stopped)
         limit = limit or run.limit(goal, sizes[-1], wanted if room < LEAST_STEP else size, substeps)
         if limit:
             return AccurateResult(curve, raw, budget, tuple(run.levels), result, worst, False, f"{known}: {limit}")
         curves.append(settled)
-        del result  # its memory is needed for the next one
         try:
             result = run(size, substeps)
-        except PartialResult as e:
-            if isinstance(e.__cause__, Interrupted):
-                raise
-            reason = (
-                f"{known}: on the next mesh, of {e.result.dofs} dofs, no step converges beyond delta/L = "
-                f"{e.result.press.delta:.6g}, use more loading.steps"
-            )
-            return AccurateResult(curve, raw, budget, tuple(run.levels), e.result, worst, False, reason)
+        except (PartialResult, Interrupted, MeshError) as e:
+            if isinstance(stop := e.__cause__ or e, Interrupted):
+                raise PartialResult(str(e), replace(result, curve=curve)) from stop
+            reason = f"{known}: {e}"
+            if isinstance(e, PartialResult):
+                reason = (
+                    f"{known}: on the next mesh, of {e.result.dofs} dofs, no step converges beyond delta/L = "
+                    f"{e.result.press.delta:.6g}, use more loading.steps"
+                )
+            return AccurateResult(curve, raw, budget, tuple(run.levels), result, worst, False, reason)
 
 
-def _beside_the_mesh(algebraic: float, of_steps: float, tolerance: float) -> str:
+def _beside_the_mesh(algebraic: float, of_steps: float, tolerance: float, stopped: str) -> str:
     """Why no mesh meets the tolerance; empty when one may.
 
     Args:
         algebraic, of_steps: relative error bars of the equations and of the load steps
         tolerance: asked for
+        stopped: what limited the parts of the load steps
     """
     if algebraic + of_steps <= 0.9 * tolerance:
         return ""
     if algebraic > of_steps:
         return f"{algebraic:.2g} is left by the equations, lower solver.rtol or raise accuracy.tolerance"
-    return "what is left comes from the load steps, raise loading.steps"
+    return stopped or "what is left comes from the load steps, raise loading.steps"
 
 
 def _judged(curve: Curve, steps: int) -> npt.NDArray[np.bool_]:
@@ -294,7 +305,7 @@ class _PathError:
 
 def _choose_substeps(
     run: Runner, guide: Curve, steps: int, integrator: str, goal: Goal
-) -> tuple[ContactResult, _PathError, int]:
+) -> tuple[ContactResult, _PathError, int, str]:
     """Solve on the first guided mesh for the error of the load steps, and choose the parts of each for the finer ones.
 
     It is loaded in steps of 1, 2, 4 ... parts, and the limit extrapolated from the last two runs. What is found
@@ -309,7 +320,8 @@ def _choose_substeps(
         goal: what is asked for
 
     Returns:
-        the result with the most parts, at least two; the error; the parts chosen, no more than these
+        the result with the most parts, at least two; the error; the parts chosen, no more than these; and what limited
+        them, if anything did
     """
     order, transfer = STEP_ORDERS[integrator], PATH_TRANSFER[integrator]
     result = run(FIRST * GUIDE)
@@ -326,11 +338,10 @@ def _choose_substeps(
         errors = {k: values / limit - 1.0 for k, values in P.items()}
         bars = {k: transfer * steady(error) for k, error in errors.items()}
         chosen = cheapest_substeps(bars, steady(spread / P[1]), goal.tolerance, order)
-        if chosen > n and run.limit(goal, FIRST * GUIDE, FIRST * GUIDE, 2 * n):
-            chosen = n
-        if chosen <= n:
+        stopped = run.limit(goal, FIRST * GUIDE, FIRST * GUIDE, 2 * n) if chosen > n else ""
+        if stopped or chosen <= n:
             correction, bar = ({k: _Along(at, v) for k, v in of.items()} for of in (errors, bars))
-            return result, _PathError(correction, bar), chosen
+            return result, _PathError(correction, bar), min(chosen, n), stopped
 
 
 def _without_path_error(curve: Curve, path: _PathError | None, substeps: int) -> Curve:

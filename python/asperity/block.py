@@ -73,8 +73,9 @@ class BlockMesh:
         return BlockMesh(points, tets, float(side), float(height))
 
     def save(self, path: str | Path) -> None:
-        """Write a compressed .npz file."""
-        replace_file(Path(path), npz_bytes(self.arrays(), compress=True))
+        """Write a compressed .npz file; the suffix is added where it is missing."""
+        path = Path(path)
+        replace_file(path.with_name(path.name.removesuffix(".npz") + ".npz"), npz_bytes(self.arrays(), compress=True))
 
     @staticmethod
     def read(path: str | Path) -> BlockMesh:

@@ -157,14 +157,9 @@ def unused(case: Input) -> Iterator[str]:
         (tolerance is None, ("accuracy.max_dofs", "accuracy.max_seconds"), "there is no accuracy.tolerance"),
         (method != "penalty", ("contact.penalty",), by_method),
         (method != "nitsche", ("contact.gamma", "contact.theta"), by_method),
-        (not case.loading.unload, ("loading.unload_steps",), "loading.unload is false"),
         (case.material.yield_strength is None, ("loading.integrator",), "the material is elastic"),
     ]
-    # defaults that follow from other keys
-    defaults = {
-        "mesh.h_contact": H_CONTACT * case.surface.L,
-        "loading.unload_steps": max(case.loading.steps // 2, 1),
-    }
+    defaults = {"mesh.h_contact": H_CONTACT * case.surface.L}  # which follow from other keys
     for applies, keys, why in idle:
         for key in keys if applies else ():
             name, _, entry = key.partition(".")

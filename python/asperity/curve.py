@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[Any]
 
+UNRESOLVED = 0.5  # error of the area of contact over the area: fewer than about six facets are touched
+
 COLUMNS = (
     "step",
     "branch",
@@ -146,6 +148,17 @@ class Curve:
     def loading(self) -> Curve:
         """Return the first loading, branch "load"."""
         return self.where(self.branch == "load")
+
+    def unresolved(self) -> str:
+        """Return that the mesh is too coarse for the contact at the greatest load, in words; empty when it is not."""
+        branch = self.loading()
+        area, error = branch.area_fraction[-1:], branch.error_area_fraction[-1:]
+        if not np.any(error > UNRESOLVED * area):
+            return ""
+        return (
+            f"the contact touches a few facets only: area_fraction = {area[0]:.2g} with an error of {error[0]:.2g} at "
+            f"delta/L = {branch.delta_star[-1]:.3g}"
+        )
 
     def planned(self) -> Curve:
         """Return the first loading at equal parts of its deflection, the smallest parts whose ends are all there.

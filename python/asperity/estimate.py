@@ -30,7 +30,7 @@ Size = Callable[[float, float, float], float]
 NODES, NODES_OF_GROWTH = 4.5, 19.0
 
 TYPICAL_BAR = 0.06  # relative, of the second mesh of a run driven by a tolerance
-TYPICAL_STEP_BAR = {MIDPOINT: 0.005, BACKWARD_EULER: 0.05}  # relative, of whole load steps
+TYPICAL_STEP_BAR = {MIDPOINT: 0.005, BACKWARD_EULER: 0.1}  # relative, of whole load steps
 MOST_DOFS = 1e8  # that are counted
 
 
@@ -117,7 +117,7 @@ def estimate(case: Case, ranks: int = 1) -> Estimate:
         )
     surface, rates = case.build_surface(), PLASTIC if case.material.yield_strength is not None else ELASTIC
     levels: list[Level] = []
-    enough, most = True, MOST_DOFS if case.accuracy.tolerance is None else case.accuracy.max_dofs
+    enough, most = True, MOST_DOFS if case.accuracy.tolerance is None else min(case.accuracy.max_dofs, MOST_DOFS)
     for h, steps in _plan(case):
         dofs = _given_dofs(case) or count_dofs(surface, case, h, most)
         if dofs > most:

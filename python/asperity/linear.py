@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -89,7 +90,7 @@ class LinearSolver:
         if not solved and self._may_rescue:
             if self._direct is None:
                 self._direct = Assembled(self._solid, "lu", False, RESCUE_PREFIX)
-            with self._solid.phases.phase("direct rescue"):
+            with self._solid.phases.phase("direct rescue"), suppress(MemoryError):
                 _, solved = self._direct.solve(r, rows, values, y, rtol)
             self.rescue = True
             self.rescued += 1

@@ -199,6 +199,8 @@ class Press:
             after = self.contact.state()
             if after:
                 self.contact.restore_state(dict(zip(after, carried_on(of_contact, after.values(), lead), strict=True)))
+            if self.contact.stiff:  # whose energy is judged by it; as after a restart
+                self._internal = solid.internal_force().copy()
         self.counts.steps += 1
 
     def _find_forces(self) -> float:

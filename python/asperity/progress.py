@@ -20,12 +20,16 @@ from typing import Any, TextIO
 def log_file(path: Path | None, append: bool = False) -> Iterator[None]:
     """Write what the package logs to a file, a line each with its time; no path writes nothing.
 
-    A line that cannot be written is left out: the results, which come after, tell what is wrong with the disk.
+    What cannot be written is left out: the results, which come after, tell what is wrong with the disk.
     """
     if path is None:
         yield
         return
-    logger, handler = logging.getLogger("asperity"), logging.FileHandler(path, "a" if append else "w", delay=True)
+    logger = logging.getLogger("asperity")
+    try:
+        handler: logging.Handler = logging.FileHandler(path, "a" if append else "w")
+    except OSError:
+        handler = logging.NullHandler()
     handler.setFormatter(logging.Formatter("%(asctime)s %(message)s"))
     handler.handleError = lambda record: None  # type: ignore[method-assign]
     level = logger.level

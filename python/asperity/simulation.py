@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from .accuracy import AccurateResult
     from .statics import ContactResult
 
-UNRESOLVED = 0.5  # error of the area over the area: fewer than about six facets are touched
 PACKAGES = ("numpy", "scipy", "mpi4py", "petsc4py", "gmsh")
 
 
@@ -122,8 +121,6 @@ def run(
             raise OutputError(f"{e}{hint}") from None
     fit = _fit(contact.curve)
     summary = summarise(case, contact, fit, comm.size)
-    if summary["unresolved"] and comm.rank == 0:
-        warnings.warn(summary["unresolved"], ResolutionWarning, stacklevel=2)
     if accurate is not None:
         summary |= accurate.to_dict()
     doubts = "; ".join(contact.checks.violated.values())
@@ -141,6 +138,8 @@ def run(
         raise failure
     result = RunResult(contact.curve, fit, summary, contact)
     result = _after(case, result, contact, out, comm, progress, writer, finished=failure is None)
+    if summary["unresolved"] and accurate is None and comm.rank == 0:
+        warnings.warn(f"{summary['unresolved']}; make mesh.h_contact smaller", ResolutionWarning, stacklevel=2)
     if failure is not None:
         raise failure
     return result
@@ -317,7 +316,7 @@ def summarise(case: Case, contact: ContactResult, fit: PowerLawFit | None, ranks
         "cells": contact.cells,
         **asdict(contact.counts),
         "checks": asdict(contact.checks) | {"energy_ratio": contact.checks.energy_ratio},
-        "unresolved": unresolved(contact.curve),
+        "unresolved": contact.curve.unresolved(),
         "seconds": {k: round(v, 4) for k, v in contact.phases.seconds.items()},
         "calls": contact.phases.calls,
         "peak_memory_MiB": round(contact.memory / 2**20, 1),
@@ -326,17 +325,6 @@ def summarise(case: Case, contact: ContactResult, fit: PowerLawFit | None, ranks
         "case_hash": case.hash(),
         "versions": versions(),
     }
-
-
-def unresolved(curve: Curve) -> str:
-    """That the mesh is too coarse for the contact at the greatest load, in words; empty when it is not."""
-    branch = curve.loading()
-    if not len(branch) or branch.error_area_fraction[-1] <= UNRESOLVED * branch.area_fraction[-1]:
-        return ""
-    return (
-        f"the contact touches a few facets only: area_fraction = {branch.area_fraction[-1]:.2g} with an error of "
-        f"{branch.error_area_fraction[-1]:.2g} at delta/L = {branch.delta_star[-1]:.3g}; make mesh.h_contact smaller"
-    )
 
 
 def versions() -> dict[str, str]:
