@@ -90,6 +90,7 @@ def check_files(out: Path) -> int:
         ".toml": lambda path: tomllib.loads(path.read_text()),
         ".npz": read_arrays,
         ".png": lambda path: path.stat().st_size,
+        ".log": whole_lines,
     }
     steps = 0
     for path in out.rglob("*"):
@@ -98,6 +99,11 @@ def check_files(out: Path) -> int:
             if path.name == "state.npz":
                 steps = len(json.loads(content["meta"].tobytes())["rows"])
     return steps
+
+
+def whole_lines(path: Path) -> None:
+    text = path.read_text()
+    assert not text or text.endswith("\n"), f"{path} ends within a line"
 
 
 def read_arrays(path: Path) -> dict[str, np.ndarray]:
