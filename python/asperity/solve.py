@@ -21,6 +21,7 @@ CURVATURE = 10.0  # error after a Newton iteration over the square of that befor
 ROUNDING = 1e-13  # of the equations' residual, relative to displacements (E = L = 1)
 NOT_YET = np.array([-1], dtype=np.int32)  # an active set that no step begins with
 SLOPE_DROP = 0.3  # a step is long enough when the work rate along it has dropped to this part
+PUSHED = 10.0  # times that the work rate grows along a step where it is the flat that moves nodes
 
 
 @dataclass(frozen=True)
@@ -115,21 +116,25 @@ class NewtonSolver:
         """Converged when forces balance and the flat is not penetrated, both relative to their own scales."""
         comm = self.solid.comm
         held = self.contact.nodal_force(self.force)
-        lacking = np.max(np.abs(self._lacking), initial=0.0)
         out = self._residual_vec.array_r
         sums = comm.allreduce(np.array([np.sum(held**2), np.sum(out**2)]))
-        gap = comm.allreduce(lacking, op=_max())
+        gap = self._greatest_lack()
         contact, unbalanced = np.sqrt(sums)
         reasons = snes.ConvergedReason
         if not np.isfinite(unbalanced):
             return reasons.DIVERGED_FNORM_NAN
         self.balance = unbalanced / contact if contact > 0 else unbalanced
-        if (
-            unbalanced <= self.options.rtol * contact + self._rounding
-            and gap <= self.options.rtol * self._scale + 1e-14
-        ):
+        if unbalanced <= self.options.rtol * contact + self._rounding and gap <= self._gap_tolerance():
             return reasons.CONVERGED_FNORM_RELATIVE
         return reasons.DIVERGED_MAX_IT if it >= self.options.newton_max else reasons.ITERATING
+
+    def _greatest_lack(self) -> float:
+        """Greatest displacement that prescribed dofs still lack; collective."""
+        return float(self.solid.comm.allreduce(np.max(np.abs(self._lacking), initial=0.0), op=_max()))
+
+    def _gap_tolerance(self) -> float:
+        """What they may lack at convergence."""
+        return self.options.rtol * self._scale + 1e-14
 
     # -- python preconditioner of the outer KSP --------------------------------------------------
 
@@ -165,7 +170,8 @@ class NewtonSolver:
         Associative J2 plasticity is the minimisation of a convex incremental energy, whose slope along the step is
         that work rate. A full step that overshoots the minimum is shortened by regula falsi (Illinois); trial
         states only cost a residual, a hundredth of the linear solve. A step that starts uphill has to move
-        prescribed dofs and is taken whole.
+        prescribed dofs and is taken whole; so is one whose slope at the beginning is next to nothing beside what moving
+        them makes of it, as when it begins in equilibrium: its sign is that of rounding.
         """
         free = np.ones(len(y.array_r), dtype=bool)
         free[self.solid.fixed] = False
@@ -183,7 +189,8 @@ class NewtonSolver:
         s0 = -self.solid.comm.allreduce(float(direction @ r.array_r[free]))
         low, s_low, high, s_high = 0.0, s0, 1.0, slope(1.0)
         length = 1.0
-        if s0 < 0.0 and s_high > -SLOPE_DROP * s0:
+        pushed = s_high > -PUSHED * s0 and self._greatest_lack() > self._gap_tolerance()
+        if s0 < 0.0 and s_high > -SLOPE_DROP * s0 and not pushed:
             for _ in range(8):
                 length = (low * s_high - high * s_low) / (s_high - s_low)
                 s = slope(length)
