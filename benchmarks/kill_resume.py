@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from asperity.curve import Curve
+from asperity.storage import read_npz
 
 CASE = """
 units = "other"
@@ -88,7 +89,7 @@ def check_files(out: Path) -> int:
         ".csv": Curve.read,
         ".json": lambda path: json.loads(path.read_text()),
         ".toml": lambda path: tomllib.loads(path.read_text()),
-        ".npz": read_arrays,
+        ".npz": read_npz,
         ".png": lambda path: path.stat().st_size,
         ".log": whole_lines,
     }
@@ -104,11 +105,6 @@ def check_files(out: Path) -> int:
 def whole_lines(path: Path) -> None:
     text = path.read_text()
     assert not text or text.endswith("\n"), f"{path} ends within a line"
-
-
-def read_arrays(path: Path) -> dict[str, np.ndarray]:
-    with np.load(path, allow_pickle=False) as file:
-        return {name: file[name] for name in file.files}
 
 
 def difference(one: Curve, two: Curve) -> float:

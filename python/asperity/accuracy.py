@@ -203,12 +203,13 @@ def solve_to_tolerance(
         path_bar = path.bar[level.substeps] if path else None
         algebraic = result.checks.force_balance
         curve, budget = _correct(settled, curves[coarse], ratio, safety, judged, path_bar, algebraic)
-        raw, worst = result.curve, worst_error(curve, steps)
+        worst = worst_error(curve, steps)
         if on_curve is not None:
             on_curve(curve)
         unresolved = curve.unresolved() or curves[coarse].unresolved()
+        found = AccurateResult(curve, result.curve, budget, tuple(run.levels), result, worst, True, "done")
         if worst <= goal.tolerance and not unresolved:
-            return AccurateResult(curve, raw, budget, tuple(run.levels), result, worst, True, "done")
+            return found
         at = curve.delta_star[judged]
         mesh = relative(budget.mesh[judged], curve.P_star[judged])
         of_steps = path.bar[substeps].at(at) if path else np.zeros(len(at))
@@ -227,20 +228,20 @@ def solve_to_tolerance(
         limit = "" if unresolved else _beside_the_mesh(algebraic, float(of_steps.max()), goal.tolerance, stopped)
         limit = limit or run.limit(goal, sizes[-1], wanted if room < LEAST_STEP else size, substeps)
         if limit:
-            return AccurateResult(curve, raw, budget, tuple(run.levels), result, worst, False, f"{known}: {limit}")
+            return replace(found, met=False, reason=f"{known}: {limit}")
         curves.append(settled)
         try:
             result = run(size, substeps)
         except (PartialResult, Interrupted, MeshError) as e:
             if isinstance(stop := e.__cause__ or e, Interrupted):
                 raise PartialResult(str(e), replace(result, curve=curve)) from stop
-            reason = f"{known}: {e}"
+            failed = str(e)
             if isinstance(e, PartialResult):
-                reason = (
-                    f"{known}: on the next mesh, of {e.result.dofs} dofs, no step converges beyond delta/L = "
+                failed = (
+                    f"on the next mesh, of {e.result.dofs} dofs, no step converges beyond delta/L = "
                     f"{e.result.press.delta:.6g}, use more loading.steps"
                 )
-            return AccurateResult(curve, raw, budget, tuple(run.levels), result, worst, False, reason)
+            return replace(found, met=False, reason=f"{known}: {failed}")
 
 
 def _beside_the_mesh(algebraic: float, of_steps: float, tolerance: float, stopped: str) -> str:
