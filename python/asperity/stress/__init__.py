@@ -1,8 +1,8 @@
 """Hard cases: scenes where a contact solver is likely to fail, each run to its end or refused with a reason.
 
 Every scene is run as `asperity run` would, in a folder of its own, and judged: it ends as it should, passes the
-checks of `asperity.quasistatic.balance` at every step, agrees with its twin (the same problem solved in another way) and with
-what theory says of it. A scene that stops leaves its curve and a checkpoint to continue from.
+checks of `asperity.quasistatic.balance` at every step, agrees with its twin (the same problem solved in another way)
+and with what theory says of it. A scene that stops leaves its curve and a checkpoint to continue from.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Time integration of many oscillators at once: frequency sweeps up and down, and attractors.
 
-One lane per forcing, direction or initial state, integrated period by period (`asperity.dynamics.motion.runge_kutta`). The state
-is carried from one frequency to the next at forcing phase 0; a frequency is left when the Poincare map has come to
-rest.
+One lane per forcing, direction or initial state, integrated period by period
+(`asperity.dynamics.motion.runge_kutta`). The state is carried from one frequency to the next at forcing phase 0; a
+frequency is left when the Poincare map has come to rest.
 """
 
 from __future__ import annotations
