@@ -7,23 +7,24 @@ import numbers
 import sys
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from asperity.arrays import Array
 from asperity.errors import InputError
-
-if TYPE_CHECKING:
-    from asperity.surface.statistics import Spectrum, SurfaceStatistics
-
-Array = NDArray[Any]
-
-#: Beyond this rms slope small-strain, small-slope contact theory loses its footing.
-SMALL_SLOPE = 0.1
+from asperity.surface.maximum import global_maximum
+from asperity.surface.statistics import (
+    SMALL_SLOPE,
+    Spectrum,
+    SurfaceStatistics,
+    bearing_curve,
+    psd,
+    surface_statistics,
+)
 
 _SMALLEST, _LARGEST = 1e-50, 1e50  # lengths
 
@@ -55,7 +56,7 @@ class Surface(ABC):
         """Build a surface from the keys of the [surface] section.
 
         Args:
-            kind: "weierstrass-mandelbrot", "sphere", "sinusoid", "flat" or "file".
+            kind: name of the kind, "weierstrass-mandelbrot" for example, see `surface_kinds`.
             parameters: the keys of that kind.
 
         Raises:
@@ -117,8 +118,6 @@ class Surface(ABC):
 
     @cached_property
     def _maximum(self) -> tuple[float, float, float]:
-        from asperity.surface.maximum import global_maximum
-
         return global_maximum(self)
 
     def grid(self, n: int) -> Array:
@@ -138,7 +137,7 @@ class Surface(ABC):
         xx, xy, yy = self._rows(n, self.hessian)
         return xx, xy, yy
 
-    def _product(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
+    def product(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
         """Return (z, z_x, z_y) at all pairs of x (len nx) and y (len ny), each (ny, nx)."""
         zx, zy = self.gradient(x[None, :], y[:, None])
         return self.height(x[None, :], y[:, None]), zx, zy
@@ -151,9 +150,7 @@ class Surface(ABC):
 
     def statistics(self, n: int = 1025) -> SurfaceStatistics:
         """Return roughness parameters from an n x n grid; see :class:`SurfaceStatistics`."""
-        from asperity.surface.statistics import surface_statistics
-
-        return surface_statistics(self, n)
+        return surface_statistics(self.grid(n), self.grid_gradient(n), self.grid_hessian(n))
 
     def bearing_curve(self, n: int = 1025, points: int = 201) -> tuple[Array, Array]:
         """Return the bearing (Abbott-Firestone) curve.
@@ -166,15 +163,11 @@ class Surface(ABC):
             (fraction, height): the share of the area that lies above `height` (length), from 0
             at the highest node to 1 at the lowest.
         """
-        from asperity.surface.statistics import bearing_curve
-
-        return bearing_curve(self, n, points)
+        return bearing_curve(self.grid(n), points)
 
     def psd(self, n: int = 1024, direction: str = "radial", window: str = "hann") -> Spectrum:
         """Return the power spectral density of the heights; see :func:`statistics.psd`."""
-        from asperity.surface.statistics import psd
-
-        return psd(self, n, direction, window)
+        return psd(self.grid(n + 1)[:-1, :-1], self.L, direction, window)
 
     def rms_slope(self) -> float:
         """Return sqrt(<|grad z|^2>) over the patch (dimensionless)."""
@@ -193,18 +186,16 @@ class Surface(ABC):
             )
 
 
-def surface_kinds() -> Mapping[str, type[Surface]]:
-    """Return the concrete surfaces by their name in the case file."""
-    from asperity.surface import fractal, height_map, shapes
-
-    classes: tuple[type[Surface], ...] = (
-        fractal.WeierstrassMandelbrot,
-        shapes.Sphere,
-        shapes.Sinusoid,
-        shapes.Flat,
-        height_map.HeightMap,
-    )
-    return {cls.kind: cls for cls in classes}
+def surface_kinds() -> dict[str, type[Surface]]:
+    """Return the kinds of surfaces by their name in the case file: all subclasses that have one."""
+    found: dict[str, type[Surface]] = {}
+    waiting = Surface.__subclasses__()
+    while waiting:
+        cls = waiting.pop()
+        waiting += cls.__subclasses__()
+        if cls.kind:
+            found[cls.kind] = cls
+    return found
 
 
 def nodes(L: float, n: int) -> Array:

@@ -12,8 +12,8 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from asperity.arrays import Array
 from asperity.surface.base import (
-    Array,
     Surface,
     SurfaceWarning,
     check,
@@ -22,6 +22,7 @@ from asperity.surface.base import (
     is_number,
     nodes,
 )
+from asperity.surface.fractal_maximum import highest_point
 from asperity.surface.plane_waves import Waves, mean_squares, on_product
 
 _CHUNK = 2**21  # angles evaluated at once: 16 MiB a temporary
@@ -259,6 +260,5 @@ class WeierstrassMandelbrot(Surface):
 
     @cached_property
     def _maximum(self) -> tuple[float, float, float]:
-        from asperity.surface.fractal_maximum import highest_point
-
-        return highest_point(self)
+        assert self.f_max is not None
+        return highest_point(self, self._waves, self._offset, self.f_max + 1, self.random)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asperity.surface.base import Array, SurfaceWarning
-from asperity.surface.maximum import climb
-
-if TYPE_CHECKING:
-    from asperity.surface.fractal import WeierstrassMandelbrot
+from asperity.arrays import Array
+from asperity.surface.base import SurfaceWarning
+from asperity.surface.maximum import HeightField, climb
+from asperity.surface.plane_waves import Waves
 
 _START = 32  # cells a side at first
 _SPLIT = 4  # parts a side of each cell that may hold the summit
@@ -23,19 +21,27 @@ _CHUNK = 2**20  # of them at once
 _TIE = 1e-12  # heights closer than this, relatively, are one
 
 
-def highest_point(surface: WeierstrassMandelbrot) -> tuple[float, float, float]:
+def highest_point(
+    surface: HeightField, waves: Waves, offset: float, indices: int, random: bool
+) -> tuple[float, float, float]:
     """Return (x, y, z) of the highest point of the closed patch.
 
     In a cell of half-diagonal r no height exceeds that of the waves up to an index f by the quadratic
     about its centre, plus a bound of their third derivative times r^3/6, plus a bound of all shorter waves;
     f makes the sum of the two least. Cells that cannot hold a higher point than the best one known are
     dropped, the others are divided, and a Newton climb starts at the best centre.
+
+    Args:
+        surface: the height field offset - sum a cos(theta).
+        waves: row by row, each row by rising index f.
+        offset: height without the waves (length).
+        indices: number of the indices f.
+        random: whether the phases are random, so that a bound of their sum may rely on chance.
     """
     L = surface.L
-    shape = (-1, surface.f_max + 1)  # type: ignore[operator]
     # rows by index, lengths over L
-    a, kx, ky, phi = (w.reshape(shape).T * s for w, s in zip(surface._waves, (1 / L, L, L, 1.0), strict=True))
-    third, rest = _bounds(surface, a, np.hypot(kx, ky))
+    a, kx, ky, phi = (w.reshape(-1, indices).T * s for w, s in zip(waves, (1 / L, L, L, 1.0), strict=True))
+    third, rest = _bounds(a, np.hypot(kx, ky), random)
     best = max((climb(surface, cx, cy) for cx in (0.0, L) for cy in (0.0, L)), key=lambda p: p[2])
     half = 0.5 / _START
     centres: Array = np.arange(1, 2 * _START, 2) * half
@@ -53,7 +59,7 @@ def highest_point(surface: WeierstrassMandelbrot) -> tuple[float, float, float]:
             x, y = x[order[-most:]], y[order[-most:]]
         x, y, z, reach = _divided(x, y, half, *(w[:f].ravel() for w in (a, kx, ky, phi)))
         half /= _SPLIT
-        reach += beyond[f] + surface._offset / L
+        reach += beyond[f] + offset / L
         top = np.argsort(z)[-4:]
         heights = surface.height(x[top] * L, y[top] * L)
         start = top[int(heights.argmax())]
@@ -73,13 +79,13 @@ def highest_point(surface: WeierstrassMandelbrot) -> tuple[float, float, float]:
     return best
 
 
-def _bounds(surface: WeierstrassMandelbrot, a: Array, k: Array) -> tuple[Array, Array]:
+def _bounds(a: Array, k: Array, random: bool) -> tuple[Array, Array]:
     """Return bounds for f = 0, 1, ...: of the third derivative of the waves below index f, of the sum of the others."""
 
     def bound(w: Array) -> Array:
         total = np.cumsum(w.sum(axis=1))
         spread = _SURE * np.sqrt(0.5 * np.cumsum((w**2).sum(axis=1)))
-        return np.append(0.0, np.minimum(total, spread) if surface.random else total)
+        return np.append(0.0, np.minimum(total, spread) if random else total)
 
     return bound(a * k**3), bound(a[::-1])[::-1]
 

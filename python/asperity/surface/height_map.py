@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.runtime.files import UNREADABLE, one_line, read_matrix, read_npy, read_npz, real
-from asperity.surface.base import Array, Surface, check, check_positive, is_integer, nodes
+from asperity.surface.base import Surface, check, check_positive, is_integer, nodes
 
 if TYPE_CHECKING:
     from scipy.interpolate import RectBivariateSpline
@@ -104,15 +105,15 @@ class HeightMap(Surface):
 
     # on a grid a tensor-product spline costs far less than at scattered points
 
-    def _product(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
+    def product(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
         z, zx, zy = (self._spline(x, y, dx, dy).T for dx, dy in ((0, 0), (1, 0), (0, 1)))
         return z, zx, zy
 
     def grid(self, n: int) -> Array:
-        return self._product(nodes(self.L, n), nodes(self.L, n))[0]
+        return self.product(nodes(self.L, n), nodes(self.L, n))[0]
 
     def grid_gradient(self, n: int) -> tuple[Array, Array]:
-        _, zx, zy = self._product(nodes(self.L, n), nodes(self.L, n))
+        _, zx, zy = self.product(nodes(self.L, n), nodes(self.L, n))
         return zx, zy
 
     def grid_hessian(self, n: int) -> tuple[Array, Array, Array]:

@@ -2,15 +2,38 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Protocol
 
-from asperity.surface.base import Array, Surface
+import numpy as np
+from numpy.typing import ArrayLike
+
+from asperity.arrays import Array
 
 _MAX_CELLS = 4_000_000
 _LEVELS = 40
 
 
-def global_maximum(surface: Surface) -> tuple[float, float, float]:
+class HeightField(Protocol):
+    """Heights over the patch [0, L]^2 with derivatives and a bound of the curvature, see `base.Surface`."""
+
+    @property
+    def L(self) -> float: ...
+
+    @property
+    def feature_size(self) -> float: ...
+
+    def curvature_bound(self) -> float: ...
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array: ...
+
+    def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]: ...
+
+    def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]: ...
+
+    def product(self, x: Array, y: Array) -> tuple[Array, Array, Array]: ...
+
+
+def global_maximum(surface: HeightField) -> tuple[float, float, float]:
     """Return (x, y, z) of the highest point of the closed patch.
 
     In a cell of half-diagonal r about c no height exceeds z(c) + |grad z(c)| r + K r^2/2, K the
@@ -39,7 +62,7 @@ def global_maximum(surface: Surface) -> tuple[float, float, float]:
     return best
 
 
-def _first_cells(surface: Surface, n: int, K: float) -> tuple[Array, Array, Array, tuple[float, float, float]]:
+def _first_cells(surface: HeightField, n: int, K: float) -> tuple[Array, Array, Array, tuple[float, float, float]]:
     """Return the n x n cell centres that may hold the maximum, and the best point known.
 
     Row by row, so that only promising cells are held in memory.
@@ -56,7 +79,7 @@ def _first_cells(surface: Surface, n: int, K: float) -> tuple[Array, Array, Arra
     rows = max(1, 2**17 // n)
     for i in range(0, n, rows):
         x, y = (c.ravel() for c in np.meshgrid(centres, centres[i : i + rows]))
-        z, zx, zy = (f.ravel() for f in surface._product(centres, centres[i : i + rows]))
+        z, zx, zy = (f.ravel() for f in surface.product(centres, centres[i : i + rows]))
         best = _improve(surface, x, y, z, best, 0.0)
         reach = z + np.hypot(zx, zy) * r + 0.5 * K * r**2
         kept.append(np.stack([x, y, z, reach])[:, reach > best[2]])
@@ -66,7 +89,7 @@ def _first_cells(surface: Surface, n: int, K: float) -> tuple[Array, Array, Arra
 
 
 def _improve(
-    surface: Surface,
+    surface: HeightField,
     x: Array,
     y: Array,
     z: Array,
@@ -81,7 +104,7 @@ def _improve(
     return found if found[2] > best[2] else best
 
 
-def climb(surface: Surface, x: float, y: float) -> tuple[float, float, float]:
+def climb(surface: HeightField, x: float, y: float) -> tuple[float, float, float]:
     """Return the local maximum (x, y, z) of the closed patch reached from (x, y).
 
     Newton iteration projected on the patch; where the Hessian is not negative definite, a

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from asperity.surface.base import Array
+from asperity.arrays import Array
 
 _BLOCK = 2**20  # pairs, or waves times nodes, evaluated at once: 8 MiB a temporary
 _NEAR = 1e-3  # below it sin(h)/h is summed, not divided

@@ -6,8 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from asperity.arrays import Array
 from asperity.errors import InputError
-from asperity.surface.base import SMALL_SLOPE, Array, Surface
+
+#: Beyond this rms slope small-strain, small-slope contact theory loses its footing.
+SMALL_SLOPE = 0.1
 
 
 @dataclass(frozen=True)
@@ -61,20 +64,27 @@ class Spectrum:
     window: str
 
 
-def surface_statistics(surface: Surface, n: int = 1025) -> SurfaceStatistics:
-    """Return the statistics of an n x n grid (nodes weigh equally); derivatives are analytic."""
-    z = surface.grid(n)
+def surface_statistics(
+    z: Array, gradient: tuple[Array, Array], hessian: tuple[Array, Array, Array]
+) -> SurfaceStatistics:
+    """Return the statistics of a regular grid, whose nodes weigh equally.
+
+    Args:
+        z: heights (n, n) (length).
+        gradient: dz/dx and dz/dy, each (n, n).
+        hessian: z_xx, z_xy and z_yy, each (n, n) (1/length).
+    """
     mean, top, bottom = float(z.mean()), float(z.max()), float(z.min())
-    z -= mean
+    z = z - mean
     Sq = float(np.sqrt(np.mean(z**2)))
     skewness = kurtosis = 0.0
     if Sq > 0:
         skewness, kurtosis = (float(np.mean((z / Sq) ** power)) for power in (3, 4))
-    zx, zy = surface.grid_gradient(n)
+    zx, zy = gradient
     slope = float(np.sqrt(np.mean(zx**2 + zy**2)))
-    xx, _, yy = surface.grid_hessian(n)
+    xx, _, yy = hessian
     return SurfaceStatistics(
-        n=n,
+        n=len(z),
         mean=mean,
         Sq=Sq,
         Sa=float(np.mean(np.abs(z))),
@@ -87,15 +97,15 @@ def surface_statistics(surface: Surface, n: int = 1025) -> SurfaceStatistics:
     )
 
 
-def bearing_curve(surface: Surface, n: int = 1025, points: int = 201) -> tuple[Array, Array]:
+def bearing_curve(z: Array, points: int = 201) -> tuple[Array, Array]:
     """Return (fraction of the area above, height); see :meth:`Surface.bearing_curve`."""
     if points < 2:
         raise InputError(f"A bearing curve needs at least 2 points, not {points}.")
     fraction = np.linspace(0.0, 1.0, points)
-    return fraction, np.quantile(surface.grid(n), 1.0 - fraction)
+    return fraction, np.quantile(z, 1.0 - fraction)
 
 
-def psd(surface: Surface, n: int = 1024, direction: str = "radial", window: str = "hann") -> Spectrum:
+def psd(z: Array, L: float, direction: str = "radial", window: str = "hann") -> Spectrum:
     """Return the power spectral density, conventions of Jacobs, Junge and Pastewka (2017).
 
     Surf. Topogr.: Metrol. Prop. 5 013001. The discrete transform carries dx dy, so that
@@ -103,8 +113,8 @@ def psd(surface: Surface, n: int = 1024, direction: str = "radial", window: str 
     q (1D). The windowed heights are rescaled to the power of the unwindowed ones.
 
     Args:
-        surface: the surface; its mean is subtracted.
-        n: samples a side, at i L/n (the transform's period is L).
+        z: heights (n, n) at i L/n, the period of the transform being L (length); their mean is subtracted.
+        L: side of the patch (length).
         direction: "radial" (mean over rings of width 2 pi/L of the 2D density, length^4) or
             "x", "y" (mean over profiles along that direction, length^3).
         window: "hann" (against the jump at the edges of a patch that is not periodic) or "none".
@@ -116,20 +126,19 @@ def psd(surface: Surface, n: int = 1024, direction: str = "radial", window: str 
         raise InputError(f'psd direction must be "radial", "x" or "y", not {direction!r}.')
     if window not in ("hann", "none"):
         raise InputError(f'psd window must be "hann" or "none", not {window!r}.')
-    z = surface.grid(n + 1)[:-1, :-1]
-    z = z - z.mean()
+    n, z = len(z), z - z.mean()
     taper = np.sin(np.pi * (np.arange(n) + 0.5) / n) ** 2 if window == "hann" else np.ones(n)
     taper = taper / np.sqrt(np.mean(taper**2))
-    dx = surface.L / n
+    dx = L / n
     index = np.arange(1, n // 2)
-    q = 2 * np.pi * index / surface.L
+    q = 2 * np.pi * index / L
     if direction == "radial":
-        power = np.abs(np.fft.fft2(z * taper * taper[:, None])) ** 2 * dx**4 / surface.L**2
+        power = np.abs(np.fft.fft2(z * taper * taper[:, None])) ** 2 * dx**4 / L**2
         k = np.fft.fftfreq(n, 1 / n)
         ring = np.rint(np.hypot(k[:, None], k)).astype(int).ravel()
         density = np.bincount(ring, power.ravel()) / np.bincount(ring)
     else:
         profiles = z if direction == "x" else z.T
         density = np.mean(np.abs(np.fft.fft(profiles * taper, axis=1)) ** 2, axis=0)
-        density *= dx**2 / surface.L
+        density *= dx**2 / L
     return Spectrum(q, density[index], direction, window)
