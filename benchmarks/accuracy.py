@@ -161,7 +161,7 @@ def forces(
         if key not in kept:
             if reach is None and h < GUIDE:
                 guide = asp.solve_contact(surface, material, delta_max=delta, size=asp.MeshSize(GUIDE, growth(GUIDE)))
-                reach = Reach(*guide.press.reach())
+                reach = Reach(*guide.first_contact.gather(guide.solver))
             block = mesh_of(surface, delta, h, reach, grading if reach else GRADING)
             result = asp.solve_contact(surface, material, delta_max=delta, substeps=substeps, block=block)
             kept[key] = loading_force(result.curve, at)
@@ -315,7 +315,7 @@ def fixed() -> None:
     row("h_contact/L", "growth", "dofs", "rms error %", "greatest %")
     row(*["---"] * 5)
     for h, rate in ((0.05, 0.25), (0.025, 0.25), (0.0177, 0.25), (0.05, 0.125)):
-        reach = Reach(*asp.solve_contact(sphere, UNIT, delta_max=delta, size=asp.MeshSize(GUIDE)).press.reach())
+        reach = Reach(*asp.solve_contact(sphere, UNIT, delta_max=delta, size=asp.MeshSize(GUIDE)).solver.reach())
         result = asp.solve_contact(sphere, UNIT, delta_max=delta, size=asp.MeshSize(h, rate, reach=reach))
         row(f"{h:g}", f"{rate:g}", result.dofs, *per_cent(loading_force(result.curve, at), limit))
 
@@ -331,7 +331,7 @@ def grading() -> None:
             sizes = (*FAMILY[4:], FINEST) if material.plastic else FAMILY[3:]
             limit = _limit(forces(name, top, delta, sizes, material))
             guide = asp.solve_contact(top, material, delta_max=delta, size=asp.MeshSize(GUIDE, growth(GUIDE)))
-            reach = Reach(*guide.press.reach())
+            reach = Reach(*guide.first_contact.gather(guide.solver))
             for powers in (GRADING, GUIDED):
                 for h in FAMILY[1:4]:
                     block = mesh_of(top, delta, h, reach, powers)

@@ -21,10 +21,11 @@ from scipy.optimize import brentq
 
 from asperity import reference
 from asperity.contact import PressureContact
-from asperity.contact.contact_surface import FACET_DEGREE, FacetRule, Top
+from asperity.contact.contact_surface import FACET_DEGREE, ContactSurface, FacetRule
 from asperity.model.material import Material
-from asperity.quasistatic.contact_solver import Press
-from asperity.quasistatic.solve_contact import Formulation, MeshSize, make_block, make_press
+from asperity.quasistatic import measures
+from asperity.quasistatic.contact_solver import ContactSolver
+from asperity.quasistatic.solve_contact import Formulation, MeshSize, make_block, make_contact_solver
 from asperity.surface import Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 from asperity.verification.hertz import CONTACT, RADIUS, SPHERE, layer_force, press_sphere
 from asperity.verification.table import press as press_alone
@@ -123,24 +124,24 @@ CASES: dict[str, Callable[[], Case]] = {
 }
 
 
-def press_along(case: Case, press: Press) -> list[State]:
+def press_along(case: Case, solver: ContactSolver) -> list[State]:
     """Follow the steps of a case; fails when one does not converge."""
     states = []
     for delta in case.steps:
-        if not press.attempt(delta).converged:
+        if not solver.step(delta).converged:
             raise RuntimeError(f"no convergence at delta = {delta:g}")
-        area = press.contact.area()
-        states.append(State(press.force, area.value, area.error, press.row()["max_pressure"]))
+        area = solver.contact.area()
+        states.append(State(solver.force, area.value, area.error, measures.row(solver)["max_pressure"]))
     return states
 
 
-def make(case: Case, size: float) -> Callable[[Formulation], Press]:
+def make(case: Case, size: float) -> Callable[[Formulation], ContactSolver]:
     """A maker of presses on one mesh."""
     from mpi4py import MPI
 
     comm = MPI.COMM_SELF
     block = make_block(comm, case.surface, case.height, case.steps[-1], MeshSize(size, growth=0.4))
-    return lambda formulation: make_press(comm, case.surface, block, case.material, formulation=formulation)
+    return lambda formulation: make_contact_solver(comm, case.surface, block, case.material, formulation=formulation)
 
 
 def rms(values: Any) -> float:
@@ -157,15 +158,15 @@ def rows(case: Case) -> Iterator[tuple[str, ...]]:
         for name, formulation in FORMULATIONS.items():
             if case.material.plastic and formulation.theta != 0:
                 continue
-            press = press_of(formulation)
+            solver = press_of(formulation)
             start = time.process_time()
             try:
-                states = press_along(case, press)
+                states = press_along(case, solver)
             except RuntimeError as failure:
-                yield f"{size:.4g}", f"{press.solid.dofs}", name, str(failure), *[""] * (len(HEAD) - 4)
+                yield f"{size:.4g}", f"{solver.solid.dofs}", name, str(failure), *[""] * (len(HEAD) - 4)
                 continue
             seconds = time.process_time() - start
-            counts = press.counts
+            counts = solver.counts
 
             def error(key: str, states: list[State] = states) -> list[float]:
                 pairs = zip(states, known, strict=True)
@@ -174,7 +175,7 @@ def rows(case: Case) -> Iterator[tuple[str, ...]]:
             bar = rms([s.area_error / s.area for s in states])
             yield (
                 f"{size:.4g}",
-                f"{press.solid.dofs}",
+                f"{solver.solid.dofs}",
                 name,
                 f"{rms(error('force')):.2f}",
                 f"{rms(error('area')):.1f}",
@@ -202,7 +203,7 @@ RULES = {  # degree and splits of the rule, and whether heights at its points ar
 }
 
 
-def points_of(top: Top, degree: int) -> tuple[Any, Any]:
+def points_of(top: ContactSurface, degree: int) -> tuple[Any, Any]:
     """x and y of the points of a rule (facets, points); second-order facets are straight seen from above."""
     import basix
 
@@ -219,27 +220,28 @@ def integration() -> Iterator[tuple[str, ...]]:
         for law, factor in (("penalty", 10.0), ("nitsche", 1.0)):
             plain = press_of(Formulation(law, factor, factor))
 
-            def press_with(degree: int, splits: int, exact: bool) -> tuple[list[State], Press, float]:
-                press = press_of(Formulation(law, factor, factor))  # noqa: B023
-                rule = FacetRule(press.top, degree, splits)
+            def press_with(degree: int, splits: int, exact: bool) -> tuple[list[State], ContactSolver, float]:
+                solver = press_of(Formulation(law, factor, factor))  # noqa: B023
+                rule = FacetRule(solver.contact_surface, degree, splits)
                 if exact:
-                    x, y = points_of(press.top, degree)
+                    x, y = points_of(solver.contact_surface, degree)
                     rule.height = 1.0 + case.surface.height(x, y) - case.surface.mean()  # noqa: B023
-                contact = PressureContact(press.solid, press.top, factor, traction=law == "nitsche", rule=rule)  # noqa: B023
-                press = Press(press.solid, press.top, contact, press.summit, press.newton.options)
+                parts = solver.solid, solver.contact_surface
+                contact = PressureContact(*parts, factor, traction=law == "nitsche", rule=rule)  # noqa: B023
+                solver = ContactSolver(*parts, contact, solver.summit, solver.newton.options)
                 start = time.process_time()
-                return press_along(case, press), press, time.process_time() - start  # noqa: B023
+                return press_along(case, solver), solver, time.process_time() - start  # noqa: B023
 
             finest, _, _ = press_with(4, 3, False)
             for name, choice in RULES.items():
-                states, press, seconds = press_with(*choice)
+                states, solver, seconds = press_with(*choice)
 
                 def change(key: str, states: list[State] = states, finest: list[State] = finest) -> float:
                     return rms([getattr(a, key) / getattr(b, key) - 1.0 for a, b in zip(states, finest, strict=True)])
 
                 yield (
                     scene, f"{plain.solid.dofs}", law, name, f"{change('force'):.3f}", f"{change('area'):.2f}",
-                    f"{change('peak'):.2f}", f"{press.counts.newton / press.counts.steps:.1f}", f"{seconds:.1f}",
+                    f"{change('peak'):.2f}", f"{solver.counts.newton / solver.counts.steps:.1f}", f"{seconds:.1f}",
                 )  # fmt: skip
 
 
@@ -252,13 +254,13 @@ def areas() -> Iterator[tuple[str, ...]]:
     for size in (a / 3, a / 6):
         press_of = make(case, size)
         for name in ("active set", "penalty, beta 10", "Nitsche 0, gamma 1"):
-            press = press_of(FORMULATIONS[name])
-            states = press_along(case, press)
+            solver = press_of(FORMULATIONS[name])
+            states = press_along(case, solver)
             exact = [0.25 * np.pi * float(law.radius(law.deflection(4.0 * s.force))) ** 2 for s in states]
             error = np.array([s.area / e - 1.0 for s, e in zip(states, exact, strict=True)])
             bar = np.array([s.area_error / s.area for s in states])
             yield (
-                f"{size:.4g}", f"{press.solid.dofs}", name, f"{100 * error.mean():+.1f}", f"{rms(error):.1f}",
+                f"{size:.4g}", f"{solver.solid.dofs}", name, f"{100 * error.mean():+.1f}", f"{rms(error):.1f}",
                 f"{rms(bar):.1f}", f"{100 * np.mean(np.abs(error) <= bar):.0f}",
             )  # fmt: skip
 
@@ -270,10 +272,10 @@ def pressures() -> Iterator[tuple[str, ...]]:
     for size in (0.05 / 3, 0.05 / 6):
         press_of = make(case, size)
         for name, formulation in FORMULATIONS.items():
-            press = press_of(formulation)
-            press_along(case, press)
-            top, contact = press.top, press.contact
-            depth = float(law.deflection(4.0 * press.force))
+            solver = press_of(formulation)
+            press_along(case, solver)
+            top, contact = solver.contact_surface, solver.contact
+            depth = float(law.deflection(4.0 * solver.force))
             p0, radius = float(law.peak_pressure(depth)), float(law.radius(depth))
 
             def errors(xy: Any, found: Any, p0: float = p0, radius: float = radius, depth: float = depth) -> Any:
@@ -281,13 +283,13 @@ def pressures() -> Iterator[tuple[str, ...]]:
                 return (found - law.pressure(r, depth))[r < 0.8 * radius] / p0
 
             corners = np.unique(top.nodes[:, :3])
-            reported = errors(press.solid.points[corners].T, press.pressure[corners])
+            reported = errors(solver.solid.points[corners].T, solver.pressure[corners])
             if isinstance(contact, PressureContact):
                 raw = errors(points_of(top, FACET_DEGREE), contact.points)
             else:
                 nodes = np.unique(top.nodes[:, 3:])
                 area = top.assemble(top.nodes[:, 3:], np.repeat(top.area[:, None] / 3.0, 3, axis=1))
-                raw = errors(press.solid.points[nodes].T, press.nodal_force[nodes] / area[nodes])
+                raw = errors(solver.solid.points[nodes].T, solver.nodal_force[nodes] / area[nodes])
             yield (
                 f"{size:.4g}", name, f"{rms(raw):.1f}", f"{100 * np.abs(raw).max():.0f}", f"{rms(reported):.1f}",
                 f"{100 * np.abs(reported).max():.0f}",

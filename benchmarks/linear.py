@@ -70,7 +70,7 @@ def pieces(sizes: tuple[float, ...]) -> None:
     print("| dofs | part | PETSc ms | here ms | ratio |\n|---|---|---|---|---|")
     for h in sizes:
         result = asp.solve_contact(surface, MATERIALS["elastic"], delta_max=0.03 * L, steps=1, size=asp.MeshSize(h * L))
-        solid = result.press.solid
+        solid = result.solver.solid
         tangent = Tangent(solid, symmetric=True, single=True)
         tangent.hold(solid.fixed)
         tangent.update()

@@ -44,8 +44,8 @@ def one(h: float, **path: Any) -> dict[str, Any]:
     surface = asp.Surface.from_spec(kind="weierstrass-mandelbrot", L=L, D=2.4, G=1.36e-11)
     cpu, wall = process_time(), perf_counter()
     result = asp.solve_contact(surface, STEEL, delta_max=DELTA * L, size=asp.MeshSize(h * L), **{"steps": STEPS} | path)
-    owned = result.press.top.owned_nodes
-    spread = comm.gather((len(result.press.solid.cell_nodes), len(owned)))
+    owned = result.solver.contact_surface.owned_nodes
+    spread = comm.gather((len(result.solver.solid.cell_nodes), len(owned)))
     return {
         "h": h,
         "ranks": comm.size,

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from time import process_time
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,8 +20,8 @@ from asperity.case import Case
 from asperity.dynamics import ContactOscillator, TableLaw, unload_reload
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
-from asperity.quasistatic.contact_solver import Press
-from asperity.quasistatic.solve_contact import MeshSize, make_block, make_press
+from asperity.quasistatic.contact_solver import ContactSolver, SolverState
+from asperity.quasistatic.solve_contact import MeshSize, make_block, make_contact_solver
 from asperity.quasistatic.stepping import Position, Record, follow
 from asperity.transient import History, Scheme, Transient, consistent_mass
 
@@ -42,22 +41,19 @@ Floats = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Saved:
-    """State of a press from which runs start again."""
+    """State of a contact solver from which runs start again."""
 
-    numbers: dict[str, Any]
-    displacements: dict[str, Floats]
-    touched_at: Floats
+    state: SolverState
     history: tuple[Floats, Floats]
 
     @staticmethod
-    def of(press: Press) -> Saved:
-        strain, accumulated = press.solid.bulk.history()
-        kept = {name: values.copy() for name, values in press.displacements().items()}
-        return Saved(press.numbers(), kept, press.touched_at().copy(), (strain.copy(), accumulated.copy()))
+    def of(solver: ContactSolver) -> Saved:
+        strain, accumulated = solver.solid.bulk.history()
+        return Saved(solver.state(), (strain.copy(), accumulated.copy()))
 
-    def restore(self, press: Press) -> None:
-        press.solid.bulk.restore(*self.history)
-        press.resume(self.numbers, self.displacements, self.touched_at)
+    def restore(self, solver: ContactSolver) -> None:
+        solver.solid.bulk.restore(*self.history)
+        solver.restore(self.state)
 
 
 @dataclass(frozen=True)
@@ -66,7 +62,7 @@ class Subject:
 
     Attributes:
         name: of the material
-        press: the block
+        solver: the block
         saved: its state at the end of loading, or before it
         law: of the vibration, in units of L and E L^2
         loading: of the first loading
@@ -75,7 +71,7 @@ class Subject:
     """
 
     name: str
-    press: Press
+    solver: ContactSolver
     saved: Saved
     law: TableLaw
     loading: TableLaw
@@ -87,15 +83,15 @@ class Subject:
 
     def transient(self, u: float, ratio: float, zeta: float = 0.0, velocity: float = 0.0) -> Transient:
         """The plate held at u and let go, in units of 1/omega_s."""
-        press, r = self.press, self.oscillator().restoring
-        self.saved.restore(press)
+        solver, r = self.solver, self.oscillator().restoring
+        self.saved.restore(solver)
         start = self.law.origin + r.z_s * (1.0 + u)
-        for delta in np.linspace(press.delta, start, 9)[1:]:
-            if not press.attempt(float(delta)).converged:
+        for delta in np.linspace(solver.delta, start, 9)[1:]:
+            if not solver.step(float(delta)).converged:
                 raise SystemExit(f"{self.name}: the static solve failed at {delta:g} L")
         mass = r.scale / r.z_s
         t = Transient(
-            press, density=(ratio * self.first) ** 2, mass=mass, load=self.load, dashpot=2.0 * zeta * mass,
+            solver, density=(ratio * self.first) ** 2, mass=mass, load=self.load, dashpot=2.0 * zeta * mass,
             scheme=Scheme(),
         )  # fmt: skip
         t.start(velocity * r.z_s)
@@ -103,7 +99,7 @@ class Subject:
 
     def release(self, t: Transient) -> None:
         """Take the inertia out of the solid again."""
-        self.press.solid.bulk = t.bulk.inner
+        self.solver.solid.bulk = t.bulk.inner
 
     def u(self, history: History) -> Floats:
         return (history.approach - self.law.origin) / self.oscillator().restoring.z_s - 1.0
@@ -115,32 +111,32 @@ def prepare(name: str, material: Material, h_contact: float) -> Subject:
 
     surface = Case.load(CASE).build_surface()
     block = make_block(MPI.COMM_WORLD, surface, surface.L, DEPTH * surface.L, MeshSize(h_contact * surface.L))
-    press = make_press(MPI.COMM_WORLD, surface, block, material)
-    before = Saved.of(press)
-    record = Record(1.0, 1.0, press.solid.material.reduced_modulus)
-    follow(press, Schedule(delta_max=DEPTH, steps=STATIC_STEPS), record)
-    load, saved = PRELOAD * press.force, before
+    solver = make_contact_solver(MPI.COMM_WORLD, surface, block, material)
+    before = Saved.of(solver)
+    record = Record(1.0, 1.0, solver.solid.material.reduced_modulus)
+    follow(solver, Schedule(delta_max=DEPTH, steps=STATIC_STEPS), record)
+    load, saved = PRELOAD * solver.force, before
     law = loading = TableLaw.from_curve(record.curve())
     if material.plastic:
         # the law of the vibration: unloaded once, far enough to flow backwards where it will, and loaded again
-        saved = Saved.of(press)
-        _unload(press, record)
+        saved = Saved.of(solver)
+        _unload(solver, record)
         law = unload_reload(record.curve(), load)
-    return Subject(name, press, saved, law, loading, load, first_frequency(press))
+    return Subject(name, solver, saved, law, loading, load, first_frequency(solver))
 
 
-def _unload(press: Press, record: Record) -> None:
+def _unload(solver: ContactSolver, record: Record) -> None:
     """Add an unloading to zero force to a record."""
     schedule = Schedule(delta_max=DEPTH, steps=STATIC_STEPS, unload_steps=STATIC_STEPS)
-    follow(press, schedule, record, position=Position(leg=1))
+    follow(solver, schedule, record, position=Position(leg=1))
 
 
-def first_frequency(press: Press) -> float:
+def first_frequency(solver: ContactSolver) -> float:
     """Lowest own frequency of the elastic block with its top free, for unit density."""
     from scipy import sparse
     from scipy.sparse.linalg import eigsh
 
-    solid = press.solid
+    solid = solver.solid
     elastic = np.empty_like(solid.values)
     solid.bulk.tangent(np.zeros((solid.nodes, 3)), elastic)
     K = sparse.csr_array((elastic, solid.graph.columns, solid.graph.rows))
@@ -250,7 +246,7 @@ def main() -> None:
         subject = prepare(name, material, options.h_contact)
         r = subject.oscillator().restoring
         print(
-            f"\n{name}: {subject.press.solid.dofs} dofs, {subject.law.describe()}, n_loc = {r.n_loc:.4f}, kappa = "
+            f"\n{name}: {subject.solver.solid.dofs} dofs, {subject.law.describe()}, n_loc = {r.n_loc:.4f}, kappa = "
             f"{r.kappa:.4f}, z_s = {r.z_s:.5f} L, W = {subject.load:.4e} E L^2, first own frequency "
             f"{subject.first:.4f}/sqrt(rho)"
         )

@@ -99,7 +99,7 @@ def solve(scene: Scene, size: asp.MeshSize, **settings: Any) -> tuple[Floats, An
 
 def reach_of(scene: Scene) -> Reach:
     """What a coarse solution touches."""
-    return Reach(*solve(scene, asp.MeshSize(0.1))[1].press.reach())
+    return Reach(*solve(scene, asp.MeshSize(0.1))[1].solver.reach())
 
 
 def guided_limit(scene: Scene, fine: float, steps: int) -> Floats:

@@ -11,32 +11,34 @@ import numpy as np
 import pytest
 from conftest import ELASTIC, PLASTIC
 
-import asperity.quasistatic.balance
+import asperity.quasistatic.contact_solver
 from asperity.case import Case
 from asperity.contact import ActiveSet
 from asperity.errors import CheckError, ResolutionWarning
 from asperity.mesh.block import BlockMesh
 from asperity.model.load_path import Schedule
-from asperity.quasistatic.contact_solver import Press
+from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.newton import NewtonSolver
-from asperity.quasistatic.solve_contact import Formulation, make_press
+from asperity.quasistatic.solve_contact import Formulation, make_contact_solver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.run_case import run
 from asperity.surface import Surface
 
-Break = Callable[[pytest.MonkeyPatch, Press], None]
+Break = Callable[[pytest.MonkeyPatch, ContactSolver], None]
 
 
-def pressed(press: Press, steps: int = 4, unload_steps: int = 0) -> Press:
+def pressed(solver: ContactSolver, steps: int = 4, unload_steps: int = 0) -> ContactSolver:
     schedule = Schedule(0.02, steps=steps, unload_steps=unload_steps)
-    follow(press, schedule, Record(1.0, 1.0, 1.0))
-    return press
+    follow(solver, schedule, Record(1.0, 1.0, 1.0))
+    return solver
 
 
-def make(surface: Surface, block: BlockMesh | None, method: str = "active-set", material: Any = PLASTIC) -> Press:
+def make(
+    surface: Surface, block: BlockMesh | None, method: str = "active-set", material: Any = PLASTIC
+) -> ContactSolver:
     from mpi4py import MPI
 
-    return make_press(MPI.COMM_WORLD, surface, block, material, formulation=Formulation(method))
+    return make_contact_solver(MPI.COMM_WORLD, surface, block, material, formulation=Formulation(method))
 
 
 @pytest.mark.mpi
@@ -58,41 +60,41 @@ def test_the_energy_ratio_tends_to_one(wave: Surface, coarse_wave: BlockMesh | N
     assert errors[2] < 0.01
 
 
-def too_much_force(patch: pytest.MonkeyPatch, press: Press) -> None:
+def too_much_force(patch: pytest.MonkeyPatch, solver: ContactSolver) -> None:
     right = ActiveSet.nodal_force
     patch.setattr(ActiveSet, "nodal_force", lambda self, force: 1.001 * right(self, force))
 
 
-def pulling(patch: pytest.MonkeyPatch, press: Press) -> None:
+def pulling(patch: pytest.MonkeyPatch, solver: ContactSolver) -> None:
     right = ActiveSet.nodal_force
 
     def wrong(self: ActiveSet, force: Any) -> Any:
         out = right(self, force)
-        edges = np.setdiff1d(np.unique(press.top.nodes[:, 3:]), np.flatnonzero(out))
+        edges = np.setdiff1d(np.unique(solver.contact_surface.nodes[:, 3:]), np.flatnonzero(out))
         out[edges[:4]] = -1e-5
         return out
 
     patch.setattr(ActiveSet, "nodal_force", wrong)
 
 
-def too_high(patch: pytest.MonkeyPatch, press: Press) -> None:
+def too_high(patch: pytest.MonkeyPatch, solver: ContactSolver) -> None:
     right = ActiveSet.begin
     patch.setattr(ActiveSet, "begin", lambda self, z: right(self, z + 1e-5))
 
 
-def forgetting(patch: pytest.MonkeyPatch, press: Press) -> None:
-    right = press.solid.bulk.commit
+def forgetting(patch: pytest.MonkeyPatch, solver: ContactSolver) -> None:
+    right = solver.solid.bulk.commit
 
     def wrong() -> None:
         right()
-        for history in press.solid.bulk.history():
+        for history in solver.solid.bulk.history():
             history *= 0.5
 
-    patch.setattr(press.solid.bulk, "commit", wrong)
+    patch.setattr(solver.solid.bulk, "commit", wrong)
 
 
-def flowing_backwards(patch: pytest.MonkeyPatch, press: Press) -> None:
-    right, bulk = press.solid.bulk.commit, press.solid.bulk
+def flowing_backwards(patch: pytest.MonkeyPatch, solver: ContactSolver) -> None:
+    right, bulk = solver.solid.bulk.commit, solver.solid.bulk
 
     def wrong() -> None:
         before = bulk.history()[0].copy()
@@ -103,7 +105,7 @@ def flowing_backwards(patch: pytest.MonkeyPatch, press: Press) -> None:
     patch.setattr(bulk, "commit", wrong)
 
 
-def stopping_early(patch: pytest.MonkeyPatch, press: Press) -> None:
+def stopping_early(patch: pytest.MonkeyPatch, solver: ContactSolver) -> None:
     def loose(self: NewtonSolver, snes: Any, it: int, norms: Any) -> Any:
         reasons = snes.ConvergedReason
         return reasons.CONVERGED_FNORM_RELATIVE if it >= 3 else reasons.ITERATING
@@ -111,8 +113,8 @@ def stopping_early(patch: pytest.MonkeyPatch, press: Press) -> None:
     patch.setattr(NewtonSolver, "_test", loose)
 
 
-def not_a_number(patch: pytest.MonkeyPatch, press: Press) -> None:
-    patch.setattr(press.solid.bulk, "stress", lambda u: np.full((len(press.solid.cell_nodes), 4, 6), np.nan))
+def not_a_number(patch: pytest.MonkeyPatch, solver: ContactSolver) -> None:
+    patch.setattr(solver.solid.bulk, "stress", lambda u: np.full((len(solver.solid.cell_nodes), 4, 6), np.nan))
 
 
 @pytest.mark.parametrize(
@@ -130,11 +132,11 @@ def not_a_number(patch: pytest.MonkeyPatch, press: Press) -> None:
 def test_wrong_runs_are_noticed(
     monkeypatch: pytest.MonkeyPatch, wave: Surface, coarse_wave: BlockMesh | None, wrong: Break, kind: str
 ) -> None:
-    press = make(wave, coarse_wave)
-    wrong(monkeypatch, press)
-    pressed(press)
-    assert kind in press.checks.violated
-    assert "delta/L" in press.checks.violated[kind]
+    solver = make(wave, coarse_wave)
+    wrong(monkeypatch, solver)
+    pressed(solver)
+    assert kind in solver.checks.violated
+    assert "delta/L" in solver.checks.violated[kind]
 
 
 @pytest.mark.parametrize("material", [ELASTIC, PLASTIC])
@@ -151,7 +153,7 @@ def test_a_contact_too_soft_to_carry_the_load_is_noticed(
 ) -> None:
     from mpi4py import MPI
 
-    checks = pressed(make_press(MPI.COMM_WORLD, wave, coarse_wave, material, formulation=soft)).checks
+    checks = pressed(make_contact_solver(MPI.COMM_WORLD, wave, coarse_wave, material, formulation=soft)).checks
     assert "raise contact.penalty or contact.gamma" in checks.violated["compliance"]
 
 
@@ -159,21 +161,23 @@ def test_a_contact_too_soft_to_carry_the_load_is_noticed(
 def test_the_energy_of_a_compliant_contact_is_balanced_too(
     monkeypatch: pytest.MonkeyPatch, wave: Surface, coarse_wave: BlockMesh | None, method: str
 ) -> None:
-    press = make(wave, coarse_wave, method)
-    right = asperity.quasistatic.balance.energies
-    monkeypatch.setattr("asperity.quasistatic.balance.energies", lambda *args: tuple(1.05 * e for e in right(*args)))
-    assert "energy" in pressed(press, 20).checks.violated
+    solver = make(wave, coarse_wave, method)
+    right = asperity.quasistatic.contact_solver.energies
+    monkeypatch.setattr(
+        "asperity.quasistatic.contact_solver.energies", lambda *args: tuple(1.05 * e for e in right(*args))
+    )
+    assert "energy" in pressed(solver, 20).checks.violated
 
 
 @pytest.mark.parametrize("method", ["active-set", "penalty"])
 def test_a_flat_that_touches_no_node_is_noticed(wave: Surface, coarse_wave: BlockMesh | None, method: str) -> None:
     """Here by a flat that starts too high; until something is touched a first step may be without force."""
-    press = make(wave, coarse_wave, method)
-    press.summit += 0.01
-    follow(press, Schedule(0.005, steps=2), Record(1.0, 1.0, 1.0))
-    assert "no node is touched" in press.checks.violated["touch"]
-    follow(press, Schedule(0.02, steps=2), Record(1.0, 1.0, 1.0))
-    assert press.checks.violated == {}
+    solver = make(wave, coarse_wave, method)
+    solver.summit += 0.01
+    follow(solver, Schedule(0.005, steps=2), Record(1.0, 1.0, 1.0))
+    assert "no node is touched" in solver.checks.violated["touch"]
+    follow(solver, Schedule(0.02, steps=2), Record(1.0, 1.0, 1.0))
+    assert solver.checks.violated == {}
 
 
 def test_a_contact_of_a_few_facets_is_said() -> None:

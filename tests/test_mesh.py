@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from asperity.contact.contact_surface import Top
+from asperity.contact.contact_surface import ContactSurface
 from asperity.errors import MeshError
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
@@ -29,7 +29,7 @@ from asperity.mesh.generate import (
 )
 from asperity.model.material import Material
 from asperity.output.fields import top_facets
-from asperity.quasistatic.solve_contact import MeshSize, make_block, make_press, make_undistorted
+from asperity.quasistatic.solve_contact import MeshSize, make_block, make_contact_solver, make_undistorted
 from asperity.surface import Flat, Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 
 Array = npt.NDArray[Any]
@@ -103,7 +103,7 @@ def test_volume_and_areas(rough: Surface, coarse: BlockMesh) -> None:
     # the mean plane of the exact surface is at `height`; cubic errors of the interpolation cancel
     assert solid.bulk.volumes.sum() == pytest.approx(coarse.height, rel=2e-3)
     assert solid.bulk.volumes.min() > 0
-    top = Top(solid)
+    top = ContactSurface(solid)
     assert top.area.sum() == pytest.approx(1.0, rel=1e-13)
     every = solid.nodes_on(TOP), solid.nodes_on(BASE), solid.nodes_on(SIDE_X), solid.nodes_on(SIDE_Y)
     assert len(np.unique(np.concatenate(every))) == len(outer_nodes(coarse))
@@ -243,16 +243,16 @@ def test_refusals_reach_every_rank() -> None:
     steep = Sinusoid(L=1.0, amplitude=0.25, wavelength=0.25, dims=2)
     block = uniform(steep, 0.2) if world().rank == 0 else None
     with pytest.raises(MeshError, match="turned inside out"):
-        make_press(world(), steep, block, Material(1.0, 0.3))
+        make_contact_solver(world(), steep, block, Material(1.0, 0.3))
 
 
 def test_a_mesh_of_another_surface_is_refused(rough: Surface, wave: Surface, coarse: BlockMesh) -> None:
     """It would be pressed without a word, with wrong heights."""
     with pytest.raises(MeshError, match=r"mesh\.file.* surface"):
-        make_press(here(), wave, coarse, Material(1.0, 0.3))
+        make_contact_solver(here(), wave, coarse, Material(1.0, 0.3))
     larger = Flat(L=2.0)
     with pytest.raises(MeshError, match=r"mesh\.file.* side"):
-        make_press(here(), larger, uniform(Flat(L=1.0), 1.0), Material(1.0, 0.3))
+        make_contact_solver(here(), larger, uniform(Flat(L=1.0), 1.0), Material(1.0, 0.3))
 
 
 @pytest.mark.parametrize("change", ["missing", "doubled", "torn face", "torn edge", "sunk edge", "two blocks"])
@@ -278,7 +278,7 @@ def test_a_mesh_that_does_not_fill_its_block_is_refused(rough: Surface, coarse: 
         change, "faces inside the block .* two"
     )
     with pytest.raises(MeshError, match=wanted):
-        make_press(here(), rough, replace(coarse, tets=tets, points=points), Material(1.0, 0.3))
+        make_contact_solver(here(), rough, replace(coarse, tets=tets, points=points), Material(1.0, 0.3))
 
 
 # --- files and ranks ------------------------------------------------------------------------------------------
@@ -343,7 +343,7 @@ def test_distribution_keeps_volume_areas_and_nodes(coarse: BlockMesh | None) -> 
     comm = world()
     block = comm.bcast(coarse)
     alone, shared = solid_of(here(), block), solid_of(comm, coarse)
-    top_alone, top_shared = Top(alone), Top(shared)
+    top_alone, top_shared = ContactSurface(alone), ContactSurface(shared)
 
     def total(value: float) -> float:
         return float(comm.allreduce(value))

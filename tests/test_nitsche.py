@@ -10,13 +10,13 @@ import pytest
 
 from asperity import reference as ref
 from asperity.contact import PressureContact
-from asperity.contact.contact_surface import FacetRule, Top
+from asperity.contact.contact_surface import ContactSurface, FacetRule
 from asperity.errors import InputError
 from asperity.fem.sparsity import assembled
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import SizeField, build_block
 from asperity.model.material import Material
-from asperity.quasistatic.solve_contact import Formulation, MeshSize, make_press, solve_contact
+from asperity.quasistatic.solve_contact import Formulation, MeshSize, make_contact_solver, solve_contact
 from asperity.surface import Flat, Surface
 
 Array = npt.NDArray[np.float64]
@@ -35,7 +35,7 @@ def here() -> Any:
 
 def test_rule_integrates_areas_and_heights(coarse: BlockMesh, rough: Surface) -> None:
     """Splitting a facet changes no integral of the second-order height."""
-    top = make_press(here(), rough, coarse, ELASTIC).top
+    top = make_contact_solver(here(), rough, coarse, ELASTIC).contact_surface
     integrals = []
     for degree, splits in ((2, 0), (4, 0), (3, 2)):
         rule = FacetRule(top, degree, splits)
@@ -52,9 +52,9 @@ def test_variants_agree_under_refinement(cap: Surface) -> None:
         block = build_block(cap, 1.0, SizeField.of(cap, a**2 / 10.0, size, h_max=0.5).at)
         forces = []
         for formulation in (EXACT, *VARIANTS):
-            press = make_press(here(), cap, block, ELASTIC, formulation=formulation)
-            assert press.attempt(a**2 / 10.0).converged
-            forces.append(press.force)
+            solver = make_contact_solver(here(), cap, block, ELASTIC, formulation=formulation)
+            assert solver.step(a**2 / 10.0).converged
+            forces.append(solver.force)
         gaps.append(np.max(np.abs(np.array(forces[1:]) / forces[0] - 1.0)))
     assert gaps[0] < 0.01
     assert gaps[1] < gaps[0] / 2.0
@@ -65,18 +65,18 @@ def test_area_and_pressure_of_hertz(cap: Surface, formulation: Formulation) -> N
     """Those that belong to the force: area within its error, pressure smooth up to near the edge."""
     a = 0.05
     size = MeshSize(a / 4, growth=0.5, h_max=0.5)
-    press = solve_contact(
+    solver = solve_contact(
         cap, ELASTIC, delta_max=a**2 / 10.0, steps=1, size=size, formulation=formulation, comm=here()
-    ).press
+    ).solver
     hertz = ref.Hertz(10.0, ELASTIC.reduced_modulus)
-    delta = float(hertz.deflection(4.0 * press.force))
+    delta = float(hertz.deflection(4.0 * solver.force))
     radius, peak = float(hertz.radius(delta)), float(hertz.peak_pressure(delta))
-    area = press.contact.area()
+    area = solver.contact.area()
     assert abs(area.value - 0.25 * np.pi * radius**2) < area.error
     assert area.error < 0.2 * area.value
-    pressure, _ = press.top_state()
-    corners = np.unique(press.top.nodes[:, :3])
-    r = np.hypot(*press.solid.points[corners, :2].T)
+    pressure = solver.pressure
+    corners = np.unique(solver.contact_surface.nodes[:, :3])
+    r = np.hypot(*solver.solid.points[corners, :2].T)
     inside = r < 0.8 * radius
     assert inside.sum() > 10
     deviation = pressure[corners][inside] - hertz.pressure(r[inside], delta)
@@ -87,12 +87,12 @@ def test_facets_carry_the_history_of_the_bulk() -> None:
     """Uniform compression beyond yield, partly unloaded: one plastic strain everywhere, at the facets too."""
     surface = Flat(L=1.0)
     block = build_block(surface, 1.0, lambda x, y, depth: 1.0)
-    press = make_press(here(), surface, block, PLASTIC, formulation=VARIANTS[0])
-    contact = press.contact
+    solver = make_contact_solver(here(), surface, block, PLASTIC, formulation=VARIANTS[0])
+    contact = solver.contact
     assert isinstance(contact, PressureContact)
     for delta in (0.01, 0.02, 0.018, 0.025):
-        assert press.attempt(delta).converged
-        for facet, bulk in zip(contact.history(), press.solid.bulk.history(), strict=True):
+        assert solver.step(delta).converged
+        for facet, bulk in zip(contact.history(), solver.solid.bulk.history(), strict=True):
             expected = bulk.reshape(-1, *bulk.shape[2:])[0]
             np.testing.assert_allclose(facet, np.broadcast_to(expected, facet.shape), atol=1e-12)
     assert contact.history()[1].min() > 0.0
@@ -100,45 +100,45 @@ def test_facets_carry_the_history_of_the_bulk() -> None:
 
 def test_failed_attempt_leaves_the_history(rough: Surface, coarse: BlockMesh) -> None:
     """A trial writes no committed history, a step commits that of its facets."""
-    press = make_press(here(), rough, coarse, PLASTIC, formulation=VARIANTS[0])
-    contact = press.contact
+    solver = make_contact_solver(here(), rough, coarse, PLASTIC, formulation=VARIANTS[0])
+    contact = solver.contact
     assert isinstance(contact, PressureContact)
-    assert press.trial(0.01).converged
+    assert solver.solve(0.01).converged
     assert not contact.history()[1].any()
-    assert press.attempt(0.01).converged
+    assert solver.step(0.01).converged
     assert contact.history()[1].any()
 
 
 def test_theta_needs_an_elastic_solid(rough: Surface, coarse: BlockMesh) -> None:
     with pytest.raises(InputError, match="elastic"):
-        make_press(here(), rough, coarse, PLASTIC, formulation=VARIANTS[1])
+        make_contact_solver(here(), rough, coarse, PLASTIC, formulation=VARIANTS[1])
 
 
 def test_indefinite_system_is_a_failed_step(rough: Surface, coarse: BlockMesh) -> None:
     """The symmetric variant far below its trace constant does not converge, and the state is as before."""
     formulation = Formulation("nitsche", gamma=0.01, theta=1)
-    press = make_press(here(), rough, coarse, ELASTIC, formulation=formulation)
-    assert not press.attempt(0.01).converged
-    assert not press.solid.u.x.array.any()
-    assert press.force == 0.0
+    solver = make_contact_solver(here(), rough, coarse, ELASTIC, formulation=formulation)
+    assert not solver.step(0.01).converged
+    assert not solver.solid.u.x.array.any()
+    assert solver.force == 0.0
 
 
 def test_active_set_solves_the_variational_inequality(wave: Surface, coarse_wave: BlockMesh) -> None:
     """PETSc's reduced-space semismooth Newton method on the nodal bounds gives the same displacement."""
     from petsc4py import PETSc
 
-    press = make_press(here(), wave, coarse_wave, ELASTIC)
-    assert press.attempt(0.012).converged
-    expected = press.solid.u.x.array.copy()
-    solid = make_press(here(), wave, coarse_wave, ELASTIC).solid
+    solver = make_contact_solver(here(), wave, coarse_wave, ELASTIC)
+    assert solver.step(0.012).converged
+    expected = solver.solid.u.x.array.copy()
+    solid = make_contact_solver(here(), wave, coarse_wave, ELASTIC).solid
     solid.assemble_tangent()
     A = assembled(solid)
     A.zeroRowsColumns(solid.fixed, diag=1.0)
     upper, lower = A.createVecRight(), A.createVecRight()
     upper.set(PETSc.INFINITY)
     lower.set(PETSc.NINFINITY)
-    nodes = Top(solid).owned_nodes
-    upper.array[3 * nodes + 2] = press.summit - 0.012 - solid.points[nodes, 2]
+    nodes = ContactSurface(solid).owned_nodes
+    upper.array[3 * nodes + 2] = solver.summit - 0.012 - solid.points[nodes, 2]
     snes = PETSc.SNES().create(here())
     snes.setType("vinewtonrsls")
     snes.setFunction(lambda _, x, r: A.mult(x, r), A.createVecLeft())

@@ -16,8 +16,9 @@ from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block, on_root
 from asperity.model.material import Material
 from asperity.output.fields import gather_states
+from asperity.quasistatic import measures
 from asperity.quasistatic.newton import SolverOptions
-from asperity.quasistatic.solve_contact import ContactResult, Formulation, MeshSize, make_press, solve_contact
+from asperity.quasistatic.solve_contact import ContactResult, Formulation, MeshSize, make_contact_solver, solve_contact
 from asperity.run_case import run
 from asperity.surface import Sinusoid, Surface
 
@@ -96,18 +97,18 @@ def test_ranks_without_top_facets(method: str) -> None:
     alone, together = comms()
     block = on_root(together, lambda: build_block(surface, 6.0, lambda x, y, depth: 0.5))
     one, all_ = (
-        make_press(comm, surface, given, PLASTIC, formulation=Formulation(method))
+        make_contact_solver(comm, surface, given, PLASTIC, formulation=Formulation(method))
         for comm, given in ((alone, together.bcast(block)), (together, block))
     )
-    facets = together.allgather(len(all_.top.nodes))
-    assert sum(facets) == len(one.top.nodes)
+    facets = together.allgather(len(all_.contact_surface.nodes))
+    assert sum(facets) == len(one.contact_surface.nodes)
     if together.size > 1:
         assert min(facets) == 0
     for delta in (0.01, 0.03):
-        for press in (one, all_):
-            assert press.attempt(delta).converged
+        for solver in (one, all_):
+            assert solver.step(delta).converged
         assert all_.force == pytest.approx(one.force, rel=1e-8)
-    assert all_.row() == pytest.approx(one.row(), rel=1e-6)
+    assert measures.row(all_) == pytest.approx(measures.row(one), rel=1e-6)
 
 
 def test_force_control_does_not_depend_on_the_ranks(rough: Surface, coarse: BlockMesh | None) -> None:

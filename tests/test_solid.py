@@ -10,7 +10,7 @@ import pytest
 from scipy import sparse
 
 from asperity import reference as ref
-from asperity.contact.contact_surface import Top
+from asperity.contact.contact_surface import ContactSurface
 from asperity.errors import InputError
 from asperity.fem.solid import Solid
 from asperity.fem.sparsity import assembled, set_rigid_modes
@@ -21,8 +21,9 @@ from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block, distribute, on_root
 from asperity.model.load_path import MIDPOINT, Schedule
 from asperity.model.material import Material
-from asperity.quasistatic.contact_solver import Press
-from asperity.quasistatic.solve_contact import make_press
+from asperity.quasistatic import measures
+from asperity.quasistatic.contact_solver import ContactSolver
+from asperity.quasistatic.solve_contact import make_contact_solver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.surface import Flat, Sinusoid, Surface
 
@@ -58,10 +59,10 @@ def matrix_of(solid: Solid) -> Any:
     return assembled(solid)
 
 
-def press_of(height: float, material: Material, sides: str = "rollers", kernels: str = "compiled") -> Press:
+def press_of(height: float, material: Material, sides: str = "rollers", kernels: str = "compiled") -> ContactSolver:
     surface = Flat(L=1.0)
     block = block_of(world(), surface, height, 0.6)
-    return make_press(world(), surface, block, material, sides=sides, kernels=kernels)
+    return make_contact_solver(world(), surface, block, material, sides=sides, kernels=kernels)
 
 
 def same_everywhere(comm: Any, values: Array, expected: float, tolerance: float) -> None:
@@ -79,22 +80,22 @@ def test_patch_test(sides: str, height: float) -> None:
     """Uniform compression; free sides without Poisson's ratio, for the base is clamped in its plane too."""
     nu = NU if sides == "rollers" else 0.0
     material = Material(200e9, nu)
-    press = press_of(height, material, sides)
+    solver = press_of(height, material, sides)
     delta = 0.01
-    assert press.attempt(delta).converged
-    mean = press.force * material.E / material.reduced_modulus  # A_0 = 1, forces in units of E
+    assert solver.step(delta).converged
+    mean = solver.force * material.E / material.reduced_modulus  # A_0 = 1, forces in units of E
     assert mean == pytest.approx(delta * ref.patch_test_slope(nu, height, sides), rel=1e-12)  # type: ignore[arg-type]
-    pressure, gap = press.top_state()
-    corners = press.top.nodes[:, :3]
-    same_everywhere(world(), pressure[corners], press.force, 1e-10)
-    assert world().allreduce(float(np.max(np.abs(gap[press.top.nodes]), initial=0.0))) < 1e-14
-    assert press.row()["area_fraction"] == pytest.approx(1.0, rel=1e-12)
-    stress = press.solid.bulk.stress(press.solid.u.x.array.reshape(-1, 3))
-    same_everywhere(world(), stress[..., 2], -press.force, 1e-10)
-    lateral = -press.force * (nu / (1 - nu) if sides == "rollers" else 0.0)
-    same_everywhere(world(), stress[..., :2] - lateral + press.force, press.force, 1e-10)
-    same_everywhere(world(), stress[..., 3:] + press.force, press.force, 1e-10)
-    assert press.checks.force_balance < 1e-10
+    pressure, gap = solver.pressure, solver.gap()
+    corners = solver.contact_surface.nodes[:, :3]
+    same_everywhere(world(), pressure[corners], solver.force, 1e-10)
+    assert world().allreduce(float(np.max(np.abs(gap[solver.contact_surface.nodes]), initial=0.0))) < 1e-14
+    assert measures.row(solver)["area_fraction"] == pytest.approx(1.0, rel=1e-12)
+    stress = solver.solid.bulk.stress(solver.solid.u.x.array.reshape(-1, 3))
+    same_everywhere(world(), stress[..., 2], -solver.force, 1e-10)
+    lateral = -solver.force * (nu / (1 - nu) if sides == "rollers" else 0.0)
+    same_everywhere(world(), stress[..., :2] - lateral + solver.force, solver.force, 1e-10)
+    same_everywhere(world(), stress[..., 3:] + solver.force, solver.force, 1e-10)
+    assert solver.checks.force_balance < 1e-10
 
 
 @pytest.mark.parametrize("kernels", ["compiled", "ufl"])
@@ -102,14 +103,14 @@ def test_patch_test(sides: str, height: float) -> None:
 def test_plastic_patch_test(kernels: str, E_t: float) -> None:
     """Confined compression beyond yield, a release and a reload through the whole solver."""
     Y, height = 0.005, 0.8
-    press = press_of(height, Material(1.0, NU, Y, E_t), kernels=kernels)
+    solver = press_of(height, Material(1.0, NU, Y, E_t), kernels=kernels)
     path = np.array([0.002, 0.006, 0.012, 0.016, 0.0155, 0.02])
     stress, _, alpha = ref.confined_stress(-path / height, 1.0, NU, Y, E_t)
     for delta, sigma, strain in zip(path, stress, alpha, strict=True):
-        assert press.attempt(delta).converged
-        assert press.force == pytest.approx(-sigma, rel=1e-10)
-        assert press.row()["max_plastic_strain"] == pytest.approx(strain, rel=1e-10, abs=1e-15)
-    assert press.row()["plastic_fraction"] == pytest.approx(1.0)
+        assert solver.step(delta).converged
+        assert solver.force == pytest.approx(-sigma, rel=1e-10)
+        assert measures.row(solver)["max_plastic_strain"] == pytest.approx(strain, rel=1e-10, abs=1e-15)
+    assert measures.row(solver)["plastic_fraction"] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("E_t", [0.05, 0.0])
@@ -127,10 +128,10 @@ def test_midpoint_rows_tell_the_flow_at_their_deflection(E_t: float) -> None:
 
 
 def test_a_clamped_base_makes_free_sides_stiffer_than_a_bar_and_softer_than_rollers() -> None:
-    press = press_of(1.0, ELASTIC, "free")
-    assert press.attempt(0.01).converged
+    solver = press_of(1.0, ELASTIC, "free")
+    assert solver.step(0.01).converged
     bar, confined = ref.block_modulus(1.0, NU, "free"), ref.block_modulus(1.0, NU, "rollers")
-    assert 1.01 * bar < press.force / 0.01 < 0.95 * confined
+    assert 1.01 * bar < solver.force / 0.01 < 0.95 * confined
 
 
 # --- equilibrium and matrix -----------------------------------------------------------------------------------
@@ -385,7 +386,7 @@ def test_displacement_converges_with_order_three_and_strain_with_two(surface: Su
 @pytest.mark.mpi
 def test_pressure_from_nodal_forces(coarse: BlockMesh | None) -> None:
     """A uniform pressure is found exactly; any other keeps its total force."""
-    top = Top(solid_of(world(), coarse))
+    top = ContactSurface(solid_of(world(), coarse))
     x, corners = top.solid.points, np.unique(top.nodes[:, :3])
     uniform = top.pressure(consistent_load(top, np.ones(len(x))))
     assert world().allreduce(float(np.abs(uniform[corners] - 1.0).max(initial=0.0))) < 1e-12
@@ -403,7 +404,7 @@ def _max() -> Any:
     return MPI.MAX
 
 
-def consistent_load(top: Top, pressure: Array) -> Array:
+def consistent_load(top: ContactSurface, pressure: Array) -> Array:
     """Nodal forces (nodes,) of a pressure that is quadratic on each facet."""
     import ufl
     from dolfinx import fem, la

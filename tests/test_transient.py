@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,9 +16,9 @@ from asperity.errors import ConvergenceError, InputError
 from asperity.mesh.generate import build_block, on_root
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
-from asperity.quasistatic.contact_solver import Press
+from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.newton import SolverOptions
-from asperity.quasistatic.solve_contact import make_press
+from asperity.quasistatic.solve_contact import make_contact_solver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.surface import Flat, Sinusoid, Surface
 from asperity.transient import Motion, Scheme, Transient, consistent_mass
@@ -27,12 +28,12 @@ Array = npt.NDArray[np.float64]
 NU = 0.3
 
 
-def press_on(surface: Surface, size: float, material: Material | None = None) -> Press:
+def press_on(surface: Surface, size: float, material: Material | None = None) -> ContactSolver:
     from mpi4py import MPI
 
     comm = MPI.COMM_WORLD
     block = on_root(comm, lambda: build_block(surface, 1.0, lambda x, y, depth: size))
-    return make_press(comm, surface, block, material or Material(1.0, NU))
+    return make_contact_solver(comm, surface, block, material or Material(1.0, NU))
 
 
 # --- the scheme on a single mass ---------------------------------------------------------------------------------
@@ -73,13 +74,13 @@ def test_scheme_hardly_damps_what_it_resolves() -> None:
 def test_bad_input_is_refused() -> None:
     with pytest.raises(InputError, match="rho_inf"):
         Scheme(1.2)
-    press = press_on(Flat(L=1.0), 0.6)
+    solver = press_on(Flat(L=1.0), 0.6)
     for name, value in (("density", 0.0), ("mass", -1.0), ("load", np.nan), ("dashpot", -0.1)):
         values: dict[str, Any] = {"density": 1.0, "mass": 1.0, "load": 1.0, name: value}
         with pytest.raises(InputError, match=name):
-            Transient(press, **values)
+            Transient(solver, **values)
     with pytest.raises(InputError, match="h = 0"):
-        Transient(press, density=1.0, mass=1.0, load=1.0).run(1.0, 0.0)
+        Transient(solver, density=1.0, mass=1.0, load=1.0).run(1.0, 0.0)
 
 
 # --- a bar with a mass on top, in closed form --------------------------------------------------------------------
@@ -99,18 +100,20 @@ def bar(steps: int, ratio: float = 0.5, periods: float = 2.0) -> tuple[float, fl
 
     The mode is sin(b z) with b tan(b) = mass of the block/mass, and omega = b sqrt(M/rho) for a unit cube.
     """
-    press = press_on(Flat(L=1.0), 0.6)
-    assert press.attempt(0.01).converged
-    load, modulus = press.force, ref.block_modulus(1.0, NU)
+    solver = press_on(Flat(L=1.0), 0.6)
+    assert solver.step(0.01).converged
+    load, modulus = solver.force, ref.block_modulus(1.0, NU)
     b = brentq(lambda x: x * np.tan(x) - ratio, 1e-6, 1.5)
     omega = b * np.sqrt(modulus / ratio)
-    z = press.solid.points[: press.solid.owned, 2]
-    shape = np.zeros((press.solid.owned, 3))
+    z = solver.solid.points[: solver.solid.owned, 2]
+    shape = np.zeros((solver.solid.owned, 3))
     shape[:, 2] = -np.sin(b * z) / np.sin(b)
     a = 1e-3
-    numbers = {**press.numbers(), "delta": press.delta + a, "before": None}
-    press.resume(numbers, {"last": press.displacements()["last"] + a * shape}, press.touched_at())
-    transient = Transient(press, density=ratio, mass=1.0, load=load)
+    at = solver.state()
+    solver.restore(
+        replace(at, delta=at.delta + a, displacement=at.displacement + a * shape, before=None, previous=None)
+    )
+    transient = Transient(solver, density=ratio, mass=1.0, load=load)
     transient.start(shape=shape)
     period = 2.0 * np.pi / omega
     history = transient.run(periods * period, period / steps)
@@ -140,9 +143,9 @@ corners = pytest.mark.filterwarnings("ignore:the points scatter")
 def bump() -> tuple[Surface, TableLaw]:
     """A cosine bump and the law of its contact on the mesh of the tests, in units of L and E L^2."""
     surface = Sinusoid(L=1.0, amplitude=0.05, wavelength=1.0)
-    press = press_on(surface, 0.35)
-    record = Record(1.0, 1.0, press.solid.material.reduced_modulus)
-    follow(press, Schedule(delta_max=0.06, steps=60), record)
+    solver = press_on(surface, 0.35)
+    record = Record(1.0, 1.0, solver.solid.material.reduced_modulus)
+    follow(solver, Schedule(delta_max=0.06, steps=60), record)
     return surface, TableLaw.from_curve(record.curve())
 
 
@@ -151,12 +154,12 @@ def released(bump: tuple[Surface, TableLaw], u: float, density: float, rho_inf: 
     surface, law = bump
     oscillator = ContactOscillator(law, load=float(law.force(0.035)), zeta=0.02)
     r = oscillator.restoring
-    press = press_on(surface, 0.35)
+    solver = press_on(surface, 0.35)
     for delta in np.linspace(0.0, r.z_s * (1.0 + u), 9)[1:]:
-        assert press.attempt(float(delta)).converged
+        assert solver.step(float(delta)).converged
     mass = r.scale / r.z_s
     transient = Transient(
-        press, density=density, mass=mass, load=r.load, dashpot=2.0 * 0.02 * mass, scheme=Scheme(rho_inf)
+        solver, density=density, mass=mass, load=r.load, dashpot=2.0 * 0.02 * mass, scheme=Scheme(rho_inf)
     )
     return transient, oscillator
 
@@ -205,15 +208,15 @@ def test_plate_that_leaves_the_block_flies_freely(bump: tuple[Surface, TableLaw]
 def test_plastic_block_dissipates_and_balances(bump: tuple[Surface, TableLaw]) -> None:
     """Dropped on virgin asperities the plate loses energy to plastic flow, and the books still balance."""
     surface = bump[0]
-    press = press_on(surface, 0.35, Material(1.0, NU, 0.02, 0.05))
-    assert press.attempt(0.01).converged
-    transient = Transient(press, density=1e-4, mass=1.0, load=3.0 * press.force)
+    solver = press_on(surface, 0.35, Material(1.0, NU, 0.02, 0.05))
+    assert solver.step(0.01).converged
+    transient = Transient(solver, density=1e-4, mass=1.0, load=3.0 * solver.force)
     history = transient.run(6.0, 0.05)
     drift = history.energy - history.supplied
     supplied = np.ptp(history.supplied)
     assert history.approach.max() > 0.015
     assert abs(drift[-1] - drift[0]) < 0.02 * supplied
-    assert history.approach[-20:].min() > press.delta  # it does not come back to where it was let go
+    assert history.approach[-20:].min() > solver.delta  # it does not come back to where it was let go
 
 
 @corners
@@ -229,13 +232,13 @@ def test_a_step_that_fails_is_halved(bump: tuple[Surface, TableLaw], monkeypatch
     monkeypatch.setattr(transient, "step", fussy)
     history = transient.run(0.4, 0.1)
     assert history.time == pytest.approx([0.0, 0.1, 0.2, 0.3, 0.4], abs=1e-12)
-    assert transient.press.counts.cutbacks == 8
+    assert transient.solver.counts.cutbacks == 8
     assert np.all(np.diff(history.approach) < 0.0)
 
 
 @corners
 def test_a_step_too_long_says_so(bump: tuple[Surface, TableLaw]) -> None:
     transient, _ = released(bump, 0.4, density=1e-3)
-    transient.press.newton.options = SolverOptions(newton_max=0)
+    transient.solver.newton.options = SolverOptions(newton_max=0)
     with pytest.raises(ConvergenceError, match="smaller time step"):
         transient.run(1.0, 0.5)

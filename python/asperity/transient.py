@@ -27,9 +27,9 @@ import numpy as np
 from asperity import _solver
 from asperity.errors import ConvergenceError, InputError
 from asperity.fem.compiled_kernels import shape_gradients
+from asperity.fem.energies import energies
 from asperity.fem.solid import Bulk, Floats, Solid
-from asperity.quasistatic.balance import energies
-from asperity.quasistatic.contact_solver import Press
+from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.runtime import compat
 
 MASS_DEGREE = 6  # of the quadrature of the consistent mass: second-order shapes squared, on curved cells
@@ -215,7 +215,7 @@ class Transient:
     the part of P in that equation is (omega h)^2/4, with omega the frequency of the mass on the contact.
 
     Args:
-        press: in equilibrium, at the position the plate is let go
+        solver: in equilibrium, at the position the plate is let go
         density: of the block [E T^2/L^2]
         mass: of the plate [E L T^2]
         load: W [E L^2]
@@ -232,7 +232,7 @@ class Transient:
 
     def __init__(
         self,
-        press: Press,
+        solver: ContactSolver,
         *,
         density: float,
         mass: float,
@@ -245,13 +245,13 @@ class Transient:
                 raise InputError(f"{name} = {value!r} must be finite and positive")
         if not (np.isfinite(dashpot) and dashpot >= 0.0):
             raise InputError(f"dashpot = {dashpot!r} must be finite and at least 0")
-        self.press, self.mass, self.load, self.dashpot = press, mass, load, dashpot
+        self.solver, self.mass, self.load, self.dashpot = solver, mass, load, dashpot
         self.scheme = scheme or Scheme()
-        solid = press.solid
+        solid = solver.solid
         self.bulk = InertialBulk(solid.bulk, solid, density)
         solid.bulk = self.bulk
         self.time = 0.0
-        self._force = self._before = press.force
+        self._force = self._before = solver.force
         self._slope = 0.0
         self.start()
 
@@ -265,13 +265,13 @@ class Transient:
             velocity: of the plate [L/T]
             shape: displacement of the owned nodes per unit approach (owned, 3); default that of the last static step
         """
-        press, solid = self.press, self.press.solid
-        displacements = press.displacements()
-        x = displacements["last"]
+        solver, solid = self.solver, self.solver.solid
+        last = solver.state()
+        x = last.displacement
         if shape is None:
-            before = press.numbers()["before"]
-            step = 0.0 if before is None else press.delta - before
-            shape = (x - displacements["previous"]) / step if step else np.zeros_like(x)
+            step = 0.0 if last.before is None else solver.delta - last.before
+            moved = np.zeros_like(x) if last.previous is None else x - last.previous
+            shape = np.asarray(moved / (step or np.inf))
         solid.u.x.array[: 3 * solid.owned] = x.ravel()
         solid.u.x.scatter_forward()
         self.bulk.shift = 0.0
@@ -279,7 +279,7 @@ class Transient:
         self.added_mass = 2.0 * self._kinetic(shape)
         w = (self.load - self.dashpot * velocity - resisting) / (self.mass + self.added_mass)
         self.block = Motion(x, shape * velocity, shape * w, shape * w)
-        self.plate = Motion(press.delta, velocity, w, w)
+        self.plate = Motion(solver.delta, velocity, w, w)
 
     def run(self, duration: float, h: float, forcing: Callable[[float], float] | None = None) -> History:
         """Integrate on with steps `h`; may be called again to go on; collective.
@@ -296,7 +296,7 @@ class Transient:
         if not (h > 0.0 and duration > 0.0):
             raise InputError(f"duration = {duration!r} and h = {h!r} must be positive")
         push = forcing or (lambda t: 0.0)
-        newton = self.press.counts.newton
+        newton = self.solver.counts.newton
         rows = [self._row(self._energy(), self._energy())]
         for _ in range(int(np.ceil(duration / h * (1.0 - 1e-12)))):
             old, was = self.plate, push(self.time)
@@ -306,7 +306,7 @@ class Transient:
             work -= 0.5 * h * self.dashpot * (old.v**2 + self.plate.v**2)
             rows.append(self._row(self._energy(), rows[-1][5] + work))
         time, approach, velocity, force, energy, supplied = np.array(rows).T
-        return History(time, approach, velocity, force, energy, supplied, self.press.counts.newton - newton)
+        return History(time, approach, velocity, force, energy, supplied, self.solver.counts.newton - newton)
 
     def _advance(self, h: float, push: Callable[[float], float], end: float) -> None:
         """Go on to the time `end` by steps of `h`, halved where one does not converge."""
@@ -315,16 +315,16 @@ class Transient:
             try:
                 self.step(h, push(self.time + h))
             except ConvergenceError:
-                self.press.counts.cutbacks += 1
+                self.solver.counts.cutbacks += 1
                 if h <= smallest:
                     raise
                 h *= 0.5
 
     def step(self, h: float, push: float) -> None:
         """One step `h`, at whose end the forcing is `push` [E L^2]."""
-        press, scheme = self.press, self.scheme
+        solver, scheme = self.solver, self.scheme
         anchor, self.bulk.shift = self.block.anchor(scheme, h)
-        self.bulk.anchor = press.solid.with_ghosts(anchor.ravel())
+        self.bulk.anchor = solver.solid.with_ghosts(anchor.ravel())
         beta, gamma = scheme.newmark
         q_anchor, c = self.plate.anchor(scheme, h)
         drive = self.load + push
@@ -339,13 +339,13 @@ class Transient:
         guess = self.block.x + h * self.block.v
         tried: tuple[float, float] | None = None
         for _ in range(PLATE_ITERATIONS):
-            press.contact.begin(press.summit - q)
-            stats = press.newton.solve(guess, max(abs(q - self.plate.x), 1e-6))
-            press.counts.newton += stats.newton
-            press.counts.krylov += stats.krylov
+            solver.contact.begin(solver.summit - q)
+            stats = solver.newton.solve(guess, max(abs(q - self.plate.x), 1e-6))
+            solver.counts.newton += stats.newton
+            solver.counts.krylov += stats.krylov
             if not stats.converged:
                 break
-            force, guess = press.trial_force(), press.newton.x.array_r.reshape(-1, 3).copy()
+            force, guess = solver.solved_force(), solver.newton.x.array_r.reshape(-1, 3).copy()
             unbalanced = balance(q) + force
             if abs(unbalanced) <= PLATE_TOLERANCE * self.load:
                 self._accept(q, guess, force, h)
@@ -361,15 +361,15 @@ class Transient:
 
     def _accept(self, q: float, u: Floats, force: float, h: float) -> None:
         self.plate, self.block = self.plate.at(q, self.scheme, h), self.block.at(u, self.scheme, h)
-        held = self.press.newton.rows  # they move with the plate from the moment they touch it
+        held = self.solver.newton.rows  # they move with the plate from the moment they touch it
         for of_block, of_plate in (
             (self.block.v, self.plate.v),
             (self.block.w, self.plate.w),
             (self.block.a, self.plate.a),
         ):
             of_block.reshape(-1)[held] = -of_plate
-        self.press.solid.bulk.commit()
-        self.press.contact.commit()
+        self.solver.solid.bulk.commit()
+        self.solver.contact.commit()
         self._before, self._force = self._force, force
         self.time += h
 
@@ -378,12 +378,12 @@ class Transient:
 
     def _kinetic(self, v: Floats) -> float:
         """Kinetic energy of the block at velocities of the owned nodes (owned, 3) [E L^3]."""
-        full = self.press.solid.with_ghosts(v.ravel())
-        return 0.5 * float(self.press.solid.comm.allreduce(np.vdot(full, self.bulk.mass @ full)))
+        full = self.solver.solid.with_ghosts(v.ravel())
+        return 0.5 * float(self.solver.solid.comm.allreduce(np.vdot(full, self.bulk.mass @ full)))
 
     def _energy(self) -> float:
         """Kinetic, stored and dissipated energy of plate and block [E L^3]."""
-        solid = self.press.solid
+        solid = self.solver.solid
         shift, self.bulk.shift = self.bulk.shift, 0.0
         stored, dissipated = energies(solid, solid.internal_force())
         self.bulk.shift = shift

@@ -101,7 +101,7 @@ class Runner:
     def aim(self, guide: ContactResult) -> None:
         """Make the meshes from here on for what the guide touched."""
         L = self._surface.L
-        xy, touched_at = guide.press.reach()
+        xy, touched_at = guide.first_contact.gather(guide.solver)
         self._reach = Reach(xy * L, touched_at * L) if len(xy) else None  # on rank 0, where meshes are made
         self._depth = float(guide.curve.loading().delta[-1])
         self._made, self._guide = None, guide

@@ -239,7 +239,7 @@ def solve_to_tolerance(
             if isinstance(e, PartialResult):
                 failed = (
                     f"on the next mesh, of {e.result.dofs} dofs, no step converges beyond delta/L = "
-                    f"{e.result.press.delta:.6g}, use more loading.steps"
+                    f"{e.result.solver.delta:.6g}, use more loading.steps"
                 )
             return replace(found, met=False, reason=f"{known}: {failed}")
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from asperity.contact.contact_surface import Top
+from asperity.contact.contact_surface import ContactSurface
 from asperity.contact.interface import Area, Rows
 from asperity.fem.solid import Floats, Solid
 
@@ -22,7 +22,7 @@ class ActiveSet:
     symmetric = True
     stiff = False  # active dofs are prescribed by the solver
 
-    def __init__(self, solid: Solid, top: Top) -> None:
+    def __init__(self, solid: Solid, top: ContactSurface) -> None:
         self._solid, self._top = solid, top
         self._nodes = top.owned_nodes
         self._height = solid.points[self._nodes, 2]

@@ -32,7 +32,7 @@ class FacetRule:
         height: of the surface at the points (F, Q) [length]
     """
 
-    def __init__(self, top: Top, degree: int, splits: int = 0) -> None:
+    def __init__(self, top: ContactSurface, degree: int, splits: int = 0) -> None:
         points, weights = _triangle_rule(degree, splits)
         solid = top.solid
         tables = [_tabulate(k, points) for k in range(4)]
@@ -50,7 +50,7 @@ class FacetRule:
         return values @ self._of_nodes.T
 
 
-class Top:
+class ContactSurface:
     """Facets of the top that belong to cells of this process.
 
     All areas are projected on the plane of the flat, so a pressure is the force on the flat per area of the flat.

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from asperity import _solver
-from asperity.contact.contact_surface import FACET_DEGREE, FacetRule, Top
+from asperity.contact.contact_surface import FACET_DEGREE, ContactSurface, FacetRule
 from asperity.contact.interface import Area, Rows
 from asperity.errors import InputError
 from asperity.fem.solid import Floats, Solid
@@ -43,7 +43,7 @@ class PressureContact:
     def __init__(
         self,
         solid: Solid,
-        top: Top,
+        top: ContactSurface,
         factor: float,
         *,
         traction: bool,

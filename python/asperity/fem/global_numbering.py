@@ -10,7 +10,7 @@ import numpy.typing as npt
 from asperity.runtime import compat
 
 if TYPE_CHECKING:
-    from asperity.contact.contact_surface import Top
+    from asperity.contact.contact_surface import ContactSurface
     from asperity.fem.solid import Solid
 
 Array = npt.NDArray[Any]
@@ -30,7 +30,7 @@ def cell_numbers(solid: Solid) -> npt.NDArray[np.int64]:
     return np.asarray(solid.mesh.topology.original_cell_index)[: len(solid.cell_nodes)]
 
 
-def facet_numbers(top: Top) -> npt.NDArray[np.int64]:
+def facet_numbers(top: ContactSurface) -> npt.NDArray[np.int64]:
     """Number of each facet of the top in the built mesh: four times its cell and its place in it (F,)."""
     return 4 * cell_numbers(top.solid)[top.cells] + top.local
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from asperity.contact.contact_surface import Top
+from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.global_numbering import cell_numbers, collect, node_numbers
 from asperity.mesh.block import BlockMesh, outer_faces
-from asperity.quasistatic.contact_solver import Snapshot
+from asperity.quasistatic.measures import Snapshot
 from asperity.quasistatic.solve_contact import ContactResult
 
 Array = npt.NDArray[Any]
@@ -53,13 +53,13 @@ def gather_states(result: ContactResult, side: float, E: float) -> list[State]:
         side: L [length]
         E: elastic modulus, the solver's unit of stress [force/length^2]
     """
-    solid = result.press.solid
+    solid = result.solver.solid
     owned = slice(0, solid.owned)
     nodes, cells = node_numbers(solid)[owned], cell_numbers(solid)
     states = []
     for s in result.snapshots:
         u = collect(solid.comm, nodes, s.displacement[owned] * side)
-        p = collect(solid.comm, nodes, _on_edges(result.press.top, s)[owned] * E)
+        p = collect(solid.comm, nodes, _on_edges(result.solver.contact_surface, s)[owned] * E)
         gap = collect(solid.comm, nodes, s.gap[owned] * side)
         stress = collect(solid.comm, cells, s.stress * E)
         alpha = None
@@ -71,7 +71,7 @@ def gather_states(result: ContactResult, side: float, E: float) -> list[State]:
     return states
 
 
-def _on_edges(top: Top, snapshot: Snapshot) -> Array:
+def _on_edges(top: ContactSurface, snapshot: Snapshot) -> Array:
     """Pressure with the mean of the corners on the edge nodes of the top; corners opposite to edge k are k."""
     p = snapshot.pressure.copy()
     corners = p[top.nodes[:, :3]]

@@ -11,16 +11,10 @@ With isotropic hardening the dissipated energy sigma_0 a + H a^2/2 follows from 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from math import sqrt
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
-
-if TYPE_CHECKING:
-    from asperity.fem.solid import Floats, Solid
-    from asperity.quasistatic.contact_solver import Press
+from collections.abc import Callable, Mapping
+from dataclasses import astuple, dataclass, field
+from math import isfinite, sqrt
+from typing import Any
 
 # Limits, unless the tolerance of the equations is larger
 SUCTION = 1e-6  # greatest tension over greatest pressure
@@ -79,65 +73,95 @@ class Checks:
 
 
 @dataclass(frozen=True)
-class Before:
-    """What the audit of a step needs of the state before it: deflection, force on the flat, displacement and internal
-    force of the owned nodes (owned, 3), history of the bulk."""
+class StepBalance:
+    """Numbers of an accepted step, summed or the greatest over all ranks; lengths in L, stresses in E.
+
+    Attributes:
+        delta, delta_before: approach at the end and at the beginning of the step
+        force, force_before: of the flat
+        reaction: of the base
+        stored: elastic energy at the end
+        dissipated: plastic work so far
+        plastic_work: of the step, sum sigma : d eps_p
+        sinking: force times penetration of a compliant contact
+        work_low, work_high: work of the internal force at the beginning and at the end of the step along it
+        penetration: greatest, of a node into the flat
+        suction: greatest tension
+        pressure: greatest
+        strain_decrease: greatest decrease of the accumulated plastic strain, negative when there is none
+    """
 
     delta: float
+    delta_before: float
     force: float
-    displacement: Floats
-    internal: Floats
-    plastic_strain: Floats
-    accumulated: Floats
+    force_before: float
+    reaction: float
+    stored: float
+    dissipated: float
+    plastic_work: float
+    sinking: float
+    work_low: float
+    work_high: float
+    penetration: float
+    suction: float
+    pressure: float
+    strain_decrease: float
 
 
-def audit(press: Press, before: Before, base: float, exact: bool = True) -> None:
-    """Check a step just accepted and update `press.checks`; collective.
+def audit(checks: Checks, step: StepBalance, *, dofs: int, rtol: float, compliant: bool, exact: bool) -> None:
+    """Judge an accepted step and update `checks`.
 
     Args:
-        press: after the step
-        before: from before it
-        base: reaction of the base [E L^2]
-        exact: whether the history the step began with belongs to its displacement; where it was carried on beyond,
+        checks: of the run so far
+        step: the step
+        dofs: of the solid
+        rtol: relative tolerance to which the equations are solved
+        compliant: whether the contact has a stiffness (penalty, Nitsche) and takes a part of the work itself
+        exact: whether the history the step began with belongs to its displacement; where it was extrapolated beyond,
             the bounds of the energy hold to the accuracy of the integration only
     """
-    checks = press.checks
-    sums, peaks = _measure(press, before)
-    force, delta = press.force, press.delta
-    stored, dissipated, plastic_work, sunk, *of_forces = sums
-    penetration, suction, pressure, decrease = peaks
-    where = f"at delta/L = {delta:.6g}"
+    where = f"at delta/L = {step.delta:.6g}"
 
     def judge(kind: str, ok: bool, sentence: str) -> None:
         if not ok and kind not in checks.violated:
             checks.violated[kind] = f"{sentence} {where}"
 
-    finite = bool(np.all(np.isfinite([*sums, *peaks, force, base, delta])))
-    judge("finite", finite, "a value is not finite")
+    judge("finite", all(map(isfinite, astuple(step))), "a value is not finite")
+    _judge_forces(checks, step, judge, dofs, rtol)
+    _judge_penetration(checks, step, judge, rtol, compliant)
+    _judge_energy(checks, step, judge, rtol, compliant, exact)
 
-    unbalanced = abs(base - force)
-    if force > 0.0:
-        checks.force_balance = max(checks.force_balance, unbalanced / force)
-    rtol = press.newton.options.rtol
-    solved = sqrt(press.solid.dofs) * (rtol * force + 1e-15) + ROUNDING * force
+
+Judge = Callable[[str, bool, str], None]
+
+
+def _judge_forces(checks: Checks, step: StepBalance, judge: Judge, dofs: int, rtol: float) -> None:
+    """Force on the flat against the reaction of the base, and no tension."""
+    unbalanced = abs(step.reaction - step.force)
+    if step.force > 0.0:
+        checks.force_balance = max(checks.force_balance, unbalanced / step.force)
+    solved = sqrt(dofs) * (rtol * step.force + 1e-15) + ROUNDING * step.force
     judge(
         "force_balance",
         unbalanced <= solved,
-        f"the force on the flat {force:.6g} and the reaction of the base {base:.6g} E L^2 differ",
+        f"the force on the flat {step.force:.6g} and the reaction of the base {step.reaction:.6g} E L^2 differ",
     )
+    if step.pressure > 0.0:
+        checks.tension = max(checks.tension, step.suction / step.pressure)
+    judge("tension", step.suction <= max(SUCTION, rtol) * step.pressure + 1e-15, "the flat pulls on the surface")
 
-    if pressure > 0.0:
-        checks.tension = max(checks.tension, suction / pressure)
-    judge("tension", suction <= max(SUCTION, rtol) * pressure + 1e-15, "the flat pulls on the surface")
 
-    checks.penetration = max(checks.penetration, penetration)
-    if not press.contact.stiff:
-        slack = max(EXACT, rtol) * abs(delta) + ROUNDING
-        judge("penetration", penetration <= slack, f"the surface penetrates the flat by {penetration:.3g} L")
-    if force > checks.greatest_force:  # until then the contact may have been smaller than a facet
+def _judge_penetration(checks: Checks, step: StepBalance, judge: Judge, rtol: float, compliant: bool) -> None:
+    """No penetration with exact contact, little in the mean with a compliant one, and something touched at all."""
+    checks.penetration = max(checks.penetration, step.penetration)
+    if not compliant:
+        slack = max(EXACT, rtol) * abs(step.delta) + ROUNDING
+        ok = step.penetration <= slack
+        judge("penetration", ok, f"the surface penetrates the flat by {step.penetration:.3g} L")
+    if step.force > checks.greatest_force:  # until then the contact may have been smaller than a facet
         checks.violated.pop("touch", None)
         checks.violated.pop("compliance", None)
-        checks.greatest_force, checks.mean_penetration = force, abs(sunk) / force / delta
+        checks.greatest_force, checks.mean_penetration = step.force, abs(step.sinking) / step.force / step.delta
     judge("touch", checks.greatest_force > 0.0, "no node is touched, make mesh.h_contact smaller,")
     judge(
         "compliance",
@@ -146,84 +170,26 @@ def audit(press: Press, before: Before, base: float, exact: bool = True) -> None
         "contact.penalty or contact.gamma, or make mesh.h_contact smaller,",
     )
 
-    checks.strain_decrease = max(checks.strain_decrease, decrease)
-    judge("plastic_strain", decrease <= ROUNDING, "the accumulated plastic strain decreased")
-    checks.least_dissipation = min(checks.least_dissipation, plastic_work)
-    scale = checks.stored + checks.dissipated + stored + dissipated
-    judge("dissipation", plastic_work >= -max(ENERGY, rtol) * scale, "plastic flow gained energy")
 
-    move = delta - before.delta
-    gained = stored + dissipated - checks.stored - checks.dissipated
-    if press.contact.stiff:  # it takes a part of the work of the flat itself
-        low, high = of_forces
+def _judge_energy(checks: Checks, step: StepBalance, judge: Judge, rtol: float, compliant: bool, exact: bool) -> None:
+    """Plastic flow dissipates, and the energy of the step lies between its bounds."""
+    checks.strain_decrease = max(checks.strain_decrease, step.strain_decrease)
+    judge("plastic_strain", step.strain_decrease <= ROUNDING, "the accumulated plastic strain decreased")
+    checks.least_dissipation = min(checks.least_dissipation, step.plastic_work)
+    scale = checks.stored + checks.dissipated + step.stored + step.dissipated
+    judge("dissipation", step.plastic_work >= -max(ENERGY, rtol) * scale, "plastic flow gained energy")
+    move = step.delta - step.delta_before
+    gained = step.stored + step.dissipated - checks.stored - checks.dissipated
+    if compliant:
+        low, high = step.work_low, step.work_high
     else:
-        left = max(force, before.force) * penetration
-        low, high = before.force * move - left, force * move + left
+        left = max(step.force, step.force_before) * step.penetration
+        low, high = step.force_before * move - left, step.force * move + left
     beyond = max(low - gained, gained - high)
-    checks.work += 0.5 * (before.force + force) * move
-    checks.stored, checks.dissipated = stored, dissipated
-    checks.peak = max(checks.peak, (stored + dissipated, checks.work))
+    checks.work += 0.5 * (step.force_before + step.force) * move
+    checks.stored, checks.dissipated = step.stored, step.dissipated
+    checks.peak = max(checks.peak, (step.stored + step.dissipated, checks.work))
     if scale > 0.0:
         checks.energy_excess = max(checks.energy_excess, beyond / scale)
     slack = max(ENERGY, rtol) if exact else MIDPOINT_ENERGY
     judge("energy", beyond <= slack * scale + 1e-18, "work and energy of the step do not balance")
-
-
-def _measure(press: Press, before: Before) -> tuple[Floats, Floats]:
-    """Sums and greatest values over all ranks; collective.
-
-    The sums: energy stored, dissipated so far, plastic work of the step, force times penetration of a compliant
-    contact, work of the internal force at the beginning and at the end of the step along it.
-    The greatest values: penetration, suction, pressure, decrease of plastic strain.
-    """
-    from mpi4py import MPI
-
-    solid = press.solid
-    held, dissipated = energies(solid, press.newton.force)
-    plastic_work = decrease = 0.0
-    strain, accumulated = solid.bulk.history()
-    if accumulated.size:
-        yielded = np.flatnonzero(accumulated.any(axis=1))
-        stress = solid.bulk.stress(solid.u.x.array.reshape(-1, 3))[yielded] * _PAIRS
-        flow = strain[yielded] - before.plastic_strain[yielded]
-        plastic_work = float(np.einsum("cq,cqi,cqi", solid.bulk.volumes[yielded], stress, flow))
-        decrease = float(np.max(before.accumulated - accumulated))
-    owned = press.top.owned_nodes
-    pressure = press.pressure[owned]
-    peaks = np.array(
-        [
-            np.max(-press.gap()[owned], initial=0.0),
-            np.max(-pressure, initial=0.0),
-            np.max(pressure, initial=0.0),
-            decrease,
-        ]
-    )
-    u, internal = solid.u.x.array.reshape(-1, 3)[: solid.owned], press.newton.force
-    works = [float(np.vdot(f, u - before.displacement)) for f in (before.internal, internal)]
-    sums = np.array([held, dissipated, plastic_work, press.contact.sinking(), *works])
-    solid.comm.Allreduce(MPI.IN_PLACE, sums)
-    solid.comm.Allreduce(MPI.IN_PLACE, peaks, op=MPI.MAX)
-    return sums, peaks
-
-
-def energies(solid: Solid, force: Floats) -> tuple[float, float]:
-    """Stored elastic and dissipated plastic energy of this process's part, over the committed history [E L^3].
-
-    Args:
-        solid: in the state meant
-        force: its internal force on the owned nodes (owned, 3) [E L^2]
-    """
-    u = solid.u.x.array.reshape(-1, 3)
-    stored, dissipated = 0.5 * float(np.vdot(u[: solid.owned], force)), 0.0
-    strain, accumulated = solid.bulk.history()
-    if accumulated.size:
-        _, _, strength, hardening = solid.material.parameters
-        yielded = np.flatnonzero(accumulated.any(axis=1))
-        weights, a = solid.bulk.volumes[yielded], accumulated[yielded]
-        stress = solid.bulk.stress(u)[yielded] * _PAIRS
-        stored -= 0.5 * float(np.einsum("cq,cqi,cqi", weights, stress, strain[yielded]))
-        dissipated = float(np.sum(weights * a * (strength + 0.5 * hardening * a)))
-    return stored, dissipated
-
-
-_PAIRS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # sum over both off-diagonal components

@@ -12,7 +12,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,8 +32,10 @@ from asperity.fem.global_numbering import (
     spread_some,
 )
 from asperity.mesh.block import BlockMesh
+from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.checkpoint_schema import wrong_array, wrong_number
-from asperity.quasistatic.contact_solver import Press, Snapshot
+from asperity.quasistatic.contact_solver import ContactSolver, Counts, SolverState
+from asperity.quasistatic.measures import FirstContact, Snapshot, snapshot
 from asperity.quasistatic.stepping import Position, Record
 from asperity.runtime.files import UNREADABLE, npz_bytes, on_root, read_npz, remove_asides, replace_file
 
@@ -86,14 +88,14 @@ class Saved:
     snapshots: tuple[Mapping[str, Array], ...]
     block: BlockMesh | None
 
-    def restore(self, press: Press, record: Record) -> Position:
-        """Put `press`, on the same mesh and at its initial state, and `record` into the saved state; collective.
+    def restore(self, solver: ContactSolver, record: Record) -> Position:
+        """Put `solver`, on the same mesh and at its initial state, and `record` into the saved state; collective.
 
         Raises:
-            CheckpointError: the arrays are not those of `press`
+            CheckpointError: the arrays are not those of `solver`
         """
-        self._judge(press)
-        solid, comm = press.solid, press.solid.comm
+        self._judge(solver, record.first_contact)
+        solid, comm = solver.solid, solver.solid.comm
         nodes, cells = node_numbers(solid), cell_numbers(solid)
         root = comm.rank == 0
 
@@ -104,22 +106,23 @@ class Saved:
         displacements = {
             name: spread(comm, owned, self.arrays.get(f"displacement.{name}")) for name in self._displacements()
         }
-        touched = spread_some(comm, nodes[press.top.owned_nodes], rows("touched_at"), np.inf)
+        touched = spread_some(comm, nodes[solver.contact_surface.owned_nodes], rows("touched_at"), np.inf)
         if solid.material.plastic:
             solid.bulk.restore(
                 spread_some(comm, cells, rows("plastic_strain")),
                 spread_some(comm, cells, rows("accumulated")),
             )
-        facets = facet_numbers(press.top)
-        press.contact.restore_state(
-            {name: spread_some(comm, facets, rows(f"contact.{name}")) for name in _contact_state(press)}
+        facets = facet_numbers(solver.contact_surface)
+        solver.contact.restore_state(
+            {name: spread_some(comm, facets, rows(f"contact.{name}")) for name in _contact_state(solver)}
         )
-        press.resume(self.meta["press"], displacements, touched)
+        solver.restore(_state(self.meta["press"], displacements))
+        record.first_contact.delta = touched
         record.rows[:] = self.meta["rows"]
         for k, about in enumerate(self.meta["snapshots"]):
             fields = {
                 name: spread(comm, cells if name in OF_CELLS else nodes, self._snapshot(k, name))
-                for name in _snapshot_names(press)
+                for name in _snapshot_names(solver)
             }
             fields.setdefault("plastic_strain", solid.bulk.history()[1].copy())
             record.snapshots.append(Snapshot(about["step"], about["branch"], about["delta"], **fields))
@@ -132,10 +135,10 @@ class Saved:
     def _displacements(self) -> tuple[str, ...]:
         return ("last",) if self.meta["press"]["before"] is None else ("last", "previous")
 
-    def _judge(self, press: Press) -> None:
-        """Make sure that the arrays are those that `press` would save."""
-        fresh = _fields(press)
-        fields = _snapshot_fields(press, press.snapshot(0, "load")) if self.meta["snapshots"] else {}
+    def _judge(self, solver: ContactSolver, first_contact: FirstContact) -> None:
+        """Make sure that the arrays are those that `solver` would save."""
+        fresh = _fields(solver, first_contact)
+        fields = _snapshot_fields(solver, snapshot(solver, 0, "load")) if self.meta["snapshots"] else {}
 
         def judge() -> None:
             assert self.block is not None
@@ -147,7 +150,7 @@ class Saved:
                 if wrong:
                     raise _damaged(self.folder / name, wrong)
 
-        on_root(press.solid.comm, judge)
+        on_root(solver.solid.comm, judge)
 
     def _snapshot(self, k: int, name: str) -> Array | None:
         return self.snapshots[k][name] if self.snapshots else None
@@ -280,7 +283,7 @@ class Checkpoint:
         """Whether to save after that many accepted steps."""
         return self.interval > 0 and steps % self.interval == 0
 
-    def save(self, press: Press, record: Record, position: Position) -> None:
+    def save(self, solver: ContactSolver, record: Record, position: Position) -> None:
         """Replace the saved state.
 
         Raises:
@@ -288,19 +291,19 @@ class Checkpoint:
         """
         if not self.interval:
             return
-        with press.solid.phases.phase("checkpoint"):
-            arrays = _fields(press)
-            new = [_snapshot_fields(press, s) for s in record.snapshots[len(self._snapshots) :]]
+        with solver.solid.phases.phase("checkpoint"):
+            arrays = _fields(solver, record.first_contact)
+            new = [_snapshot_fields(solver, s) for s in record.snapshots[len(self._snapshots) :]]
             meta: dict[str, Any] = {
                 "format": FORMAT,
                 "version": _version(),
                 "identity": self._identity,
                 "mesh": self._mesh,
                 "position": asdict(position),
-                "press": press.numbers(),
+                "press": _numbers(solver.state()),
                 "rows": record.rows,
-                "seconds": press.solid.phases.seconds,
-                "calls": press.solid.phases.calls,
+                "seconds": solver.solid.phases.seconds,
+                "calls": solver.solid.phases.calls,
             }
 
             def write() -> list[str]:
@@ -342,9 +345,9 @@ def differences(saved: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     return found
 
 
-def _fields(press: Press) -> dict[str, Array]:
+def _fields(solver: ContactSolver, first_contact: FirstContact) -> dict[str, Array]:
     """Fields of a state on rank 0, in the numbering of the mesh as built; empty elsewhere; collective."""
-    solid, comm = press.solid, press.solid.comm
+    solid, comm = solver.solid, solver.solid.comm
     nodes, cells = node_numbers(solid)[: solid.owned], cell_numbers(solid)
     out: dict[str, Array] = {}
 
@@ -353,39 +356,59 @@ def _fields(press: Press) -> dict[str, Array]:
         if rows is not None:
             out[f"{name}.at"], out[name] = rows
 
-    for name, u in press.displacements().items():
+    for name, u in _displacements(solver.state()).items():
         values = collect(comm, nodes, u)
         if values is not None:
             out[f"displacement.{name}"] = values
-    touched_at = press.touched_at()
+    touched_at = first_contact.delta
     touched = np.flatnonzero(np.isfinite(touched_at))
-    keep_some("touched_at", nodes[press.top.owned_nodes[touched]], touched_at[touched])
+    keep_some("touched_at", nodes[solver.contact_surface.owned_nodes[touched]], touched_at[touched])
     if solid.material.plastic:
         strain, accumulated = solid.bulk.history()
         yielded = np.flatnonzero(accumulated.any(axis=1))
         keep_some("plastic_strain", cells[yielded], strain[yielded])
         keep_some("accumulated", cells[yielded], accumulated[yielded])
-    for name, values in _contact_state(press).items():
-        keep_some(f"contact.{name}", facet_numbers(press.top), values)
+    for name, values in _contact_state(solver).items():
+        keep_some(f"contact.{name}", facet_numbers(solver.contact_surface), values)
     return out
 
 
-def _contact_state(press: Press) -> dict[str, Array]:
+def _numbers(state: SolverState) -> dict[str, Any]:
+    """The numbers of a state, plain values for JSON."""
+    numbers = asdict(replace(state, displacement=None, previous=None))  # type: ignore[arg-type]
+    return {name: value for name, value in numbers.items() if name not in ("displacement", "previous")}
+
+
+def _displacements(state: SolverState) -> dict[str, Array]:
+    """Displacements of the last step and of the one before, if there is one (owned, 3)."""
+    if state.previous is None:
+        return {"last": state.displacement}
+    return {"last": state.displacement, "previous": state.previous}
+
+
+def _state(numbers: Mapping[str, Any], displacements: Mapping[str, Array]) -> SolverState:
+    """The state of numbers and displacements."""
+    counts, checks = Counts(**numbers["counts"]), Checks.from_dict(numbers["checks"])
+    last, previous = displacements["last"], displacements.get("previous")
+    return SolverState(**{**numbers, "counts": counts, "checks": checks}, displacement=last, previous=previous)
+
+
+def _contact_state(solver: ContactSolver) -> dict[str, Array]:
     """History of the contact, of the same names on all ranks: one without facets has no rows of it; collective."""
-    own = press.contact.state()
-    all_of_them = press.solid.comm.allgather({name: values.shape[1:] for name, values in own.items()})
+    own = solver.contact.state()
+    all_of_them = solver.solid.comm.allgather({name: values.shape[1:] for name, values in own.items()})
     return {name: own.get(name, np.zeros((0, *shape))) for name, shape in max(all_of_them, key=len).items()}
 
 
-def _snapshot_names(press: Press) -> list[str]:
+def _snapshot_names(solver: ContactSolver) -> list[str]:
     names = ["pressure", "gap", "displacement", "stress"]
-    return [*names, "plastic_strain"] if press.solid.material.plastic else names
+    return [*names, "plastic_strain"] if solver.solid.material.plastic else names
 
 
-def _snapshot_fields(press: Press, snapshot: Snapshot) -> dict[str, Array]:
+def _snapshot_fields(solver: ContactSolver, snapshot: Snapshot) -> dict[str, Array]:
     """Fields of a snapshot on rank 0; empty elsewhere; collective."""
-    solid, out = press.solid, {}
-    for name in _snapshot_names(press):
+    solid, out = solver.solid, {}
+    for name in _snapshot_names(solver):
         values = getattr(snapshot, name)
         if name in OF_CELLS:
             rows = collect(solid.comm, cell_numbers(solid), values)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from asperity.contact import ActiveSet, Contact, PressureContact
-from asperity.contact.contact_surface import Top
+from asperity.contact.contact_surface import ContactSurface
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError, Interrupted, MeshError
 from asperity.fem.solid import Solid
@@ -18,7 +18,8 @@ from asperity.mesh.generate import Reach, SizeField, build_block, check_distorti
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
 from asperity.model.material import Material
 from asperity.quasistatic.balance import Checks
-from asperity.quasistatic.contact_solver import Counts, Press, Snapshot
+from asperity.quasistatic.contact_solver import ContactSolver, Counts
+from asperity.quasistatic.measures import FirstContact, Snapshot
 from asperity.quasistatic.newton import SolverOptions
 from asperity.quasistatic.stepping import Callback, Position, Record, follow
 from asperity.runtime.timing import Phases
@@ -49,7 +50,7 @@ class Formulation:
     gamma: float | None = None
     theta: int = 0
 
-    def build(self, solid: Solid, top: Top) -> Contact:
+    def build(self, solid: Solid, top: ContactSurface) -> Contact:
         """The formulation for a solid.
 
         Raises:
@@ -88,7 +89,8 @@ class ContactResult:
         memory: greatest resident memory, all ranks [bytes]
         snapshots: states of the top kept, this rank's part
         block: the mesh on rank 0, None elsewhere
-        press: the solid in its last state
+        solver: with the solid in its last state
+        first_contact: approach at which each node of the top was touched first, this rank's part
         complete: whether the path was followed to its end
         reason: why it ended
     """
@@ -101,14 +103,15 @@ class ContactResult:
     memory: int
     snapshots: tuple[Snapshot, ...]
     block: BlockMesh | None
-    press: Press
+    solver: ContactSolver
+    first_contact: FirstContact
     complete: bool
     reason: str
 
     @property
     def checks(self) -> Checks:
         """Worst figures of the balances that every step has to keep."""
-        return self.press.checks
+        return self.solver.checks
 
 
 class PartialResult(ConvergenceError):
@@ -163,7 +166,7 @@ def make_undistorted(
         h_max *= 0.7
 
 
-def make_press(
+def make_contact_solver(
     comm: MPI.Comm,
     surface: Surface,
     block: BlockMesh | None,
@@ -174,7 +177,7 @@ def make_press(
     kernels: str = "compiled",
     options: SolverOptions | None = None,
     phases: Phases | None = None,
-) -> Press:
+) -> ContactSolver:
     """Distribute a block over the ranks and put it under the flat; collective.
 
     Args:
@@ -202,10 +205,10 @@ def make_press(
     mesh, tags = distribute(comm, block, 1.0 / L)
     check_distortion(mesh, surface)
     solid = Solid(mesh, tags, material.scaled(material.E), sides, kernels, phases)
-    top = Top(solid)
+    top = ContactSurface(solid)
     contact = (formulation or Formulation()).build(solid, top)
     summit = (height + surface.maximum()[2] - surface.mean()) / L
-    return Press(solid, top, contact, summit, options or SolverOptions())
+    return ContactSolver(solid, top, contact, summit, options or SolverOptions())
 
 
 def solve_contact(
@@ -296,40 +299,41 @@ def solve_contact(
             block = make_block(comm, surface, height, delta_max, size or MeshSize())
     stage("set-up")
     with phases.phase("set-up"):
-        press = make_press(comm, surface, block, material, phases=phases, **settings)
+        solver = make_contact_solver(comm, surface, block, material, phases=phases, **settings)
     record = Record(L, material.E, material.reduced_modulus)
-    position = None if saved is None else saved.restore(press, record)
+    position = None if saved is None else saved.restore(solver, record)
     if checkpoint is not None:
         checkpoint.begin(block)
 
     def on_position(at: Position) -> None:
         reason = stop() if stop is not None else ""
         ended = at.leg == len(schedule.legs)
-        if checkpoint is not None and (reason or ended or checkpoint.due(press.counts.steps)):
-            checkpoint.save(press, record, at)
+        if checkpoint is not None and (reason or ended or checkpoint.due(solver.counts.steps)):
+            checkpoint.save(solver, record, at)
         if reason:
             raise Interrupted(
-                f"stopped by {reason} after step {len(record.rows)} at delta/L = {press.delta:.6g}"
+                f"stopped by {reason} after step {len(record.rows)} at delta/L = {solver.delta:.6g}"
                 + ("; --resume continues" if checkpoint is not None and checkpoint.interval else "")
             )
 
-    stage(f"load path, {press.solid.dofs} dofs")
+    stage(f"load path, {solver.solid.dofs} dofs")
     failure = None
     try:
-        follow(press, schedule, record, snapshots, on_step, position, on_position)
+        follow(solver, schedule, record, snapshots, on_step, position, on_position)
     except ConvergenceError as e:
         failure = e
     reason = "done" if failure is None else str(failure)
     result = ContactResult(
         record.curve(),
-        press.counts,
-        press.solid.dofs,
-        comm.allreduce(len(press.solid.cell_nodes)),
+        solver.counts,
+        solver.solid.dofs,
+        comm.allreduce(len(solver.solid.cell_nodes)),
         phases,
         comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024),
         tuple(record.snapshots),
         block,
-        press,
+        solver,
+        record.first_contact,
         failure is None,
         reason,
     )
@@ -353,13 +357,13 @@ def estimate_deflection(
     L = surface.L
     depth = surface.maximum()[2] - surface.mean()
     block = make_block(comm, surface, height, max(depth, 0.01 * L), MeshSize(0.1 * L))
-    press = make_press(comm, surface, block, material, **settings)
+    solver = make_contact_solver(comm, surface, block, material, **settings)
 
     def give_up(at: Position) -> None:
-        if press.counts.steps >= ESTIMATE_STEPS:
+        if solver.counts.steps >= ESTIMATE_STEPS:
             raise Interrupted  # enough for an estimate
 
     schedule = Schedule(force_max=force_max / (L**2 * material.reduced_modulus), steps=5)
     with suppress(ConvergenceError):
-        follow(press, schedule, Record(L, material.E, 1.0), on_position=give_up)
-    return max(press.delta, 1e-3) * L
+        follow(solver, schedule, Record(L, material.E, 1.0), on_position=give_up)
+    return max(solver.delta, 1e-3) * L

@@ -194,7 +194,7 @@ def surface_kinds() -> dict[str, type[Surface]]:
         cls = waiting.pop()
         waiting += cls.__subclasses__()
         if cls.kind:
-            found[cls.kind] = cls
+            found[cls.kind] = cls  # type: ignore[type-abstract]
     return found
 
 

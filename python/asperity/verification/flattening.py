@@ -10,13 +10,13 @@ import numpy as np
 from asperity import reference
 from asperity.adaptive.mesh_plan import extrapolate
 from asperity.contact import ActiveSet
-from asperity.contact.contact_surface import Top
+from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.solid import Solid
 from asperity.mesh.generate import distribute
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.quasistatic.newton import SolverOptions
-from asperity.quasistatic.stepping import Press, Record, follow
+from asperity.quasistatic.stepping import ContactSolver, Record, follow
 from asperity.verification.solids import eighth_sphere, planes_of_symmetry
 from asperity.verification.table import KINK, RATIO, Floats, Level, Row, rows_along
 
@@ -72,8 +72,8 @@ def _force(refinement: float, material: Material, steps: int, delta: Floats) -> 
     mesh, tags = distribute(MPI.COMM_SELF, eighth_sphere(1.0, 0.0, size), 1.0)
     solid = Solid(mesh, tags, material)
     solid.fixed = planes_of_symmetry(solid)
-    top = Top(solid)
-    it = Press(solid, top, ActiveSet(solid, top), 1.0, SolverOptions())
+    top = ContactSurface(solid)
+    it = ContactSolver(solid, top, ActiveSet(solid, top), 1.0, SolverOptions())
     record = Record(1.0, 1.0, material.reduced_modulus)
     follow(it, Schedule(delta_max=LAST * ONSET, steps=steps), record)
     curve = record.curve()

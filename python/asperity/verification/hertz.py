@@ -85,9 +85,9 @@ def _pressure_error(result: ContactResult) -> float:
     """Rms difference from the pressure of Hertz under the same force, over the contact, relative to its peak."""
     from scipy.interpolate import LinearNDInterpolator
 
-    it = result.press
+    it = result.solver
     ideal = float(HERTZ.deflection(4.0 * result.curve.force[-1]))
-    corners = np.unique(it.top.nodes[:, :3])
+    corners = np.unique(it.contact_surface.nodes[:, :3])
     field = LinearNDInterpolator(it.solid.points[corners, :2], result.snapshots[-1].pressure[corners])
     shares = (np.arange(20) + 0.5) / 20
     r, angle = np.meshgrid(HERTZ.radius(ideal) * np.sqrt(shares), 0.5 * np.pi * shares)
@@ -97,7 +97,7 @@ def _pressure_error(result: ContactResult) -> float:
 
 def _first_yield(result: ContactResult) -> float:
     """Peak pressure of Hertz under the same force over the greatest stress of von Mises."""
-    solid = result.press.solid
+    solid = result.solver.solid
     s = solid.bulk.stress(solid.u.x.array.reshape(-1, 3))
     xx, yy, zz, xy, xz, yz = np.moveaxis(s, -1, 0)
     shear = 3.0 * (xy**2 + xz**2 + yz**2)

@@ -13,7 +13,7 @@ from asperity.case.schema import ContactSection
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.quasistatic.newton import SolverOptions
-from asperity.quasistatic.solve_contact import Formulation, MeshSize, make_block, make_press
+from asperity.quasistatic.solve_contact import Formulation, MeshSize, make_block, make_contact_solver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.surface import Flat
 from asperity.verification.solids import planes_of_symmetry
@@ -36,15 +36,15 @@ def patch(level: Level) -> Iterator[Row]:
             )  # fmt: skip
             slope = result.curve.P_star[0] / result.curve.delta_star[0]
             # a spring 4 beta E/h in series with the block
-            penalty = Formulation(method).penalty * 4.0 / result.press.top.diameter.max()
+            penalty = Formulation(method).penalty * 4.0 / result.solver.contact_surface.diameter.max()
             soft = reference.block_modulus(1.0, nu) / height / penalty if method == "penalty" else 0.0
             yield Row(
                 "patch", f"slope dP*/d(delta*), rollers, h_b = {height:g} L, {method}", "M/E' L/h_b",
                 reference.patch_test_slope(nu, height), slope, ROUND_OFF, soft,
             )  # fmt: skip
         if method != "penalty":
-            pressure, _ = result.press.top_state()
-            corners = pressure[np.unique(result.press.top.nodes[:, :3])]
+            pressure = result.solver.pressure
+            corners = pressure[np.unique(result.solver.contact_surface.nodes[:, :3])]
             spread = float(np.ptp(corners) / corners.mean())
             yield Row("patch", f"spread of the pressure, {method}", "uniform", 0.0, spread, ROUND_OFF)
     result = press(Flat(L=1.0), Material(1.0, 0.0), sides="free", delta_max=delta, steps=1, size=SIZE)
@@ -88,7 +88,7 @@ def _uniaxial(material: Material, schedule: Schedule) -> tuple[npt.NDArray[np.fl
 
     comm, surface = MPI.COMM_SELF, Flat(L=1.0)
     block = make_block(comm, surface, 1.0, 0.01, SIZE)
-    it = make_press(comm, surface, block, material, sides="free")
+    it = make_contact_solver(comm, surface, block, material, sides="free")
     it.solid.fixed = planes_of_symmetry(it.solid)
     record = Record(1.0, material.E, material.reduced_modulus)
     follow(it, schedule, record)

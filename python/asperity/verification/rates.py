@@ -7,7 +7,7 @@ from math import pi
 
 import numpy as np
 
-from asperity.contact.contact_surface import Top
+from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.solid import Floats, Solid
 from asperity.mesh.generate import build_block, distribute
 from asperity.model.material import Material
@@ -116,7 +116,7 @@ def manufactured(h: float, formulation: Formulation) -> tuple[float, float, floa
     exact = Manufactured()
     mesh, tags = distribute(MPI.COMM_SELF, build_block(Flat(L=1.0), 1.0, lambda *_: h), 1.0)
     solid = Solid(mesh, tags, Material(1.0, NU))
-    top = Top(solid)
+    top = ContactSurface(solid)
     rule = CellRule(solid, 6)
     load = np.zeros((solid.owned, 3))
     np.add.at(

@@ -10,7 +10,7 @@ import numpy as np
 
 from asperity import reference
 from asperity.contact import ActiveSet
-from asperity.contact.contact_surface import Top
+from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.compiled_kernels import QUADRATURE_DEGREE
 from asperity.fem.solid import Floats, Solid
 from asperity.mesh.generate import distribute
@@ -60,7 +60,7 @@ def _inflate(theory: reference.PressurisedSphere, refinement: float) -> _State:
     mesh, tags = distribute(MPI.COMM_SELF, eighth_sphere(OUTER, INNER, lambda *_: SIZE / refinement), 1.0)
     solid = Solid(mesh, tags, Material(E, NU, Y, theory.E_t))
     solid.fixed = planes_of_symmetry(solid)
-    top = Top(solid)
+    top = ContactSurface(solid)
     load = theory.pressure(PLASTIC) * _unit_load(solid, top)
     u = np.zeros((solid.owned, 3))
     for k in range(STEPS):
@@ -95,7 +95,7 @@ def _flow(theory: reference.PressurisedSphere) -> float:
     return float(quad(lambda r: 0.5 * np.pi * r**2 * float(theory.plastic_strain(r, PLASTIC)), INNER, PLASTIC)[0])
 
 
-def _unit_load(solid: Solid, top: Top) -> Floats:
+def _unit_load(solid: Solid, top: ContactSurface) -> Floats:
     """Nodal forces of a unit pressure on the inner face (owned, 3), integrated over the curved facets."""
     import basix
 

@@ -129,7 +129,7 @@ def on_meshes(level: Level, solve: Callable[[float], T]) -> list[T]:
 
 def counting_error(result: ContactResult) -> float:
     """Relative error of the area of contact in the last state, see `top.Top.area_of`."""
-    area = result.press.contact.area()
+    area = result.solver.contact.area()
     return area.error / area.value
 
 

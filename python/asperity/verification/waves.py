@@ -53,14 +53,14 @@ def westergaard(level: Level) -> Iterator[Row]:
 
 def _mean_gap(result: ContactResult) -> float:
     """Mean distance between top and flat, by the midpoint rule of second-order facets [L]."""
-    top = result.press.top
+    top = result.solver.contact_surface
     return float(np.sum(top.area[:, None] / 3.0 * result.snapshots[-1].gap[top.nodes[:, 3:]]))
 
 
 def _pressure_error(result: ContactResult, theory: reference.Westergaard, mean: float) -> float:
     """Rms difference from the exact pressure over the nodes, relative to that of full contact."""
-    it = result.press
-    corners = np.unique(it.top.nodes[:, :3])
+    it = result.solver
+    corners = np.unique(it.contact_surface.nodes[:, :3])
     exact = theory.pressure(it.solid.points[corners, 0], mean)
     difference = result.snapshots[-1].pressure[corners] - exact
     return float(np.sqrt(np.mean(difference**2)) / theory.full_pressure)

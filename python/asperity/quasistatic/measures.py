@@ -1,0 +1,104 @@
+"""What is measured of a contact solver after a step: row of the curve, fields for figures, map of first contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from asperity.fem.solid import Floats
+from asperity.quasistatic.contact_solver import ContactSolver
+
+TOUCHED = 1e-9  # gap below which a node counts as touched [L]
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """State of the top after a step, this rank's part.
+
+    Attributes:
+        step, branch, delta: as in the curve, delta in units of L
+        pressure: at the local nodes [E]
+        gap: at the local nodes [L]
+        displacement: (nodes, 3) [L]
+        stress: mean over each owned cell, xx yy zz xy xz yz (cells, 6) [E]
+        plastic_strain: accumulated, at the quadrature points of the owned cells (cells, points); empty when elastic
+    """
+
+    step: int
+    branch: str
+    delta: float
+    pressure: Floats
+    gap: Floats
+    displacement: Floats
+    stress: Floats
+    plastic_strain: Floats
+
+
+def row(solver: ContactSolver) -> dict[str, Any]:
+    """Columns of the curve that describe the state, dimensionless (E = L = 1); collective."""
+    from mpi4py import MPI
+
+    solid, comm = solver.solid, solver.solid.comm
+    strain = solver.history[1]
+    volumes = solid.bulk.volumes
+    yielded = float(volumes[strain > 0.0].sum()) if strain.size else 0.0
+    sums = comm.allreduce(np.array([yielded, volumes.sum()]))
+    peaks = np.array([np.max(solver.pressure, initial=0.0), np.max(strain, initial=0.0)])
+    comm.Allreduce(MPI.IN_PLACE, peaks, op=MPI.MAX)
+    area = solver.contact.area()
+    return {
+        "area_fraction": area.value,
+        "error_area_fraction": area.error,
+        "max_pressure": float(peaks[0]),
+        "plastic_fraction": float(sums[0] / sums[1]),
+        "max_plastic_strain": float(peaks[1]),
+    }
+
+
+def snapshot(solver: ContactSolver, step: int, branch: str) -> Snapshot:
+    """Copy of the state for fields and figures."""
+    u = solver.solid.u.x.array.reshape(-1, 3).copy()
+    return Snapshot(step, branch, solver.delta, solver.pressure, solver.gap(), u, *_mean_stress(solver, u))
+
+
+def _mean_stress(solver: ContactSolver, u: Floats) -> tuple[Floats, Floats]:
+    """Mean stress of the owned cells (cells, 6) and accumulated plastic strain (cells, points) at u."""
+    bulk, history = solver.solid.bulk, solver.history
+    committed = tuple(values.copy() for values in bulk.history())
+    bulk.restore(*history)
+    stress = bulk.stress(u)
+    bulk.restore(*committed)
+    mean = np.einsum("cq,cqi->ci", bulk.volumes, stress) / bulk.volumes.sum(axis=1, keepdims=True)
+    return mean, history[1].copy()
+
+
+@dataclass
+class FirstContact:
+    """Approach at which each node of the top was touched first.
+
+    Attributes:
+        delta: of the owned nodes of the top, inf for never (nodes,) [L]; empty before the first step
+    """
+
+    delta: Floats = field(default_factory=lambda: np.empty(0))
+
+    def update(self, solver: ContactSolver) -> None:
+        """Note the nodes touched for the first time in the step just committed."""
+        nodes = solver.contact_surface.owned_nodes
+        if len(self.delta) != len(nodes):
+            self.delta = np.full(len(nodes), np.inf)
+        touched = (solver.gap()[nodes] <= TOUCHED) & np.isinf(self.delta)
+        self.delta[touched] = solver.delta  # and not less when the flat is lifted again
+
+    def gather(self, solver: ContactSolver) -> tuple[Floats, Floats]:
+        """Where the nodes of the top are (N, 2) [L] and the approach that first touched them (N,) [L].
+
+        On rank 0, of all ranks, after the first step; elsewhere empty; collective.
+        """
+        solid, nodes = solver.solid, solver.contact_surface.owned_nodes
+        parts = solid.comm.gather((solid.points[nodes, :2], self.delta), root=0) or []
+        empty = (np.empty((0, 2)), np.empty(0))
+        xy, delta = zip(*[empty, *parts], strict=True)
+        return np.concatenate(xy), np.concatenate(delta)
