@@ -62,6 +62,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     for name in ("demo", "new"):
         write_run(tmp_path / "out" / name, n=2)
     (tmp_path / "tests/curves").mkdir(parents=True)
+    (tmp_path / "tests/hard").symlink_to(ROOT / "tests/hard")
     shutil.copy(tmp_path / "out/demo/curve.csv", tmp_path / "tests/curves/demo.csv")
     (tmp_path / "out/paper").mkdir()
     (tmp_path / "s.toml").write_text(STUDY, encoding="utf-8")

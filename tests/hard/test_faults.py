@@ -48,7 +48,7 @@ SABOTAGE = """
 import sys
 from mpi4py import MPI
 import asperity.runtime.parallel
-from asperity.bulk import CompiledBulk
+from asperity.fem.compiled_kernels import CompiledBulk
 from asperity.cli import main
 
 asperity.runtime.parallel.PATIENCE = 2.0

@@ -1,16 +1,16 @@
-"""Hard cases that sweep a parameter."""
+"""Hard cases that vary one or two parameters over a range."""
 
 from __future__ import annotations
 
 from math import pi
 
-from asperity.stress.scene import DIRECT, ELASTIC, PENALTY, L, Scene, Twin, sphere, wave
+from scene_definition import DIRECT, ELASTIC, PENALTY, L, Scene, Twin, sphere, wave
 
 
 def plane() -> list[Scene]:
-    """The plane of fractal parameters, each surface pressed to the same part of its depth.
+    """The plane of fractal parameters D and G, each surface pressed half-way to its mean plane.
 
-    The steepest ones have slopes above one and bend within an element: their mesh is refused.
+    The steepest surfaces have slopes above 1 and bend within one element: their mesh is refused.
     """
     steep = {(2.05, 1e-13), (2.05, 1e-11), (2.05, 1e-10), (2.2, 1e-11), (2.2, 1e-10), (2.3, 1e-10)}
     return [
@@ -30,7 +30,7 @@ def plane() -> list[Scene]:
 
 
 def slopes() -> list[Scene]:
-    """Waves with slopes far beyond what small strains are meant for."""
+    """Waves with slopes far above 0.1, the limit of small-strain theory."""
     return [
         Scene(
             f"slope/{slope}-{material}",
@@ -45,7 +45,7 @@ def slopes() -> list[Scene]:
 
 
 def strengths() -> list[Scene]:
-    """Yield strengths from nothing to never reached."""
+    """Yield strengths from nearly zero to nearly elastic."""
     return [
         Scene(
             f"strength/{ratio:g}",
@@ -87,9 +87,11 @@ def hardening() -> list[Scene]:
 
 
 def penalties() -> list[Scene]:
-    """How far each factor is from exact contact is known: 2 % at 10, in proportion to its inverse; 0.1 is refused.
+    """Penalty factors from far too soft to far too stiff.
 
-    To tell that from the error of the mesh needs a finer one than the largest factors allow in seconds.
+    The error of the force against exact contact is inversely proportional to the factor, 2 % at factor 10; at 0.1 the
+    run reports a wrong result. The fine mesh makes this error larger than that of the mesh; it is not used with the
+    largest factors, where it would take too long.
     """
     exact = {"contact.method": "active-set", "contact.penalty": None}
     fine = {"mesh.h_contact": 0.05 * L, "mesh.growth": 0.25}
@@ -118,7 +120,7 @@ def penalties() -> list[Scene]:
 
 
 def tolerances() -> list[Scene]:
-    """Runs that choose mesh and steps by themselves; the twin is known much better."""
+    """Runs with a tolerance, which choose mesh and steps themselves; the twin has a smaller tolerance."""
     own = {"mesh.h_contact": None, "mesh.growth": None, "mesh.h_max": None, "solver.linear": None}
     better = {"accuracy.tolerance": 0.005}
     plain, quarter = own | ELASTIC | {"accuracy.tolerance": 0.03}, sphere(1.0, centre=(0.0, 0.0))

@@ -15,7 +15,7 @@ from asperity.cli import main
 from asperity.errors import InputError
 from asperity.run_case import run
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 QUICK = [
     "mesh.h_contact=0.15e-6",
     "loading.steps=3",

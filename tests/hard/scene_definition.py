@@ -1,4 +1,4 @@
-"""What a hard case is: what differs from a small rough block, how it should end, and what it is compared with."""
+"""Definition of a hard case: its changes to a base case, the end expected of it, and its comparisons."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from asperity.stress import files
-from asperity.stress.claims import Claim
+import bad_inputs
+from claims import Claim
 
 Keys = dict[str, Any]
 
 L = 1e-6
-#: The demo's surface and material on a coarse mesh.
+#: The base case: surface and material of the demo on a coarse mesh.
 BASE: Keys = {
     "surface.kind": "weierstrass-mandelbrot",
     "surface.L": L,
@@ -27,7 +27,7 @@ BASE: Keys = {
     "mesh.h_max": 0.4 * L,
     "loading.delta_max": 0.03 * L,
     "loading.steps": 6,
-    "solver.linear": "cg",  # which breaks down before LU does
+    "solver.linear": "cg",  # fails earlier than LU
 }
 ELASTIC: Keys = {"material.yield_strength": None, "material.tangent_modulus": None}
 
@@ -50,19 +50,19 @@ FILE: Keys = {"surface.kind": "file", "surface.path": "map.npy", "surface.D": No
 
 @dataclass(frozen=True)
 class Twin:
-    """The same problem solved in another way.
+    """The same problem solved in a second way.
 
     Attributes:
-        about: the other way, in words
-        bar: greatest difference of the curves that is no contradiction, relative to the greatest force
-        keys: what differs from the scene
-        map: height map in place of the scene's
+        about: the second way, in words
+        tolerance: greatest accepted difference of the curves, relative to the greatest force
+        keys: changes to the keys of the scene
+        map: height map that replaces that of the scene
     """
 
     about: str
-    bar: float
+    tolerance: float
     keys: Keys = field(default_factory=dict)
-    map: files.Map | None = None
+    map: bad_inputs.Map | None = None
 
 
 DIRECT = Twin("LU, not CG", 1e-6, {"solver.linear": "lu"})
@@ -76,15 +76,16 @@ class Scene:
     Attributes:
         name: "group" or "group/variant"
         about: parameters, in words
-        keys: dotted keys of the case that differ from BASE, None to remove one
-        ends: "done", "refused" (exit code 2), "stopped" or "wrong", which the run says itself (both exit code 3)
-        reason: part of the sentence that a refusal or stop must give
-        depth: delta_max as part of the height of the summit above the mean plane
-        twin: what the curve is compared with
-        claim: what theory says of the curve
+        keys: dotted keys of the case that differ from BASE; None removes a key
+        ends: expected end: "done", "refused" (exit code 2), "stopped" or "wrong" (exit code 3; with "wrong" the run
+            itself reports a violated balance)
+        reason: text that the message of a refusal or stop must contain
+        depth: delta_max over the height of the summit above the mean plane
+        twin: second solution to compare the curve with
+        claim: theoretical property of the curve
         map: heights of a surface of kind "file"
-        spoil: makes a bad mesh of the scene's own
-        fast: whether it is part of the short suite
+        spoil: function that makes a bad mesh from the mesh of the scene
+        fast: whether the scene is in the short suite
     """
 
     name: str
@@ -95,7 +96,7 @@ class Scene:
     depth: float | None = None
     twin: Twin | None = None
     claim: Claim | None = None
-    map: files.Map | None = None
+    map: bad_inputs.Map | None = None
     spoil: Callable[[Any], Any] | None = None
     fast: bool = False
 

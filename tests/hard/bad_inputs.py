@@ -19,7 +19,7 @@ Nodes = npt.NDArray[np.int64]
 #: Heights in units of L at the nodes of a regular grid, from their coordinates (n, n) in the same units.
 Map = Callable[[Floats, Floats], Floats]
 SAMPLES = 33
-SLIVER = 1e-4  # height of a flattened tetrahedron over its height before
+SLIVER = 1e-4  # height of a flattened tetrahedron over its original height
 
 
 def heights(of: Map, n: int = SAMPLES) -> Floats:
@@ -35,7 +35,7 @@ def two_peaks(x: Floats, y: Floats) -> Floats:
 
 
 def two_peaks_turned(x: Floats, y: Floats) -> Floats:
-    """The same on the other diagonal."""
+    """`two_peaks` with the peaks on the other diagonal."""
     return two_peaks(x, 1.0 - y)
 
 
@@ -44,23 +44,23 @@ def _wave(x: Floats, y: Floats) -> Floats:
 
 
 def noisy(x: Floats, y: Floats) -> Floats:
-    """A wave with independent noise of a hundredth of its height at the samples."""
+    """A wave with independent noise at each sample, 1 % of the height of the wave."""
     return _wave(x, y) + 5e-4 * np.random.default_rng(0).standard_normal(x.shape)
 
 
 def very_noisy(x: Floats, y: Floats) -> Floats:
-    """The same with noise of a tenth."""
+    """A wave with independent noise at each sample, 10 % of the height of the wave."""
     noise: Floats = 5e-3 * np.random.default_rng(0).standard_normal(x.shape)
     return _wave(x, y) + noise
 
 
 def terrace(x: Floats, y: Floats) -> Floats:
-    """Two levels with a cliff between."""
+    """Two levels with a cliff between them."""
     return np.where(x + 0.3 * y > 0.6, 0.02, 0.0)
 
 
 def spike(x: Floats, y: Floats) -> Floats:
-    """A wave with one wild sample."""
+    """A wave with one sample far above the others."""
     z = _wave(x, y)
     z[20, 9] += 0.1
     return z
@@ -74,15 +74,15 @@ def with_nan(x: Floats, y: Floats) -> Floats:
 
 
 def constant(x: Floats, y: Floats) -> Floats:
-    """Nothing but a level."""
+    """A constant height."""
     return np.full(x.shape, 0.1)
 
 
 def with_slivers(block: BlockMesh, count: int = 4) -> BlockMesh:
-    """Flatten some tetrahedra inside a mesh to SLIVER of their height; none is turned inside out.
+    """Flatten `count` tetrahedra inside a mesh to SLIVER times their height; none is turned inside out.
 
     Raises:
-        ValueError: the mesh has not so many inner corners away from its top
+        ValueError: the mesh has too few inner corners away from its top
     """
     points, corners = block.points.copy(), block.tets[:, :4]
     inner, top = _inner_and_top(points, block.tets)
@@ -103,7 +103,7 @@ def with_slivers(block: BlockMesh, count: int = 4) -> BlockMesh:
                 break
         if count == 0:
             return replace(block, points=_straightened(points, block.tets, top))
-    raise ValueError("the mesh is too coarse for so many slivers")
+    raise ValueError(f"the mesh has too few inner corners: {count} slivers are still to be made")
 
 
 def with_turned_element(block: BlockMesh) -> BlockMesh:
@@ -116,14 +116,14 @@ def with_turned_element(block: BlockMesh) -> BlockMesh:
 
 
 def _inner_and_top(points: Floats, tets: Nodes) -> tuple[Nodes, Nodes]:
-    """Corners on no outer face, and those on the only one not plane."""
+    """Corners on no outer face, and corners of the top, the only outer face that is not plane."""
     outer = outer_faces(tets)[:, :3]
     plane = np.any(np.ptp(points[outer], axis=1) == 0.0, axis=1)
     return np.setdiff1d(tets[:, :4], outer), np.unique(outer[~plane])
 
 
 def _straightened(points: Floats, tets: Nodes, top: Nodes) -> Floats:
-    """Points of a mesh whose edges away from the top are straight."""
+    """Points of the mesh with midside nodes moved to the middle of their edges, except at the top."""
     points, below = points.copy(), ~np.isin(tets[:, :4], top)
     for k, (i, j) in enumerate(EDGES, 4):
         straight = below[:, i] & below[:, j]

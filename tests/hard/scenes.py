@@ -1,11 +1,18 @@
-"""The hard cases."""
+"""Hard cases: scenes where a contact solver is likely to fail, each run to its end or refused with a reason.
+
+Each scene is run as `asperity run` would, in its own folder, and judged (`outcome`): it ends as expected, passes the
+checks of `asperity.quasistatic.balance` at every step, agrees with its twin (the same problem solved in a second way)
+and with theory (`claims`). A scene that stops leaves its curve and a checkpoint to continue from.
+"""
 
 from __future__ import annotations
 
 from math import pi
 
-from asperity.stress import claims, files, grids
-from asperity.stress.scene import DIRECT, ELASTIC, FILE, FLAT, PENALTY, Keys, L, Scene, Twin, sphere, wave
+import bad_inputs
+import claims
+import grids
+from scene_definition import DIRECT, ELASTIC, FILE, FLAT, PENALTY, Keys, L, Scene, Twin, sphere, wave
 
 UM_GPA: Keys = {
     "units": "other",
@@ -77,8 +84,8 @@ SCENES: tuple[Scene, ...] = (
         "touch/two-peaks",
         "two equal peaks",
         FILE | {"loading.delta_max": 0.02 * L, "loading.unload": True},
-        map=files.two_peaks,
-        twin=Twin("turned by 90 degrees", 0.05, map=files.two_peaks_turned),
+        map=bad_inputs.two_peaks,
+        twin=Twin("turned by 90 degrees", 0.05, map=bad_inputs.two_peaks_turned),
         fast=True,
     ),
     Scene(
@@ -269,23 +276,23 @@ SCENES: tuple[Scene, ...] = (
     ),
     Scene(
         "mesh/slivers",
-        f"tetrahedra flattened to {files.SLIVER:g} of their height",
+        f"tetrahedra flattened to {bad_inputs.SLIVER:g} of their height",
         {"loading.unload": True, "mesh.h_max": 0.15 * L},
-        spoil=files.with_slivers,
+        spoil=bad_inputs.with_slivers,
         twin=Twin("without them", 0.05, {"mesh.file": None}),
     ),
     Scene(
         "mesh/slivers-direct",
         "the same, by CG and LU",
         {"mesh.h_max": 0.15 * L},
-        spoil=files.with_slivers,
+        spoil=bad_inputs.with_slivers,
         twin=DIRECT,
     ),
     Scene("mesh/abrupt", "elements grow abruptly", {"mesh.growth": 10.0, "mesh.h_max": L}, twin=DIRECT),
     Scene(
         "mesh/turned",
         "mesh with an element turned inside out",
-        spoil=files.with_turned_element,
+        spoil=bad_inputs.with_turned_element,
         ends="refused",
         reason="turned inside out",
         fast=True,
@@ -340,26 +347,30 @@ SCENES: tuple[Scene, ...] = (
         "file/noise",
         "wave with noise of a hundredth of its height at every sample",
         FILE | {"loading.delta_max": 0.01 * L, "mesh.h_contact": 0.06 * L, "mesh.h_max": 0.2 * L},
-        map=files.noisy,
+        map=bad_inputs.noisy,
         twin=DIRECT,
     ),
     Scene(
         "file/noise-coarse",
         "noise of a tenth, finer than the elements",
         FILE | {"loading.delta_max": 0.02 * L},
-        map=files.very_noisy,
+        map=bad_inputs.very_noisy,
         ends="refused",
         reason="turned inside out",
     ),
-    Scene("file/step", "terrace with a cliff", FILE | {"loading.delta_max": 0.01 * L}, map=files.terrace, twin=DIRECT),
+    Scene(
+        "file/step", "terrace with a cliff", FILE | {"loading.delta_max": 0.01 * L}, map=bad_inputs.terrace, twin=DIRECT
+    ),
     Scene(
         "file/spike",
         "one sample 0.1 L above the others",
         FILE | {"loading.delta_max": 0.02 * L},
-        map=files.spike,
+        map=bad_inputs.spike,
         ends="refused",
         reason="turned inside out",
     ),
-    Scene("file/nan", "a missing height", FILE, map=files.with_nan, ends="refused", reason="not finite", fast=True),
-    Scene("file/flat", "constant heights", FILE | {"loading.delta_max": 1e-3 * L}, map=files.constant),
+    Scene(
+        "file/nan", "a missing height", FILE, map=bad_inputs.with_nan, ends="refused", reason="not finite", fast=True
+    ),
+    Scene("file/flat", "constant heights", FILE | {"loading.delta_max": 1e-3 * L}, map=bad_inputs.constant),
 )

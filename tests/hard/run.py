@@ -1,17 +1,17 @@
-"""`asperity stress`: the hard cases, as a table."""
+"""Run the hard cases and print a table: `./run python3 tests/hard/run.py [OPTIONS] [NAME]...`."""
 
 from __future__ import annotations
 
+import sys
+from fnmatch import fnmatchcase
 from time import process_time
-from typing import TYPE_CHECKING
 
 import click
+from outcome import Outcome, run_scene
+from scene_definition import Scene
+from scenes import SCENES
 
 from asperity.cli import options
-from asperity.errors import ConvergenceError
-
-if TYPE_CHECKING:
-    from asperity.stress.outcome import Outcome
 
 WORDS = ("scene", "parameters", "ends", "reason, comparisons")
 FIGURES = (
@@ -22,28 +22,26 @@ FIGURES = (
 CHAIN = ("shortened", "direct", "cutbacks")
 
 
-@click.command()
+@click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("names", metavar="[NAME]...", nargs=-1)
 @click.option("--fast", is_flag=True, help="Only the scenes of the short suite.")
 @click.option("--markdown", is_flag=True, help="Print a Markdown table.")
 @options.serial
-def command(names: tuple[str, ...], fast: bool, markdown: bool) -> int:
+def command(names: tuple[str, ...], fast: bool, markdown: bool) -> None:
     """Run the hard cases: each must end as expected, keep its balances, and agree with its comparisons.
 
     NAME: a scene or a pattern, for example "units*"; all without one. Columns: difference of the force on the flat
     and the reaction of the base over the force; least plastic work of a step (E L^3); suction over pressure;
     penetration over L; by how much a step left the bounds of its energy. Exit code 0 when all pass, 3 when not.
     """
-    from asperity.stress import stress
-
     start = process_time()
-
-    def done(outcome: Outcome) -> None:
+    outcomes = []
+    for scene in select(names, fast):
+        outcome = run_scene(scene)
+        outcomes.append(outcome)
         words = "; ".join(filter(None, [outcome.ends, outcome.reason, *outcome.notes]))
         faults = f" FAILED: {'; '.join(outcome.faults)}" if outcome.faults else ""
-        click.echo(f"[{process_time() - start:5.0f} s] {outcome.scene.name}: {words}{faults}", err=True)
-
-    outcomes = stress(names, fast=fast, on_outcome=done)
+        click.echo(f"[{process_time() - start:5.0f} s] {scene.name}: {words}{faults}", err=True)
     if markdown:
         titles = (*WORDS, *FIGURES)
         for line in (titles, ("---",) * len(titles), *((*_words(o), *_figures(o)) for o in outcomes)):
@@ -53,8 +51,25 @@ def command(names: tuple[str, ...], fast: bool, markdown: bool) -> int:
         options.table("Hard cases", ((o.scene.name, o.ends, *_figures(o)) for o in outcomes), header)
     failed = [o.scene.name for o in outcomes if o.faults]
     if failed:
-        raise ConvergenceError(f"{len(failed)} of {len(outcomes)} scenes failed ({', '.join(failed)})")
-    return 0
+        click.echo(f"error: {len(failed)} of {len(outcomes)} scenes failed ({', '.join(failed)})", err=True)
+        sys.exit(3)
+
+
+def select(names: tuple[str, ...], fast: bool) -> list[Scene]:
+    """Scenes that match one of the names or patterns, all when there is none; only those of the short suite if fast.
+
+    Raises:
+        click.BadParameter: no scene matches a name
+    """
+    for name in names:
+        if not any(fnmatchcase(scene.name, name) for scene in SCENES):
+            groups = ", ".join(dict.fromkeys(scene.group for scene in SCENES))
+            raise click.BadParameter(f'no scene is named "{name}"; scenes begin with {groups}: give a name or "GROUP*"')
+    return [
+        scene
+        for scene in SCENES
+        if (scene.fast or not fast) and any(fnmatchcase(scene.name, name) for name in names or ("*",))
+    ]
 
 
 def _words(outcome: Outcome) -> tuple[str, ...]:
@@ -71,3 +86,7 @@ def _figures(outcome: Outcome) -> tuple[str, ...]:
     kinds = ("force_balance", "least_dissipation", "tension", "penetration", "energy_excess")
     counts = f"{steps}", f"{summary['newton'] / max(steps, 1):.1f}", *(str(summary[kind]) for kind in CHAIN)
     return (*(f"{checks[kind]:.0e}" for kind in kinds), *counts, *ends)
+
+
+if __name__ == "__main__":
+    command()

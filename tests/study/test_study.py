@@ -22,7 +22,7 @@ from asperity.study.results import mean_interval
 from asperity.study.run import mesh_key, portions, shared_mesh
 from asperity.study.trend import CONDITIONAL, FAILS, HOLDS, Condition, Trend, trend, verdict
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 
 # a wavy surface in some 500 unknowns: seconds for a whole study
 BASE: dict[str, Any] = {

@@ -15,7 +15,7 @@ from asperity.case.schema import Input, input_reference
 from asperity.case.validation import full_contact_pressure
 from asperity.errors import InputError
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 DEMO = ROOT / "cases/demo.toml"
 CASES = sorted((ROOT / "cases").glob("*.toml"))
 

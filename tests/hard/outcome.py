@@ -1,4 +1,4 @@
-"""A scene run as a user would run it, and how it went."""
+"""Run a scene as a user would, and judge the result."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from pathlib import Path
 from time import process_time
 from typing import Any
 
+import bad_inputs
 import numpy as np
 from mpi4py import MPI
+from scene_definition import BASE, Keys, L, Scene
 
 from asperity.case.case_file import Case, check_loading
 from asperity.curve import Curve
@@ -20,23 +22,21 @@ from asperity.errors import CheckError, ConvergenceError, InputError
 from asperity.quasistatic.checkpoint import Checkpoint, identity
 from asperity.quasistatic.solve_contact import MeshSize, make_block
 from asperity.run_case import run
-from asperity.stress import files
-from asperity.stress.scene import BASE, Keys, L, Scene
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a scene went.
+    """Result of a scene and its comparisons.
 
     Attributes:
-        scene: what was run
-        ends: "done", "refused" (exit code 2), "stopped" (3), "wrong" (3, a balance is violated), or
-            "crashed" by an error that nobody foresaw
-        reason: sentence of a refusal or stop, or that the contact is not resolved
-        summary: what summary.json holds; empty after a refusal
-        notes: figures of the comparisons
-        faults: what is not as it should be
-        seconds: processor time of the scene alone [s]
+        scene: the scene
+        ends: "done", "refused" (exit code 2), "stopped" (3), "wrong" (3, a balance is violated), or "crashed" (any
+            other error)
+        reason: message of the refusal or stop, or the warning that the contact is not resolved
+        summary: contents of summary.json; empty after a refusal
+        notes: results of the comparisons
+        faults: deviations from the expected result; empty when the scene passes
+        seconds: processor time of the scene without its twin [s]
     """
 
     scene: Scene
@@ -49,7 +49,7 @@ class Outcome:
 
 
 def run_scene(scene: Scene) -> Outcome:
-    """Run a scene and its twin in a folder that is removed afterwards, and judge them."""
+    """Run a scene and its twin in a temporary folder and judge them."""
     with tempfile.TemporaryDirectory(prefix="asperity-") as place, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         start = process_time()
@@ -70,7 +70,7 @@ def run_scene(scene: Scene) -> Outcome:
 
 @dataclass
 class _Run:
-    """How a case went; without a curve it was refused."""
+    """Result of a case; a refused case has no curve."""
 
     case: Case | None = None
     curve: Curve | None = None
@@ -80,11 +80,11 @@ class _Run:
     faults: list[str] = field(default_factory=list)
 
 
-def _run(scene: Scene, keys: Keys, heights: files.Map | None, folder: Path) -> _Run:
+def _run(scene: Scene, keys: Keys, heights: bad_inputs.Map | None, folder: Path) -> _Run:
     """Run the case of a scene in a new folder."""
     folder.mkdir()
     if heights is not None:
-        np.save(folder / "map.npy", L * files.heights(heights))
+        np.save(folder / "map.npy", L * bad_inputs.heights(heights))
     out, done = folder / "out", _Run()
     try:
         done.case = case = _case(scene, keys, folder)
@@ -94,14 +94,14 @@ def _run(scene: Scene, keys: Keys, heights: files.Map | None, folder: Path) -> _
         return _Run(ends="refused", reason=str(error).replace(f"{folder}/", ""))
     except ConvergenceError as error:
         done.ends, done.reason = "wrong" if isinstance(error, CheckError) else "stopped", str(error)
-    except Exception as error:  # whatever it is, the other scenes shall run
+    except Exception as error:  # reported as "crashed"; the other scenes run
         return _Run(ends="crashed", reason=f"{type(error).__name__}: {error}")
-    if not (out / "curve.csv").exists():  # it stopped before the first step
+    if not (out / "curve.csv").exists():  # stopped before the first step
         return done
     done.curve = Curve.read(out / "curve.csv")
     done.summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     done.reason = done.reason or done.summary["unresolved"]
-    if case.accuracy.tolerance is None:  # else there is one of each mesh
+    if case.accuracy.tolerance is None:  # with a tolerance there is one checkpoint per mesh
         saved = Checkpoint(out / "checkpoint", identity(case), MPI.COMM_SELF).load()
         if saved is None or len(saved.meta["rows"]) != len(done.curve):
             done.faults.append("the checkpoint does not hold the steps of the curve")
@@ -128,7 +128,11 @@ def _case(scene: Scene, keys: Keys, folder: Path) -> Case:
 
 
 def _compare(scene: Scene, one: _Run, other: _Run) -> tuple[bool, str]:
-    """Difference of two curves at the deflections of the first loading they share, and of the dents they leave."""
+    """Compare two curves at the common deflections of the first loading, and the dents after unloading.
+
+    Returns:
+        whether the difference is within the tolerance of the twin, and a sentence with the difference
+    """
     assert scene.twin is not None and one.curve is not None
     if other.curve is None:
         return False, f"{scene.twin.about}: {other.ends} ({other.reason})"
@@ -138,4 +142,4 @@ def _compare(scene: Scene, one: _Run, other: _Run) -> tuple[bool, str]:
     if one.curve.branch[-1] == "unload" and other.curve.branch[-1] == "unload":
         found.append(abs(one.curve.delta_star[-1] - other.curve.delta_star[-1]) / np.max(b.delta_star))
     difference = float(max(found))
-    return difference <= scene.twin.bar, f"{scene.twin.about}: {difference:.1e}"
+    return difference <= scene.twin.tolerance, f"{scene.twin.about}: {difference:.1e}"

@@ -1,7 +1,7 @@
 """asperity against CalculiX, GetFEM and Tamaas: time and memory at equal error of the force.
 
     benchmarks/peers/install                                        once: fetches the programs
-    ./run python3 benchmarks/peers/run.py [-o FOLDER] [--limit CPU_SECONDS] [--kept] [elastic] [plastic]
+    ./run python3 benchmarks/peers/compare.py [-o FOLDER] [--limit CPU_SECONDS] [--kept] [elastic] [plastic]
 
 All programs press the same surface on the same block in the same ten load steps (`scene`; more where the table says
 so), on one thread, each run in a process of its own. Seconds are CPU seconds of that process, user and system, start-up

@@ -23,7 +23,7 @@ from asperity.errors import ConvergenceError, InputError
 from asperity.plot import CAPTIONS
 from asperity.runtime.progress import COLUMNS, Progress, StepLines, duration, make_progress
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 DEMO = str(ROOT / "cases/demo.toml")
 Cli = Callable[..., tuple[int, str, str]]
 

@@ -1,4 +1,7 @@
-"""What theory says of the curve of a scene: each claim gives a figure in words and whether it holds."""
+"""Theoretical properties of the curve of a scene.
+
+Each claim takes the case and its curve, and returns whether the property holds and a sentence with the measured value.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ if TYPE_CHECKING:
 
 Claim = Callable[["Case", "Curve"], tuple[bool, str]]
 
-SHAKEN = 1e-6  # change of force and deflection from one of the last cycles to the next that counts as none
+SHAKEN = 1e-6  # relative change of the peak force between elastic cycles that counts as none
 
 
 def nearly_full(case: Case, curve: Curve) -> tuple[bool, str]:
@@ -22,8 +25,11 @@ def nearly_full(case: Case, curve: Curve) -> tuple[bool, str]:
     return 0.95 < area < 1.0 + 1e-9, f"contact area {area:.1%}"
 
 
-def hertz(bar: float) -> Claim:
-    """A sphere follows Hertz, P = 4/3 E' sqrt(R) delta^1.5, within `bar` of the greatest force, and leaves no dent."""
+def hertz(tolerance: float) -> Claim:
+    """A sphere follows Hertz, P = 4/3 E' sqrt(R) delta^1.5, within `tolerance` times the greatest force.
+
+    After unloading the force is zero and no dent is left.
+    """
 
     def claim(case: Case, curve: Curve) -> tuple[bool, str]:
         load = curve.branch == "load"
@@ -34,16 +40,16 @@ def hertz(bar: float) -> Claim:
         if case.loading.unload:
             text += f", force {curve.force[-1]:g} and dent {curve.delta_star[-1]:.0e} L after release"
         clean = not case.loading.unload or (curve.force[-1] == 0.0 and abs(curve.delta_star[-1]) < 1e-9)
-        return error < bar and clean, text
+        return error < tolerance and clean, text
 
     return claim
 
 
 def uniaxial_strain(case: Case, curve: Curve) -> tuple[bool, str]:
-    """A flat block between rollers is in uniaxial strain, whose elastic-plastic law is known in closed form.
+    """A flat block between rollers follows the closed form of elastic-plastic uniaxial strain.
 
-    Beyond yield, where |s| = sigma_y + H a, the stress rises by K + 4/3 mu H/(3 mu + H) per strain: the deviatoric
-    strain is shared by elasticity and flow.
+    Beyond yield, where |s| = sigma_y + H a, the stress increases by K + 4/3 mu H/(3 mu + H) per strain, because the
+    deviatoric strain is partly elastic and partly plastic.
     """
     solid = case.material
     assert solid.yield_strength is not None
@@ -62,7 +68,7 @@ def uniaxial_strain(case: Case, curve: Curve) -> tuple[bool, str]:
 
 
 def shakes_down(case: Case, curve: Curve) -> tuple[bool, str]:
-    """Cycles between no force and one deflection: the peaks of force may only change by less and less."""
+    """Cycles between zero force and one deflection: the change of the peak force decreases from cycle to cycle."""
     peaks, dents = _peaks(curve), _dents(curve)
     change = np.abs(np.diff(peaks)) / peaks[0]
     creep = np.abs(np.diff(dents)) / curve.delta.max()
@@ -74,7 +80,7 @@ def shakes_down(case: Case, curve: Curve) -> tuple[bool, str]:
 
 
 def closed_loops(case: Case, curve: Curve) -> tuple[bool, str]:
-    """An elastic contact forgets its cycles."""
+    """Cycles of an elastic contact are identical and leave no dent."""
     peaks, dents = _peaks(curve), _dents(curve)
     change, dent = float(np.ptp(peaks) / peaks[0]), float(np.abs(dents).max() / case.surface.L)
     return change < SHAKEN and dent < 1e-9, f"peak force changes by {change:.0e}, dent {dent:.0e} L"
