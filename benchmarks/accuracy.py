@@ -25,7 +25,6 @@ from pathlib import Path
 from time import perf_counter, process_time
 
 import numpy as np
-import numpy.typing as npt
 from mpi4py import MPI
 
 import asperity as asp
@@ -40,11 +39,11 @@ from asperity.adaptive.mesh_plan import (
     growth,
 )
 from asperity.adaptive.solve_to_tolerance import Goal, loading_force, solve_to_tolerance, steady
+from asperity.arrays import Floats
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import GRADING, GUIDED, Reach
 from asperity.quasistatic.solve_contact import make_block
 
-Floats = npt.NDArray[np.float64]
 Judged = tuple[Floats, Floats]  # relative error and bar at some deflections
 
 L, DELTA, STEPS = 1e-6, 0.03e-6, 10

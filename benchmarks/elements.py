@@ -23,17 +23,15 @@ from time import process_time
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from hexahedra import HEXAHEDRA, Hexahedra, lines
 
 import asperity as asp
 from asperity.adaptive.solve_to_tolerance import extrapolate, loading_force
+from asperity.arrays import Floats
 from asperity.mesh.generate import Reach
 from asperity.model.load_path import BACKWARD_EULER
 from asperity.surface import Surface
 from asperity.verification.hertz import CONTACT, RADIUS, SPHERE, layer_force
-
-Floats = npt.NDArray[np.float64]
 
 ELASTIC = asp.Material(1.0, 0.3)
 STEEL = asp.Material(1.0, 0.3, 0.005, 0.05)

@@ -18,13 +18,13 @@ import numpy as np
 import numpy.typing as npt
 from newton import step_length, without
 
-from asperity.fem.sparsity import set_rigid_modes
+from asperity.arrays import Floats
+from asperity.linear.petsc_matrix import set_rigid_modes
 from asperity.linear.petsc_options import GAMG, set_defaults
 from asperity.mesh.generate import SizeField
 from asperity.model.material import Material, return_map_ufl
 from asperity.surface import Surface
 
-Floats = npt.NDArray[np.float64]
 Lines = tuple[Floats, Floats, Floats]
 
 LU_DOFS = 6000

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-Floats = npt.NDArray[np.float64]
+from asperity.arrays import Floats
 
 
 def without(values: Floats, *held: npt.NDArray[np.integer]) -> Floats:

@@ -16,10 +16,9 @@ import numpy as np
 import numpy.typing as npt
 from newton import step_length, without
 
+from asperity.arrays import Floats
 from asperity.model.material import Material, return_map_ufl
 from asperity.verification.flattening import HERTZ, NU, ONSET, E, Y
-
-Floats = npt.NDArray[np.float64]
 
 DEPTHS = np.array([6.0, 10.0, 50.0, 100.0])  # deflection over that at the onset of yield
 TANGENTS = (0.0, 0.1, 0.3, 0.5)  # E_t/E

@@ -14,8 +14,8 @@ from pathlib import Path
 from time import process_time
 
 import numpy as np
-import numpy.typing as npt
 
+from asperity.arrays import Floats
 from asperity.case import Case
 from asperity.dynamics import ContactOscillator, TableLaw, unload_reload
 from asperity.model.load_path import Schedule
@@ -35,8 +35,6 @@ FREE_ZETA = 0.02
 FORCED_RATIOS = (0.01, 0.2)
 FREQUENCIES = (0.85, 0.95, 1.1)
 FORCING, FORCED_ZETA, FORCED_PERIODS = 0.03, 0.05, 7
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

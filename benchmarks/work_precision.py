@@ -21,17 +21,15 @@ from time import process_time
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 import asperity as asp
 from asperity.adaptive.mesh_plan import extrapolate
 from asperity.adaptive.solve_to_tolerance import loading_force
+from asperity.arrays import Floats
 from asperity.mesh.generate import Reach
 from asperity.plot import style
 from asperity.surface import Surface
 from asperity.verification.hertz import CONTACT, RADIUS, SPHERE, layer_force
-
-Floats = npt.NDArray[np.float64]
 
 ELASTIC = asp.Material(1.0, 0.3)
 STEEL = asp.Material(1.0, 0.3, 0.005, 0.05)

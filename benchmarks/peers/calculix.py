@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 import scene
 
+from asperity.arrays import Floats
 from asperity.mesh.generate import SizeField, build_block
 
-Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 Faces = list[tuple[int, ...]]
 

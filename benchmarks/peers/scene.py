@@ -18,9 +18,8 @@ import numpy.typing as npt
 
 import asperity as asp
 from asperity.adaptive.solve_to_tolerance import Goal, loading_force, solve_to_tolerance
+from asperity.arrays import Floats
 from asperity.surface import Surface
-
-Floats = npt.NDArray[np.float64]
 
 DELTA, STEPS = 0.03, 10
 AT = DELTA * np.arange(1, STEPS + 1) / STEPS  # deflections compared [L]

@@ -13,15 +13,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.runtime.files import replace_file
 
 if TYPE_CHECKING:
     from asperity.power_law import PowerLawFit
 
-Array = NDArray[Any]
 
 UNRESOLVED = 0.5  # error of the area of contact over the area: fewer than about six facets are touched
 

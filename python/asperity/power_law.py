@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from asperity.arrays import Array
 from asperity.errors import InputError
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True)

@@ -25,10 +25,12 @@ from typing import Any
 import numpy as np
 
 from asperity import _solver
+from asperity.arrays import Floats
 from asperity.errors import ConvergenceError, InputError
-from asperity.fem.compiled_kernels import shape_gradients
 from asperity.fem.energies import energies
-from asperity.fem.solid import Bulk, Floats, Solid
+from asperity.fem.kernels import ElementKernels
+from asperity.fem.solid import Solid
+from asperity.mesh.tet10 import quadrature, shape_functions, shape_gradients
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.runtime import compat
 
@@ -112,7 +114,7 @@ class InertialBulk:
         mass: M of one component, this process's cells (nodes, nodes)
     """
 
-    def __init__(self, bulk: Bulk, solid: Solid, density: float) -> None:
+    def __init__(self, bulk: ElementKernels, solid: Solid, density: float) -> None:
         self.inner = bulk
         self.linear = False
         self.shift = 0.0
@@ -137,7 +139,7 @@ class InertialBulk:
         return self.inner.plastic_points
 
     def add_internal_force(self, u: Floats, b: Floats) -> None:
-        """See `solid.Bulk`; so for the methods below."""
+        """See `solid.ElementKernels`; so for the methods below."""
         self.inner.add_internal_force(u, b)
         if self.shift:
             b += self.shift * (self.mass @ (u - self.anchor))
@@ -162,14 +164,10 @@ class InertialBulk:
 
 def consistent_mass(solid: Solid) -> Any:
     """Integrals of products of shape functions over this process's cells: SciPy CSR on the graph (nodes, nodes)."""
-    import basix
     from scipy import sparse
 
-    points, weights = basix.make_quadrature(basix.CellType.tetrahedron, MASS_DEGREE)
-    element = basix.create_element(
-        basix.ElementFamily.P, basix.CellType.tetrahedron, 2, basix.LagrangeVariant.gll_warped
-    )
-    N = element.tabulate(0, points)[0, :, :, 0]
+    points, weights = quadrature(MASS_DEGREE)
+    N = shape_functions(points)
     nodes, x_nodes = solid.cell_nodes, compat.geometry_dofmap(solid.mesh)[: len(solid.cell_nodes)]
     cells = _solver.Cells(solid.mesh.geometry.x, x_nodes, nodes, shape_gradients(points), weights)
     volumes = np.empty((len(nodes), len(weights)))

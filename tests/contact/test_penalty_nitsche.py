@@ -12,7 +12,7 @@ from asperity import reference as ref
 from asperity.contact import PressureContact
 from asperity.contact.contact_surface import ContactSurface, FacetRule
 from asperity.errors import InputError
-from asperity.fem.sparsity import assembled
+from asperity.linear.petsc_matrix import assembled
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import SizeField, build_block
 from asperity.model.material import Material

@@ -13,7 +13,8 @@ from scipy import sparse
 
 from asperity import reference as ref
 from asperity.errors import InputError
-from asperity.fem.solid import Bulk, Solid
+from asperity.fem.kernels import ElementKernels
+from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block, distribute
 from asperity.model.material import Material
@@ -34,7 +35,7 @@ class Sample:
     solid: Solid
 
     @property
-    def bulk(self) -> Bulk:
+    def bulk(self) -> ElementKernels:
         return self.solid.bulk
 
     def force(self, u: Array) -> Array:

@@ -13,12 +13,13 @@ from asperity import reference as ref
 from asperity.contact.contact_surface import ContactSurface
 from asperity.errors import InputError
 from asperity.fem.solid import Solid
-from asperity.fem.sparsity import assembled, set_rigid_modes
 from asperity.linear.matrix_free import Tangent
-from asperity.linear.multigrid import EDGES, PMultigrid
+from asperity.linear.multigrid import PMultigrid
+from asperity.linear.petsc_matrix import assembled, set_rigid_modes
 from asperity.linear.solver import LinearSolver
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block, distribute, on_root
+from asperity.mesh.tet10 import BASIX_EDGES
 from asperity.model.load_path import MIDPOINT, Schedule
 from asperity.model.material import Material
 from asperity.quasistatic import measures
@@ -263,7 +264,7 @@ def test_galerkin_matrix_is_that_of_the_interpolation(coarse: BlockMesh) -> None
     number = np.full(solid.nodes, -1, dtype=np.int32)
     number[corners] = np.arange(len(corners))
     parents = np.repeat(number[:, None], 2, axis=1)
-    for k, (i, j) in enumerate(EDGES, start=4):
+    for k, (i, j) in enumerate(BASIX_EDGES, start=4):
         parents[cells[:, k]] = number[cells[:, [i, j]]]
     P = np.zeros((3 * solid.nodes, 3 * len(corners)))
     for node, ends in enumerate(parents):

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from asperity.mesh.block import EDGES, outer_faces
+from asperity.arrays import Floats
+from asperity.mesh.tet10 import EDGES, outer_faces
 
 if TYPE_CHECKING:
     from asperity.mesh.block import BlockMesh
 
-Floats = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]
 #: Heights in units of L at the nodes of a regular grid, from their coordinates (n, n) in the same units.
 Map = Callable[[Floats, Floats], Floats]

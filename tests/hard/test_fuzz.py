@@ -23,7 +23,8 @@ from asperity.case import Case
 from asperity.cli.run import prepare
 from asperity.curve import Curve
 from asperity.errors import AsperityError, CheckError, ConvergenceError, InputError
-from asperity.mesh.block import EDGES, BlockMesh
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.tet10 import EDGES
 from asperity.run_case import run
 from asperity.surface import Flat
 

@@ -11,11 +11,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import ceil, inf
 
 import numpy as np
-import numpy.typing as npt
 
+from asperity.arrays import Floats
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
-
-Floats = npt.NDArray[np.float64]
 
 MESH_ORDERS = (1.3, 3.5)  # range of the order of the force in the element size, measured by benchmarks/accuracy.py
 MESH_ORDER = 2.0  # typical one, to plan with

@@ -34,6 +34,7 @@ from asperity.adaptive.mesh_plan import (
     safety_of,
     too_soft,
 )
+from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.errors import InputError, Interrupted, MeshError
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
@@ -41,8 +42,6 @@ from asperity.model.material import Material
 from asperity.quasistatic.solve_contact import ContactResult, PartialResult
 from asperity.quasistatic.stepping import Callback
 from asperity.surface import Surface
-
-Floats = npt.NDArray[np.float64]
 
 # Part of the load-step correction taken for its bar; of the rule of first order much more is corrected
 PATH_TRANSFER = {MIDPOINT: 0.5, BACKWARD_EULER: 1.0}

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from asperity.arrays import Floats, Integers
 from asperity.contact.contact_surface import ContactSurface
-from asperity.contact.interface import Area, Rows
-from asperity.fem.solid import Floats, Solid
+from asperity.contact.interface import Area
+from asperity.fem.solid import Solid
 
 
 class ActiveSet:
@@ -37,7 +38,7 @@ class ActiveSet:
     def _penetration(self) -> Floats:
         return self._height + self._solid.u.x.array.reshape(-1, 3)[self._nodes, 2] - self._z
 
-    def residual(self, force: Floats) -> tuple[Floats, Rows, Floats]:
+    def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]:
         d = self._penetration()
         self.active = self._c * d - force[self._nodes, 2] > 0.0
         r = force.copy()

@@ -8,7 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity import _solver
-from asperity.fem.solid import Floats, Solid
+from asperity.arrays import Floats, Indices
+from asperity.fem.global_numbering import cell_numbers
+from asperity.fem.solid import Solid
+from asperity.mesh import tet10
 from asperity.mesh.generate import TOP
 from asperity.runtime import compat
 
@@ -33,16 +36,19 @@ class FacetRule:
     """
 
     def __init__(self, top: ContactSurface, degree: int, splits: int = 0) -> None:
-        points, weights = _triangle_rule(degree, splits)
+        points, weights = tet10.facet_quadrature(degree, splits)
         solid = top.solid
-        tables = [_tabulate(k, points) for k in range(4)]
-        gradients, shape = (np.ascontiguousarray(np.stack(t)) for t in zip(*tables, strict=True))
+        at_facets = [tet10.at_facet(k, points) for k in range(4)]
+        gradients = np.stack([tet10.shape_gradients(p) for p in at_facets])
+        shape = np.stack([tet10.shape_functions(p) for p in at_facets])
         x = solid.mesh.geometry.x
         x_nodes = np.ascontiguousarray(compat.geometry_dofmap(solid.mesh)[top.cells])
-        self.facets = _solver.Facets(x, x_nodes, top.cell_nodes, top.local, gradients, shape, _area_vectors(), weights)
+        self.facets = _solver.Facets(
+            x, x_nodes, top.cell_nodes, top.local, gradients, shape, tet10.area_vectors(), weights
+        )
         self.weights = np.empty((len(top.cells), len(weights)))
         _solver.facet_weights(self.facets, self.weights)
-        self._of_nodes = shape[0][:, _reference_facets()[0]]
+        self._of_nodes = shape[0][:, tet10.facet_nodes()[0]]
         self.height = self.at_points(solid.points[top.nodes, 2])
 
     def at_points(self, values: Floats) -> Floats:
@@ -76,7 +82,7 @@ class ContactSurface:
             dtype=np.int32,
         )
         self.cell_nodes = np.ascontiguousarray(solid.cell_nodes[self.cells])
-        closures = np.array(_reference_facets())
+        closures = np.array(tet10.facet_nodes())
         self.nodes = np.take_along_axis(self.cell_nodes, closures[self.local], axis=1)
         self.owned_nodes = solid.nodes_on(TOP)
         rule = FacetRule(self, 2)
@@ -144,6 +150,11 @@ class ContactSurface:
         return self._valence
 
 
+def facet_numbers(surface: ContactSurface) -> Indices:
+    """Number of each facet in the built mesh: four times its cell and its place in it (F,)."""
+    return 4 * cell_numbers(surface.solid)[surface.cells] + surface.local
+
+
 def _to_corners(values: Floats) -> Floats:
     """Facet node values (F, 6) tested with the corner hats: corner plus half of its two edges (F, 3).
 
@@ -151,60 +162,3 @@ def _to_corners(values: Floats) -> Floats:
     """
     corners, edges = values[:, :3], values[:, 3:]
     return corners + 0.5 * (edges.sum(axis=1, keepdims=True) - edges)
-
-
-def _reference_facets() -> list[list[int]]:
-    """Local nodes of each facet of a tetrahedron: its corners, then the edges opposite to them."""
-    import basix
-
-    topology = basix.topology(basix.CellType.tetrahedron)
-    return [
-        [*corners, *(4 + topology[1].index([v for v in corners if v != opposite]) for opposite in corners)]
-        for corners in topology[2]
-    ]
-
-
-def _triangle_rule(degree: int, splits: int) -> tuple[Floats, Floats]:
-    """Gauss rule on each of 4^splits equal parts of the reference triangle: points (Q, 2), weights (Q,)."""
-    import basix
-
-    points, weights = basix.make_quadrature(basix.CellType.triangle, degree)
-    n = 2**splits
-    parts = []
-    for i in range(n):
-        for j in range(n - i):
-            parts.append((np.array([i, j]) + points) / n)
-            if i + j < n - 1:
-                parts.append((np.array([i + 1, j + 1]) - points) / n)
-    return np.concatenate(parts), np.tile(weights, n * n) / n**2
-
-
-def _corners(facet: int) -> Floats:
-    """Corners of a facet of the reference tetrahedron (3, 3)."""
-    import basix
-
-    topology = basix.topology(basix.CellType.tetrahedron)
-    return np.asarray(basix.geometry(basix.CellType.tetrahedron)[topology[2][facet]])
-
-
-def _tabulate(facet: int, points: Floats) -> tuple[Floats, Floats]:
-    """Gradients (Q, 10, 3) and values (Q, 10) of a cell's shape functions at points of its facet."""
-    import basix
-
-    corners = _corners(facet)
-    element = basix.create_element(
-        basix.ElementFamily.P, basix.CellType.tetrahedron, 2, basix.LagrangeVariant.gll_warped
-    )
-    table = element.tabulate(1, corners[0] + points @ (corners[1:] - corners[0]))[..., 0]
-    return np.moveaxis(table[1:], 0, -1), table[0]
-
-
-def _area_vectors() -> Floats:
-    """Outward normals of the facets of the reference tetrahedron, of twice the length of their area (4, 3)."""
-    out = np.empty((4, 3))
-    for facet in range(4):
-        corners = _corners(facet)
-        n = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-        inside = np.full(3, 0.25) - corners[0]
-        out[facet] = -n * np.sign(n @ inside)
-    return out

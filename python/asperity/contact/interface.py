@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
+from asperity.arrays import Floats, Integers
 from asperity.contact.contact_surface import Area
-from asperity.fem.solid import Floats, Rows
 
-__all__ = ["Area", "Contact", "Rows"]
+__all__ = ["Area", "Contact", "Integers"]
 
 
 class Contact(Protocol):
@@ -24,7 +24,7 @@ class Contact(Protocol):
     def begin(self, z: float) -> None:
         """Move the flat to height z [length]."""
 
-    def residual(self, force: Floats) -> tuple[Floats, Rows, Floats]:
+    def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]:
         """Complete the internal force of the current displacement; collective.
 
         Args:

@@ -7,10 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from asperity import _solver
+from asperity.arrays import Floats, Integers
 from asperity.contact.contact_surface import FACET_DEGREE, ContactSurface, FacetRule
-from asperity.contact.interface import Area, Rows
+from asperity.contact.interface import Area
 from asperity.errors import InputError
-from asperity.fem.solid import Floats, Solid
+from asperity.fem.solid import Solid
 
 STATE = ("plastic_strain", "accumulated")
 
@@ -77,7 +78,7 @@ class PressureContact:
     def begin(self, z: float) -> None:
         self._z = z
 
-    def residual(self, force: Floats) -> tuple[Floats, Rows, Floats]:
+    def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]:
         part = np.zeros((self._solid.nodes, 3))
         _solver.facet_pressure(
             self._rule.facets,

@@ -9,9 +9,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from asperity.arrays import Array
 from asperity.dynamics.forcing import LIGHTEST, Setting, forcings, frequencies, window
 from asperity.dynamics.law.damping import check_damping
-from asperity.dynamics.law.law import Array, Law, TaylorLaw, positive
+from asperity.dynamics.law.law import Law, TaylorLaw, positive
 from asperity.dynamics.law.restoring import Restoring
 from asperity.dynamics.law.table import TableLaw
 from asperity.dynamics.motion import sweep as _sweep

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from asperity.arrays import Array
 from asperity.dynamics.forcing import forcings, window
-from asperity.dynamics.law.law import Array, Law, PowerLaw
+from asperity.dynamics.law.law import Law, PowerLaw
 from asperity.dynamics.law.table import TableLaw, columns, unload_reload
 from asperity.dynamics.motion.sweep import ESCAPED, Sweep
 from asperity.dynamics.orbits.free import FreeVibration

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from asperity.arrays import Array
 from asperity.dynamics.forcing import forcings, window
-from asperity.dynamics.law.law import EXPONENT, Array, Law, PowerLaw
+from asperity.dynamics.law.law import EXPONENT, Law, PowerLaw
 from asperity.dynamics.law.table import TableLaw
 from asperity.dynamics.orbits.response import FrequencyResponse, frequency_response
 from asperity.dynamics.oscillator import ContactOscillator

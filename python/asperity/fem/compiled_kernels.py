@@ -2,37 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import numpy.typing as npt
 
 from asperity import _solver
+from asperity.arrays import Floats
+from asperity.fem.kernels import QUADRATURE_DEGREE
+from asperity.fem.sparsity import NodeGraph
+from asperity.mesh.tet10 import quadrature, shape_gradients
 from asperity.model.material import Material
-
-if TYPE_CHECKING:
-    from asperity.fem.solid import Floats
-    from asperity.fem.sparsity import NodeGraph
-
-QUADRATURE_DEGREE = 2  # four points; degree 4 moved the force by less than 0.1 %
-
-
-def reference_gradients(degree: int) -> tuple[Floats, Floats]:
-    """Gradients of the ten shape functions (points, 10, 3) at a Gauss rule of that degree, and its weights."""
-    import basix
-
-    points, weights = basix.make_quadrature(basix.CellType.tetrahedron, degree)
-    return shape_gradients(points), weights
-
-
-def shape_gradients(points: Floats) -> Floats:
-    """Gradients of the ten shape functions at reference points: (points, 10, 3)."""
-    import basix
-
-    element = basix.create_element(
-        basix.ElementFamily.P, basix.CellType.tetrahedron, 2, basix.LagrangeVariant.gll_warped
-    )
-    return np.ascontiguousarray(np.moveaxis(element.tabulate(1, points)[1:4, :, :, 0], 0, -1))
 
 
 class CompiledBulk:
@@ -49,8 +27,8 @@ class CompiledBulk:
         material: Material,
         graph: NodeGraph,
     ) -> None:
-        gradients, weights = reference_gradients(QUADRATURE_DEGREE)
-        self._cells = _solver.Cells(x, x_nodes, cell_nodes, gradients, weights)
+        at, weights = quadrature(QUADRATURE_DEGREE)
+        self._cells = _solver.Cells(x, x_nodes, cell_nodes, shape_gradients(at), weights)
         self._material = material
         self.linear = not material.plastic
         cells, points = len(cell_nodes), len(weights)
@@ -111,19 +89,3 @@ class CompiledBulk:
         history = self._committed if self._material.plastic else (np.zeros_like(out), np.zeros(out.shape[:2]))
         _solver.stress(self._cells, self._material.parameters, u, _solver.History(*history), out)
         return out
-
-
-def least_jacobians(x: Floats, x_nodes: npt.NDArray[np.int32]) -> Floats:
-    """Smallest Jacobian determinant of each curved cell over a lattice of 35 points (cells,).
-
-    Args:
-        x: node coordinates (nodes, 3)
-        x_nodes: geometry dofmap (cells, 10)
-    """
-    import basix
-
-    lattice = basix.create_lattice(basix.CellType.tetrahedron, 4, basix.LatticeType.equispaced, exterior=True)
-    cells = _solver.Cells(x, x_nodes, x_nodes, shape_gradients(lattice), np.ones(len(lattice)))
-    out = np.empty(len(x_nodes))
-    _solver.min_jacobian(cells, out)
-    return out

@@ -6,7 +6,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from asperity.fem.solid import Floats, Solid
+from asperity.arrays import Floats
+from asperity.fem.solid import Solid
 
 _PAIRS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # sum over both off-diagonal components
 

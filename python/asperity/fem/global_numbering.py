@@ -1,4 +1,4 @@
-"""Fields between the ranks and one numbering that does not depend on their count: that of the mesh as built."""
+"""Gather and scatter fields in a rank-independent numbering: that of the mesh as built."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from asperity.arrays import Array
 from asperity.runtime import compat
 
 if TYPE_CHECKING:
-    from asperity.contact.contact_surface import ContactSurface
     from asperity.fem.solid import Solid
-
-Array = npt.NDArray[Any]
 
 
 def node_numbers(solid: Solid) -> npt.NDArray[np.int64]:
@@ -28,11 +26,6 @@ def node_numbers(solid: Solid) -> npt.NDArray[np.int64]:
 def cell_numbers(solid: Solid) -> npt.NDArray[np.int64]:
     """Cell of the built mesh that each owned cell is (cells,)."""
     return np.asarray(solid.mesh.topology.original_cell_index)[: len(solid.cell_nodes)]
-
-
-def facet_numbers(top: ContactSurface) -> npt.NDArray[np.int64]:
-    """Number of each facet of the top in the built mesh: four times its cell and its place in it (F,)."""
-    return 4 * cell_numbers(top.solid)[top.cells] + top.local
 
 
 def collect(comm: Any, numbers: npt.NDArray[np.int64], values: Array) -> Array | None:

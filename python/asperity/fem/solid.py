@@ -7,52 +7,19 @@ every case. History is written to a trial copy with each residual and becomes th
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from asperity.arrays import Floats
 from asperity.fem.ghosts import Halo
+from asperity.fem.kernels import ElementKernels
 from asperity.fem.sparsity import NodeGraph
 from asperity.mesh.generate import BASE, SIDE_X, SIDE_Y
 from asperity.model.material import Material
 from asperity.runtime import compat
 from asperity.runtime.timing import Phases
-
-Floats = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.int32]  # local dofs
-
-
-class Bulk(Protocol):
-    """Constitutive part of a solid: what both the compiled kernels and the UFL forms provide."""
-
-    linear: bool  # whether the tangent never changes
-
-    @property
-    def plastic_points(self) -> int:
-        """Quadrature points flowing at the last residual, this process."""
-
-    @property
-    def volumes(self) -> Floats:
-        """Of the quadrature points of this process (cells, points)."""
-
-    def add_internal_force(self, u: Floats, b: Floats) -> None:
-        """Add the internal force of the nodal displacement u (nodes, 3) to b; writes the trial history."""
-
-    def tangent(self, u: Floats, values: Floats) -> None:
-        """Write the values of the local CSR matrix at u, the state of the last residual."""
-
-    def commit(self) -> None:
-        """Make the trial history the committed one."""
-
-    def restore(self, plastic_strain: Floats, accumulated: Floats) -> None:
-        """Take up a committed history that `history` gave."""
-
-    def history(self) -> tuple[Floats, Floats]:
-        """Committed plastic strain (cells, points, 6) and accumulated plastic strain (cells, points)."""
-
-    def stress(self, u: Floats) -> Floats:
-        """Stress (cells, points, 6) of u over the committed history."""
 
 
 class Solid:
@@ -103,7 +70,7 @@ class Solid:
         self.halo = Halo(index_map)
         self.values, self.version = np.zeros(len(self.graph.columns)), 0
 
-    def _make_bulk(self, kernels: str) -> Bulk:
+    def _make_bulk(self, kernels: str) -> ElementKernels:
         if kernels == "ufl":
             from asperity.fem.ufl_kernels import UflBulk
 

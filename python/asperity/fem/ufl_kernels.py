@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from asperity.fem.compiled_kernels import QUADRATURE_DEGREE
+from asperity.arrays import Floats
+from asperity.fem.kernels import QUADRATURE_DEGREE
+from asperity.fem.sparsity import NodeGraph
 from asperity.model.material import Material, return_map_ufl
 from asperity.runtime import compat
-
-if TYPE_CHECKING:
-    from asperity.fem.solid import Floats
-    from asperity.fem.sparsity import NodeGraph
 
 SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # order of stored tensor components
 

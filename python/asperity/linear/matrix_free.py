@@ -8,11 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity import _solver
+from asperity.arrays import Floats, Singles
 
 if TYPE_CHECKING:
-    from asperity.fem.solid import Floats, Solid
-
-Singles = npt.NDArray[np.float32]
+    from asperity.fem.solid import Solid
 
 
 class Tangent:

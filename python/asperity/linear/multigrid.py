@@ -14,18 +14,13 @@ import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
 from asperity import _solver
-from asperity.fem.sparsity import NodeGraph, NodeMatrix, set_rigid_modes
-from asperity.linear.matrix_free import Singles, Tangent
+from asperity.arrays import Singles
+from asperity.fem.sparsity import NodeGraph
+from asperity.linear.matrix_free import Tangent
+from asperity.linear.petsc_matrix import NodeMatrix, set_rigid_modes
 from asperity.linear.petsc_options import GAMG, set_defaults
+from asperity.mesh.tet10 import BASIX_EDGES
 
-EDGES = (
-    (2, 3),
-    (1, 3),
-    (1, 2),
-    (0, 3),
-    (0, 2),
-    (0, 1),
-)  # corners of edge k of a cell, in the order of basix
 COARSE_DIRECT_LIMIT = 60_000  # coarse dofs up to which the coarse problem is factorised in one process
 COARSE_SWEEPS = 4  # of the smoother where it is not: a tenth fewer iterations on the fine level than with two
 
@@ -63,7 +58,7 @@ class PMultigrid:
         self._corners[coarse.list] = solid.V.dofmap.list[:, :4]
         # of each node: the corner it is, twice, or the ends of its edge
         self._parents = np.empty((solid.nodes, 2), dtype=np.int32)
-        for k, ends in enumerate([(k, k) for k in range(4)] + list(EDGES)):
+        for k, ends in enumerate([(k, k) for k in range(4)] + list(BASIX_EDGES)):
             self._parents[solid.V.dofmap.list[:, k]] = coarse.list[:, ends]
         self._coarse = NodeMatrix(NodeGraph(coarse.list, corners), index_map, solid.comm)
         set_rigid_modes(self._coarse.A, solid.points[self._corners])

@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from asperity.arrays import Floats, Integers
 from asperity.errors import InputError
-from asperity.fem.sparsity import NodeMatrix, set_rigid_modes
 from asperity.linear.matrix_free import Tangent
 from asperity.linear.multigrid import PMultigrid
+from asperity.linear.petsc_matrix import NodeMatrix, set_rigid_modes
 from asperity.linear.petsc_options import GAMG, set_defaults
 
 if TYPE_CHECKING:
-    from asperity.fem.solid import Floats, Rows, Solid
+    from asperity.fem.solid import Solid
 
 
 SINGLE_RTOL = 1e-5  # tolerance from which on a product in single precision is exact enough
@@ -68,7 +69,7 @@ class LinearSolver:
         """Let the next solve depend on its system alone, not on those before, as after a restart."""
         self._method.forget()
 
-    def solve(self, r: Any, rows: Rows, values: Floats, y: Any, rtol: float) -> tuple[int, bool]:
+    def solve(self, r: Any, rows: Integers, values: Floats, y: Any, rtol: float) -> tuple[int, bool]:
         """Solve with the current values of the solid's tangent.
 
         Args:
@@ -132,7 +133,7 @@ class Krylov:
         """See `LinearSolver`; so for `solve`."""
         self._multigrid.forget()
 
-    def solve(self, r: Any, rows: Rows, values: Floats, y: Any, rtol: float) -> tuple[int, bool]:
+    def solve(self, r: Any, rows: Integers, values: Floats, y: Any, rtol: float) -> tuple[int, bool]:
         from mpi4py import MPI
 
         solid, tangent = self._solid, self._tangent
@@ -197,7 +198,7 @@ class Assembled:
     def forget(self) -> None:
         """See `LinearSolver`; so for `solve`."""
 
-    def solve(self, r: Any, rows: Rows, values: Floats, y: Any, rtol: float) -> tuple[int, bool]:
+    def solve(self, r: Any, rows: Integers, values: Floats, y: Any, rtol: float) -> tuple[int, bool]:
         from petsc4py import PETSc
 
         A, solid = self.operator, self._solid

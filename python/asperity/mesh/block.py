@@ -1,4 +1,4 @@
-"""Nodes and tetrahedra of a block, on file and checked against the surface they are said to have."""
+"""Indices and tetrahedra of a block, on file and checked against the surface they are said to have."""
 
 from __future__ import annotations
 
@@ -10,26 +10,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from asperity.arrays import Floats, Indices
 from asperity.errors import MeshError
+from asperity.mesh.tet10 import EDGES, outer_faces
 from asperity.runtime.files import npz_bytes, read_npz, replace_file
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
 
-Floats = npt.NDArray[np.float64]
-Nodes = npt.NDArray[np.int64]
 
 H_CONTACT, H_MAX = 0.04, 0.25  # element sizes of a mesh when none are given [L]
 NEAR = 1e-9  # what counts as the same place [L]
-#: Corners at the ends of the edges on which the nodes 4 to 9 of a second-order tetrahedron of gmsh lie.
-EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3))
-#: Nodes of its faces: corners, and then the edges 01, 12, 20 of the face.
-FACES = ((0, 1, 2, 4, 5, 6), (0, 1, 3, 4, 9, 7), (0, 2, 3, 6, 8, 7), (1, 2, 3, 5, 8, 9))
 
 
 @dataclass(frozen=True)
 class BlockMesh:
-    """Nodes and second-order tetrahedra of a block, in one process and before partitioning.
+    """Indices and second-order tetrahedra of a block, in one process and before partitioning.
 
     Attributes:
         points: node coordinates (N, 3) [length], base at z = 0, mean plane of the top at z = `height`
@@ -39,7 +35,7 @@ class BlockMesh:
     """
 
     points: Floats
-    tets: npt.NDArray[np.int64]
+    tets: Indices
     side: float
     height: float
 
@@ -132,18 +128,3 @@ class BlockMesh:
                 f"mesh.file: tetrahedra that share the edge from node {i} to {j} have different nodes on it; mesh the "
                 "case again"
             )
-
-
-def outer_faces(tets: Nodes) -> Nodes:
-    """Nodes of the faces that do not belong to two tetrahedra (n, 6), as in FACES; in a whole mesh those outside.
-
-    Args:
-        tets: node numbers (M, 10)
-    """
-    faces = np.concatenate([tets[:, nodes] for nodes in FACES])
-    corners = np.sort(faces[:, :3], axis=1)
-    order = np.lexsort(corners.T[::-1])
-    new = np.any(np.diff(corners[order], axis=0) != 0, axis=1)
-    first = np.flatnonzero(np.append(True, new))
-    times = np.diff(np.append(first, len(faces)))
-    return faces[order[first[times != 2]]]

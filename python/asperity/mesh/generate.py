@@ -17,8 +17,10 @@ import numpy.typing as npt
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
+from asperity.arrays import Floats
 from asperity.errors import AsperityError, MeshError
 from asperity.mesh.block import H_MAX, BlockMesh
+from asperity.mesh.tet10 import least_jacobians
 from asperity.runtime import compat
 
 if TYPE_CHECKING:
@@ -34,7 +36,6 @@ FLAT = 1e-12  # difference of depths below which a surface counts as touched at 
 GRADING, GUIDED = (0.5, 0.2), (0.75, 0.15)
 NEIGHBOURS = 6  # corners and edges of a facet: a margin of an element around what was touched
 
-Floats = npt.NDArray[np.float64]
 T = TypeVar("T")
 
 
@@ -307,8 +308,6 @@ def is_distorted(comm: MPI.Comm, block: BlockMesh | None) -> bool:
     """Whether an element of the block on rank 0 is turned inside out; collective."""
     compat.start()
 
-    from asperity.fem.compiled_kernels import least_jacobians
-
     def worst() -> float:
         assert block is not None
         cells = block.tets[:, compat.gmsh_to_dolfinx(10)].astype(np.int32)
@@ -323,8 +322,6 @@ def check_distortion(mesh: Any, surface: Surface) -> None:
     Raises:
         MeshError: names the steepest slope of the surface there and the size of the element
     """
-    from asperity.fem.compiled_kernels import least_jacobians
-
     x, cells = mesh.geometry.x, compat.geometry_dofmap(mesh)
     worst: tuple[float, Any] = (np.inf, None)
     if len(cells):

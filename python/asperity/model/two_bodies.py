@@ -16,16 +16,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.model.material import Material
 from asperity.surface import Surface
-
-Array = NDArray[Any]
 
 
 def composite_modulus(E1: float, nu1: float, E2: float, nu2: float) -> float:

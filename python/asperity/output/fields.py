@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from asperity.arrays import Array
 from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.global_numbering import cell_numbers, collect, node_numbers
-from asperity.mesh.block import BlockMesh, outer_faces
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.tet10 import outer_faces
 from asperity.quasistatic.measures import Snapshot
 from asperity.quasistatic.solve_contact import ContactResult
-
-Array = npt.NDArray[Any]
 
 VTK_QUADRATIC_TETRA = 24
 GMSH_TO_VTK = (0, 1, 2, 3, 4, 5, 6, 7, 9, 8)  # the last two edges change places

@@ -18,7 +18,6 @@ from asperity.curve import Curve
 from asperity.errors import InputError
 from asperity.runtime.files import UNREADABLE, one_line, read_npz
 
-Array = NDArray[np.float64]
 Columns = Mapping[str, NDArray[Any]]
 
 SI = {"length": "m", "force": "N", "stress": "Pa"}

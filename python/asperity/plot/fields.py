@@ -13,7 +13,8 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from matplotlib.tri import Triangulation
 
-from asperity.output.results import Array, Results
+from asperity.arrays import Array
+from asperity.output.results import Results
 from asperity.plot import style
 from asperity.plot.curves import LOAD
 from asperity.plot.section import cut

@@ -5,11 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.output.results import Array
-
-# faces of a ten-node tetrahedron in gmsh's order: three vertices, then the nodes between 0-1, 1-2
-# and 2-0
-_FACES = np.array([[0, 1, 2, 4, 5, 6], [0, 1, 3, 4, 9, 7], [0, 2, 3, 6, 8, 7], [1, 2, 3, 5, 8, 9]])
+from asperity.arrays import Array
+from asperity.mesh.tet10 import FACES
 
 
 def cut(points: Array, tets: NDArray[np.integer], y: float, parts: int = 3) -> tuple[list[Array], Array]:
@@ -34,7 +31,7 @@ def cut(points: Array, tets: NDArray[np.integer], y: float, parts: int = 3) -> t
     crossing = np.flatnonzero((height.min(axis=1) < y) & (height.max(axis=1) > y))
     cells = tets[crossing]
     corners, triangles = _divided(parts)
-    faces = np.einsum("pk,cfkd->cfpd", corners, points[cells[:, _FACES]])
+    faces = np.einsum("pk,cfkd->cfpd", corners, points[cells[:, FACES]])
     pieces = faces[:, :, triangles].reshape(len(cells), -1, 3, 3)
     polygons, kept = [], []
     for index, ends in enumerate(_crossings(pieces, y)):

@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from asperity.output.results import Array, Columns, Results
+from asperity.arrays import Array
+from asperity.output.results import Columns, Results
 from asperity.plot import style
 
 if TYPE_CHECKING:

@@ -17,16 +17,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from asperity.arrays import Array
 from asperity.case.case_file import read_bytes
 from asperity.case.schema import show
+from asperity.contact.contact_surface import facet_numbers
 from asperity.errors import CheckpointError
 from asperity.fem.global_numbering import (
     cell_numbers,
     collect,
     collect_some,
-    facet_numbers,
     node_numbers,
     spread,
     spread_some,
@@ -44,7 +44,6 @@ if TYPE_CHECKING:
 
     from asperity.case import Case
 
-Array = npt.NDArray[Any]
 
 FORMAT = 3  # 3: digests; the tolerance of the equations belongs to the case
 OF_CELLS = ("stress", "plastic_strain")  # fields of a snapshot with a row a cell

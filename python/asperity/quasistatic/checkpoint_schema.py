@@ -7,16 +7,14 @@ from itertools import groupby
 from typing import Any, Literal, get_type_hints
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 
+from asperity.arrays import Array
 from asperity.case.schema import show
 from asperity.curve import COLUMNS
 from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import Counts
 from asperity.quasistatic.stepping import Position
-
-Array = npt.NDArray[Any]
 
 
 class _Table(BaseModel):

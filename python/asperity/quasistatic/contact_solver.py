@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from asperity.arrays import Floats
 from asperity.contact import Contact
 from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.energies import energies, plastic_work
-from asperity.fem.solid import Floats, Solid
+from asperity.fem.solid import Solid
 from asperity.quasistatic import midpoint
 from asperity.quasistatic.balance import Checks, StepBalance, audit
 from asperity.quasistatic.newton import NewtonSolver, SolverOptions, StepStats

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from asperity.fem.solid import Floats
+from asperity.arrays import Floats
 from asperity.quasistatic.contact_solver import ContactSolver
 
 TOUCHED = 1e-9  # gap below which a node counts as touched [L]

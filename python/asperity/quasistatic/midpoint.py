@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from asperity.fem.solid import Floats
+from asperity.arrays import Floats
 
 GREATEST_LEAD = 2.0  # where a step is twice as long as the one before
 

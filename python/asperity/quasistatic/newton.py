@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from asperity.arrays import Floats, Integers
 from asperity.contact import Contact
-from asperity.fem.solid import Floats, Rows, Solid
+from asperity.fem.solid import Solid
 from asperity.linear.petsc_options import set_defaults
 from asperity.linear.solver import LinearSolver
 
@@ -75,7 +76,7 @@ class NewtonSolver:
         self.solid, self.contact, self.options = solid, contact, options
         self._residual_vec, self.x = solid.vector(), solid.vector()
         self._krylov = self._shortened = 0
-        self.rows: Rows = NOT_YET
+        self.rows: Integers = NOT_YET
         # in nearly incompressible solids the error is larger than what is left of the equations tells
         self._loosest = options.krylov_rtol or (1e-2 if solid.material.nu <= 0.45 else 1e-3)
         self.linear = LinearSolver(solid, options.linear, contact.symmetric, min(self._loosest, TIGHTEST))

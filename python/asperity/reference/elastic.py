@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from asperity.arrays import Array
 from asperity.errors import InputError
-
-Array = NDArray[Any]
 
 
 def reduced_modulus(E: float, nu: float) -> float:

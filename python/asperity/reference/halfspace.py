@@ -9,16 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity.arrays import Array
 from asperity.errors import ConvergenceError, InputError
 from asperity.reference.elastic import block_modulus, reduced_modulus
 from asperity.surface import Surface
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True)

@@ -8,15 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.reference.elastic import Hertz, reduced_modulus
-
-Array = NDArray[Any]
 
 
 def hardening_modulus(E: float, E_t: float) -> float:

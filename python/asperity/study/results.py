@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity.arrays import Array
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import AsperityError, InputError
@@ -22,7 +22,6 @@ from asperity.power_law import PowerLawFit, fit_power_law, interface_deflection
 from asperity.runtime.files import replace_file
 from asperity.study.definition import ENSEMBLE, Entry, Family, Study
 
-Array = NDArray[Any]
 Row = Mapping[str, Any]
 
 TABLE, ABOUT = "results.csv", "study.json"

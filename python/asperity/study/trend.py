@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from asperity.arrays import Array
 from asperity.curve import Curve
 from asperity.errors import InputError
 from asperity.power_law import fit_power_law, interface_deflection
 from asperity.study.definition import ENSEMBLE
 from asperity.study.results import Level, Row, mean_interval
 
-Array = NDArray[Any]
 HOLDS, CONDITIONAL, FAILS = "holds", "holds under conditions", "does not hold"
 
 

@@ -13,16 +13,15 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 from scipy.stats import t as student
 
+from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.surface import WeierstrassMandelbrot, cut_off_index
 from asperity.surface.measured import POWERS, HeightField, Trend
 
-Array = NDArray[Any]
 D_RANGE = (2.02, 2.98)
 
 

@@ -15,10 +15,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from asperity.arrays import Array
 from asperity.errors import CompatError, InputError
 from asperity.runtime.files import UNREADABLE, one_line, read_matrix, read_npy, read_npz, real
 
-Array = NDArray[Any]
 Trend = Literal["mean", "plane", "curvature"]
 
 PLAIN = (".npz", ".npy", ".csv", ".txt")  # read by NumPy

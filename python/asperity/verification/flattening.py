@@ -9,6 +9,7 @@ import numpy as np
 
 from asperity import reference
 from asperity.adaptive.mesh_plan import extrapolate
+from asperity.arrays import Floats
 from asperity.contact import ActiveSet
 from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.solid import Solid
@@ -18,7 +19,7 @@ from asperity.model.material import Material
 from asperity.quasistatic.newton import SolverOptions
 from asperity.quasistatic.stepping import ContactSolver, Record, follow
 from asperity.verification.solids import eighth_sphere, planes_of_symmetry
-from asperity.verification.table import KINK, RATIO, Floats, Level, Row, rows_along
+from asperity.verification.table import KINK, RATIO, Level, Row, rows_along
 
 E, NU, Y = 200e9, 0.3, 1e9
 HERTZ = reference.Hertz(1.0, reference.reduced_modulus(1.0, NU))  # R = E = 1

@@ -9,11 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity import reference
+from asperity.arrays import Floats
 from asperity.model.material import Material
 from asperity.quasistatic.solve_contact import ContactResult, Formulation
 from asperity.surface import Sphere
 from asperity.verification.patch import METHODS
-from asperity.verification.table import LOCAL, Floats, Level, Row, counting_error, on_meshes, press, rows_along, sizes
+from asperity.verification.table import LOCAL, Level, Row, counting_error, on_meshes, press, rows_along, sizes
 
 RADIUS = 100.0  # of the sphere [L]: slopes of 5e-4, so that those of theory are as good as zero
 CONTACT = 0.05  # radius of the contact at the last load [L]

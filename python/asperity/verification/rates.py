@@ -7,8 +7,9 @@ from math import pi
 
 import numpy as np
 
+from asperity.arrays import Floats
 from asperity.contact.contact_surface import ContactSurface
-from asperity.fem.solid import Floats, Solid
+from asperity.fem.solid import Solid
 from asperity.mesh.generate import build_block, distribute
 from asperity.model.material import Material
 from asperity.quasistatic.solve_contact import Formulation

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from asperity import reference
+from asperity.arrays import Floats
 from asperity.model.material import Material
 from asperity.surface import WeierstrassMandelbrot
 from asperity.verification.table import (
     LOCAL,
-    Floats,
     Level,
     Row,
     convergence_bar,

@@ -9,10 +9,11 @@ from functools import partial
 import numpy as np
 
 from asperity import reference
+from asperity.arrays import Floats
 from asperity.contact import ActiveSet
 from asperity.contact.contact_surface import ContactSurface
-from asperity.fem.compiled_kernels import QUADRATURE_DEGREE
-from asperity.fem.solid import Floats, Solid
+from asperity.fem.kernels import QUADRATURE_DEGREE
+from asperity.fem.solid import Solid
 from asperity.mesh.generate import distribute
 from asperity.model.material import Material
 from asperity.verification.solids import CellRule, eighth_sphere, equilibrium, planes_of_symmetry

@@ -8,9 +8,11 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
+from asperity.arrays import Floats
 from asperity.contact import Contact
 from asperity.errors import ConvergenceError
-from asperity.fem.solid import Floats, Solid
+from asperity.fem.solid import Solid
+from asperity.mesh import tet10
 from asperity.mesh.block import BlockMesh
 from asperity.quasistatic.newton import NewtonSolver, SolverOptions
 from asperity.runtime import compat
@@ -69,19 +71,13 @@ class CellRule:
     """
 
     def __init__(self, solid: Solid, degree: int) -> None:
-        import basix
-
-        points, weights = basix.make_quadrature(basix.CellType.tetrahedron, degree)
-        element = basix.create_element(
-            basix.ElementFamily.P, basix.CellType.tetrahedron, 2, basix.LagrangeVariant.gll_warped
-        )
-        table = element.tabulate(1, points)[..., 0]
+        points, weights = tet10.quadrature(degree)
+        self.shape, gradients = tet10.shape_functions(points), tet10.shape_gradients(points)
         x = solid.points[solid.cell_nodes]
-        jacobian = np.einsum("jqa,cai->cqij", table[1:], x)
-        self.shape = table[0]
-        self.points = np.einsum("qa,cai->cqi", table[0], x)
+        jacobian = np.einsum("qaj,cai->cqij", gradients, x)
+        self.points = np.einsum("qa,cai->cqi", self.shape, x)
         self.weights = weights * np.abs(np.linalg.det(jacobian))
-        self.gradients = np.einsum("jqa,cqji->cqai", table[1:], np.linalg.inv(jacobian))
+        self.gradients = np.einsum("qaj,cqji->cqai", gradients, np.linalg.inv(jacobian))
 
 
 class Loaded:

@@ -12,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity.adaptive.solve_to_tolerance import steady
+from asperity.arrays import Floats
 from asperity.quasistatic.solve_contact import ContactResult, MeshSize, solve_contact
 from asperity.surface import Surface
 
 T = TypeVar("T")
-Floats = npt.NDArray[np.float64]
 
 RATIO = 2.0**0.5  # between the element sizes of successive meshes
 FORCE = 3.0  # greatest order in the element size of a force: the edge of contact halves that of the strains to 3/2

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from asperity.dynamics.law.law import Array
+from asperity.arrays import Array
 from asperity.dynamics.law.restoring import Restoring
 from asperity.errors import InputError
 

@@ -17,12 +17,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from asperity.arrays import Array
 from asperity.errors import InputError, RangeError
-
-Array = NDArray[Any]
 
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(16)
 EXPONENT = (0.25, 100.0)  # softer and stiffer contacts have orbits that no number of harmonics describes

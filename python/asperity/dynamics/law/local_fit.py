@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
-from asperity.dynamics.law.law import Array
+from asperity.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from asperity.dynamics.law.law import Array, Law
+from asperity.arrays import Array
+from asperity.dynamics.law.law import Law
 from asperity.errors import InputError, RangeError
 
 _LEAST = 1e-75  # its cube must remain a number

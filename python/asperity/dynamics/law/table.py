@@ -21,7 +21,8 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
 
-from asperity.dynamics.law.law import Array, Law, PowerLaw, positive
+from asperity.arrays import Array
+from asperity.dynamics.law.law import Law, PowerLaw, positive
 from asperity.dynamics.law.local_fit import LocalFit, log_derivatives, regress
 from asperity.errors import InputError, RangeError
 

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from asperity.arrays import Array
 from asperity.dynamics.law.damping import primitive
-from asperity.dynamics.law.law import Array, TaylorLaw
+from asperity.dynamics.law.law import TaylorLaw
 from asperity.dynamics.orbits.harmonic_balance import Balance
 
 STEP = 0.14  # longest step in units of the shortest local time scale

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from asperity.dynamics.law.law import Array
+from asperity.arrays import Array
 from asperity.dynamics.motion.trajectory import initial, integrate_arc, loss
 from asperity.dynamics.orbits.harmonic_balance import Balance
 from asperity.errors import ConvergenceError

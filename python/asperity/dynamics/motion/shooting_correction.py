@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from asperity.dynamics.law.law import Array
+from asperity.arrays import Array
 from asperity.dynamics.motion.shooting import shoot, state_at_phase_zero
 from asperity.dynamics.motion.trajectory import integrate
 from asperity.dynamics.orbits.branch import Branch

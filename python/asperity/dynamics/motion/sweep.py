@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from asperity.arrays import Array
 from asperity.dynamics.forcing import Setting
 from asperity.dynamics.law.damping import primitive
-from asperity.dynamics.law.law import Array
 from asperity.dynamics.motion.runge_kutta import advance, has_left, steps_for
 from asperity.dynamics.orbits.harmonic_balance import Balance
 from asperity.errors import RangeError

@@ -16,9 +16,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from asperity.arrays import Array
 from asperity.dynamics.forcing import Setting
 from asperity.dynamics.law.damping import in_flight, primitive, rate
-from asperity.dynamics.law.law import Array
 from asperity.dynamics.orbits.harmonic_balance import Balance
 from asperity.errors import ConvergenceError, RangeError
 

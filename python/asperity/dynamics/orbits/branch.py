@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from asperity.dynamics.law.law import Array
+from asperity.arrays import Array
 from asperity.dynamics.motion.shooting import state_at_phase_zero
 from asperity.dynamics.orbits.continuation import Point
 from asperity.dynamics.orbits.harmonic_balance import Balance

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from asperity.dynamics.law.law import Array
+from asperity.arrays import Array
 from asperity.dynamics.orbits.continuation import Equations, Path, Point, between, correct, in_omega, start, trace
 from asperity.dynamics.orbits.harmonic_balance import Balance, resize, tail
 from asperity.dynamics.orbits.initial_orbits import LEAST

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from asperity.dynamics.law.law import Array
+from asperity.arrays import Array
 from asperity.dynamics.orbits.harmonic_balance import MAX_HARMONICS, Balance, resize, tail
 from asperity.errors import ConvergenceError
 

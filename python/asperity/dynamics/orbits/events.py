@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from asperity.dynamics.law.law import Array
+from asperity.arrays import Array
 from asperity.dynamics.orbits.branch import Branch, Event, measure
 from asperity.dynamics.orbits.continuation import Equations, Path, Point, adapt, between, locate, newton_rtol
 from asperity.dynamics.orbits.harmonic_balance import Balance, resize

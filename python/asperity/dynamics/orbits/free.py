@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from asperity.arrays import Array
 from asperity.dynamics.law.damping import in_flight, rate
-from asperity.dynamics.law.law import Array, TaylorLaw, positive, positives
+from asperity.dynamics.law.law import TaylorLaw, positive, positives
 from asperity.dynamics.law.restoring import Restoring
 from asperity.errors import ConvergenceError, RangeError
 

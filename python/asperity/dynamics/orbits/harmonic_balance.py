@@ -16,8 +16,8 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import roots_legendre
 
+from asperity.arrays import Array
 from asperity.dynamics.law.damping import primitive, rate
-from asperity.dynamics.law.law import Array
 from asperity.dynamics.law.restoring import Restoring
 from asperity.errors import ConvergenceError
 

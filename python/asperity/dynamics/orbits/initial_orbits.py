@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.optimize import brentq
 
-from asperity.dynamics.law.law import Array
+from asperity.arrays import Array
 from asperity.dynamics.orbits.continuation import in_forcing, start, trace
 from asperity.dynamics.orbits.free import orbit_coefficients, rough_orbit
 from asperity.dynamics.orbits.harmonic_balance import Balance, resize

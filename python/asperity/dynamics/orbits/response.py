@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from asperity.arrays import Array
 from asperity.dynamics.forcing import Setting
-from asperity.dynamics.law.law import Array
 from asperity.dynamics.orbits.branch import Branch, Event, Solution, measure, within_law
 from asperity.dynamics.orbits.branch_switching import detached, known, subharmonic
 from asperity.dynamics.orbits.continuation import Path, Point, correct, in_omega, start, trace

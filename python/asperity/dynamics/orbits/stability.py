@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from asperity.arrays import Array
 from asperity.dynamics.law.damping import rate
-from asperity.dynamics.law.law import Array
 from asperity.dynamics.orbits.harmonic_balance import Balance
 
 _SAMPLES = 512

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from asperity.dynamics.law.law import Array, TaylorLaw
+from asperity.arrays import Array
+from asperity.dynamics.law.law import TaylorLaw
 from asperity.dynamics.law.restoring import Restoring
 from asperity.dynamics.orbits.free import FreeOrbit, contact_limit, free_orbit
 from asperity.errors import RangeError
