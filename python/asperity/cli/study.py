@@ -54,7 +54,7 @@ def command(
     if world_rank() != 0:
         return
     if not no_figures and counts.done:
-        from asperity.plot.families import plot_study
+        from asperity.study.figures import plot_study
 
         plot_study(folder)
     if not quiet:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from asperity.plot import style
 from asperity.plot.curves import DELTA, LOAD
-from asperity.study import Level, StudyResults, ensemble_curve
+from asperity.study.results import Level, StudyResults, ensemble_curve
 
 _SYMBOLS = {
     "surface.D": "$D$", "surface.G": "$G$", "material.yield_strength": "$\\sigma_y$",
