@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from asperity.block import H_CONTACT, H_MAX
+from asperity.contact.pressure import too_small
 from asperity.errors import InputError
 from asperity.refinement import too_soft
 from asperity.schema import Input, show
@@ -35,6 +36,10 @@ def check_together(case: Input) -> None:
     loading, dynamics = case.loading, case.dynamics
     if case.accuracy.tolerance is not None and (soft := too_soft(case.contact.method, case.contact.penalty)):
         key, _, rest = soft.partition(" ")
+        _refuse(key, rest)
+    contact = case.contact
+    if contact.method == "nitsche" and contact.gamma and (small := too_small(contact.gamma, contact.theta)):
+        key, _, rest = small.partition(" ")
         _refuse(key, rest)
     if (loading.delta_max is None) == (loading.force_max is None):
         state = "are both missing" if loading.delta_max is None else "are both given"
