@@ -89,7 +89,7 @@ class PressureContact:
         else:
             modulus, h = solid.material.E, top.diameter
         self._law = _solver.ContactLaw(
-            solid.material.parameters,
+            _solver.J2(*solid.material.parameters),
             factor * modulus * 4.0 / h,
             self._rule.height,
             traction,
