@@ -19,7 +19,7 @@ COERCIVE = 3.0  # gamma from which theta = 1 is coercive: 2 where cells are stra
 def too_small(gamma: float, theta: int) -> str:
     """Why a factor of Nitsche's method is refused: the tangent may be indefinite; empty for a factor that serves.
 
-    With traces bounded by tau^2 = COERCIVE/gamma of the energy, that of full contact is positive for (1 + theta) tau < 2.
+    Where traces are at most tau^2 = COERCIVE/gamma of the energy, full contact is coercive for (1 + theta) tau < 2.
 
     Args:
         gamma: factor of (lambda + 2 mu) p^2/h
