@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from asperity import _solver
-from asperity.bulk import reference_gradients, shape_gradients
-from asperity.material import Material
-from asperity.multigrid import EDGES
-from asperity.top import _area_vectors, _tabulate, _triangle_rule
+from asperity.contact.contact_surface import _area_vectors, _tabulate, _triangle_rule
+from asperity.fem.compiled_kernels import reference_gradients, shape_gradients
+from asperity.linear.multigrid import EDGES
+from asperity.model.material import Material
 
 SOLID = Material(1.0, 0.3, 0.005, 0.05)
 KERNELS = sorted(name for name in dir(_solver) if name[0].islower())

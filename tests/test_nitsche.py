@@ -11,17 +11,17 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from asperity import reference as ref
-from asperity.block import BlockMesh
 from asperity.contact import PressureContact
-from asperity.contact.pressure import COERCIVE, too_small
+from asperity.contact.contact_surface import FacetRule, Top
+from asperity.contact.penalty_nitsche import COERCIVE, too_small
 from asperity.errors import InputError
-from asperity.material import Material
-from asperity.mesh import SizeField, build_block
-from asperity.node_matrix import assembled
-from asperity.solve import SolverOptions
-from asperity.statics import Formulation, MeshSize, make_block, make_press, solve_contact
+from asperity.fem.sparsity import assembled
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.generate import SizeField, build_block
+from asperity.model.material import Material
+from asperity.quasistatic.newton import SolverOptions
+from asperity.quasistatic.solve_contact import Formulation, MeshSize, make_block, make_press, solve_contact
 from asperity.surface import Flat, Sinusoid, Surface
-from asperity.top import FacetRule, Top
 
 Array = npt.NDArray[np.float64]
 
@@ -215,7 +215,7 @@ def test_factor_too_small_to_be_stable_is_refused(rough: Surface, coarse: BlockM
 
 def test_indefinite_system_is_a_failed_step(rough: Surface, coarse: BlockMesh, monkeypatch: pytest.MonkeyPatch) -> None:
     """The symmetric variant far below its trace constant does not converge, and the state is as before."""
-    monkeypatch.setattr("asperity.contact.pressure.COERCIVE", 0.0)
+    monkeypatch.setattr("asperity.contact.penalty_nitsche.COERCIVE", 0.0)
     formulation = Formulation("nitsche", gamma=0.01, theta=1)
     press = make_press(here(), rough, coarse, ELASTIC, formulation=formulation)
     assert not press.attempt(0.01).converged
