@@ -1,98 +1,99 @@
-// What the compiled kernels share: arrays from Python, cells, history, the local matrix. All arrays are local to the
-// process.
+// Kernels over cells of second-order tetrahedra: internal force, stiffness, stress, volumes.
 #pragma once
 
+#include "arrays.hpp"
+#include "elastic.hpp"
+#include "j2.hpp"
 #include "tet10.hpp"
 
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-
 #include <cstdint>
-#include <stdexcept>
 #include <vector>
 
 namespace asperity
 {
-namespace nb = nanobind;
-
-template <typename T>
-using Array1 = nb::ndarray<T, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-template <typename T>
-using Array2 = nb::ndarray<T, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-template <typename T>
-using Array3 = nb::ndarray<T, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+/// A quadrature point in a cell: its number among those of all cells, gradients of the shape functions, Jacobian
+/// determinant, volume.
+struct Point
+{
+  std::size_t index;
+  const Gradients& g;
+  double det, volume;
+};
 
 /// Second-order tetrahedra with one quadrature rule: geometry, dofs, tabulated basis.
 struct Cells
 {
-  Array2<const double> x;         // node coordinates (n, 3)
-  Array2<const int> x_dofs;       // (cells, 10)
-  Array2<const int> u_dofs;       // (cells, 10)
-  Array3<const double> gradients; // reference gradients at the points (points, 10, 3)
-  Array1<const double> weights;   // quadrature weights on the reference cell (points)
+  Array<const double> x;         // node coordinates (n, 3)
+  Array<const int> x_dofs;       // (cells, 10)
+  Array<const int> u_dofs;       // (cells, 10)
+  Array<const double> gradients; // reference gradients at the points (points, 10, 3)
+  Array<const double> weights;   // quadrature weights on the reference cell (points)
+  std::size_t u_nodes;           // that a nodal array has at least
 
-  Cells(Array2<const double> x, Array2<const int> x_dofs, Array2<const int> u_dofs,
-        Array3<const double> gradients, Array1<const double> weights)
-      : x(x), x_dofs(x_dofs), u_dofs(u_dofs), gradients(gradients), weights(weights)
-  {
-    if (x.shape(1) != 3 || x_dofs.shape(1) != nodes || u_dofs.shape(1) != nodes
-        || gradients.shape(1) != nodes || gradients.shape(2) != 3
-        || gradients.shape(0) != weights.shape(0) || x_dofs.shape(0) != u_dofs.shape(0))
-      throw std::invalid_argument("Cells: array shapes do not belong to second-order tetrahedra");
-  }
+  Cells(Array<const double> x, Array<const int> x_dofs, Array<const int> u_dofs, Array<const double> gradients,
+        Array<const double> weights);
+
   std::size_t count() const { return x_dofs.shape(0); }
   std::size_t points() const { return weights.shape(0); }
-  Gradients coordinates(std::size_t c) const { return gather(x.data(), x_dofs.data() + nodes * c); }
   const int* dofs_of(std::size_t c) const { return u_dofs.data() + nodes * c; }
+
+  /// The loop over the quadrature points of a cell.
+  template <typename At>
+  void at_points(std::size_t c, At at) const
+  {
+    const Gradients corners = gather(x.data(), x_dofs.data() + nodes * c);
+    Gradients g;
+    for (std::size_t q = 0; q < points(); ++q)
+    {
+      const double det = push_forward(gradients.data() + 30 * q, corners, g);
+      at(Point{c * points() + q, g, det, det * weights.data()[q]});
+    }
+  }
+
+  /// Refuse nodal values (nodes, 3) of fewer nodes than the cells have.
+  template <typename T>
+  void expect_nodal(const char* name, const Array<T>& values) const
+  {
+    expect(name, values, {at_least(u_nodes), 3});
+  }
 };
 
-/// Committed or trial history: plastic strain (cells, points, 6) and its accumulated norm (cells, points).
+/// Committed or trial history of a J2 solid: plastic strain (cells, points, 6), its accumulated norm (cells, points).
 struct History
 {
-  Array3<double> plastic_strain;
-  Array2<double> alpha;
-};
+  Array<double> plastic_strain, alpha;
 
-inline J2 material(const nb::tuple& parameters)
-{
-  return {nb::cast<double>(parameters[0]), nb::cast<double>(parameters[1]),
-          nb::cast<double>(parameters[2]), nb::cast<double>(parameters[3])};
-}
+  History(Array<double> plastic_strain, Array<double> alpha);
+
+  void expect_shape(const char* name, std::size_t cells, std::size_t points) const;
+  J2::State at(std::size_t index) const
+  {
+    J2::State state;
+    std::copy_n(plastic_strain.data() + 6 * index, 6, state.plastic_strain.begin());
+    state.alpha = alpha.data()[index];
+    return state;
+  }
+  void put(std::size_t index, const J2::State& state) const
+  {
+    std::copy_n(state.plastic_strain.begin(), 6, plastic_strain.data() + 6 * index);
+    alpha.data()[index] = state.alpha;
+  }
+};
 
 /// Where element matrices go among the values of a scalar CSR matrix with 3 x 3 node blocks, all three rows of a node
 /// having the same columns. The node graph (indptr, indices) is that of the local cells; `offsets` (cells, 10, 10)
 /// holds where in row a column b stands.
 struct BlockPattern
 {
-  Array1<const int> indptr;
+  Array<const int> indptr;
   std::size_t size; // of the values
   std::vector<std::uint16_t> offsets;
 
   /// `cell_dofs` (cells, 10): nodes of the cells whose element matrices will be added.
-  BlockPattern(Array2<const int> cell_dofs, Array1<const int> indptr, Array1<const int> indices)
-      : indptr(indptr), size(9 * indices.size()), offsets(cell_dofs.size() * nodes)
-  {
-    auto out = offsets.begin();
-    for (std::size_t c = 0; c < cell_dofs.shape(0); ++c)
-    {
-      const int* cell = cell_dofs.data() + nodes * c;
-      for (int a = 0; a < nodes; ++a)
-      {
-        const int* first = indices.data() + indptr.data()[cell[a]];
-        const int* last = indices.data() + indptr.data()[cell[a] + 1];
-        for (int b = 0; b < nodes; ++b)
-          *out++ = static_cast<std::uint16_t>(std::lower_bound(first, last, cell[b]) - first);
-      }
-    }
-  }
+  BlockPattern(Array<const int> cell_dofs, Array<const int> indptr, Array<const int> indices);
 
-  /// The start of an array of values, which has to have their number.
-  double* start(const Array1<double>& values) const
-  {
-    if (values.size() != size)
-      throw std::invalid_argument("BlockPattern: the number of values is not that of the graph");
-    return values.data();
-  }
+  /// The start of an array of values, which has to have their number; `cells` is that of the matrices to be added.
+  double* start(const Array<double>& values, std::size_t cells) const;
 
   /// Add a symmetric 30 x 30 element matrix, of which the node pairs a <= b are given.
   void add(const int* cell_dofs, std::size_t c, const double* A, double* values) const
@@ -121,10 +122,35 @@ private:
         for (int i = 0; i < 3; ++i)
           for (int j = 0; j < 3; ++j)
             target[i * width + j]
-                += !symmetric || a <= b ? A[(3 * a + i) * dofs + 3 * b + j]
-                                        : A[(3 * b + j) * dofs + 3 * a + i];
+                += !symmetric || a <= b ? A[(3 * a + i) * dofs + 3 * b + j] : A[(3 * b + j) * dofs + 3 * a + i];
       }
     }
   }
 };
+
+/// Volume of each quadrature point, out (cells, points).
+void volumes(const Cells& cells, const Array<double>& out);
+
+/// Smallest Jacobian determinant over the quadrature points of each cell, out (cells).
+void min_jacobian(const Cells& cells, const Array<double>& out);
+
+/// Add the internal force of the displacement `u` (nodes, 3) to `b` (nodes, 3).
+void residual_elastic(const Cells& cells, const Elastic& law, const Array<const double>& u, const Array<double>& b);
+
+/// The same with plastic flow: one pass gives stress, trial history and `plastic` (cells), whether any point of a cell
+/// flows. Returns the number of points that flow.
+std::int64_t residual_j2(const Cells& cells, const J2& law, const Array<const double>& u, const History& committed,
+                         const History& trial, const Array<bool>& plastic, const Array<double>& b);
+
+/// Add the elastic stiffness of all cells to the values of the matrix.
+void stiffness_elastic(const Cells& cells, const Elastic& law, const BlockPattern& pattern,
+                       const Array<double>& values);
+
+/// Add consistent tangent less elastic stiffness of the cells marked `plastic` (cells).
+void stiffness_plastic(const Cells& cells, const J2& law, const Array<const double>& u, const History& committed,
+                       const Array<const bool>& plastic, const BlockPattern& pattern, const Array<double>& values);
+
+/// Stress at the quadrature points, out (cells, points, 6).
+void stress(const Cells& cells, const J2& law, const Array<const double>& u, const History& committed,
+            const Array<double>& out);
 } // namespace asperity

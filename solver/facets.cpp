@@ -7,29 +7,25 @@ namespace asperity
 {
 namespace
 {
-/// What the contact law of a solid and the state of the flat are.
-struct Law
+/// Response at a point.
+J2::Response respond(const J2& material, const Sym& strain, const History& history, std::size_t at)
 {
-  J2 material;
-  Array1<const double> stiffness; // g of each facet [force/length^3]
-  Array2<const double> height;    // of the undeformed surface at the points (facets, points)
-  bool traction;                  // k
-  double theta;
-};
-
-Law law(const nb::tuple& parameters, Array1<const double> stiffness, Array2<const double> height, bool traction,
-        double theta)
-{
-  return {material(parameters), stiffness, height, traction, theta};
+  return material.respond(strain, history.alpha.shape(0) == 0 ? J2::State{} : history.at(at));
 }
 
-/// Response at a point; a history without facets stands for one of zeros.
-Response respond(const J2& m, const Sym& strain, const History& history, std::size_t at)
+/// Refuse a history that is neither of these facets nor empty.
+void expect_history(const char* name, const History& history, const Facets& facets)
 {
-  static constexpr double none[6] = {};
-  return history.alpha.shape(0) == 0
-             ? return_map(m, strain, none, 0.0)
-             : return_map(m, strain, history.plastic_strain.data() + 6 * at, history.alpha.data()[at]);
+  if (history.alpha.shape(0) > 0)
+    history.expect_shape(name, facets.count(), facets.points());
+}
+
+/// Refuse a law or a displacement of other facets.
+void expect_state(const Facets& facets, const ContactLaw& law, const Array<const double>& u, const History& committed)
+{
+  expect("height of the law", law.height, {facets.count(), facets.points()});
+  expect("u", u, {at_least(facets.u_nodes), 3});
+  expect_history("committed", committed, facets);
 }
 
 double traction(const Sym& stress, const std::array<double, 3>& normal)
@@ -38,10 +34,10 @@ double traction(const Sym& stress, const std::array<double, 3>& normal)
 }
 
 /// Derivative of the traction with respect to the nodal displacement.
-Gradients traction_slope(const J2& m, const Response& r, const FacetPoint& p)
+Gradients traction_slope(const J2& m, const J2::Response& r, const FacetPoint& p)
 {
-  const double lambda = m.lambda + 2.0 / 3.0 * m.mu * (1.0 - r.theta), mu = m.mu * r.theta;
-  const double flow = r.chi != 0.0 ? r.chi * traction(r.direction, p.normal) : 0.0;
+  const auto [lambda, mu, chi] = m.tangent(r);
+  const double flow = chi != 0.0 ? chi * traction(r.direction, p.normal) : 0.0;
   Gradients out;
   for (int a = 0; a < nodes; ++a)
   {
@@ -67,9 +63,38 @@ double penetration(const double* shape, const Gradients& u, double gap)
   return d;
 }
 
-/// Projected weight of each point, out (facets, points).
-void facet_weights(const Facets& facets, Array2<double> out)
+} // namespace
+
+Facets::Facets(Array<const double> x, Array<const int> x_dofs, Array<const int> u_dofs, Array<const int> local,
+               Array<const double> gradients, Array<const double> shape, Array<const double> normals,
+               Array<const double> weights)
+    : x(x), x_dofs(x_dofs), u_dofs(u_dofs), local(local), gradients(gradients), shape(shape), normals(normals),
+      weights(weights)
 {
+  expect("x", x, {any(), 3});
+  expect("u_dofs", u_dofs, {any(), nodes});
+  expect("x_dofs", x_dofs, {count(), nodes});
+  expect("local", local, {count()});
+  expect("weights", weights, {any()});
+  expect("gradients", gradients, {4, points(), nodes, 3});
+  expect("shape", shape, {4, points(), nodes});
+  expect("normals", normals, {4, 3});
+  check_range("x_dofs", x_dofs, x.shape(0));
+  u_nodes = check_range("u_dofs", u_dofs, most_nodes);
+  check_range("local", local, 4);
+}
+
+ContactLaw::ContactLaw(const J2& material, Array<const double> stiffness, Array<const double> height, bool traction,
+                       double theta)
+    : material(material), stiffness(stiffness), height(height), traction(traction), theta(theta)
+{
+  expect("stiffness", stiffness, {any()});
+  expect("height", height, {stiffness.shape(0), any()});
+}
+
+void facet_weights(const Facets& facets, const Array<double>& out)
+{
+  expect("out", out, {facets.count(), facets.points()});
   for (std::size_t f = 0; f < facets.count(); ++f)
   {
     const Gradients x = gather(facets.x.data(), facets.x_dofs.data() + nodes * f);
@@ -78,11 +103,14 @@ void facet_weights(const Facets& facets, Array2<double> out)
   }
 }
 
-/// Pressure at the points for the flat at height z, and the trial history. The part of the virtual work with
-/// theta is added to `b` (nodes, 3); the force of the pressure is left to `facet_load`.
-void facet_pressure(const Facets& facets, const Law& law, double z, Array2<const double> u, const History& committed,
-                    const History& trial, Array2<double> pressure, Array2<double> b)
+void facet_pressure(const Facets& facets, const ContactLaw& law, double z, const Array<const double>& u,
+                    const History& committed, const History& trial, const Array<double>& pressure,
+                    const Array<double>& b)
 {
+  expect_state(facets, law, u, committed);
+  expect_history("trial", trial, facets);
+  expect("pressure", pressure, {facets.count(), facets.points()});
+  expect("b", b, {at_least(facets.u_nodes), 3});
   const std::size_t points = facets.points();
   for (std::size_t f = 0; f < facets.count(); ++f)
   {
@@ -100,12 +128,9 @@ void facet_pressure(const Facets& facets, const Law& law, double z, Array2<const
         continue;
       }
       const FacetPoint p(facets, x, f, q);
-      const Response r = respond(law.material, strain(p.g, uc), committed, at);
+      const J2::Response r = respond(law.material, strain(p.g, uc), committed, at);
       if (trial.alpha.shape(0) > 0)
-      {
-        std::copy_n(r.plastic_strain.begin(), 6, trial.plastic_strain.data() + 6 * at);
-        trial.alpha.data()[at] = r.alpha;
-      }
+        trial.put(at, r.state);
       const double t = traction(r.stress, p.normal);
       P = std::max(excess - t, 0.0);
       if (law.theta == 0.0)
@@ -119,9 +144,12 @@ void facet_pressure(const Facets& facets, const Law& law, double z, Array2<const
   }
 }
 
-/// Add the nodal force of a pressure at the points to b (nodes).
-void facet_load(const Facets& facets, Array2<const double> weights, Array2<const double> pressure, Array1<double> b)
+void facet_load(const Facets& facets, const Array<const double>& weights, const Array<const double>& pressure,
+                const Array<double>& b)
 {
+  expect("weights", weights, {facets.count(), facets.points()});
+  expect("pressure", pressure, {facets.count(), facets.points()});
+  expect("b", b, {at_least(facets.u_nodes)});
   const std::size_t points = facets.points();
   for (std::size_t f = 0; f < facets.count(); ++f)
     for (std::size_t q = 0; q < points; ++q)
@@ -129,16 +157,17 @@ void facet_load(const Facets& facets, Array2<const double> weights, Array2<const
       const std::size_t at = f * points + q;
       if (pressure.data()[at] > 0.0)
         for (int a = 0; a < nodes; ++a)
-          b.data()[facets.dofs_of(f)[a]]
-              += weights.data()[at] * pressure.data()[at] * facets.shape_at(f, q)[a];
+          b.data()[facets.dofs_of(f)[a]] += weights.data()[at] * pressure.data()[at] * facets.shape_at(f, q)[a];
     }
 }
 
-/// Add the derivative of the virtual work; `pressure` is that of the same displacement.
-void facet_stiffness(const Facets& facets, const Law& law, Array2<const double> u, const History& committed,
-                     Array2<const double> pressure, const BlockPattern& pattern, Array1<double> values)
+void facet_stiffness(const Facets& facets, const ContactLaw& law, const Array<const double>& u,
+                     const History& committed, const Array<const double>& pressure, const BlockPattern& pattern,
+                     const Array<double>& values)
 {
-  double* out = pattern.start(values);
+  expect_state(facets, law, u, committed);
+  expect("pressure", pressure, {facets.count(), facets.points()});
+  double* out = pattern.start(values, facets.count());
   const std::size_t points = facets.points();
   double A[dofs * dofs];
   for (std::size_t f = 0; f < facets.count(); ++f)
@@ -159,8 +188,7 @@ void facet_stiffness(const Facets& facets, const Law& law, Array2<const double> 
       const double* shape = facets.shape_at(f, q);
       Gradients slope{}, dP{};
       if (law.traction)
-        slope = traction_slope(law.material,
-                               respond(law.material, strain(p.g, uc), committed, f * points + q), p);
+        slope = traction_slope(law.material, respond(law.material, strain(p.g, uc), committed, f * points + q), p);
       if (pressed)
         for (int a = 0; a < nodes; ++a)
         {
@@ -183,40 +211,5 @@ void facet_stiffness(const Facets& facets, const Law& law, Array2<const double> 
     }
     pattern.add_full(facets.dofs_of(f), f, A, out);
   }
-}
-} // namespace
-
-void bind_facets(nb::module_& m)
-{
-  nb::class_<Facets>(m, "Facets")
-      .def("__init__",
-           [](Facets* self, Array2<const double> x, Array2<const int> x_dofs, Array2<const int> u_dofs,
-              Array1<const int> local,
-              nb::ndarray<const double, nb::ndim<4>, nb::c_contig, nb::device::cpu> gradients,
-              Array3<const double> shape, Array2<const double> normals, Array1<const double> weights)
-           {
-             if (x.shape(1) != 3 || x_dofs.shape(1) != nodes || u_dofs.shape(1) != nodes
-                 || x_dofs.shape(0) != u_dofs.shape(0) || local.shape(0) != u_dofs.shape(0)
-                 || gradients.shape(0) != 4 || gradients.shape(1) != weights.shape(0)
-                 || gradients.shape(2) != nodes || gradients.shape(3) != 3 || shape.shape(0) != 4
-                 || shape.shape(1) != weights.shape(0) || shape.shape(2) != nodes
-                 || normals.shape(0) != 4 || normals.shape(1) != 3)
-               throw std::invalid_argument("Facets: array shapes do not belong to second-order tetrahedra");
-             new (self) Facets{x, x_dofs, u_dofs, local, gradients, shape, normals, weights};
-           },
-           nb::arg("x"), nb::arg("x_dofs"), nb::arg("u_dofs"), nb::arg("local"), nb::arg("gradients"),
-           nb::arg("shape"), nb::arg("normals"), nb::arg("weights"));
-  nb::class_<Law>(m, "ContactLaw")
-      .def("__init__",
-           [](Law* self, const nb::tuple& parameters, Array1<const double> stiffness, Array2<const double> height,
-              bool traction, double theta)
-           { new (self) Law(law(parameters, stiffness, height, traction, theta)); },
-           nb::arg("material"), nb::arg("stiffness"), nb::arg("height"), nb::arg("traction"), nb::arg("theta"));
-  m.def("facet_weights", &facet_weights, nb::arg("facets"), nb::arg("out"));
-  m.def("facet_pressure", &facet_pressure, nb::arg("facets"), nb::arg("law"), nb::arg("z"), nb::arg("u"),
-        nb::arg("committed"), nb::arg("trial"), nb::arg("pressure"), nb::arg("b"));
-  m.def("facet_load", &facet_load, nb::arg("facets"), nb::arg("weights"), nb::arg("pressure"), nb::arg("b"));
-  m.def("facet_stiffness", &facet_stiffness, nb::arg("facets"), nb::arg("law"), nb::arg("u"), nb::arg("committed"),
-        nb::arg("pressure"), nb::arg("pattern"), nb::arg("values"));
 }
 } // namespace asperity

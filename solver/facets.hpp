@@ -15,13 +15,18 @@ namespace asperity
 /// Facets of second-order tetrahedra and a quadrature rule on them, tabulated for the four facets of a cell.
 struct Facets
 {
-  Array2<const double> x;                     // node coordinates (n, 3)
-  Array2<const int> x_dofs, u_dofs;           // of the cells of the facets (facets, 10)
-  Array1<const int> local;                    // number of the facet in its cell (facets)
-  nb::ndarray<const double, nb::ndim<4>, nb::c_contig, nb::device::cpu> gradients; // (4, points, 10, 3)
-  Array3<const double> shape;                 // shape functions (4, points, 10)
-  Array2<const double> normals;               // outward area vectors of the reference facets (4, 3)
-  Array1<const double> weights;               // on the reference triangle, of total 1/2 (points)
+  Array<const double> x;           // node coordinates (n, 3)
+  Array<const int> x_dofs, u_dofs; // of the cells of the facets (facets, 10)
+  Array<const int> local;          // number of the facet in its cell (facets)
+  Array<const double> gradients;   // reference gradients (4, points, 10, 3)
+  Array<const double> shape;       // shape functions (4, points, 10)
+  Array<const double> normals;     // outward area vectors of the reference facets (4, 3)
+  Array<const double> weights;     // on the reference triangle, of total 1/2 (points)
+  std::size_t u_nodes;             // that a nodal array has at least
+
+  Facets(Array<const double> x, Array<const int> x_dofs, Array<const int> u_dofs, Array<const int> local,
+         Array<const double> gradients, Array<const double> shape, Array<const double> normals,
+         Array<const double> weights);
 
   std::size_t count() const { return u_dofs.shape(0); }
   std::size_t points() const { return weights.shape(0); }
@@ -54,6 +59,35 @@ struct FacetPoint
   }
 };
 
-/// Register the kernels below in the module.
-void bind_facets(nb::module_& m);
+/// The contact law of a solid on its facets.
+struct ContactLaw
+{
+  J2 material;
+  Array<const double> stiffness; // g of each facet [force/length^3] (facets)
+  Array<const double> height;    // of the undeformed surface at the points (facets, points)
+  bool traction;                 // k
+  double theta;
+
+  ContactLaw(const J2& material, Array<const double> stiffness, Array<const double> height, bool traction,
+             double theta);
+};
+
+/// Projected weight of each point, out (facets, points).
+void facet_weights(const Facets& facets, const Array<double>& out);
+
+/// Pressure (facets, points) for the flat at height z and the displacement u (nodes, 3), and the trial history. The
+/// part of the virtual work with theta is added to `b` (nodes, 3); the force of the pressure is left to `facet_load`. A
+/// committed history without facets stands for one of zeros, a trial one without facets is not written.
+void facet_pressure(const Facets& facets, const ContactLaw& law, double z, const Array<const double>& u,
+                    const History& committed, const History& trial, const Array<double>& pressure,
+                    const Array<double>& b);
+
+/// Add the nodal force of a pressure at the points to b (nodes); `weights` are those of `facet_weights`.
+void facet_load(const Facets& facets, const Array<const double>& weights, const Array<const double>& pressure,
+                const Array<double>& b);
+
+/// Add the derivative of the virtual work to the values of the matrix; `pressure` is that of the same displacement.
+void facet_stiffness(const Facets& facets, const ContactLaw& law, const Array<const double>& u,
+                     const History& committed, const Array<const double>& pressure, const BlockPattern& pattern,
+                     const Array<double>& values);
 } // namespace asperity

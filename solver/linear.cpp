@@ -1,20 +1,38 @@
-// Kernels of the linear solver. The time of a product is that of reading the matrix: of a symmetric one the upper half
-// is read, in single precision where few digits are enough. All matrices have three dofs a node;
-// `values` holds the three rows of a node one after the other, as PETSc's AIJ does.
+// Kernels of the linear solver, see linear.hpp.
 #include "linear.hpp"
 
 #include <algorithm>
 #include <cstring>
+#include <vector>
 
 namespace asperity
 {
 namespace
 {
-using Graph = Array1<const int>;
+using Four = float __attribute__((vector_size(16))); // three components and one to spare
 
-/// y = A x.
-void product(Graph indptr, Graph indices, Array1<const double> values, Array2<const double> x, Array2<double> y)
+Four load(const float* at)
 {
+  Four out;
+  std::memcpy(&out, at, sizeof(out));
+  return out;
+}
+
+/// Number of nodes of a matrix whose parts belong together.
+std::size_t expect_matrix(const Graph& indptr, const Graph& indices, const Array<const double>& values)
+{
+  expect_graph("indptr", indptr, "indices", indices);
+  expect("values", values, {9 * indices.shape(0)});
+  return indptr.shape(0) - 1;
+}
+} // namespace
+
+void product(const Graph& indptr, const Graph& indices, const Array<const double>& values, const Array<const double>& x,
+             const Array<double>& y)
+{
+  const std::size_t nodes = expect_matrix(indptr, indices, values);
+  expect("x", x, {nodes, 3});
+  expect("y", y, {nodes, 3});
   for (std::size_t node = 0; node + 1 < indptr.shape(0); ++node)
   {
     const int first = indptr.data()[node], width = indptr.data()[node + 1] - first;
@@ -33,9 +51,10 @@ void product(Graph indptr, Graph indices, Array1<const double> values, Array2<co
   }
 }
 
-/// Blocks of the upper half row by row, the diagonal ones first in theirs, the columns of each one after the other.
-void upper_half(Graph indptr, Graph indices, Array1<const double> values, Array1<float> out)
+void upper_half(const Graph& indptr, const Graph& indices, const Array<const double>& values, const Array<float>& out)
 {
+  const std::size_t nodes = expect_matrix(indptr, indices, values);
+  expect("out", out, {at_least(9 * ((indices.shape(0) + nodes) / 2))});
   float* block = out.data();
   for (std::size_t node = 0; node + 1 < indptr.shape(0); ++node)
   {
@@ -49,21 +68,15 @@ void upper_half(Graph indptr, Graph indices, Array1<const double> values, Array1
   }
 }
 
-using Four = float __attribute__((vector_size(16))); // three components and one to spare
-
-Four load(const float* at)
+void symmetric_product(const Graph& indptr, const Graph& indices, const Array<const float>& blocks,
+                       const Array<const float>& x, const Array<float>& work, const Array<float>& y)
 {
-  Four out;
-  std::memcpy(&out, at, sizeof(out));
-  return out;
-}
-
-/// y = A x for the symmetric A whose upper half is given by the columns of its blocks (blocks, 9) and one float behind;
-/// the graph is that of the upper half. `work` (2, nodes, 4) is overwritten.
-void symmetric_product(Graph indptr, Graph indices, Array1<const float> blocks, Array2<const float> x, Array3<float> work,
-                       Array2<float> y)
-{
-  const std::size_t count = x.shape(0);
+  expect_graph("indptr", indptr, "indices", indices);
+  const std::size_t count = indptr.shape(0) - 1;
+  expect("blocks", blocks, {at_least(9 * indices.shape(0) + 1)});
+  expect("x", x, {count, 3});
+  expect("work", work, {2, count, 4});
+  expect("y", y, {count, 3});
   float *from = work.data(), *to = from + 4 * count;
   for (std::size_t node = 0; node < count; ++node)
     for (int i = 0; i < 4; ++i)
@@ -101,14 +114,20 @@ void symmetric_product(Graph indptr, Graph indices, Array1<const float> blocks, 
     std::copy_n(to + 4 * node, 3, y.data() + 3 * node);
 }
 
-/// Take the image of the last step from the residual at the free dofs, and go on by keep * step + add * scaling * residual.
-void relax(Array1<const float> image, Array1<const float> free, Array1<const float> scaling, float keep, float add,
-           Array1<float> residual, Array1<float> step, Array1<float> x)
+void relax(const Array<const float>& image, const Array<const float>& free, const Array<const float>& scaling,
+           float keep, float add, const Array<float>& residual, const Array<float>& step, const Array<float>& x)
 {
+  expect("x", x, {any()});
+  const std::size_t size = x.shape(0);
+  expect("image", image, {size});
+  expect("free", free, {size});
+  expect("scaling", scaling, {size});
+  expect("residual", residual, {size});
+  expect("step", step, {size});
   const float *const A = image.data(), *const F = free.data(), *const D = scaling.data();
   float *const r = residual.data(), *const s = step.data(), *const y = x.data();
 #pragma omp simd
-  for (std::size_t i = 0; i < x.size(); ++i)
+  for (std::size_t i = 0; i < size; ++i)
   {
     r[i] -= F[i] * A[i];
     s[i] = keep * s[i] + add * D[i] * r[i];
@@ -116,12 +135,16 @@ void relax(Array1<const float> image, Array1<const float> free, Array1<const flo
   }
 }
 
-/// Galerkin's coarse matrix (m P c)^T A (m P c): `kept` (nodes, 3) is the mask m, `coarse_kept` the mask c, and P gives
-/// each node the mean of its two `parents` (nodes, 2), which are the same for a node of the coarse level.
-void galerkin(Graph indptr, Graph indices, Array1<const double> values, Array2<const double> kept,
-              Array2<const int> parents, Graph coarse_indptr, Graph coarse_indices, Array2<const double> coarse_kept,
-              Array1<double> coarse)
+void galerkin(const Graph& indptr, const Graph& indices, const Array<const double>& values,
+              const Array<const double>& kept, const Array<const int>& parents, const Graph& coarse_indptr,
+              const Graph& coarse_indices, const Array<const double>& coarse_kept, const Array<double>& coarse)
 {
+  const std::size_t nodes = expect_matrix(indptr, indices, values);
+  expect("kept", kept, {nodes, 3});
+  expect("parents", parents, {nodes, 2});
+  expect_graph("coarse_indptr", coarse_indptr, "coarse_indices", coarse_indices);
+  expect("coarse_kept", coarse_kept, {coarse_indptr.shape(0) - 1, 3});
+  expect("coarse", coarse, {9 * coarse_indices.shape(0)});
   std::fill_n(coarse.data(), coarse.size(), 0.0);
   std::vector<int> place(coarse_indptr.shape(0)); // of a column in the current coarse row
   for (std::size_t node = 0; node + 1 < indptr.shape(0); ++node)
@@ -151,8 +174,8 @@ void galerkin(Graph indptr, Graph indices, Array1<const double> values, Array2<c
         for (int q = 0; q < counted; ++q)
         {
           const double* beyond = coarse_kept.data() + 3 * static_cast<std::ptrdiff_t>(across[q]);
-          const double right[3] = {share * theirs[0] * beyond[0], share * theirs[1] * beyond[1],
-                                   share * theirs[2] * beyond[2]};
+          const double right[3]
+              = {share * theirs[0] * beyond[0], share * theirs[1] * beyond[1], share * theirs[2] * beyond[2]};
           double* to = out + 3 * place[across[q]];
           const double* from = rows + 3 * k;
           for (int i = 0; i < 3; ++i, to += 3 * size, from += 3 * width)
@@ -162,18 +185,5 @@ void galerkin(Graph indptr, Graph indices, Array1<const double> values, Array2<c
       }
     }
   }
-}
-} // namespace
-
-void bind_linear(nb::module_& m)
-{
-  m.def("product", &product, nb::arg("indptr"), nb::arg("indices"), nb::arg("values"), nb::arg("x"), nb::arg("y"));
-  m.def("upper_half", &upper_half, nb::arg("indptr"), nb::arg("indices"), nb::arg("values"), nb::arg("out"));
-  m.def("symmetric_product", &symmetric_product, nb::arg("indptr"), nb::arg("indices"), nb::arg("blocks"),
-        nb::arg("x"), nb::arg("work"), nb::arg("y"));
-  m.def("relax", &relax, nb::arg("image"), nb::arg("free"), nb::arg("scaling"), nb::arg("keep"), nb::arg("add"),
-        nb::arg("residual"), nb::arg("step"), nb::arg("x"));
-  m.def("galerkin", &galerkin, nb::arg("indptr"), nb::arg("indices"), nb::arg("values"), nb::arg("kept"),
-        nb::arg("parents"), nb::arg("coarse_indptr"), nb::arg("coarse_indices"), nb::arg("coarse_kept"), nb::arg("coarse"));
 }
 } // namespace asperity

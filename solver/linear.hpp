@@ -1,10 +1,35 @@
-// Kernels of the linear solver: products, and the coarse matrix of its multigrid.
+// Kernels of the linear solver: products, and the coarse matrix of its multigrid. The time of a product is that of
+// reading the matrix: of a symmetric one the upper half is read, in single precision where few digits are enough. All
+// matrices have three dofs a node, on a square CSR graph of the nodes (indptr, indices); `values` holds the three rows
+// of a node one after the other, as PETSc's AIJ does. Entries of a graph are trusted: only its ends are looked at.
 #pragma once
 
-#include "cells.hpp"
+#include "arrays.hpp"
 
 namespace asperity
 {
-/// Add the kernels to the Python module.
-void bind_linear(nb::module_& m);
+using Graph = Array<const int>;
+
+/// y = A x, both (nodes, 3).
+void product(const Graph& indptr, const Graph& indices, const Array<const double>& values, const Array<const double>& x,
+             const Array<double>& y);
+
+/// Blocks of the upper half row by row, the diagonal ones first in theirs, the columns of each one after the other.
+void upper_half(const Graph& indptr, const Graph& indices, const Array<const double>& values, const Array<float>& out);
+
+/// y = A x, both (nodes, 3), for the symmetric A whose upper half is given by the columns of its blocks (blocks, 9) and
+/// one float behind; the graph is that of the upper half. `work` (2, nodes, 4) is overwritten.
+void symmetric_product(const Graph& indptr, const Graph& indices, const Array<const float>& blocks,
+                       const Array<const float>& x, const Array<float>& work, const Array<float>& y);
+
+/// Take the image of the last step from the residual at the free dofs, and go on by keep * step + add * scaling *
+/// residual; all arrays have an entry per dof.
+void relax(const Array<const float>& image, const Array<const float>& free, const Array<const float>& scaling,
+           float keep, float add, const Array<float>& residual, const Array<float>& step, const Array<float>& x);
+
+/// Galerkin's coarse matrix (m P c)^T A (m P c): `kept` (nodes, 3) is the mask m, `coarse_kept` the mask c, and P gives
+/// each node the mean of its two `parents` (nodes, 2), which are the same for a node of the coarse level.
+void galerkin(const Graph& indptr, const Graph& indices, const Array<const double>& values,
+              const Array<const double>& kept, const Array<const int>& parents, const Graph& coarse_indptr,
+              const Graph& coarse_indices, const Array<const double>& coarse_kept, const Array<double>& coarse);
 } // namespace asperity

@@ -1,7 +1,7 @@
 // Curved second-order tetrahedra: strain, residual and stiffness of one quadrature point.
 #pragma once
 
-#include "j2.hpp"
+#include "law.hpp"
 
 #include <algorithm>
 #include <cstddef>
@@ -39,9 +39,7 @@ inline void push_forward(const double* reference, const double K[3][3], double d
   const double inv = 1.0 / det;
   for (int a = 0; a < nodes; ++a)
     for (int i = 0; i < 3; ++i)
-      g[a][i] = inv
-                * (reference[3 * a] * K[0][i] + reference[3 * a + 1] * K[1][i]
-                   + reference[3 * a + 2] * K[2][i]);
+      g[a][i] = inv * (reference[3 * a] * K[0][i] + reference[3 * a + 1] * K[1][i] + reference[3 * a + 2] * K[2][i]);
 }
 
 /// The same from node coordinates; returns det J.
@@ -87,11 +85,10 @@ inline void add_residual(const Gradients& g, const Sym& stress, double weight, G
   }
 }
 
-/// Add weight * B^T C B, C = lambda 1x1 + 2 mu I + chi n x n, to the row-major 30 x 30 element matrix. Only the
-/// node pairs a <= b are filled.
-inline void add_stiffness(const Gradients& g, double lambda, double mu, double chi, const Sym& n,
-                          double weight, double* A)
+/// Add weight * B^T C B to the row-major 30 x 30 element matrix. Only the node pairs a <= b are filled.
+inline void add_stiffness(const Gradients& g, const Moduli& C, const Sym& n, double weight, double* A)
 {
+  const auto [lambda, mu, chi] = C;
   std::array<std::array<double, 3>, nodes> ng;
   if (chi != 0.0)
     for (int a = 0; a < nodes; ++a)
@@ -111,6 +108,14 @@ inline void add_stiffness(const Gradients& g, double lambda, double mu, double c
             row[j] += weight * chi * ng[a][i] * ng[b][j];
       }
     }
+}
+
+/// Add the rows of a cell to the rows `cell_dofs` of a nodal (n, 3) array.
+inline void scatter(const Gradients& f, const int* cell_dofs, double* values)
+{
+  for (int a = 0; a < nodes; ++a)
+    for (int i = 0; i < 3; ++i)
+      values[3 * static_cast<std::ptrdiff_t>(cell_dofs[a]) + i] += f[a][i];
 }
 
 /// Gather the rows `cell_dofs` of a nodal (n, 3) array.

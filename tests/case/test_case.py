@@ -199,6 +199,13 @@ def test_nitsche_variants_need_an_elastic_material() -> None:
     assert "elastic" in refusal("contact.method=nitsche", "contact.theta=1")
 
 
+@pytest.mark.parametrize(("gamma", "theta"), [("0.7", "0"), ("2", "1")])
+def test_a_factor_of_nitsche_that_is_too_small_is_refused(gamma: str, theta: str) -> None:
+    elastic = ("material.yield_strength=", "material.tangent_modulus=")
+    message = refusal("contact.method=nitsche", f"contact.gamma={gamma}", f"contact.theta={theta}", *elastic)
+    assert f"contact.gamma = {gamma} is below" in message
+
+
 def test_unload_reload_law_needs_an_unloading() -> None:
     assert "loading.unload" in refusal("dynamics.law=unload-reload", "loading.unload=false")
 

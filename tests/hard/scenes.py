@@ -263,9 +263,9 @@ SCENES: tuple[Scene, ...] = (
         twin=Twin("exact contact", 0.05, {"contact.method": "active-set", "contact.gamma": None}),
     ),
     Scene(
-        "nitsche/0.1",
-        "Nitsche's method, gamma = 0.1",
-        {"contact.method": "nitsche", "contact.gamma": 0.1, "loading.unload": True},
+        "nitsche/0.75",
+        "Nitsche's method, gamma = 0.75",
+        {"contact.method": "nitsche", "contact.gamma": 0.75, "loading.unload": True},
         twin=Twin("exact contact", 0.1, {"contact.method": "active-set", "contact.gamma": None}),
     ),
     Scene(

@@ -145,7 +145,6 @@ def test_wrong_runs_are_noticed(
     [
         Formulation("penalty", penalty=0.01),
         Formulation("penalty", penalty=1e-300),
-        Formulation("nitsche", gamma=1e-300),
     ],
 )
 def test_a_contact_too_soft_to_carry_the_load_is_noticed(

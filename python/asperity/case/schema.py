@@ -134,7 +134,9 @@ class ContactSection(Section):
 
     method: Literal["active-set", "penalty", "nitsche"] = _key("formulation", "active-set")
     penalty: Real = _key("factor of E p^2/h (penalty)", 10.0, ge=0.01, le=1e6)
-    gamma: Real | None = _key("factor of E p^2/h (nitsche)", None, shown="1; 10 if theta is not 0", ge=0.01, le=1e6)
+    gamma: Real | None = _key(
+        "factor of (lambda + 2 mu) p^2/h (nitsche)", None, shown="1; 10 if theta is not 0", ge=0.01, le=1e6
+    )
     theta: Whole = _key("symmetry of nitsche; 1 and -1 need an elastic solid", 0, ge=-1, le=1)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from asperity.adaptive.mesh_plan import too_soft
 from asperity.case.schema import Input, show
+from asperity.contact.penalty_nitsche import too_small
 from asperity.errors import InputError
 from asperity.mesh.block import H_CONTACT, H_MAX
 
@@ -35,6 +36,10 @@ def check_together(case: Input) -> None:
     loading, dynamics = case.loading, case.dynamics
     if case.accuracy.tolerance is not None and (soft := too_soft(case.contact.method, case.contact.penalty)):
         key, _, rest = soft.partition(" ")
+        _refuse(key, rest)
+    contact = case.contact
+    if contact.method == "nitsche" and contact.gamma and (small := too_small(contact.gamma, contact.theta)):
+        key, _, rest = small.partition(" ")
         _refuse(key, rest)
     if (loading.delta_max is None) == (loading.force_max is None):
         state = "are both missing" if loading.delta_max is None else "are both given"

@@ -14,10 +14,29 @@ from asperity.errors import InputError
 from asperity.fem.solid import Solid
 
 STATE = ("plastic_strain", "accumulated")
+COERCIVE = 3.0  # gamma from which theta = 1 is coercive: 2 where cells are straight, up to 2.9 seen under rough tops
+
+
+def too_small(gamma: float, theta: int) -> str:
+    """Why a factor of Nitsche's method is refused: the tangent may be indefinite; empty for a factor that serves.
+
+    Where traces are at most tau^2 = COERCIVE/gamma of the energy, full contact is coercive for (1 + theta) tau < 2.
+
+    Args:
+        gamma: factor of (lambda + 2 mu) p^2/h
+        theta: 0, 1 or -1
+    """
+    least = max(0.01, COERCIVE * (1 + theta) ** 2 / 4.0)
+    if gamma >= least:
+        return ""
+    return (
+        f"contact.gamma = {gamma:g} is below {least:g}, from which Nitsche's method with theta = {theta} is stable: "
+        'raise it, leave it out, or take contact.method = "active-set"'
+    )
 
 
 class PressureContact:
-    """The flat presses with P = <g d - k t>_+, g = factor E p^2/h, d the penetration.
+    """The flat presses with P = <g d - k t>_+, g = factor M p^2/h, d the penetration.
 
     t is the z component of the traction of the solid; P and t are per area projected on the flat. The virtual work is
     int P v_z - theta/g (P + t(u)) t[v] with p = 2 the degree of the elements. solver/facets.hpp holds the kernels.
@@ -26,9 +45,12 @@ class PressureContact:
     with theta = 1 symmetric, 0 without the second term, -1 skew. t of an elastic-plastic solid comes from the return
     map at the quadrature points, with a history of their own.
 
-    h is the facet's diameter for the penalty method. For Nitsche's it is the height of the cell over the facet, the
-    length of the trace inequality that makes theta = 1 coercive: (8/3) (lambda + 2 mu) |F|/|K| < g is enough
-    (Warburton & Hesthaven, Comput. Methods Appl. Mech. Engrg. 192 (2003) 2765, for a linear stress).
+    The penalty method has M = E and h the diameter of the facet. Nitsche's has M = lambda + 2 mu, the stiffness along
+    the normal, which grows without bound towards nu = 0.5 (Hansbo & Larson, Comput. Methods Appl. Mech. Engrg. 191
+    (2002) 1895), and h = 3 |K|/|F| the height of the cell over the facet: t^2 is at most (lambda + 2 mu) sigma:eps, and
+    the mean of the square of a linear stress over a facet at most 8/3 of that over the cell (Warburton & Hesthaven,
+    ibid. 192 (2003) 2765), so theta = 1 is coercive for gamma > 2 where cells are straight. Plastic flow only lowers
+    the stiffness along the normal: the elastic one serves there too.
 
     Args:
         solid, top: what is pressed
@@ -38,7 +60,7 @@ class PressureContact:
         rule: quadrature on the facets
 
     Raises:
-        InputError: theta needs an elastic solid and Nitsche's method
+        InputError: theta needs an elastic solid and Nitsche's method; gamma is too small for theta
     """
 
     def __init__(
@@ -56,14 +78,20 @@ class PressureContact:
                 f'contact.theta = {theta} needs an elastic material and contact.method = "nitsche": leave '
                 "material.yield_strength out or take theta = 0"
             )
+        if traction and (small := too_small(factor, theta)):
+            raise InputError(small)
         self._solid, self._top = solid, top
         self._rule = FacetRule(top, FACET_DEGREE) if rule is None else rule
         self.symmetric, self.stiff = not traction or theta == 1, True
         points = self._rule.weights.shape
-        h = 3.0 * solid.bulk.volumes[top.cells].sum(axis=1) / top.area if traction else top.diameter
+        if traction:
+            lam, mu = solid.material.lame
+            modulus, h = lam + 2.0 * mu, 3.0 * solid.bulk.volumes[top.cells].sum(axis=1) / top.area
+        else:
+            modulus, h = solid.material.E, top.diameter
         self._law = _solver.ContactLaw(
-            solid.material.parameters,
-            factor * solid.material.E * 4.0 / h,
+            _solver.J2(*solid.material.parameters),
+            factor * modulus * 4.0 / h,
             self._rule.height,
             traction,
             float(theta),

@@ -29,14 +29,15 @@ class CompiledBulk:
     ) -> None:
         at, weights = quadrature(QUADRATURE_DEGREE)
         self._cells = _solver.Cells(x, x_nodes, cell_nodes, shape_gradients(at), weights)
-        self._material = material
+        self._elastic_law = _solver.Elastic(*material.lame)
+        self._law = _solver.J2(*material.parameters)
         self.linear = not material.plastic
         cells, points = len(cell_nodes), len(weights)
         self.points = cells * points
         self.plastic_points = 0
         self._pattern = _solver.BlockPattern(cell_nodes, graph.indptr, graph.indices)
         self._elastic = np.zeros(len(graph.columns))
-        _solver.stiffness_elastic(self._cells, *material.lame, self._pattern, self._elastic)
+        _solver.stiffness_elastic(self._cells, self._elastic_law, self._pattern, self._elastic)
         held = cells if material.plastic else 0  # an elastic material has no history
         shape = (held, points)
         self._committed = (np.zeros((*shape, 6)), np.zeros(shape))
@@ -46,12 +47,12 @@ class CompiledBulk:
         _solver.volumes(self._cells, self.volumes)
 
     def add_internal_force(self, u: Floats, b: Floats) -> None:
-        if not self._material.plastic:
-            _solver.residual_elastic(self._cells, *self._material.lame, u, b)
+        if self.linear:
+            _solver.residual_elastic(self._cells, self._elastic_law, u, b)
             return
         self.plastic_points = _solver.residual_j2(
             self._cells,
-            self._material.parameters,
+            self._law,
             u,
             _solver.History(*self._committed),
             _solver.History(*self._trial),
@@ -64,7 +65,7 @@ class CompiledBulk:
         if self._flowing.any():
             _solver.stiffness_plastic(
                 self._cells,
-                self._material.parameters,
+                self._law,
                 u,
                 _solver.History(*self._committed),
                 self._flowing,
@@ -86,6 +87,6 @@ class CompiledBulk:
     def stress(self, u: Floats) -> Floats:
         cells = len(self._flowing)
         out = np.zeros((cells, self.points // max(cells, 1), 6))
-        history = self._committed if self._material.plastic else (np.zeros_like(out), np.zeros(out.shape[:2]))
-        _solver.stress(self._cells, self._material.parameters, u, _solver.History(*history), out)
+        history = (np.zeros_like(out), np.zeros(out.shape[:2])) if self.linear else self._committed
+        _solver.stress(self._cells, self._law, u, _solver.History(*history), out)
         return out

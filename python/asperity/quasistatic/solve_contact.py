@@ -41,7 +41,7 @@ class Formulation:
     Attributes:
         method: "active-set", "penalty" or "nitsche"
         penalty: factor of E p^2/h of the penalty method
-        gamma: factor of E p^2/h of Nitsche's method; None takes 1, or 10 for theta = 1 and -1
+        gamma: factor of (lambda + 2 mu) p^2/h of Nitsche's method; None takes 1, or 10 for theta = 1 and -1
         theta: 0, or 1 (symmetric) or -1 (skew) for an elastic solid
     """
 
@@ -54,7 +54,7 @@ class Formulation:
         """The formulation for a solid.
 
         Raises:
-            InputError: unknown method, or theta = +-1 for a material that yields
+            InputError: unknown method, theta = +-1 for a material that yields, or gamma too small for theta
         """
         if self.method == "active-set":
             return ActiveSet(solid, top)

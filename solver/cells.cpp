@@ -1,0 +1,200 @@
+// Kernels over cells, see cells.hpp. Each has one loop over cells and one over their quadrature points, the latter in
+// `Cells::at_points`; what depends on the material is a template over the law.
+#include "cells.hpp"
+
+namespace asperity
+{
+namespace
+{
+/// The history of a law without one.
+struct NoHistory
+{
+  Elastic::State at(std::size_t) const { return {}; }
+  void put(std::size_t, const Elastic::State&) const {}
+};
+
+/// Add the internal force to `b`, write the trial history, and call `report(cell, points of it that flow)`.
+template <SmallStrainLaw Law, typename Kept, typename Report>
+void residual(const Cells& cells, const Law& law, const double* u, const Kept& committed, const Kept& trial,
+              Report report, double* b)
+{
+  for (std::size_t c = 0; c < cells.count(); ++c)
+  {
+    const Gradients uc = gather(u, cells.dofs_of(c));
+    Gradients f{};
+    int flowing = 0;
+    cells.at_points(c,
+                    [&](const Point& p)
+                    {
+                      const auto r = law.respond(strain(p.g, uc), committed.at(p.index));
+                      trial.put(p.index, r.state);
+                      flowing += r.plastic;
+                      add_residual(p.g, r.stress, p.volume, f);
+                    });
+    report(c, flowing);
+    scatter(f, cells.dofs_of(c), b);
+  }
+}
+
+/// Add the element matrix of a cell to the values, `at_point(p, A)` adding the part of a quadrature point.
+template <typename AtPoint>
+void add_cell(const Cells& cells, std::size_t c, const BlockPattern& pattern, double* values, AtPoint at_point)
+{
+  double A[dofs * dofs] = {};
+  cells.at_points(c, [&](const Point& p) { at_point(p, A); });
+  pattern.add(cells.dofs_of(c), c, A, values);
+}
+} // namespace
+
+Cells::Cells(Array<const double> x, Array<const int> x_dofs, Array<const int> u_dofs, Array<const double> gradients,
+             Array<const double> weights)
+    : x(x), x_dofs(x_dofs), u_dofs(u_dofs), gradients(gradients), weights(weights)
+{
+  expect("x", x, {any(), 3});
+  expect("x_dofs", x_dofs, {any(), nodes});
+  expect("u_dofs", u_dofs, {count(), nodes});
+  expect("weights", weights, {any()});
+  expect("gradients", gradients, {points(), nodes, 3});
+  check_range("x_dofs", x_dofs, x.shape(0));
+  u_nodes = check_range("u_dofs", u_dofs, most_nodes);
+}
+
+History::History(Array<double> plastic_strain, Array<double> alpha) : plastic_strain(plastic_strain), alpha(alpha)
+{
+  expect("plastic_strain", plastic_strain, {any(), any(), 6});
+  expect("alpha", alpha, {plastic_strain.shape(0), plastic_strain.shape(1)});
+}
+
+void History::expect_shape(const char* name, std::size_t cells, std::size_t points) const
+{
+  expect((std::string("plastic strain of ") + name).c_str(), plastic_strain, {cells, points, 6});
+}
+
+BlockPattern::BlockPattern(Array<const int> cell_dofs, Array<const int> indptr, Array<const int> indices)
+    : indptr(indptr), size(9 * indices.size()), offsets(cell_dofs.size() * nodes)
+{
+  expect("cell_dofs", cell_dofs, {any(), nodes});
+  expect_graph("indptr", indptr, "indices", indices);
+  if (!std::is_sorted(indptr.data(), indptr.data() + indptr.shape(0)))
+    throw std::invalid_argument("indptr falls, expected the starts of rows one after the other");
+  check_range("cell_dofs", cell_dofs, indptr.shape(0) - 1);
+  auto out = offsets.begin();
+  for (std::size_t c = 0; c < cell_dofs.shape(0); ++c)
+  {
+    const int* cell = cell_dofs.data() + nodes * c;
+    for (int a = 0; a < nodes; ++a)
+    {
+      const int* first = indices.data() + indptr.data()[cell[a]];
+      const int* last = indices.data() + indptr.data()[cell[a] + 1];
+      for (int b = 0; b < nodes; ++b)
+      {
+        const int* found = std::lower_bound(first, last, cell[b]);
+        if (found == last || *found != cell[b])
+          throw std::invalid_argument("indices has no column " + std::to_string(cell[b]) + " in row "
+                                      + std::to_string(cell[a]) + ", expected those of all nodes that share a cell");
+        *out++ = static_cast<std::uint16_t>(found - first);
+      }
+    }
+  }
+}
+
+double* BlockPattern::start(const Array<double>& values, std::size_t cells) const
+{
+  if (offsets.size() != cells * nodes * nodes)
+    throw std::invalid_argument("pattern has " + std::to_string(offsets.size() / (nodes * nodes)) + " cells, expected "
+                                + std::to_string(cells));
+  expect("values", values, {size});
+  return values.data();
+}
+
+void volumes(const Cells& cells, const Array<double>& out)
+{
+  expect("out", out, {cells.count(), cells.points()});
+  for (std::size_t c = 0; c < cells.count(); ++c)
+    cells.at_points(c, [&](const Point& p) { out.data()[p.index] = p.volume; });
+}
+
+void min_jacobian(const Cells& cells, const Array<double>& out)
+{
+  expect("out", out, {cells.count()});
+  for (std::size_t c = 0; c < cells.count(); ++c)
+  {
+    double smallest = 1e300;
+    cells.at_points(c, [&](const Point& p) { smallest = std::min(smallest, p.det); });
+    out.data()[c] = smallest;
+  }
+}
+
+void residual_elastic(const Cells& cells, const Elastic& law, const Array<const double>& u, const Array<double>& b)
+{
+  cells.expect_nodal("u", u);
+  cells.expect_nodal("b", b);
+  residual(cells, law, u.data(), NoHistory{}, NoHistory{}, [](std::size_t, int) {}, b.data());
+}
+
+std::int64_t residual_j2(const Cells& cells, const J2& law, const Array<const double>& u, const History& committed,
+                         const History& trial, const Array<bool>& plastic, const Array<double>& b)
+{
+  cells.expect_nodal("u", u);
+  committed.expect_shape("committed", cells.count(), cells.points());
+  trial.expect_shape("trial", cells.count(), cells.points());
+  expect("plastic", plastic, {cells.count()});
+  cells.expect_nodal("b", b);
+  std::int64_t total = 0;
+  const auto report = [&](std::size_t c, int flowing)
+  {
+    plastic.data()[c] = flowing > 0;
+    total += flowing;
+  };
+  residual(cells, law, u.data(), committed, trial, report, b.data());
+  return total;
+}
+
+void stiffness_elastic(const Cells& cells, const Elastic& law, const BlockPattern& pattern, const Array<double>& values)
+{
+  double* out = pattern.start(values, cells.count());
+  for (std::size_t c = 0; c < cells.count(); ++c)
+    add_cell(cells, c, pattern, out,
+             [&](const Point& p, double* A) { add_stiffness(p.g, law.tangent(), {}, p.volume, A); });
+}
+
+void stiffness_plastic(const Cells& cells, const J2& law, const Array<const double>& u, const History& committed,
+                       const Array<const bool>& plastic, const BlockPattern& pattern, const Array<double>& values)
+{
+  cells.expect_nodal("u", u);
+  committed.expect_shape("committed", cells.count(), cells.points());
+  expect("plastic", plastic, {cells.count()});
+  double* out = pattern.start(values, cells.count());
+  for (std::size_t c = 0; c < cells.count(); ++c)
+  {
+    if (!plastic.data()[c])
+      continue;
+    const Gradients uc = gather(u.data(), cells.dofs_of(c));
+    add_cell(cells, c, pattern, out,
+             [&](const Point& p, double* A)
+             {
+               const J2::Response r = law.respond(strain(p.g, uc), committed.at(p.index));
+               if (r.plastic)
+                 add_stiffness(p.g, law.softening(r), r.direction, p.volume, A);
+             });
+  }
+}
+
+void stress(const Cells& cells, const J2& law, const Array<const double>& u, const History& committed,
+            const Array<double>& out)
+{
+  cells.expect_nodal("u", u);
+  committed.expect_shape("committed", cells.count(), cells.points());
+  expect("out", out, {cells.count(), cells.points(), 6});
+  for (std::size_t c = 0; c < cells.count(); ++c)
+  {
+    const Gradients uc = gather(u.data(), cells.dofs_of(c));
+    cells.at_points(c,
+                    [&](const Point& p)
+                    {
+                      const J2::Response r = law.respond(strain(p.g, uc), committed.at(p.index));
+                      std::copy_n(r.stress.begin(), 6, out.data() + 6 * p.index);
+                    });
+  }
+}
+} // namespace asperity

@@ -1,0 +1,277 @@
+"""The door of the compiled kernels: shapes, ranges and outputs that they refuse, laws, the interpreter's lock."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from asperity import _solver
+from asperity.mesh import tet10
+from asperity.model.material import Material
+
+SOLID = Material(1.0, 0.3, 0.005, 0.05)
+KERNELS = sorted(name for name in dir(_solver) if name[0].islower())
+NODES = 10
+
+Arguments = dict[str, Any]
+
+
+def many(n: int) -> dict[str, Arguments]:
+    """Legal arguments of each class and kernel, by name, for n separate tetrahedra that are the reference one."""
+    rng = np.random.default_rng(0)
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    tet = np.concatenate([corners, [corners[[i, j]].mean(axis=0) for i, j in tet10.BASIX_EDGES]])
+    x, cells = np.tile(tet, (n, 1)), np.arange(NODES * n, dtype=np.int32).reshape(n, NODES)
+    reference, weights = tet10.quadrature(2)
+    gradients = tet10.shape_gradients(reference)
+    points = len(weights)
+    indptr = np.arange(0, NODES**2 * n + 1, NODES, dtype=np.int32)
+    indices = np.ascontiguousarray(np.repeat(cells, NODES, axis=0).ravel())
+    values, u = rng.normal(size=9 * len(indices)), 0.1 * rng.normal(size=x.shape)
+
+    facet_points, facet_weights = tet10.facet_quadrature(2)
+    at_facets = [tet10.at_facet(k, facet_points) for k in range(4)]
+    facet_gradients = np.stack([tet10.shape_gradients(p) for p in at_facets])
+    shape = np.stack([tet10.shape_functions(p) for p in at_facets])
+    quadrature = (n, len(facet_weights))
+
+    upper = indices >= np.repeat(np.arange(NODES * n), NODES)
+    upper_width = np.add.reduceat(upper, indptr[:-1], dtype=np.int32)
+    upper_indptr = np.concatenate([[0], np.cumsum(upper_width)]).astype(np.int32)
+    singles = {name: rng.normal(size=300 * n).astype(np.float32) for name in ("image", "free", "scaling")}
+    parents = np.array([(k, k) for k in range(4)] + list(tet10.BASIX_EDGES)) + 4 * np.arange(n)[:, None, None]
+    coarse = np.ascontiguousarray(np.repeat(np.arange(4 * n, dtype=np.int32).reshape(n, 4), 4, axis=0).ravel())
+    graph: Arguments = dict(indptr=indptr, indices=indices)
+
+    out: dict[str, Arguments] = {
+        "Cells": dict(x=x, x_dofs=cells, u_dofs=cells, gradients=gradients, weights=weights),
+        "History": dict(plastic_strain=np.zeros((n, points, 6)), alpha=np.zeros((n, points))),
+        "BlockPattern": dict(cell_dofs=cells, **graph),
+        "Facets": dict(
+            x=x, x_dofs=cells, u_dofs=cells, local=np.zeros(n, dtype=np.int32), gradients=facet_gradients,
+            shape=shape, normals=tet10.area_vectors(), weights=facet_weights,
+        ),
+        "ContactLaw": dict(
+            material=_solver.J2(*SOLID.parameters), stiffness=np.ones(n), height=np.ones(quadrature), traction=True,
+            theta=0.0,
+        ),
+    }  # fmt: skip
+    made = {name: getattr(_solver, name)(**arguments) for name, arguments in out.items()}
+    at: Arguments = dict(cells=made["Cells"])
+    law, elastic = _solver.J2(*SOLID.parameters), _solver.Elastic(*SOLID.lame)
+    history: Arguments = dict(committed=made["History"])
+    trial = _solver.History(np.zeros((n, points, 6)), np.zeros((n, points)))
+    matrix: Arguments = dict(pattern=made["BlockPattern"], values=values.copy())
+    on: Arguments = dict(facets=made["Facets"])
+    held = {name: _solver.History(np.zeros((*quadrature, 6)), np.zeros(quadrature)) for name in ("committed", "trial")}
+    pressure = np.ones(quadrature)
+    return out | {
+        "volumes": at | dict(out=np.empty((n, points))),
+        "min_jacobian": at | dict(out=np.empty(n)),
+        "residual_elastic": at | dict(law=elastic, u=u, b=np.zeros_like(u)),
+        "residual_j2": at
+        | dict(law=law, u=u, **history, trial=trial, plastic=np.zeros(n, dtype=bool), b=np.zeros_like(u)),
+        "stiffness_elastic": at | dict(law=elastic) | matrix,
+        "stiffness_plastic": at | dict(law=law, u=u, **history, plastic=np.ones(n, dtype=bool)) | matrix,
+        "stress": at | dict(law=law, u=u, **history, out=np.empty((n, points, 6))),
+        "facet_weights": on | dict(out=np.empty(quadrature)),
+        "facet_pressure": on
+        | dict(law=made["ContactLaw"], z=0.0, u=u, **held, pressure=pressure, b=np.zeros_like(u)),
+        "facet_load": on | dict(weights=np.ones(quadrature), pressure=pressure, b=np.zeros(NODES * n)),
+        "facet_stiffness": on
+        | dict(law=made["ContactLaw"], u=u, committed=held["committed"], pressure=pressure)
+        | matrix,
+        "product": dict(**graph, values=values, x=u, y=np.empty_like(u)),
+        "upper_half": dict(**graph, values=values, out=np.empty(9 * upper.sum(), dtype=np.float32)),
+        "symmetric_product": dict(
+            indptr=upper_indptr, indices=indices[upper], blocks=np.ones(9 * upper.sum() + 1, dtype=np.float32),
+            x=u.astype(np.float32), work=np.empty((2, NODES * n, 4), dtype=np.float32),
+            y=np.empty(u.shape, dtype=np.float32),
+        ),
+        "relax": dict(
+            **singles, keep=0.5, add=0.5,
+            **{name: np.zeros(300 * n, dtype=np.float32) for name in ("residual", "step", "x")},
+        ),
+        "galerkin": dict(
+            **graph, values=values, kept=np.ones_like(u), parents=parents.reshape(-1, 2).astype(np.int32),
+            coarse_indptr=np.arange(0, 16 * n + 1, 4, dtype=np.int32), coarse_indices=coarse,
+            coarse_kept=np.ones((4 * n, 3)), coarse=np.empty(9 * len(coarse)),
+        ),
+    }  # fmt: skip
+
+
+SMALL = many(3)
+
+
+def spoilt(array: Any) -> dict[str, Any]:
+    """The array with another shape in several ways."""
+    return {
+        "an axis more": array[None],
+        "a row less": np.ascontiguousarray(array[:-1]),
+        "a column less": np.ascontiguousarray(array[..., :-1]),
+    }
+
+
+LEGAL = {  # fewer cells need not have the whole graph; points are known to the facets only
+    ("BlockPattern", "cell_dofs", "a row less"),
+    ("ContactLaw", "height", "a column less"),
+}
+CHANGES = [
+    (name, key, how)
+    for name, arguments in SMALL.items()
+    for key, value in arguments.items()
+    if isinstance(value, np.ndarray)
+    for how in spoilt(value)
+    if (name, key, how) not in LEGAL
+]
+
+
+def test_every_kernel_is_tried() -> None:
+    assert set(KERNELS) == {name for name in SMALL if name[0].islower()}
+    for name, arguments in SMALL.items():
+        getattr(_solver, name)(**arguments)
+
+
+@pytest.mark.parametrize(("name", "key", "how"), CHANGES)
+def test_a_wrong_shape_is_refused(name: str, key: str, how: str) -> None:
+    """The sentence tells what an array has and what is expected."""
+    arguments = SMALL[name] | {key: spoilt(SMALL[name][key])[how]}
+    with pytest.raises(ValueError, match=r"has shape \(.*\), expected \(|has entries from .*, expected"):
+        getattr(_solver, name)(**arguments)
+
+
+def test_the_array_is_named() -> None:
+    arguments = SMALL["stress"] | {"u": np.zeros((7, 3))}
+    with pytest.raises(ValueError, match=r"^u has shape \(7, 3\), expected \(at least 30, 3\)$"):
+        _solver.stress(**arguments)
+
+
+OTHERS = [
+    (name, key)
+    for name, arguments in SMALL.items()
+    for key, value in arguments.items()
+    if isinstance(value, _solver.History | _solver.BlockPattern | _solver.ContactLaw)
+]
+
+
+@pytest.mark.parametrize(("name", "key"), OTHERS)
+def test_objects_of_other_cells_are_refused(name: str, key: str) -> None:
+    other = many(2)[name][key]
+    with pytest.raises(ValueError, match=r"expected"):
+        getattr(_solver, name)(**SMALL[name] | {key: other})
+
+
+@pytest.mark.parametrize("value", [-1, 30])
+@pytest.mark.parametrize(
+    ("name", "key"), [("Cells", "x_dofs"), ("Facets", "x_dofs"), ("Facets", "local"), ("BlockPattern", "cell_dofs")]
+)
+def test_numbers_outside_their_range_are_refused(name: str, key: str, value: int) -> None:
+    changed = SMALL[name][key].copy()
+    changed.flat[-1] = value
+    with pytest.raises(ValueError, match=rf"^{key} has entries from .*{value}"):
+        getattr(_solver, name)(**SMALL[name] | {key: changed})
+
+
+@pytest.mark.parametrize("key", ["u_dofs"])
+@pytest.mark.parametrize("name", ["Cells", "Facets"])
+def test_negative_dofs_are_refused(name: str, key: str) -> None:
+    with pytest.raises(ValueError, match="u_dofs has entries from -1"):
+        getattr(_solver, name)(**SMALL[name] | {key: SMALL[name][key] - 1})
+
+
+def test_a_graph_without_the_nodes_of_a_cell_is_refused() -> None:
+    graph = SMALL["BlockPattern"]
+    with pytest.raises(ValueError, match="indices has no column 0 in row 0"):
+        _solver.BlockPattern(**graph | {"indices": graph["indices"] + 1})
+    falling = graph["indptr"].copy()
+    falling[[3, 4]] = falling[[4, 3]]
+    with pytest.raises(ValueError, match="indptr falls"):
+        _solver.BlockPattern(**graph | {"indptr": falling})
+    with pytest.raises(ValueError, match="indptr goes from 10 to 300"):
+        _solver.product(**SMALL["product"] | {"indptr": graph["indptr"][1:]})
+
+
+@pytest.mark.parametrize(
+    ("name", "key"), [("volumes", "out"), ("residual_j2", "b"), ("stiffness_elastic", "values"), ("relax", "x")]
+)
+def test_an_output_is_never_a_copy(name: str, key: str) -> None:
+    """A kernel would write what it was given in another type to a copy, and nobody would see it."""
+    given = SMALL[name][key]
+    other = np.float32 if given.dtype == np.float64 else np.float64
+    with pytest.raises(TypeError):
+        getattr(_solver, name)(**SMALL[name] | {key: given.astype(other)})
+
+
+def test_a_law_names_its_parameters() -> None:
+    lam, mu = SOLID.lame
+    elastic = _solver.Elastic(lam=lam, mu=mu)
+    assert (elastic.lam, elastic.mu) == (lam, mu)
+    law = _solver.J2(lam=lam, mu=mu, yield_stress=0.005, hardening=0.25)
+    assert (law.lam, law.mu, law.yield_stress, law.hardening) == (lam, mu, 0.005, 0.25)
+    with pytest.raises(AttributeError):
+        law.mu = 1.0
+    with pytest.raises(TypeError):
+        _solver.J2(lam, mu)
+
+
+def test_the_laws_agree_below_yield() -> None:
+    """Two pieces of code, one stress: the force of J2 that does not flow is the elastic one."""
+    arguments = SMALL["residual_j2"]
+    b, expected = np.zeros_like(arguments["b"]), np.zeros_like(arguments["b"])
+    never = _solver.J2(*SOLID.lame, float("inf"), 0.0)
+    assert _solver.residual_j2(**arguments | {"law": never, "b": b}) == 0
+    _solver.residual_elastic(arguments["cells"], _solver.Elastic(*SOLID.lame), arguments["u"], expected)
+    np.testing.assert_allclose(b, expected, atol=1e-13 * np.abs(expected).max())
+
+
+def test_volumes_and_jacobians_are_those_of_the_reference_cell() -> None:
+    out = np.empty((3, len(SMALL["Cells"]["weights"])))
+    _solver.volumes(_solver.Cells(**SMALL["Cells"]), out)
+    np.testing.assert_allclose(out.sum(axis=1), 1.0 / 6.0, rtol=1e-14)
+    middle = tet10.shape_gradients(np.full((1, 3), 0.25))
+    cells = _solver.Cells(**SMALL["Cells"] | {"gradients": middle, "weights": np.ones(1)})
+    least = np.empty(3)
+    _solver.min_jacobian(cells, least)
+    np.testing.assert_allclose(least, 1.0, rtol=1e-14)
+
+
+@pytest.fixture(scope="module")
+def large() -> dict[str, Arguments]:
+    """Arguments that take a kernel a good part of a millisecond."""
+    return many(2000)
+
+
+@pytest.fixture
+def counted() -> Any:
+    """A number that another thread counts up whenever it is let to; this thread never lets it of its own accord."""
+    interval, counts, done = sys.getswitchinterval(), [0], threading.Event()
+
+    def count() -> None:
+        while not done.is_set():
+            counts[0] += 1
+            time.sleep(0)  # gives the lock back
+
+    thread = threading.Thread(target=count)
+    thread.start()
+    sys.setswitchinterval(1000.0)
+    yield lambda: counts[0]
+    done.set()
+    sys.setswitchinterval(interval)
+    thread.join()
+
+
+@pytest.mark.parametrize("name", KERNELS)
+def test_other_threads_run_during_a_kernel(name: str, large: dict[str, Arguments], counted: Callable[[], int]) -> None:
+    kernel, arguments = getattr(_solver, name), large[name]
+    for _ in range(1000):
+        before = counted()
+        kernel(**arguments)
+        if counted() > before:
+            return
+    raise AssertionError(f"{name} kept the lock in 1000 calls")
