@@ -27,6 +27,8 @@ MODELS = ("exact", "taylor")
               "branch, or the points of the loading.")  # fmt: skip
 @click.option("--preload", type=float, metavar="W", help="Weight of the mass; default half of the "
               "greatest force.")  # fmt: skip
+@click.option("--gravity", type=float, metavar="G", help="In the units of the curve, for mass and omega_s; default "
+              "9.80665 with SI units.")  # fmt: skip
 @click.option("--zeta", default=0.01, show_default=True, help="Damping ratio.")
 @click.option("--damping", type=click.Choice(DAMPING), default="always", show_default=True,
               help="When the damping acts.")  # fmt: skip
@@ -85,6 +87,8 @@ def _show(result: Dynamics) -> None:
     models = list(result.thresholds)
     first = next(iter(result.oscillators.values()))
     about = f"{first.law.describe()}, zeta = {first.zeta:g} ({first.damping})"
+    if result.gravity is not None:
+        about += f", omega_s = {first.omega_s:g} with gravity = {first.gravity:g}"
     values = [threshold.to_dict() for threshold in result.thresholds.values()]
     rows = [(text, *(_text(value.get(name)) for value in values)) for name, text in _ROWS.items()]
     for responses in zip(*result.responses.values(), strict=True):
