@@ -371,7 +371,8 @@ def page(results: StudyResults, found: Sequence[Statement]) -> str:
         "verdicts": verdicts, "under": under,
         "fits": fits(results), "conditions": conditions(found, results),
         "half_space": half_space(results), "physical": physical(results),
-        "resolution": resolution(results), "strains": strains(results), "n": f"{law.n:.3f}", "u_loss": f"{limits.u_max or 0:.3f}",
+        "strains": strains(results),
+        "resolution": resolution(results), "n": f"{law.n:.3f}", "u_loss": f"{limits.u_max or 0:.3f}",
         "omega_loss": f"{limits.omega_loss or 0:.4f}", "kappa": f"{limits.kappa:.4f}", "peaks": peaks,
         "onset": f"{limits.contact_loss or 0:.4f}", "hysteresis": f"{limits.hysteresis or 0:.2e}",
         "zeta": ZETA, "family_forcing": FAMILY_FORCING,
@@ -395,8 +396,8 @@ which runs `cases/paper/study.toml`, as `asperity study` would, and repeats noth
 The paper's own D, G, material and block are not given in the part of it that we have, so the values here are
 ours: `cases/paper/base.toml`. The surface is Eq. (1) with L = 1 µm, M = 10, γ = 1.5, f_max = 5; the block is
 as high as wide, fixed below, with sides that do not move outwards; the flat is rigid and frictionless;
-the theory is that of small strains. E = 200 GPa, ν = 0.3; elastic-plastic solids harden bilinearly. P* = P/(A₀E'), δ* = δ/L
-from first touch.
+the theory is that of small strains. E = 200 GPa, ν = 0.3; elastic-plastic solids harden bilinearly. P* =
+P/(A₀E'), δ* = δ/L from first touch.
 
 Study: {title}. {cases} cases, {failed} refused or failed{reasons}; {cost} minutes of wall time summed over the
 cases, one on each rank ({software}). `cases/paper/full.toml` is the full grid, on finer meshes; it continues

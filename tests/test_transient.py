@@ -194,9 +194,6 @@ def test_free_flight_over_a_block_that_rings() -> None:
 
 # --- a bump under a mass -----------------------------------------------------------------------------------------
 
-# rows of nodes touch at once on so coarse a mesh, so the law has corners
-corners = pytest.mark.filterwarnings("ignore:the points scatter")
-
 
 @pytest.fixture(scope="module")
 def bump() -> tuple[Surface, TableLaw]:
@@ -223,7 +220,6 @@ def released(bump: tuple[Surface, TableLaw], u: float, density: float, rho_inf: 
     return transient, oscillator
 
 
-@corners
 def test_light_block_moves_as_the_one_degree_model(bump: tuple[Surface, TableLaw]) -> None:
     transient, oscillator = released(bump, 0.4, density=1e-6)
     history = transient.run(9.0, 2.0 * np.pi / 100)
@@ -234,7 +230,6 @@ def test_light_block_moves_as_the_one_degree_model(bump: tuple[Surface, TableLaw
     assert np.abs(history.force[1:] - force[1:]).max() < 5e-3 * force.max()
 
 
-@corners
 def test_free_impact_on_a_bump(bump: tuple[Surface, TableLaw]) -> None:
     """Deepest where the law has taken the energy of the mass; the impact lasts the time along the static law."""
     surface, law = bump
@@ -251,7 +246,6 @@ def test_free_impact_on_a_bump(bump: tuple[Surface, TableLaw]) -> None:
     assert history.force[-1] == 0.0 and history.velocity[-1] == pytest.approx(-speed, rel=5e-3)
 
 
-@corners
 def test_heavy_block_slows_the_mass_by_its_added_mass(bump: tuple[Surface, TableLaw]) -> None:
     """Rayleigh: the block follows quasi-statically, so omega falls by sqrt(1 + added mass/mass)."""
     times = []
@@ -266,7 +260,6 @@ def test_heavy_block_slows_the_mass_by_its_added_mass(bump: tuple[Surface, Table
     assert times[1] / times[0] == pytest.approx(np.sqrt(1.0 + added), abs=0.1 * added)
 
 
-@corners
 def test_plate_that_leaves_the_block_flies_freely(bump: tuple[Surface, TableLaw]) -> None:
     """Released with so much speed that contact is lost: in flight the plate falls with load/mass, less the dashpot."""
     transient, oscillator = released(bump, 0.4, density=1e-3)
@@ -295,7 +288,6 @@ def test_plastic_block_dissipates_and_balances(bump: tuple[Surface, TableLaw]) -
     assert history.approach[-20:].min() > press.delta  # it does not come back to where it was let go
 
 
-@corners
 def test_a_step_that_fails_is_halved(bump: tuple[Surface, TableLaw], monkeypatch: pytest.MonkeyPatch) -> None:
     transient, _ = released(bump, 0.1, density=1e-3)
     step = transient.step
@@ -312,7 +304,6 @@ def test_a_step_that_fails_is_halved(bump: tuple[Surface, TableLaw], monkeypatch
     assert np.all(np.diff(history.approach) < 0.0)
 
 
-@corners
 def test_a_step_too_long_says_so(bump: tuple[Surface, TableLaw]) -> None:
     transient, _ = released(bump, 0.4, density=1e-3)
     transient.press.newton.options = SolverOptions(newton_max=0)
