@@ -87,10 +87,11 @@ def _show(result: Dynamics) -> None:
     models = list(result.thresholds)
     first = next(iter(result.oscillators.values()))
     about = f"{first.law.describe()}, zeta = {first.zeta:g} ({first.damping})"
-    if result.gravity is not None:
-        about += f", omega_s = {first.omega_s:g} with gravity = {first.gravity:g}"
     values = [threshold.to_dict() for threshold in result.thresholds.values()]
     rows = [(text, *(_text(value.get(name)) for value in values)) for name, text in _ROWS.items()]
+    if result.gravity is not None:
+        omegas = (f"{oscillator.omega_s:.5g}" for oscillator in result.oscillators.values())
+        rows.insert(0, (f"omega_s with gravity = {result.gravity:g}", *omegas))
     for responses in zip(*result.responses.values(), strict=True):
         setting = responses[0].setting
         name = f"F^ = {setting.F_hat:g}, F/(m g) = {setting.F_over_mg:g}"
