@@ -177,6 +177,7 @@ def test_free_impact_on_a_bar(load: float) -> None:
     assert np.abs(books - books[0]).max() < 5e-3 * 0.5 * mass * speed**2
 
 
+@pytest.mark.mpi
 def test_free_flight_over_a_block_that_rings() -> None:
     """No force to measure the balance by but that of inertia: the plate keeps its speed, the block its energy.
 
