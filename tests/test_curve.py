@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from asperity.comparison import compare_curves
 from asperity.curve import COLUMNS, Curve
 from asperity.errors import InputError
-from asperity.schedule import MIDPOINT, Schedule
+from asperity.model.load_path import MIDPOINT, Schedule
+from asperity.output.comparison import compare_curves
 
 
 def make_curve(**header: object) -> Curve:

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError
-from .storage import replace_file
+from asperity.errors import InputError
+from asperity.runtime.files import replace_file
 
 if TYPE_CHECKING:
-    from .power_law import PowerLawFit
+    from asperity.power_law import PowerLawFit
 
 Array = NDArray[Any]
 
@@ -184,7 +184,7 @@ class Curve:
         Raises:
             InputError: fewer than three such points, or delta_star and P_star are not known.
         """
-        from .power_law import fit_power_law
+        from asperity.power_law import fit_power_law
 
         load = self.loading()
         rows = fitted_rows(load.delta, load.force)
