@@ -19,9 +19,8 @@ from asperity.run_case import run
 ROOT = Path(__file__).parent.parent
 # run -> case, changes, figures
 RUNS = {
-    "demo": ("demo", ["mesh.h_contact=0.05e-6"], ("surface", "mesh", "pressure", "area", "plasticity", "response",
-                                                  "frequency", "scene")),
-    "tutorial": ("demo", [], ("curve",)),
+    "demo": ("demo", [], ("surface", "mesh", "curve", "pressure", "area", "plasticity", "response", "frequency",
+                          "scene")),
     "wavy": ("sinusoid", ["surface.dims=2", "surface.wavelength=0.5e-6", "surface.amplitude=10e-9",
                           "surface.centre=[0.25e-6, 0.25e-6]", "loading.delta_max=10e-9", "mesh.h_contact=0.06e-6",
                           "output.fields=true"], ("pressure",)),

@@ -336,6 +336,14 @@ def failures(results: StudyResults) -> str:
     return f" ({'; '.join(found)})" if found else ""
 
 
+def strains(results: StudyResults) -> str:
+    """Least and greatest plastic strain that the elastic-plastic solids reach, seed 0."""
+    families = ("E_t", "E_t_soft", "sigma_y", "sigma_y_free")
+    rows = [row for name in families for row in results.family(name) if row["surface.seed"] == 0]
+    found = [float(row["max_plastic_strain"]) for row in rows if row["material.yield_strength"] is not None]
+    return f"{min(found):.2f} to {max(found):.2f}"
+
+
 def versions(results: StudyResults) -> dict[str, Any]:
     """Versions that ran the study."""
     path = results.folder / "cases" / str(results.rows[0]["case"]) / "summary.json"
@@ -363,6 +371,7 @@ def page(results: StudyResults, found: Sequence[Statement]) -> str:
         "verdicts": verdicts, "under": under,
         "fits": fits(results), "conditions": conditions(found, results),
         "half_space": half_space(results), "physical": physical(results),
+        "strains": strains(results),
         "resolution": resolution(results), "n": f"{law.n:.3f}", "u_loss": f"{limits.u_max or 0:.3f}",
         "omega_loss": f"{limits.omega_loss or 0:.4f}", "kappa": f"{limits.kappa:.4f}", "peaks": peaks,
         "onset": f"{limits.contact_loss or 0:.4f}", "hysteresis": f"{limits.hysteresis or 0:.2e}",
@@ -387,8 +396,8 @@ which runs `cases/paper/study.toml`, as `asperity study` would, and repeats noth
 The paper's own D, G, material and block are not given in the part of it that we have, so the values here are
 ours: `cases/paper/base.toml`. The surface is Eq. (1) with L = 1 µm, M = 10, γ = 1.5, f_max = 5; the block is
 as high as wide, fixed below, with sides that do not move outwards; the flat is rigid and frictionless;
-strains are small. E = 200 GPa, ν = 0.3; elastic-plastic solids harden bilinearly. P* = P/(A₀E'), δ* = δ/L
-from first touch.
+the theory is that of small strains. E = 200 GPa, ν = 0.3; elastic-plastic solids harden bilinearly. P* =
+P/(A₀E'), δ* = δ/L from first touch.
 
 Study: {title}. {cases} cases, {failed} refused or failed{reasons}; {cost} minutes of wall time summed over the
 cases, one on each rank ({software}). `cases/paper/full.toml` is the full grid, on finer meshes; it continues
@@ -479,8 +488,9 @@ digits.
 
 ## Limits
 
-Small strain and small slopes: the base surface has an rms slope of 0.13 and is pressed to strains of some per
-cent. Frictionless. Only the seeds vary within a level. The confidence intervals are of the ensemble mean, and
+Small-strain theory where strains are not small: the base surface has an rms slope of 0.13, the block as a whole is
+compressed by up to 5 %, and the accumulated plastic strain at the most strained point is {strains} from solid to
+solid (seed 0). Frictionless. Only the seeds vary within a level. The confidence intervals are of the ensemble mean, and
 hold nothing about the mesh error above. A verdict is about the values studied here, not about those of the
 paper, which are unknown to us.
 """

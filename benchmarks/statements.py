@@ -73,8 +73,7 @@ class Exponents:
         curve, case = self._loaded(str(row["case"]))
         solid = case.material
         modulus = solid.confined_modulus if case.block.sides == "rollers" else solid.E
-        points = curve.planned()
-        return condition.exponent(points, side=case.surface.L, height=case.block.height, modulus=modulus)
+        return condition.exponent(curve, side=case.surface.L, height=case.block.height, modulus=modulus)
 
     def trends(self, levels: Sequence[Level], conditions: Sequence[Condition] = CONDITIONS) -> list[Trend]:
         """Trend of the exponent under each condition."""

@@ -18,7 +18,7 @@ CASE = {
     "dynamics": {},
 }
 FIT = {
-    "k": 0.42, "n": 1.55, "norm": "linear", "range": [0.0, 0.03], "points": 12, "r2": 0.9987,
+    "k": 0.42, "n": 1.55, "norm": "linear", "range": [0.005, 0.03], "points": 12, "r2": 0.9987,
     "ci": {"k": [0.40, 0.44], "n": [1.52, 1.58], "confidence": 0.95},
 }  # fmt: skip
 

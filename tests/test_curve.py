@@ -10,6 +10,7 @@ import pytest
 from asperity.curve import COLUMNS, Curve
 from asperity.errors import InputError
 from asperity.model.load_path import MIDPOINT, Schedule
+from asperity.output.comparison import compare_curves
 
 
 def make_curve(**header: object) -> Curve:
@@ -42,6 +43,7 @@ def test_csv_is_lossless(tmp_path, header):
         assert a.dtype.kind == b.dtype.kind
         np.testing.assert_array_equal(a, b)
     assert path.read_text().startswith("#") == bool(header)
+    assert "nan" not in path.read_text() and ",," in path.read_text()
     assert list(tmp_path.iterdir()) == [path]
 
 
@@ -71,6 +73,18 @@ def test_a_measured_curve_needs_only_deflection_and_force(tmp_path):
     assert np.isnan(curve.P_star).all() and not curve.newton.any()
 
 
+def test_a_cell_of_what_is_not_known_is_empty_or_nan(tmp_path):
+    """The second as in curves stored before."""
+    path = tmp_path / "curve.csv"
+    path.write_text("delta,force,area_fraction,newton,error_P_star\n1,2,,,\n2,5,nan,3, nan\n")
+    curve = Curve.read(path)
+    assert np.isnan(curve.area_fraction).all() and np.isnan(curve.error_P_star).all()
+    assert curve.newton.tolist() == [0, 3]
+    curve.write(tmp_path / "again.csv")
+    assert "nan" not in (tmp_path / "again.csv").read_text()
+    assert compare_curves(Curve.read(tmp_path / "again.csv"), curve) == []
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -84,6 +98,7 @@ def test_a_measured_curve_needs_only_deflection_and_force(tmp_path):
         ("# no json\ndelta,force\n", "line 1: the header is not JSON"),
         ("# [1]\ndelta,force\n", "line 1: the header must be a JSON object"),
         ("delta,force\n1,nan\n", "'force' is not finite in row 0"),
+        ("delta,force\n1,\n", "'force' is not finite in row 0"),
         ("delta,force,branch\n1,2,up\n", "Unknown branch 'up'; legal: load, unload, reload"),
     ],
 )
@@ -110,6 +125,12 @@ def test_planned_points_are_those_of_equal_steps():
     measured = Curve.from_rows([{"delta": d, "force": d} for d in (0.1, 0.25, 0.33)])
     assert len(measured.planned()) == 3
     assert len(curve.where(np.array([], dtype=int)).planned()) == 0
+
+
+def test_a_dimensionless_fit_needs_dimensionless_columns():
+    measured = Curve.from_rows([{"delta": d, "force": d**2} for d in (1.0, 2.0, 3.0, 4.0)])
+    with pytest.raises(InputError, match="no delta_star and P_star"):
+        measured.fit()
 
 
 @pytest.mark.parametrize("first", [1e-320, 1e-13, 1e-3])

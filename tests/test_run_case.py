@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,11 +16,13 @@ from asperity.case import Case
 from asperity.cli import main
 from asperity.cli.run import PRODUCTS
 from asperity.curve import COLUMNS, Curve
+from asperity.dynamics import PowerLaw, TableLaw, law_from, run_dynamics
 from asperity.errors import CheckpointError, ConvergenceError, InputError, MeshError
 from asperity.mesh.block import BlockMesh
 from asperity.output.results import Results
 from asperity.quasistatic.newton import NewtonSolver
 from asperity.run_case import RunResult, run
+from asperity.study.results import summarise_case
 
 SURFACE: dict[str, Any] = {"kind": "weierstrass-mandelbrot", "L": 1e-6, "D": 2.4, "G": 1.36e-11}
 STEEL: dict[str, Any] = {"E": 200e9, "nu": 0.3, "yield_strength": 1e9, "tangent_modulus": 10e9}
@@ -28,7 +31,7 @@ LOADING: dict[str, Any] = {"delta_max": 0.03e-6, "steps": 6, "unload": True, "un
 CASE: dict[str, Any] = {"surface": SURFACE, "material": STEEL, "mesh": MESH, "loading": LOADING}
 
 
-def case_of(**sections: Mapping[str, Any]) -> Case:
+def case_of(**sections: Mapping[str, Any] | str) -> Case:
     return Case.from_dict({**CASE, **sections})
 
 
@@ -135,11 +138,45 @@ def test_summary(full: tuple[Path, RunResult]) -> None:
     assert summary["steps"] == len(result.curve)
     assert summary["newton"] >= result.curve.newton.sum()
     assert summary["seed"] == 0
-    assert summary["checks"]["force_balance"] < 1e-6 and summary["checks"]["violated"] == {}
+    checks, load = summary["checks"], result.curve.loading()
+    assert checks["force_balance"] < 1e-6 and checks["violated"] == {}
+    # in the units of the case
+    assert checks["greatest_force"] == pytest.approx(load.force.max(), rel=1e-12)
+    force, delta = np.append(0.0, load.force), np.append(0.0, load.delta)
+    work = np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(delta))
+    assert checks["peak"][1] == pytest.approx(work, rel=1e-9) and checks["peak"][0] == pytest.approx(work, rel=0.05)
+    assert 0.0 <= checks["penetration"] < 1e-6 * load.delta[-1]
+    assert checks["units"]["greatest_force"] == "force" and checks["units"]["work"] == "force*length"
     assert {"mesh", "set-up", "tangent", "residual", "linear solve", "dynamics", "fields"} <= set(summary["seconds"])
     assert {"asperity", "python", "dolfinx", "numpy", "petsc4py", "gmsh"} <= set(summary["versions"])
     assert summary["case_hash"] == Case.load(folder / "case.toml").hash()
     assert 10 < summary["peak_memory_MiB"] < 10_000
+
+
+def test_one_power_law_in_all_that_a_run_leaves(full: tuple[Path, RunResult], tmp_path: Path) -> None:
+    """Some steps of the run were cut to pieces: a fit that takes these as well gives another exponent."""
+    folder, result = full
+    curve, case = Curve.read(folder / "curve.csv"), Case.load(folder / "case.toml")
+    fit = json.loads((folder / "summary.json").read_text(encoding="utf-8"))["fit"]
+    n, K = fit["n"], fit["k"] * case.material.E_prime * SURFACE["L"] ** (2 - fit["n"])
+    load = curve.loading()
+    every = asperity.fit_power_law(load.delta_star, load.P_star)
+    assert len(load) > fit["points"] and abs(every.n / n - 1) > 1e-3
+
+    of_mass = json.loads((folder / "thresholds.json").read_text(encoding="utf-8"))
+    assert of_mass["n_loc"] == pytest.approx(n, rel=1e-12)
+    assert of_mass["load"] / of_mass["z_s"] ** n == pytest.approx(K, rel=1e-12)
+    row = summarise_case(case, curve, {})
+    assert (row["n"], row["k"], row["stiffness"]) == pytest.approx((n, fit["k"], K), rel=1e-12)
+    bare = tmp_path / "bare.csv"
+    pairs = zip(load.delta, load.force, strict=True)
+    bare.write_text("delta,force\n" + "".join(f"{1e6 * d:.17g},{1e3 * f:.17g}\n" for d, f in pairs))  # in um and mN
+    for source, length, force in ((folder, 1.0, 1.0), (curve, 1.0, 1.0), (result.curve, 1.0, 1.0), (bare, 1e6, 1e3)):
+        law = law_from(source)[0]
+        assert isinstance(law, PowerLaw) and law.n == pytest.approx(n, rel=1e-12)
+        assert float(law.force(0.02e-6 * length)) == pytest.approx(force * K * 0.02e-6**n, rel=1e-12)
+        assert law.fitted_to == pytest.approx(length * 0.03e-6, rel=1e-12)
+    assert f"{n:.5g} (95 % interval" in (folder / "report.html").read_text(encoding="utf-8")
 
 
 def test_the_completed_case_runs_to_the_same_curve(full: tuple[Path, RunResult]) -> None:
@@ -195,6 +232,30 @@ def test_a_saved_mesh_is_used(tmp_path: Path, full: tuple[Path, RunResult]) -> N
         run(case_of(mesh={**MESH, "file": str(tmp_path / "block.npz")}, block={"height": 2e-6}))
     with pytest.raises(MeshError, match=r"mesh\.file: the top of the mesh is not this surface"):
         run(case_of(mesh={**MESH, "file": str(tmp_path / "block.npz")}, surface={**SURFACE, "seed": 1}))
+
+
+@pytest.mark.parametrize("gravity", [None, 9.80665e6])
+def test_the_points_of_the_curve_are_the_law_of_the_mass(tmp_path: Path, gravity: float | None) -> None:
+    """In another system of units; a computed curve is not called noisy."""
+    dynamics = {"law": "table", "model": ["exact"], "omega": [0.9, 0.95], "zeta": 0.1}
+    if gravity is not None:
+        dynamics["gravity"] = gravity
+    loading = {"delta_max": 0.03e-6, "steps": 8}
+    case = case_of(material={"E": 200e9, "nu": 0.3}, loading=loading, dynamics=dynamics, units="other")
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", "the points scatter")
+        result = run(case, tmp_path)
+    of_mass = json.loads((tmp_path / "thresholds.json").read_text(encoding="utf-8"))
+    assert of_mass["law"] == "table, 8 points, interpolated" and of_mass["notes"][1:] == []
+    assert of_mass["z_s"] == pytest.approx(TableLaw.from_curve(result.curve).deflection(of_mass["load"]), rel=1e-12)
+    assert of_mass["gravity"] == gravity
+    if gravity is None:
+        assert of_mass["omega_s"] is None and "gravity" in of_mass["notes"][0]
+    else:
+        assert of_mass["omega_s"] == pytest.approx(np.sqrt(of_mass["n_loc"] * gravity / of_mass["z_s"]), rel=1e-12)
+    for name in ("free", "response"):
+        assert len((tmp_path / f"{name}.csv").read_text(encoding="utf-8").splitlines()) > 10
+    assert run_dynamics(tmp_path, law="table", models=["exact"], omega=(0.9, 0.95), sweeps=False).gravity == gravity
 
 
 # --- failures -------------------------------------------------------------------------------------------------

@@ -167,17 +167,7 @@ class Curve:
         measured) keeps all its points.
         """
         load = self.loading()
-        if not len(load) or np.any(np.diff(load.delta, prepend=0.0) <= 0):
-            return load
-        whole = load.delta / load.delta[-1]
-        for part in whole[:-2]:
-            if part * len(whole) < 0.5:
-                continue  # more ends than rows
-            ends = part * np.arange(1, round(1 / part) + 1)
-            rows = np.minimum(np.searchsorted(whole, ends - 1e-6 * part), len(whole) - 1)
-            if np.all(np.abs(whole[rows] - ends) < 1e-6 * part) and rows[-1] == len(whole) - 1:
-                return load.where(rows)
-        return load
+        return load.where(planned_rows(load.delta))
 
     def unloading(self) -> Curve:
         """Return the steps of branch "unload"."""
@@ -188,15 +178,25 @@ class Curve:
         return self.where(self.branch == "reload")
 
     def fit(self, norm: Literal["linear", "log"] = "linear") -> PowerLawFit:
-        """Return the power law of the planned points of the loading branch, those with delta* > 0 and P* > 0."""
+        """Return the power law of the planned points of the loading branch, those with delta* > 0 and P* > 0.
+
+        Raises:
+            InputError: fewer than three such points, or delta_star and P_star are not known.
+        """
         from asperity.power_law import fit_power_law
 
-        points = self.planned()
-        used = points.where((points.delta_star > 0) & (points.P_star > 0))
-        return fit_power_law(used.delta_star, used.P_star, norm)
+        load = self.loading()
+        rows = fitted_rows(load.delta, load.force)
+        delta, force = load.delta_star[rows], load.P_star[rows]
+        if np.isnan(delta).any() or np.isnan(force).any():
+            raise InputError(
+                "the curve has no delta_star and P_star, so no dimensionless power law: asperity.law_from fits delta "
+                "and force"
+            )
+        return fit_power_law(delta, force, norm)
 
     def write(self, path: str | Path) -> None:
-        """Write a CSV file that reads back to the same bits, with the header as a first line.
+        """Write a CSV file that reads back to the same bits, with the header as a first line; NaNs are empty cells.
 
         The file appears complete or not at all.
         """
@@ -205,14 +205,14 @@ class Curve:
             text.write(f"# {json.dumps(dict(self.header), sort_keys=True)}\n")
         table = csv.writer(text, lineterminator="\n")
         table.writerow(COLUMNS)
-        table.writerows(row.values() for row in self.rows())
+        table.writerows(["" if x != x else x for x in row.values()] for row in self.rows())
         replace_file(Path(path), text.getvalue().encode())
 
     @staticmethod
     def read(path: str | Path) -> Curve:
         """Read a CSV file: optional "# {json}" line, column names, one line a step.
 
-        Columns "delta" and "force" are required, the other names of COLUMNS optional.
+        Columns "delta" and "force" are required, the other names of COLUMNS optional. An empty cell is not known.
 
         Raises:
             InputError: no such file, no or unknown column names, or a value that is not a number
@@ -235,6 +235,31 @@ class Curve:
             pairs = zip(names, values, strict=True)
             rows.append({name: _parse(name, text, path, number) for name, text in pairs})
         return Curve.from_rows(rows, header)
+
+
+def planned_rows(delta: Array) -> Array:
+    """Return the rows (m,) of a loading at equal parts of its deflection, see `Curve.planned`."""
+    every = np.arange(len(delta))
+    if not len(delta) or np.any(np.diff(delta, prepend=0.0) <= 0):
+        return every
+    whole = delta / delta[-1]
+    for part in whole[:-2]:
+        if part * len(whole) < 0.5:
+            continue  # more ends than rows
+        ends = part * np.arange(1, round(1 / part) + 1)
+        rows = np.minimum(np.searchsorted(whole, ends - 1e-6 * part), len(whole) - 1)
+        if np.all(np.abs(whole[rows] - ends) < 1e-6 * part) and rows[-1] == len(whole) - 1:
+            return rows
+    return every
+
+
+def fitted_rows(delta: Array, force: Array) -> Array:
+    """Return the rows (m,) of a loading that its power law is fitted to: the planned ones in contact.
+
+    Every power law of a curve takes these, with the columns of a `Curve` or with any other length and force.
+    """
+    rows = planned_rows(delta)
+    return rows[(delta[rows] > 0) & (force[rows] > 0)]
 
 
 def _check_names(names: Any, where: str) -> None:
@@ -265,6 +290,8 @@ def _read_header(lines: list[str], path: Path) -> tuple[dict[str, Any], int]:
 def _parse(name: str, text: str, path: Path, line: int) -> Any:
     if name == "branch":
         return text.strip()
+    if not text.strip():
+        return 0 if name in _COUNTS else math.nan
     try:
         return int(text) if name in _COUNTS else float(text)
     except ValueError as error:

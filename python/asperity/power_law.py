@@ -71,8 +71,8 @@ def fit_power_law(
 ) -> PowerLawFit:
     """Fit P* = k (delta*)^n.
 
-    The log-log regression is closed form; it also starts the linear-scale least squares (Gauss-
-    Newton in ln k and n). Intervals come from the residual variance and Student's t with
+    The log-log regression is closed form; it also starts the linear-scale least squares (Levenberg-
+    Marquardt in ln k and n, ended by Newton steps). Intervals come from the residual variance and Student's t with
     points - 2 degrees of freedom (Seber and Wild, Nonlinear Regression, 1989, section 5.1): they
     assume scatter that is independent from point to point, which the points of one smooth curve
     do not have, so they measure misfit rather than chance.
@@ -109,6 +109,7 @@ def fit_power_law(
             ftol=1e-15,
             gtol=1e-15,
         ).x
+        solution = _settled(solution, design, y)
         model = np.exp(design @ solution)
         jacobian, target = model[:, None] * design, y
     else:
@@ -134,6 +135,17 @@ def fit_power_law(
         correlation=float(covariance[0, 1] / scale) if scale > 0 else 0.0,
         confidence=confidence,
     )
+
+
+def _settled(solution: Array, design: Array, y: Array) -> Array:
+    """Newton's method from close by, to rounding: the same points in other units give the same exponent."""
+    for _ in range(3):
+        model = np.exp(design @ solution)
+        curvature = design.T @ ((model * (2.0 * model - y))[:, None] * design)
+        if not np.linalg.det(curvature) > 0.0 or not curvature[0, 0] > 0.0:
+            break  # no minimum
+        solution = solution - np.linalg.solve(curvature, design.T @ (model * (model - y)))
+    return solution
 
 
 def _fit_data(delta_star: ArrayLike, P_star: ArrayLike) -> tuple[Array, Array]:

@@ -303,6 +303,8 @@ def _dynamics(case: Case, curve: Curve, folder: str | Path | None) -> Any:
         models=d.model,
         omega=d.omega,
         out_dir=folder,
+        gravity=d.gravity,
+        units=case.units,
     )
 
 
@@ -315,7 +317,7 @@ def summarise(case: Case, contact: ContactResult, fit: PowerLawFit | None, ranks
         "dofs": contact.dofs,
         "cells": contact.cells,
         **asdict(contact.counts),
-        "checks": asdict(contact.checks) | {"energy_ratio": contact.checks.energy_ratio},
+        "checks": contact.checks.physical(case.surface.L, case.material.E),
         "unresolved": contact.curve.unresolved(),
         "seconds": {k: round(v, 4) for k, v in contact.phases.seconds.items()},
         "calls": contact.phases.calls,

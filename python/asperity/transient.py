@@ -35,7 +35,8 @@ from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.runtime import compat
 
 MASS_DEGREE = 6  # of the quadrature of the consistent mass: second-order shapes squared, on curved cells
-PLATE_TOLERANCE = 1e-7  # unbalanced force on the plate over the load
+PLATE_TOLERANCE = 1e-7  # unbalanced force on the plate over the greatest of the forces on it
+PLATE_ROUNDING = 1e-13  # the same over the force that would move it by its position within the step
 PLATE_ITERATIONS = 20
 LARGEST_CUT = 8  # parts into which a step is cut before a run gives up
 
@@ -111,6 +112,7 @@ class InertialBulk:
         shift: c; 0 leaves the bulk as it was
         anchor: u* at the local nodes (nodes, 3)
         linear: False, for the tangent changes with the shift
+        heaviest: greatest sum of the magnitudes in a row of `mass`, the same on all ranks
         mass: M of one component, this process's cells (nodes, nodes)
     """
 
@@ -120,6 +122,7 @@ class InertialBulk:
         self.shift = 0.0
         self.anchor = np.zeros((solid.nodes, 3))
         self.mass = density * consistent_mass(solid)
+        self.heaviest = max(solid.comm.allgather(float(abs(self.mass).sum(axis=1).max(initial=0.0))))
         # where the values of `mass` go in the local CSR of three dofs a node: the diagonals of its blocks
         width = np.diff(solid.graph.indptr).astype(np.int64)
         row = np.repeat(np.arange(solid.nodes), width)
@@ -216,7 +219,7 @@ class Transient:
         solver: in equilibrium, at the position the plate is let go
         density: of the block [E T^2/L^2]
         mass: of the plate [E L T^2]
-        load: W [E L^2]
+        load: W [E L^2]; 0 for a free impact
         dashpot: c [E L T]
         scheme: of integration
 
@@ -225,7 +228,7 @@ class Transient:
             omega falls by sqrt(1 + added_mass/mass) (Rayleigh) [E L T^2]
 
     Raises:
-        InputError: density, mass or load is not positive, or dashpot is negative
+        InputError: density or mass is not positive, or load or dashpot is negative
     """
 
     def __init__(
@@ -238,11 +241,12 @@ class Transient:
         dashpot: float = 0.0,
         scheme: Scheme | None = None,
     ) -> None:
-        for name, value in (("density", density), ("mass", mass), ("load", load)):
+        for name, value in (("density", density), ("mass", mass)):
             if not (np.isfinite(value) and value > 0.0):
                 raise InputError(f"{name} = {value!r} must be finite and positive")
-        if not (np.isfinite(dashpot) and dashpot >= 0.0):
-            raise InputError(f"dashpot = {dashpot!r} must be finite and at least 0")
+        for name, value in (("load", load), ("dashpot", dashpot)):
+            if not (np.isfinite(value) and value >= 0.0):
+                raise InputError(f"{name} = {value!r} must be finite and at least 0")
         self.solver, self.mass, self.load, self.dashpot = solver, mass, load, dashpot
         self.scheme = scheme or Scheme()
         solid = solver.solid
@@ -338,14 +342,17 @@ class Transient:
         tried: tuple[float, float] | None = None
         for _ in range(PLATE_ITERATIONS):
             solver.contact.begin(solver.summit - q)
-            stats = solver.newton.solve(guess, max(abs(q - self.plate.x), 1e-6))
+            stats = solver.newton.solve(guess, max(abs(q - self.plate.x), 1e-6), 1.0 + c * self.bulk.heaviest)
             solver.counts.newton += stats.newton
             solver.counts.krylov += stats.krylov
             if not stats.converged:
                 break
             force, guess = solver.solved_force(), solver.newton.x.array_r.reshape(-1, 3).copy()
             unbalanced = balance(q) + force
-            if abs(unbalanced) <= PLATE_TOLERANCE * self.load:
+            # in a free impact there is no load, and in its flight no force at all
+            greatest = max(self.load, abs(drive), abs(force), abs(self._force), self.mass * abs(self.plate.w))
+            rounding = PLATE_ROUNDING * stiffness * max(abs(q), abs(self.plate.x))
+            if abs(unbalanced) <= PLATE_TOLERANCE * greatest + rounding:
                 self._accept(q, guess, force, h)
                 return
             if tried is not None and abs(q - tried[0]) > 1e-6 * abs(q - self.plate.x):

@@ -353,6 +353,9 @@ def test_dynamics_of_a_run(cli: Cli, tmp_path: Path) -> None:
     quick = ("--no-sweeps", "--model", "exact", "--omega", "0.9", "1.1")
     code, out, _ = cli("dynamics", folder, *quick)
     assert code == 0 and "1.55" in out and "taylor" not in out
+    assert "with gravity = 9.80665" in out and "note: mass" not in out
+    _, out, _ = cli("dynamics", folder, *quick, "--gravity", "1.62")
+    assert "with gravity = 1.62" in out
     assert sorted(folder.iterdir()) == before
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import warnings
 from typing import Any, cast
 
 import numpy as np
@@ -17,6 +18,7 @@ from asperity.dynamics import (
     TaylorLaw,
     ensemble,
     law_from,
+    response_band,
     uncertainty,
     unload_reload,
 )
@@ -120,6 +122,52 @@ def test_derivatives_never_come_from_the_interpolant() -> None:
     assert r.n_loc == pytest.approx(1.5, abs=0.05)
 
 
+def _own_curve(name: str) -> dict[str, np.ndarray]:
+    """Smooth curves whose logarithm no polynomial follows, as those of a rough surface."""
+    z = {"even": np.linspace(0, 1, 33)[1:], "pieces": np.sort(np.r_[np.linspace(0, 1, 21)[1:], 0.0125, 0.025, 0.075])}
+    points = z.get(name, np.linspace(0, 1, 121)[1:])
+    second = np.maximum(points - 0.26, 0.0)  # the next summit is touched, then the block alone gives way
+    return {"delta": points, "force": points**1.3 + 40 * second**1.5 / (1 + 6 * second)}
+
+
+@pytest.mark.parametrize("name", ["even", "pieces", "dense"])
+@pytest.mark.parametrize("part", [0.2, 0.5, 0.9])
+def test_a_smooth_curve_is_not_noisy(name: str, part: float) -> None:
+    law = TableLaw.from_curve(_own_curve(name))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        oscillator = ContactOscillator(law, load=part * float(law.F[-1]))
+        if part < 0.8:  # so that the laws on the edge of the confidence region reach the load
+            uncertainty(oscillator)
+
+
+def _noisy(seed: int) -> TableLaw:
+    """Half a percent of noise."""
+    return TableLaw(Z, np.sort(Z**1.5 * (1 + 0.005 * np.random.default_rng(seed).standard_normal(Z.size))))
+
+
+def test_noise_is_told_from_a_curve() -> None:
+    warned = 0
+    for seed in range(20):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            ContactOscillator(_noisy(seed))
+        warned += len(caught)
+        assert all("the points scatter so that the stiffness" in str(w.message) for w in caught)
+    assert warned >= 18
+
+
+def test_noise_is_warned_of_once() -> None:
+    """Laws on the edge of the confidence region are made of the same points."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        oscillator = ContactOscillator(_noisy(0))
+        oscillator.taylor()
+        uncertainty(oscillator)
+        response_band(oscillator, 1e-3, (0.5, 0.51), points=3)
+    assert len(caught) == 1 and caught[0].filename == __file__
+
+
 def test_confidence_reaches_omega_s() -> None:
     law = PowerLaw(1.5, 1.0, (1.4, 1.6), (0.9, 1.1 / 0.99), 0.0)
     spread = uncertainty(ContactOscillator(law, load=2.0))
@@ -153,6 +201,53 @@ def test_unload_branch_is_measured_from_separation() -> None:
     assert r.z_s == pytest.approx(0.6 * 0.5 ** (1 / 1.5), rel=1e-5)
 
 
+def _cycled(cycles: int, plastic: float) -> dict[str, np.ndarray]:
+    """Loads to 1 and lifts to separation, again and again; each reloading ends on a branch a little further right."""
+    rows: list[tuple[float, float, str]] = [(d, d**1.2, "load") for d in np.linspace(0, 1, 11)[1:]]
+    for k in range(cycles):
+        left = plastic * (0.4 + 0.02 * k)
+        down, up = np.linspace(1, left, 8)[1:], np.linspace(left, 1, 11)[1:]
+        rows += [(d, (max(d - left, 0.0) / (1 - left)) ** (1.5 + 0.1 * k), "unload") for d in down]
+        if k < cycles - 1:
+            left += plastic * 0.01
+            rows += [(d, (max(d - left, 0.0) / (1 - left)) ** (1.55 + 0.1 * k), "reload") for d in up]
+    delta, force, branch = zip(*rows, strict=True)
+    return {"delta": np.array(delta), "force": np.array(force), "branch": np.array(branch)}
+
+
+@pytest.mark.parametrize("plastic", [1.0, 0.0])
+@pytest.mark.parametrize("cycles", [2, 3, 4, 7])
+def test_the_last_closed_loop_is_the_law(cycles: int, plastic: float) -> None:
+    """Each loop has a law of its own; rows of two would not rise."""
+    law = unload_reload(_cycled(cycles, plastic), 0.5)
+    n, left = 1.55 + 0.1 * (cycles - 2), plastic * (0.4 + 0.02 * (cycles - 2) + 0.01)
+    assert law.origin == pytest.approx(left, abs=1e-6)
+    z = law.deflection(0.5)
+    assert z + law.origin == pytest.approx(left + (1 - left) * 0.5 ** (1 / n), rel=1e-5)
+    assert law.n_loc(z) == pytest.approx(n, rel=1e-4)
+
+
+def test_a_loop_that_is_not_closed_is_not_the_law() -> None:
+    """The last reloading was stopped on its way, with rows enough and above the preload."""
+    whole = _cycled(4, 1.0)
+    begins = np.flatnonzero(whole["branch"] == "reload")[-10]
+    stopped = {name: column[: begins + 8] for name, column in whole.items()}
+    law, before = unload_reload(stopped, 0.3), unload_reload(_cycled(3, 1.0), 0.3)
+    np.testing.assert_array_equal(law.z, before.z)
+    with pytest.raises(RangeError, match=r"preload = 1\.2 exceeds the unload-reload branch, which ends at force 1"):
+        unload_reload(whole, 1.2)
+
+
+def test_the_last_unloading_stands_in_for_reloadings_of_few_rows() -> None:
+    whole = _cycled(3, 1.0)
+    few = np.ones(len(whole["delta"]), bool)
+    reload = np.flatnonzero(whole["branch"] == "reload")
+    few[reload[::2]] = few[reload[1::4]] = False
+    law = unload_reload({name: column[few] for name, column in whole.items()}, 0.5)
+    assert law.origin == pytest.approx(0.44, abs=1e-6)
+    assert law.n_loc(law.deflection(0.5)) == pytest.approx(1.7, rel=1e-4)
+
+
 def test_paper_law_is_the_fit_of_the_loading_branch(tmp_path) -> None:
     curve = _hysteretic()
     law, load = law_from(curve)
@@ -167,6 +262,24 @@ def test_paper_law_is_the_fit_of_the_loading_branch(tmp_path) -> None:
     assert law_from(path)[0] == law_from(tmp_path)[0]
     scaled, _ = law_from({**curve, "delta": curve["delta"] * 1e-8, "force": curve["force"] * 1e-3})
     assert float(scaled.force(0.5e-8)) == pytest.approx(1e-3 * 0.5**1.2, rel=1e-8)
+
+
+def test_steps_cut_to_pieces_do_not_change_the_paper_law() -> None:
+    """Nor do rows before contact."""
+    planned = np.linspace(0.0, 1.0, 9)[1:]
+    pieces = np.array([0.01, 0.02, 0.04, 0.06, 0.6, 0.7])
+
+    def law(rows: np.ndarray, **units: float) -> PowerLaw:
+        force = np.maximum(rows, 0.0) ** 1.5 + 0.3 * np.maximum(rows, 0.0) ** 4
+        found = law_from({"delta": rows * units.get("length", 1.0), "force": force * units.get("force", 1.0)})[0]
+        assert isinstance(found, PowerLaw)
+        return found
+
+    whole = law(planned)
+    cut = law(np.sort(np.concatenate([planned, pieces])))
+    assert (cut.n, cut.K, cut.ci_n) == (whole.n, whole.K, whole.ci_n)
+    assert law(planned, length=1.3e-8, force=7e-4).n == pytest.approx(whole.n, rel=1e-13)
+    assert law(np.concatenate([[-0.1, 0.0], planned])).n == whole.n
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -143,6 +144,67 @@ def test_run_writes_its_files(tmp_path) -> None:
     assert summary["exact"]["F_over_mg"] == pytest.approx(1.5)
     assert len(summary["uncertainty"]["omega_s"]) == 3
     assert len(result.responses["exact"]) == 2
+
+
+def _curve_in(folder: Path, length: float, force: float, case: str = "") -> Path:
+    """A run directory with the same Hertzian curve in other units of length and force, and its completed case."""
+    folder.mkdir()
+    delta = np.linspace(0, 20e-9, 21)[1:]
+    rows = "".join(f"{length * d:.17g},{force * 3e8 * d**1.5:.17g}\n" for d in delta)
+    (folder / "curve.csv").write_text(f"delta,force\n{rows}")
+    if case:
+        (folder / "case.toml").write_text(case)
+    return folder
+
+
+QUICK: dict[str, Any] = {"models": ["exact"], "omega": (0.9, 0.91), "sweeps": False, "bands": False}
+
+
+def test_gravity_belongs_to_the_units(tmp_path: Path) -> None:
+    """um, mN and s: mN s^2/um is 1000 kg, and an acceleration is a million times more."""
+    si = _curve_in(tmp_path / "si", 1.0, 1.0, 'units = "SI"\n')
+    other = _curve_in(tmp_path / "other", 1e6, 1e3, 'units = "other"\n')
+    first = run_dynamics(si, **QUICK).to_dict()
+    assert first["gravity"] == 9.80665 and first["notes"] == []
+    assert first["omega_s"] == pytest.approx(np.sqrt(1.5 * 9.80665 / first["z_s"]), rel=1e-12)
+    assert first["mass"] == pytest.approx(first["load"] / 9.80665, rel=1e-12)
+
+    unknown = run_dynamics(other, out_dir=tmp_path / "out", **QUICK)
+    written = json.loads((tmp_path / "out/thresholds.json").read_text())
+    assert (written["gravity"], written["mass"], written["omega_s"]) == (None, None, None)
+    assert written["uncertainty"]["omega_s"] is None
+    assert written["notes"][0].startswith('mass and omega_s are left out: units = "other" needs gravity')
+    assert np.isnan(unknown.oscillators["exact"].omega_s) and np.isnan(unknown.free["exact"].omega_s)
+
+    given = run_dynamics(other, gravity=9.80665e6, **QUICK).to_dict()
+    assert given["omega_s"] == pytest.approx(first["omega_s"], rel=1e-9)
+    assert given["uncertainty"]["omega_s"] == pytest.approx(first["uncertainty"]["omega_s"], rel=1e-6)
+    assert given["mass"] * 1e-3 == pytest.approx(first["mass"] * 1e-6, rel=1e-9)
+    assert given["notes"] == []
+    # all that has no dimension is the same, known or not
+    assert written["n_loc"] == pytest.approx(first["n_loc"], rel=1e-9)
+    assert written["exact"]["responses"][0]["peak"] == pytest.approx(first["exact"]["responses"][0]["peak"], rel=1e-6)
+
+
+def test_gravity_of_the_case_is_taken(tmp_path: Path) -> None:
+    """By the folder or by its curve.csv; what is given goes before it."""
+    folder = _curve_in(tmp_path / "run", 1e6, 1e3, 'units = "other"\n[dynamics]\ngravity = 9.80665e6\n')
+    for source in (folder, folder / "curve.csv"):
+        assert run_dynamics(source, **QUICK).gravity == 9.80665e6
+    assert run_dynamics(folder, gravity=1.0, **QUICK).gravity == 1.0
+    with pytest.raises(InputError, match=r"gravity = 0.* is not legal"):
+        run_dynamics(folder, gravity=0.0, **QUICK)
+
+
+def test_a_curve_without_units_says_what_was_assumed(tmp_path: Path) -> None:
+    bare = _curve_in(tmp_path / "bare", 1.0, 1.0) / "curve.csv"
+    result = run_dynamics(bare, **QUICK)
+    assert result.gravity == 9.80665 and result.notes[0].startswith("mass and omega_s are those of a curve in SI units")
+    assert run_dynamics(bare, units="SI", **QUICK).notes == ()
+    assert run_dynamics(bare, units="other", **QUICK).gravity is None
+    assert run_dynamics(PowerLaw(1.5), **QUICK).notes == ()
+    with pytest.raises(InputError, match='units = "cgs" is unknown'):
+        run_dynamics(bare, units="cgs", **QUICK)
 
 
 @pytest.mark.parametrize(

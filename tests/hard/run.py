@@ -8,7 +8,7 @@ from time import process_time
 
 import click
 from outcome import Outcome, run_scene
-from scene_definition import Scene
+from scene_definition import BASE, Scene
 from scenes import SCENES
 
 from asperity.cli import options
@@ -78,14 +78,21 @@ def _words(outcome: Outcome) -> tuple[str, ...]:
 
 
 def _figures(outcome: Outcome) -> tuple[str, ...]:
+
     summary = outcome.summary
     ends = f"{outcome.seconds:.1f}", "NO" if outcome.faults else "yes"
     if not summary:
         return (*("-",) * (len(FIGURES) - 2), *ends)
     checks, steps = summary["checks"], summary["steps"]
     kinds = ("force_balance", "least_dissipation", "tension", "penetration", "energy_excess")
+    keys = BASE | outcome.scene.keys
+    side, modulus = keys["surface.L"], keys["material.E"]
+    figures = checks | {
+        "penetration": checks["penetration"] / side,
+        "least_dissipation": checks["least_dissipation"] / (modulus * side**3),
+    }
     counts = f"{steps}", f"{summary['newton'] / max(steps, 1):.1f}", *(str(summary[kind]) for kind in CHAIN)
-    return (*(f"{checks[kind]:.0e}" for kind in kinds), *counts, *ends)
+    return (*(f"{figures[kind]:.0e}" for kind in kinds), *counts, *ends)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pytest
-from made_up_run import block, write_run
+from made_up_run import FIT, block, write_run
 
 from asperity.curve import Curve
 from asperity.errors import InputError
@@ -116,6 +116,11 @@ def test_the_curve_shows_branches_fit_and_error_band(results: Results) -> None:
     assert legend[0] == "loading" and "error bar" in legend and "unloading" in legend
     assert any("1.550" in text for text in legend)
     assert logarithmic.get_xscale() == logarithmic.get_yscale() == "log"
+    for axis in (linear, logarithmic):
+        fit = next(line for line in axis.lines if "1.550" in str(line.get_label()))
+        x, y = (np.asarray(values, float) for values in fit.get_data())
+        np.testing.assert_allclose(y, 0.42 * x**1.55, rtol=1e-12)
+        assert (x.min(), x.max()) == pytest.approx(FIT["range"], rel=1e-12)  # and nothing beyond
     unloading = next(line for line in linear.lines if line.get_label() == "unloading")
     assert unloading.get_linestyle() == "--"
     assert len(linear.collections) == 2  # bands of loading and unloading

@@ -16,6 +16,7 @@ import pytest
 from scipy.optimize import brentq
 
 from asperity import reference as ref
+from asperity.dynamics import unload_reload
 from asperity.errors import ConvergenceError, InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
@@ -464,3 +465,28 @@ def test_the_midpoint_rule_does_not_ring_where_yield_is_nothing_beside_the_strai
         drive(solver, delta_max=0.015, steps=20, integrator="midpoint")
         errors.append(abs(1.0 - solver.checks.energy_ratio))
     assert errors[0] < 0.5 * errors[1]
+
+
+@EACH
+@pytest.mark.parametrize("cycles", [3, 4])
+def test_the_law_about_a_preload_is_that_of_the_last_loop(
+    press_of: Callable[..., ContactSolver], material: Material, cycles: int
+) -> None:
+    """Its stiffness is what the press itself answers with when it is pressed there once more."""
+    solver = press_of(material)
+    curve = drive(solver, delta_max=DELTA, steps=10, unload_steps=6, cycles=cycles).curve()
+    assert list(curve.branch).count("reload") >= 10 * (cycles - 1)
+    load = 0.5 * float(curve.force.max())
+    law = unload_reload(curve, load)
+    last = curve.where(np.arange(len(curve)) >= np.flatnonzero(curve.branch == "reload")[-10])
+    last = last.where((last.branch == "reload") & (last.delta > law.origin) & (last.force > 0))
+    np.testing.assert_allclose(law.z + law.origin, last.delta, rtol=1e-12)
+    np.testing.assert_array_equal(law.F, last.force)
+    z = law.deflection(load)
+    forces = []
+    for away in (-0.5, 0.0, 0.1):
+        assert solver.step(law.origin + z * (1.0 + away)).converged
+        forces.append(solver.force)
+    assert forces[1] == pytest.approx(load, rel=0.02)
+    assert forces[2] == pytest.approx(float(law.force(1.1 * z)), rel=0.02)
+    assert forces[2] - forces[1] == pytest.approx(0.1 * z * law.derivatives(z)[0], rel=0.15)

@@ -183,8 +183,14 @@ Model = Literal["exact", "taylor"]
 class DynamicsSection(Section):
     """Vibration of a mass on the contact."""
 
-    law: Literal["paper", "unload-reload"] = _key("loading curve as a spring, or the unloading branch", "paper")
+    law: Literal["paper", "unload-reload", "table"] = _key(
+        "power law of the loading curve as a spring, the unloading branch, or the points of the loading curve", "paper"
+    )
     preload: Real | None = _key("weight of the mass", None, shown="half of the greatest force", unit=FORCE, gt=0)
+    gravity: Real | None = _key(
+        "gravity, for mass and omega_s alone", None, shown="9.80665; none with other units, nor mass and omega_s",
+        unit="length/time^2", gt=0,
+    )  # fmt: skip
     zeta: Real = _key("damping ratio", 0.01, ge=0, lt=1)
     damping: Literal["always", "contact", "hunt-crossley"] = _key("when damping acts", "always")
     forcing: tuple[Annotated[Real, Field(ge=1e-9, le=1e6)], ...] = _key(

@@ -27,6 +27,8 @@ MODELS = ("exact", "taylor")
               "branch, or the points of the loading.")  # fmt: skip
 @click.option("--preload", type=float, metavar="W", help="Weight of the mass; default half of the "
               "greatest force.")  # fmt: skip
+@click.option("--gravity", type=float, metavar="G", help="In the units of the curve, for mass and omega_s; default "
+              "9.80665 with SI units.")  # fmt: skip
 @click.option("--zeta", default=0.01, show_default=True, help="Damping ratio.")
 @click.option("--damping", type=click.Choice(DAMPING), default="always", show_default=True,
               help="When the damping acts.")  # fmt: skip
@@ -87,6 +89,9 @@ def _show(result: Dynamics) -> None:
     about = f"{first.law.describe()}, zeta = {first.zeta:g} ({first.damping})"
     values = [threshold.to_dict() for threshold in result.thresholds.values()]
     rows = [(text, *(_text(value.get(name)) for value in values)) for name, text in _ROWS.items()]
+    if result.gravity is not None:
+        omegas = (f"{oscillator.omega_s:.5g}" for oscillator in result.oscillators.values())
+        rows.insert(0, (f"omega_s with gravity = {result.gravity:g}", *omegas))
     for responses in zip(*result.responses.values(), strict=True):
         setting = responses[0].setting
         name = f"F^ = {setting.F_hat:g}, F/(m g) = {setting.F_over_mg:g}"

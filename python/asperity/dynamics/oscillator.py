@@ -45,7 +45,8 @@ class ContactOscillator:
             a law without end.
         zeta: damping ratio of small motion, >= 0.
         damping: "always", "contact" or "hunt-crossley" (see `asperity.dynamics.law.damping`).
-        gravity: acceleration that makes the mass heavy (length/time^2).
+        gravity: acceleration that makes the mass heavy (length/time^2), in the units of the law; default that of SI.
+            None where it is not known: mass and omega_s are NaN then.
         restoring: normal form of the law (derived).
 
     Raises:
@@ -57,7 +58,7 @@ class ContactOscillator:
     load: float | None = None
     zeta: float = 0.01
     damping: str = "always"
-    gravity: float = GRAVITY
+    gravity: float | None = GRAVITY
     restoring: Restoring = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -69,7 +70,8 @@ class ContactOscillator:
         if self.zeta >= 1:
             raise InputError(f"zeta = {self.zeta:g} is not legal: it must be below 1")
         check_damping(self.damping)
-        positive("gravity", self.gravity)
+        if self.gravity is not None:
+            positive("gravity", self.gravity)
         load = self.load if self.load is not None else _default_load(self.law)
         object.__setattr__(self, "load", positive("load", load))
         object.__setattr__(self, "restoring", Restoring(self.law, float(load)))
@@ -78,6 +80,8 @@ class ContactOscillator:
                 f"load = {load:g} lies at the end of the law, where nothing can vibrate; lower the load, or compute "
                 "the curve further"
             )
+        for doubt in self.law.doubts(self.restoring.load):
+            warnings.warn(doubt, stacklevel=3)
 
     @property
     def model(self) -> str:
@@ -86,13 +90,14 @@ class ContactOscillator:
 
     @property
     def mass(self) -> float:
-        """Mass m = W/g (mass)."""
-        return self.restoring.load / self.gravity
+        """Mass m = W/g (mass); NaN without gravity."""
+        return self.restoring.load / (np.nan if self.gravity is None else self.gravity)
 
     @property
     def omega_s(self) -> float:
-        """Small-amplitude frequency sqrt(n_loc g/z_s) (rad/time)."""
-        return float(np.sqrt(self.restoring.n_loc * self.gravity / self.restoring.z_s))
+        """Small-amplitude frequency sqrt(n_loc g/z_s) (rad/time); NaN without gravity."""
+        gravity = np.nan if self.gravity is None else self.gravity
+        return float(np.sqrt(self.restoring.n_loc * gravity / self.restoring.z_s))
 
     @property
     def u_max(self) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,14 +14,15 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Array
+from asperity.curve import fitted_rows
 from asperity.dynamics.forcing import forcings, window
-from asperity.dynamics.law.law import Law, PowerLaw
+from asperity.dynamics.law.law import Law, PowerLaw, positive
 from asperity.dynamics.law.table import TableLaw, columns, unload_reload
 from asperity.dynamics.motion.sweep import ESCAPED, Sweep
 from asperity.dynamics.orbits.free import FreeVibration
 from asperity.dynamics.orbits.response import FrequencyResponse
 from asperity.dynamics.orbits.thresholds import Thresholds
-from asperity.dynamics.oscillator import ContactOscillator
+from asperity.dynamics.oscillator import GRAVITY, ContactOscillator
 from asperity.dynamics.uncertainty import BAND_COLUMNS, Band, Uncertainty, response_band, uncertainty
 from asperity.errors import AsperityError, InputError, RangeError
 from asperity.power_law import fit_power_law
@@ -46,6 +48,7 @@ class Dynamics:
         uncertainty: confidence carried from the law, None when the law has none.
         bands: confidence of the exact response, one per forcing, where the law has one and it was asked for.
         notes: what a reader must know.
+        gravity: with which mass and omega_s are computed (length/time^2), None where it is not known.
     """
 
     oscillators: dict[str, ContactOscillator]
@@ -56,6 +59,7 @@ class Dynamics:
     uncertainty: Uncertainty | None
     bands: tuple[Band, ...]
     notes: tuple[str, ...]
+    gravity: float | None = None
 
     def write(self, out_dir: str | os.PathLike[str]) -> None:
         """Write free.csv, response.csv, thresholds.json, and band.csv if there are bands, into a directory."""
@@ -77,8 +81,9 @@ class Dynamics:
             "law": first.law.describe(),
             "load": first.restoring.load,
             "z_s": first.restoring.z_s,
-            "mass": first.mass,
-            "omega_s": first.omega_s,
+            "gravity": self.gravity,
+            "mass": None if self.gravity is None else first.mass,
+            "omega_s": None if self.gravity is None else first.omega_s,
             "n_loc": first.restoring.n_loc,
             "kappa": first.restoring.kappa,
             "zeta": first.zeta,
@@ -102,7 +107,7 @@ def law_from(source: Any, law: str = "paper", load: float | None = None) -> tupl
 
     Args:
         source: a `Law`, a `Curve`, a CSV file with columns delta and force, or a directory with curve.csv.
-        law: "paper" (power law fitted to the loading branch, as a reversible spring), "unload-reload" (the
+        law: "paper" (power law of `Curve.fit`, as a reversible spring), "unload-reload" (the
             branch computed about the preload), or "table" (the points of the loading branch).
         load: preload (force); default half of the greatest force of the curve.
 
@@ -130,16 +135,18 @@ def law_from(source: Any, law: str = "paper", load: float | None = None) -> tupl
         return unload_reload(source, load), load
     if law == "table":
         return TableLaw.from_curve(source), load
-    rows = np.ones(delta.size, bool) if branches is None else branches == "load"
-    length, unit = float(delta[rows].max(initial=0.0)), float(force[rows].max(initial=0.0))
+    if branches is not None:
+        delta, force = delta[branches == "load"], force[branches == "load"]
+    length, unit = float(delta.max(initial=0.0)), float(force.max(initial=0.0))
     if not (length > 0 and unit > 0):
         raise InputError("the loading branch of the curve never makes contact: no power law can be fitted")
-    _check_rising(delta[rows], force[rows])
+    _check_rising(delta, force)
     if load > unit:
         raise RangeError(
             f"load = {load:g} lies outside the curve, which ends at force {unit:g}; lower the load, or compute the "
             "curve further"
         )
+    rows = fitted_rows(delta, force)
     fit = fit_power_law(delta[rows] / length, force[rows] / unit)
     return PowerLaw.from_fit(fit, length, unit), load
 
@@ -172,6 +179,8 @@ def run_dynamics(
     bands: bool = True,
     tol: float = 1e-5,
     figures: bool = False,
+    gravity: float | None = None,
+    units: str | None = None,
 ) -> Dynamics:
     """Compute free vibration, frequency response, sweeps and thresholds of a mass on a contact.
 
@@ -190,6 +199,10 @@ def run_dynamics(
         bands: also carry the confidence of the law, where it has one, to the response (a second or so a forcing).
         tol: relative truncation error of the response.
         figures: also draw the figures, see `asperity.plot.oscillator`.
+        gravity: acceleration that makes the mass heavy, in the units of the source (length/time^2), for mass and
+            omega_s alone; default that of the case of a run directory, or 9.80665 with SI units.
+        units: of the source, "SI" or "other", where without `gravity` mass and omega_s are left out; default those of
+            the case of a run directory, else SI is assumed, which the notes say.
 
     Returns:
         The results; nothing is written before all input is checked.
@@ -207,9 +220,10 @@ def run_dynamics(
     if not names:
         raise InputError("model is empty: choose exact, taylor or both")
     static, preload = law_from(source, law, load)
-    exact = ContactOscillator(static, load=preload, zeta=zeta, damping=damping)
+    gravity, assumed = _gravity(source, gravity, units)
+    exact = ContactOscillator(static, load=preload, zeta=zeta, damping=damping, gravity=gravity)
     oscillators = {name: exact if name == "exact" else exact.taylor() for name in names}
-    notes: list[str] = []
+    notes = [assumed] if assumed else []
     free: dict[str, FreeVibration] = {}
     responses: dict[str, tuple[FrequencyResponse, ...]] = {}
     swept: dict[str, tuple[Sweep, ...]] = {}
@@ -245,7 +259,7 @@ def run_dynamics(
                 enveloped.append(response_band(exact, f, omega))
             except AsperityError as error:
                 notes.append(f"exact, F^ = {f:g}: no confidence band: {error}")
-    result = Dynamics(oscillators, free, responses, swept, onset, spread, tuple(enveloped), tuple(notes))
+    result = Dynamics(oscillators, free, responses, swept, onset, spread, tuple(enveloped), tuple(notes), gravity)
     if out_dir is not None:
         result.write(out_dir)
         if figures:
@@ -253,6 +267,38 @@ def run_dynamics(
 
             plot_dynamics(result, out_dir)
     return result
+
+
+def _gravity(source: Any, gravity: float | None, units: str | None) -> tuple[float | None, str]:
+    """Gravity in the units of a source, None where it is not known, and what has to be said of it."""
+    if units not in (None, "SI", "other"):
+        raise InputError(f'units = "{units}" is unknown: choose SI or other')
+    if gravity is not None:
+        return positive("gravity", gravity), ""
+    if units is None and isinstance(source, (str, os.PathLike)):
+        case = _case_beside(Path(source))
+        units, gravity = case.get("units"), case.get("dynamics", {}).get("gravity")
+    if gravity is not None:
+        return float(gravity), ""
+    if units == "other":
+        return None, 'mass and omega_s are left out: units = "other" needs gravity, in its length over its time squared'
+    if units is None and not isinstance(source, Law):
+        return GRAVITY, (
+            f"mass and omega_s are those of a curve in SI units, gravity = {GRAVITY:g}: for other units give the "
+            "gravity in them"
+        )
+    return GRAVITY, ""
+
+
+def _case_beside(path: Path) -> dict[str, Any]:
+    """The completed case of a run directory, or of the curve.csv in one; empty without."""
+    folder = path if path.is_dir() else path.parent
+    if folder != path and path.name != "curve.csv":
+        return {}
+    try:
+        return tomllib.loads((folder / "case.toml").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
 
 
 def _beyond_fit(name: str, oscillator: ContactOscillator, r: FrequencyResponse) -> list[str]:

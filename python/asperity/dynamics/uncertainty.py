@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -39,7 +40,7 @@ class Uncertainty:
 
     Attributes:
         n_loc, kappa: local exponent, backbone curvature.
-        omega_s: small-amplitude frequency (rad/time).
+        omega_s: small-amplitude frequency (rad/time), NaN without gravity.
         z_s: static deflection (length).
         softening: "softening", "hardening", or "undecided" when the interval of kappa holds 0.
         members: laws on the edge of the confidence region.
@@ -55,6 +56,8 @@ class Uncertainty:
     def to_dict(self) -> dict[str, Any]:
         """Section "uncertainty" of thresholds.json."""
         out: dict[str, Any] = {name: getattr(self, name).to_list() for name in ("n_loc", "kappa", "omega_s", "z_s")}
+        if np.isnan(self.omega_s.value):
+            out["omega_s"] = None
         return {**out, "softening": self.softening, "confidence": 0.95}
 
 
@@ -113,7 +116,7 @@ def uncertainty(oscillator: ContactOscillator, members: Iterable[Law] | None = N
         members: laws to bound over; default `ensemble` of the law.
     """
     laws = tuple(members) if members is not None else ensemble(oscillator.law)
-    others = [replace(oscillator, law=law, load=oscillator.restoring.load) for law in laws]
+    others = [_with_law(oscillator, law) for law in laws]
 
     def interval(name: str) -> Interval:
         def value(o: ContactOscillator) -> float:
@@ -159,8 +162,9 @@ def response_band(
     centre = oscillator.restoring
     upper, lower = [], []
     for law in (oscillator.law, *laws):
-        other = replace(oscillator, law=law, load=centre.load)
-        ratio = oscillator.omega_s / other.omega_s
+        other = _with_law(oscillator, law)
+        # of the omega_s, which have gravity in common
+        ratio = float(np.sqrt(centre.n_loc / centre.z_s * other.restoring.z_s / other.restoring.n_loc))
         setting = other.setting(f * centre.scale / other.restoring.scale)
         found = frequency_response(other.balance(), setting, (low * ratio, high * ratio), tol=tol, subharmonics=False)
         greatest, smallest = stable_range(found, grid * ratio)
@@ -171,6 +175,13 @@ def response_band(
     with np.errstate(all="ignore"):
         pack = [np.array([np.fmin.reduce(v), np.fmax.reduce(v)]) for v in (np.array(upper), np.array(lower))]
     return Band(f, grid, pack[0], pack[1])
+
+
+def _with_law(oscillator: ContactOscillator, law: Law) -> ContactOscillator:
+    """The oscillator on another law of its confidence region; doubts were told of its own one."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return replace(oscillator, law=law, load=oscillator.restoring.load)
 
 
 def stable_range(response: FrequencyResponse, omega: Array) -> tuple[Array, Array]:

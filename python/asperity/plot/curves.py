@@ -15,7 +15,7 @@ DELTA, LOAD = "deflection $\\delta^{*}{=}\\,\\delta/L$", "load $P^{*}{=}\\,P/(A_
 
 @style.styled
 def force_curve(results: Results) -> Figure:
-    """P* against delta* with the fit, on linear and on logarithmic axes.
+    """P* against delta* with the fit over the range it was made of, on linear and on logarithmic axes.
 
     The band is the error bar of each step, where the run computed one.
     """
@@ -58,8 +58,8 @@ def _fit(axis: Any, results: Results) -> None:
     loads = results.branches("load")
     if not {"k", "n"} <= set(fit) or not loads:
         return
-    low = min((float(x) for x in loads[0].delta_star if x > 0), default=1e-6)
-    high = float(np.max(loads[0].delta_star))
+    low, high = fit.get("range") or (0.0, float(np.max(loads[0].delta_star)))
+    low = low or min((float(x) for x in loads[0].delta_star if x > 0), default=1e-6)
     x = np.geomspace(low, high, 200)
     text = f"$P^{{*}}{{=}}\\,{tex(fit['k'])}\\,(\\delta^{{*}})^{{{fit['n']:.3f}}}$, {fit['norm']} fit"
     axis.plot(x, fit["k"] * x ** fit["n"], color=style.BLACK, lw=1.0, zorder=4, label=text)

@@ -12,7 +12,7 @@ With isotropic hardening the dissipated energy sigma_0 a + H a^2/2 follows from 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import astuple, dataclass, field
+from dataclasses import asdict, astuple, dataclass, field
 from math import isfinite, sqrt
 from typing import Any
 
@@ -23,6 +23,17 @@ COMPLIANT = 0.05  # mean penetration over deflection that a compliant one may; t
 ENERGY = 1e-6  # of the work done so far
 MIDPOINT_ENERGY = 0.05  # the same where the path is integrated by the midpoint rule
 ROUNDING = 1e-12
+
+# of the figures that have one; the others are ratios
+UNITS = {
+    "penetration": "length",
+    "greatest_force": "force",
+    "least_dissipation": "force*length",
+    "work": "force*length",
+    "stored": "force*length",
+    "dissipated": "force*length",
+    "peak": "force*length",
+}
 
 
 @dataclass
@@ -36,7 +47,7 @@ class Checks:
         greatest_force: so far [E L^2]
         mean_penetration: weighted by the pressure, over the deflection, at the greatest force
         strain_decrease: greatest decrease of the accumulated plastic strain, negative when there is none
-        least_dissipation: least plastic work sum sigma : d eps_p of a step
+        least_dissipation: least plastic work sum sigma : d eps_p of a step, at most 0
         work: done by the flat, trapezoidal rule
         stored: elastic energy
         dissipated: plastic work
@@ -64,6 +75,20 @@ class Checks:
         """Read what `dataclasses.asdict` gave, also after a detour through JSON."""
         energy, work = values["peak"]
         return Checks(**{**values, "peak": (energy, work)})
+
+    def physical(self, L: float, E: float) -> dict[str, Any]:
+        """Section "checks" of summary.json: the figures in the units of a case, with the names of these units.
+
+        Args:
+            L: side of the patch (length)
+            E: Young's modulus (force/length^2)
+        """
+        scales = {"length": L, "force": E * L**2, "force*length": E * L**3}
+        out = asdict(self) | {"energy_ratio": self.energy_ratio, "units": dict(UNITS)}
+        for name, unit in UNITS.items():
+            value = out[name]
+            out[name] = [x * scales[unit] for x in value] if isinstance(value, tuple) else value * scales[unit]
+        return out
 
     @property
     def energy_ratio(self) -> float:

@@ -203,10 +203,16 @@ class NewtonSolver:
                     low, s_low, s_high = length, s, 0.5 * s_high
         return length
 
-    def solve(self, start: Floats, scale: float) -> StepStats:
-        """Solve from the displacement `start` (owned, 3) for a step of length `scale`; collective."""
+    def solve(self, start: Floats, scale: float, stiffness: float = 1.0) -> StepStats:
+        """Solve from the displacement `start` (owned, 3) for a step of length `scale`; collective.
+
+        Args:
+            start: where the iteration begins [L]
+            scale: of the displacements of the step [L]
+            stiffness: greatest of a node, of which rounding leaves a part of the displacement as force [E L]
+        """
         largest = max(scale, self.solid.comm.allreduce(float(np.max(np.abs(start), initial=0.0)), op=_max()))
-        self._scale, self._rounding = max(scale, 1e-6), ROUNDING * largest
+        self._scale, self._rounding = max(scale, 1e-6), ROUNDING * largest * stiffness
         self.rows = NOT_YET  # a step of a resumed run is the same to the last bit
         self._krylov = self._shortened = 0
         self.linear.rescue, rescued = False, self.linear.rescued

@@ -70,17 +70,19 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
     if solid.yield_strength is not None:
         constraint = (1 - solid.nu) / (1 - 2 * solid.nu) if case.block.sides == "rollers" else 1.0
         row["block_load"] = float(load.force[-1]) / (side**2 * solid.yield_strength * constraint)
-    points = curve.planned()
-    fit = _fit(points.delta_star, points.P_star)
+    try:
+        fit = curve.fit()
+    except InputError:
+        fit = None
     if fit is not None:
         row |= {
             "k": fit.k, "n": fit.n, "n_low": fit.ci_n[0], "n_high": fit.ci_n[1], "norm": fit.norm,
             "range_low": fit.range[0], "range_high": fit.range[1], "points": fit.points, "r2": fit.r2,
-            "n_log": points.fit("log").n, "stiffness": fit.stiffness(solid.E_prime, side),
+            "n_log": curve.fit("log").n, "stiffness": fit.stiffness(solid.E_prime, side),
         }  # fmt: skip
         modulus = solid.confined_modulus if case.block.sides == "rollers" else solid.E
-        force, height = points.force, case.block.height
-        gap = interface_deflection(points.delta, force, height=height, area=side**2, modulus=modulus)
+        points, height = curve.planned(), case.block.height
+        gap = interface_deflection(points.delta, points.force, height=height, area=side**2, modulus=modulus)
         own = _fit(gap / side, points.P_star)
         row["n_interface"] = None if own is None else own.n
         with warnings.catch_warnings():

@@ -39,7 +39,7 @@ class Condition:
         return f"{self.norm} fit, {part}" + (", interface alone" if self.interface else "")
 
     def exponent(self, curve: Curve, *, side: float, height: float, modulus: float) -> float:
-        """Exponent n of the loading branch; NaN when fewer than three points are left.
+        """Exponent n of the planned points of the loading branch; NaN when fewer than three are left.
 
         Args:
             curve: of the case.
@@ -47,7 +47,7 @@ class Condition:
             height: of the block (length).
             modulus: of its uniform compression (force/length^2).
         """
-        load = curve.loading()
+        load = curve.planned()
         used = load.where(load.delta_star <= self.share * load.delta_star.max() * (1 + 1e-9))
         delta = used.delta_star
         if self.interface:

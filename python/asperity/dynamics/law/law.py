@@ -128,6 +128,10 @@ class Law(ABC):
             brentq(lambda z: float(self.both(np.array([z]))[0][0]) - load, low, high, xtol=1e-15 * high, rtol=1e-14)
         )
 
+    def doubts(self, load: float) -> tuple[str, ...]:
+        """What makes the law doubtful about a load (force), a sentence each."""
+        return ()
+
     def n_loc(self, z: float) -> float:
         """Local exponent ``z F'(z) / F(z)``; it equals n for a power law."""
         return z * self.derivatives(z)[0] / float(self.both(np.array([z]))[0][0])

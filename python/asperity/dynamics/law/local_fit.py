@@ -9,6 +9,10 @@ from scipy.stats import t as student
 
 from asperity.arrays import Array
 
+_NEAR = 9  # least number of points that tell the scatter
+_AROUND = float(np.log(1.5))  # in ln z, within which all do
+_OF_MEDIAN = 1.4826  # standard deviation of a normal distribution over the median of its magnitude
+
 
 @dataclass(frozen=True)
 class LocalFit:
@@ -80,3 +84,30 @@ def regress(x: Array, y: Array, degree: int) -> tuple[Array, Array, int]:
     residual = y - basis @ c
     variance = float(residual @ residual) / freedom
     return c, variance * np.linalg.inv(basis.T @ basis), freedom
+
+
+def roughness(x: Array, y: Array) -> float:
+    """Relative uncertainty at x = 0 of the slope dy/dx through points that scatter.
+
+    The scatter is that of the points about the cubic through their four neighbours, from the median of those near 0
+    (after Gasser, Sroka & Jennen-Steinmetz, Biometrika 73 (1986) 625, who take the line through two). No smooth curve
+    leaves a trace in it, nor a few corners, as where the next summit is touched; a polynomial fitted to many points
+    would miss both and call the curve noisy.
+
+    Args:
+        x, y: at least 5 points in rising order, shape (m,).
+    """
+    scatter = np.empty(x.size)
+    for i in range(x.size):
+        first = min(max(i - 2, 0), x.size - 5)
+        four = np.delete(np.arange(first, first + 5), i - first)
+        away = x[four] - x[i]
+        powers = np.vander(away / np.abs(away).max(), increasing=True)
+        weights = np.linalg.solve(powers.T, np.array([1.0, 0.0, 0.0, 0.0]))
+        scatter[i] = abs(y[i] - weights @ y[four]) / np.sqrt(1.0 + weights @ weights)
+    order = np.argsort(np.abs(x), kind="stable")
+    count = max(_NEAR, int((np.abs(x) <= _AROUND).sum()))
+    near = np.sort(order[:count])
+    slope = np.polyfit(x[near], y[near], 1)[0]
+    spacing = float(np.abs(x[order[:4]]).max()) / 2.0
+    return float(np.sqrt(2.0) * _OF_MEDIAN * np.median(scatter[near]) / (spacing * slope))

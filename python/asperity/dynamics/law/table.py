@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import csv
 import os
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -23,10 +22,13 @@ from scipy.stats import t as student
 
 from asperity.arrays import Array
 from asperity.dynamics.law.law import Law, PowerLaw, positive
-from asperity.dynamics.law.local_fit import LocalFit, log_derivatives, regress
+from asperity.dynamics.law.local_fit import LocalFit, log_derivatives, regress, roughness
 from asperity.errors import InputError, RangeError
 
 _POINTS = 5  # least number of points of a table
+_TOUCH = 1e-9  # of the greatest force, above which a row is in contact
+_CLOSED = 1e-3  # of the deflection or force at the top of a loop, by which its reloading may end below
+_NOISY = 0.1  # relative uncertainty of the stiffness through the points
 _CELL_X, _CELL_W = np.polynomial.legendre.leggauss(10)
 
 
@@ -197,22 +199,25 @@ class TableLaw(Law):
                 raise RangeError(f"load = {load:g} lies outside the table, which ends at force {self.F[-1]:g}")
             return z
         if load < self.F[0]:
-            warnings.warn(
-                f"load {load:g} lies below the first point of the table (force {self.F[0]:g}): the "
-                "law there is a guess",
-                stacklevel=2,
-            )
             return float(self.z[0] * (positive("load", load) / self.F[0]) ** (1.0 / self._ends[1]))
-        z = super().deflection(load)
-        fit = self.local_fit(z)
-        rough = np.sqrt(2.0) * fit.scatter / (fit.spacing * fit.logarithmic()[0])
-        if rough > 0.1:
-            warnings.warn(
-                f"the points scatter so that the stiffness through them is uncertain by {100 * rough:.0f} % "
-                f'at z = {z:g}: the table is noisy; values="fit" is safer',
-                stacklevel=2,
+        return super().deflection(load)
+
+    def doubts(self, load: float) -> tuple[str, ...]:
+        if self.values == "fit":
+            return ()
+        if load < self.F[0]:
+            return (
+                f"load {load:g} lies below the first point of the table (force {self.F[0]:g}): the law "
+                "there is a guess",
             )
-        return z
+        z = self.deflection(load)
+        rough = roughness(np.log(self.z / z), np.log(self.F))
+        if rough <= _NOISY:
+            return ()
+        return (
+            f"the points scatter so that the stiffness through them is uncertain by {100 * rough:.0f} % "
+            f'at z = {z:g}: the table is noisy; values="fit" is safer',
+        )
 
     def describe(self) -> str:
         how = "interpolated" if self.values == "interpolant" else "as fitted power law"
@@ -254,35 +259,52 @@ class TableLaw(Law):
 
 
 def unload_reload(curve: Any, load: float | None = None, **options: Any) -> TableLaw:
-    """Physical law of a plastic contact about a preload: the last unload-reload branch of a curve.
+    """Physical law of a plastic contact about a preload: the last unload-reload loop of a curve.
 
-    The deflection is measured from the point where the unloading flat separates, found from the rows.
+    It is the reloading of the last loop that was closed, up to where its unloading began; the last unloading with that
+    point where there is none. The deflection is measured from the point where the unloading flat separates, found from
+    the rows.
 
     Args:
         curve: a `Curve`, CSV file or mapping with delta, force and branch.
-        load: preload the branch must reach (force), or None.
+        load: preload the loop must reach (force), or None.
         **options: see `TableLaw`.
 
     Raises:
-        InputError: the curve has no unloading rows.
-        RangeError: the branch does not reach the preload.
+        InputError: the curve has no unloading rows, or no branch with enough of them in contact.
+        RangeError: no branch reaches the preload.
     """
     delta, force, branches = columns(curve)
-    rows = np.zeros(0, int) if branches is None else np.flatnonzero(branches != "load")
-    if rows.size == 0:
+    found = [] if branches is None else _loops(delta, force, branches)
+    if not found:
         raise InputError("the curve has no unloading branch: compute one with loading.unload = true")
-    breaks = np.flatnonzero(np.diff(rows) > 1)
-    last = rows[breaks[-1] + 1 :] if breaks.size else rows
-    peak = last[0] - 1  # the last loading point is the top of the branch
-    kinds = branches[last]  # type: ignore[index]
-    chosen = last[kinds == "reload"] if (kinds == "reload").sum() >= _POINTS else last[kinds == "unload"]
-    if peak >= 0 and not (kinds == "reload").any():
-        chosen = np.append(chosen, peak)
-    order = np.argsort(delta[chosen], kind="stable")
-    z, f = delta[chosen][order], force[chosen][order]
-    if load is not None and load > f.max():
-        raise RangeError(f"preload = {load:g} exceeds the unload-reload branch, which ends at force {f.max():g}")
+    enough = [rows for rows in found if (force[rows] > _TOUCH * force[rows].max()).sum() >= _POINTS] or found
+    reaching = [rows for rows in enough if load is None or force[rows].max() >= load]
+    if not reaching:
+        top = max(float(force[rows].max()) for rows in enough)
+        raise RangeError(f"preload = {load:g} exceeds the unload-reload branch, which ends at force {top:g}")
+    about = [rows for rows in reaching if load is None or force[rows].min() < load] or reaching
+    rows = about[0][np.argsort(delta[about[0]], kind="stable")]
+    z, f = delta[rows], force[rows]
     return TableLaw(z, f, origin=_fit_origin(z, f), name="unload-reload branch", **options)
+
+
+def _loops(delta: Array, force: Array, branches: Array) -> list[Array]:
+    """Rows of each reloading that closes its loop, then of each unloading with the row before it, the last first."""
+    legs = np.split(np.arange(len(delta)), np.flatnonzero(branches[1:] != branches[:-1]) + 1)
+    up, down = [], []
+    top = None  # row where the last unloading began
+    for leg in legs:
+        if branches[leg[0]] == "unload":
+            top = leg[0] - 1 if leg[0] > 0 else None
+            down.append(leg if top is None else np.append(top, leg))
+        elif branches[leg[0]] == "reload" and (
+            top is None
+            or delta[leg].max() >= (1 - _CLOSED) * delta[top]
+            or force[leg].max() >= (1 - _CLOSED) * force[top]
+        ):
+            up.append(leg)
+    return [*reversed(up), *reversed(down)]
 
 
 def columns(curve: Any) -> tuple[Array, Array, Array | None]:
@@ -317,7 +339,7 @@ def _fit_origin(delta: Array, force: Array) -> float:
     """Deflection of first contact: the best offset of a power law in (ln z, ln F)."""
     order = np.argsort(delta, kind="stable")
     z, f = delta[order], force[order]
-    touching = f > 1e-9 * f.max()
+    touching = f > _TOUCH * f.max()
     if touching.sum() < _POINTS:
         raise InputError(f"the branch has {int(touching.sum())} rows in contact, at least {_POINTS} are needed")
     first = z[touching][0]

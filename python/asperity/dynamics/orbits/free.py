@@ -69,7 +69,7 @@ class FreeVibration:
         model: "exact" or "taylor".
         law: description of the law.
         n_loc, kappa: local exponent and backbone curvature at the operating point.
-        omega_s: small-amplitude frequency (rad/time).
+        omega_s: small-amplitude frequency (rad/time), NaN without gravity.
         orbits: one `FreeOrbit` per amplitude.
         valid: False where a Taylor orbit has u_min < -1 and so means nothing physically.
         tolerance: largest estimated relative error of the frequencies.
