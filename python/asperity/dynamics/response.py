@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from asperity.dynamics.branch import Branch, Event, Solution, measure, within_law
-from asperity.dynamics.continuation import Path, Point, correct, in_omega, start, trace
+from asperity.dynamics.continuation import Path, Point, in_omega, start, trace
+from asperity.dynamics.crossing import crossings
 from asperity.dynamics.events import finish
 from asperity.dynamics.further import detached, known, subharmonic
-from asperity.dynamics.hbm import Balance, resize, tail
+from asperity.dynamics.hbm import Balance
 from asperity.dynamics.law import Array
 from asperity.dynamics.setting import Setting
 from asperity.dynamics.starts import LEAST, backbone_chart, edge_orbits
@@ -58,9 +59,10 @@ class FrequencyResponse:
         return float(best.Omega[j]), float(best.u_max[j])
 
     def at(self, omega: float) -> tuple[Solution, ...]:
-        """All orbits of the branches at exactly this Omega, lowest u_max first.
+        """Every orbit of the branches at exactly this Omega, lowest u_max first.
 
         Raises:
+            ConvergenceError: a crossing of a branch with this Omega cannot be corrected.
             InputError: omega lies outside the window.
         """
         if not self.omega[0] <= omega <= self.omega[1]:
@@ -68,36 +70,31 @@ class FrequencyResponse:
         found: list[Solution] = []
         for number, branch in enumerate(self.branches):
             balance = replace(self.balance, order=branch.order)
-            gap = branch.Omega - omega
-            touching = (gap[:-1] < 0) != (gap[1:] < 0)
-            touching[:1] |= gap[0] == 0
-            touching[-1:] |= gap[-1] == 0
-            for i in np.flatnonzero(touching):
-                s = gap[i] / (gap[i] - gap[i + 1])
-                c = (1 - s) * branch.coefficients[i] + s * branch.coefficients[i + 1]
-                x = np.concatenate([c.real, -c.imag[1:]])
-                keep = int(max(branch.harmonics[i], branch.harmonics[i + 1]))
-                equations = in_omega(balance, self.setting.F_hat)
-                try:
-                    x, _, t, tp = correct(equations, resize(x, keep), omega, np.zeros(2 * keep + 1), 1.0)
-                except ConvergenceError:
-                    continue
-                point = Point(x, omega, t, tp, tail(x))
-                data = measure(balance, (point,), branch.kind, "")
-                found.append(
-                    Solution(
-                        number,
-                        branch.kind,
-                        branch.order,
-                        omega,
-                        float(data.u_max[0]),
-                        float(data.u_min[0]),
-                        float(data.a1[0]),
-                        bool(data.stable[0]),
-                        point.error,
-                        data.coefficients[0],
-                    )
+            try:
+                points = list(crossings(in_omega(balance, self.setting.F_hat), branch.points(), omega))
+            except ConvergenceError as error:
+                raise ConvergenceError(
+                    f"an orbit of branch {number} ({branch.kind}) at Omega = {omega:g} could not be corrected ({error}): "
+                    "ask for a smaller tol"
+                ) from error
+            if not points:
+                continue
+            data = measure(balance, points, branch.kind, "")
+            found.extend(
+                Solution(
+                    number,
+                    branch.kind,
+                    branch.order,
+                    omega,
+                    float(data.u_max[i]),
+                    float(data.u_min[i]),
+                    float(data.a1[i]),
+                    bool(data.stable[i]),
+                    point.error,
+                    data.coefficients[i],
                 )
+                for i, point in enumerate(points)
+            )
         return tuple(sorted(found, key=lambda solution: solution.u_max))
 
     def rows(self) -> Iterator[dict[str, Any]]:
