@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from asperity.dynamics.branch import Branch, Event, measure
-from asperity.dynamics.continuation import Equations, Path, Point, adapt, between, locate, newton_rtol
+from asperity.dynamics.continuation import Equations, Path, Point, adapt, between, locate, newton_rtol, predictor
 from asperity.dynamics.hbm import Balance, resize
 from asperity.dynamics.law import Array
 from asperity.dynamics.stability import NOTHING, Floquet, extrema, floquet, rise, stack
 from asperity.errors import ConvergenceError
 
 _TOP = "greatest u_max"  # a point of the branch, but no event
-_CORNER = 0.003  # largest distance of a branch from the chord between neighbours, relative to its extent
+_STEEP = 0.03  # least rate of the parameter along the branch: an error at a fold counts as one across the branch
+_CUBIC = 1e-4  # error of the cubic between neighbours that rows between them may carry, relative to the orbit
 
 
 def finish(
@@ -81,28 +84,40 @@ def finish(
 
 
 def _refined(equations: Equations, points: tuple[Point, ...], tol: float) -> list[Point]:
-    """Add points where straight lines between neighbours would show as corners in a plot."""
-    count = 8
-    span = abs(max(p.parameter for p in points) - min(p.parameter for p in points)) + 1e-12
-    x = np.array([resize(p.x, count) for p in points])
-    height = float(np.abs(x).max()) + 1e-12
-    t = np.array([resize(p.t, count) for p in points])
-    slope = np.column_stack([t / height, [p.t_parameter / span for p in points]])
-    gap = np.diff(x, axis=0)
-    length = np.sqrt((gap**2).sum(axis=1) + np.diff([p.parameter for p in points]) ** 2)
-    # the cubic through both points and tangents leaves the chord, half-way, by (t_a - t_b) h / 8
-    sag = np.abs(slope[:-1] - slope[1:]).max(axis=1) * length / 8.0
+    """Add points where the cubic between neighbours is not yet good enough for the rows drawn from it."""
     out = [points[0]]
-    for i, p in enumerate(points[1:]):
-        pieces = min(4, int(np.ceil(np.sqrt(sag[i] / _CORNER))))
+    for i, (a, b) in enumerate(pairwise(points)):
+        beside = points[i - 1] if i else points[2] if len(points) > 2 else None
+        error = (_cubic_error(beside, a, b) if i else _cubic_error(beside, b, a)) if beside else 0.0
+        pieces = min(4, int(np.ceil((error / _CUBIC) ** 0.25)))
         for j in range(1, pieces):
             try:
-                q = between(equations, points[i], p, j / pieces)
+                q = between(equations, a, b, j / pieces)
                 out.append(adapt(equations, q, q.t, q.t_parameter, tol, q.x.size // 2))
             except ConvergenceError:
                 continue
-        out.append(p)
+        out.append(b)
     return out
+
+
+def _cubic_error(before: Point, a: Point, b: Point) -> float:
+    """Error of the cubic from a to b half-way at a value of the parameter, relative to the orbit.
+
+    It is told from the error of the cubic through `before` and a, extrapolated to b: with the fourth derivative D of
+    the branch the two are h^4 D / 384 and h^2 (h + g)^2 D / 24, where g is the step before.
+    """
+    count = max(a.x.size, b.x.size) // 2
+    first, start, stop = (p.resized(count) for p in (before, a, b))
+    gap = stop.x - start.x
+    ahead = np.sign((start.x - first.x) @ start.t + (start.parameter - first.parameter) * start.t_parameter)
+    h = float(np.sqrt(gap @ gap + (stop.parameter - start.parameter) ** 2))
+    g = float(np.sqrt((start.x - first.x) @ (start.x - first.x) + (start.parameter - first.parameter) ** 2))
+    x, parameter = predictor([first, start])(float(ahead * h))
+    miss = np.append(stop.x - x, stop.parameter - parameter)
+    along = np.append(stop.t, stop.t_parameter)
+    miss -= (miss @ along) * along
+    steep = max(abs(start.t_parameter), abs(stop.t_parameter), _STEEP)
+    return float(np.abs(miss).sum()) / 16.0 * (h / (h + g)) ** 2 / (steep * float(np.sqrt(stop.x @ stop.x)))
 
 
 def _multipliers(balance: Balance, points: list[Point]) -> Floquet:

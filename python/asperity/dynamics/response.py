@@ -11,6 +11,7 @@ import numpy as np
 from asperity.dynamics.branch import Branch, Event, Solution, measure, within_law
 from asperity.dynamics.continuation import Path, Point, in_omega, start, trace
 from asperity.dynamics.crossing import crossings
+from asperity.dynamics.dense import Line, dense
 from asperity.dynamics.events import finish
 from asperity.dynamics.further import detached, known, subharmonic
 from asperity.dynamics.hbm import Balance
@@ -97,23 +98,28 @@ class FrequencyResponse:
             )
         return tuple(sorted(found, key=lambda solution: solution.u_max))
 
+    def lines(self) -> tuple[Line, ...]:
+        """Each branch as a curve for files and figures: straight lines between its rows err by less than 1e-3."""
+        return tuple(dense(self.balance, b) for b in self.branches)
+
     def rows(self) -> Iterator[dict[str, Any]]:
-        """Rows of response.csv, the points of a branch in order."""
+        """Rows of response.csv, those of a branch in order along it, as close as in `lines`."""
         s = self.setting
-        for b in self.branches:
-            loss = b.contact_loss
-            for i in range(len(b)):
+        for branch, line in zip(self.branches, self.lines(), strict=True):
+            for omega, u_max, u_min, a1, stable in zip(
+                line.Omega, line.u_max, line.u_min, line.a1, line.stable, strict=True
+            ):
                 yield {
                     "model": s.model,
                     "F_hat": s.F_hat,
                     "zeta": s.zeta,
-                    "Omega": float(b.Omega[i]),
-                    "u_max": float(b.u_max[i]),
-                    "u_min": float(b.u_min[i]),
-                    "a1": float(b.a1[i]),
-                    "stable": bool(b.stable[i]),
-                    "branch": b.kind,
-                    "contact_loss": bool(loss[i]),
+                    "Omega": float(omega),
+                    "u_max": float(u_max),
+                    "u_min": float(u_min),
+                    "a1": float(a1),
+                    "stable": bool(stable),
+                    "branch": branch.kind,
+                    "contact_loss": bool(u_min < -1.0),
                 }
 
 

@@ -27,6 +27,7 @@ _SWEEPS = {"sweep-up": ("^", "sweep up"), "sweep-down": ("v", "sweep down")}
 _MARKS = {"fold": ("o", "fold, with jump"), "period doubling": ("s", "period doubling")}
 _ACTS = {"always": "always", "contact": "in contact", "hunt-crossley": "after Hunt and Crossley"}
 _FAINT = 0.35
+_CLOSE = 0.03  # of the extent of a curve: rows nearer than this are drawn as one
 
 
 def heading(zeta: Iterable[float], damping: str | None, n_loc: float | None) -> str:
@@ -182,9 +183,9 @@ def _branch(axis: Any, rows: Columns, name: str, model: str, colour: str) -> Non
 def _pieces(omega: Array, u: Array, state: NDArray[Any]) -> Iterator[tuple[int, int]]:
     """Ranges of one state; pieces of one curve share a point, separate curves do not."""
     reach = np.hypot(np.diff(omega) / (np.ptp(omega) or 1.0), np.diff(u) / (np.ptp(u) or 1.0))
-    # continuation changes its step gradually: a sudden long one leads to another curve
+    # rows of one curve lie close and change their distance gradually: a sudden long one leads to another curve
     around = np.maximum(np.r_[reach[:1], reach[:-1]], np.r_[reach[1:], reach[-1:]])
-    jump = reach > 8 * around
+    jump = reach > np.maximum(8 * around, _CLOSE)
     cuts = np.flatnonzero((state[1:] != state[:-1]) | jump)
     start = 0
     for cut in [*cuts, len(omega) - 1]:
