@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from asperity.dynamics.continuation import Equations, Path, Point, between, correct, in_omega, start, trace
+from asperity.dynamics.continuation import Equations, Path, Point, in_omega, start, trace
+from asperity.dynamics.crossing import crossings
 from asperity.dynamics.hbm import Balance, resize, tail
 from asperity.dynamics.law import Array
-from asperity.dynamics.stability import stack
+from asperity.dynamics.stability import stack, unstack
 from asperity.dynamics.starts import LEAST
 from asperity.errors import ConvergenceError
 
@@ -58,28 +59,36 @@ def detached(
     options: dict[str, Any],
     paths: list[tuple[str, int, Path]],
 ) -> Path | None:
-    """Branch through a given orbit, followed both ways, unless one of the paths already holds it."""
+    """Branch near a given orbit, followed both ways, unless one of the paths already holds it.
+
+    Raises:
+        ConvergenceError: the balance has no orbit near the given one.
+    """
     equations = in_omega(balance, forcing)
     options = {**options, "least": order * LEAST}
-    try:
-        first = start(equations, x, omega, 1.0, options["tol"], order * LEAST)
-    except ConvergenceError:
-        return None
+    first = start(equations, balance.correct(x, omega, forcing), omega, 1.0, options["tol"], order * LEAST)
+    c = stack([first.x])[0]
+    if order > 1 and np.abs(np.delete(c, slice(None, None, order))).max() < 1e-3 * np.abs(c).max():
+        return None  # it repeats sooner
     for _, other, path in paths:
         if other == order and _on_path(equations, path, first, order):
             return None
 
+    copies = [replace(first, x=unstack(a, a.size - 1), t=unstack(b, b.size - 1)) for a, b in zip(
+        _shifts(c, order), _shifts(stack([first.t])[0], order), strict=True)]
+
     def closed(points: list[Point]) -> str | None:
         if len(points) < 6:
             return None
-        a, b, f = points[-2], points[-1], points[0]
-        m = f.x.size // 2
+        a, b = points[-2], points[-1]
+        m = first.x.size // 2
         chord = np.append(b.resized(m).x - a.resized(m).x, b.parameter - a.parameter)
-        to = np.append(f.x - a.resized(m).x, f.parameter - a.parameter)
-        s = float(to @ chord) / float(chord @ chord)
-        if 0 <= s <= 1 and np.linalg.norm(to - s * chord) < 0.1 * np.linalg.norm(chord):
-            points[-1] = f
-            return "closed"
+        for f in copies:
+            to = np.append(f.x - a.resized(m).x, f.parameter - a.parameter)
+            s = float(to @ chord) / float(chord @ chord)
+            if 0 <= s <= 1 and np.linalg.norm(to - s * chord) < 0.1 * np.linalg.norm(chord):
+                points[-1] = f
+                return "closed"
         return None
 
     forward = trace(equations, first, window, stop=closed, **options)
@@ -107,17 +116,14 @@ def known(paths: list[tuple[str, int, Path]], order: int, x: Array, omega: float
 
 def _on_path(equations: Equations, path: Path, point: Point, order: int) -> bool:
     """Whether an orbit, or its copy shifted by whole forcing periods, lies on a path."""
-    omega = np.array([p.parameter for p in path.points])
-    for i in np.flatnonzero((omega[:-1] <= point.parameter) != (omega[1:] <= point.parameter)):
-        s = (point.parameter - omega[i]) / (omega[i + 1] - omega[i])
-        try:
-            q = between(equations, path.points[i], path.points[i + 1], float(s))
-            m = q.x.size // 2
-            y, _, _, _ = correct(equations, q.x, point.parameter, np.zeros(q.x.size), 1.0)
-        except ConvergenceError:
-            continue
-        a, b = stack([y])[0], stack([resize(point.x, m)])[0]
-        shifts = np.exp(2j * np.pi / order * np.outer(np.arange(order), np.arange(m + 1)))
-        if np.abs(a - shifts * b).max(axis=1).min() < 1e-3 * np.abs(a).max():
+    for q in crossings(equations, path.points, point.parameter):
+        m = q.x.size // 2
+        a, b = stack([q.x])[0], stack([resize(point.x, m)])[0]
+        if np.abs(a - _shifts(b, order)).max(axis=1).min() < 1e-3 * np.abs(a).max():
             return True
     return False
+
+
+def _shifts(c: Array, order: int) -> Array:
+    """Complex coefficients (order, K + 1) of an orbit and its copies later by whole forcing periods."""
+    return c * np.exp(2j * np.pi / order * np.outer(np.arange(order), np.arange(c.size)))

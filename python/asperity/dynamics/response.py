@@ -16,8 +16,9 @@ from asperity.dynamics.events import finish
 from asperity.dynamics.further import detached, known, subharmonic
 from asperity.dynamics.hbm import Balance
 from asperity.dynamics.law import Array
+from asperity.dynamics.search import orbits_elsewhere
 from asperity.dynamics.setting import Setting
-from asperity.dynamics.starts import LEAST, backbone_chart, edge_orbits
+from asperity.dynamics.starts import LEAST, backbone_chart, edge_orbits, subharmonic_orbits
 from asperity.errors import ConvergenceError, InputError
 
 _GUESS = 1e-3  # deviation of the determinant from Liouville's
@@ -179,7 +180,8 @@ def frequency_response(
     doublings: list[Point] = []
     pending = list(paths)
     seeds = list(extra)
-    while pending or doublings or seeds:
+    searched = False
+    while pending or doublings or seeds or not searched:
         if pending:
             kind, order, path = pending.pop(0)
             eqs = in_omega(replace(balance, order=order), forcing)
@@ -196,12 +198,21 @@ def frequency_response(
                 if sub.end == "period doubling" and doublings:  # it was born there just as well
                     death = sub.points[-1].parameter
                     del doublings[min(range(len(doublings)), key=lambda i: abs(doublings[i].parameter - death))]
-        else:
+        elif seeds:
             order, x, where = seeds.pop(0)
-            loop = detached(replace(balance, order=order), forcing, order, x, where, omega, options, paths)
+            try:
+                loop = detached(replace(balance, order=order), forcing, order, x, where, omega, options, paths)
+            except ConvergenceError as error:
+                notes.append(f"an orbit met at Omega = {where:.6g} is on no branch and could not be followed: {error}")
+                continue
             if loop is not None:
                 paths.append(("detached", order, loop))
                 pending.append(paths[-1])
+        else:
+            if subharmonics:
+                seeds.extend((2, x, where) for x, where in subharmonic_orbits(balance, omega, forcing, chart))
+            seeds.extend((1, x, where) for where, x in orbits_elsewhere(balance, forcing, omega, branches))
+            searched = True
     branches, events, limits = within_law(balance, branches, events)
     notes.extend(limits)
     for number, b in enumerate(branches):
