@@ -14,7 +14,6 @@ import numpy as np
 
 from asperity.dynamics.continuation import Equations, Point, between, correct, locate
 from asperity.dynamics.hbm import tail
-from asperity.dynamics.law import Array
 from asperity.errors import ConvergenceError
 
 _RTOL = 1e-14  # of the fraction of a segment
@@ -41,9 +40,7 @@ def crossings(equations: Equations, points: Iterable[Point], parameter: float) -
         for left, right in pairwise(pieces):
             f_left, f_right = left.parameter - parameter, right.parameter - parameter
             if f_left * f_right < 0:
-                p = locate(
-                    equations, left, right, lambda p: p.parameter - parameter, f_left, f_right, xtol=_RTOL
-                )
+                p = locate(equations, left, right, lambda p: p.parameter - parameter, f_left, f_right, xtol=_RTOL)
                 yield _settled(equations, p, parameter)
     if last is not None and last.parameter == parameter:
         yield last
@@ -51,24 +48,28 @@ def crossings(equations: Equations, points: Iterable[Point], parameter: float) -
 
 def turns(a: Point, b: Point) -> list[float]:
     """Fractions of the segment, in order, at which the parameter of the cubic turns back."""
-    bend = np.polyder(_cubic(a, b))
-    return sorted(float(s.real) for s in np.roots(bend) if abs(s.imag) < 1e-12 and 0.0 < s.real < 1.0)
+    third, second, first, _ = _cubic(a, b)
+    root = second * second - 3.0 * third * first
+    if root < 0:
+        return []
+    q = -second - np.copysign(np.sqrt(root), second)  # of 3 third s^2 + 2 second s + first = 0, without cancellation
+    found = {float(x / y) for x, y in ((q, 3.0 * third), (first, q)) if abs(x) < abs(y) and x * y > 0}
+    return sorted(found)
 
 
-def _cubic(a: Point, b: Point) -> Array:
+def _cubic(a: Point, b: Point) -> tuple[float, float, float, float]:
     """Coefficients of the parameter along the segment, highest power first."""
     count = max(a.x.size, b.x.size) // 2
-    rise = b.parameter - a.parameter
-    length = float(np.hypot(np.linalg.norm(b.resized(count).x - a.resized(count).x), rise))
+    rise, gap = b.parameter - a.parameter, b.resized(count).x - a.resized(count).x
+    length = float(np.sqrt(gap @ gap + rise * rise))
     p, q = length * a.t_parameter, length * b.t_parameter
-    return np.array([p + q - 2.0 * rise, 3.0 * rise - 2.0 * p - q, p, a.parameter])
+    return p + q - 2.0 * rise, 3.0 * rise - 2.0 * p - q, p, a.parameter
 
 
 def _reaches(a: Point, b: Point, parameter: float) -> bool:
-    """Whether the cubic can meet the parameter: its control polygon lies on both sides of it."""
-    cubic = _cubic(a, b)
-    third = cubic[2] / 3.0
-    polygon = (a.parameter, a.parameter + third, b.parameter - np.polyder(cubic).sum() / 3.0, b.parameter)
+    """Whether the cubic may meet the parameter: its control polygon lies on both sides of it."""
+    third, second, first, start = _cubic(a, b)
+    polygon = (start, start + first / 3.0, b.parameter - (3.0 * third + 2.0 * second + first) / 3.0, b.parameter)
     return min(polygon) <= parameter <= max(polygon)
 
 

@@ -100,6 +100,8 @@ def _deviation(a: Array, b: Array, middle: Array) -> Array:
 
 def _stability(balance: Balance, branch: Branch, places: Array) -> NDArray[np.bool_]:
     """Stability of the rows: it changes at special orbits, which are points, and is one between two points."""
+    if len(branch) == 1:
+        return branch.stable
     neutral = np.abs(branch.radius - 1.0) < _NEUTRAL
     stable = branch.stable[:-1].copy()
     unclear = np.flatnonzero(neutral[:-1] | neutral[1:] | (branch.stable[:-1] != branch.stable[1:]))

@@ -8,12 +8,13 @@ import numpy as np
 
 from asperity.dynamics.branch import Branch, Event, measure
 from asperity.dynamics.continuation import Equations, Path, Point, adapt, between, locate, newton_rtol, predictor
+from asperity.dynamics.crossing import turns
 from asperity.dynamics.hbm import Balance, resize
 from asperity.dynamics.law import Array
 from asperity.dynamics.stability import NOTHING, Floquet, extrema, floquet, rise, stack
 from asperity.errors import ConvergenceError
 
-_TOP = "greatest u_max"  # a point of the branch, but no event
+_TOP, _LIMIT, _CHANGE = "greatest u_max", "limit of the law", "change of stability"  # points, but no events
 _STEEP = 0.03  # least rate of the parameter along the branch: an error at a fold counts as one across the branch
 _CUBIC = 1e-4  # error of the cubic between neighbours that rows between them may carry, relative to the orbit
 
@@ -30,11 +31,17 @@ def finish(
     flip = multipliers.flip
     c = stack([p.x for p in points])
     omega = np.array([p.parameter for p in points])
-    u_min, _ = extrema(c)
+    u_min, u_max = extrema(c)
     fold = np.array([p.t_parameter for p in points])
+    if len(points) > 1:  # it vanishes where a period-2 branch is born or dies, which is no fold
+        fold[0], fold[-1] = fold[0] or fold[1], fold[-1] or fold[-2]
 
     def graze(p: Point) -> float:
         return float(extrema(stack([p.x]))[0][0]) + 1.0
+
+    def room(p: Point) -> float:
+        lowest, highest = extrema(stack([p.x]))
+        return float(min(balance.restoring.u_range[1] - highest[0], lowest[0] - balance.restoring.u_range[0]))
 
     def doubling(p: Point) -> float:
         return float(_multipliers(balance, [p]).flip[0])
@@ -43,8 +50,10 @@ def finish(
         return float(rise(stack([p.x]), stack([p.t]))[0])
 
     tests = [("fold", fold, lambda p: p.t_parameter), ("grazing", u_min + 1.0, graze)]
-    if balance.zeta > 0 and balance.order == 1:
-        tests.append(("period doubling", flip, doubling))
+    tests.append(("period doubling" if balance.zeta > 0 else _CHANGE, flip, doubling))
+    low, high = balance.restoring.u_range
+    if np.isfinite(low) or np.isfinite(high):
+        tests.append((_LIMIT, np.minimum(high - u_max, u_min - low), room))
     tests.append((_TOP, rise(c, stack([p.t for p in points])), top))
     inserted: list[tuple[int, float, str, Point]] = []
     for name, values, function in tests:
@@ -67,7 +76,7 @@ def finish(
     branch = measure(balance, points, kind, path.end, multipliers)
     events = []
     for shift, (i, _, name, _) in enumerate(inserted):
-        if name == _TOP:
+        if name in (_TOP, _LIMIT, _CHANGE):
             continue
         j = i + 1 + shift
         events.append(
@@ -90,9 +99,13 @@ def _refined(equations: Equations, points: tuple[Point, ...], tol: float) -> lis
         beside = points[i - 1] if i else points[2] if len(points) > 2 else None
         error = (_cubic_error(beside, a, b) if i else _cubic_error(beside, b, a)) if beside else 0.0
         pieces = min(4, int(np.ceil((error / _CUBIC) ** 0.25)))
-        for j in range(1, pieces):
+        inner = [j / pieces for j in range(1, pieces)]
+        back = turns(a, b)
+        if len(back) == 2:  # there and back between two points: the folds need one between them
+            inner = sorted({*inner, 0.5 * sum(back)})
+        for s in inner:
             try:
-                q = between(equations, a, b, j / pieces)
+                q = between(equations, a, b, s)
                 out.append(adapt(equations, q, q.t, q.t_parameter, tol, q.x.size // 2))
             except ConvergenceError:
                 continue

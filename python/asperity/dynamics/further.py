@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from asperity.dynamics.continuation import Equations, Path, Point, in_omega, start, trace
+from asperity.dynamics.continuation import Equations, Path, Point, in_omega, locate, start, trace
 from asperity.dynamics.crossing import crossings
 from asperity.dynamics.hbm import Balance, resize, tail
 from asperity.dynamics.law import Array
@@ -38,15 +38,37 @@ def subharmonic(
     def returns(points: list[Point]) -> str | None:
         a, b = points[-2], points[-1]
         m = min(a.x.size, b.x.size) // 2
-        j = np.concatenate([np.arange(1, m + 1, 2), m + np.arange(1, m + 1, 2)])
-        if len(points) > 3 and resize(a.x, m)[j] @ resize(b.x, m)[j] <= 0:
-            points.pop()
-            return "period doubling"
-        return None
+        odd_a = _odd(resize(a.x, m))
+
+        def side(p: Point) -> float:
+            return float(_odd(resize(p.x, m)) @ odd_a)
+
+        if len(points) < 3 or side(b) > 0:
+            return None
+        points.pop()  # it is a copy, later by a period of the forcing, of an orbit of the branch
+        try:
+            points.append(_single(locate(equations, a, b, side, side(a), side(b)), odd_a))
+        except ConvergenceError:
+            pass
+        return "period doubling"
 
     first = Point(x, flip.parameter, null, 0.0, tail(x))
     path = trace(equations, first, window, stop=returns, **{**options, "least": 2 * LEAST})
-    return path if len(path.points) > 3 else None
+    return path if len(path.points) > 2 else None
+
+
+def _odd(x: Array) -> Array:
+    """The harmonics of an orbit of order 2 that one of order 1 lacks, the others 0."""
+    out = x.copy()
+    m = x.size // 2
+    out[0] = out[2 : m + 1 : 2] = out[m + 2 :: 2] = 0.0
+    return out
+
+
+def _single(p: Point, odd: Array) -> Point:
+    """The orbit of order 1 at the end of a branch of order 2, which arrives there along -odd."""
+    odd = resize(odd, p.x.size // 2)
+    return Point(p.x - _odd(p.x), p.parameter, -odd / np.linalg.norm(odd), 0.0, p.error)
 
 
 def detached(
