@@ -185,11 +185,12 @@ def test_period_doubling_onset_and_branches() -> None:
 
 def test_detached_loops_below_the_onset() -> None:
     o = ContactOscillator(PowerLaw(1.5), zeta=0.01)
-    assert all(b.kind == "main" for b in o.response(0.15, (1.4, 2.2)).branches)
-    r = o.response(0.15, (1.4, 2.2), detached=True)
-    loops = [b for b in r.branches if b.kind == "detached"]
-    assert [b.order for b in loops] == [2]
-    assert loops[0].stable.any() and (~loops[0].stable).any()
+    for search in (False, True):  # the backbone leads there without a search
+        r = o.response(0.15, (1.4, 2.2), detached=search)
+        loops = [b for b in r.branches if b.kind == "detached"]
+        assert [b.order for b in loops] == [2]
+        assert loops[0].stable.any() and (~loops[0].stable).any()
+    assert all(b.kind == "main" for b in o.response(0.15, (1.4, 2.2), subharmonics=False).branches)
 
 
 def test_taylor_equals_exact_in_contact_for_integer_powers() -> None:

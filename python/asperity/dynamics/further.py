@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -19,16 +20,18 @@ _SAME = 1e-4  # two orbits closer than this, relatively, are one
 
 
 def subharmonic(
-    balance: Balance, forcing: float, flip: Point, window: tuple[float, float], options: dict[str, Any]
+    balance: Balance,
+    forcing: float,
+    flip: Point,
+    window: tuple[float, float],
+    options: dict[str, Any],
+    others: Sequence[Point],
 ) -> Path | None:
-    """Follow the period-2 branch born at a period doubling until it dies or leaves the window."""
+    """Follow the period-2 branch born at a period doubling until it leaves the window or dies at one of the others."""
     double = replace(balance, order=2)
     equations = in_omega(double, forcing)
     count = flip.x.size // 2
-    x = np.zeros(4 * count + 1)
-    x[0] = flip.x[0]
-    x[2 : 2 * count + 1 : 2] = flip.x[1 : count + 1]
-    x[2 * count + 2 :: 2] = flip.x[count + 1 :]
+    x = _doubled(flip.x)
     k = np.concatenate([[0], np.arange(1, 2 * count + 1), np.arange(1, 2 * count + 1)])
     odd = np.flatnonzero(k % 2)
     jacobian = equations(x, flip.parameter)[1][np.ix_(odd, odd)]
@@ -54,7 +57,31 @@ def subharmonic(
 
     first = Point(x, flip.parameter, null, 0.0, tail(x))
     path = trace(equations, first, window, stop=returns, **{**options, "least": 2 * LEAST})
-    return path if len(path.points) > 2 else None
+    if len(path.points) < 3:
+        return None
+    if path.end == "period doubling" and others:
+        end, before = path.points[-1], path.points[-2]
+        ends = [Point(_doubled(p.x), p.parameter, _doubled(p.t), 0.0, p.error) for p in others]
+        nearest = min(ends, key=lambda p: _gap(p, end))
+        if _gap(nearest, end) < _gap(before, end):
+            t = resize(end.t, nearest.x.size // 2)
+            return replace(path, points=(*path.points[:-1], replace(nearest, t=t)))
+    return path
+
+
+def _doubled(x: Array) -> Array:
+    """An orbit of order 1 as one of order 2."""
+    count = x.size // 2
+    out = np.zeros(4 * count + 1)
+    out[0] = x[0]
+    out[2 : 2 * count + 1 : 2] = x[1 : count + 1]
+    out[2 * count + 2 :: 2] = x[count + 1 :]
+    return out
+
+
+def _gap(a: Point, b: Point) -> float:
+    count = max(a.x.size, b.x.size) // 2
+    return float(np.linalg.norm(resize(a.x, count) - resize(b.x, count))) + abs(a.parameter - b.parameter)
 
 
 def _odd(x: Array) -> Array:
@@ -96,8 +123,10 @@ def detached(
         if other == order and _on_path(equations, path, first, order):
             return None
 
-    copies = [replace(first, x=unstack(a, a.size - 1), t=unstack(b, b.size - 1)) for a, b in zip(
-        _shifts(c, order), _shifts(stack([first.t])[0], order), strict=True)]
+    copies = [
+        replace(first, x=unstack(a, a.size - 1), t=unstack(b, b.size - 1))
+        for a, b in zip(shifts(c, order), shifts(stack([first.t])[0], order), strict=True)
+    ]
 
     def closed(points: list[Point]) -> str | None:
         if len(points) < 6:
@@ -141,11 +170,11 @@ def _on_path(equations: Equations, path: Path, point: Point, order: int) -> bool
     for q in crossings(equations, path.points, point.parameter):
         m = q.x.size // 2
         a, b = stack([q.x])[0], stack([resize(point.x, m)])[0]
-        if np.abs(a - _shifts(b, order)).max(axis=1).min() < 1e-3 * np.abs(a).max():
+        if np.abs(a - shifts(b, order)).max(axis=1).min() < 1e-3 * np.abs(a).max():
             return True
     return False
 
 
-def _shifts(c: Array, order: int) -> Array:
+def shifts(c: Array, order: int) -> Array:
     """Complex coefficients (order, K + 1) of an orbit and its copies later by whole forcing periods."""
     return c * np.exp(2j * np.pi / order * np.outer(np.arange(order), np.arange(c.size)))

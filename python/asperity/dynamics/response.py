@@ -13,14 +13,16 @@ from asperity.dynamics.continuation import Path, Point, in_omega, start, trace
 from asperity.dynamics.crossing import crossings
 from asperity.dynamics.dense import Line, dense
 from asperity.dynamics.events import finish
-from asperity.dynamics.further import detached, known, subharmonic
+from asperity.dynamics.further import detached, known, shifts, subharmonic
 from asperity.dynamics.hbm import Balance
 from asperity.dynamics.law import Array
 from asperity.dynamics.search import orbits_elsewhere
 from asperity.dynamics.setting import Setting
+from asperity.dynamics.stability import floquet, stack
 from asperity.dynamics.starts import LEAST, backbone_chart, edge_orbits, subharmonic_orbits
 from asperity.errors import ConvergenceError, InputError
 
+_SAME = 1e-6  # two orbits closer than this, relatively, beside their errors, may be one
 _GUESS = 1e-3  # deviation of the determinant from Liouville's
 
 
@@ -70,20 +72,22 @@ class FrequencyResponse:
         if not self.omega[0] <= omega <= self.omega[1]:
             raise InputError(f"Omega = {omega:g} lies outside the computed window {self.omega}")
         found: list[Solution] = []
+        senses: list[bool] = []
         for number, branch in enumerate(self.branches):
             balance = replace(self.balance, order=branch.order)
             try:
                 points = list(crossings(in_omega(balance, self.setting.F_hat), branch.points(), omega))
             except ConvergenceError as error:
                 raise ConvergenceError(
-                    f"an orbit of branch {number} ({branch.kind}) at Omega = {omega:g} could not be corrected ({error}): "
-                    "ask for a smaller tol"
+                    f"an orbit at Omega = {omega:g} on branch {number} ({branch.kind}) could not be corrected: "
+                    f"{error}; ask for a smaller tol"
                 ) from error
             if not points:
                 continue
-            data = measure(balance, points, branch.kind, "")
-            found.extend(
-                Solution(
+            multipliers = floquet(balance, stack([p.x for p in points]), np.full(len(points), omega))
+            data = measure(balance, points, branch.kind, "", multipliers)
+            for i, point in enumerate(points):
+                s = Solution(
                     number,
                     branch.kind,
                     branch.order,
@@ -95,8 +99,10 @@ class FrequencyResponse:
                     point.error,
                     data.coefficients[i],
                 )
-                for i, point in enumerate(points)
-            )
+                sense = bool(multipliers.fold[i] > 0)  # the two sides of a fold differ in it, however close
+                if not any(sense == other and _same(s, o) for other, o in zip(senses, found, strict=True)):
+                    found.append(s)
+                    senses.append(sense)
         return tuple(sorted(found, key=lambda solution: solution.u_max))
 
     def lines(self) -> tuple[Line, ...]:
@@ -122,6 +128,15 @@ class FrequencyResponse:
                     "branch": branch.kind,
                     "contact_loss": bool(u_min < -1.0),
                 }
+
+
+def _same(a: Solution, b: Solution) -> bool:
+    """Whether two orbits are one, met again where branches overlap, perhaps later by whole forcing periods."""
+    if a.order != b.order:
+        return False
+    count = min(a.coefficients.size, b.coefficients.size)
+    gap = np.abs(a.coefficients[:count] - shifts(b.coefficients[:count], b.order)).max(axis=1).min()
+    return bool(gap < (_SAME + 10.0 * max(a.error, b.error)) * np.abs(b.coefficients).max())
 
 
 def frequency_response(
@@ -191,7 +206,7 @@ def frequency_response(
             if subharmonics and order == 1:
                 doublings.extend(flips)
         elif doublings:
-            sub = subharmonic(balance, forcing, doublings.pop(0), omega, options)
+            sub = subharmonic(balance, forcing, doublings.pop(0), omega, options, doublings)
             if sub is not None:
                 paths.append(("sub2", 2, sub))
                 pending.append(paths[-1])

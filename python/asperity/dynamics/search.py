@@ -21,9 +21,9 @@ from asperity.dynamics.setting import LIGHTEST
 from asperity.dynamics.stability import unstack
 
 _DRIVE = 0.5  # F^^2/(2 zeta), which drives superharmonics, below which every orbit was met from the ends
-_FREQUENCIES, _STARTS = 6, 8
+_FREQUENCIES, _STARTS = 12, 24
 _HIGH = 1.0  # Omega above which no superharmonic lies
-_SETTLE, _NEWTON = 3, 10  # periods, iterations
+_SETTLE, _NEWTON = 2, 10  # periods, iterations
 _FARTHEST = 8.0  # largest start, in static deflections
 _TYPICAL = 2.0  # deflection whose stiffness sets the time step: Newton's method on the balance follows
 _CLOSE = 1e-4  # Newton step that ends the search, relative to the state
@@ -79,7 +79,14 @@ def orbits_elsewhere(
                     wave[1:] *= 2.0
                     yield at[0], unstack(wave, _HARMONICS)
         moving = np.isfinite(length) & (length >= _CLOSE * size)
-        omega, u, w, length, size, step = omega[moving], u[moving], w[moving], length[moving], size[moving], step[:, moving]
+        omega, u, w, length, size, step = (
+            omega[moving],
+            u[moving],
+            w[moving],
+            length[moving],
+            size[moving],
+            step[:, moving],
+        )
         u, w = [u, w] + step * np.minimum(1.0, 0.3 * size / length)
 
 

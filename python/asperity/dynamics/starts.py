@@ -15,7 +15,8 @@ from asperity.dynamics.law import Array
 from asperity.errors import ConvergenceError
 
 LEAST = 8  # harmonics per period of the forcing
-_BACKBONE = 12  # amplitudes at which subharmonic orbits are looked for
+_BACKBONE = 16  # amplitudes at which subharmonic orbits are looked for
+_LEAST = 0.1  # the smallest of them: below, the share of the loss hardly changes
 _AT_REST = 1e-9  # impedance below which any forcing moves the mass far
 
 
@@ -101,7 +102,8 @@ def subharmonic_orbits(
     if beside.sum() < 2:
         return
     found: list[tuple[float, float, Array]] = []  # share of the work that the loss takes, Omega, free orbit
-    for u0 in np.geomspace(chart[0][beside][0], chart[0][beside][-1], _BACKBONE):
+    top = chart[0][beside][-1]
+    for u0 in np.geomspace(max(min(_LEAST, 0.1 * top), chart[0][beside][0]), top, _BACKBONE):
         frequency, drive = rough_orbit(restoring, float(u0), balance.damping)
         if window[0] < 2.0 * frequency < window[1]:
             x = orbit_coefficients(restoring, float(u0), 24)

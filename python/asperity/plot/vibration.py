@@ -157,7 +157,7 @@ def _response(rows: Columns, events: Sequence[_Event], title: str, n_loc: float 
         axis.set_xlim(rows["Omega"].min(), rows["Omega"].max())
         axis.set_ylim(0, 1.1 * np.nanmax(rows["u_max"][physical]))
         style.grid(axis)
-    shown = {*np.unique(rows["branch"]).tolist(), *(e.kind for e in events)}
+    shown = {*np.unique(rows["branch"]).tolist(), *(e.kind for e in events if _is_physical(e))}
     keys = [*_forcing_keys(forcings, n_loc), *_line_keys(shown, bool(physical.all()), bool(bands))]
     figure.legend(handles=keys, loc="outside lower center", ncols=2 if len(models) == 1 else 4)
     figure.suptitle(title, fontsize=9)
@@ -197,7 +197,7 @@ def _pieces(omega: Array, u: Array, state: NDArray[Any]) -> Iterator[tuple[int, 
 def _events(axis: Any, events: Sequence[_Event], rows: Columns) -> None:
     """Folds with their jumps, period doublings, and the line through the points where contact loss begins."""
     for e in events:
-        if e.model == "taylor" and not e.u_min >= -1.0:
+        if not _is_physical(e):
             continue
         if e.kind in _MARKS:
             axis.plot(e.Omega, e.u_max, _MARKS[e.kind][0], color=style.BLACK, ms=3.5, mfc="white", zorder=5)
@@ -210,6 +210,10 @@ def _events(axis: Any, events: Sequence[_Event], rows: Columns) -> None:
     points = sorted((e.Omega, e.u_max) for e in events if e.kind == "grazing" and e.model == "exact")
     if points:
         axis.plot(*zip(*points, strict=True), "d:", color=style.GREEN, ms=4, lw=1.0, zorder=5)
+
+
+def _is_physical(e: _Event) -> bool:
+    return e.model == "exact" or e.u_min >= -1.0
 
 
 def _stable_at(omega: float, rows: Columns) -> list[float]:
