@@ -69,26 +69,36 @@ def starts(found: tuple[Solution, ...]) -> list[Any]:
 
 
 @pytest.mark.parametrize(
-    ("n", "zeta", "forcing", "window", "omega", "order"),
+    ("n", "zeta", "forcing", "window", "omega", "order", "radius"),
     [
-        (3.0, 0.005, 0.02, (0.3, 1.3), (0.45, 0.5), 1),  # beside the fold at the end of a long resonance
-        (1.5, 0.01, 0.05, (0.5, 1.3), (0.589, 0.9415), 1),
-        (0.7, 0.02, 0.05, (0.6, 1.3), (1.02,), 1),
-        (1.5, 0.0005, 0.1, (0.3, 0.55), (0.4955, 0.33), 1),  # superharmonic folds
-        (2.4, 0.005, 0.2, (0.28, 1.5), (0.35, 0.4), 1),  # pieces that connect outside the window
-        (1.76, 0.019, 0.2514, (1.5, 2.5), (1.8431,), 2),  # a loop of period 2 below the onset
-        (1.5, 0.01, 0.3, (1.5, 2.5), (1.7, 2.0), 2),
+        (3.0, 0.005, 0.02, (0.3, 1.3), (0.45, 0.5), 1, 1.3),  # beside the fold at the end of a long resonance
+        (1.5, 0.01, 0.05, (0.5, 1.3), (0.589, 0.9415), 1, 2.3),
+        (0.7, 0.02, 0.05, (0.6, 1.3), (1.02,), 1, 1.5),
+        (1.5, 0.0005, 0.1, (0.3, 0.55), (0.4955, 0.33), 1, 2.5),  # superharmonic folds
+        (2.4, 0.005, 0.2, (0.28, 1.5), (0.35, 0.4), 1, 2.5),  # pieces that connect outside the window
+        (1.76, 0.019, 0.2514, (1.5, 2.5), (1.8431,), 2, 1.5),  # a loop of period 2 below the onset
+        (1.5, 0.01, 0.3, (1.5, 2.5), (1.7, 2.0), 2, 2.0),
     ],
 )
-def test_no_orbit_is_missing(n, zeta, forcing, window, omega, order) -> None:
+def test_no_orbit_is_missing(n, zeta, forcing, window, omega, order, radius) -> None:
     r = ContactOscillator(PowerLaw(n), zeta=zeta).response(forcing, window)
-    radius = max(float(b.u_max.max()) for b in r.branches)
     for w in omega:
         known = np.array(starts(r.at(w)))
         others = [y for p in range(1, order + 1) for y in orbits(n, zeta, forcing, w, p, radius)]
         assert others
         for state in others:
             assert np.abs(known - state).max(axis=1).min() < 2e-3 * (1 + np.abs(state).max()), (w, state)
+
+
+@pytest.mark.parametrize("omega", [0.45, 0.5])
+def test_orbits_on_a_long_narrow_resonance(omega: float) -> None:
+    """Small, large unstable and large stable: each closes when u'' itself is integrated and separates as it must."""
+    found = ContactOscillator(PowerLaw(3.0), zeta=0.005).response(0.02, (0.3, 1.3)).at(omega)
+    assert [s.stable for s in found] == [True, False, True]
+    for s in found:
+        end, high, low = one_period(3.0, 0.005, 0.02, omega, *s.start)
+        np.testing.assert_allclose(end, s.start, atol=1e-4)
+        assert (high, low) == (pytest.approx(s.u_max, rel=1e-4), pytest.approx(s.u_min, rel=1e-4))
 
 
 @pytest.mark.parametrize(("n", "zeta", "forcing"), [(1.5, 0.01, 0.05), (3.0, 0.005, 0.02), (0.7, 0.02, 0.05)])
@@ -104,16 +114,6 @@ def test_two_orbits_on_one_side_of_a_fold(n: float, zeta: float, forcing: float)
             assert {s.stable for s in pair} == {True, False}
             assert pair[0].u_max != pair[1].u_max
         assert len(r.at(e.Omega)) in (len(few), len(few) + 1, len(few) + 2)
-
-
-def test_orbits_beside_a_fold_close() -> None:
-    """Each of the pair, not one of them twice."""
-    r = ContactOscillator(PowerLaw(3.0), zeta=0.005).response(0.02, (0.3, 1.3))
-    fold = min(r["fold"], key=lambda e: e.Omega)
-    for s in r.at(fold.Omega + 1e-4):
-        end, high, _ = one_period(3.0, 0.005, 0.02, s.Omega, *s.start)
-        np.testing.assert_allclose(end, s.start, atol=1e-4)
-        assert high == pytest.approx(s.u_max, rel=1e-4)
 
 
 def test_a_point_of_a_branch_is_one_orbit() -> None:
