@@ -14,7 +14,6 @@ from asperity.dynamics.shooting import state_at_phase_zero
 from asperity.dynamics.stability import Floquet, extrema, floquet, stack, unstack
 
 _ROUND_OFF = 1e-15  # of the contact force
-_EDGE = 1e-9  # relative distance from the limit of the law within which a point was put there
 
 
 @dataclass(frozen=True)
@@ -144,7 +143,7 @@ def within_law(
     renumber: dict[int, list[int]] = {}
     notes = []
     for number, b in enumerate(branches):
-        inside = (b.u_max <= high + _EDGE * abs(high)) & (b.u_min >= low - _EDGE * abs(low))
+        inside = (b.u_max <= high) & (b.u_min >= low)
         if inside.all():
             pieces = [slice(0, len(b))]
         else:

@@ -15,6 +15,7 @@ from asperity.dynamics.stability import NOTHING, Floquet, extrema, floquet, rise
 from asperity.errors import ConvergenceError
 
 _TOP, _LIMIT, _CHANGE = "greatest u_max", "limit of the law", "change of stability"  # points, but no events
+_INSIDE = 1e-7  # how far inside the limit of the law its point lies, relative to it
 _STEEP = 0.03  # least rate of the parameter along the branch: an error at a fold counts as one across the branch
 _CUBIC = 1e-4  # error of the cubic between neighbours that rows between them may carry, relative to the orbit
 
@@ -25,6 +26,7 @@ def finish(
     """Locate the events and the tops of a path, insert them and measure every point."""
     points = _refined(equations, path.points, tol)
     search = {"rtol": newton_rtol(tol, not balance.restoring.singular), "xtol": 0.03 * float(np.sqrt(tol))}
+    low, high = balance.restoring.u_range
     multipliers = _multipliers(balance, points)
     if balance.zeta > 0 and balance.order == 1 and _open_tongues(balance, equations, points, multipliers):
         multipliers = _multipliers(balance, points)
@@ -39,9 +41,11 @@ def finish(
     def graze(p: Point) -> float:
         return float(extrema(stack([p.x]))[0][0]) + 1.0
 
-    def room(p: Point) -> float:
-        lowest, highest = extrema(stack([p.x]))
-        return float(min(balance.restoring.u_range[1] - highest[0], lowest[0] - balance.restoring.u_range[0]))
+    def room(lowest: Array, highest: Array) -> Array:
+        return np.minimum(high - highest - _INSIDE * abs(high), lowest - low - _INSIDE)
+
+    def inside(p: Point) -> float:
+        return float(room(*extrema(stack([p.x])))[0])
 
     def doubling(p: Point) -> float:
         return float(_multipliers(balance, [p]).flip[0])
@@ -51,9 +55,8 @@ def finish(
 
     tests = [("fold", fold, lambda p: p.t_parameter), ("grazing", u_min + 1.0, graze)]
     tests.append(("period doubling" if balance.zeta > 0 else _CHANGE, flip, doubling))
-    low, high = balance.restoring.u_range
-    if np.isfinite(low) or np.isfinite(high):
-        tests.append((_LIMIT, np.minimum(high - u_max, u_min - low), room))
+    if np.isfinite([low, high]).any():
+        tests.append((_LIMIT, room(u_min, u_max), inside))
     tests.append((_TOP, rise(c, stack([p.t for p in points])), top))
     inserted: list[tuple[int, float, str, Point]] = []
     for name, values, function in tests:
