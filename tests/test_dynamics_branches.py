@@ -141,9 +141,9 @@ def test_start_from_rest_ends_on_a_branch() -> None:
     n, zeta, forcing = 2.4, 0.005, 0.2
     r = ContactOscillator(PowerLaw(n), zeta=zeta).response(forcing, (0.28, 1.5))
     assert "detached" in {b.kind for b in r.branches}
-    frequencies = np.array([0.34, 0.38])
-    rests = periods(n, zeta, forcing, frequencies, np.zeros((2, 2)), 100)
-    for omega, rest in zip(frequencies.tolist(), rests.T, strict=True):
+    frequencies = (0.34, 0.38)
+    rests = periods(n, zeta, forcing, np.array(frequencies), np.zeros((2, 2)), 100)
+    for omega, rest in zip(frequencies, rests.T, strict=True):
         stable = np.array(starts(tuple(s for s in r.at(omega) if s.stable)))
         assert np.abs(stable - rest).max(axis=1).min() < 1e-3
 
@@ -193,7 +193,7 @@ def test_straight_lines_between_rows(n, zeta, forcing, window) -> None:
     omega, u = (np.array([row[name] for row in rows]) for name in ("Omega", "u_max"))
     stable = np.array([row["stable"] for row in rows])
     rng = np.random.default_rng(4)
-    wanted = rng.uniform(*window, 12).tolist()
+    wanted: list[float] = rng.uniform(window[0], window[1], 12).tolist()
     for e in r["fold"]:
         wanted += [e.Omega + side * float(d) for side in (-1, 1) for d in 10.0 ** rng.uniform(-5, -2, 3)]
     for w in wanted:

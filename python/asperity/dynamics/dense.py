@@ -62,9 +62,9 @@ def dense(balance: Balance, branch: Branch, rtol: float = _RTOL) -> Line:
         branch: the branch.
         rtol: largest deviation of the cubic from straight lines.
     """
-    places = np.arange(len(branch), dtype=float)
-    values = np.array([branch.Omega, branch.u_max, branch.u_min, branch.a1])
-    done = np.zeros(len(branch) - 1, bool)
+    places: Array = np.arange(len(branch), dtype=float)
+    values: Array = np.array([branch.Omega, branch.u_max, branch.u_min, branch.a1])
+    done: NDArray[np.bool_] = np.zeros(len(branch) - 1, bool)
     for depth in range(_DEPTH):
         left = np.flatnonzero(~done)
         if not left.size:
@@ -77,7 +77,8 @@ def dense(balance: Balance, branch: Branch, rtol: float = _RTOL) -> Line:
         done = np.insert(done, left[off], False)
         places = np.insert(places, left[off] + 1, middle[off])
         values = np.insert(values, left[off] + 1, between[:, off], axis=1)
-    return Line(places, *values, _stability(balance, branch, places))
+    omega, u_max, u_min, a1 = values
+    return Line(places, omega, u_max, u_min, a1, _stability(balance, branch, places))
 
 
 def _measured(branch: Branch, places: Array) -> Array:
