@@ -193,7 +193,7 @@ def test_straight_lines_between_rows(n, zeta, forcing, window) -> None:
     omega, u = (np.array([row[name] for row in rows]) for name in ("Omega", "u_max"))
     stable = np.array([row["stable"] for row in rows])
     rng = np.random.default_rng(4)
-    wanted: list[float] = rng.uniform(window[0], window[1], 12).tolist()
+    wanted = [float(w) for w in rng.uniform(window[0], window[1], 12)]
     for e in r["fold"]:
         wanted += [e.Omega + side * float(d) for side in (-1, 1) for d in 10.0 ** rng.uniform(-5, -2, 3)]
     for w in wanted:
