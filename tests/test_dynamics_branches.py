@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from test_dynamics_response import one_period
 
-from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw, TableLaw, crossing
-from asperity.dynamics.branch import Solution
+from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw, TableLaw
+from asperity.dynamics.orbits import crossing
+from asperity.dynamics.orbits.branch import Solution
 from asperity.errors import ConvergenceError
 from asperity.plot import vibration
 
