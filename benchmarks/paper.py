@@ -185,11 +185,11 @@ def response_families(results: StudyResults) -> Figure:
         levels = results.levels(name)
         for level, text, colour in zip(levels, labels(name, levels), colours(len(levels)), strict=True):
             exact = ContactOscillator(mean_law(level), zeta=ZETA)
-            branch = exact.response(FAMILY_FORCING, OMEGA, subharmonics=False).branches[0]
+            branch = exact.response(FAMILY_FORCING, OMEGA, subharmonics=False).lines()[0]
             axis.plot(branch.Omega, branch.u_max, color=colour, label=f"{text}, $n$ = {exact.restoring.n_loc:.2f}")
             unstable = np.where(np.asarray(branch.stable, bool), np.nan, branch.u_max)
             axis.plot(branch.Omega, unstable, color="white", lw=0.8, ls=(0, (1, 2)))
-            branch = exact.taylor().response(FAMILY_FORCING, OMEGA, subharmonics=False).branches[0]
+            branch = exact.taylor().response(FAMILY_FORCING, OMEGA, subharmonics=False).lines()[0]
             axis.plot(branch.Omega, branch.u_max, "--", color=style.BLACK, lw=0.5)
         axis.plot([], [], "--", color=style.BLACK, lw=0.5, label="Taylor")
         axis.set_xlim(0.75, 1.1)

@@ -113,7 +113,7 @@ class ContactOscillator:
         """Natural frequency against release amplitude, to 1e-12 for smooth laws.
 
         Args:
-            u0: release deflections over z_s, > 0; by default 60 up to 1.5 u_max (or as far as the law goes).
+            u0: release deflections over z_s, > 0; by default 120 up to 1.5 u_max (or as far as the law goes).
 
         Raises:
             RangeError: an orbit leaves the table, or passes the rim of the Taylor well.
@@ -121,7 +121,7 @@ class ContactOscillator:
         if u0 is None:
             limit = contact_limit(self.restoring)
             top = min(1.5 * limit if np.isfinite(limit) else 1.5, _thresholds.reach(self.restoring))
-            u0 = np.linspace(top / 60, top, 60)
+            u0 = np.linspace(top / 120, top, 120)
         return free_vibration(self.restoring, u0, model=self.model, omega_s=self.omega_s, damping=self.damping)
 
     def backbone(self, u_max: float | None = None, points: int = 60) -> Backbone:

@@ -187,8 +187,8 @@ def _with_law(oscillator: ContactOscillator, law: Law) -> ContactOscillator:
 def stable_range(response: FrequencyResponse, omega: Array) -> tuple[Array, Array]:
     """Greatest and smallest stable u_max at each Omega, by linear interpolation; nan where there is none."""
     high, low = np.full(omega.size, np.nan), np.full(omega.size, np.nan)
-    for b in response.branches:
-        for i in range(len(b) - 1):
+    for b in response.lines():
+        for i in range(b.Omega.size - 1):
             if not (b.stable[i] and b.stable[i + 1]):
                 continue
             left, right = sorted((b.Omega[i], b.Omega[i + 1]))

@@ -41,8 +41,8 @@ CAPTIONS = {
     "frequency": "Natural frequency against the amplitude of free vibration about the static "
     "deflection; beyond the dot the motion leaves contact (exact law) or the Taylor expansion "
     "pulls where there is no contact.",
-    "response": "Forced vibration: greatest deflection against the frequency of excitation; beyond the "
-    "dotted line the motion loses contact.",
+    "response": "Forced vibration: greatest deflection against the frequency of excitation. Where the motion "
+    "loses contact, diamonds joined by a dotted line mark the onset.",
 }
 
 

@@ -62,8 +62,8 @@ def backbone(
     curve = oscillator.backbone(u_max)
     figure, axis = style.figure(style.SINGLE + 0.6, 3.6)
     for r, colour in zip(responses, (style.SKY, style.ORANGE, style.GREEN, style.PURPLE) * 8, strict=False):
-        for b in r.branches:
-            axis.plot(b.Omega, b.a1, color=colour, lw=0.9)
+        for line in r.lines():
+            axis.plot(line.Omega, line.a1, color=colour, lw=0.9)
         axis.plot([], [], color=colour, lw=0.9, label=f"response, $\\hat F$ = {r.setting.F_hat:g}")
     axis.plot(curve.omega, curve.a1, color=style.BLACK, label="backbone")
     limit = oscillator.u_max

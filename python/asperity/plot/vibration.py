@@ -28,6 +28,7 @@ _SWEEPS = {"sweep-up": ("^", "sweep up"), "sweep-down": ("v", "sweep down")}
 _MARKS = {"fold": ("o", "fold, with jump"), "period doubling": ("s", "period doubling")}
 _ACTS = {"always": "always", "contact": "in contact", "hunt-crossley": "after Hunt and Crossley"}
 _FAINT = 0.35
+_CLOSE = 0.03  # of the extent of a curve: rows nearer than this are drawn as one
 
 
 def heading(zeta: Iterable[float], damping: str | None, n_loc: float | None) -> str:
@@ -157,7 +158,7 @@ def _response(rows: Columns, events: Sequence[_Event], title: str, n_loc: float 
         axis.set_xlim(rows["Omega"].min(), rows["Omega"].max())
         axis.set_ylim(0, 1.1 * np.nanmax(rows["u_max"][physical]))
         style.grid(axis)
-    shown = {*np.unique(rows["branch"]).tolist(), *(e.kind for e in events)}
+    shown = {*np.unique(rows["branch"]).tolist(), *(e.kind for e in events if _is_physical(e))}
     keys = [*_forcing_keys(forcings, n_loc), *_line_keys(shown, bool(physical.all()), bool(bands))]
     figure.legend(handles=keys, loc="outside lower center", ncols=2 if len(models) == 1 else 4)
     figure.suptitle(title, fontsize=9)
@@ -183,9 +184,9 @@ def _branch(axis: Any, rows: Columns, name: str, model: str, colour: str) -> Non
 def _pieces(omega: Array, u: Array, state: NDArray[Any]) -> Iterator[tuple[int, int]]:
     """Ranges of one state; pieces of one curve share a point, separate curves do not."""
     reach = np.hypot(np.diff(omega) / (np.ptp(omega) or 1.0), np.diff(u) / (np.ptp(u) or 1.0))
-    # continuation changes its step gradually: a sudden long one leads to another curve
+    # rows of one curve lie close and change their distance gradually: a sudden long one leads to another curve
     around = np.maximum(np.r_[reach[:1], reach[:-1]], np.r_[reach[1:], reach[-1:]])
-    jump = reach > 8 * around
+    jump = reach > np.maximum(8 * around, _CLOSE)
     cuts = np.flatnonzero((state[1:] != state[:-1]) | jump)
     start = 0
     for cut in [*cuts, len(omega) - 1]:
@@ -197,7 +198,7 @@ def _pieces(omega: Array, u: Array, state: NDArray[Any]) -> Iterator[tuple[int, 
 def _events(axis: Any, events: Sequence[_Event], rows: Columns) -> None:
     """Folds with their jumps, period doublings, and the line through the points where contact loss begins."""
     for e in events:
-        if e.model == "taylor" and not e.u_min >= -1.0:
+        if not _is_physical(e):
             continue
         if e.kind in _MARKS:
             axis.plot(e.Omega, e.u_max, _MARKS[e.kind][0], color=style.BLACK, ms=3.5, mfc="white", zorder=5)
@@ -210,6 +211,10 @@ def _events(axis: Any, events: Sequence[_Event], rows: Columns) -> None:
     points = sorted((e.Omega, e.u_max) for e in events if e.kind == "grazing" and e.model == "exact")
     if points:
         axis.plot(*zip(*points, strict=True), "d:", color=style.GREEN, ms=4, lw=1.0, zorder=5)
+
+
+def _is_physical(e: _Event) -> bool:
+    return e.model == "exact" or e.u_min >= -1.0
 
 
 def _stable_at(omega: float, rows: Columns) -> list[float]:

@@ -39,8 +39,7 @@ def advance(
     balance: Balance, u: Array, w: Array, omega: Array, forcing: Array, steps: int
 ) -> tuple[Array, Array, Array, Array, Array]:
     """Advance one forcing period; returns the state, the extremes of u and the first harmonic."""
-    few = u.size <= FEW and balance.restoring.law.scalar and balance.damping == "always"
-    us, vs, w = (_path_of_each if few else _path)(balance, u, w, omega, forcing, steps)
+    us, vs, w = path_of(balance, u, w, omega, forcing, steps)
     with np.errstate(over="ignore", invalid="ignore"):
         low, high = _turning_values(us, vs * (2.0 * np.pi / omega / steps))
         wave = np.exp(-2j * np.pi / steps * np.arange(steps))
@@ -48,8 +47,16 @@ def advance(
     return us[-1], w, high, low, a1
 
 
+def path_of(
+    balance: Balance, u: Array, w: Array, omega: Array, forcing: Array, steps: int
+) -> tuple[Array, Array, Array]:
+    """Positions and speeds (steps + 1, lanes) over one forcing period, and w at its end."""
+    few = u.size <= FEW and balance.restoring.law.scalar and balance.damping == "always"
+    return (_path_of_each if few else _path)(balance, u, w, omega, forcing, steps)
+
+
 def _path(balance: Balance, u: Array, w: Array, omega: Array, forcing: Array, steps: int) -> tuple[Array, Array, Array]:
-    """Positions and speeds (steps + 1, lanes) of all lanes at once, and w at the end."""
+    """All lanes at once."""
     r, damping = balance.restoring, balance.damping
     rest, twice = 1.0 / r.n_loc, 2.0 * balance.zeta
     always = damping == "always"
@@ -81,7 +88,7 @@ def _path(balance: Balance, u: Array, w: Array, omega: Array, forcing: Array, st
 def _path_of_each(
     balance: Balance, u: Array, w: Array, omega: Array, forcing: Array, steps: int
 ) -> tuple[Array, Array, Array]:
-    """The same lane by lane in plain numbers, faster where lanes are few; for damping "always"."""
+    """Lane by lane in plain numbers, faster where lanes are few; for damping "always"."""
     r, twice = balance.restoring, 2.0 * balance.zeta
     at, scale, z_s, rest = r.law.at, 1.0 / r.scale, r.z_s, 1.0 / r.n_loc
     us, vs, ends = np.full((steps + 1, u.size), np.nan), np.full((steps + 1, u.size), np.nan), np.full(u.size, np.nan)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,7 +11,7 @@ from asperity.arrays import Array
 from asperity.dynamics.motion.shooting import state_at_phase_zero
 from asperity.dynamics.orbits.continuation import Point
 from asperity.dynamics.orbits.harmonic_balance import Balance
-from asperity.dynamics.orbits.stability import Floquet, extrema, floquet, stack
+from asperity.dynamics.orbits.stability import Floquet, extrema, floquet, stack, unstack
 
 _ROUND_OFF = 1e-15  # of the contact force
 
@@ -44,6 +44,8 @@ class Branch:
         det_error: deviation of the monodromy determinant from Liouville's; 1 where the stability is a guess.
         harmonics: harmonics in use at each point.
         coefficients: complex Fourier coefficients (points, K + 1) in the angle Omega tau / order.
+        tangent: derivative of the coefficients along the branch (points, K + 1).
+        tangent_omega: derivative of Omega along the branch; with `tangent` it has length 1.
         valid: False where the law means nothing physically (a Taylor law with u_min < -1).
         end: why the branch ends.
     """
@@ -60,11 +62,19 @@ class Branch:
     det_error: Array
     harmonics: Array
     coefficients: Array
+    tangent: Array
+    tangent_omega: Array
     valid: Array
     end: str
 
     def __len__(self) -> int:
         return self.Omega.size
+
+    def points(self) -> Iterator[Point]:
+        """The points as the continuation left them."""
+        for i, count in enumerate(self.harmonics):
+            x, t = (unstack(c[i], int(count)) for c in (self.coefficients, self.tangent))
+            yield Point(x, float(self.Omega[i]), t, float(self.tangent_omega[i]), float(self.error[i]))
 
     @property
     def contact_loss(self) -> Array:
@@ -115,6 +125,8 @@ def measure(
         f.error,
         np.array([p.x.size // 2 for p in points]),
         c,
+        stack([p.t for p in points]),
+        np.array([p.t_parameter for p in points]),
         valid,
         end,
     )
@@ -156,6 +168,8 @@ def within_law(
                     "det_error",
                     "harmonics",
                     "coefficients",
+                    "tangent",
+                    "tangent_omega",
                     "valid",
                 )
             }

@@ -2,32 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.orbits.continuation import Equations, Path, Point, between, correct, in_omega, start, trace
+from asperity.dynamics.orbits.continuation import Equations, Path, Point, in_omega, locate, start, trace
+from asperity.dynamics.orbits.crossing import crossings
 from asperity.dynamics.orbits.harmonic_balance import Balance, resize, tail
 from asperity.dynamics.orbits.initial_orbits import LEAST
-from asperity.dynamics.orbits.stability import stack
+from asperity.dynamics.orbits.stability import stack, unstack
 from asperity.errors import ConvergenceError
 
 _SAME = 1e-4  # two orbits closer than this, relatively, are one
 
 
 def subharmonic(
-    balance: Balance, forcing: float, flip: Point, window: tuple[float, float], options: dict[str, Any]
+    balance: Balance,
+    forcing: float,
+    flip: Point,
+    window: tuple[float, float],
+    options: dict[str, Any],
+    others: Sequence[Point],
 ) -> Path | None:
-    """Follow the period-2 branch born at a period doubling until it dies or leaves the window."""
+    """Follow the period-2 branch born at a period doubling until it leaves the window or dies at one of the others."""
     double = replace(balance, order=2)
     equations = in_omega(double, forcing)
     count = flip.x.size // 2
-    x = np.zeros(4 * count + 1)
-    x[0] = flip.x[0]
-    x[2 : 2 * count + 1 : 2] = flip.x[1 : count + 1]
-    x[2 * count + 2 :: 2] = flip.x[count + 1 :]
+    x = _doubled(flip.x)
     k = np.concatenate([[0], np.arange(1, 2 * count + 1), np.arange(1, 2 * count + 1)])
     odd = np.flatnonzero(k % 2)
     jacobian = equations(x, flip.parameter)[1][np.ix_(odd, odd)]
@@ -37,15 +41,61 @@ def subharmonic(
     def returns(points: list[Point]) -> str | None:
         a, b = points[-2], points[-1]
         m = min(a.x.size, b.x.size) // 2
-        j = np.concatenate([np.arange(1, m + 1, 2), m + np.arange(1, m + 1, 2)])
-        if len(points) > 3 and resize(a.x, m)[j] @ resize(b.x, m)[j] <= 0:
-            points.pop()
-            return "period doubling"
-        return None
+        odd_a = _odd(resize(a.x, m))
+
+        def side(p: Point) -> float:
+            return float(_odd(resize(p.x, m)) @ odd_a)
+
+        if len(points) < 3 or side(b) > 0:
+            return None
+        points.pop()  # it is a copy, later by a period of the forcing, of an orbit of the branch
+        try:
+            points.append(_single(locate(equations, a, b, side, side(a), side(b)), odd_a))
+        except ConvergenceError:
+            pass
+        return "period doubling"
 
     first = Point(x, flip.parameter, null, 0.0, tail(x))
     path = trace(equations, first, window, stop=returns, **{**options, "least": 2 * LEAST})
-    return path if len(path.points) > 3 else None
+    if len(path.points) < 3:
+        return None
+    if path.end == "period doubling" and others:
+        end, before = path.points[-1], path.points[-2]
+        ends = [Point(_doubled(p.x), p.parameter, _doubled(p.t), 0.0, p.error) for p in others]
+        nearest = min(ends, key=lambda p: _gap(p, end))
+        if _gap(nearest, end) < _gap(before, end):
+            t = resize(end.t, nearest.x.size // 2)
+            return replace(path, points=(*path.points[:-1], replace(nearest, t=t)))
+    return path
+
+
+def _doubled(x: Array) -> Array:
+    """An orbit of order 1 as one of order 2."""
+    count = x.size // 2
+    out = np.zeros(4 * count + 1)
+    out[0] = x[0]
+    out[2 : 2 * count + 1 : 2] = x[1 : count + 1]
+    out[2 * count + 2 :: 2] = x[count + 1 :]
+    return out
+
+
+def _gap(a: Point, b: Point) -> float:
+    count = max(a.x.size, b.x.size) // 2
+    return float(np.linalg.norm(resize(a.x, count) - resize(b.x, count))) + abs(a.parameter - b.parameter)
+
+
+def _odd(x: Array) -> Array:
+    """The harmonics of an orbit of order 2 that one of order 1 lacks, the others 0."""
+    out = x.copy()
+    m = x.size // 2
+    out[0] = out[2 : m + 1 : 2] = out[m + 2 :: 2] = 0.0
+    return out
+
+
+def _single(p: Point, odd: Array) -> Point:
+    """The orbit of order 1 at the end of a branch of order 2, which arrives there along -odd."""
+    odd = resize(odd, p.x.size // 2)
+    return Point(p.x - _odd(p.x), p.parameter, -odd / np.linalg.norm(odd), 0.0, p.error)
 
 
 def detached(
@@ -58,28 +108,38 @@ def detached(
     options: dict[str, Any],
     paths: list[tuple[str, int, Path]],
 ) -> Path | None:
-    """Branch through a given orbit, followed both ways, unless one of the paths already holds it."""
+    """Branch near a given orbit, followed both ways, unless one of the paths already holds it.
+
+    Raises:
+        ConvergenceError: the balance has no orbit near the given one.
+    """
     equations = in_omega(balance, forcing)
     options = {**options, "least": order * LEAST}
-    try:
-        first = start(equations, x, omega, 1.0, options["tol"], order * LEAST)
-    except ConvergenceError:
-        return None
+    first = start(equations, balance.correct(x, omega, forcing), omega, 1.0, options["tol"], order * LEAST)
+    c = stack([first.x])[0]
+    if order > 1 and np.abs(np.delete(c, slice(None, None, order))).max() < 1e-3 * np.abs(c).max():
+        return None  # it repeats sooner
     for _, other, path in paths:
         if other == order and _on_path(equations, path, first, order):
             return None
 
+    copies = [
+        replace(first, x=unstack(a, a.size - 1), t=unstack(b, b.size - 1))
+        for a, b in zip(shifts(c, order), shifts(stack([first.t])[0], order), strict=True)
+    ]
+
     def closed(points: list[Point]) -> str | None:
         if len(points) < 6:
             return None
-        a, b, f = points[-2], points[-1], points[0]
-        m = f.x.size // 2
+        a, b = points[-2], points[-1]
+        m = first.x.size // 2
         chord = np.append(b.resized(m).x - a.resized(m).x, b.parameter - a.parameter)
-        to = np.append(f.x - a.resized(m).x, f.parameter - a.parameter)
-        s = float(to @ chord) / float(chord @ chord)
-        if 0 <= s <= 1 and np.linalg.norm(to - s * chord) < 0.1 * np.linalg.norm(chord):
-            points[-1] = f
-            return "closed"
+        for f in copies:
+            to = np.append(f.x - a.resized(m).x, f.parameter - a.parameter)
+            s = float(to @ chord) / float(chord @ chord)
+            if 0 <= s <= 1 and np.linalg.norm(to - s * chord) < 0.1 * np.linalg.norm(chord):
+                points[-1] = f
+                return "closed"
         return None
 
     forward = trace(equations, first, window, stop=closed, **options)
@@ -107,17 +167,14 @@ def known(paths: list[tuple[str, int, Path]], order: int, x: Array, omega: float
 
 def _on_path(equations: Equations, path: Path, point: Point, order: int) -> bool:
     """Whether an orbit, or its copy shifted by whole forcing periods, lies on a path."""
-    omega = np.array([p.parameter for p in path.points])
-    for i in np.flatnonzero((omega[:-1] <= point.parameter) != (omega[1:] <= point.parameter)):
-        s = (point.parameter - omega[i]) / (omega[i + 1] - omega[i])
-        try:
-            q = between(equations, path.points[i], path.points[i + 1], float(s))
-            m = q.x.size // 2
-            y, _, _, _ = correct(equations, q.x, point.parameter, np.zeros(q.x.size), 1.0)
-        except ConvergenceError:
-            continue
-        a, b = stack([y])[0], stack([resize(point.x, m)])[0]
-        shifts = np.exp(2j * np.pi / order * np.outer(np.arange(order), np.arange(m + 1)))
-        if np.abs(a - shifts * b).max(axis=1).min() < 1e-3 * np.abs(a).max():
+    for q in crossings(equations, path.points, point.parameter):
+        m = q.x.size // 2
+        a, b = stack([q.x])[0], stack([resize(point.x, m)])[0]
+        if np.abs(a - shifts(b, order)).max(axis=1).min() < 1e-3 * np.abs(a).max():
             return True
     return False
+
+
+def shifts(c: Array, order: int) -> Array:
+    """Complex coefficients (order, K + 1) of an orbit and its copies later by whole forcing periods."""
+    return c * np.exp(2j * np.pi / order * np.outer(np.arange(order), np.arange(c.size)))

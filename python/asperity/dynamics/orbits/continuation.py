@@ -7,7 +7,7 @@ step shrinks geometrically towards it instead of jumping over it (Seydel 2010, c
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -218,7 +218,7 @@ def trace(
         amplitude = float(np.sqrt(here.x @ here.x))
         size = abs(here.t_parameter)
         h = min(h, max_step / max(size, 1e-6), 0.4 * amplitude + 0.5 * max_step)
-        predict = _predictor(points)
+        predict = predictor(points)
         while True:
             if h < _HMIN:
                 return Path(tuple(points), "step too small")
@@ -327,7 +327,7 @@ def locate(
     return point
 
 
-def _predictor(points: list[Point]) -> Callable[[float], tuple[Array, float]]:
+def predictor(points: Sequence[Point]) -> Callable[[float], tuple[Array, float]]:
     """Extrapolation from the last point by the cubic through the last two points and their tangents."""
     here = points[-1]
     x, t = np.append(here.x, here.parameter), np.append(here.t, here.t_parameter)

@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from asperity.arrays import Array
 from asperity.dynamics.orbits.branch import Branch, Event, measure
-from asperity.dynamics.orbits.continuation import Equations, Path, Point, adapt, between, locate, newton_rtol
+from asperity.dynamics.orbits.continuation import (
+    Equations,
+    Path,
+    Point,
+    adapt,
+    between,
+    locate,
+    newton_rtol,
+    predictor,
+)
+from asperity.dynamics.orbits.crossing import turns
 from asperity.dynamics.orbits.harmonic_balance import Balance, resize
 from asperity.dynamics.orbits.stability import NOTHING, Floquet, extrema, floquet, rise, stack
 from asperity.errors import ConvergenceError
 
-_TOP = "greatest u_max"  # a point of the branch, but no event
-_CORNER = 0.003  # largest distance of a branch from the chord between neighbours, relative to its extent
+_TOP, _LIMIT, _CHANGE = "greatest u_max", "limit of the law", "change of stability"  # points, but no events
+_INSIDE = 1e-7  # how far inside the limit of the law its point lies, relative to it
+_STEEP = 0.03  # least rate of the parameter along the branch: an error at a fold counts as one across the branch
+_CUBIC = 1e-4  # error of the cubic between neighbours that rows between them may carry, relative to the orbit
 
 
 def finish(
@@ -21,17 +35,26 @@ def finish(
     """Locate the events and the tops of a path, insert them and measure every point."""
     points = _refined(equations, path.points, tol)
     search = {"rtol": newton_rtol(tol, not balance.restoring.singular), "xtol": 0.03 * float(np.sqrt(tol))}
+    low, high = balance.restoring.u_range
     multipliers = _multipliers(balance, points)
     if balance.zeta > 0 and balance.order == 1 and _open_tongues(balance, equations, points, multipliers):
         multipliers = _multipliers(balance, points)
     flip = multipliers.flip
     c = stack([p.x for p in points])
     omega = np.array([p.parameter for p in points])
-    u_min, _ = extrema(c)
+    u_min, u_max = extrema(c)
     fold = np.array([p.t_parameter for p in points])
+    if len(points) > 1:  # it vanishes where a period-2 branch is born or dies, which is no fold
+        fold[0], fold[-1] = fold[0] or fold[1], fold[-1] or fold[-2]
 
     def graze(p: Point) -> float:
         return float(extrema(stack([p.x]))[0][0]) + 1.0
+
+    def room(lowest: Array, highest: Array) -> Array:
+        return np.minimum(high - highest - _INSIDE * abs(high), lowest - low - _INSIDE)
+
+    def inside(p: Point) -> float:
+        return float(room(*extrema(stack([p.x])))[0])
 
     def doubling(p: Point) -> float:
         return float(_multipliers(balance, [p]).flip[0])
@@ -40,8 +63,9 @@ def finish(
         return float(rise(stack([p.x]), stack([p.t]))[0])
 
     tests = [("fold", fold, lambda p: p.t_parameter), ("grazing", u_min + 1.0, graze)]
-    if balance.zeta > 0 and balance.order == 1:
-        tests.append(("period doubling", flip, doubling))
+    tests.append(("period doubling" if balance.zeta > 0 else _CHANGE, flip, doubling))
+    if np.isfinite([low, high]).any():
+        tests.append((_LIMIT, room(u_min, u_max), inside))
     tests.append((_TOP, rise(c, stack([p.t for p in points])), top))
     inserted: list[tuple[int, float, str, Point]] = []
     for name, values, function in tests:
@@ -64,7 +88,7 @@ def finish(
     branch = measure(balance, points, kind, path.end, multipliers)
     events = []
     for shift, (i, _, name, _) in enumerate(inserted):
-        if name == _TOP:
+        if name in (_TOP, _LIMIT, _CHANGE):
             continue
         j = i + 1 + shift
         events.append(
@@ -81,28 +105,44 @@ def finish(
 
 
 def _refined(equations: Equations, points: tuple[Point, ...], tol: float) -> list[Point]:
-    """Add points where straight lines between neighbours would show as corners in a plot."""
-    count = 8
-    span = abs(max(p.parameter for p in points) - min(p.parameter for p in points)) + 1e-12
-    x = np.array([resize(p.x, count) for p in points])
-    height = float(np.abs(x).max()) + 1e-12
-    t = np.array([resize(p.t, count) for p in points])
-    slope = np.column_stack([t / height, [p.t_parameter / span for p in points]])
-    gap = np.diff(x, axis=0)
-    length = np.sqrt((gap**2).sum(axis=1) + np.diff([p.parameter for p in points]) ** 2)
-    # the cubic through both points and tangents leaves the chord, half-way, by (t_a - t_b) h / 8
-    sag = np.abs(slope[:-1] - slope[1:]).max(axis=1) * length / 8.0
+    """Add points where the cubic between neighbours is not yet good enough for the rows drawn from it."""
     out = [points[0]]
-    for i, p in enumerate(points[1:]):
-        pieces = min(4, int(np.ceil(np.sqrt(sag[i] / _CORNER))))
-        for j in range(1, pieces):
+    for i, (a, b) in enumerate(pairwise(points)):
+        beside = points[i - 1] if i else points[2] if len(points) > 2 else None
+        error = (_cubic_error(beside, a, b) if i else _cubic_error(beside, b, a)) if beside else 0.0
+        pieces = min(4, int(np.ceil((error / _CUBIC) ** 0.25)))
+        inner = [j / pieces for j in range(1, pieces)]
+        back = turns(a, b)
+        if len(back) == 2:  # there and back between two points: the folds need one between them
+            inner = sorted({*inner, 0.5 * sum(back)})
+        for s in inner:
             try:
-                q = between(equations, points[i], p, j / pieces)
+                q = between(equations, a, b, s)
                 out.append(adapt(equations, q, q.t, q.t_parameter, tol, q.x.size // 2))
             except ConvergenceError:
                 continue
-        out.append(p)
+        out.append(b)
     return out
+
+
+def _cubic_error(before: Point, a: Point, b: Point) -> float:
+    """Error of the cubic from a to b half-way at a value of the parameter, relative to the orbit.
+
+    It is told from the error of the cubic through `before` and a, extrapolated to b: with the fourth derivative D of
+    the branch the two are h^4 D / 384 and h^2 (h + g)^2 D / 24, where g is the step before.
+    """
+    count = max(a.x.size, b.x.size) // 2
+    first, start, stop = (p.resized(count) for p in (before, a, b))
+    gap = stop.x - start.x
+    ahead = np.sign((start.x - first.x) @ start.t + (start.parameter - first.parameter) * start.t_parameter)
+    h = float(np.sqrt(gap @ gap + (stop.parameter - start.parameter) ** 2))
+    g = float(np.sqrt((start.x - first.x) @ (start.x - first.x) + (start.parameter - first.parameter) ** 2))
+    x, parameter = predictor([first, start])(float(ahead * h))
+    miss = np.append(stop.x - x, stop.parameter - parameter)
+    along = np.append(stop.t, stop.t_parameter)
+    miss -= (miss @ along) * along
+    steep = max(abs(start.t_parameter), abs(stop.t_parameter), _STEEP)
+    return float(np.abs(miss).sum()) / 16.0 * (h / (h + g)) ** 2 / (steep * float(np.sqrt(stop.x @ stop.x)))
 
 
 def _multipliers(balance: Balance, points: list[Point]) -> Floquet:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import brentq
@@ -14,6 +15,8 @@ from asperity.dynamics.orbits.harmonic_balance import Balance, resize
 from asperity.errors import ConvergenceError
 
 LEAST = 8  # harmonics per period of the forcing
+_BACKBONE = 16  # amplitudes at which subharmonic orbits are looked for
+_LEAST = 0.1  # the smallest of them: below, the share of the loss hardly changes
 _AT_REST = 1e-9  # impedance below which any forcing moves the mass far
 
 
@@ -85,6 +88,39 @@ def backbone_orbits(balance: Balance, omega: float, forcing: float, chart: tuple
     return guesses
 
 
+def subharmonic_orbits(
+    balance: Balance, window: tuple[float, float], forcing: float, chart: tuple[Array, Array]
+) -> Iterator[tuple[Array, float]]:
+    """Orbits of period 2, with their Omega, near the backbone at Omega / 2.
+
+    The forcing works on the second harmonic of the free orbit. Where that balances the loss with most to spare, an
+    orbit is guessed for both phases that do; it may lie on a loop that no period doubling leads to.
+    """
+    restoring, double = balance.restoring, replace(balance, order=2)
+    inside = (2.0 * chart[1] > window[0]) & (2.0 * chart[1] < window[1])
+    beside = inside | np.append(inside[1:], False) | np.append(False, inside[:-1])
+    if beside.sum() < 2:
+        return
+    found: list[tuple[float, float, Array]] = []  # share of the work that the loss takes, Omega, free orbit
+    top = chart[0][beside][-1]
+    for u0 in np.geomspace(max(min(_LEAST, 0.1 * top), chart[0][beside][0]), top, _BACKBONE):
+        frequency, drive = rough_orbit(restoring, float(u0), balance.damping)
+        if window[0] < 2.0 * frequency < window[1]:
+            x = orbit_coefficients(restoring, float(u0), 24)
+            found.append((balance.zeta * drive * x[1] / (forcing * x[2]) if x[2] else np.inf, 2.0 * frequency, x))
+    need = np.abs([np.inf, *(share for share, _, _ in found), np.inf])
+    for i in np.flatnonzero((need[1:-1] < 1.0) & (need[1:-1] < need[:-2]) & (need[1:-1] <= need[2:])):
+        share, omega, x = found[i]
+        k = np.arange(1, 25)
+        for psi in (0.5 * np.arcsin(share), 0.5 * (np.pi - np.arcsin(share))):
+            y = x.copy()
+            y[1:25], y[25:] = x[1:25] * np.cos(k * psi), x[1:25] * np.sin(k * psi)
+            y[2] += forcing / (1.0 - omega * omega)
+            corrected = _corrected(double, y, omega, forcing)
+            if corrected is not None:
+                yield corrected, omega
+
+
 def edge_orbits(
     balance: Balance, edge: float, forcing: float, tol: float, chart: tuple[Array, Array]
 ) -> Iterator[Array]:
@@ -94,9 +130,15 @@ def edge_orbits(
     except ConvergenceError:
         pass
     for guess in backbone_orbits(balance, edge, forcing, chart):
-        try:
-            x = balance.correct(guess, edge, forcing)
-        except (ConvergenceError, np.linalg.LinAlgError):
-            continue
-        if np.linalg.norm(x - resize(guess, x.size // 2)) < 0.5 * np.linalg.norm(guess):
+        x = _corrected(balance, guess, edge, forcing)
+        if x is not None:
             yield x
+
+
+def _corrected(balance: Balance, guess: Array, omega: float, forcing: float) -> Array | None:
+    """The orbit near a guess, None where the balance finds none or one far away."""
+    try:
+        x = balance.correct(guess, omega, forcing)
+    except (ConvergenceError, np.linalg.LinAlgError):
+        return None
+    return x if np.linalg.norm(x - resize(guess, x.size // 2)) < 0.5 * np.linalg.norm(guess) else None

@@ -11,13 +11,18 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.dynamics.forcing import Setting
 from asperity.dynamics.orbits.branch import Branch, Event, Solution, measure, within_law
-from asperity.dynamics.orbits.branch_switching import detached, known, subharmonic
-from asperity.dynamics.orbits.continuation import Path, Point, correct, in_omega, start, trace
+from asperity.dynamics.orbits.branch_switching import detached, known, shifts, subharmonic
+from asperity.dynamics.orbits.continuation import Path, Point, in_omega, start, trace
+from asperity.dynamics.orbits.crossing import crossings
+from asperity.dynamics.orbits.dense import Line, dense
 from asperity.dynamics.orbits.events import finish
-from asperity.dynamics.orbits.harmonic_balance import Balance, resize, tail
-from asperity.dynamics.orbits.initial_orbits import LEAST, backbone_chart, edge_orbits
+from asperity.dynamics.orbits.harmonic_balance import Balance
+from asperity.dynamics.orbits.initial_orbits import LEAST, backbone_chart, edge_orbits, subharmonic_orbits
+from asperity.dynamics.orbits.search import orbits_elsewhere
+from asperity.dynamics.orbits.stability import floquet, stack
 from asperity.errors import ConvergenceError, InputError
 
+_SAME = 1e-6  # two orbits closer than this, relatively, beside their errors, may be one
 _GUESS = 1e-3  # deviation of the determinant from Liouville's
 
 
@@ -58,66 +63,80 @@ class FrequencyResponse:
         return float(best.Omega[j]), float(best.u_max[j])
 
     def at(self, omega: float) -> tuple[Solution, ...]:
-        """All orbits of the branches at exactly this Omega, lowest u_max first.
+        """Every orbit of the branches at exactly this Omega, lowest u_max first.
 
         Raises:
+            ConvergenceError: a crossing of a branch with this Omega cannot be corrected.
             InputError: omega lies outside the window.
         """
         if not self.omega[0] <= omega <= self.omega[1]:
             raise InputError(f"Omega = {omega:g} lies outside the computed window {self.omega}")
         found: list[Solution] = []
+        senses: list[bool] = []
         for number, branch in enumerate(self.branches):
             balance = replace(self.balance, order=branch.order)
-            gap = branch.Omega - omega
-            touching = (gap[:-1] < 0) != (gap[1:] < 0)
-            touching[:1] |= gap[0] == 0
-            touching[-1:] |= gap[-1] == 0
-            for i in np.flatnonzero(touching):
-                s = gap[i] / (gap[i] - gap[i + 1])
-                c = (1 - s) * branch.coefficients[i] + s * branch.coefficients[i + 1]
-                x = np.concatenate([c.real, -c.imag[1:]])
-                keep = int(max(branch.harmonics[i], branch.harmonics[i + 1]))
-                equations = in_omega(balance, self.setting.F_hat)
-                try:
-                    x, _, t, tp = correct(equations, resize(x, keep), omega, np.zeros(2 * keep + 1), 1.0)
-                except ConvergenceError:
-                    continue
-                point = Point(x, omega, t, tp, tail(x))
-                data = measure(balance, (point,), branch.kind, "")
-                found.append(
-                    Solution(
-                        number,
-                        branch.kind,
-                        branch.order,
-                        omega,
-                        float(data.u_max[0]),
-                        float(data.u_min[0]),
-                        float(data.a1[0]),
-                        bool(data.stable[0]),
-                        point.error,
-                        data.coefficients[0],
-                    )
+            try:
+                points = list(crossings(in_omega(balance, self.setting.F_hat), branch.points(), omega))
+            except ConvergenceError as error:
+                raise ConvergenceError(
+                    f"an orbit at Omega = {omega:g} on branch {number} ({branch.kind}) could not be corrected: "
+                    f"{error}; ask for a smaller tol"
+                ) from error
+            if not points:
+                continue
+            multipliers = floquet(balance, stack([p.x for p in points]), np.full(len(points), omega))
+            data = measure(balance, points, branch.kind, "", multipliers)
+            for i, point in enumerate(points):
+                s = Solution(
+                    number,
+                    branch.kind,
+                    branch.order,
+                    omega,
+                    float(data.u_max[i]),
+                    float(data.u_min[i]),
+                    float(data.a1[i]),
+                    bool(data.stable[i]),
+                    point.error,
+                    data.coefficients[i],
                 )
+                sense = bool(multipliers.fold[i] > 0)  # the two sides of a fold differ in it, however close
+                if not any(sense == other and _same(s, o) for other, o in zip(senses, found, strict=True)):
+                    found.append(s)
+                    senses.append(sense)
         return tuple(sorted(found, key=lambda solution: solution.u_max))
 
+    def lines(self) -> tuple[Line, ...]:
+        """Each branch as a curve for files and figures: straight lines between its rows err by less than 1e-3."""
+        return tuple(dense(self.balance, b) for b in self.branches)
+
     def rows(self) -> Iterator[dict[str, Any]]:
-        """Rows of response.csv, the points of a branch in order."""
+        """Rows of response.csv, those of a branch in order along it, as close as in `lines`."""
         s = self.setting
-        for b in self.branches:
-            loss = b.contact_loss
-            for i in range(len(b)):
+        for branch, line in zip(self.branches, self.lines(), strict=True):
+            for omega, u_max, u_min, a1, stable in zip(
+                line.Omega, line.u_max, line.u_min, line.a1, line.stable, strict=True
+            ):
                 yield {
                     "model": s.model,
                     "F_hat": s.F_hat,
                     "zeta": s.zeta,
-                    "Omega": float(b.Omega[i]),
-                    "u_max": float(b.u_max[i]),
-                    "u_min": float(b.u_min[i]),
-                    "a1": float(b.a1[i]),
-                    "stable": bool(b.stable[i]),
-                    "branch": b.kind,
-                    "contact_loss": bool(loss[i]),
+                    "Omega": float(omega),
+                    "u_max": float(u_max),
+                    "u_min": float(u_min),
+                    "a1": float(a1),
+                    "stable": bool(stable),
+                    "branch": branch.kind,
+                    "contact_loss": bool(u_min < -1.0),
                 }
+
+
+def _same(a: Solution, b: Solution) -> bool:
+    """Whether two orbits are one, met again where branches overlap, perhaps later by whole forcing periods."""
+    if a.order != b.order:
+        return False
+    count = min(a.coefficients.size, b.coefficients.size)
+    gap = np.abs(a.coefficients[:count] - shifts(b.coefficients[:count], b.order)).max(axis=1).min()
+    return bool(gap < (_SAME + 10.0 * max(a.error, b.error)) * np.abs(b.coefficients).max())
 
 
 def frequency_response(
@@ -176,7 +195,8 @@ def frequency_response(
     doublings: list[Point] = []
     pending = list(paths)
     seeds = list(extra)
-    while pending or doublings or seeds:
+    searched = False
+    while pending or doublings or seeds or not searched:
         if pending:
             kind, order, path = pending.pop(0)
             eqs = in_omega(replace(balance, order=order), forcing)
@@ -186,19 +206,28 @@ def frequency_response(
             if subharmonics and order == 1:
                 doublings.extend(flips)
         elif doublings:
-            sub = subharmonic(balance, forcing, doublings.pop(0), omega, options)
+            sub = subharmonic(balance, forcing, doublings.pop(0), omega, options, doublings)
             if sub is not None:
                 paths.append(("sub2", 2, sub))
                 pending.append(paths[-1])
                 if sub.end == "period doubling" and doublings:  # it was born there just as well
                     death = sub.points[-1].parameter
                     del doublings[min(range(len(doublings)), key=lambda i: abs(doublings[i].parameter - death))]
-        else:
+        elif seeds:
             order, x, where = seeds.pop(0)
-            loop = detached(replace(balance, order=order), forcing, order, x, where, omega, options, paths)
+            try:
+                loop = detached(replace(balance, order=order), forcing, order, x, where, omega, options, paths)
+            except ConvergenceError as error:
+                notes.append(f"an orbit met at Omega = {where:.6g} is on no branch and could not be followed: {error}")
+                continue
             if loop is not None:
                 paths.append(("detached", order, loop))
                 pending.append(paths[-1])
+        else:
+            if subharmonics:
+                seeds.extend((2, x, where) for x, where in subharmonic_orbits(balance, omega, forcing, chart))
+            seeds.extend((1, x, where) for where, x in orbits_elsewhere(balance, forcing, omega, branches))
+            searched = True
     branches, events, limits = within_law(balance, branches, events)
     notes.extend(limits)
     for number, b in enumerate(branches):

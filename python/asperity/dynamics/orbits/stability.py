@@ -79,6 +79,11 @@ def stack(orbits: list[Array]) -> Array:
     return out
 
 
+def unstack(c: Array, count: int) -> Array:
+    """One row of `stack` as a coefficient vector of `count` harmonics."""
+    return np.concatenate([c[: count + 1].real, -c[1 : count + 1].imag])
+
+
 def samples(c: Array, points: int) -> Array:
     """Values (orbits, points) of the orbits at equidistant angles."""
     half = c * (0.5 * points)

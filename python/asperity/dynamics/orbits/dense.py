@@ -1,0 +1,115 @@
+"""The curve of a branch between its points: dense rows for files and figures.
+
+Between two neighbours the orbits are the cubic through their coefficients and tangents, which is what the continuation
+predicts with. Rows are added until a straight line between two of them is good enough, both in the deflection at a
+frequency and in the frequency at a deflection: beside a fold and on the top of a resonance they stand closer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.arrays import Array
+from asperity.dynamics.orbits.branch import Branch
+from asperity.dynamics.orbits.harmonic_balance import Balance
+from asperity.dynamics.orbits.stability import extrema, floquet
+
+_RTOL = 3e-4  # of a straight line between rows; the cubic itself adds to it
+_FLAT = (1e-9, 1e-4)  # smaller relative changes of Omega, or of u_max, tell nothing about the other
+_DEPTH = 12  # halvings of a segment at most
+_NEUTRAL = 1e-4  # closer than this to 1, the largest multiplier does not tell the stability beside the point
+
+
+@dataclass(frozen=True)
+class Line:
+    """Rows along a branch, in order; arrays of shape (rows,) as in `Branch`.
+
+    Attributes:
+        place: number of the point before the row, and the part of the way to the next one.
+        Omega, u_max, u_min, a1, stable: see `Branch`.
+    """
+
+    place: Array
+    Omega: Array
+    u_max: Array
+    u_min: Array
+    a1: Array
+    stable: NDArray[np.bool_]
+
+
+def on_cubic(branch: Branch, place: Array) -> tuple[Array, Array]:
+    """Omega (rows,) and complex coefficients (rows, K + 1) of the cubics at the places, see `Line`."""
+    i = np.minimum(place.astype(int), len(branch) - 2)
+    s = place - i
+    rise = branch.Omega[i + 1] - branch.Omega[i]
+    gap = branch.coefficients[i + 1] - branch.coefficients[i]
+    length = np.sqrt((np.abs(gap) ** 2).sum(axis=1) + rise**2)
+    weight, out, into = s * s * (3.0 - 2.0 * s), s * (1 - s) ** 2 * length, s * s * (s - 1) * length
+    omega = branch.Omega[i] + weight * rise + out * branch.tangent_omega[i] + into * branch.tangent_omega[i + 1]
+    c = branch.coefficients[i] + weight[:, None] * gap
+    c += out[:, None] * branch.tangent[i] + into[:, None] * branch.tangent[i + 1]
+    return omega, c
+
+
+def dense(balance: Balance, branch: Branch, rtol: float = _RTOL) -> Line:
+    """Rows along a branch, so close that straight lines between them err by `rtol`, relatively.
+
+    Args:
+        balance: the equations of the response.
+        branch: the branch.
+        rtol: largest deviation of the cubic from straight lines.
+    """
+    places: Array = np.arange(len(branch), dtype=float)
+    values: Array = np.array([branch.Omega, branch.u_max, branch.u_min, branch.a1])
+    done: NDArray[np.bool_] = np.zeros(len(branch) - 1, bool)
+    for depth in range(_DEPTH):
+        left = np.flatnonzero(~done)
+        if not left.size:
+            break
+        middle = 0.5 * (places[left] + places[left + 1])
+        between = _measured(branch, middle)
+        # a cubic may cross its chord half-way: the first halves are always kept
+        off = (_deviation(values[:, left], values[:, left + 1], between) > rtol) | (depth == 0)
+        done[left[~off]] = True
+        done = np.insert(done, left[off], False)
+        places = np.insert(places, left[off] + 1, middle[off])
+        values = np.insert(values, left[off] + 1, between[:, off], axis=1)
+    omega, u_max, u_min, a1 = values
+    return Line(places, omega, u_max, u_min, a1, _stability(balance, branch, places))
+
+
+def _measured(branch: Branch, places: Array) -> Array:
+    """Omega, u_max, u_min and a1 (4, rows) of the cubics at the places."""
+    omega, c = on_cubic(branch, places)
+    u_min, u_max = extrema(c)
+    return np.array([omega, u_max, u_min, np.abs(c[:, branch.order])])
+
+
+def _deviation(a: Array, b: Array, middle: Array) -> Array:
+    """Relative distance of rows from the straight line between their neighbours, along u_max and along Omega."""
+    worst = np.zeros(middle.shape[1])
+    for x, y, flat in ((0, 1, _FLAT[0]), (1, 0, _FLAT[1])):
+        gap = b[x] - a[x]
+        part = np.clip((middle[x] - a[x]) / np.where(gap == 0, np.inf, gap), 0.0, 1.0)
+        off = np.abs(a[y] + part * (b[y] - a[y]) - middle[y]) / np.abs(middle[y])
+        worst = np.maximum(worst, np.where(np.abs(gap) > flat * np.abs(middle[x]), off, 0.0))
+    return worst
+
+
+def _stability(balance: Balance, branch: Branch, places: Array) -> NDArray[np.bool_]:
+    """Stability of the rows: it changes at special orbits, which are points, and is one between two points."""
+    if len(branch) == 1:
+        return branch.stable
+    neutral = np.abs(branch.radius - 1.0) < _NEUTRAL
+    stable = branch.stable[:-1].copy()
+    unclear = np.flatnonzero(neutral[:-1] | neutral[1:] | (branch.stable[:-1] != branch.stable[1:]))
+    equations = replace(balance, order=branch.order)
+    if unclear.size:
+        omega, c = on_cubic(branch, unclear + 0.5)
+        stable[unclear] = floquet(equations, c, omega).stable
+    segment = np.minimum(places.astype(int), len(branch) - 2)
+    at_point = places == np.round(places)
+    return np.where(at_point, branch.stable[np.round(places).astype(int)], stable[segment])

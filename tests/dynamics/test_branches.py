@@ -1,0 +1,240 @@
+"""Which orbits a response holds, found again by other means, and the rows drawn between its points."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from test_dynamics_response import one_period
+
+from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw, TableLaw
+from asperity.dynamics.orbits import crossing
+from asperity.dynamics.orbits.branch import Solution
+from asperity.errors import ConvergenceError
+from asperity.plot import vibration
+
+
+def periods(n: float, zeta: float, forcing: float, omega: Any, state: Any, count: int = 1) -> Any:
+    """End states of many motions (2, lanes) after whole forcing periods: Runge-Kutta 4 for u'' itself."""
+    steps = int(2 * np.pi / np.min(omega) / 0.05) * count
+    h = 2 * np.pi * count / omega / steps
+
+    def rate(t: float, y: Any) -> Any:
+        pull = (np.maximum(1 + y[0], 0.0) ** n - 1) / n
+        return np.array([y[1], forcing * np.cos(omega * t) - pull - 2 * zeta * y[1]])
+
+    with np.errstate(all="ignore"):
+        for t in np.multiply.outer(np.arange(steps), h):
+            a = rate(t, state)
+            b = rate(t + h / 2, state + h / 2 * a)
+            c = rate(t + h / 2, state + h / 2 * b)
+            d = rate(t + h, state + h * c)
+            state = state + h / 6 * (a + 2 * b + 2 * c + d)
+    return state
+
+
+def orbits(n: float, zeta: float, forcing: float, omega: float, order: int, radius: float) -> list[Any]:
+    """States of periodic orbits at forcing phase 0, by Newton's method on the period map from 80 of them."""
+    i = np.arange(80)
+    y = radius * (i / 79) * np.array([np.cos(2.4 * i), np.sin(2.4 * i)])
+    for _ in range(14):
+        h = 1e-6 * (1 + np.abs(y).sum(axis=0))
+        start = np.stack([y, y + np.array([h, 0 * h]), y + np.array([0 * h, h])], axis=1)
+        end = periods(n, zeta, forcing, omega, start.reshape(2, -1), order).reshape(2, 3, -1)
+        flow = np.moveaxis((end[:, 1:] - end[:, :1]) / h - np.eye(2)[:, :, None], -1, 0)
+        defect = (end[:, 0] - y).T
+        good = np.isfinite(flow).all(axis=(1, 2)) & np.isfinite(defect).all(axis=1)
+        y, flow, defect = y[:, good], flow[good], defect[good]
+        step = -np.linalg.solve(flow, defect[..., None])[..., 0].T
+        length = np.hypot(*step)
+        size = 0.1 + np.abs(y).sum(axis=0)
+        y = y + step * np.minimum(1.0, 0.3 * size / np.maximum(length, 1e-300))
+    found: list[Any] = []
+    for state in y[:, length < 1e-6].T:
+        if not any(np.abs(state - other).max() < 1e-4 for other in found):
+            found.append(state)
+    return found
+
+
+def starts(found: tuple[Solution, ...]) -> list[Any]:
+    """States at forcing phase 0 of all orbits, those of period 2 also a period later."""
+    out = []
+    for s in found:
+        k = np.arange(s.coefficients.size)
+        for j in range(s.order):
+            c = s.coefficients * np.exp(2j * np.pi * k * j / s.order)
+            out.append([c.sum().real, (1j * k * c).sum().real * s.Omega / s.order])
+    return out
+
+
+@pytest.mark.parametrize(
+    ("n", "zeta", "forcing", "window", "omega", "order", "radius"),
+    [
+        (3.0, 0.005, 0.02, (0.3, 1.3), (0.45, 0.5), 1, 1.3),  # beside the fold at the end of a long resonance
+        (1.5, 0.01, 0.05, (0.5, 1.3), (0.589, 0.9415), 1, 2.3),
+        (0.7, 0.02, 0.05, (0.6, 1.3), (1.02,), 1, 1.5),
+        (1.5, 0.0005, 0.1, (0.3, 0.55), (0.4955, 0.33), 1, 2.5),  # superharmonic folds
+        (2.4, 0.005, 0.2, (0.28, 1.5), (0.35, 0.4), 1, 2.5),  # pieces that connect outside the window
+        (1.76, 0.019, 0.2514, (1.5, 2.5), (1.8431,), 2, 1.5),  # a loop of period 2 below the onset
+        (1.5, 0.01, 0.3, (1.5, 2.5), (1.7, 2.0), 2, 2.0),
+    ],
+)
+def test_no_orbit_is_missing(n, zeta, forcing, window, omega, order, radius) -> None:
+    r = ContactOscillator(PowerLaw(n), zeta=zeta).response(forcing, window)
+    for w in omega:
+        known = np.array(starts(r.at(w)))
+        others = [y for p in range(1, order + 1) for y in orbits(n, zeta, forcing, w, p, radius)]
+        assert others
+        for state in others:
+            assert np.abs(known - state).max(axis=1).min() < 2e-3 * (1 + np.abs(state).max()), (w, state)
+
+
+@pytest.mark.parametrize("omega", [0.45, 0.5])
+def test_orbits_on_a_long_narrow_resonance(omega: float) -> None:
+    """Small, large unstable and large stable: each closes when u'' itself is integrated and separates as it must."""
+    found = ContactOscillator(PowerLaw(3.0), zeta=0.005).response(0.02, (0.3, 1.3)).at(omega)
+    assert [s.stable for s in found] == [True, False, True]
+    for s in found:
+        end, high, low = one_period(3.0, 0.005, 0.02, omega, *s.start)
+        np.testing.assert_allclose(end, s.start, atol=1e-4)
+        assert (high, low) == (pytest.approx(s.u_max, rel=1e-4), pytest.approx(s.u_min, rel=1e-4))
+
+
+@pytest.mark.parametrize(("n", "zeta", "forcing"), [(1.5, 0.01, 0.05), (3.0, 0.005, 0.02), (0.7, 0.02, 0.05)])
+def test_two_orbits_on_one_side_of_a_fold(n: float, zeta: float, forcing: float) -> None:
+    r = ContactOscillator(PowerLaw(n), zeta=zeta).response(forcing, (0.3, 1.3))
+    assert len(r["fold"]) >= 2
+    for e in r["fold"]:
+        for d in (1e-3, 1e-5, 1e-7):
+            sides = [r.at(e.Omega - d), r.at(e.Omega + d)]
+            few, many = sorted(sides, key=len)
+            assert len(many) == len(few) + 2
+            pair = sorted(many, key=lambda s: abs(s.u_max - e.u_max))[:2]
+            assert {s.stable for s in pair} == {True, False}
+            assert pair[0].u_max != pair[1].u_max
+        assert len(r.at(e.Omega)) in (len(few), len(few) + 1, len(few) + 2)
+
+
+def test_a_point_of_a_branch_is_one_orbit() -> None:
+    r = ContactOscillator(PowerLaw(1.5), zeta=0.01).response(0.05)
+    (b,) = r.branches
+    for i in (0, 5, len(b) - 1):
+        found = r.at(float(b.Omega[i]))
+        assert min(abs(s.u_max - b.u_max[i]) for s in found) < 1e-9
+        assert all(y.u_max - x.u_max > 1e-6 for x, y in pairwise(found))
+
+
+def test_a_crossing_that_cannot_be_corrected_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    r = ContactOscillator(PowerLaw(1.5), zeta=0.01).response(0.05)
+
+    def fails(*args: Any, **options: Any) -> None:
+        raise ConvergenceError("no convergence in the corrector")
+
+    monkeypatch.setattr(crossing, "locate", fails)
+    with pytest.raises(ConvergenceError, match=r"an orbit at Omega = 0\.9 on branch 0 \(main\) could not be corrected"):
+        r.at(0.9)
+
+
+def test_start_from_rest_ends_on_a_branch() -> None:
+    """Strong forcing and light damping cut the branch from rest in pieces."""
+    n, zeta, forcing = 2.4, 0.005, 0.2
+    r = ContactOscillator(PowerLaw(n), zeta=zeta).response(forcing, (0.28, 1.5))
+    assert "detached" in {b.kind for b in r.branches}
+    frequencies = (0.34, 0.38)
+    rests = periods(n, zeta, forcing, np.array(frequencies), np.zeros((2, 2)), 100)
+    for omega, rest in zip(frequencies, rests.T, strict=True):
+        stable = np.array(starts(tuple(s for s in r.at(omega) if s.stable)))
+        assert np.abs(stable - rest).max(axis=1).min() < 1e-3
+
+
+def test_period_2_branch_ends_where_it_dies() -> None:
+    r = ContactOscillator(PowerLaw(2.0), zeta=0.05).response(0.9, (0.3, 2.4))
+    (b,) = (b for b in r.branches if b.end == "period doubling")
+    flips = [e for e in r["period doubling"] if e.branch == 0]
+    for end in (0, -1):
+        flip = min(flips, key=lambda e: abs(e.Omega - b.Omega[end]))
+        assert b.Omega[end] == pytest.approx(flip.Omega, abs=1e-6)
+        assert b.u_max[end] == pytest.approx(flip.u_max, rel=1e-4)
+    inside = float(b.Omega[-1]) + 1e-5 * (1 if b.Omega[-2] > b.Omega[-1] else -1)
+    assert sum(s.order == 2 and abs(s.u_max - b.u_max[-1]) < 0.02 for s in r.at(inside)) == 1
+
+
+def test_stability_changes_at_points_of_a_branch() -> None:
+    """Also on period-2 branches, and without damping."""
+    for zeta, forcing, n, window in ((0.05, 0.9, 2.0, (0.3, 2.4)), (0.0, 0.05, 1.5, (0.5, 1.3))):
+        for b in ContactOscillator(PowerLaw(n), zeta=zeta).response(forcing, window).branches:
+            for i in np.flatnonzero(b.stable[:-1] != b.stable[1:]):
+                assert np.abs(b.radius[i : i + 2] - 1).min() < 1e-3
+
+
+def test_branch_reaches_the_end_of_the_law() -> None:
+    z = np.linspace(0, 1, 61)[1:]
+    o = ContactOscillator(TableLaw(z, z**1.5), zeta=0.02)
+    r = o.response(0.1, (0.8, 1.2))
+    for b in r.branches:
+        assert b.u_max.max() == pytest.approx(o.restoring.u_range[1], rel=1e-6)
+
+
+ROWS = [
+    (1.5, 0.01, 0.05, (0.5, 1.3)),
+    (0.7, 0.02, 0.05, (0.6, 1.3)),
+    (3.0, 0.005, 0.02, (0.3, 1.3)),
+    (1.5, 0.01, 0.3, (1.5, 2.5)),
+]
+
+
+@pytest.mark.parametrize(("n", "zeta", "forcing", "window"), ROWS)
+def test_straight_lines_between_rows(n, zeta, forcing, window) -> None:
+    """Against corrected orbits, at random frequencies and beside folds: u_max at Omega and Omega at u_max."""
+    r = ContactOscillator(PowerLaw(n), zeta=zeta).response(forcing, window)
+    rows = [row for row in r.rows() if row["branch"] == "main"]
+    assert 50 < len(rows) < 3000
+    omega, u = (np.array([row[name] for row in rows]) for name in ("Omega", "u_max"))
+    stable = np.array([row["stable"] for row in rows])
+    rng = np.random.default_rng(4)
+    wanted = [float(w) for w in rng.uniform(window[0], window[1], 12)]
+    for e in r["fold"]:
+        wanted += [e.Omega + side * float(d) for side in (-1, 1) for d in 10.0 ** rng.uniform(-5, -2, 3)]
+    for w in wanted:
+        for s in (s for s in r.at(w) if s.kind == "main"):
+            i = np.flatnonzero((omega[:-1] <= w) != (omega[1:] <= w))
+            height = u[i] + (w - omega[i]) / (omega[i + 1] - omega[i]) * (u[i + 1] - u[i])
+            j = i[np.abs(height - s.u_max).argmin()]
+            assert np.abs(height - s.u_max).min() < 1e-3 * s.u_max
+            assert s.stable in (stable[j], stable[j + 1])
+            i = np.flatnonzero((u[:-1] <= s.u_max) != (u[1:] <= s.u_max))
+            if i.size and not np.isclose(s.u_max, r.peak[1], rtol=1e-3):
+                place = omega[i] + (s.u_max - u[i]) / (u[i + 1] - u[i]) * (omega[i + 1] - omega[i])
+                assert np.abs(place - w).min() < 1e-3 * w
+
+
+def test_stability_of_rows_changes_at_events() -> None:
+    r: FrequencyResponse = ContactOscillator(PowerLaw(1.5), zeta=0.01).response(0.05)
+    (line,) = r.lines()
+    changes = np.flatnonzero(line.stable[:-1] != line.stable[1:])
+    assert len(changes) == len(r["fold"]) == 2
+    for i, e in zip(changes, r["fold"], strict=True):
+        assert np.abs(line.Omega[i : i + 2] - e.Omega).min() == 0.0
+
+
+def test_a_branch_is_drawn_without_gaps() -> None:
+    """Stable, unstable, stable: three lines that share their ends, whatever the distance of the rows."""
+    r = ContactOscillator(PowerLaw(3.0), zeta=0.005).response(0.02, (0.3, 1.3))
+    figure = vibration.amplitude_frequency([r])
+    lines = [line for line in figure.axes[0].lines if line.get_marker() == "None"]
+    ends = [(np.asarray(line.get_xdata())[[0, -1]], np.asarray(line.get_ydata())[[0, -1]]) for line in lines]
+    assert len(lines) == 1 + len(r["fold"])
+    for (x, y), (x_next, y_next) in pairwise(ends):
+        assert (x[1], y[1]) == (x_next[0], y_next[0])
+
+
+@pytest.mark.parametrize("n", [0.6, 1.5, 3.0])
+def test_straight_lines_between_free_orbits(n: float) -> None:
+    o = ContactOscillator(PowerLaw(n))
+    rows = o.free()
+    middle = o.free(0.5 * (rows.u0[1:] + rows.u0[:-1]))
+    for name in ("omega_ratio", "u_min"):
+        line = np.interp(middle.u0, rows.u0, getattr(rows, name))
+        np.testing.assert_allclose(line, getattr(middle, name), rtol=1e-3)
