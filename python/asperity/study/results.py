@@ -7,7 +7,7 @@ import io
 import json
 import math
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from ..curve import Curve
 from ..errors import AsperityError, InputError
 from ..power_law import PowerLawFit, fit_power_law, interface_deflection
 from ..storage import replace_file
-from .definition import ENSEMBLE, Entry, Family, Study
+from .definition import ENSEMBLE, Family, Study
 
 Array = NDArray[Any]
 Row = Mapping[str, Any]
@@ -162,7 +162,7 @@ def write_tables(study: Study, folder: Path) -> list[dict[str, Any]]:
     replace_file(folder / TABLE, text.getvalue().encode())
     families = [{"name": f.name, "title": f.title, "keys": f.keys} for f in study.families]
     about = {"title": study.title, "families": families, "cases": len(study.entries), "keys": study.keys}
-    (folder / ABOUT).write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+    replace_file(folder / ABOUT, f"{json.dumps(about, indent=2)}\n".encode())
     return rows
 
 
@@ -279,11 +279,6 @@ def ensemble_curve(curves: Iterable[Curve], points: int = 60) -> tuple[Array, Ar
     x = np.linspace(0.0, min(float(c.delta_star.max()) for c in loads), points)
     y = np.array([np.interp(x, np.r_[0.0, c.delta_star], np.r_[0.0, c.P_star]) for c in loads])
     return x, y.mean(axis=0), y.std(axis=0, ddof=1) if len(y) > 1 else np.zeros(points)
-
-
-def entries_of(study: Study, family: str) -> Iterator[Entry]:
-    """Entries of a family."""
-    return (entry for entry in study.entries if family in entry.families)
 
 
 def _rank(value: Any) -> tuple[int, float, str]:
