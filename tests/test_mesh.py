@@ -363,8 +363,9 @@ def test_distribution_keeps_volume_areas_and_nodes(coarse: BlockMesh | None) -> 
 
 ODD = {
     "General.Terminal": 0, "General.Verbosity": 2, "General.AbortOnError": 1, "General.NumThreads": 2,
-    "Geometry.Tolerance": 1e-6, "Mesh.Algorithm": 5, "Mesh.Algorithm3D": 1, "Mesh.ElementOrder": 2, "Mesh.MeshSizeMax": 0.3,
-    "Mesh.MeshSizeFactor": 0.5, "Mesh.Optimize": 0, "Mesh.RandomFactor": 1e-3, "Mesh.MeshSizeFromPoints": 1,
+    "Geometry.Tolerance": 1e-6, "Mesh.Algorithm": 5, "Mesh.Algorithm3D": 1, "Mesh.ElementOrder": 2,
+    "Mesh.MeshSizeMax": 0.3, "Mesh.MeshSizeFactor": 0.5, "Mesh.Optimize": 0, "Mesh.RandomFactor": 1e-3,
+    "Mesh.MeshSizeFromPoints": 1,
 }  # fmt: skip
 
 

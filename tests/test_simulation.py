@@ -14,10 +14,10 @@ import asperity
 from asperity.block import BlockMesh
 from asperity.case import Case
 from asperity.cli import main
-from asperity.cli.run import PRODUCTS
 from asperity.curve import COLUMNS, Curve
 from asperity.errors import CheckpointError, ConvergenceError, InputError, MeshError
 from asperity.results import Results
+from asperity.run_folder import PRODUCTS
 from asperity.simulation import RunResult, run
 from asperity.solve import NewtonSolver
 

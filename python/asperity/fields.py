@@ -12,6 +12,7 @@ import numpy.typing as npt
 from .block import BlockMesh, outer_faces
 from .gather import cell_numbers, collect, node_numbers
 from .press import Snapshot
+from .run_folder import BLOCK, TOP
 from .statics import ContactResult
 from .top import Top
 
@@ -94,7 +95,7 @@ def write_figure_data(folder: Path, block: BlockMesh, states: list[State]) -> No
     """Write mesh.npz and top.npz, what the figures are drawn from; rank 0 only."""
     folder.mkdir(exist_ok=True)
     facets = top_facets(block)
-    np.savez_compressed(folder / "mesh.npz", points=block.points, tets=block.tets, triangles=facets)
+    np.savez_compressed(folder / BLOCK, points=block.points, tets=block.tets, triangles=facets)
     corners, edges = facets[:, :3], facets[:, 3:]
     # four linear triangles a facet, so that the edge nodes count
     triangles = np.concatenate(
@@ -107,7 +108,7 @@ def write_figure_data(folder: Path, block: BlockMesh, states: list[State]) -> No
     )
     used, number = np.unique(triangles, return_inverse=True)
     np.savez_compressed(
-        folder / "top.npz",
+        folder / TOP,
         points=block.points[used, :2],
         triangles=number.reshape(triangles.shape),
         steps=np.array([s.step for s in states]),

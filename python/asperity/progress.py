@@ -72,14 +72,14 @@ class StepLines(Progress):
         self._stream = stream
         self._start = time.monotonic()
         self._first: float | None = None
-        self._headed = False
+        self._headed = self._begun = False
 
     def _write(self, line: str) -> None:
         print(line, file=self._stream or sys.stdout, flush=True)
 
     def stage(self, name: str) -> None:
         self._write(f"[{time.monotonic() - self._start:6.1f} s] {name}")
-        self._headed = False
+        self._headed, self._begun = False, True
 
     def step(self, row: Mapping[str, Any], fraction_done: float) -> None:
         if not self._headed:
@@ -106,7 +106,8 @@ class StepLines(Progress):
         )
 
     def done(self) -> None:
-        self._write(f"[{time.monotonic() - self._start:6.1f} s] end")
+        if self._begun:  # and was not refused
+            self._write(f"[{time.monotonic() - self._start:6.1f} s] end")
 
 
 class StepTable(StepLines):

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .errors import InputError
 from .material import Material
+from .storage import npz_bytes, replace_file
 from .surface import Surface
 
 Array = NDArray[Any]
@@ -136,5 +137,5 @@ class SumSurface(Surface):
     def save(self, path: str | Path, n: int = 513) -> Path:
         """Write heights on an n x n grid as .npz, for kind = "file" in a case; return the path."""
         path = Path(path).with_suffix(".npz")
-        np.savez_compressed(path, z=self.grid(n), L=self.L)
+        replace_file(path, npz_bytes({"z": self.grid(n), "L": np.array(self.L)}, compress=True))
         return path

@@ -21,10 +21,9 @@ from hypothesis import strategies as st
 
 from asperity.block import EDGES, BlockMesh
 from asperity.case import Case
-from asperity.cli.run import prepare
 from asperity.curve import Curve
 from asperity.errors import AsperityError, CheckError, ConvergenceError, InputError
-from asperity.simulation import run
+from asperity.simulation import accepted, run
 from asperity.surface import Flat
 
 ROOT = Path(__file__).parents[2]
@@ -83,7 +82,7 @@ def accepts(case: Case, folder: Path) -> bool:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            prepare(case, folder / "out", resume=False, force=False)
+            accepted(case, folder / "out")
         except InputError as error:
             refused(error)
             return False

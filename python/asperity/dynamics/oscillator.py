@@ -23,7 +23,7 @@ from asperity.dynamics.sweep import Attractor, Sweep
 from asperity.dynamics.table import TableLaw
 from asperity.dynamics.thresholds import Backbone, Thresholds
 from asperity.dynamics.trajectory import Trajectory, integrate
-from asperity.errors import InputError, RangeError
+from asperity.errors import AsperityWarning, InputError, RangeError
 
 GRAVITY = 9.80665
 
@@ -323,7 +323,8 @@ class ContactOscillator:
         from asperity.dynamics.polish import coefficients
 
         if self.zeta < LIGHTEST:
-            warnings.warn("with so little damping no motion settles: detached loops are not searched", stacklevel=3)
+            text = "with so little damping no motion settles: detached loops are not searched"
+            warnings.warn(text, AsperityWarning, stacklevel=3)
             return ()
         omega = np.linspace(*window, 14)[1:-1]
         found = self.attractors(omega, forcing, starts=8, tol=1e-3)

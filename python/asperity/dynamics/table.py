@@ -23,7 +23,7 @@ from scipy.stats import t as student
 
 from asperity.dynamics.law import Array, Law, PowerLaw, positive
 from asperity.dynamics.local_fit import LocalFit, log_derivatives, regress
-from asperity.errors import InputError, RangeError
+from asperity.errors import AsperityWarning, InputError, RangeError
 
 _POINTS = 5  # least number of points of a table
 _CELL_X, _CELL_W = np.polynomial.legendre.leggauss(10)
@@ -199,6 +199,7 @@ class TableLaw(Law):
             warnings.warn(
                 f"load {load:g} lies below the first point of the table (force {self.F[0]:g}): the "
                 "law there is a guess",
+                AsperityWarning,
                 stacklevel=2,
             )
             return float(self.z[0] * (positive("load", load) / self.F[0]) ** (1.0 / self._ends[1]))
@@ -209,6 +210,7 @@ class TableLaw(Law):
             warnings.warn(
                 f"the points scatter so that the stiffness through them is uncertain by {100 * rough:.0f} % "
                 f'at z = {z:g}: the table is noisy; values="fit" is safer',
+                AsperityWarning,
                 stacklevel=2,
             )
         return z

@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from ..case import Case, check_loading
+from ..case import Case
 from ..checkpoint import Checkpoint, identity
 from ..curve import Curve
 from ..errors import CheckError, ConvergenceError, InputError
+from ..run_folder import CHECKPOINT, CURVE, SUMMARY
 from ..simulation import run
 from ..statics import MeshSize, make_block
 from . import files
@@ -88,7 +89,6 @@ def _run(scene: Scene, keys: Keys, heights: files.Map | None, folder: Path) -> _
     out, done = folder / "out", _Run()
     try:
         done.case = case = _case(scene, keys, folder)
-        check_loading(case, case.build_surface())
         run(case, out, comm=MPI.COMM_SELF)
     except InputError as error:
         return _Run(ends="refused", reason=str(error).replace(f"{folder}/", ""))
@@ -96,13 +96,13 @@ def _run(scene: Scene, keys: Keys, heights: files.Map | None, folder: Path) -> _
         done.ends, done.reason = "wrong" if isinstance(error, CheckError) else "stopped", str(error)
     except Exception as error:  # whatever it is, the other scenes shall run
         return _Run(ends="crashed", reason=f"{type(error).__name__}: {error}")
-    if not (out / "curve.csv").exists():  # it stopped before the first step
+    if not (out / CURVE).exists():  # it stopped before the first step
         return done
-    done.curve = Curve.read(out / "curve.csv")
-    done.summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    done.curve = Curve.read(out / CURVE)
+    done.summary = json.loads((out / SUMMARY).read_text(encoding="utf-8"))
     done.reason = done.reason or done.summary["unresolved"]
     if case.accuracy.tolerance is None:  # else there is one of each mesh
-        saved = Checkpoint(out / "checkpoint", identity(case), MPI.COMM_SELF).load()
+        saved = Checkpoint(out / CHECKPOINT, identity(case), MPI.COMM_SELF).load()
         if saved is None or len(saved.meta["rows"]) != len(done.curve):
             done.faults.append("the checkpoint does not hold the steps of the curve")
     return done

@@ -15,10 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..assumptions import yield_pressure
 from ..case import Case
 from ..curve import Curve
 from ..errors import AsperityError, InputError
 from ..power_law import PowerLawFit, fit_power_law, interface_deflection
+from ..run_folder import CASE, CURVE, SUMMARY
+from ..simulation import material_of
 from ..storage import replace_file
 from .definition import ENSEMBLE, Family, Study
 
@@ -26,6 +29,7 @@ Array = NDArray[Any]
 Row = Mapping[str, Any]
 
 TABLE, ABOUT = "results.csv", "study.json"
+DONE = "done.json"  # how a case ended
 TEXTS = ("case", "families", "exit_reason", "norm")
 #: Columns of results.csv after "case", "families" and the keys that vary.
 FIGURES = (
@@ -69,8 +73,7 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
         **{name: summary.get(name) for name in ("dofs", "cells", "newton")},
     }
     if solid.yield_strength is not None:
-        constraint = (1 - solid.nu) / (1 - 2 * solid.nu) if case.block.sides == "rollers" else 1.0
-        row["block_load"] = float(load.force[-1]) / (side**2 * solid.yield_strength * constraint)
+        row["block_load"] = float(load.force[-1]) / (side**2 * yield_pressure(material_of(case), case.block.sides))
     points = curve.planned()
     fit = _fit(points.delta_star, points.P_star)
     if fit is not None:
@@ -143,10 +146,10 @@ def tabulate(study: Study, folder: Path) -> list[dict[str, Any]]:
         row = {"case": entry.key, "families": " ".join(entry.families), **{k: entry.value(k) for k in study.keys}}
         row |= {"exit_reason": done["exit_reason"], "seconds": done["seconds"]}
         place = case_folder(folder, entry.key)
-        if (place / "curve.csv").is_file():
-            summary_file = place / "summary.json"
+        if (place / CURVE).is_file():
+            summary_file = place / SUMMARY
             summary = json.loads(summary_file.read_text()) if summary_file.is_file() else {}
-            row = summarise_case(entry.case, Curve.read(place / "curve.csv"), summary) | row
+            row = summarise_case(entry.case, Curve.read(place / CURVE), summary) | row
         rows.append(row)
     return rows
 
@@ -174,7 +177,7 @@ def case_folder(folder: Path, key: str) -> Path:
 def case_state(folder: Path, key: str) -> dict[str, Any] | None:
     """How a case ended: exit_reason and seconds; None when it did not."""
     try:
-        state: dict[str, Any] = json.loads((case_folder(folder, key) / "done.json").read_text(encoding="utf-8"))
+        state: dict[str, Any] = json.loads((case_folder(folder, key) / DONE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     return state
@@ -256,11 +259,11 @@ class StudyResults:
 
     def curve(self, row: Row) -> Curve:
         """Curve of a row."""
-        return Curve.read(case_folder(self.folder, str(row["case"])) / "curve.csv")
+        return Curve.read(case_folder(self.folder, str(row["case"])) / CURVE)
 
     def case(self, row: Row) -> Case:
         """Case of a row, as it was run."""
-        return Case.load(case_folder(self.folder, str(row["case"])) / "case.toml")
+        return Case.load(case_folder(self.folder, str(row["case"])) / CASE)
 
 
 def ensemble_curve(curves: Iterable[Curve], points: int = 60) -> tuple[Array, Array, Array]:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError
+from ..errors import AsperityWarning, InputError
 
 if TYPE_CHECKING:
     from .statistics import Spectrum, SurfaceStatistics
@@ -28,7 +28,7 @@ SMALL_SLOPE = 0.1
 _SMALLEST, _LARGEST = 1e-50, 1e50  # lengths
 
 
-class SurfaceWarning(UserWarning):
+class SurfaceWarning(AsperityWarning):
     """A surface is legal, but probably not what was meant or beyond small-slope theory."""
 
 
