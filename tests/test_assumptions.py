@@ -238,7 +238,7 @@ def test_the_filters_of_the_caller_decide_what_is_shown(caplog: pytest.LogCaptur
     caplog.set_level(logging.INFO, "asperity")
     for action, shown in (("always", ["ours", "another's"]), ("ignore", [])):
         with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter(action)  # type: ignore[arg-type]
+            warnings.simplefilter(action)
             before = list(warnings.filters), warnings.showwarning
             assert warn() == ["ours"]
             assert (list(warnings.filters), warnings.showwarning) == before

@@ -257,7 +257,7 @@ def test_a_second_call_has_to_say_what_it_wants(tmp_path: Path, straight: tuple[
 
 
 @pytest.mark.parametrize("options", [{}, {"resume": True}, {"force": True}])
-def test_what_is_no_run_is_left_alone(tmp_path: Path, options: dict[str, bool]) -> None:
+def test_what_is_no_run_is_left_alone(tmp_path: Path, options: dict[str, Any]) -> None:
     (tmp_path / "thesis.tex").write_text("mine")
     with pytest.raises(InputError, match="not empty and holds no run"):
         run(case_of(), tmp_path, **options)

@@ -62,8 +62,8 @@ def bulk_yield(curve: Curve, material: Material, side: float, sides: str) -> str
     if not pressure > limit:
         return ""
     return (
-        f"the mean pressure reaches {pressure:.3g}, beyond {limit:.3g} where the block yields as a whole: the curve is "
-        "then that of the block, not of the roughness"
+        f"the mean pressure reaches {pressure:.3g}, beyond {limit:.3g} where the block yields as a whole, not only "
+        "under its contacts"
     )
 
 
@@ -81,7 +81,7 @@ def beyond_mean_plane(curve: Curve, surface: Surface) -> str:
     if depth <= FLAT * surface.L or not delta > depth:
         return ""
     return (
-        f"the flat has come {delta:.3g} down, beyond the mean plane of the surface {depth:.3g} below its summit: the "
+        f"the flat has come {delta:.3g} down, beyond the mean plane of the surface, {depth:.3g} below its summit: the "
         "compression of the whole block is a large part of the curve"
     )
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import asperity
 from asperity.curve import COLUMNS
-from asperity.plot import CAPTIONS, plot_run
+from asperity.plot import CAPTIONS, figures_of, plot_run
 from asperity.plot.style import DPI
 from asperity.publications import publications
 from asperity.results import Results
@@ -101,10 +101,11 @@ def _outcome(results: Results) -> Rows:
 
 
 def _figures(results: Results) -> list[Path]:
-    """Pictures of the run, drawn now unless they are newer than the curve."""
+    """Pictures of the run, drawn now unless all are there and newer than the curve."""
     folder, curve = results.folder / FIGURES, results.folder / CURVE
     found = sorted(folder.glob("*.png"))
-    if not found or any(path.stat().st_mtime < curve.stat().st_mtime for path in found):
+    missing = figures_of(results).keys() - {path.stem for path in found}
+    if missing or any(path.stat().st_mtime < curve.stat().st_mtime for path in found):
         plot_run(results.folder)
         found = sorted(folder.glob("*.png"))
     order = list(CAPTIONS)

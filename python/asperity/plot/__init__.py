@@ -67,15 +67,15 @@ def plot_run(folder: str | Path, surface: Surface | None = None) -> list[Path]:
     results = Results.read(folder, surface)
     target = results.folder / FIGURES
     target.mkdir(exist_ok=True)
-    return [save(draw(results), target / f"{name}.png") for name, draw in _figures(results).items()]
+    return [save(draw(results), target / f"{name}.png") for name, draw in figures_of(results).items()]
 
 
-def _figures(results: Results) -> dict[str, Callable[[Results], Figure]]:
+def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
     """Name and function of each figure there are data for."""
     rows = len(results.curve)
     plastic = np.any(results.curve.max_plastic_strain > 0)
     wanted: dict[str, tuple[bool, Callable[[Results], Figure]]] = {
-        "surface": (results.surface is not None, _surface),
+        "surface": ("surface" in results.case, _surface),
         "mesh": (bool(results.mesh), mesh_cut),
         "pressure": (results.snapshots > 0, pressure_maps),
         "area": (rows > 0, contact_area),
