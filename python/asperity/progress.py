@@ -127,12 +127,13 @@ class StepTable(StepLines):
         )
         self._bar = Progress(*columns, console=self._console, transient=True)
         self._task = self._bar.add_task("start", total=1.0, left="")
-        self._bar.start()
 
     def _write(self, line: str) -> None:
         self._console.print(line, markup=False, soft_wrap=True)
 
     def stage(self, name: str) -> None:
+        if not self._begun:
+            self._bar.start()  # not before: what is said about the case comes first
         super().stage(name)
         self._bar.update(self._task, description=name)
 
