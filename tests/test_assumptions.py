@@ -12,14 +12,21 @@ import numpy as np
 import pytest
 from test_report import Page
 
-from asperity.assumptions import SMALL_STRAIN, beyond_mean_plane, bulk_yield, departures, large_strain, yield_pressure
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import AsperityWarning, AssumptionWarning, ConvergenceError, Interrupted, ResolutionWarning
-from asperity.material import Material
-from asperity.notices import noting
-from asperity.simulation import run
-from asperity.statics import MeshSize, solve_contact
+from asperity.model.material import Material
+from asperity.output.assumptions import (
+    SMALL_STRAIN,
+    beyond_mean_plane,
+    bulk_yield,
+    departures,
+    large_strain,
+    yield_pressure,
+)
+from asperity.quasistatic.solve_contact import MeshSize, solve_contact
+from asperity.run_case import run
+from asperity.runtime.notices import noting
 from asperity.surface import Flat, Sinusoid, Sphere
 from asperity.surface import fractal as fractal_module
 
@@ -163,7 +170,7 @@ def test_a_run_without_warnings_has_no_box(tmp_path: Path) -> None:
 
 def test_a_resumed_run_keeps_its_warnings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Stopped, continued, and called again when it is finished; its curve is judged at its end, and not before it."""
-    from asperity import interrupt
+    from asperity.runtime import interrupt
 
     def attempt() -> list[str]:
         with warnings.catch_warnings():
@@ -263,16 +270,16 @@ def test_the_summit_is_searched_once_in_a_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, loading: dict[str, float]
 ) -> None:
     """By the checks, the mesh, the solver, and the pictures of surface and mesh."""
-    from asperity.surface import summit
+    from asperity.surface import fractal_maximum
 
     searched: list[object] = []
-    true_search = summit.highest_point
+    true_search = fractal_maximum.highest_point
 
     def search(surface: fractal_module.WeierstrassMandelbrot) -> tuple[float, float, float]:
         searched.append(surface)
         return true_search(surface)
 
-    monkeypatch.setattr(summit, "highest_point", search)
+    monkeypatch.setattr(fractal_maximum, "highest_point", search)
     case = {
         "units": "other",
         "surface": {"kind": "weierstrass-mandelbrot", "L": 1.0, "D": 2.3, "G": 1e-7, "f_max": 3},

@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from asperity import simulation
+from asperity import run_case
 from asperity.case import Case
 from asperity.cli import main
 from asperity.curve import Curve
 from asperity.errors import CaseWarning, CheckpointError, InputError
+from asperity.output.run_folder import PICTURES, PRODUCTS, check, holds_run, is_empty
 from asperity.plot import CAPTIONS
-from asperity.run_folder import PICTURES, PRODUCTS, check, holds_run, is_empty
-from asperity.simulation import run
-from asperity.storage import agree, replace_file
+from asperity.run_case import run
+from asperity.runtime.files import agree, replace_file
 
 # a plane: the whole run takes half a second
 PLANE: dict[str, Any] = {
@@ -385,7 +385,7 @@ def test_all_ranks_are_refused_alike(shared_path: Path, monkeypatch: pytest.Monk
     comm = world()
     with monkeypatch.context() as patch:
         if comm.rank == comm.size - 1:
-            patch.setattr(simulation, "check_loading", lambda case, surface: refuse())
+            patch.setattr(run_case, "check_loading", lambda case, surface: refuse())
         with pytest.raises(InputError, match="not here"):
             run(case_of(), shared_path / "out", comm=comm)
     comm.Barrier()

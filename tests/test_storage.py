@@ -14,15 +14,15 @@ from matplotlib.figure import Figure
 
 from asperity.cli import main
 from asperity.dynamics import Dynamics, PowerLaw, run_dynamics
-from asperity.measured import HeightField
+from asperity.model.two_bodies import SumSurface
+from asperity.plot.report import write_report
 from asperity.plot.style import save
-from asperity.report import write_report
-from asperity.storage import is_aside, read_npz, remove_asides
+from asperity.runtime.files import is_aside, read_npz, remove_asides
 from asperity.study import Study
 from asperity.study.results import write_tables
 from asperity.surface import Surface
-from asperity.twobody import SumSurface
-from asperity.validation.table import Row, write_csv
+from asperity.surface.measured import HeightField
+from asperity.verification.table import Row, write_csv
 
 
 class Killed(BaseException):

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from asperity.cli import options
-from asperity.run_folder import CURVE
+from asperity.output.run_folder import CURVE
 
 
 @click.command()
@@ -20,8 +20,8 @@ def command(first: Path, second: Path, tolerances: dict[str, float] | None) -> i
 
     Exit code 0 when they agree, 1 when not.
     """
-    from asperity.comparison import compare_curves
     from asperity.curve import Curve
+    from asperity.output.comparison import compare_curves
 
     a, b = (Curve.read(_curve_file(path)) for path in (first, second))
     differences = compare_curves(a, b, tolerances)

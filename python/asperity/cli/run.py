@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from asperity.cli import options
-from asperity.progress import make_progress, world_rank
+from asperity.runtime.progress import make_progress, world_rank
 
 if TYPE_CHECKING:
     from asperity.power_law import PowerLawFit
@@ -34,14 +34,14 @@ def command(
     OUT receives case.toml (the completed input), curve.csv, summary.json and, when asked for,
     dynamics, figures, fields and report.html.
     """
-    from asperity import simulation
+    from asperity import run_case
     from asperity.case import Case
 
     case = Case.load(case_file, overrides)
     folder = Path(output) if output else Path("out") / Path(case_file).stem
     progress = make_progress(quiet)
     try:
-        result = simulation.run(case, folder, progress=progress, resume=resume, force=force)
+        result = run_case.run(case, folder, progress=progress, resume=resume, force=force)
     finally:
         progress.done()
     if not quiet and world_rank() == 0:

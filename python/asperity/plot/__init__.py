@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
+from asperity.output.results import Results
+from asperity.output.run_folder import FIGURES
 from asperity.plot.curves import force_curve, plasticity
 from asperity.plot.fields import contact_area, mesh_cut, pressure_maps, surface_map
 from asperity.plot.style import save
 from asperity.plot.vibration import frequency, response
-from asperity.results import Results
-from asperity.run_folder import FIGURES
 
 if TYPE_CHECKING:
     from asperity.surface import Surface

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from asperity.errors import CompatError, InputError
-from asperity.results import Results
-from asperity.run_folder import FIELDS, FIGURES, VTKHDF
-from asperity.storage import files_into
+from asperity.output.results import Results
+from asperity.output.run_folder import FIELDS, FIGURES, VTKHDF
+from asperity.runtime.files import files_into
 from asperity.units import prefix
 
 SIZE = (1500, 640)  # pixels

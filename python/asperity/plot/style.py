@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from asperity.storage import replace_file
+from asperity.runtime.files import replace_file
 
 P = ParamSpec("P")
 

@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..assumptions import yield_pressure
-from ..case import Case
-from ..curve import Curve
-from ..errors import AsperityError, InputError
-from ..power_law import PowerLawFit, fit_power_law, interface_deflection
-from ..run_folder import CASE, CURVE, SUMMARY
-from ..simulation import material_of
-from ..storage import replace_file
-from .definition import ENSEMBLE, Family, Study
+from asperity.case import Case
+from asperity.curve import Curve
+from asperity.errors import AsperityError, InputError
+from asperity.output.assumptions import yield_pressure
+from asperity.output.run_folder import CASE, CURVE, SUMMARY
+from asperity.power_law import PowerLawFit, fit_power_law, interface_deflection
+from asperity.run_case import material_of
+from asperity.runtime.files import replace_file
+from asperity.study.definition import ENSEMBLE, Family, Study
 
 Array = NDArray[Any]
 Row = Mapping[str, Any]
@@ -103,7 +103,7 @@ def _fit(delta_star: Array, P_star: Array) -> PowerLawFit | None:
 
 def _vibration(curve: Curve, fit: PowerLawFit, force: float, side: float) -> dict[str, Any]:
     """What the laws of a curve say about a mass that loads it to half of its greatest force."""
-    from ..dynamics import ContactOscillator, PowerLaw, TableLaw, unload_reload
+    from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw, unload_reload
 
     preload = 0.5 * float(curve.loading().force.max())
     row: dict[str, Any] = {"preload": preload / force}

@@ -18,16 +18,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import AsperityError, AssumptionWarning, InputError
-from ..progress import duration
-from ..storage import is_aside, on_root, remove_asides, replace_file
-from .definition import Entry, Study
-from .results import ABOUT, DONE, case_folder, case_state, write_tables
+from asperity.errors import AsperityError, AssumptionWarning, InputError
+from asperity.runtime.files import is_aside, on_root, remove_asides, replace_file
+from asperity.runtime.progress import duration
+from asperity.study.definition import Entry, Study
+from asperity.study.results import ABOUT, DONE, case_folder, case_state, write_tables
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from ..case import Case
+    from asperity.case import Case
 
 MESHES = "meshes"  # folder of the meshes that cases share
 ERROR = "error.txt"  # of a case that ended by an unforeseen error
@@ -159,7 +159,7 @@ def forget(place: Path) -> None:
 
 
 def _run(case: Case, place: Path, mesh: Path | None, comm: MPI.Comm) -> None:
-    from ..simulation import run
+    from asperity.run_case import run
 
     if mesh is not None:
         case = case.model_copy(update={"mesh": case.mesh.model_copy(update={"file": str(mesh)})})
@@ -184,7 +184,7 @@ def mesh_key(case: Case) -> str:
 
 def shared_mesh(case: Case, folder: Path, comm: MPI.Comm) -> Path | AsperityError:
     """File of the mesh of a case, made when missing; or why it cannot be; collective."""
-    from ..statics import MeshSize, make_block
+    from asperity.quasistatic.solve_contact import MeshSize, make_block
 
     path = (folder / MESHES / f"{mesh_key(case)}.npz").absolute()
     if comm.bcast(path.is_file() if comm.rank == 0 else None):

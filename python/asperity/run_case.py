@@ -1,0 +1,516 @@
+"""The whole job of a case: curve, law, dynamics, and the files a run leaves in its folder."""
+
+from __future__ import annotations
+
+import json
+import logging
+import platform
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property, partial
+from importlib import metadata
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+from asperity.case.case_file import Case, check_loading
+from asperity.curve import Curve
+from asperity.errors import (
+    AssumptionWarning,
+    CaseWarning,
+    CheckError,
+    CheckpointError,
+    ConvergenceError,
+    InputError,
+    Interrupted,
+    OutputError,
+    ResolutionWarning,
+)
+from asperity.model.material import Material
+from asperity.output import run_folder
+from asperity.output.assumptions import departures
+from asperity.output.run_folder import CASE, CHECKPOINT, CURVE, FIELDS, LOG, SUMMARY, VTKHDF
+from asperity.power_law import PowerLawFit
+from asperity.runtime.files import UNREADABLE, agree, files_into, on_root, remove_asides, replace_file
+from asperity.runtime.notices import Notices, noting
+from asperity.runtime.progress import Progress, log_file
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from asperity.adaptive.solve_to_tolerance import AccurateResult
+    from asperity.quasistatic.checkpoint import Checkpoint
+    from asperity.quasistatic.solve_contact import ContactResult
+    from asperity.surface import Surface
+
+PACKAGES = ("numpy", "scipy", "mpi4py", "petsc4py", "gmsh")
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """Outcome of a case.
+
+    Attributes:
+        curve: accepted steps
+        fit: power law of the loading branch; None when it has fewer than three points
+        summary: what summary.json holds
+        contact: the solved contact, with mesh and last state; None when a resumed run had nothing left to do
+        dynamics: what `dynamics.run_dynamics` returned, None when not asked for
+    """
+
+    curve: Curve
+    fit: PowerLawFit | None
+    summary: dict[str, Any]
+    contact: ContactResult | None
+    dynamics: Any = None
+
+
+def run(
+    case: Case | str | Path,
+    folder: str | Path | None = None,
+    *,
+    progress: Progress | None = None,
+    resume: bool = False,
+    force: bool = False,
+    comm: MPI.Comm | None = None,
+) -> RunResult:
+    """Run a case and write its results, as `asperity run` does; collective over `comm`.
+
+    A folder with a run is left alone unless `resume` or `force` is given: a second call for the same folder has to say
+    which. With `resume` a call may be repeated until the run is finished, whatever the state of the folder: it starts
+    the run in an absent or empty folder, or where nothing was saved yet, continues one that was stopped, and returns
+    the results of a finished one.
+
+    What is legal but doubtful is told by an `AsperityWarning`, by Python's `warnings` and in the summary, log and
+    report of the run.
+
+    Args:
+        case: the input, or the path of a case file
+        folder: receives the files; None writes nothing
+        progress: told of stages and steps
+        resume: continue the run of this case in `folder`
+        force: replace the run in `folder`; files that no run has written stay
+        comm: communicator; default all ranks
+
+    Raises:
+        InputError: the case is wrong, its load leaves no gap, or `folder` holds something that would be written over
+        CheckpointError: the run in `folder` is of another case, or its checkpoint is damaged
+        ConvergenceError: the path could not be followed, the files hold the part before; or the tolerance was not met,
+            what was found is kept like a finished run
+        Interrupted: SIGTERM or SIGINT asked to end; the files and the checkpoint hold the part before
+        CheckError: the run is complete, but violates a balance
+        OutputError: a file cannot be written
+    """
+    from mpi4py import MPI
+
+    comm = MPI.COMM_WORLD if comm is None else comm
+    out = None if folder is None else Path(folder)
+    with noting(comm) as notices:
+        whole, surface = agree(comm, partial(accepted, case, out, resume=resume, force=force))
+        job = _Job(whole, surface, out, comm, progress or Progress(), notices)
+        if out is not None:
+            on_root(comm, partial(run_folder.check, out, resume=resume, force=force))
+            if resume and (done := on_root(comm, job.writer.finished)) is not None:
+                return RunResult(done[0], _fit(done[0]), done[1], None)
+        resume = job.open(resume, force)
+        with log_file(None if out is None or comm.rank > 0 else out / LOG, append=resume):
+            notices.log()
+            return job.run()
+
+
+def accepted(
+    case: Case | str | Path, folder: Path | None = None, *, resume: bool = False, force: bool = False
+) -> tuple[Case, Surface]:
+    """A case that may be run, and its surface; warns of what is doubtful.
+
+    Raises:
+        InputError: anything that can be told without solving
+    """
+    if resume and force:
+        raise InputError("--resume continues the run in OUT and --force replaces it: give one of them")
+    if resume and folder is None:
+        raise InputError("give the folder of the run to resume")
+    case = case if isinstance(case, Case) else Case.load(case)
+    if case.mesh.file is not None and case.accuracy.tolerance is not None:
+        raise InputError("mesh.file cannot go with accuracy.tolerance, which chooses the mesh: leave one of them out")
+    surface = case.build_surface()
+    for text in case.warnings() + check_loading(case, surface):
+        warnings.warn(text, CaseWarning, stacklevel=2)
+    return case, surface
+
+
+@dataclass(frozen=True)
+class _Job:
+    """A case on its way to results.
+
+    Attributes:
+        case, surface: what is pressed; the surface keeps what was found about it, such as its summit
+        folder: receives the files, None for none
+        comm, progress: as in `run`
+        notices: warnings so far
+    """
+
+    case: Case
+    surface: Surface
+    folder: Path | None
+    comm: MPI.Comm
+    progress: Progress
+    notices: Notices
+
+    @cached_property
+    def writer(self) -> _Writer:
+        """Of this rank."""
+        return _Writer(self.case, self.folder if self.comm.rank == 0 else None)
+
+    @cached_property
+    def checkpoint(self) -> Checkpoint | None:
+        """Of the run, where it has a folder."""
+        from asperity.quasistatic.checkpoint import Checkpoint, identity
+
+        if self.folder is None:
+            return None
+        return Checkpoint(self.folder / CHECKPOINT, identity(self.case), self.comm, self.case.output.checkpoint)
+
+    def open(self, resume: bool, force: bool) -> bool:
+        """Make the folder ready; return whether there is a state to continue from; collective.
+
+        Raises:
+            CheckpointError: of a run that cannot be continued, which is left as it is
+        """
+        if self.folder is None or self.checkpoint is None:
+            return False
+        goes_on = resume and self.checkpoint.found()
+        if not goes_on:
+            if resume:
+                on_root(self.comm, partial(_refuse_run_of_another, self.case, self.folder))
+            self.checkpoint.clear()
+            if force:
+                on_root(self.comm, partial(run_folder.clear, self.folder))
+        on_root(self.comm, self.writer.begin)
+        return goes_on
+
+    def run(self) -> RunResult:
+        """Solve, judge, write; collective."""
+        from asperity.quasistatic.solve_contact import PartialResult
+        from asperity.runtime.interrupt import StopRequest
+
+        case, comm, writer = self.case, self.comm, self.writer
+        failure: ConvergenceError | None = None
+        accurate = None
+        with nullcontext() if self.folder is None else StopRequest(comm) as request:
+            settings = _settings(case, comm, self.progress, writer, None if request is None else request.agreed)
+            settings["checkpoint"] = self.checkpoint
+            try:
+                if case.accuracy.tolerance is None:
+                    contact = _solve(case, self.surface, settings)
+                else:
+                    accurate = _solve_to_tolerance(case, self.surface, settings, writer)
+                    contact = replace(accurate.contact, curve=accurate.curve, reason=accurate.reason)
+                    failure = None if accurate.met else ConvergenceError(accurate.reason)
+            except PartialResult as e:
+                stopped = isinstance(e.__cause__, Interrupted)
+                failure = Interrupted(str(e)) if stopped else ConvergenceError(str(e))
+                contact = e.result
+            except OutputError as e:
+                hint = "; --resume continues from the last step saved" if case.output.checkpoint else ""
+                raise OutputError(f"{e}{hint}") from None
+        fit = _fit(contact.curve)
+        summary = summarise(case, contact, fit, comm.size)
+        if accurate is not None:
+            summary |= accurate.to_dict()
+        doubts = "; ".join(contact.checks.violated.values())
+        if doubts and not isinstance(failure, Interrupted):
+            failure = CheckError(f"the result is wrong, do not use it: {doubts}")
+            summary["exit_reason"] = str(failure)
+        for text in departures(contact.curve, material_of(case), self.surface, case.block.sides):
+            warnings.warn(text, AssumptionWarning, stacklevel=3)
+        if summary["unresolved"] and accurate is None and not isinstance(failure, Interrupted):
+            warnings.warn(f"{summary['unresolved']}; make mesh.h_contact smaller", ResolutionWarning, stacklevel=3)
+        self.notices.share()
+        summary["warnings"] = self.notices.texts  # those of what follows join them
+
+        def write() -> None:
+            (writer.steps if accurate is None else writer.curve)(contact.curve)
+            writer.summary(summary)
+
+        on_root(comm, write)
+        complete = accurate is not None and not doubts  # though perhaps not as accurate as asked for
+        if failure is not None and not complete:
+            raise failure
+        result = self._after(RunResult(contact.curve, fit, summary, contact), finished=failure is None)
+        if failure is not None:
+            raise failure
+        return result
+
+    def _after(self, result: RunResult, finished: bool) -> RunResult:
+        """What follows a complete curve: fields, dynamics, figures, report; on rank 0 but for the gathering."""
+        from asperity.output.fields import gather_states, write_figure_data, write_vtkhdf
+
+        case, comm, folder, progress, writer = self.case, self.comm, self.folder, self.progress, self.writer
+        seconds, contact = result.summary["seconds"], result.contact
+        assert contact is not None
+        if contact.snapshots and folder is not None:
+            progress.stage("fields")
+            start = perf_counter()
+            states = gather_states(contact, case.surface.L, case.material.E)
+            block = contact.block
+            if comm.rank == 0 and block is not None:
+                with files_into(folder / FIELDS) as aside:
+                    write_figure_data(aside, block, states)
+                    if case.output.fields:
+                        write_vtkhdf(aside / VTKHDF, block, states)
+            seconds["fields"] = perf_counter() - start
+
+        def serial() -> Any:
+            dynamics = None
+            if case.dynamics is not None:
+                progress.stage("dynamics")
+                start = perf_counter()
+                dynamics = _dynamics(case, result.curve, folder)
+                seconds["dynamics"] = perf_counter() - start
+            writer.summary(result.summary)
+            if folder is not None and (case.output.figures or case.output.report):
+                progress.stage("figures")
+                start = perf_counter()
+                from asperity.plot import plot_run
+
+                plot_run(folder, self.surface)
+                seconds["figures"] = perf_counter() - start
+                writer.summary(result.summary)
+            if folder is not None and case.output.report:
+                from asperity.plot.report import write_report
+
+                write_report(folder, finished)
+            result.summary["finished"] = finished  # not before all is there: a finished run is not continued
+            writer.summary(result.summary)
+            return dynamics
+
+        # the others wait, for a process that ends with an error would end all
+        return replace(result, dynamics=on_root(comm, serial))
+
+
+def _refuse_run_of_another(case: Case, folder: Path) -> None:
+    """Refuse a folder whose run, of which no state is saved, is not of this case.
+
+    Raises:
+        CheckpointError: it is of another, or does not tell
+    """
+    from asperity.quasistatic.checkpoint import identity, refuse_another
+
+    if run_folder.is_empty(folder):
+        return
+    path = folder / CASE
+    try:
+        there = Case.load(path)
+    except InputError as error:
+        raise CheckpointError(
+            f"{folder} holds no state to resume from, and no case to start again: {error}; start anew with --force"
+        ) from None
+    refuse_another(path, identity(there), identity(case))
+
+
+def material_of(case: Case) -> Material:
+    """The material of a case."""
+    m = case.material
+    return Material(m.E, m.nu, m.yield_strength, m.tangent_modulus or 0.0)
+
+
+def _settings(
+    case: Case,
+    comm: MPI.Comm,
+    progress: Progress,
+    writer: _Writer,
+    stop: Callable[[], str] | None,
+) -> dict[str, Any]:
+    """Arguments of `statics.solve_contact` but for surface, material and mesh; writes the curve step by step."""
+    from asperity.quasistatic.newton import SolverOptions
+    from asperity.quasistatic.solve_contact import Formulation
+
+    loading = case.loading
+
+    def on_stage(name: str) -> None:
+        reason = "" if stop is None else stop()
+        if reason:
+            raise Interrupted(f"stopped by {reason} before the load path (next: {name})")
+        progress.stage(name)
+        logging.getLogger(__name__).info("%s", name)
+
+    def on_step(rows: Sequence[Mapping[str, Any]], fraction: float) -> None:
+        on_root(comm, lambda: writer.steps(Curve.from_rows(rows)))
+        progress.step(rows[-1], fraction)
+
+    return dict(
+        height=case.block.height,
+        sides=case.block.sides,
+        delta_max=loading.delta_max,
+        force_max=loading.force_max,
+        steps=loading.steps,
+        unload_steps=loading.unload_steps if loading.unload else 0,
+        cycles=loading.cycles,
+        integrator=loading.integrator,
+        formulation=Formulation(**case.contact.model_dump()),
+        kernels=case.solver.kernels,
+        options=SolverOptions(case.solver.linear, case.solver.rtol, case.solver.newton_max),
+        snapshots=case.output.snapshots if case.output.figures or case.output.fields else 0,
+        comm=comm,
+        on_stage=on_stage,
+        on_step=on_step,
+        stop=stop,
+    )
+
+
+def _solve(case: Case, surface: Surface, settings: dict[str, Any]) -> ContactResult:
+    """The static part of a case on one mesh."""
+    from asperity.mesh.block import BlockMesh
+    from asperity.quasistatic.solve_contact import MeshSize, solve_contact
+
+    mesh = case.mesh
+    return solve_contact(
+        surface,
+        material_of(case),
+        size=MeshSize(mesh.h_contact, mesh.growth, mesh.h_max),
+        block=BlockMesh.read(mesh.file) if mesh.file is not None else None,
+        **settings,
+    )
+
+
+def _solve_to_tolerance(case: Case, surface: Surface, settings: dict[str, Any], writer: _Writer) -> AccurateResult:
+    """The static part of a case on meshes that its tolerance chooses."""
+    from asperity.adaptive.solve_to_tolerance import Goal, solve_to_tolerance
+
+    wanted = case.accuracy
+    assert wanted.tolerance is not None
+    return solve_to_tolerance(
+        surface,
+        material_of(case),
+        Goal(wanted.tolerance, wanted.max_dofs, wanted.max_seconds),
+        on_curve=lambda curve: on_root(settings["comm"], lambda: writer.curve(curve)),
+        **settings,
+    )
+
+
+def _fit(curve: Curve) -> PowerLawFit | None:
+    try:
+        return curve.fit()
+    except InputError:
+        return None
+
+
+def _dynamics(case: Case, curve: Curve, folder: str | Path | None) -> Any:
+    from asperity.dynamics import run_dynamics
+
+    d = case.dynamics
+    assert d is not None
+    return run_dynamics(
+        curve,
+        law=d.law,
+        load=d.preload,
+        zeta=d.zeta,
+        damping=d.damping,
+        forcing=d.forcing,
+        models=d.model,
+        omega=d.omega,
+        out_dir=folder,
+    )
+
+
+def summarise(case: Case, contact: ContactResult, fit: PowerLawFit | None, ranks: int) -> dict[str, Any]:
+    """Contents of summary.json."""
+    return {
+        "exit_reason": contact.reason,
+        "finished": False,
+        "fit": None if fit is None else fit.to_dict(),
+        "dofs": contact.dofs,
+        "cells": contact.cells,
+        **asdict(contact.counts),
+        "checks": asdict(contact.checks) | {"energy_ratio": contact.checks.energy_ratio},
+        "unresolved": contact.curve.unresolved(),
+        "seconds": {k: round(v, 4) for k, v in contact.phases.seconds.items()},
+        "calls": contact.phases.calls,
+        "peak_memory_MiB": round(contact.memory / 2**20, 1),
+        "ranks": ranks,
+        "seed": getattr(case.surface, "seed", None),
+        "case_hash": case.hash(),
+        "versions": versions(),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of this package and of what it computes with."""
+    from asperity import __version__
+
+    found = {"asperity": __version__, "python": platform.python_version()}
+    try:
+        import dolfinx
+
+        found["dolfinx"] = dolfinx.__version__
+    except ImportError:
+        pass
+    for name in PACKAGES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+class _Writer:
+    """Writes the files of a run; without a folder (and on all ranks but the first) nothing."""
+
+    def __init__(self, case: Case, folder: Path | None) -> None:
+        self._case, self._folder = case, folder
+        self._whole = False
+
+    def begin(self) -> None:
+        """Make the folder and write the completed input; a finished run there, which now goes on, is so no more."""
+        if self._folder is not None:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            remove_asides(self._folder)
+            before = self._summary()
+            if before.get("finished"):
+                self.summary(before | {"finished": False})
+            replace_file(self._folder / CASE, self._case.to_toml().encode())
+
+    def _summary(self) -> dict[str, Any]:
+        """What summary.json holds; nothing where it is absent or damaged."""
+        assert self._folder is not None
+        try:
+            found = json.loads((self._folder / SUMMARY).read_text(encoding="utf-8"))
+        except UNREADABLE:
+            return {}
+        return found if isinstance(found, dict) else {}
+
+    def finished(self) -> tuple[Curve, dict[str, Any]] | None:
+        """Curve and summary when the folder holds all that the case asks for, else None."""
+        assert self._folder is not None
+        summary = self._summary()
+        if summary.get("finished") is not True or summary.get("case_hash") != self._case.hash():
+            return None
+        try:
+            text = (self._folder / CASE).read_text(encoding="utf-8")
+            curve = Curve.read(self._folder / CURVE)
+        except (*UNREADABLE, InputError):
+            return None
+        return (curve, summary) if text == self._case.to_toml() else None
+
+    def steps(self, curve: Curve) -> None:
+        """Write the curve so far; a killed run keeps it, unless it has had a whole one on a coarser mesh."""
+        if not self._whole:
+            self._write(curve)
+
+    def curve(self, curve: Curve) -> None:
+        """Write a whole curve."""
+        self._whole = True
+        self._write(curve)
+
+    def _write(self, curve: Curve) -> None:
+        if self._folder is not None:
+            curve.write(self._folder / CURVE)
+
+    def summary(self, summary: dict[str, Any]) -> None:
+        """Write summary.json."""
+        if self._folder is not None:
+            text = json.dumps(summary, indent=2, default=float)
+            replace_file(self._folder / SUMMARY, f"{text}\n".encode())
