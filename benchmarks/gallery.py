@@ -38,7 +38,7 @@ def main() -> None:
     for name, (case, changes, wanted) in RUNS.items():
         out = arguments.folder / name
         if not (out / "summary.json").is_file():
-            run(Case.load(ROOT / f"cases/{case}.toml", changes), out)
+            run(Case.load(ROOT / f"cases/{case}.toml", changes), out, resume=True)
         plot_run(out)
         if "scene" in wanted:
             scene(out)

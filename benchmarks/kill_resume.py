@@ -1,4 +1,4 @@
-"""Kill a run at random moments and resume it until it is complete, again and again; print what was found.
+"""Kill a run at random moments and repeat its command, with --resume, until it is complete, again and again.
 
 After each SIGKILL every file must be whole: the old content or the new one. Each completed run must have the curve of
 the run that was never killed: on one rank to the last bit, on several to the tolerance of the equations, to which two
@@ -50,17 +50,16 @@ cycles = 2
 figures = true
 """
 COLUMNS = ("delta", "force", "area_fraction", "max_pressure", "plastic_fraction", "max_plastic_strain")
-NO_CHECKPOINT = 2  # exit code of --resume when the run was killed before its first checkpoint
 
 
-def command(case: Path, out: Path, ranks: int, *options: str) -> list[str]:
-    """The command line of a run."""
-    run = [sys.executable, "-W", "ignore", "-m", "asperity", "run", str(case), "-o", str(out), "-q", *options]
+def command(case: Path, out: Path, ranks: int) -> list[str]:
+    """The command line of a run: the same for its begin and for every continuation."""
+    run = [sys.executable, "-W", "ignore", "-m", "asperity", "run", str(case), "-o", str(out), "-q", "--resume"]
     return run if ranks == 1 else ["mpirun", "--oversubscribe", "--bind-to", "none", "-n", str(ranks), *run]
 
 
-def run_or_kill(arguments: list[str], out: Path, steps: int = 10**9, seconds: float = 0.0) -> int | None:
-    """Exit code of a command, or None when it was killed, so many seconds after its curve had so many steps."""
+def run_or_kill(arguments: list[str], out: Path, steps: int = 10**9, seconds: float = 0.0) -> bool:
+    """Whether a command ended before it was killed, so many seconds after its curve had so many steps."""
     process = subprocess.Popen(arguments, start_new_session=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
     while process.poll() is None and steps_done(out) < steps:
         time.sleep(0.01)
@@ -69,10 +68,10 @@ def run_or_kill(arguments: list[str], out: Path, steps: int = 10**9, seconds: fl
     except subprocess.TimeoutExpired:
         os.killpg(process.pid, signal.SIGKILL)
         process.communicate()
-        return None
-    if process.returncode not in (0, NO_CHECKPOINT):
+        return False
+    if process.returncode != 0:
         raise SystemExit(f"a run ended with exit code {process.returncode}: {errors.decode()}")
-    return process.returncode
+    return True
 
 
 def steps_done(out: Path) -> int:
@@ -133,8 +132,7 @@ def main() -> None:
         straight = Curve.read(place / "straight" / "curve.csv")
         out = place / "killed"
         killed_at: Counter[int] = Counter()
-        completed, fresh, worst = 0, 0, 0.0
-        steps, option = 0, "--force"
+        completed, unsaved, steps, worst = 0, 0, 0, 0.0
         while sum(killed_at.values()) < options.kills or completed == 0:
             at_end = steps == len(straight) and random.random() < 0.75
             if at_end or sum(killed_at.values()) >= options.kills:
@@ -143,24 +141,20 @@ def main() -> None:
                 next_one = 0 if random.random() < 0.25 else random.integers(steps, min(steps + 6, len(straight)) + 1)
                 a_while = 6.0 / len(straight) if next_one else 0.5
                 when = {"steps": next_one, "seconds": random.uniform(0.0, a_while * duration)}
-            code = run_or_kill(command(case, out, options.ranks, option), out, **when)
-            if code == NO_CHECKPOINT:
-                shutil.rmtree(out)
-                fresh, steps, option = fresh + 1, 0, "--force"
-                continue
-            if code == 0:
+            if run_or_kill(command(case, out, options.ranks), out, **when):
                 worst = max(worst, difference(straight, Curve.read(out / "curve.csv")))
                 shutil.rmtree(out)
-                completed, steps, option = completed + 1, 0, "--force"
+                completed, steps = completed + 1, 0
                 continue
             saved = check_files(out) if out.exists() else 0
-            if saved < steps and option == "--resume":
+            if saved < steps:
                 raise SystemExit(f"a kill lost steps: {steps} were saved, {saved} are left")
             killed_at[saved] += 1
-            steps, option = saved, "--resume" if out.exists() else "--force"
+            unsaved += saved == 0
+            steps = saved
         print(f"kills             {sum(killed_at.values())}, ranks {options.ranks}, straight run {duration:.1f} s")
         print(f"steps saved then  {' '.join(f'{k}:{n}' for k, n in sorted(killed_at.items()))} of {len(straight)}")
-        print(f"runs completed    {completed}, begun anew for want of a checkpoint {fresh}")
+        print(f"runs completed    {completed}, begun anew for want of a saved step {unsaved}")
         print(f"half-written files 0, greatest difference of the curves {worst:.1e}")
         sys.exit(worst > (1e-10 if options.ranks == 1 else 1e-8))
 

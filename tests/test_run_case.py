@@ -14,7 +14,6 @@ import pytest
 import asperity
 from asperity.case import Case
 from asperity.cli import main
-from asperity.cli.run import PRODUCTS
 from asperity.curve import COLUMNS, Curve
 from asperity.dynamics import PowerLaw, TableLaw, law_from, run_dynamics
 from asperity.errors import CheckpointError, ConvergenceError, InputError, MeshError
@@ -22,6 +21,7 @@ from asperity.mesh.block import BlockMesh
 from asperity.output.results import Results
 from asperity.quasistatic.newton import NewtonSolver
 from asperity.run_case import RunResult, run
+from asperity.runtime.run_folder import PRODUCTS
 from asperity.study.results import summarise_case
 
 SURFACE: dict[str, Any] = {"kind": "weierstrass-mandelbrot", "L": 1e-6, "D": 2.4, "G": 1.36e-11}

@@ -39,7 +39,7 @@ def make_mesh(grid: Any, degree: int) -> Any:
 
 
 def main(source: str, target: str) -> None:
-    """Press the block step by step."""
+    """ContactSolver the block step by step."""
     data = np.load(source)
     grid, plastic = data["grid"], bool(data["plastic"])
     E, nu, sigma_y, hardening = (float(data[name]) for name in ("E", "nu", "sigma_y", "hardening"))

@@ -13,6 +13,7 @@ __version__ = "0.1.0"
 # public name -> module that defines it
 _PUBLIC = {
     "AsperityError": "errors",
+    "AsperityWarning": "errors",
     "CheckpointError": "errors",
     "CompatError": "errors",
     "ConvergenceError": "errors",

@@ -53,5 +53,17 @@ class OutputError(AsperityError):
     exit_code = 4
 
 
-class ResolutionWarning(UserWarning):
+class AsperityWarning(UserWarning):
+    """Base of the warnings of this package; a run keeps those given meanwhile in its summary, log and report."""
+
+
+class CaseWarning(AsperityWarning):
+    """A case is legal, but a value is improbable or has no effect."""
+
+
+class AssumptionWarning(AsperityWarning):
+    """The result lies beyond what the model assumes."""
+
+
+class ResolutionWarning(AsperityWarning):
     """The mesh is too coarse for the contact: the force is the right order of magnitude at best."""

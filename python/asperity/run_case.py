@@ -9,24 +9,41 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property, partial
 from importlib import metadata
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from asperity.case import Case
+from asperity.case.case_file import Case, check_loading
 from asperity.curve import Curve
-from asperity.errors import CheckError, ConvergenceError, InputError, Interrupted, OutputError, ResolutionWarning
+from asperity.errors import (
+    AssumptionWarning,
+    CaseWarning,
+    CheckError,
+    CheckpointError,
+    ConvergenceError,
+    InputError,
+    Interrupted,
+    OutputError,
+    ResolutionWarning,
+)
 from asperity.model.material import Material
+from asperity.output.assumptions import departures
 from asperity.power_law import PowerLawFit
-from asperity.runtime.files import UNREADABLE, files_into, on_root, remove_asides, replace_file
+from asperity.runtime import run_folder
+from asperity.runtime.files import UNREADABLE, agree, files_into, on_root, remove_asides, replace_file
+from asperity.runtime.notices import Notices, noting
 from asperity.runtime.progress import Progress, log_file
+from asperity.runtime.run_folder import CASE, CHECKPOINT, CURVE, FIELDS, LOG, SUMMARY, VTKHDF
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from asperity.adaptive.solve_to_tolerance import AccurateResult
+    from asperity.quasistatic.checkpoint import Checkpoint
     from asperity.quasistatic.solve_contact import ContactResult
+    from asperity.surface import Surface
 
 PACKAGES = ("numpy", "scipy", "mpi4py", "petsc4py", "gmsh")
 
@@ -56,20 +73,30 @@ def run(
     *,
     progress: Progress | None = None,
     resume: bool = False,
+    force: bool = False,
     comm: MPI.Comm | None = None,
 ) -> RunResult:
-    """Run a case and write its results; collective over `comm`.
+    """Run a case and write its results, as `asperity run` does; collective over `comm`.
+
+    A folder with a run is left alone unless `resume` or `force` is given: a second call for the same folder has to say
+    which. With `resume` a call may be repeated until the run is finished, whatever the state of the folder: it starts
+    the run in an absent or empty folder, or where nothing was saved yet, continues one that was stopped, and returns
+    the results of a finished one.
+
+    What is legal but doubtful is told by an `AsperityWarning`, by Python's `warnings` and in the summary, log and
+    report of the run.
 
     Args:
         case: the input, or the path of a case file
         folder: receives the files; None writes nothing
         progress: told of stages and steps
-        resume: continue from a checkpoint in `folder`
+        resume: continue the run of this case in `folder`
+        force: replace the run in `folder`; files that no run has written stay
         comm: communicator; default all ranks
 
     Raises:
-        InputError: the case is wrong
-        CheckpointError: `folder` holds no checkpoint of this case to resume from
+        InputError: the case is wrong, its load leaves no gap, or `folder` holds something that would be written over
+        CheckpointError: the run in `folder` is of another case, or its checkpoint is damaged
         ConvergenceError: the path could not be followed, the files hold the part before; or the tolerance was not met,
             what was found is kept like a finished run
         Interrupted: SIGTERM or SIGINT asked to end; the files and the checkpoint hold the part before
@@ -78,71 +105,210 @@ def run(
     """
     from mpi4py import MPI
 
-    from asperity.quasistatic.checkpoint import Checkpoint, identity
-    from asperity.quasistatic.solve_contact import PartialResult
-    from asperity.runtime.interrupt import StopRequest
-
-    case = case if isinstance(case, Case) else Case.load(case)
     comm = MPI.COMM_WORLD if comm is None else comm
-    progress = progress or Progress()
     out = None if folder is None else Path(folder)
-    writer = _Writer(case, out if comm.rank == 0 else None)
-    checkpoint = None
-    if out is not None:
-        checkpoint = Checkpoint(out / "checkpoint", identity(case), comm, case.output.checkpoint)
-    if resume:
-        if checkpoint is None:
-            raise InputError("give the folder of the run to resume")
-        checkpoint.require()
-        done = on_root(comm, writer.finished)
-        if done is not None:
-            return RunResult(done[0], _fit(done[0]), done[1], None)
-    elif checkpoint is not None:
-        checkpoint.clear()
-    on_root(comm, writer.begin)
-    failure: ConvergenceError | None = None
-    accurate = None
-    log = None if out is None or comm.rank > 0 else out / "run.log"
-    with nullcontext() if out is None else StopRequest(comm) as request, log_file(log, append=resume):
-        settings = _settings(case, comm, progress, writer, None if request is None else request.agreed)
-        try:
-            if case.accuracy.tolerance is None:
-                contact = _solve(case, settings | {"checkpoint": checkpoint})
-            else:
-                accurate = _solve_to_tolerance(case, settings | {"checkpoint": checkpoint}, writer)
-                contact = replace(accurate.contact, curve=accurate.curve, reason=accurate.reason)
-                failure = None if accurate.met else ConvergenceError(accurate.reason)
-        except PartialResult as e:
-            stopped = isinstance(e.__cause__, Interrupted)
-            failure = Interrupted(str(e)) if stopped else ConvergenceError(str(e))
-            contact = e.result
-        except OutputError as e:
-            hint = "; --resume continues from the last step saved" if case.output.checkpoint else ""
-            raise OutputError(f"{e}{hint}") from None
-    fit = _fit(contact.curve)
-    summary = summarise(case, contact, fit, comm.size)
-    if accurate is not None:
-        summary |= accurate.to_dict()
-    doubts = "; ".join(contact.checks.violated.values())
-    if doubts and not isinstance(failure, Interrupted):
-        failure = CheckError(f"the result is wrong, do not use it: {doubts}")
-        summary["exit_reason"] = str(failure)
+    with noting(comm) as notices:
+        whole, surface = agree(comm, partial(accepted, case, out, resume=resume, force=force))
+        job = _Job(whole, surface, out, comm, progress or Progress(), notices)
+        if out is not None:
+            on_root(comm, partial(run_folder.check, out, resume=resume, force=force))
+            if resume and (done := on_root(comm, job.writer.finished)) is not None:
+                return RunResult(done[0], _fit(done[0]), done[1], None)
+        resume = job.open(resume, force)
+        with log_file(None if out is None or comm.rank > 0 else out / LOG, append=resume):
+            notices.log()
+            return job.run()
 
-    def write() -> None:
-        (writer.steps if accurate is None else writer.curve)(contact.curve)
-        writer.summary(summary)
 
-    on_root(comm, write)
-    complete = accurate is not None and not doubts  # though perhaps not as accurate as asked for
-    if failure is not None and not complete:
-        raise failure
-    result = RunResult(contact.curve, fit, summary, contact)
-    result = _after(case, result, contact, out, comm, progress, writer, finished=failure is None)
-    if summary["unresolved"] and accurate is None and comm.rank == 0:
-        warnings.warn(f"{summary['unresolved']}; make mesh.h_contact smaller", ResolutionWarning, stacklevel=2)
-    if failure is not None:
-        raise failure
-    return result
+def accepted(
+    case: Case | str | Path, folder: Path | None = None, *, resume: bool = False, force: bool = False
+) -> tuple[Case, Surface]:
+    """A case that may be run, and its surface; warns of what is doubtful.
+
+    Raises:
+        InputError: anything that can be told without solving
+    """
+    if resume and force:
+        raise InputError("--resume continues the run in OUT and --force replaces it: give one of them")
+    if resume and folder is None:
+        raise InputError("give the folder of the run to resume")
+    case = case if isinstance(case, Case) else Case.load(case)
+    if case.mesh.file is not None and case.accuracy.tolerance is not None:
+        raise InputError("mesh.file cannot go with accuracy.tolerance, which chooses the mesh: leave one of them out")
+    surface = case.build_surface()
+    for text in case.warnings() + check_loading(case, surface):
+        warnings.warn(text, CaseWarning, stacklevel=2)
+    return case, surface
+
+
+@dataclass(frozen=True)
+class _Job:
+    """A case on its way to results.
+
+    Attributes:
+        case, surface: what is pressed; the surface keeps what was found about it, such as its summit
+        folder: receives the files, None for none
+        comm, progress: as in `run`
+        notices: warnings so far
+    """
+
+    case: Case
+    surface: Surface
+    folder: Path | None
+    comm: MPI.Comm
+    progress: Progress
+    notices: Notices
+
+    @cached_property
+    def writer(self) -> _Writer:
+        """Of this rank."""
+        return _Writer(self.case, self.folder if self.comm.rank == 0 else None)
+
+    @cached_property
+    def checkpoint(self) -> Checkpoint | None:
+        """Of the run, where it has a folder."""
+        from asperity.quasistatic.checkpoint import Checkpoint, identity
+
+        if self.folder is None:
+            return None
+        return Checkpoint(self.folder / CHECKPOINT, identity(self.case), self.comm, self.case.output.checkpoint)
+
+    def open(self, resume: bool, force: bool) -> bool:
+        """Make the folder ready; return whether there is a state to continue from; collective.
+
+        Raises:
+            CheckpointError: of a run that cannot be continued, which is left as it is
+        """
+        if self.folder is None or self.checkpoint is None:
+            return False
+        goes_on = resume and self.checkpoint.found()
+        if not goes_on:
+            if resume:
+                on_root(self.comm, partial(_refuse_run_of_another, self.case, self.folder))
+            self.checkpoint.clear()
+            if force:
+                on_root(self.comm, partial(run_folder.clear, self.folder))
+        on_root(self.comm, self.writer.begin)
+        return goes_on
+
+    def run(self) -> RunResult:
+        """Solve, judge, write; collective."""
+        from asperity.quasistatic.solve_contact import PartialResult
+        from asperity.runtime.interrupt import StopRequest
+
+        case, comm, writer = self.case, self.comm, self.writer
+        failure: ConvergenceError | None = None
+        accurate = None
+        with nullcontext() if self.folder is None else StopRequest(comm) as request:
+            settings = _settings(case, comm, self.progress, writer, None if request is None else request.agreed)
+            settings["checkpoint"] = self.checkpoint
+            try:
+                if case.accuracy.tolerance is None:
+                    contact = _solve(case, self.surface, settings)
+                else:
+                    accurate = _solve_to_tolerance(case, self.surface, settings, writer)
+                    contact = replace(accurate.contact, curve=accurate.curve, reason=accurate.reason)
+                    failure = None if accurate.met else ConvergenceError(accurate.reason)
+            except PartialResult as e:
+                stopped = isinstance(e.__cause__, Interrupted)
+                failure = Interrupted(str(e)) if stopped else ConvergenceError(str(e))
+                contact = e.result
+            except OutputError as e:
+                hint = "; --resume continues from the last step saved" if case.output.checkpoint else ""
+                raise OutputError(f"{e}{hint}") from None
+        fit = _fit(contact.curve)
+        summary = summarise(case, contact, fit, comm.size)
+        if accurate is not None:
+            summary |= accurate.to_dict()
+        doubts = "; ".join(contact.checks.violated.values())
+        if doubts and not isinstance(failure, Interrupted):
+            failure = CheckError(f"the result is wrong, do not use it: {doubts}")
+            summary["exit_reason"] = str(failure)
+        for text in departures(contact.curve, material_of(case), self.surface, case.block.sides):
+            warnings.warn(text, AssumptionWarning, stacklevel=3)
+        if summary["unresolved"] and accurate is None and not isinstance(failure, Interrupted):
+            warnings.warn(f"{summary['unresolved']}; make mesh.h_contact smaller", ResolutionWarning, stacklevel=3)
+        self.notices.share()
+        summary["warnings"] = self.notices.texts  # those of what follows join them
+
+        def write() -> None:
+            (writer.steps if accurate is None else writer.curve)(contact.curve)
+            writer.summary(summary)
+
+        on_root(comm, write)
+        complete = accurate is not None and not doubts  # though perhaps not as accurate as asked for
+        if failure is not None and not complete:
+            raise failure
+        result = self._after(RunResult(contact.curve, fit, summary, contact), finished=failure is None)
+        if failure is not None:
+            raise failure
+        return result
+
+    def _after(self, result: RunResult, finished: bool) -> RunResult:
+        """What follows a complete curve: fields, dynamics, figures, report; on rank 0 but for the gathering."""
+        from asperity.output.fields import gather_states, write_figure_data, write_vtkhdf
+
+        case, comm, folder, progress, writer = self.case, self.comm, self.folder, self.progress, self.writer
+        seconds, contact = result.summary["seconds"], result.contact
+        assert contact is not None
+        if contact.snapshots and folder is not None:
+            progress.stage("fields")
+            start = perf_counter()
+            states = gather_states(contact, case.surface.L, case.material.E)
+            block = contact.block
+            if comm.rank == 0 and block is not None:
+                with files_into(folder / FIELDS) as aside:
+                    write_figure_data(aside, block, states)
+                    if case.output.fields:
+                        write_vtkhdf(aside / VTKHDF, block, states)
+            seconds["fields"] = perf_counter() - start
+
+        def serial() -> Any:
+            dynamics = None
+            if case.dynamics is not None:
+                progress.stage("dynamics")
+                start = perf_counter()
+                dynamics = _dynamics(case, result.curve, folder)
+                seconds["dynamics"] = perf_counter() - start
+            writer.summary(result.summary)
+            if folder is not None and (case.output.figures or case.output.report):
+                progress.stage("figures")
+                start = perf_counter()
+                from asperity.plot import plot_run
+
+                plot_run(folder, self.surface)
+                seconds["figures"] = perf_counter() - start
+                writer.summary(result.summary)
+            if folder is not None and case.output.report:
+                from asperity.plot.report import write_report
+
+                write_report(folder, finished)
+            result.summary["finished"] = finished  # not before all is there: a finished run is not continued
+            writer.summary(result.summary)
+            return dynamics
+
+        # the others wait, for a process that ends with an error would end all
+        return replace(result, dynamics=on_root(comm, serial))
+
+
+def _refuse_run_of_another(case: Case, folder: Path) -> None:
+    """Refuse a folder whose run, of which no state is saved, is not of this case.
+
+    Raises:
+        CheckpointError: it is of another, or does not tell
+    """
+    from asperity.quasistatic.checkpoint import identity, refuse_another
+
+    if run_folder.is_empty(folder):
+        return
+    path = folder / CASE
+    try:
+        there = Case.load(path)
+    except InputError as error:
+        raise CheckpointError(
+            f"{folder} holds no state to resume from, and no case to start again: {error}; start anew with --force"
+        ) from None
+    refuse_another(path, identity(there), identity(case))
 
 
 def material_of(case: Case) -> Material:
@@ -195,14 +361,14 @@ def _settings(
     )
 
 
-def _solve(case: Case, settings: dict[str, Any]) -> ContactResult:
+def _solve(case: Case, surface: Surface, settings: dict[str, Any]) -> ContactResult:
     """The static part of a case on one mesh."""
     from asperity.mesh.block import BlockMesh
     from asperity.quasistatic.solve_contact import MeshSize, solve_contact
 
     mesh = case.mesh
     return solve_contact(
-        case.build_surface(),
+        surface,
         material_of(case),
         size=MeshSize(mesh.h_contact, mesh.growth, mesh.h_max),
         block=BlockMesh.read(mesh.file) if mesh.file is not None else None,
@@ -210,16 +376,14 @@ def _solve(case: Case, settings: dict[str, Any]) -> ContactResult:
     )
 
 
-def _solve_to_tolerance(case: Case, settings: dict[str, Any], writer: _Writer) -> AccurateResult:
+def _solve_to_tolerance(case: Case, surface: Surface, settings: dict[str, Any], writer: _Writer) -> AccurateResult:
     """The static part of a case on meshes that its tolerance chooses."""
     from asperity.adaptive.solve_to_tolerance import Goal, solve_to_tolerance
 
-    if case.mesh.file is not None:
-        raise InputError("mesh.file cannot go with accuracy.tolerance, which chooses the mesh: leave one of them out")
     wanted = case.accuracy
     assert wanted.tolerance is not None
     return solve_to_tolerance(
-        case.build_surface(),
+        surface,
         material_of(case),
         Goal(wanted.tolerance, wanted.max_dofs, wanted.max_seconds),
         on_curve=lambda curve: on_root(settings["comm"], lambda: writer.curve(curve)),
@@ -232,60 +396,6 @@ def _fit(curve: Curve) -> PowerLawFit | None:
         return curve.fit()
     except InputError:
         return None
-
-
-def _after(
-    case: Case,
-    result: RunResult,
-    contact: ContactResult,
-    folder: Path | None,
-    comm: MPI.Comm,
-    progress: Progress,
-    writer: _Writer,
-    finished: bool,
-) -> RunResult:
-    """What follows a complete curve: fields, dynamics, figures, report; on rank 0 but for the gathering."""
-    from asperity.output.fields import gather_states, write_figure_data, write_vtkhdf
-
-    seconds = result.summary["seconds"]
-    if contact.snapshots and folder is not None:
-        progress.stage("fields")
-        start = perf_counter()
-        states = gather_states(contact, case.surface.L, case.material.E)
-        block = contact.block
-        if comm.rank == 0 and block is not None:
-            with files_into(folder / "fields") as aside:
-                write_figure_data(aside, block, states)
-                if case.output.fields:
-                    write_vtkhdf(aside / "contact.vtkhdf", block, states)
-        seconds["fields"] = perf_counter() - start
-
-    def serial() -> Any:
-        dynamics = None
-        if case.dynamics is not None:
-            progress.stage("dynamics")
-            start = perf_counter()
-            dynamics = _dynamics(case, result.curve, folder)
-            seconds["dynamics"] = perf_counter() - start
-        writer.summary(result.summary)
-        if folder is not None and (case.output.figures or case.output.report):
-            progress.stage("figures")
-            start = perf_counter()
-            from asperity.plot import plot_run
-
-            plot_run(folder)
-            seconds["figures"] = perf_counter() - start
-            writer.summary(result.summary)
-        if folder is not None and case.output.report:
-            from asperity.plot.report import write_report
-
-            write_report(folder)
-        result.summary["finished"] = finished
-        writer.summary(result.summary)
-        return dynamics
-
-    # the others wait, for a process that ends with an error would end all
-    return replace(result, dynamics=on_root(comm, serial))
 
 
 def _dynamics(case: Case, curve: Curve, folder: str | Path | None) -> Any:
@@ -356,23 +466,36 @@ class _Writer:
         self._whole = False
 
     def begin(self) -> None:
-        """Make the folder and write the completed input."""
+        """Make the folder and write the completed input; a finished run there, which now goes on, is so no more."""
         if self._folder is not None:
             self._folder.mkdir(parents=True, exist_ok=True)
             remove_asides(self._folder)
-            replace_file(self._folder / "case.toml", self._case.to_toml().encode())
+            before = self._summary()
+            if before.get("finished"):
+                self.summary(before | {"finished": False})
+            replace_file(self._folder / CASE, self._case.to_toml().encode())
+
+    def _summary(self) -> dict[str, Any]:
+        """What summary.json holds; nothing where it is absent or damaged."""
+        assert self._folder is not None
+        try:
+            found = json.loads((self._folder / SUMMARY).read_text(encoding="utf-8"))
+        except UNREADABLE:
+            return {}
+        return found if isinstance(found, dict) else {}
 
     def finished(self) -> tuple[Curve, dict[str, Any]] | None:
         """Curve and summary when the folder holds all that the case asks for, else None."""
         assert self._folder is not None
+        summary = self._summary()
+        if summary.get("finished") is not True or summary.get("case_hash") != self._case.hash():
+            return None
         try:
-            summary = json.loads((self._folder / "summary.json").read_text(encoding="utf-8"))
-            text = (self._folder / "case.toml").read_text(encoding="utf-8")
-            curve = Curve.read(self._folder / "curve.csv")
-            done = summary["finished"] is True and summary["case_hash"] == self._case.hash()
+            text = (self._folder / CASE).read_text(encoding="utf-8")
+            curve = Curve.read(self._folder / CURVE)
         except (*UNREADABLE, InputError):
             return None
-        return (curve, summary) if done and text == self._case.to_toml() else None
+        return (curve, summary) if text == self._case.to_toml() else None
 
     def steps(self, curve: Curve) -> None:
         """Write the curve so far; a killed run keeps it, unless it has had a whole one on a coarser mesh."""
@@ -386,10 +509,10 @@ class _Writer:
 
     def _write(self, curve: Curve) -> None:
         if self._folder is not None:
-            curve.write(self._folder / "curve.csv")
+            curve.write(self._folder / CURVE)
 
     def summary(self, summary: dict[str, Any]) -> None:
         """Write summary.json."""
         if self._folder is not None:
             text = json.dumps(summary, indent=2, default=float)
-            replace_file(self._folder / "summary.json", f"{text}\n".encode())
+            replace_file(self._folder / SUMMARY, f"{text}\n".encode())

@@ -17,11 +17,11 @@ from made_up_run import write_run
 
 from asperity.cli import main
 from asperity.cli.measure import CASE
-from asperity.cli.run import check_folder
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError
 from asperity.plot import CAPTIONS
 from asperity.runtime.progress import COLUMNS, Progress, StepLines, duration, make_progress
+from asperity.runtime.run_folder import check
 
 ROOT = Path(__file__).parents[2]
 DEMO = str(ROOT / "cases/demo.toml")
@@ -44,22 +44,18 @@ def cli(capsys: pytest.CaptureFixture[str]) -> Cli:
 
 @pytest.fixture
 def calls(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
-    """Stand in for the solver: note the calls, report two steps."""
+    """Stand in for the solver, once a run is begun: note the jobs, report two steps."""
     noted: list[dict[str, Any]] = []
 
-    def run(case: Any, folder: Path, *, progress: Progress, resume: bool) -> Any:
-        noted.append({"case": case, "folder": folder, "resume": resume})
-        (folder / "case.toml").write_text(case.to_toml())
-        progress.stage("solve")
+    def run(job: Any) -> Any:
+        noted.append({"case": job.case, "folder": job.folder})
+        job.progress.stage("solve")
         row = dict(step=1, branch="load", delta_star=1e-3, P_star=2e-6, area_fraction=0.01)
-        progress.step({**row, "newton": 4, "krylov": 60, "seconds": 0.5}, 0.5)
+        job.progress.step({**row, "newton": 4, "krylov": 60, "seconds": 0.5}, 0.5)
         fit = types.SimpleNamespace(k=0.5, n=1.5, r2=0.999)
         return types.SimpleNamespace(summary={}, fit=fit, curve=None, contact=..., dynamics=None)
 
-    stand_in = types.ModuleType("asperity.run_case")
-    stand_in.run = run  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "asperity.run_case", stand_in)
-    monkeypatch.setattr("asperity.run_case", stand_in, raising=False)
+    monkeypatch.setattr("asperity.run_case._Job.run", run)
     return noted
 
 
@@ -68,7 +64,7 @@ def test_run_hands_the_case_to_the_solver_and_shows_steps_and_fit(
 ) -> None:
     code, out, _ = cli("run", DEMO, "-o", tmp_path / "a/b", "--set", "block.height=2e-6")
     assert code == 0
-    assert calls[0]["folder"] == tmp_path / "a/b" and not calls[0]["resume"]
+    assert calls[0]["folder"] == tmp_path / "a/b"
     assert calls[0]["case"].block.height == 2e-6
     assert all(name in out for name in COLUMNS)
     assert "P* = 0.5 (delta/L)^1.5000" in out
@@ -88,7 +84,7 @@ def test_an_earlier_run_is_kept_unless_resumed_or_forced(cli: Cli, calls: list[d
     assert code == 2 and "--resume" in err and "--force" in err
     assert (out / "curve.csv").read_text() == "precious"
     assert cli("run", DEMO, "-o", out, "--resume")[0] == 0
-    assert calls[-1]["resume"] and (out / "curve.csv").exists()
+    assert len(calls) == 2 and (out / "curve.csv").read_text() == "precious"
     (out / "notes.txt").write_text("mine")
     assert cli("run", DEMO, "-o", out, "--force")[0] == 0
     assert not (out / "curve.csv").exists() and (out / "notes.txt").read_text() == "mine"
@@ -126,12 +122,12 @@ def test_force_removes_what_a_run_wrote_and_leaves_what_others_put_there(
     (out / "case.toml").write_text(Path(DEMO).read_text())  # edited, the checkpoint tells that there is a run
     assert cli("run", DEMO, "-o", out, "--force")[0] == 0
     left = {path for path in out.rglob("*") if path.is_file()}
-    assert left == {*theirs, out / "case.toml", out / "checkpoint/mesh.npz"}
+    assert left == {*theirs, out / "case.toml", out / "run.log"}
 
 
 def test_a_run_killed_at_its_begin_can_be_replaced(cli: Cli, calls: list[Any], tmp_path: Path) -> None:
     cli("run", DEMO, "-o", tmp_path)
-    assert [path.name for path in tmp_path.iterdir()] == ["case.toml"]
+    assert {path.name for path in tmp_path.iterdir()} == {"case.toml", "run.log"}
     (tmp_path / ".curve.csv.12.asperity").write_text("half")
     assert cli("run", DEMO, "-o", tmp_path)[0] == 2
     assert cli("run", DEMO, "-o", tmp_path, "--force")[0] == 0
@@ -150,14 +146,14 @@ def test_an_empty_name_is_refused(
 def test_a_foreign_folder_or_a_file_is_refused(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("x")
     with pytest.raises(InputError, match="not empty"):
-        check_folder(tmp_path, resume=False, force=True)
+        check(tmp_path, force=True)
     with pytest.raises(InputError, match="not empty"):
-        check_folder(tmp_path, resume=False, force=False)
+        check(tmp_path)
     with pytest.raises(InputError, match="not empty"):
-        check_folder(tmp_path, resume=True, force=False)
+        check(tmp_path, resume=True)
     with pytest.raises(InputError, match="is a file"):
-        check_folder(tmp_path / "thesis.tex", resume=False, force=True)
-    check_folder(tmp_path / "new", resume=True, force=False)
+        check(tmp_path / "thesis.tex", force=True)
+    check(tmp_path / "new", resume=True)
 
 
 @pytest.mark.parametrize(

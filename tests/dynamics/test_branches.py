@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_dynamics_response import one_period
+from test_response import one_period
 
 from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw, TableLaw
 from asperity.dynamics.orbits import crossing

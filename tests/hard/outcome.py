@@ -16,12 +16,13 @@ import numpy as np
 from mpi4py import MPI
 from scene_definition import BASE, Keys, L, Scene
 
-from asperity.case.case_file import Case, check_loading
+from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import CheckError, ConvergenceError, InputError
 from asperity.quasistatic.checkpoint import Checkpoint, identity
 from asperity.quasistatic.solve_contact import MeshSize, make_block
 from asperity.run_case import run
+from asperity.runtime.run_folder import CHECKPOINT, CURVE, SUMMARY
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,6 @@ def _run(scene: Scene, keys: Keys, heights: bad_inputs.Map | None, folder: Path)
     out, done = folder / "out", _Run()
     try:
         done.case = case = _case(scene, keys, folder)
-        check_loading(case, case.build_surface())
         run(case, out, comm=MPI.COMM_SELF)
     except InputError as error:
         return _Run(ends="refused", reason=str(error).replace(f"{folder}/", ""))
@@ -96,13 +96,13 @@ def _run(scene: Scene, keys: Keys, heights: bad_inputs.Map | None, folder: Path)
         done.ends, done.reason = "wrong" if isinstance(error, CheckError) else "stopped", str(error)
     except Exception as error:  # reported as "crashed"; the other scenes run
         return _Run(ends="crashed", reason=f"{type(error).__name__}: {error}")
-    if not (out / "curve.csv").exists():  # stopped before the first step
+    if not (out / CURVE).exists():  # stopped before the first step
         return done
-    done.curve = Curve.read(out / "curve.csv")
-    done.summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    done.curve = Curve.read(out / CURVE)
+    done.summary = json.loads((out / SUMMARY).read_text(encoding="utf-8"))
     done.reason = done.reason or done.summary["unresolved"]
     if case.accuracy.tolerance is None:  # with a tolerance there is one checkpoint per mesh
-        saved = Checkpoint(out / "checkpoint", identity(case), MPI.COMM_SELF).load()
+        saved = Checkpoint(out / CHECKPOINT, identity(case), MPI.COMM_SELF).load()
         if saved is None or len(saved.meta["rows"]) != len(done.curve):
             done.faults.append("the checkpoint does not hold the steps of the curve")
     return done

@@ -20,12 +20,11 @@ from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
 from asperity.case import Case
-from asperity.cli.run import prepare
 from asperity.curve import Curve
 from asperity.errors import AsperityError, CheckError, ConvergenceError, InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.tet10 import EDGES
-from asperity.run_case import run
+from asperity.run_case import accepted, run
 from asperity.surface import Flat
 
 ROOT = Path(__file__).parents[2]
@@ -84,7 +83,7 @@ def accepts(case: Case, folder: Path) -> bool:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            prepare(case, folder / "out", resume=False, force=False)
+            accepted(case, folder / "out")
         except InputError as error:
             refused(error)
             return False

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from asperity.cli import options
+from asperity.runtime.run_folder import CURVE
 
 
 @click.command()
@@ -32,4 +33,4 @@ def command(first: Path, second: Path, tolerances: dict[str, float] | None) -> i
 
 
 def _curve_file(path: Path) -> Path:
-    return path / "curve.csv" if path.is_dir() else path
+    return path / CURVE if path.is_dir() else path

@@ -53,6 +53,7 @@ def command(
     """
     from asperity.plot import save, surface_map
     from asperity.plot.measured import spectrum_figure
+    from asperity.runtime.files import replace_file
     from asperity.surface import Surface
     from asperity.surface.fractal_fit import fit_fractal
     from asperity.surface.measured import HeightField
@@ -75,8 +76,8 @@ def command(
         options.say(f"no D and G: {error}")
     about = {"file": map_file, "side": surface.L, "nodes": len(patch.z), "level": level, "cutoff": cutoff}
     about |= {"statistics": asdict(statistics), "fit": None if fit is None else fit.to_dict()}
-    (folder / "measured.json").write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
-    (folder / "case.toml").write_text(CASE.format(delta=0.5 * statistics.Sp), encoding="utf-8")
+    replace_file(folder / "measured.json", f"{json.dumps(about, indent=2)}\n".encode())
+    replace_file(folder / "case.toml", CASE.format(delta=0.5 * statistics.Sp).encode())
     save(surface_map(surface.grid(401), surface.L, surface.maximum(), unit="m"), folder / "surface.png")
     save(spectrum_figure(surface.psd(), fit, "m"), folder / "spectrum.png")
     rows = [("side", f"{surface.L:.4g} m"), ("nodes", f"{len(patch.z)}"), ("Sq", f"{statistics.Sq:.4g} m"),

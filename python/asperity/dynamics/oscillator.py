@@ -24,7 +24,7 @@ from asperity.dynamics.orbits.free import FreeVibration, contact_limit, free_vib
 from asperity.dynamics.orbits.harmonic_balance import Balance
 from asperity.dynamics.orbits.response import FrequencyResponse, frequency_response
 from asperity.dynamics.orbits.thresholds import Backbone, Thresholds
-from asperity.errors import InputError, RangeError
+from asperity.errors import AsperityWarning, InputError, RangeError
 
 GRAVITY = 9.80665
 
@@ -81,7 +81,7 @@ class ContactOscillator:
                 "the curve further"
             )
         for doubt in self.law.doubts(self.restoring.load):
-            warnings.warn(doubt, stacklevel=3)
+            warnings.warn(doubt, AsperityWarning, stacklevel=3)
 
     @property
     def model(self) -> str:
@@ -329,7 +329,8 @@ class ContactOscillator:
         from asperity.dynamics.motion.shooting_correction import coefficients
 
         if self.zeta < LIGHTEST:
-            warnings.warn("with so little damping no motion settles: detached loops are not searched", stacklevel=3)
+            text = "with so little damping no motion settles: detached loops are not searched"
+            warnings.warn(text, AsperityWarning, stacklevel=3)
             return ()
         omega = np.linspace(*window, 14)[1:-1]
         found = self.attractors(omega, forcing, starts=8, tol=1e-3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import os
 import tomllib
@@ -26,6 +27,8 @@ from asperity.dynamics.oscillator import GRAVITY, ContactOscillator
 from asperity.dynamics.uncertainty import BAND_COLUMNS, Band, Uncertainty, response_band, uncertainty
 from asperity.errors import AsperityError, InputError, RangeError
 from asperity.power_law import fit_power_law
+from asperity.runtime.files import replace_file
+from asperity.runtime.run_folder import BAND, FREE, RESPONSE, THRESHOLDS
 
 FREE_COLUMNS = ("model", "u0", "omega_ratio", "u_min")
 RESPONSE_COLUMNS = ("model", "F_hat", "zeta", "Omega", "u_max", "u_min", "a1", "stable", "branch", "contact_loss")
@@ -65,13 +68,13 @@ class Dynamics:
         """Write free.csv, response.csv, thresholds.json, and band.csv if there are bands, into a directory."""
         path = Path(out_dir)
         path.mkdir(parents=True, exist_ok=True)
-        _write(path / "free.csv", FREE_COLUMNS, (row for f in self.free.values() for row in f.rows()))
+        _write(path / FREE, FREE_COLUMNS, (row for f in self.free.values() for row in f.rows()))
         results = [r for group in (self.responses, self.sweeps) for many in group.values() for r in many]
-        _write(path / "response.csv", RESPONSE_COLUMNS, (row for r in results for row in r.rows()))
+        _write(path / RESPONSE, RESPONSE_COLUMNS, (row for r in results for row in r.rows()))
         if self.bands:
-            _write(path / "band.csv", BAND_COLUMNS, (row for band in self.bands for row in band.rows()))
+            _write(path / BAND, BAND_COLUMNS, (row for band in self.bands for row in band.rows()))
         text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
-        (path / "thresholds.json").write_text(text + "\n")
+        replace_file(path / THRESHOLDS, f"{text}\n".encode())
 
     def to_dict(self) -> dict[str, Any]:
         """Content of thresholds.json."""
@@ -340,13 +343,14 @@ def _sweep_summary(s: Sweep) -> dict[str, Any]:
 
 
 def _write(path: Path, names: tuple[str, ...], rows: Iterable[dict[str, Any]]) -> None:
-    with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, names, lineterminator="\n")
-        writer.writeheader()
-        for row in rows:
-            writer.writerow(
-                {
-                    k: repr(v) if isinstance(v, float) else str(v).lower() if isinstance(v, bool) else v
-                    for k, v in row.items()
-                }
-            )
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, names, lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow(
+            {
+                k: repr(v) if isinstance(v, float) else str(v).lower() if isinstance(v, bool) else v
+                for k, v in row.items()
+            }
+        )
+    replace_file(path, text.getvalue().encode())

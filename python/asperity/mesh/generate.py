@@ -7,9 +7,12 @@ surface. The vertical map z -> z (1 + f/height), f the height above the mean pla
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from math import hypot
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -35,6 +38,18 @@ FLAT = 1e-12  # difference of depths below which a surface counts as touched at 
 #: is known what was touched when, more makes the errors of the steps of a rough surface alike (docs/accuracy.md).
 GRADING, GUIDED = (0.5, 0.2), (0.75, 0.15)
 NEIGHBOURS = 6  # corners and edges of a facet: a margin of an element around what was touched
+
+MODEL = "asperity"  # name of the model in gmsh
+OPTIONS = {
+    "General.Terminal": 0,
+    "General.NumThreads": 1,
+    "General.AbortOnError": 2,  # an error becomes an exception
+    "Mesh.MeshSizeExtendFromBoundary": 0,
+    "Mesh.MeshSizeFromPoints": 0,
+    "Mesh.MeshSizeFromCurvature": 0,
+    "Mesh.Algorithm": 6,  # frontal Delaunay
+    "Mesh.Algorithm3D": 10,  # HXT
+}
 
 T = TypeVar("T")
 
@@ -207,31 +222,19 @@ def _flat_block(
     """
     import gmsh
 
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
     try:
-        for option, value in {
-            "General.Terminal": 0,
-            "General.NumThreads": 1,
-            "Mesh.MeshSizeExtendFromBoundary": 0,
-            "Mesh.MeshSizeFromPoints": 0,
-            "Mesh.MeshSizeFromCurvature": 0,
-            "Mesh.Algorithm": 6,  # frontal Delaunay
-            "Mesh.Algorithm3D": 10,  # HXT
-        }.items():
-            gmsh.option.setNumber(option, value)
-        box = gmsh.model.occ.addBox(0.0, 0.0, 0.0, 1.0, 1.0, height)
-        point = gmsh.model.occ.addPoint(*summit, height)
-        gmsh.model.occ.fragment([(3, box)], [(0, point)])
-        gmsh.model.occ.synchronize()
-        gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: size(x, y, height - z))
-        gmsh.model.mesh.generate(3)
-        gmsh.model.mesh.setOrder(2)
-        tags, xyz, _ = gmsh.model.mesh.getNodes()
-        _, _, connectivity = gmsh.model.mesh.getElements(3)
+        with _own_model(OPTIONS):
+            box = gmsh.model.occ.addBox(0.0, 0.0, 0.0, 1.0, 1.0, height)
+            point = gmsh.model.occ.addPoint(*summit, height)
+            gmsh.model.occ.fragment([(3, box)], [(0, point)])
+            gmsh.model.occ.synchronize()
+            gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: size(x, y, height - z))
+            gmsh.model.mesh.generate(3)
+            gmsh.model.mesh.setOrder(2)
+            tags, xyz, _ = gmsh.model.mesh.getNodes()
+            _, _, connectivity = gmsh.model.mesh.getElements(3)
     except Exception as e:
         raise MeshError(f"gmsh could not mesh the block: {e}") from e
-    finally:
-        gmsh.finalize()
     number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
     number[tags.astype(np.int64)] = np.arange(len(tags))
     points = xyz.reshape(-1, 3).copy()
@@ -239,6 +242,48 @@ def _flat_block(
         for plane in (0.0, end):
             points[np.abs(points[:, axis] - plane) < 1e-9, axis] = plane
     return points, number[connectivity[0].astype(np.int64)].reshape(-1, 10)
+
+
+@contextmanager
+def _own_model(options: Mapping[str, float]) -> Iterator[None]:
+    """A new model of gmsh under these options and no others; a session that the caller has open is left as it was.
+
+    Its models, current model and options stay; what is not among `options` has its default meanwhile, so that the mesh
+    does not depend on what the caller has set.
+    """
+    import gmsh
+
+    if not gmsh.isInitialized():
+        gmsh.initialize(readConfigFiles=False, interruptible=False)
+        try:
+            for option, value in options.items():
+                gmsh.option.setNumber(option, value)
+            gmsh.model.add(MODEL)
+            yield
+        finally:
+            gmsh.finalize()
+        return
+    current = gmsh.model.getCurrent()
+    beside = {name: gmsh.option.getNumber(name) for name in ("General.Terminal", "General.AbortOnError")}
+    with TemporaryDirectory(prefix="asperity-") as place:
+        session = str(Path(place) / "session.opt")  # gmsh writes all that differs from its defaults
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.write(session)
+        try:
+            gmsh.option.restoreDefaults()
+            for option, value in options.items():
+                gmsh.option.setNumber(option, value)
+            gmsh.model.add(MODEL)
+            try:
+                yield
+            finally:
+                gmsh.model.remove()
+        finally:
+            gmsh.model.setCurrent(current)
+            gmsh.option.restoreDefaults()
+            gmsh.merge(session)
+            for option, value in beside.items():
+                gmsh.option.setNumber(option, value)
 
 
 def _on_edge(c: float, near: float = 1e-3) -> float:

@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.model.material import Material
+from asperity.runtime.files import npz_bytes, replace_file
 from asperity.surface import Surface
 
 
@@ -135,5 +136,5 @@ class SumSurface(Surface):
     def save(self, path: str | Path, n: int = 513) -> Path:
         """Write heights on an n x n grid as .npz, for kind = "file" in a case; return the path."""
         path = Path(path).with_suffix(".npz")
-        np.savez_compressed(path, z=self.grid(n), L=self.L)
+        replace_file(path, npz_bytes({"z": self.grid(n), "L": np.array(self.L)}, compress=True))
         return path

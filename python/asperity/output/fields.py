@@ -15,6 +15,7 @@ from asperity.mesh.block import BlockMesh
 from asperity.mesh.tet10 import outer_faces
 from asperity.quasistatic.measures import Snapshot
 from asperity.quasistatic.solve_contact import ContactResult
+from asperity.runtime.run_folder import BLOCK, TOP
 
 VTK_QUADRATIC_TETRA = 24
 GMSH_TO_VTK = (0, 1, 2, 3, 4, 5, 6, 7, 9, 8)  # the last two edges change places
@@ -93,7 +94,7 @@ def write_figure_data(folder: Path, block: BlockMesh, states: list[State]) -> No
     """Write mesh.npz and top.npz, what the figures are drawn from; rank 0 only."""
     folder.mkdir(exist_ok=True)
     facets = top_facets(block)
-    np.savez_compressed(folder / "mesh.npz", points=block.points, tets=block.tets, triangles=facets)
+    np.savez_compressed(folder / BLOCK, points=block.points, tets=block.tets, triangles=facets)
     corners, edges = facets[:, :3], facets[:, 3:]
     # four linear triangles a facet, so that the edge nodes count
     triangles = np.concatenate(
@@ -106,7 +107,7 @@ def write_figure_data(folder: Path, block: BlockMesh, states: list[State]) -> No
     )
     used, number = np.unique(triangles, return_inverse=True)
     np.savez_compressed(
-        folder / "top.npz",
+        folder / TOP,
         points=block.points[used, :2],
         triangles=number.reshape(triangles.shape),
         steps=np.array([s.step for s in states]),

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from asperity.curve import Curve
 from asperity.errors import InputError
 from asperity.runtime.files import UNREADABLE, one_line, read_npz
+from asperity.runtime.run_folder import BAND, BLOCK, CASE, CURVE, FIELDS, FREE, RESPONSE, SUMMARY, THRESHOLDS, TOP
+from asperity.surface import Surface
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -38,6 +40,7 @@ class Results:
         band: columns of band.csv.
         top: arrays of fields/top.npz.
         mesh: arrays of fields/mesh.npz.
+        built: the surface of the case where the reader had it, else None.
     """
 
     folder: Path
@@ -50,27 +53,32 @@ class Results:
     band: Columns = field(default_factory=dict)
     top: Columns = field(default_factory=dict)
     mesh: Columns = field(default_factory=dict)
+    built: Surface | None = None
 
     @classmethod
-    def read(cls, folder: str | Path) -> Results:
+    def read(cls, folder: str | Path, surface: Surface | None = None) -> Results:
         """Read a run directory.
+
+        Args:
+            folder: the run directory.
+            surface: of the case, if it is built already: its summit need not be searched again.
 
         Raises:
             InputError: there is no curve.csv, or a file cannot be understood.
         """
         folder = Path(folder)
-        if not (folder / "curve.csv").is_file():
+        if not (folder / CURVE).is_file():
             raise InputError(f"{folder} holds no curve.csv; give the folder of a run")
         readers: dict[str, tuple[str, Callable[[Path], Any]]] = {
-            "case": ("case.toml", _read_toml),
-            "summary": ("summary.json", _read_json),
-            "curve": ("curve.csv", Curve.read),
-            "free": ("free.csv", _read_csv),
-            "response": ("response.csv", _read_csv),
-            "thresholds": ("thresholds.json", _read_json),
-            "band": ("band.csv", _read_csv),
-            "top": ("fields/top.npz", read_npz),
-            "mesh": ("fields/mesh.npz", read_npz),
+            "case": (CASE, _read_toml),
+            "summary": (SUMMARY, _read_json),
+            "curve": (CURVE, Curve.read),
+            "free": (FREE, _read_csv),
+            "response": (RESPONSE, _read_csv),
+            "thresholds": (THRESHOLDS, _read_json),
+            "band": (BAND, _read_csv),
+            "top": (f"{FIELDS}/{TOP}", read_npz),
+            "mesh": (f"{FIELDS}/{BLOCK}", read_npz),
         }
         found = {}
         for attribute, (name, reader) in readers.items():
@@ -79,7 +87,7 @@ class Results:
                     found[attribute] = reader(folder / name)
                 except UNREADABLE as error:
                     raise InputError(f"{folder / name} cannot be read: {one_line(error)}") from None
-        return cls(folder=folder, **found)
+        return cls(folder=folder, built=surface, **found)
 
     def unit(self, dimension: str) -> str:
         """SI unit of "length", "force" or "stress"; empty in another system of units."""
@@ -88,8 +96,8 @@ class Results:
     @cached_property
     def surface(self) -> Any:
         """The surface of the case, None without a case file."""
-        from asperity.surface import Surface
-
+        if self.built is not None:
+            return self.built
         return Surface.from_spec(**self.case["surface"]) if "surface" in self.case else None
 
     @property

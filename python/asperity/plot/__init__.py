@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,6 +14,10 @@ from asperity.plot.curves import force_curve, plasticity
 from asperity.plot.fields import contact_area, mesh_cut, pressure_maps, surface_map
 from asperity.plot.style import save
 from asperity.plot.vibration import frequency, response
+from asperity.runtime.run_folder import FIGURES
+
+if TYPE_CHECKING:
+    from asperity.surface import Surface
 
 __all__ = [
     "CAPTIONS",
@@ -46,11 +51,12 @@ CAPTIONS = {
 }
 
 
-def plot_run(folder: str | Path) -> list[Path]:
+def plot_run(folder: str | Path, surface: Surface | None = None) -> list[Path]:
     """Draw every figure that the files of a run allow, into its folder figures/.
 
     Args:
         folder: the run directory.
+        surface: of the case, if it is built already.
 
     Returns:
         The pictures written.
@@ -58,18 +64,18 @@ def plot_run(folder: str | Path) -> list[Path]:
     Raises:
         InputError: the folder holds no run.
     """
-    results = Results.read(folder)
-    target = results.folder / "figures"
+    results = Results.read(folder, surface)
+    target = results.folder / FIGURES
     target.mkdir(exist_ok=True)
-    return [save(draw(results), target / f"{name}.png") for name, draw in _figures(results).items()]
+    return [save(draw(results), target / f"{name}.png") for name, draw in figures_of(results).items()]
 
 
-def _figures(results: Results) -> dict[str, Callable[[Results], Figure]]:
+def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
     """Name and function of each figure there are data for."""
     rows = len(results.curve)
     plastic = np.any(results.curve.max_plastic_strain > 0)
     wanted: dict[str, tuple[bool, Callable[[Results], Figure]]] = {
-        "surface": (results.surface is not None, _surface),
+        "surface": ("surface" in results.case, _surface),
         "mesh": (bool(results.mesh), mesh_cut),
         "pressure": (results.snapshots > 0, pressure_maps),
         "area": (rows > 0, contact_area),

@@ -10,16 +10,17 @@ from typing import Any
 import asperity
 from asperity.curve import COLUMNS
 from asperity.output.results import Results
-from asperity.plot import CAPTIONS, plot_run
+from asperity.plot import CAPTIONS, figures_of, plot_run
 from asperity.plot.citations import publications
 from asperity.plot.style import DPI
 from asperity.runtime.files import replace_file
+from asperity.runtime.run_folder import CURVE, FIGURES, REPORT
 from asperity.units import quantity
 
 Rows = list[tuple[str, str]]
 
 
-def write_report(folder: str | Path) -> Path:
+def write_report(folder: str | Path, finished: bool | None = None) -> Path:
     """Write report.html into a run directory, from the files there.
 
     Figures are drawn first where they are missing or older than the curve. All that came from
@@ -27,6 +28,8 @@ def write_report(folder: str | Path) -> Path:
 
     Args:
         folder: the run directory.
+        finished: what the page says of it; by default what summary.json does. A run that ends is not marked there
+            before its report is written.
 
     Returns:
         The page.
@@ -37,6 +40,7 @@ def write_report(folder: str | Path) -> Path:
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     results = Results.read(folder)
+    summary = dict(results.summary) | ({} if finished is None else {"finished": finished})
     page = Environment(
         loader=PackageLoader("asperity"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
@@ -44,18 +48,19 @@ def write_report(folder: str | Path) -> Path:
     text = page.render(
         title=results.folder.resolve().name,
         version=asperity.__version__,
-        exit_reason=str(results.summary.get("exit_reason", "")),
-        fit=results.summary.get("fit") or {},
+        exit_reason=str(summary.get("exit_reason", "")),
+        warnings=summary.pop("warnings", []),
+        fit=summary.get("fit") or {},
         law=_law(results),
         outcome=_outcome(results),
         figures=[_figure(path) for path in _figures(results)],
-        tables=_tables("run", results.summary) + _tables("dynamics", results.thresholds),
+        tables=_tables("run", summary) + _tables("dynamics", results.thresholds),
         inputs=[(name, list(_flat(table))) for name, table in _sections(results.case)],
         columns=COLUMNS,
         rows=[[_text(value) for value in row.values()] for row in results.curve.rows()],
         publications=publications(results.case),
     )
-    target = results.folder / "report.html"
+    target = results.folder / REPORT
     replace_file(target, text.encode())
     return target
 
@@ -96,10 +101,11 @@ def _outcome(results: Results) -> Rows:
 
 
 def _figures(results: Results) -> list[Path]:
-    """Pictures of the run, drawn now unless they are newer than the curve."""
-    folder, curve = results.folder / "figures", results.folder / "curve.csv"
+    """Pictures of the run, drawn now unless all are there and newer than the curve."""
+    folder, curve = results.folder / FIGURES, results.folder / CURVE
     found = sorted(folder.glob("*.png"))
-    if not found or any(path.stat().st_mtime < curve.stat().st_mtime for path in found):
+    missing = figures_of(results).keys() - {path.stem for path in found}
+    if missing or any(path.stat().st_mtime < curve.stat().st_mtime for path in found):
         plot_run(results.folder)
         found = sorted(folder.glob("*.png"))
     order = list(CAPTIONS)

@@ -11,11 +11,13 @@ import numpy as np
 
 from asperity.errors import CompatError, InputError
 from asperity.output.results import Results
+from asperity.runtime.files import files_into
+from asperity.runtime.run_folder import FIELDS, FIGURES, VTKHDF
 from asperity.units import prefix
 
 SIZE = (1500, 640)  # pixels
 DEPTH = 0.5  # part of the height that is shown
-FIELD_FILE = "fields/contact.vtkhdf"
+FIELD_FILE = f"{FIELDS}/{VTKHDF}"
 _NOTHING = 1e-3  # part of the greatest pressure below which the top carries no load
 
 
@@ -61,9 +63,10 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
                      cmap="inferno_r", nan_color="#B8B8B8", clim=_limits(float(pressure.max()) * scale), ambient=0.2,
                      scalar_bar_args=_bar("contact pressure", unit))  # fmt: skip
     _view(plotter, block)
-    target = Path(path) if path is not None else results.folder / "figures" / "scene.png"
+    target = Path(path) if path is not None else results.folder / FIGURES / "scene.png"
     target.parent.mkdir(exist_ok=True)
-    plotter.screenshot(target)
+    with files_into(target.parent) as aside:
+        plotter.screenshot(aside / target.name)
     plotter.close()
     return target
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import io
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, ParamSpec
@@ -11,6 +12,8 @@ import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from asperity.runtime.files import replace_file
 
 P = ParamSpec("P")
 
@@ -63,10 +66,12 @@ def figure(width: float, height: float, columns: int = 1, rows: int = 1) -> tupl
 
 
 def save(figure: Figure, path: str | Path) -> Path:
-    """Write a figure as PNG and return its path."""
+    """Write a figure, of the kind its suffix tells, and return its path; it is there as a whole or not at all."""
+    path, picture = Path(path), io.BytesIO()
     with mpl.rc_context(_RC):
-        figure.savefig(path, dpi=DPI)
-    return Path(path)
+        figure.savefig(picture, dpi=DPI, format=path.suffix[1:] or "png")
+    replace_file(path, picture.getvalue())
+    return path
 
 
 def grid(*axes: Axes) -> None:

@@ -38,6 +38,7 @@ from asperity.quasistatic.contact_solver import ContactSolver, Counts, SolverSta
 from asperity.quasistatic.measures import FirstContact, Snapshot, snapshot
 from asperity.quasistatic.stepping import Position, Record
 from asperity.runtime.files import UNREADABLE, npz_bytes, on_root, read_npz, remove_asides, replace_file
+from asperity.runtime.run_folder import MESH, SNAPSHOT, STATE
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -47,7 +48,6 @@ if TYPE_CHECKING:
 
 FORMAT = 3  # 3: digests; the tolerance of the equations belongs to the case
 OF_CELLS = ("stress", "plastic_strain")  # fields of a snapshot with a row a cell
-MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"
 #: Sections and keys that may differ between a run and its continuation, for the curve stays what it is to the tolerance
 #: of the equations; loading.cycles may also grow.
 CHANGEABLE = frozenset(
@@ -181,7 +181,7 @@ class Checkpoint:
         def remove() -> None:
             for folder in sorted(self.folder.glob("**/"), reverse=True):  # those inside first
                 remove_asides(folder)
-                for name in (MESH, STATE, SNAPSHOT.format("*")):
+                for name in (STATE, MESH, SNAPSHOT.format("*")):
                     for path in folder.glob(name):
                         path.unlink(missing_ok=True)
                 with suppress(OSError):  # it holds what is somebody else's
@@ -189,23 +189,20 @@ class Checkpoint:
 
         on_root(self._comm, remove)
 
-    def require(self) -> None:
-        """Make sure that there is a state to continue from and that it belongs to this case.
+    def found(self) -> bool:
+        """Whether there is a state to continue from.
 
         Raises:
-            CheckpointError: there is none, it is damaged, of another case or of a newer version
+            CheckpointError: there is one, but it is damaged, of another case or of a newer version
         """
 
-        def check() -> None:
+        def check() -> bool:
             states = sorted(self.folder.glob(f"**/{STATE}"))
-            if not states:
-                raise CheckpointError(
-                    f"{self.folder} holds no checkpoint to resume from; start the run anew with --force"
-                )
             for path in states:
                 self._read_state(path)
+            return bool(states)
 
-        on_root(self._comm, check)
+        return on_root(self._comm, check)
 
     def load(self) -> Saved | None:
         """Read the saved state; None when there is none.
@@ -252,13 +249,7 @@ class Checkpoint:
         if wrong:
             raise _damaged(path, wrong)
         del arrays["meta"]
-        different = differences(meta["identity"], self._identity)
-        if different:
-            raise CheckpointError(
-                f"{path} belongs to another case: {'; '.join(different[:3])}"
-                + (f"; and {len(different) - 3} more keys" if len(different) > 3 else "")
-                + "; resume with the case it was made for, or start anew with --force"
-            )
+        refuse_another(path, meta["identity"], self._identity)
         return meta, arrays
 
     def begin(self, block: BlockMesh | None) -> None:
@@ -342,6 +333,25 @@ def differences(saved: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
             words = ["absent" if value is None else show(value) for value in (old, new)]
             found.append(f"{name} = {words[0]} there, {words[1]} here")
     return found
+
+
+def refuse_another(path: Path, saved: Mapping[str, Any], now: Mapping[str, Any]) -> None:
+    """Refuse to continue a run under another case.
+
+    Args:
+        path: of the file that tells the case of the run
+        saved, now: identities of the case there and of this one, see `identity`
+
+    Raises:
+        CheckpointError: they differ in what matters
+    """
+    different = differences(saved, now)
+    if different:
+        raise CheckpointError(
+            f"{path} belongs to another case: {'; '.join(different[:3])}"
+            + (f"; and {len(different) - 3} more keys" if len(different) > 3 else "")
+            + "; resume with the case it was made for, or start anew with --force"
+        )
 
 
 def _fields(solver: ContactSolver, first_contact: FirstContact) -> dict[str, Array]:

@@ -139,9 +139,6 @@ class NewtonSolver:
 
     # -- python preconditioner of the outer KSP --------------------------------------------------
 
-    def setUp(self, pc: Any) -> None:
-        """Part of the preconditioner interface; everything happens in `apply`."""
-
     def apply(self, pc: Any, r: Any, y: Any) -> None:
         """Solve J y = r for the Newton step -y, prescribed increments included, and set its length."""
         rows = np.concatenate([self.solid.fixed, self.rows])

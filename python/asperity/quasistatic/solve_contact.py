@@ -236,7 +236,7 @@ def solve_contact(
     checkpoint: Checkpoint | None = None,
     stop: Callable[[], str] | None = None,
 ) -> ContactResult:
-    """Press a rough block with a rigid frictionless flat; collective over `comm`.
+    """ContactSolver a rough block with a rigid frictionless flat; collective over `comm`.
 
     Args:
         surface: the rough top

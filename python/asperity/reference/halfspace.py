@@ -50,7 +50,7 @@ def half_space_contact(
     max_iterations: int = 5000,
     start: Array | None = None,
 ) -> HalfSpaceContact:
-    """Press a rigid flat on an elastic rough surface with sides u.n = 0.
+    """ContactSolver a rigid flat on an elastic rough surface with sides u.n = 0.
 
     Conjugate gradients on the contact set (Polonsky and Keer, Wear 231 (1999) 206) with a cosine
     transform. Second order in L/n for force and deflection.

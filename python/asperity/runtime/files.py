@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tokenize import TokenError
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 from zipfile import BadZipFile
 
 import numpy as np
@@ -173,3 +173,21 @@ def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T:
     if failure is not None:
         raise failure
     return value
+
+
+def agree(comm: MPI.Comm, work: Callable[[], T]) -> T:
+    """Do the same work on every rank; what fails on one of them fails on all; collective.
+
+    Raises:
+        AsperityError: what `work` raised on the first rank where it failed
+    """
+    result: T | None = None
+    failure: AsperityError | None = None
+    try:
+        result = work()
+    except AsperityError as error:
+        failure = error
+    first = next((error for error in comm.allgather(failure) if error is not None), None)
+    if first is not None:
+        raise first
+    return cast(T, result)

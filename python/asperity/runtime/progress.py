@@ -72,14 +72,14 @@ class StepLines(Progress):
         self._stream = stream
         self._start = time.monotonic()
         self._first: float | None = None
-        self._headed = False
+        self._headed = self._begun = False
 
     def _write(self, line: str) -> None:
         print(line, file=self._stream or sys.stdout, flush=True)
 
     def stage(self, name: str) -> None:
         self._write(f"[{time.monotonic() - self._start:6.1f} s] {name}")
-        self._headed = False
+        self._headed, self._begun = False, True
 
     def step(self, row: Mapping[str, Any], fraction_done: float) -> None:
         if not self._headed:
@@ -106,7 +106,8 @@ class StepLines(Progress):
         )
 
     def done(self) -> None:
-        self._write(f"[{time.monotonic() - self._start:6.1f} s] end")
+        if self._begun:  # and was not refused
+            self._write(f"[{time.monotonic() - self._start:6.1f} s] end")
 
 
 class StepTable(StepLines):
@@ -126,12 +127,13 @@ class StepTable(StepLines):
         )
         self._bar = Progress(*columns, console=self._console, transient=True)
         self._task = self._bar.add_task("start", total=1.0, left="")
-        self._bar.start()
 
     def _write(self, line: str) -> None:
         self._console.print(line, markup=False, soft_wrap=True)
 
     def stage(self, name: str) -> None:
+        if not self._begun:
+            self._bar.start()  # not before: what is said about the case comes first
         super().stage(name)
         self._bar.update(self._task, description=name)
 

@@ -7,7 +7,7 @@ import io
 import json
 import math
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,13 +18,17 @@ from asperity.arrays import Array
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import AsperityError, InputError
+from asperity.output.assumptions import yield_pressure
 from asperity.power_law import PowerLawFit, fit_power_law, interface_deflection
+from asperity.run_case import material_of
 from asperity.runtime.files import replace_file
-from asperity.study.definition import ENSEMBLE, Entry, Family, Study
+from asperity.runtime.run_folder import CASE, CURVE, SUMMARY
+from asperity.study.definition import ENSEMBLE, Family, Study
 
 Row = Mapping[str, Any]
 
 TABLE, ABOUT = "results.csv", "study.json"
+DONE = "done.json"  # how a case ended
 TEXTS = ("case", "families", "exit_reason", "norm")
 #: Columns of results.csv after "case", "families" and the keys that vary.
 FIGURES = (
@@ -68,8 +72,7 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
         **{name: summary.get(name) for name in ("dofs", "cells", "newton")},
     }
     if solid.yield_strength is not None:
-        constraint = (1 - solid.nu) / (1 - 2 * solid.nu) if case.block.sides == "rollers" else 1.0
-        row["block_load"] = float(load.force[-1]) / (side**2 * solid.yield_strength * constraint)
+        row["block_load"] = float(load.force[-1]) / (side**2 * yield_pressure(material_of(case), case.block.sides))
     try:
         fit = curve.fit()
     except InputError:
@@ -144,10 +147,10 @@ def tabulate(study: Study, folder: Path) -> list[dict[str, Any]]:
         row = {"case": entry.key, "families": " ".join(entry.families), **{k: entry.value(k) for k in study.keys}}
         row |= {"exit_reason": done["exit_reason"], "seconds": done["seconds"]}
         place = case_folder(folder, entry.key)
-        if (place / "curve.csv").is_file():
-            summary_file = place / "summary.json"
+        if (place / CURVE).is_file():
+            summary_file = place / SUMMARY
             summary = json.loads(summary_file.read_text()) if summary_file.is_file() else {}
-            row = summarise_case(entry.case, Curve.read(place / "curve.csv"), summary) | row
+            row = summarise_case(entry.case, Curve.read(place / CURVE), summary) | row
         rows.append(row)
     return rows
 
@@ -163,7 +166,7 @@ def write_tables(study: Study, folder: Path) -> list[dict[str, Any]]:
     replace_file(folder / TABLE, text.getvalue().encode())
     families = [{"name": f.name, "title": f.title, "keys": f.keys} for f in study.families]
     about = {"title": study.title, "families": families, "cases": len(study.entries), "keys": study.keys}
-    (folder / ABOUT).write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
+    replace_file(folder / ABOUT, f"{json.dumps(about, indent=2)}\n".encode())
     return rows
 
 
@@ -175,7 +178,7 @@ def case_folder(folder: Path, key: str) -> Path:
 def case_state(folder: Path, key: str) -> dict[str, Any] | None:
     """How a case ended: exit_reason and seconds; None when it did not."""
     try:
-        state: dict[str, Any] = json.loads((case_folder(folder, key) / "done.json").read_text(encoding="utf-8"))
+        state: dict[str, Any] = json.loads((case_folder(folder, key) / DONE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     return state
@@ -257,11 +260,11 @@ class StudyResults:
 
     def curve(self, row: Row) -> Curve:
         """Curve of a row."""
-        return Curve.read(case_folder(self.folder, str(row["case"])) / "curve.csv")
+        return Curve.read(case_folder(self.folder, str(row["case"])) / CURVE)
 
     def case(self, row: Row) -> Case:
         """Case of a row, as it was run."""
-        return Case.load(case_folder(self.folder, str(row["case"])) / "case.toml")
+        return Case.load(case_folder(self.folder, str(row["case"])) / CASE)
 
 
 def ensemble_curve(curves: Iterable[Curve], points: int = 60) -> tuple[Array, Array, Array]:
@@ -280,11 +283,6 @@ def ensemble_curve(curves: Iterable[Curve], points: int = 60) -> tuple[Array, Ar
     x = np.linspace(0.0, min(float(c.delta_star.max()) for c in loads), points)
     y = np.array([np.interp(x, np.r_[0.0, c.delta_star], np.r_[0.0, c.P_star]) for c in loads])
     return x, y.mean(axis=0), y.std(axis=0, ddof=1) if len(y) > 1 else np.zeros(points)
-
-
-def entries_of(study: Study, family: str) -> Iterator[Entry]:
-    """Entries of a family."""
-    return (entry for entry in study.entries if family in entry.families)
 
 
 def _rank(value: Any) -> tuple[int, float, str]:

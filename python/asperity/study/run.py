@@ -8,19 +8,21 @@ import hashlib
 import json
 import os
 import traceback
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asperity.errors import AsperityError, InputError
+from asperity.errors import AsperityError, AssumptionWarning, InputError
 from asperity.runtime.files import is_aside, on_root, remove_asides, replace_file
 from asperity.runtime.progress import duration
 from asperity.study.definition import Entry, Study
-from asperity.study.results import ABOUT, case_folder, case_state, write_tables
+from asperity.study.results import ABOUT, DONE, case_folder, case_state, write_tables
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
     from asperity.case import Case
 
 MESHES = "meshes"  # folder of the meshes that cases share
+ERROR = "error.txt"  # of a case that ended by an unforeseen error
 PORTIONS = 4  # a group gets its cases in about this many portions: fewer leave groups idle, more mesh twice
 
 Say = Callable[[str], None]
@@ -131,6 +134,7 @@ def run_portion(entries: Sequence[Entry], folder: Path, comm: MPI.Comm) -> Any:
         try:
             if isinstance(mesh, AsperityError):
                 raise mesh
+            on_root(comm, partial(forget, place))
             _run(entry.case, place, mesh, comm)
             reason = "done"
         except AsperityError as error:
@@ -139,23 +143,29 @@ def run_portion(entries: Sequence[Entry], folder: Path, comm: MPI.Comm) -> Any:
             if comm.size > 1:
                 raise
             place.mkdir(parents=True, exist_ok=True)
-            (place / "error.txt").write_text(traceback.format_exc(), encoding="utf-8")
+            _write(place / ERROR, traceback.format_exc())
             reason = f"{type(error).__name__}: {error}"
         gc.collect()
         state = {"exit_reason": reason, "seconds": round(perf_counter() - start, 3)}
         if comm.rank == 0:
-            _write(place / "done.json", json.dumps(state, indent=2) + "\n")
+            _write(place / DONE, json.dumps(state, indent=2) + "\n")
         yield entry, state
 
 
+def forget(place: Path) -> None:
+    """Remove how a case ended before, which is no file of a run."""
+    for name in (DONE, ERROR):
+        (place / name).unlink(missing_ok=True)
+
+
 def _run(case: Case, place: Path, mesh: Path | None, comm: MPI.Comm) -> None:
-    from asperity.case.case_file import check_loading
     from asperity.run_case import run
 
-    check_loading(case, case.build_surface())
     if mesh is not None:
         case = case.model_copy(update={"mesh": case.mesh.model_copy(update={"file": str(mesh)})})
-    run(case, place, comm=comm)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", AssumptionWarning)  # one of each case would flood; its summary keeps them
+        run(case, place, force=True, comm=comm)
 
 
 def shares_mesh(case: Case) -> bool:

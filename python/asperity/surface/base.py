@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
-from asperity.errors import InputError
+from asperity.errors import AsperityWarning, InputError
 from asperity.surface.maximum import global_maximum
 from asperity.surface.statistics import (
     SMALL_SLOPE,
@@ -29,7 +29,7 @@ from asperity.surface.statistics import (
 _SMALLEST, _LARGEST = 1e-50, 1e50  # lengths
 
 
-class SurfaceWarning(UserWarning):
+class SurfaceWarning(AsperityWarning):
     """A surface is legal, but probably not what was meant or beyond small-slope theory."""
 
 

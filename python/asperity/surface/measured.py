@@ -17,7 +17,16 @@ from numpy.typing import NDArray
 
 from asperity.arrays import Array
 from asperity.errors import CompatError, InputError
-from asperity.runtime.files import UNREADABLE, one_line, read_matrix, read_npy, read_npz, real
+from asperity.runtime.files import (
+    UNREADABLE,
+    npz_bytes,
+    one_line,
+    read_matrix,
+    read_npy,
+    read_npz,
+    real,
+    replace_file,
+)
 
 Trend = Literal["mean", "plane", "curvature"]
 
@@ -184,7 +193,7 @@ class HeightField:
         if not math.isclose(width, depth, rel_tol=1e-9):
             raise InputError(f"the map of {width:g} x {depth:g} is not square; cut a window first")
         path = Path(path).with_suffix(".npz")
-        np.savez_compressed(path, z=self.z, L=width)
+        replace_file(path, npz_bytes({"z": self.z, "L": np.array(width)}, compress=True))
         return path
 
     def _need_all(self, what: str) -> None:

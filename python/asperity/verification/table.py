@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,7 @@ import numpy.typing as npt
 from asperity.adaptive.solve_to_tolerance import steady
 from asperity.arrays import Floats
 from asperity.quasistatic.solve_contact import ContactResult, MeshSize, solve_contact
+from asperity.runtime.files import replace_file
 from asperity.surface import Surface
 
 T = TypeVar("T")
@@ -96,10 +98,11 @@ COLUMNS = ("case", "quantity", "source", "reference", "value", "error", "bar", "
 
 def write_csv(rows: Iterable[Row], path: Path) -> None:
     """Write a table of all columns at full precision."""
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(COLUMNS)
-        writer.writerows([getattr(row, name) for name in COLUMNS] for row in rows)
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow(COLUMNS)
+    writer.writerows([getattr(row, name) for name in COLUMNS] for row in rows)
+    replace_file(path, text.getvalue().encode())
 
 
 def sizes(h: float, refinement: float, L: float = 1.0) -> MeshSize:

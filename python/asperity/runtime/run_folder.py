@@ -1,0 +1,98 @@
+"""The folder of a run: the one list of its files, and what a new run may do with a folder that is there.
+
+Nothing of somebody else's is written over: a run is known by its checkpoint, or by a `case.toml` that no hand has
+written.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from contextlib import suppress
+from pathlib import Path
+
+from asperity.errors import InputError
+from asperity.runtime.files import is_aside
+
+CASE, CURVE, SUMMARY, LOG = "case.toml", "curve.csv", "summary.json", "run.log"
+FREE, RESPONSE, BAND, THRESHOLDS = "free.csv", "response.csv", "band.csv", "thresholds.json"
+REPORT = "report.html"
+FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
+TOP, BLOCK, VTKHDF = "top.npz", "mesh.npz", "contact.vtkhdf"  # in fields
+PICTURES = (
+    "surface", "mesh", "curve", "area", "pressure", "plasticity", "frequency", "response", "scene",
+)  # in figures, .png # fmt: skip
+MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpoint and in the folders in it
+
+#: All that a run writes, folders after what is in them; without those of the checkpoint.
+PRODUCTS = (
+    CURVE, SUMMARY, LOG, FREE, RESPONSE, BAND, THRESHOLDS, REPORT,
+    *(f"{FIELDS}/{name}" for name in (BLOCK, TOP, VTKHDF)), FIELDS,
+    *(f"{FIGURES}/{name}.png" for name in PICTURES), FIGURES,
+    CASE,
+)  # fmt: skip
+
+
+def check(folder: Path, *, resume: bool = False, force: bool = False) -> None:
+    """Refuse a folder that holds something a new run would write over.
+
+    An absent or empty folder may always be used, and so may one in which a process was killed before its first file
+    was whole.
+
+    Args:
+        folder: of the new run
+        resume: it continues the run there
+        force: it replaces the run there
+
+    Raises:
+        InputError: the folder is a file, holds files but no run, or a run (without `resume` or `force`)
+    """
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder} is a file; give a folder to -o")
+    if is_empty(folder):
+        return
+    if not holds_run(folder):
+        raise InputError(f"{folder} is not empty and holds no run; give another folder to -o")
+    if not (resume or force):
+        raise InputError(
+            f"{folder} already holds a run; --resume continues it, --force replaces it, -o takes another folder "
+            "(resume = True and force = True in Python)"
+        )
+
+
+def is_empty(folder: Path) -> bool:
+    """Whether nothing is there but what a killed process was writing, and a checkpoint without files."""
+    if not folder.is_dir():
+        return True
+    return all(is_aside(path.name) or _is_empty_checkpoint(path) for path in folder.iterdir())
+
+
+def _is_empty_checkpoint(path: Path) -> bool:
+    return path.name == CHECKPOINT and all(p.is_dir() or is_aside(p.name) for p in path.rglob("*")) and path.is_dir()
+
+
+def holds_run(folder: Path) -> bool:
+    """Whether a folder holds a run, or the begin of one."""
+    import tomli_w
+
+    if any(any((folder / CHECKPOINT).glob(f"**/{name}")) for name in (MESH, STATE, SNAPSHOT.format("*"))):
+        return True
+    try:
+        text = (folder / CASE).read_text(encoding="utf-8")
+        case = tomllib.loads(text)
+    except (OSError, ValueError, RecursionError):
+        return False
+    return {"mesh", "solver", "output"} <= case.keys() and tomli_w.dumps(case) == text
+
+
+def clear(folder: Path) -> None:
+    """Remove what an earlier run wrote, and nothing else.
+
+    Its checkpoint is left to the new one, and so is its case.toml, without which what a kill leaves would be no run.
+    """
+    for name in PRODUCTS:
+        path = folder / name
+        if path.is_dir():
+            with suppress(OSError):  # it holds what is somebody else's
+                path.rmdir()
+        elif name != CASE:
+            path.unlink(missing_ok=True)

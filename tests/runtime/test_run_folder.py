@@ -1,0 +1,403 @@
+"""What a run may do with a folder: what is refused, what goes on, what is begun anew; `asp.run` as the command."""
+
+from __future__ import annotations
+
+import json
+import os
+import warnings
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from asperity import run_case
+from asperity.case import Case
+from asperity.cli import main
+from asperity.curve import Curve
+from asperity.errors import CaseWarning, CheckpointError, InputError
+from asperity.plot import CAPTIONS
+from asperity.run_case import run
+from asperity.runtime.files import agree, replace_file
+from asperity.runtime.run_folder import PICTURES, PRODUCTS, check, holds_run, is_empty
+
+# a plane: the whole run takes half a second
+PLANE: dict[str, Any] = {
+    "units": "other",
+    "surface": {"kind": "flat", "L": 1.0},
+    "material": {"E": 1.0, "nu": 0.3},
+    "mesh": {"h_contact": 0.5, "h_max": 1.0, "growth": 1.0},
+    "loading": {"delta_max": 0.02, "steps": 2},
+}
+WAVE: dict[str, Any] = {"kind": "sinusoid", "L": 1.0, "amplitude": 0.01}
+
+
+class Killed(BaseException):
+    """Stands for SIGKILL: nothing of the package handles it."""
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def case_of(**sections: Mapping[str, Any]) -> Case:
+    return Case.from_dict({**PLANE, **sections})
+
+
+def kill_at_removal(monkeypatch: pytest.MonkeyPatch, call: int) -> None:
+    """Kill a process before it removes its file number `call`."""
+    unlink, calls = Path.unlink, [0]
+
+    def kill(path: Path, missing_ok: bool = False) -> None:
+        calls[0] += path.exists()
+        if calls[0] == call:
+            raise Killed
+        unlink(path, missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", kill)
+
+
+def kill_at(monkeypatch: pytest.MonkeyPatch, call: int) -> list[int]:
+    """Kill a process while it writes its file number `call`, half of which stays aside; returns the count of calls."""
+    sync, calls = os.fsync, [0]
+
+    def fsync(descriptor: int) -> None:
+        calls[0] += 1
+        if calls[0] == call:
+            raise Killed
+        sync(descriptor)
+
+    monkeypatch.setattr("os.fsync", fsync)
+    return calls
+
+
+@pytest.fixture(scope="module")
+def straight(tmp_path_factory: pytest.TempPathFactory) -> tuple[Curve, Path]:
+    """A run that nothing disturbs."""
+    folder = tmp_path_factory.mktemp("straight") / "out"
+    return run(case_of(), folder).curve, folder
+
+
+def assert_same(curve: Curve, other: Curve) -> None:
+    for name in ("delta", "force", "area_fraction", "max_pressure"):
+        np.testing.assert_array_equal(getattr(curve, name), getattr(other, name))
+
+
+# --- resuming -------------------------------------------------------------------------------------------------
+
+
+def begin(folder: Path) -> None:
+    """What a run has written before it meshes."""
+    folder.mkdir()
+    replace_file(folder / "case.toml", case_of().to_toml().encode())
+
+
+def absent(folder: Path) -> None:
+    """No folder at all."""
+
+
+def empty(folder: Path) -> None:
+    folder.mkdir()
+
+
+def first_file(folder: Path) -> None:
+    folder.mkdir()
+    (folder / ".case.toml.12.asperity").write_text("[surfa")
+
+
+def case_only(folder: Path) -> None:
+    begin(folder)
+
+
+def empty_checkpoint(folder: Path) -> None:
+    begin(folder)
+    (folder / "checkpoint").mkdir()
+    (folder / "run.log").write_text("mesh\n")
+
+
+def nothing_but_an_empty_checkpoint(folder: Path) -> None:
+    (folder / "checkpoint" / "level-1").mkdir(parents=True)
+
+
+def half_a_mesh(folder: Path) -> None:
+    empty_checkpoint(folder)
+    (folder / "checkpoint" / ".mesh.npz.12.asperity").write_bytes(b"PK")
+
+
+def mesh_only(folder: Path) -> None:
+    empty_checkpoint(folder)
+    (folder / "checkpoint" / "mesh.npz").write_bytes(b"of a mesh that is made again")
+
+
+def half_a_state(folder: Path) -> None:
+    mesh_only(folder)
+    (folder / "checkpoint" / ".state.npz.12.asperity").write_bytes(b"PK")
+    (folder / ".curve.csv.12.asperity").mkdir()
+
+
+def curve_without_checkpoint(folder: Path) -> None:
+    begin(folder)
+    Curve.from_rows([{"delta": 0.001, "force": 7.0}]).write(folder / "curve.csv")
+
+
+def case_by_another_name(folder: Path) -> None:
+    """A hand has written to the case, and the checkpoint tells that there is a run."""
+    mesh_only(folder)
+    (folder / "case.toml").write_text("# mine\n" + case_of().to_toml())
+
+
+STATES = [
+    absent, empty, first_file, case_only, empty_checkpoint, nothing_but_an_empty_checkpoint, half_a_mesh, mesh_only,
+    half_a_state, curve_without_checkpoint, case_by_another_name,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("state", STATES, ids=lambda state: state.__name__)
+def test_resuming_starts_what_has_no_state_yet(
+    tmp_path: Path, straight: tuple[Curve, Path], state: Callable[[Path], None]
+) -> None:
+    """One line for a job that may have been killed at any moment, or never begun."""
+    out = tmp_path / "out"
+    state(out)
+    result = run(case_of(), out, resume=True)
+    assert result.contact is not None
+    assert_same(result.curve, straight[0])
+    assert_same(Curve.read(out / "curve.csv"), straight[0])
+    assert set(files(out)) == set(files(straight[1]))
+    before = files(out)
+    assert run(case_of(), out, resume=True).contact is None  # nothing is left to do
+    assert files(out) == before
+
+
+@pytest.mark.parametrize("state", [case_only, mesh_only, curve_without_checkpoint, case_by_another_name])
+def test_resuming_refuses_the_run_of_another_case(tmp_path: Path, state: Callable[[Path], None]) -> None:
+    out = tmp_path / "out"
+    state(out)
+    before = files(out)
+    with pytest.raises(CheckpointError, match=r"case\.toml belongs to another case: material\.E = 1 there, 2 here"):
+        run(case_of(material={"E": 2.0, "nu": 0.3}), out, resume=True)
+    assert files(out) == before
+
+
+def test_resuming_refuses_a_finished_run_of_another_case(tmp_path: Path) -> None:
+    """Without a checkpoint only its case.toml can tell."""
+    none = {"output": {"checkpoint": 0}}
+    run(case_of(**none), tmp_path)
+    before = files(tmp_path)
+    with pytest.raises(CheckpointError, match=r"another case: loading\.steps = 2 there, 3 here"):
+        run(case_of(loading={"delta_max": 0.02, "steps": 3}, **none), tmp_path, resume=True)
+    assert files(tmp_path) == before
+    assert run(case_of(**none), tmp_path, resume=True).contact is None
+
+
+@pytest.mark.parametrize("text", [None, "[surface"])
+def test_resuming_refuses_what_does_not_tell_its_case(tmp_path: Path, text: str | None) -> None:
+    mesh_only(tmp_path / "out")
+    (tmp_path / "out/case.toml").unlink()
+    if text is not None:
+        (tmp_path / "out/case.toml").write_text(text)
+    before = files(tmp_path)
+    with pytest.raises(CheckpointError, match=r"no state to resume from, and no case to start again: .*--force"):
+        run(case_of(), tmp_path / "out", resume=True)
+    assert files(tmp_path) == before
+    run(case_of(), tmp_path / "out", force=True)
+
+
+def test_killed_while_any_file_is_written_the_same_call_goes_on(
+    tmp_path: Path, straight: tuple[Curve, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A call that is killed at its first file, at its second, and so on, and the same call again."""
+    number, finished = 0, False
+    while not finished:
+        number += 1
+        out = tmp_path / str(number)
+        with monkeypatch.context() as patch:
+            calls = kill_at(patch, number)
+            try:
+                run(case_of(), out, resume=True)
+                finished = True
+            except Killed:
+                assert any(path.name.endswith(".asperity") for path in out.rglob("*"))
+        if not finished:
+            result = run(case_of(), out, resume=True)
+            assert_same(result.curve, straight[0])
+        assert set(files(out)) == set(files(straight[1]))
+    assert calls[0] == number - 1 > 8  # each file was hit
+
+
+def test_killed_when_figures_were_to_be_added_the_run_is_not_finished(tmp_path: Path) -> None:
+    """A finished run that goes on is not finished while it does."""
+    run(case_of(), tmp_path)
+    more = case_of(output={"figures": True})
+    with pytest.MonkeyPatch.context() as patch:
+        kill_at(patch, 3)  # after summary.json and case.toml
+        with pytest.raises(Killed):
+            run(more, tmp_path, resume=True)
+    assert not (tmp_path / "figures").exists()
+    assert run(more, tmp_path, resume=True).contact is not None
+    assert (tmp_path / "figures/curve.png").is_file()
+    assert json.loads((tmp_path / "summary.json").read_text())["finished"] is True
+
+
+# --- folders --------------------------------------------------------------------------------------------------
+
+
+def test_a_second_call_has_to_say_what_it_wants(tmp_path: Path, straight: tuple[Curve, Path]) -> None:
+    run(case_of(output={"fields": True}), tmp_path)
+    (tmp_path / "notes.txt").write_text("mine")
+    before = files(tmp_path)
+    with pytest.raises(InputError, match=r"already holds a run.*resume = True and force = True"):
+        run(case_of(), tmp_path)
+    with pytest.raises(InputError, match="give one of them"):
+        run(case_of(), tmp_path, resume=True, force=True)
+    assert files(tmp_path) == before
+    assert_same(run(case_of(), tmp_path, force=True).curve, straight[0])
+    assert set(files(tmp_path)) == {*files(straight[1]), "notes.txt"}  # and no fields, which this case does not ask for
+
+
+@pytest.mark.parametrize("options", [{}, {"resume": True}, {"force": True}])
+def test_what_is_no_run_is_left_alone(tmp_path: Path, options: dict[str, Any]) -> None:
+    (tmp_path / "thesis.tex").write_text("mine")
+    with pytest.raises(InputError, match="not empty and holds no run"):
+        run(case_of(), tmp_path, **options)
+    with pytest.raises(InputError, match="is a file"):
+        run(case_of(), tmp_path / "thesis.tex", **options)
+    assert files(tmp_path) == {"thesis.tex": b"mine"}
+
+
+def test_killed_while_a_run_is_replaced_it_can_be_replaced_again(tmp_path: Path) -> None:
+    """At every removal; what is left is a run, however few of its files are there."""
+    number, finished = 0, False
+    while not finished:
+        number += 1
+        out = tmp_path / str(number)
+        run(case_of(), out)
+        (out / "notes.txt").write_text("mine")
+        with pytest.MonkeyPatch.context() as patch:
+            kill_at_removal(patch, number)
+            try:
+                run(case_of(), out, force=True)
+                finished = True
+            except Killed:
+                assert holds_run(out)
+        if not finished:
+            run(case_of(), out, force=True)
+        assert (out / "notes.txt").exists()
+    assert number > 5
+
+
+def test_a_state_alone_is_a_run(tmp_path: Path) -> None:
+    for name in ("state.npz", "level-2/mesh.npz", "snapshot-3.npz"):
+        out = tmp_path / Path(name).stem
+        path = out / "checkpoint" / name
+        path.parent.mkdir(parents=True)
+        path.touch()
+        assert holds_run(out) and not is_empty(out)
+        with pytest.raises(InputError, match="already holds a run"):
+            check(out)
+    (tmp_path / "other/checkpoint").mkdir(parents=True)
+    (tmp_path / "other/checkpoint/data.npz").touch()
+    assert not holds_run(tmp_path / "other") and not is_empty(tmp_path / "other")
+
+
+def test_the_list_names_every_picture_and_each_file_once() -> None:
+    assert {*CAPTIONS, "scene"} == set(PICTURES)
+    assert len(set(PRODUCTS)) == len(PRODUCTS)
+
+
+# --- cases ----------------------------------------------------------------------------------------------------
+
+
+def told_by_the_command(case: Case, out: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, list[str]]:
+    """Exit code and lines of a run, without what they begin with."""
+    path = out.with_suffix(".toml")
+    path.write_text(case.to_toml(), encoding="utf-8")
+    with pytest.raises(SystemExit) as left:
+        main(["run", str(path), "-o", str(out), "-q"])
+    lines = capsys.readouterr().err.splitlines()
+    return int(left.value.code or 0), [line.partition(": ")[2] for line in lines]
+
+
+def test_a_load_that_leaves_no_gap_is_refused_as_by_the_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    case = case_of(surface=WAVE, loading={"delta_max": 0.4, "steps": 2})
+    with warnings.catch_warnings(), pytest.raises(InputError, match="leaves no gap at all") as refused:
+        warnings.simplefilter("ignore")
+        run(case, tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+    code, lines = told_by_the_command(case, tmp_path / "out", capsys)
+    assert code == 2 and lines[-1] == str(refused.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_doubts_about_a_case_are_told_as_by_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An unused key, and a modulus that is no Pa."""
+    case = case_of(contact={"penalty": 20.0}, output={"fields": False})
+    case = Case.from_dict({**case.to_dict(), "units": "SI"})
+    with pytest.warns(CaseWarning) as caught:
+        run(case, tmp_path / "python")
+    told = [str(w.message) for w in caught]
+    assert len(told) == 2 and "is taken as Pa" in told[0] and "contact.penalty = 20 is not used" in told[1]
+    code, lines = told_by_the_command(case, tmp_path / "out", capsys)
+    assert code == 0 and lines == told
+    for out in ("python", "out"):
+        summary = json.loads((tmp_path / out / "summary.json").read_text())
+        assert summary["warnings"] == told
+
+
+def test_a_tolerance_with_a_mesh_of_a_file_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    (tmp_path / "mesh.npz").touch()
+    case = case_of(mesh={"file": str(tmp_path / "mesh.npz")}, accuracy={"tolerance": 0.01})
+    with warnings.catch_warnings(), pytest.raises(InputError, match=r"mesh\.file cannot go with accuracy\.tolerance"):
+        warnings.simplefilter("ignore")
+        run(case, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+# --- ranks ----------------------------------------------------------------------------------------------------
+
+
+def world() -> Any:
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD
+
+
+@pytest.mark.mpi
+def test_what_fails_on_one_rank_fails_on_all() -> None:
+    comm = world()
+
+    def work() -> int:
+        if comm.rank == comm.size - 1:
+            raise InputError(f"rank {comm.rank} cannot read it")
+        return comm.rank
+
+    with pytest.raises(InputError, match=f"rank {comm.size - 1} cannot read it"):
+        agree(comm, work)
+    assert agree(comm, lambda: comm.rank) == comm.rank
+
+
+@pytest.mark.mpi
+def test_all_ranks_are_refused_alike(shared_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a case that only one of them cannot read, and by what only the first looks at."""
+    comm = world()
+    with monkeypatch.context() as patch:
+        if comm.rank == comm.size - 1:
+            patch.setattr(run_case, "check_loading", lambda case, surface: refuse())
+        with pytest.raises(InputError, match="not here"):
+            run(case_of(), shared_path / "out", comm=comm)
+    comm.Barrier()
+    assert not (shared_path / "out").exists()
+    comm.Barrier()
+    run(case_of(), shared_path / "out", comm=comm)
+    with pytest.raises(InputError, match="already holds a run"):
+        run(case_of(), shared_path / "out", comm=comm)
+    assert run(case_of(), shared_path / "out", resume=True, comm=comm).contact is None
+    with pytest.raises(CheckpointError, match=r"material\.E"):
+        run(case_of(material={"E": 2.0, "nu": 0.3}), shared_path / "out", resume=True, comm=comm)
+
+
+def refuse() -> list[str]:
+    raise InputError("not here")
