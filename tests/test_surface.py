@@ -173,6 +173,47 @@ def test_mean_of_the_sphere_against_adaptive_quadrature():
     assert sphere.mean() == pytest.approx(4 * value, rel=1e-8)
 
 
+def without_waves_from(surface: WeierstrassMandelbrot, f: int, n: int) -> np.ndarray:
+    """Return heights about their mean of the waves below index f alone, on an n x n grid."""
+    assert surface.phases is not None
+    z = fractal(f_max=f - 1, M=surface.M, phases=surface.phases[:, :f]).grid(n)
+    return z - z.mean()
+
+
+@pytest.mark.parametrize("M", [4, 10])
+def test_nested_drawing_adds_waves_to_the_same_surface(M):
+    """Every wave of a smaller f_max is one of a larger; drawn as one array, they are other surfaces."""
+    nested = [fractal(f_max=f, M=M, seed=3, drawing="nested") for f in (4, 5, 6)]
+    array = [fractal(f_max=f, M=M, seed=3) for f in (4, 5, 6)]
+    coarse = nested[0].grid(65) - nested[0].grid(65).mean()
+    for surface in nested:
+        np.testing.assert_allclose(without_waves_from(surface, 5, 65), coarse, rtol=0, atol=1e-12 * np.ptp(coarse))
+        assert surface.random  # what the search of the summit builds on
+    for drawn, alike in ((nested, True), (array, False)):
+        z = [s.grid(65).ravel() for s in drawn]
+        correlations = np.corrcoef(z)[np.triu_indices(3, 1)]
+        assert np.all(correlations > 0.95) if alike else np.all(correlations < 0.9)
+
+
+def test_nested_phases_do_not_depend_on_f_max_and_M_and_are_independent():
+    many = fractal(M=20, f_max=11, seed=2**40 + 7, drawing="nested").phases
+    few = fractal(M=3, f_max=2, seed=2**40 + 7, drawing="nested").phases
+    np.testing.assert_array_equal(many[:4, :3], few)
+    # no column is that of another index or seed
+    streams = [fractal(M=3, f_max=5, seed=seed, drawing=drawing).phases for seed in (0, 1, 2**32) for drawing in
+               ("nested", "array")]  # fmt: skip
+    columns = np.concatenate(streams, axis=1)
+    assert len(np.unique(columns)) == columns.size
+    phases = np.concatenate([fractal(M=200, f_max=9, seed=s, drawing="nested").phases.ravel() for s in range(5)])
+    assert abs(np.exp(1j * phases).mean()) < 4 / np.sqrt(phases.size)
+
+
+def test_drawing_as_one_array_is_that_of_stored_curves():
+    phases = np.random.default_rng(5).uniform(0, 2 * np.pi, size=(11, 6))
+    for surface in (fractal(seed=5), fractal(seed=5, drawing="array")):
+        np.testing.assert_array_equal(surface.phases, phases)
+
+
 @pytest.mark.parametrize("name", SURFACES)
 def test_curvature_bound_holds(name):
     surface = SURFACES[name]
@@ -440,6 +481,7 @@ def test_steep_surfaces_warn():
         ({"M": 10**6}, "surface.M = 1000000 is not legal: it must be an integer of at most 1000"),
         ({"kind": "flat", "L": 10**400}, "surface.L = 1000"),
         ({"kind": "sphere", "L": 1.0, "radius": 1e-200}, "surface.radius = 1e-200"),
+        ({"drawing": "rows"}, "surface.drawing = 'rows' is not legal: it must be \"array\" or \"nested\""),
         ({"seed": -1}, "surface.seed = -1"),
         ({"ridges": "all"}, "surface.ridges = 'all'"),
         ({"phases": np.zeros((3, 3))}, r"shape \(M\+1, f_max\+1\) = \(11, 6\)"),
