@@ -285,6 +285,30 @@ def test_a_load_that_closes_every_gap_is_refused() -> None:
     assert "peak to valley" in check_loading(case, case.build_surface())[0]
 
 
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ([], ""),
+        (["surface.seed=1"], "on the edge x = L of the patch, where it slopes by 0.18: mirrored by the rollers"),
+        (["surface.seed=1", "block.sides=free"], "at the free side x = L and y = L of the patch"),
+        (["surface.seed=2", "block.sides=free"], ""),
+    ],
+)
+def test_a_first_touch_on_an_edge_of_the_patch_is_told(keys: list[str], said: str) -> None:
+    for driven in ([], ["loading.delta_max=", "loading.force_max=1e-4"]):
+        case = Case.load(DEMO, [*keys, *driven])
+        told = check_loading(case, case.build_surface())
+        assert len(told) == bool(said) and all(said in text for text in told)
+
+
+@pytest.mark.parametrize(("sides", "told"), [("rollers", 0), ("free", 1)])
+def test_a_quarter_of_a_sphere_in_a_corner_is_no_first_touch_on_an_edge(sides: str, told: int) -> None:
+    """Rollers are its planes of symmetry; at free sides there is none."""
+    quarter = {"kind": "sphere", "L": 1.0, "radius": 1.0, "centre": [0.0, 0.0]}
+    case = Case.from_dict(MINIMAL | {"surface": quarter, "block": {"sides": sides}})
+    assert len(check_loading(case, case.build_surface())) == told
+
+
 def test_a_flat_has_no_gap_to_leave() -> None:
     case = Case.from_dict(MINIMAL)
     assert check_loading(case, case.build_surface()) == []

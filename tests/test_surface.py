@@ -49,6 +49,12 @@ def equation_1(surface: WeierstrassMandelbrot, x: float, y: float) -> float:
     return float(s.L * (s.G / s.L) ** (s.D - 2) * np.sqrt(np.log(s.gamma) / s.M) * total)
 
 
+def height_map(folder: Path, z: np.ndarray) -> HeightMap:
+    """Write heights on a unit square and return the surface through them."""
+    np.savez(folder / "map.npz", z=z, L=1.0)
+    return HeightMap(path=folder / "map.npz")
+
+
 SURFACES = {
     "fractal": fractal(),
     "ridges": fractal(ridges="1..M", M=7, gamma=1.7, D=2.6, seed=3),
@@ -235,6 +241,32 @@ def test_maximum_is_global_and_not_grid_limited(seed):
             assert slope * (1 if place == L else -1) >= 0
         else:
             assert abs(slope) < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_summit_on_an_edge_is_found_with_its_slope(seed):
+    """Against the heights on a fine grid: does the surface fall away from the edge at its highest node?"""
+    surface = fractal(seed=seed)
+    z = surface.grid(1025)
+    row, column = np.unravel_index(z.argmax(), z.shape)
+    inside = 0 < row < 1024 and 0 < column < 1024
+    falls = surface.edges_of_summit()
+    assert bool(falls) == (not inside) == (seed in (1, 6, 7))
+    for edge, slope in falls.items():
+        beside = {"x = 0": (row, 1), "x = L": (row, 1023), "y = 0": (1, column), "y = L": (1023, column)}[edge]
+        assert slope == pytest.approx((z.max() - z[beside]) * 1024 / L, rel=0.1)
+
+
+def test_a_symmetric_surface_has_no_slope_across_its_edge(tmp_path):
+    """Spheres in a corner, a crest on an edge, and the same sampled; a tilted plane falls from a corner."""
+    corner = Sphere(L=1.0, radius=0.7, centre=(0.0, 0.0))
+    assert corner.edges_of_summit() == {"x = 0": 0.0, "y = 0": 0.0}
+    assert Sinusoid(L=1.0, amplitude=0.01, centre=(0.0, 0.3)).edges_of_summit() == {"x = 0": 0.0}
+    sampled = height_map(tmp_path, corner.grid(65))
+    assert len(sampled.edges_of_summit()) == 2 and max(sampled.edges_of_summit().values()) < 1e-3 * sampled.rms_slope()
+    s = np.linspace(0, 1, 9)
+    tilted = height_map(tmp_path, 0.1 * s[None, :] - 0.05 * s[:, None])
+    assert tilted.edges_of_summit() == {"x = L": pytest.approx(0.1), "y = 0": pytest.approx(0.05)}
 
 
 def test_maximum_of_many_short_waves():

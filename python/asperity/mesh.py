@@ -20,6 +20,7 @@ from scipy.spatial import cKDTree
 from . import compat
 from .block import H_MAX, BlockMesh
 from .errors import AsperityError, MeshError
+from .surface.base import EDGE
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -240,9 +241,9 @@ def _flat_block(
     return points, number[connectivity[0].astype(np.int64)].reshape(-1, 10)
 
 
-def _on_edge(c: float, near: float = 1e-3) -> float:
-    """Where a summit gets its node: to the digits it is known by, and on the edge of the patch if it is `near`."""
-    return 0.0 if c < near else 1.0 if c > 1.0 - near else round(c, 8)
+def _on_edge(c: float) -> float:
+    """Where a summit gets its node: to the digits it is known by, and on the edge of the patch if it is near."""
+    return 0.0 if c < EDGE else 1.0 if c > 1.0 - EDGE else round(c, 8)
 
 
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:

@@ -25,6 +25,9 @@ Array = NDArray[Any]
 #: Beyond this rms slope small-strain, small-slope contact theory loses its footing.
 SMALL_SLOPE = 0.1
 
+#: A summit nearer to an edge of the patch counts as on it, and gets its node of the mesh there [L].
+EDGE = 1e-3
+
 _SMALLEST, _LARGEST = 1e-50, 1e50  # lengths
 
 
@@ -120,6 +123,28 @@ class Surface(ABC):
         from .maximum import global_maximum
 
         return global_maximum(self)
+
+    def edges_of_summit(self, near: float = 0.0) -> dict[str, float]:
+        """Return the edges of the patch that the summit lies on, with the slope at which the surface falls away inwards.
+
+        Mirrored at an edge, a surface that falls away from it has a ridge there; one that is symmetric about the edge
+        has none, nor has one that rises inwards to a summit close by.
+
+        Args:
+            near: distance from an edge below which the summit counts as on it (length), no less than EDGE L.
+
+        Returns:
+            "x = 0", "x = L", "y = 0" or "y = L", and the slope across that edge beside the summit, positive where the
+            surface falls away from the edge (dimensionless).
+        """
+        place, found = self.maximum()[:2], {}
+        for axis, name in enumerate("xy"):
+            for end, inwards in (("0", 1.0), ("L", -1.0)):
+                edge = 0.0 if end == "0" else self.L
+                if abs(place[axis] - edge) < max(near, EDGE * self.L):
+                    foot = [edge if i == axis else c for i, c in enumerate(place)]
+                    found[f"{name} = {end}"] = -inwards * float(self.gradient(*foot)[axis])
+        return found
 
     def grid(self, n: int) -> Array:
         """Return heights (length) at the nodes linspace(0, L, n)^2, shape (n, n).
