@@ -29,8 +29,8 @@ TABLE, ABOUT = "results.csv", "study.json"
 TEXTS = ("case", "families", "exit_reason", "norm")
 #: Columns of results.csv after "case", "families" and the keys that vary.
 FIGURES = (
-    "exit_reason", "delta_star_max", "P_star_max", "k", "n", "n_low", "n_high", "norm", "range_low", "range_high",
-    "points", "r2", "n_log", "n_interface", "stiffness", "preload", "slope", "n_loc", "n_loc_low", "n_loc_high",
+    "exit_reason", "summit_on_edge", "delta_star_max", "P_star_max", "k", "n", "n_low", "n_high", "norm", "range_low",
+    "range_high", "points", "r2", "n_log", "n_interface", "stiffness", "preload", "slope", "n_loc", "n_loc_low", "n_loc_high",
     "kappa_loc", "kappa", "u_loss", "omega_loss", "drive_loss", "slope_unload", "n_unload", "kappa_unload",
     "omega_loss_unload", "area_fraction", "plastic_fraction", "max_plastic_strain", "block_load", "dofs", "cells",
     "newton", "seconds",
@@ -141,7 +141,7 @@ def tabulate(study: Study, folder: Path) -> list[dict[str, Any]]:
         if done is None:
             continue
         row = {"case": entry.key, "families": " ".join(entry.families), **{k: entry.value(k) for k in study.keys}}
-        row |= {"exit_reason": done["exit_reason"], "seconds": done["seconds"]}
+        row |= {name: done.get(name) for name in ("exit_reason", "seconds", "summit_on_edge")}
         place = case_folder(folder, entry.key)
         if (place / "curve.csv").is_file():
             summary_file = place / "summary.json"
@@ -162,6 +162,7 @@ def write_tables(study: Study, folder: Path) -> list[dict[str, Any]]:
     replace_file(folder / TABLE, text.getvalue().encode())
     families = [{"name": f.name, "title": f.title, "keys": f.keys} for f in study.families]
     about = {"title": study.title, "families": families, "cases": len(study.entries), "keys": study.keys}
+    about |= {"edge_summits": study.edge_summits, "replaced_seeds": study.replaced}
     (folder / ABOUT).write_text(json.dumps(about, indent=2) + "\n", encoding="utf-8")
     return rows
 

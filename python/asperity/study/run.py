@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..checks import check_loading, doubt_of_edge
 from ..errors import AsperityError, InputError
 from ..progress import duration
 from ..storage import is_aside, on_root, remove_asides, replace_file
@@ -124,13 +125,16 @@ def run_portion(entries: Sequence[Entry], folder: Path, comm: MPI.Comm) -> Any:
     """Run cases that share a mesh; yields each with how it ended; collective."""
     mesh: Path | AsperityError | None = None
     for entry in entries:
-        start = perf_counter()
+        start, found = perf_counter(), {}
         place = case_folder(folder, entry.key)
         if mesh is None and shares_mesh(entry.case):
             mesh = shared_mesh(entry.case, folder, comm)
         try:
             if isinstance(mesh, AsperityError):
                 raise mesh
+            surface = entry.case.build_surface()
+            found["summit_on_edge"] = int(bool(doubt_of_edge(entry.case.block.sides, surface)))
+            check_loading(entry.case, surface)
             _run(entry.case, place, mesh, comm)
             reason = "done"
         except AsperityError as error:
@@ -142,17 +146,15 @@ def run_portion(entries: Sequence[Entry], folder: Path, comm: MPI.Comm) -> Any:
             (place / "error.txt").write_text(traceback.format_exc(), encoding="utf-8")
             reason = f"{type(error).__name__}: {error}"
         gc.collect()
-        state = {"exit_reason": reason, "seconds": round(perf_counter() - start, 3)}
+        state = {"exit_reason": reason, "seconds": round(perf_counter() - start, 3)} | found
         if comm.rank == 0:
             _write(place / "done.json", json.dumps(state, indent=2) + "\n")
         yield entry, state
 
 
 def _run(case: Case, place: Path, mesh: Path | None, comm: MPI.Comm) -> None:
-    from ..case import check_loading
     from ..simulation import run
 
-    check_loading(case, case.build_surface())
     if mesh is not None:
         case = case.model_copy(update={"mesh": case.mesh.model_copy(update={"file": str(mesh)})})
     run(case, place, comm=comm)
