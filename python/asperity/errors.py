@@ -54,4 +54,4 @@ class OutputError(AsperityError):
 
 
 class ResolutionWarning(UserWarning):
-    """The mesh is too coarse for the contact: the force is the right order of magnitude at best."""
+    """The mesh is too coarse for the contact, or for the waves of the surface."""

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import resource
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from .audit import Checks
 from .block import H_CONTACT, H_MAX, BlockMesh
 from .contact import ActiveSet, Contact, PressureContact
 from .curve import Curve
-from .errors import ConvergenceError, InputError, Interrupted, MeshError
+from .errors import ConvergenceError, InputError, Interrupted, MeshError, ResolutionWarning
 from .loading import Callback, Position, Record, follow
 from .material import Material
 from .mesh import Reach, SizeField, build_block, check_distortion, distribute, is_distorted, on_root
 from .phases import Phases
 from .press import Counts, Press, Snapshot
+from .resolution import doubt_of_waves
 from .schedule import BACKWARD_EULER, MIDPOINT, Schedule
 from .solid import Solid
 from .solve import SolverOptions
@@ -260,6 +263,8 @@ def solve_contact(
         CheckpointError: the checkpoint cannot be continued from
         OutputError: the checkpoint cannot be written
         PartialResult: a step did not converge or the run was stopped; carries the curve up to there
+
+    Warns (ResolutionWarning) on the first rank when waves of the surface are too short for the mesh it makes.
     """
     from mpi4py import MPI
 
@@ -293,7 +298,10 @@ def solve_contact(
             with phases.phase("deflection estimate"):
                 delta_max = estimate_deflection(comm, surface, material, height, force_max, settings)
         with phases.phase("mesh"):
-            block = make_block(comm, surface, height, delta_max, size or MeshSize())
+            size = size or MeshSize()
+            block = make_block(comm, surface, height, delta_max, size)
+            if doubt := on_root(comm, partial(doubt_of_waves, surface, size.h_contact or H_CONTACT * L, delta_max)):
+                warnings.warn(doubt, ResolutionWarning, stacklevel=2)
     stage("set-up")
     with phases.phase("set-up"):
         press = make_press(comm, surface, block, material, phases=phases, **settings)

@@ -18,19 +18,20 @@ from numpy.typing import NDArray
 from ..case import Case
 from ..curve import Curve
 from ..errors import AsperityError, InputError
-from ..power_law import PowerLawFit, fit_power_law, interface_deflection
+from ..power_law import PowerLawFit, fit_power_law
 from ..storage import replace_file
 from .definition import ENSEMBLE, Entry, Family, Study
+from .interface import Block
 
 Array = NDArray[Any]
 Row = Mapping[str, Any]
 
 TABLE, ABOUT = "results.csv", "study.json"
-TEXTS = ("case", "families", "exit_reason", "norm")
+TEXTS = ("case", "families", "exit_reason", "norm", "interface_void")
 #: Columns of results.csv after "case", "families" and the keys that vary.
 FIGURES = (
     "exit_reason", "summit_on_edge", "delta_star_max", "P_star_max", "k", "n", "n_low", "n_high", "norm", "range_low",
-    "range_high", "points", "r2", "n_log", "n_interface", "stiffness", "preload", "slope", "n_loc", "n_loc_low", "n_loc_high",
+    "range_high", "points", "r2", "n_log", "n_interface", "interface_void", "stiffness", "preload", "slope", "n_loc", "n_loc_low", "n_loc_high",
     "kappa_loc", "kappa", "u_loss", "omega_loss", "drive_loss", "slope_unload", "n_unload", "kappa_unload",
     "omega_loss_unload", "area_fraction", "plastic_fraction", "max_plastic_strain", "block_load", "dofs", "cells",
     "newton", "seconds",
@@ -44,8 +45,9 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
 
     Returns:
         k, n, ...: linear-scale power law of the loading branch, with norm, range and interval;
-        n_log: exponent of the log-log fit; n_interface: linear-scale exponent of the interface alone, the block's
-        elastic compression taken off the deflection;
+        n_log: exponent of the log-log fit; n_interface: linear-scale exponent of the interface alone, the elastic
+        compression of the flat block taken off the deflection; or interface_void: why that means nothing, the block
+        having yielded or contact being nearly full;
         stiffness: K of F = K delta^n (force/length^n);
         preload: half of the greatest P*; slope: dP*/d(delta*) there; n_loc, kappa_loc: local exponent and backbone
         curvature there, from the points of the loading branch, with the 95 % interval of n_loc;
@@ -68,9 +70,9 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
         "seconds": sum((summary.get("seconds") or {}).values()) or None,
         **{name: summary.get(name) for name in ("dofs", "cells", "newton")},
     }
+    block = Block.of(case)
     if solid.yield_strength is not None:
-        constraint = (1 - solid.nu) / (1 - 2 * solid.nu) if case.block.sides == "rollers" else 1.0
-        row["block_load"] = float(load.force[-1]) / (side**2 * solid.yield_strength * constraint)
+        row["block_load"] = float(load.force[-1]) / (side**2 * block.yields_at)
     points = curve.planned()
     fit = _fit(points.delta_star, points.P_star)
     if fit is not None:
@@ -79,10 +81,8 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
             "range_low": fit.range[0], "range_high": fit.range[1], "points": fit.points, "r2": fit.r2,
             "n_log": points.fit("log").n, "stiffness": fit.stiffness(solid.E_prime, side),
         }  # fmt: skip
-        modulus = solid.confined_modulus if case.block.sides == "rollers" else solid.E
-        force, height = points.force, case.block.height
-        gap = interface_deflection(points.delta, force, height=height, area=side**2, modulus=modulus)
-        own = _fit(gap / side, points.P_star)
+        row["interface_void"] = block.void(load)
+        own = None if row["interface_void"] else _fit(block.interface(points), points.P_star)
         row["n_interface"] = None if own is None else own.n
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # how well the points tell a local slope is in n_loc_low, n_loc_high

@@ -29,6 +29,7 @@ SMALL_SLOPE = 0.1
 EDGE = 1e-3
 
 _SMALLEST, _LARGEST = 1e-50, 1e50  # lengths
+_STEEP, _LONG = 16, 1e6  # exponent of the flank of `too_short`, and a ratio beyond which there is nothing left
 
 
 class SurfaceWarning(UserWarning):
@@ -109,6 +110,17 @@ class Surface(ABC):
     def feature_size(self) -> float:
         """Shortest length on which the surface varies (length); it sets sampling grids."""
         return self.L
+
+    def short_waves(self, wavelength: float, depth: float) -> float:
+        """Return the rms height (length) of what is shorter than a wavelength, see :func:`too_short`.
+
+        Smooth surfaces, such as a sphere, have nothing.
+
+        Args:
+            wavelength: cut-off (length).
+            depth: below the summit (length) down to which a surface that is not alike everywhere is judged.
+        """
+        return 0.0
 
     def maximum(self) -> tuple[float, float, float]:
         """Return (x, y, z) of the highest point of the closed patch, edges and corners included.
@@ -230,6 +242,11 @@ def surface_kinds() -> Mapping[str, type[Surface]]:
         heightmap.HeightMap,
     )
     return {cls.kind: cls for cls in classes}
+
+
+def too_short(length: Array | float, wavelength: float) -> Array:
+    """Return the part of the amplitude of waves of a length that counts as shorter than `wavelength`: 1/2 there."""
+    return np.asarray(1.0 / (1.0 + (np.minimum(np.asarray(length) / wavelength, _LONG)) ** _STEEP))
 
 
 def nodes(L: float, n: int) -> Array:

@@ -21,6 +21,7 @@ from .base import (
     check_positive,
     is_number,
     nodes,
+    too_short,
 )
 from .waves import Waves, mean_squares, on_product
 
@@ -180,6 +181,11 @@ class WeierstrassMandelbrot(Surface):
         """The shortest wavelength, L/gamma^f_max (length)."""
         assert self.f_max is not None
         return float(self.L / self.gamma**self.f_max)
+
+    def short_waves(self, wavelength: float, depth: float) -> float:
+        a, kx, ky, _ = self._waves
+        part = too_short(2 * np.pi / np.hypot(kx, ky), wavelength)
+        return float(np.sqrt(0.5 * np.sum((a * part) ** 2)))
 
     def _at_points(
         self, x: ArrayLike, y: ArrayLike, wave: Callable[[Array], Array], weights: list[Array]

@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..storage import UNREADABLE, one_line, read_matrix, read_npy, read_npz, real
-from .base import Array, Surface, check, check_positive, is_integer, nodes
+from .base import Array, Surface, check, check_positive, is_integer, nodes, too_short
 
 if TYPE_CHECKING:
     from scipy.interpolate import RectBivariateSpline
 
 
+_TREND = 8  # degree of the trend that is taken off before waves are told apart
 DEEPEST, FARTHEST = 10.0, 1e6  # peak to valley and distance from zero of heights that make sense [L]
 
 
@@ -87,6 +88,47 @@ class HeightMap(Surface):
     def feature_size(self) -> float:
         """Twice the larger sample spacing (length)."""
         return 2 * self.L / (min(self.heights.shape) - 1)
+
+    @cached_property
+    def _waves(self) -> tuple[Array, Array]:
+        """Cosine transform of the heights without a smooth trend, continued by a margin, and wavelengths (length).
+
+        Slopes on the edges, which a cosine transform takes for short waves, end with the trend, and beyond the edges.
+        """
+        from scipy.fft import dctn
+
+        z, trends = self.heights, []
+        for n in z.shape:
+            s = np.linspace(-1, 1, n)
+            trends.append(np.linalg.qr(np.polynomial.legendre.legvander(s, min(_TREND, n - 1)))[0])
+        of_y, of_x = trends
+        z = z - of_y @ (of_y.T @ z @ of_x) @ of_x.T
+        wide = np.pad(z, [(m, m) for m in self._margins], mode="reflect", reflect_type="odd")
+        halves = [np.arange(n) * (m - 1) / (n - 1) for n, m in zip(wide.shape, z.shape, strict=True)]  # of a wave a side
+        return dctn(wide, type=1), 2 * self.L / np.maximum(np.hypot(halves[0][:, None], halves[1]), 0.5)
+
+    @property
+    def _margins(self) -> tuple[int, ...]:
+        return tuple(n // 8 for n in self.heights.shape)
+
+    def short_waves(self, wavelength: float, depth: float) -> float:
+        """Return the rms height (length) of what is shorter than a wavelength; see :meth:`Surface.short_waves`.
+
+        The greater one of the places less than `depth`, and less than a quarter of it, below the highest sample: what
+        is smooth elsewhere does not make up for a rough summit.
+        """
+        from scipy.fft import idctn
+
+        waves, lengths = self._waves
+        rest = idctn(waves * too_short(lengths, wavelength), type=1)
+        rest = rest[tuple(slice(m, n - m) for n, m in zip(rest.shape, self._margins, strict=True))]
+        inner = tuple(slice(m, n - m) for n in rest.shape for m in [int(min(wavelength / self.L, 0.25) * n)])
+        gap = self.heights.max() - self.heights
+        found = []
+        for reached in (gap <= depth, gap <= 0.25 * depth):
+            inside = rest[inner][reached[inner]]  # at the edges the transform rings
+            found.append(inside if inside.size else rest[reached])
+        return max(float(np.sqrt(np.mean(part**2))) for part in found)
 
     def _at(self, x: ArrayLike, y: ArrayLike, dx: int = 0, dy: int = 0) -> Array:
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
