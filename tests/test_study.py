@@ -21,8 +21,8 @@ from asperity.storage import is_aside
 from asperity.study import Level, Study, StudyResults, ensemble_curve, run_study, summarise_case
 from asperity.study.results import mean_interval
 from asperity.study.run import mesh_key, portions, shared_mesh
-from asperity.surface import SurfaceWarning
 from asperity.study.trend import CONDITIONAL, FAILS, HOLDS, Condition, Trend, trend, verdict
+from asperity.surface import SurfaceWarning
 
 ROOT = Path(__file__).parent.parent
 

@@ -269,6 +269,37 @@ def test_a_symmetric_surface_has_no_slope_across_its_edge(tmp_path):
     assert tilted.edges_of_summit() == {"x = L": pytest.approx(0.1), "y = 0": pytest.approx(0.05)}
 
 
+def test_short_waves_of_a_map_are_those_of_the_surface_it_samples(tmp_path):
+    surface = fractal(L=1.0, G=1e-6, f_max=8)
+    sampled = height_map(tmp_path, surface.grid(401))
+    for wavelength in (0.1, 0.05, 0.03):
+        assert sampled.short_waves(wavelength, 0.01) == pytest.approx(surface.short_waves(wavelength, 0.01), rel=0.25)
+    assert surface.short_waves(0.01, 0.01) < 1e-3 * surface.short_waves(0.05, 0.01) < 1e-3 * surface.exact_rms()[0]
+
+
+def test_short_waves_are_those_that_the_flat_meets(tmp_path):
+    """Not the grid of a smooth map, nor waves of no height; but a rough summit of a smooth map, and noise."""
+    s, depth, wavelength = np.linspace(0, 1, 513), 0.02, 0.1
+    smooth = Sphere(L=1.0, radius=1.5).grid(513)
+    ripple = np.sin(2 * np.pi * 60 * s)
+    near = np.exp(-((s - 0.5) ** 2 + (s[:, None] - 0.5) ** 2) / 0.02)
+    far = np.exp(-((s - 0.15) ** 2 + (s[:, None] - 0.15) ** 2) / 0.005)
+    noise = np.random.default_rng(0).normal(size=smooth.shape)
+
+    def rms(z):
+        return height_map(tmp_path, z).short_waves(wavelength, depth)
+
+    assert rms(smooth) < 1e-7 * depth
+    assert rms(Sphere(L=1.0, radius=1.0, centre=(0.0, 0.0)).grid(257)) < 5e-3 * depth
+    assert rms(Sinusoid(L=1.0, amplitude=0.01, wavelength=0.5, dims=2).grid(257)) < 5e-3 * depth
+    assert rms(smooth + 1e-8 * ripple) < 1e-6 * depth
+    assert rms(smooth + 1e-4 * ripple) == pytest.approx(1e-4 / np.sqrt(2), rel=0.05)
+    assert rms(smooth + 1e-4 * noise) == pytest.approx(1e-4, rel=0.05)
+    assert rms(smooth + 1e-4 * ripple * near) > 0.3e-4  # a sixth of the patch
+    assert rms(smooth + 1e-4 * ripple * far) < 0.1e-4  # the flat does not come there
+    assert rms(0.0 * smooth) == 0.0
+
+
 def test_maximum_of_many_short_waves():
     surface = fractal(f_max=11, M=4)
     window = np.linspace(-1e-9, 1e-9, 201)
@@ -513,7 +544,7 @@ def test_steep_surfaces_warn():
         ({"M": 10**6}, "surface.M = 1000000 is not legal: it must be an integer of at most 1000"),
         ({"kind": "flat", "L": 10**400}, "surface.L = 1000"),
         ({"kind": "sphere", "L": 1.0, "radius": 1e-200}, "surface.radius = 1e-200"),
-        ({"drawing": "rows"}, "surface.drawing = 'rows' is not legal: it must be \"array\" or \"nested\""),
+        ({"drawing": "rows"}, 'surface.drawing = \'rows\' is not legal: it must be "array" or "nested"'),
         ({"seed": -1}, "surface.seed = -1"),
         ({"ridges": "all"}, "surface.ridges = 'all'"),
         ({"phases": np.zeros((3, 3))}, r"shape \(M\+1, f_max\+1\) = \(11, 6\)"),

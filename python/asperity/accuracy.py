@@ -232,7 +232,9 @@ def solve_to_tolerance(
             unresolved = f"elements of {level.h:.3g} miss waves of the surface, which a smaller tolerance does not mend"
             limit = run.limit(goal, sizes[-1], min(finest, sizes[-1] / LEAST_STEP), substeps)
             if limit:
-                limit = f"they take elements of {finest * surface.L:.3g}, {limit}; or {advice(level.h / max(room, 1.0))}"
+                limit = (
+                    f"they take elements of {finest * surface.L:.3g}, {limit}; or {advice(level.h / max(room, 1.0))}"
+                )
         elif not unresolved:
             limit = _beside_the_mesh(algebraic, float(of_steps.max()), goal.tolerance, stopped)
         if unresolved:

@@ -234,8 +234,8 @@ def doubt_of_edge(sides: str, surface: Surface) -> str:
         )
     return (
         f"the flat first touches the surface on the edge {edges} of the patch, where it slopes by "
-        f"{max(falls.values()):.2g}: mirrored by the rollers it has a sharp ridge there, and the exponent at light loads "
-        f"is that of the ridge; {other}"
+        f"{max(falls.values()):.2g}: mirrored by the rollers it has a sharp ridge there, and the exponent at light "
+        f"loads is that of the ridge; {other}"
     )
 
 

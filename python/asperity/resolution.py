@@ -1,8 +1,8 @@
 """Whether the elements in the contact are small enough for the shortest waves of the surface.
 
-A mesh whose elements are longer than waves takes the heights of its nodes from them at random. The force is then wrong by
-an amount that two such meshes do not show, for both miss the same waves: no bar may be made of them. What waves too
-short for the elements do to the force goes with their height over the approach (measured in docs/accuracy.md).
+A mesh whose elements are longer than waves takes the heights of its nodes from them at random. The force is then wrong
+by an amount that two such meshes do not show, for both miss the same waves: no bar may be made of them. What waves too
+short for the elements do to the force goes with their height over the approach (docs/accuracy.md has it measured).
 """
 
 from __future__ import annotations
@@ -75,6 +75,5 @@ def doubt_of_waves(surface: Surface, h: float, delta: float) -> str:
 
 def advice(h: float) -> str:
     """How to cut off what elements of size h [length] do not resolve, in words."""
-    return (
-        f"cut off what is shorter than {ELEMENTS * h:.3g} (surface.f_max or surface.L_s, asperity measure --cutoff of a map)"
-    )
+    keys = "surface.f_max or surface.L_s, asperity measure --cutoff of a map"
+    return f"cut off what is shorter than {ELEMENTS * h:.3g} ({keys})"

@@ -2,7 +2,7 @@
 
     title = "..."
     base = "base.toml"              # a case file, or a table [base] with the sections of one
-    edge_summits = "redraw"         # of cases that first touch on an edge of the patch; or "skip" or "keep", the default
+    edge_summits = "redraw"         # of cases that first touch on an edge of the patch; or "skip", or "keep" (default)
 
     [grid]                          # every combination
     "surface.seed" = {first = 0, count = 10}

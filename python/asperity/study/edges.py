@@ -69,8 +69,8 @@ def without_edge_summits(cases: Sequence[Case], rule: Rule, where: str) -> tuple
         if seed is None and spoilt(case):
             if rule == "redraw":
                 raise InputError(
-                    f'{where}: edge_summits = "redraw", but a surface of kind {case.surface.kind} has no seed and first '
-                    'touches on an edge; take "skip" or "keep"'
+                    f'{where}: edge_summits = "redraw", but a surface of kind {case.surface.kind} has no seed and '
+                    'first touches on an edge; take "skip" or "keep"'
                 )
             out.append(None)
         elif seed in chosen:
@@ -87,7 +87,9 @@ def told(chosen: Mapping[int, int | None]) -> str:
     """What became of the spoilt seeds, in words; empty for none."""
     if not chosen:
         return ""
-    words = ", ".join(f"{seed} left out" if new is None else f"{seed} replaced by {new}" for seed, new in chosen.items())
+    words = ", ".join(
+        f"{seed} left out" if new is None else f"{seed} replaced by {new}" for seed, new in chosen.items()
+    )
     return f"seeds whose flat first touches on an edge of the patch: {words}"
 
 

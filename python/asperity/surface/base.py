@@ -137,7 +137,7 @@ class Surface(ABC):
         return global_maximum(self)
 
     def edges_of_summit(self, near: float = 0.0) -> dict[str, float]:
-        """Return the edges of the patch that the summit lies on, with the slope at which the surface falls away inwards.
+        """Return the edges of the patch that the summit lies on, with the slope of the surface away from them.
 
         Mirrored at an edge, a surface that falls away from it has a ridge there; one that is symmetric about the edge
         has none, nor has one that rises inwards to a summit close by.

@@ -90,10 +90,11 @@ class HeightMap(Surface):
         return 2 * self.L / (min(self.heights.shape) - 1)
 
     @cached_property
-    def _waves(self) -> tuple[Array, Array]:
-        """Cosine transform of the heights without a smooth trend, continued by a margin, and wavelengths (length).
+    def _waves(self) -> tuple[list[Array], Array]:
+        """Cosine transforms of the heights without a smooth trend, continued by a margin, and wavelengths (length).
 
-        Slopes on the edges, which a cosine transform takes for short waves, end with the trend, and beyond the edges.
+        Beyond the edges they are continued with their slope, and as a mirror does: where an edge looks like short waves
+        in one of the two, it does not in the other.
         """
         from scipy.fft import dctn
 
@@ -103,9 +104,14 @@ class HeightMap(Surface):
             trends.append(np.linalg.qr(np.polynomial.legendre.legvander(s, min(_TREND, n - 1)))[0])
         of_y, of_x = trends
         z = z - of_y @ (of_y.T @ z @ of_x) @ of_x.T
-        wide = np.pad(z, [(m, m) for m in self._margins], mode="reflect", reflect_type="odd")
-        halves = [np.arange(n) * (m - 1) / (n - 1) for n, m in zip(wide.shape, z.shape, strict=True)]  # of a wave a side
-        return dctn(wide, type=1), 2 * self.L / np.maximum(np.hypot(halves[0][:, None], halves[1]), 0.5)
+        margins = [(m, m) for m in self._margins]
+        straight = np.pad(z, margins, mode="reflect", reflect_type="odd")
+        mirrored = np.pad(z, margins, mode="reflect", reflect_type="even")
+        halves = [  # of a wave a side
+            np.arange(n) * (m - 1) / (n - 1) for n, m in zip(straight.shape, z.shape, strict=True)
+        ]
+        lengths = 2 * self.L / np.maximum(np.hypot(halves[0][:, None], halves[1]), 0.5)
+        return [dctn(wide, type=1) for wide in (straight, mirrored)], lengths
 
     @property
     def _margins(self) -> tuple[int, ...]:
@@ -119,16 +125,21 @@ class HeightMap(Surface):
         """
         from scipy.fft import idctn
 
-        waves, lengths = self._waves
-        rest = idctn(waves * too_short(lengths, wavelength), type=1)
-        rest = rest[tuple(slice(m, n - m) for n, m in zip(rest.shape, self._margins, strict=True))]
-        inner = tuple(slice(m, n - m) for n in rest.shape for m in [int(min(wavelength / self.L, 0.25) * n)])
+        transforms, lengths = self._waves
         gap = self.heights.max() - self.heights
+        part = too_short(lengths, wavelength)
         found = []
-        for reached in (gap <= depth, gap <= 0.25 * depth):
-            inside = rest[inner][reached[inner]]  # at the edges the transform rings
-            found.append(inside if inside.size else rest[reached])
-        return max(float(np.sqrt(np.mean(part**2))) for part in found)
+        for waves in transforms:
+            rest = idctn(waves * part, type=1)
+            rest = rest[tuple(slice(m, n - m) for n, m in zip(rest.shape, self._margins, strict=True))]
+            edge = [int(min(wavelength / self.L, 0.25) * n) for n in rest.shape]
+            inner = tuple(slice(m, n - m) for n, m in zip(rest.shape, edge, strict=True))
+            places = []
+            for reached in (gap <= depth, gap <= 0.25 * depth):
+                inside = rest[inner][reached[inner]]  # at the edges the transform rings
+                places.append(inside if inside.size else rest[reached])
+            found.append(max(float(np.sqrt(np.mean(heights**2))) for heights in places))
+        return min(found)
 
     def _at(self, x: ArrayLike, y: ArrayLike, dx: int = 0, dy: int = 0) -> Array:
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
