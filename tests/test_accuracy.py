@@ -19,6 +19,7 @@ from asperity.accuracy import (
     steady,
 )
 from asperity.curve import Curve
+from asperity.errors import ResolutionWarning
 from asperity.reference import half_space_contact
 from asperity.refinement import (
     COST_ORDER,
@@ -327,8 +328,8 @@ def test_a_contact_of_one_node_meets_no_tolerance() -> None:
 def rough(f_max: int, seed: int, slope: float = 0.05) -> asp.Surface:
     """A fractal of a given rms slope, whose shortest waves are 1.5^-f_max long."""
     kind = dict(kind="weierstrass-mandelbrot", L=1.0, D=2.4, f_max=f_max, seed=seed)
-    guess = asp.Surface.from_spec(G=1e-5, **kind)
-    return asp.Surface.from_spec(G=1e-5 * (slope / guess.rms_slope()) ** 2.5, **kind)
+    guess = asp.Surface.from_spec(G=1e-8, **kind)
+    return asp.Surface.from_spec(G=1e-8 * (slope / guess.rms_slope()) ** 2.5, **kind)
 
 
 def test_waves_shorter_than_the_elements_leave_no_bar() -> None:
@@ -365,7 +366,7 @@ def test_the_demo_surface_is_resolved_by_every_mesh_that_gives_a_bar(delta: floa
         assert resolving_size(surface, delta, tolerance, FIRST * GUIDE) == np.inf
 
 
-@pytest.mark.parametrize("f_max", [7, 8, 10])
+@pytest.mark.parametrize("f_max", [7, 8])
 def test_the_size_that_resolves_gives_the_shortest_wave_one_and_a_half_elements(f_max: int) -> None:
     """A little more for a tolerance that is tight, and nothing where the flat hardly feels the height of the waves."""
     surface = rough(f_max, 0)
@@ -377,10 +378,10 @@ def test_the_size_that_resolves_gives_the_shortest_wave_one_and_a_half_elements(
 
 def test_one_mesh_that_misses_waves_is_told() -> None:
     surface = rough(8, 0)
-    with pytest.warns(asp.ResolutionWarning, match=r"shorter than 1\.5 elements of mesh\.h_contact = 0\.2 "):
+    with pytest.warns(ResolutionWarning, match=r"shorter than 1\.5 elements of mesh\.h_contact = 0\.2 "):
         asp.solve_contact(surface, ELASTIC, delta_max=0.006, steps=1, size=asp.MeshSize(0.2))
     with warnings.catch_warnings():
-        warnings.simplefilter("error", asp.ResolutionWarning)
+        warnings.simplefilter("error", ResolutionWarning)
         asp.solve_contact(bump(), ELASTIC, delta_max=0.006, steps=1, size=asp.MeshSize(0.2))
     assert doubt_of_waves(surface, 0.1, 0.006) and not doubt_of_waves(surface, 0.02, 0.006)
 
