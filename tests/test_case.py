@@ -46,7 +46,7 @@ def test_demo_is_the_documented_case() -> None:
     surface = case.surface.parameters()
     assert surface == {
         "kind": "weierstrass-mandelbrot", "L": 1e-6, "D": 2.4, "G": 1.36e-11, "M": 10,
-        "gamma": 1.5, "f_max": 5, "seed": 0, "ridges": "0..M",
+        "gamma": 1.5, "f_max": 5, "seed": 0, "drawing": "array", "ridges": "0..M",
     }  # fmt: skip
     assert (case.material.E, case.material.nu) == (200e9, 0.3)
     assert (case.material.yield_strength, case.material.tangent_modulus) == (1e9, 10e9)
