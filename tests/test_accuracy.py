@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from asperity.accuracy import (
     solve_to_tolerance,
     steady,
 )
+from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import ResolutionWarning
 from asperity.reference import half_space_contact
@@ -345,6 +347,21 @@ def test_waves_shorter_than_the_elements_leave_no_bar() -> None:
     said = r"the force has no error bar, elements of 0\.07.* miss waves .* elements of 0\.02\d*, .*max_dofs = 60000 "
     assert re.search(said + r".*or cut off what is shorter than 0\.0\d", result.reason)
     json.dumps(result.to_dict(), allow_nan=False)
+
+
+def test_a_case_with_waves_that_no_mesh_resolves_ends_like_a_tolerance_that_is_not_met(tmp_path: Path) -> None:
+    fractal = {"kind": "weierstrass-mandelbrot", "L": 1.0, "D": 2.4, "G": 2.6e-7, "f_max": 8}
+    case = Case.from_dict({
+        "units": "other", "surface": fractal, "material": {"E": 1.0, "nu": 0.3},
+        "loading": {"delta_max": 0.006, "steps": 5}, "accuracy": {"tolerance": 0.1, "max_dofs": 30_000},
+    })  # fmt: skip
+    with pytest.raises(asp.ConvergenceError, match="the force has no error bar, elements of") as caught:
+        asp.run(case, tmp_path)
+    assert caught.value.exit_code == 3
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["accuracy"]["met"] is False and summary["error_budget"] is None
+    assert "cut off what is shorter than" in summary["exit_reason"]
+    assert np.all(np.isnan(Curve.read(tmp_path / "curve.csv").error_P_star))
 
 
 def test_a_run_that_may_be_fine_enough_resolves_the_waves_before_it_has_a_bar() -> None:

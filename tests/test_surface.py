@@ -201,16 +201,22 @@ def test_nested_drawing_adds_waves_to_the_same_surface(M):
         assert np.all(correlations > 0.95) if alike else np.all(correlations < 0.9)
 
 
+def phases_of(**options: object) -> np.ndarray:
+    """Return the phases of a surface."""
+    phases = fractal(**options).phases
+    assert phases is not None
+    return phases
+
+
 def test_nested_phases_do_not_depend_on_f_max_and_M_and_are_independent():
-    many = fractal(M=20, f_max=11, seed=2**40 + 7, drawing="nested").phases
-    few = fractal(M=3, f_max=2, seed=2**40 + 7, drawing="nested").phases
+    many = phases_of(M=20, f_max=11, seed=2**40 + 7, drawing="nested")
+    few = phases_of(M=3, f_max=2, seed=2**40 + 7, drawing="nested")
     np.testing.assert_array_equal(many[:4, :3], few)
     # no column is that of another index or seed
-    streams = [fractal(M=3, f_max=5, seed=seed, drawing=drawing).phases for seed in (0, 1, 2**32) for drawing in
-               ("nested", "array")]  # fmt: skip
-    columns = np.concatenate(streams, axis=1)
+    drawings = itertools.product((0, 1, 2**32), ("nested", "array"))
+    columns = np.concatenate([phases_of(M=3, f_max=5, seed=seed, drawing=d) for seed, d in drawings], axis=1)
     assert len(np.unique(columns)) == columns.size
-    phases = np.concatenate([fractal(M=200, f_max=9, seed=s, drawing="nested").phases.ravel() for s in range(5)])
+    phases = np.concatenate([phases_of(M=200, f_max=9, seed=s, drawing="nested").ravel() for s in range(5)])
     assert abs(np.exp(1j * phases).mean()) < 4 / np.sqrt(phases.size)
 
 
@@ -253,8 +259,8 @@ def test_a_summit_on_an_edge_is_found_with_its_slope(seed):
     falls = surface.edges_of_summit()
     assert bool(falls) == (not inside) == (seed in (1, 6, 7))
     for edge, slope in falls.items():
-        beside = {"x = 0": (row, 1), "x = L": (row, 1023), "y = 0": (1, column), "y = L": (1023, column)}[edge]
-        assert slope == pytest.approx((z.max() - z[beside]) * 1024 / L, rel=0.1)
+        beside = {"x = 0": z[row, 1], "x = L": z[row, 1023], "y = 0": z[1, column], "y = L": z[1023, column]}[edge]
+        assert slope == pytest.approx((z.max() - beside) * 1024 / L, rel=0.1)
 
 
 def test_a_symmetric_surface_has_no_slope_across_its_edge(tmp_path):

@@ -33,8 +33,8 @@ FIGURES = (
     "exit_reason", "summit_on_edge", "delta_star_max", "P_star_max", "k", "n", "n_low", "n_high", "norm", "range_low",
     "range_high", "points", "r2", "n_log", "n_interface", "interface_void", "stiffness", "preload", "slope", "n_loc",
     "n_loc_low", "n_loc_high", "kappa_loc", "kappa", "u_loss", "omega_loss", "drive_loss", "slope_unload", "n_unload",
-    "kappa_unload", "omega_loss_unload", "area_fraction", "plastic_fraction", "max_plastic_strain", "block_load", "dofs",
-    "cells", "newton", "seconds",
+    "kappa_unload", "omega_loss_unload", "area_fraction", "plastic_fraction", "max_plastic_strain", "block_load",
+    "dofs", "cells", "newton", "seconds",
 )  # fmt: skip
 
 
