@@ -209,7 +209,8 @@ def solve_to_tolerance(
         judged = _judged(result.curve, steps)
         coarse = partner(sizes)
         settled = _without_path_error(result.curve, path, level.substeps)
-        ratio, safety = sizes[coarse] / sizes[-1], safety_of(coarse == 0)
+        # a mesh that misses waves is as rough a partner as the guide
+        ratio, safety = sizes[coarse] / sizes[-1], safety_of(coarse == 0 or sizes[coarse] > 1.01 * finest)
         path_bar = path.bar[level.substeps] if path else None
         algebraic = result.checks.force_balance
         curve, budget = _correct(settled, curves[coarse], ratio, safety, judged, path_bar, algebraic)
