@@ -34,11 +34,11 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Case, _override, _read_toml
-from ..errors import InputError
-from ..schema import Input, sections, show
-from ..surface import SurfaceWarning
-from .edges import RULES, Rule, told, without_edge_summits
+from asperity.case.case_file import Case, _override, _read_toml
+from asperity.case.schema import Input, sections, show
+from asperity.errors import InputError
+from asperity.study.edges import RULES, Rule, told, without_edge_summits
+from asperity.surface import SurfaceWarning
 
 #: Key whose values make an ensemble: levels differ in the other keys.
 ENSEMBLE = "surface.seed"

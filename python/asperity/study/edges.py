@@ -7,12 +7,12 @@ import warnings
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-from ..checks import doubt_of_edge
-from ..errors import InputError
-from ..surface import SurfaceWarning
+from asperity.case.validation import doubt_of_edge
+from asperity.errors import InputError
+from asperity.surface import SurfaceWarning
 
 if TYPE_CHECKING:
-    from ..case import Case
+    from asperity.case import Case
 
 Rule = Literal["keep", "redraw", "skip"]
 RULES: tuple[Rule, ...] = ("keep", "redraw", "skip")

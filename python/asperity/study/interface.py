@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..case import Case
-from ..curve import Curve
-from ..power_law import interface_deflection
-from ..refinement import extrapolate
+from asperity.adaptive.mesh_plan import extrapolate
+from asperity.case import Case
+from asperity.curve import Curve
+from asperity.power_law import interface_deflection
 
 FULL = 0.9  # contact area over the patch from which on no interface is left to give way
 BULK = 0.5  # part of the volume that is plastic only when the block as a whole yields
@@ -78,9 +78,9 @@ def free_block_modulus(nu: float, height: float) -> float:
     """
     from mpi4py import MPI
 
-    from ..material import Material
-    from ..statics import MeshSize, solve_contact
-    from ..surface import Flat
+    from asperity.model.material import Material
+    from asperity.quasistatic.solve_contact import MeshSize, solve_contact
+    from asperity.surface import Flat
 
     def pressed(h: float) -> Any:
         size = MeshSize(h, h_max=h if height <= 2.0 else None)

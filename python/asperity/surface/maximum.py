@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .base import Array, Surface
+from asperity.surface.base import Array, Surface
 
 _MAX_CELLS = 4_000_000
 _LEVELS = 40
