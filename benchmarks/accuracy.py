@@ -6,6 +6,7 @@
     python3 benchmarks/accuracy.py tolerance     bars and errors of runs driven by a tolerance, on the same surfaces
     python3 benchmarks/accuracy.py plastic       the same for elastic-plastic material
     python3 benchmarks/accuracy.py few           the same in fewer planned steps
+    python3 benchmarks/accuracy.py waves         bars where waves are shorter than elements, and runs that resolve them
     python3 benchmarks/accuracy.py demo          the demo surface to 1 % and to 0.1 %, also under mpirun
     python3 benchmarks/accuracy.py fixed         what the growth of a family of meshes is for
     python3 benchmarks/accuracy.py grading       what finer elements at the spots touched first are for
@@ -43,6 +44,7 @@ from asperity.arrays import Floats
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import GRADING, GUIDED, Reach
 from asperity.quasistatic.solve_contact import make_block
+from asperity.reference import half_space_contact
 
 Judged = tuple[Floats, Floats]  # relative error and bar at some deflections
 
@@ -285,6 +287,39 @@ def few() -> None:
     summary(judged)
 
 
+def short_waves(f_max: int, seed: int) -> asp.Surface:
+    """A surface of rms slope 0.05 whose shortest waves are 1.5^-f_max L long; L = 1."""
+    kind = dict(kind="weierstrass-mandelbrot", L=1.0, D=2.4, f_max=f_max, seed=seed)
+    guess = asp.Surface.from_spec(G=1e-8, **kind)
+    return asp.Surface.from_spec(G=1e-8 * (0.05 / guess.rms_slope()) ** 2.5, **kind)
+
+
+def waves() -> None:
+    """Bars of pairs of meshes by the elements in the shortest wave, and of runs, against boundary elements."""
+    delta, sizes = 0.006, FAMILY[1:-1]
+    at = delta * np.arange(1, 11) / 10
+    limits = {}
+    row("f_max, seed", "h/L of the pair", "elements a wave, finer mesh", "steps inside", "greatest error over bar")
+    row(*["---"] * 5)
+    for f_max, seed in ((5, 0), (8, 0), (8, 2), (9, 2), (10, 0)):
+        top = short_waves(f_max, seed)
+        half, whole = (
+            np.array([half_space_contact(top, n, delta_star=float(d), height=1.0).P_star for d in at])
+            for n in (256, 512)
+        )
+        limits[f_max, seed] = limit = extrapolate(half, whole, 2.0, 2.0)[0]
+        found = forces(f"waves {f_max} {seed}", top, delta, (GUIDE, *sizes), grading=GUIDED)
+        for coarse, fine in ((sizes[0], sizes[2]), (sizes[0], sizes[3]), (sizes[1], sizes[3])):
+            value, _, bar = extrapolate_mesh(found[coarse], found[fine], coarse / fine)
+            error, bar = np.abs(value / limit - 1.0), steady(bar / value)
+            inside = f"{int(np.sum(error <= bar))}/{len(bar)}"
+            row(f"{f_max}, {seed}", f"{coarse:.3f}, {fine:.3f}", 1.5**-f_max / fine, inside, float(np.max(error / bar)))
+    print()
+    header("f_max, seed")
+    for (f_max, seed), limit in limits.items():
+        driven(f"{f_max}, {seed}", short_waves(f_max, seed), UNIT, 0.05, at, limit)
+
+
 def demo() -> None:
     """The demo surface to a tolerance: what it costs, on which meshes; collective."""
     row("material", "tolerance %", "ranks", "bar %", "substeps", "dofs of the meshes", "s")
@@ -397,7 +432,7 @@ def summary(judged: Sequence[Judged]) -> None:
 
 
 if __name__ == "__main__":
-    jobs = {"mesh": mesh, "steps": steps, "orders": orders, "tolerance": tolerance, "plastic": plastic,
+    jobs = {"mesh": mesh, "steps": steps, "orders": orders, "tolerance": tolerance, "plastic": plastic, "waves": waves,
             "demo": demo, "fixed": fixed, "grading": grading, "equations": equations, "few": few}  # fmt: skip
     for job in sys.argv[1:] or jobs:
         if MPI.COMM_WORLD.rank == 0:

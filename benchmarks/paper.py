@@ -408,7 +408,8 @@ where it was stopped.
 n is the exponent of P* = k (δ*)ⁿ. As a spring, the law softens when n > 1 and hardens when n < 1 (κ =
 -(n-1)(2n+1)/48 is the curvature of its backbone). Each statement about n is tested under {ways} conditions:
 least squares on linear and on logarithmic scales, over the whole range of deflection and over its first half,
-for the whole block and for the interface alone (the elastic compression of the block taken off). The rule was
+for the whole block and for the interface alone (the elastic compression of the block taken off; left out where the
+block has yielded or contact is nearly full, A/A₀ > 0.9, for then it means nothing). The rule was
 fixed beforehand: a statement *holds* when it passes under all conditions tested, *holds under conditions*
 when under some, and *does not hold* when under none. The same seeds are compared from level to level ({seeds}
 seeds).

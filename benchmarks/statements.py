@@ -5,13 +5,14 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.study import Level, StudyResults
+from asperity.study.interface import Block
 from asperity.study.results import Row
 from asperity.study.trend import CONDITIONS, FAILS, HOLDS, Condition, Trend, trend, verdict
 from asperity.surface import Surface, WeierstrassMandelbrot
@@ -71,9 +72,7 @@ class Exponents:
     def of(self, row: Row, condition: Condition) -> float:
         """Exponent of a row."""
         curve, case = self._loaded(str(row["case"]))
-        solid = case.material
-        modulus = solid.confined_modulus if case.block.sides == "rollers" else solid.E
-        return condition.exponent(curve, side=case.surface.L, height=case.block.height, modulus=modulus)
+        return condition.exponent(curve, **asdict(Block.of(case)))
 
     def trends(self, levels: Sequence[Level], conditions: Sequence[Condition] = CONDITIONS) -> list[Trend]:
         """Trend of the exponent under each condition."""
@@ -83,11 +82,15 @@ class Exponents:
 def findings(
     exponents: Exponents, families: Sequence[str], holds: Callable[[Trend], bool], conditions: Sequence[Condition]
 ) -> tuple[Finding, ...]:
-    """Test a statement about exponents in families under conditions; families without cases are left out."""
+    """Test a statement about exponents in families under conditions.
+
+    Families without cases are left out, and conditions that are void for a whole level: see `Block.void`.
+    """
     out = []
     for name in families:
-        levels = exponents.results.levels(name)
-        out += [Finding(name, t, holds(t)) for t in exponents.trends(levels, conditions) if len(t.values)]
+        for t in exponents.trends(exponents.results.levels(name), conditions):
+            if len(t.values) and np.isfinite(t.values).any(axis=1).all():
+                out.append(Finding(name, t, holds(t)))
     return tuple(out)
 
 

@@ -66,4 +66,4 @@ class AssumptionWarning(AsperityWarning):
 
 
 class ResolutionWarning(AsperityWarning):
-    """The mesh is too coarse for the contact: the force is the right order of magnitude at best."""
+    """The mesh is too coarse for the contact, or for the waves of the surface."""

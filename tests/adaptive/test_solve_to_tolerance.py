@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import re
+import warnings
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +15,8 @@ import pytest
 import asperity as asp
 from asperity.adaptive.mesh_plan import (
     COST_ORDER,
+    FIRST,
+    GUIDE,
     GUIDE_EXCESS,
     MESH_ORDER,
     SMALLEST_RATIO,
@@ -25,7 +31,10 @@ from asperity.adaptive.mesh_plan import (
     safety_of,
 )
 from asperity.adaptive.solve_to_tolerance import Goal, loading_force, solve_to_tolerance, steady
+from asperity.case import Case
 from asperity.curve import Curve
+from asperity.errors import ResolutionWarning
+from asperity.mesh.resolution import ELEMENTS, doubt_of_waves, resolving_size
 from asperity.quasistatic.newton import SolverOptions
 from asperity.quasistatic.solve_contact import ContactResult, PartialResult
 from asperity.reference import half_space_contact
@@ -311,6 +320,82 @@ def test_a_contact_of_one_node_meets_no_tolerance() -> None:
     sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=1.0, centre=(0.31, 0.47))
     result = solve_to_tolerance(sphere, ELASTIC, Goal(0.9, max_dofs=15_000), delta_max=1e-7, steps=5)
     assert not result.met and "the force has no error bar, the contact touches a few facets only" in result.reason
+
+
+def rough(f_max: int, seed: int, slope: float = 0.05) -> asp.Surface:
+    """A fractal of a given rms slope, whose shortest waves are 1.5^-f_max long."""
+    kind = dict(kind="weierstrass-mandelbrot", L=1.0, D=2.4, f_max=f_max, seed=seed)
+    guess = asp.Surface.from_spec(G=1e-8, **kind)
+    return asp.Surface.from_spec(G=1e-8 * (slope / guess.rms_slope()) ** 2.5, **kind)
+
+
+def test_waves_shorter_than_the_elements_leave_no_bar() -> None:
+    """Two coarse meshes agree with each other and not with the truth: they miss the same waves."""
+    surface = rough(8, 0)
+    result = solve_to_tolerance(surface, ELASTIC, Goal(0.05, max_dofs=60_000), delta_max=0.006, steps=5)
+    at = float(result.curve.delta_star[0])
+    reference = half_space_contact(surface, 256, delta_star=at, height=1.0).P_star
+    assert abs(result.curve.P_star[0] / reference - 1.0) > 0.03  # what the two meshes do not know
+    assert not result.met and np.isnan(result.worst)
+    assert np.all(np.isnan(result.curve.error_P_star)) and np.all(np.isnan(result.budget.total))
+    np.testing.assert_array_equal(result.curve.P_star, result.raw.P_star)
+    said = r"the force has no error bar, elements of 0\.07.* miss waves .* elements of 0\.02\d*, .*max_dofs = 60000 "
+    assert re.search(said + r".*or cut off what is shorter than 0\.0\d", result.reason)
+    json.dumps(result.to_dict(), allow_nan=False)
+
+
+def test_a_case_with_waves_that_no_mesh_resolves_ends_like_a_tolerance_that_is_not_met(tmp_path: Path) -> None:
+    fractal = {"kind": "weierstrass-mandelbrot", "L": 1.0, "D": 2.4, "G": 2.6e-7, "f_max": 8}
+    case = Case.from_dict({
+        "units": "other", "surface": fractal, "material": {"E": 1.0, "nu": 0.3},
+        "loading": {"delta_max": 0.006, "steps": 5}, "accuracy": {"tolerance": 0.1, "max_dofs": 30_000},
+    })  # fmt: skip
+    with pytest.raises(asp.ConvergenceError, match="the force has no error bar, elements of") as caught:
+        asp.run(case, tmp_path)
+    assert caught.value.exit_code == 3
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["accuracy"]["met"] is False and summary["error_budget"] is None
+    assert "cut off what is shorter than" in summary["exit_reason"]
+    assert np.all(np.isnan(Curve.read(tmp_path / "curve.csv").error_P_star))
+
+
+def test_a_run_that_may_be_fine_enough_resolves_the_waves_before_it_has_a_bar() -> None:
+    surface = rough(6, 2)
+    curves: list[Curve] = []
+    result = solve_to_tolerance(surface, ELASTIC, Goal(0.1), delta_max=0.006, steps=5, on_curve=curves.append)
+    assert result.met and result.levels[-1].h < 1.5**-6 / ELEMENTS
+    assert np.all(np.isnan(curves[0].error_P_star)) and np.all(np.isfinite(curves[-1].error_P_star))
+    reference = [half_space_contact(surface, 256, delta_star=float(d), height=1.0).P_star for d in curves[-1].delta]
+    # 0.5 %: slopes of 0.05 are not small to the last digit
+    assert np.all(np.abs(result.curve.P_star / np.array(reference) - 1.0) <= curves[-1].error_P_star / reference + 5e-3)
+
+
+@pytest.mark.parametrize(("delta", "tolerance"), [(0.03, 0.01), (0.03, 0.05)])
+def test_the_demo_surface_is_resolved_by_every_mesh_that_gives_a_bar(delta: float, tolerance: float) -> None:
+    """Its shortest wave has 1.86 elements on the coarsest of them; nor do shapes without short waves ask for more."""
+    demo = asp.Surface.from_spec(kind="weierstrass-mandelbrot", L=1.0, D=2.4, G=1.36e-5)
+    for surface in (demo, bump(), wave(), asp.Surface.from_spec(kind="flat", L=1.0)):
+        assert resolving_size(surface, delta, tolerance, FIRST * GUIDE) == np.inf
+
+
+@pytest.mark.parametrize("f_max", [7, 8])
+def test_the_size_that_resolves_gives_the_shortest_wave_one_and_a_half_elements(f_max: int) -> None:
+    """A little more for a tolerance that is tight, and nothing where the flat hardly feels the height of the waves."""
+    surface = rough(f_max, 0)
+    loose, tight = (resolving_size(surface, 0.006, tolerance, FIRST * GUIDE) for tolerance in (0.05, 0.005))
+    waves = 1.5**-f_max / np.array([loose, tight])
+    assert 0.9 * ELEMENTS < waves[0] < waves[1] < 1.4 * ELEMENTS
+    assert resolving_size(surface, 0.9, 0.05, FIRST * GUIDE) == np.inf
+
+
+def test_one_mesh_that_misses_waves_is_told() -> None:
+    surface = rough(8, 0)
+    with pytest.warns(ResolutionWarning, match=r"shorter than 1\.5 elements of mesh\.h_contact = 0\.2 "):
+        asp.solve_contact(surface, ELASTIC, delta_max=0.006, steps=1, size=asp.MeshSize(0.2))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", ResolutionWarning)
+        asp.solve_contact(bump(), ELASTIC, delta_max=0.006, steps=1, size=asp.MeshSize(0.2))
+    assert doubt_of_waves(surface, 0.1, 0.006) and not doubt_of_waves(surface, 0.02, 0.006)
 
 
 def test_a_soft_penalty_has_no_error_bar() -> None:

@@ -46,7 +46,7 @@ def test_demo_is_the_documented_case() -> None:
     surface = case.surface.parameters()
     assert surface == {
         "kind": "weierstrass-mandelbrot", "L": 1e-6, "D": 2.4, "G": 1.36e-11, "M": 10,
-        "gamma": 1.5, "f_max": 5, "seed": 0, "ridges": "0..M",
+        "gamma": 1.5, "f_max": 5, "seed": 0, "drawing": "array", "ridges": "0..M",
     }  # fmt: skip
     assert (case.material.E, case.material.nu) == (200e9, 0.3)
     assert (case.material.yield_strength, case.material.tangent_modulus) == (1e9, 10e9)
@@ -290,6 +290,30 @@ def test_a_load_that_closes_every_gap_is_refused() -> None:
         check_loading(case, case.build_surface())
     case = Case.load(DEMO, ["loading.delta_max=0.05e-6"])
     assert "peak to valley" in check_loading(case, case.build_surface())[0]
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ([], ""),
+        (["surface.seed=1"], "on the edge x = L of the patch, where it slopes by 0.18: mirrored by the rollers"),
+        (["surface.seed=1", "block.sides=free"], "at the free side x = L and y = L of the patch"),
+        (["surface.seed=2", "block.sides=free"], ""),
+    ],
+)
+def test_a_first_touch_on_an_edge_of_the_patch_is_told(keys: list[str], said: str) -> None:
+    for driven in ([], ["loading.delta_max=", "loading.force_max=1e-4"]):
+        case = Case.load(DEMO, [*keys, *driven])
+        told = check_loading(case, case.build_surface())
+        assert len(told) == bool(said) and all(said in text for text in told)
+
+
+@pytest.mark.parametrize(("sides", "told"), [("rollers", 0), ("free", 1)])
+def test_a_quarter_of_a_sphere_in_a_corner_is_no_first_touch_on_an_edge(sides: str, told: int) -> None:
+    """Rollers are its planes of symmetry; at free sides there is none."""
+    quarter = {"kind": "sphere", "L": 1.0, "radius": 1.0, "centre": [0.0, 0.0]}
+    case = Case.from_dict(MINIMAL | {"surface": quarter, "block": {"sides": sides}})
+    assert len(check_loading(case, case.build_surface())) == told
 
 
 def test_a_flat_has_no_gap_to_leave() -> None:

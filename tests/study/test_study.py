@@ -6,6 +6,7 @@ import csv
 import os
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from asperity.study import Level, Study, StudyResults, ensemble_curve, run_study
 from asperity.study.results import mean_interval
 from asperity.study.run import mesh_key, portions, shared_mesh
 from asperity.study.trend import CONDITIONAL, FAILS, HOLDS, Condition, Trend, trend, verdict
+from asperity.surface import SurfaceWarning
 
 ROOT = Path(__file__).parents[2]
 
@@ -37,7 +39,7 @@ ROUGH = {"kind": "weierstrass-mandelbrot", "L": 1.0, "D": 2.4, "G": 1.36e-5}
 
 def study(**tables: Any) -> Study:
     """A study of BASE."""
-    return Study.from_dict({"base": BASE, **tables})
+    return Study.from_dict({"base": BASE} | tables)
 
 
 def test_a_grid_is_every_combination_and_an_empty_text_removes_a_key() -> None:
@@ -68,6 +70,75 @@ def test_points_go_with_every_grid_value_and_families_share_cases() -> None:
     assert len(made.entries) == 6
     assert sorted(e.families for e in made.entries).count(("a", "b")) == 2
     assert [(f.name, f.title) for f in made.families] == [("a", "a"), ("b", "B")]
+
+
+def rough_study(**tables: Any) -> Study:
+    """A study of rough surfaces; of its seeds 0 to 9, the flat first touches those of 1, 6 and 7 on an edge."""
+    return Study.from_dict({"base": BASE | {"surface": ROUGH}} | tables)
+
+
+SEEDS = {"surface.seed": {"first": 0, "count": 10}}
+
+
+def inside(case: Case) -> bool:
+    """Whether the highest node of a grid is inside the patch."""
+    z = case.build_surface().grid(513)
+    place = np.unravel_index(z.argmax(), z.shape)
+    return all(0 < i < 512 for i in place)
+
+
+@pytest.mark.filterwarnings("ignore:surface")
+def test_cases_that_first_touch_on_an_edge_are_left_out_or_drawn_again() -> None:
+    with pytest.warns(SurfaceWarning, match="1 left out, 6 left out, 7 left out"):
+        skipped = rough_study(grid=SEEDS, edge_summits="skip")
+    assert [e.value("surface.seed") for e in skipped.entries] == [0, 2, 3, 4, 5, 8, 9]
+    with pytest.warns(SurfaceWarning, match=r"1 replaced by 10, 6 replaced by 11, 7 replaced by"):
+        drawn = rough_study(grid=SEEDS, edge_summits="redraw")
+    seeds = [e.value("surface.seed") for e in drawn.entries]
+    assert len(set(seeds)) == 10 and drawn.replaced == {1: seeds[1], 6: seeds[6], 7: seeds[7]}
+    assert all(new is not None and new >= 10 for new in drawn.replaced.values())
+    assert all(inside(e.case) for e in drawn.entries) and all(inside(e.case) for e in skipped.entries)
+    assert rough_study(grid=SEEDS).entries == rough_study(grid=SEEDS, edge_summits="keep").entries
+    assert not all(inside(e.case) for e in rough_study(grid=SEEDS).entries)
+
+
+@pytest.mark.filterwarnings("ignore:surface")
+def test_levels_of_a_study_keep_the_same_seeds_when_some_are_replaced() -> None:
+    """A trend compares them seed by seed."""
+    with pytest.warns(SurfaceWarning, match="seeds whose flat first touches"):
+        made = rough_study(grid=SEEDS | {"surface.M": [10, 7]}, edge_summits="redraw")
+    seeds: dict[int, list[int]] = {10: [], 7: []}
+    for entry in made.entries:
+        seeds[entry.value("surface.M")].append(entry.value("surface.seed"))
+    assert seeds[10] == seeds[7] and len(set(seeds[10])) == 10
+    assert all(inside(e.case) for e in made.entries)
+    with pytest.warns(SurfaceWarning, match="1 replaced by"):
+        single = rough_study(grid={"surface.D": [2.4, 2.3]}, edge_summits="redraw", base=BASE | {
+            "surface": ROUGH | {"seed": 1}})  # fmt: skip
+    assert "surface.seed" in single.keys and len({e.value("surface.seed") for e in single.entries}) == 1
+
+
+def test_what_cannot_be_drawn_again_is_named(tmp_path: Path) -> None:
+    x = np.linspace(0.0, 1.0, 9)
+    np.savez(tmp_path / "tilted.npz", z=0.1 * x[None, :] + 0.0 * x[:, None], L=1.0)
+    tilted = {"surface": {"kind": "file", "path": str(tmp_path / "tilted.npz"), "L": 1.0}}
+    with pytest.raises(InputError, match="a surface of kind file has no seed and first touches on an edge"):
+        study(base=BASE | tilted, grid={"block.height": [1.0]}, edge_summits="redraw")
+    with pytest.raises(InputError, match="leaves no case"):
+        study(base=BASE | tilted, grid={"block.height": [1.0]}, edge_summits="skip")
+    with pytest.raises(InputError, match='edge_summits = "keeps" is not a choice: keep, redraw, skip'):
+        study(grid={"block.height": [1.0]}, edge_summits="keeps")
+
+
+@pytest.mark.filterwarnings("ignore:surface")
+def test_a_study_of_cut_offs_with_unrelated_surfaces_is_told() -> None:
+    with pytest.warns(SurfaceWarning, match='surface.drawing = "nested" adds waves to the same surface'):
+        rough_study(grid={"surface.f_max": [4, 5]})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        made = rough_study(grid={"surface.f_max": [4, 5], "surface.drawing": ["nested"]})
+    waves = [e.case.build_surface().phases for e in made.entries]  # type: ignore[attr-defined]
+    np.testing.assert_array_equal(waves[0], waves[1][:, :5])
 
 
 def test_the_key_of_a_case_is_its_hash() -> None:
@@ -165,6 +236,15 @@ def test_a_study_is_run_continued_and_tabled(tmp_path: Path) -> None:
 
     alone = run(next(e.case for e in made.entries if e.key == row["case"]))
     np.testing.assert_allclose(alone.curve.force, results.curve(row).force, rtol=1e-9)
+
+
+def test_the_table_tells_of_a_first_touch_on_an_edge(tmp_path: Path) -> None:
+    """A crest on an edge is no ridge between rollers, but has no solid beside it at a free side."""
+    crest = {"surface": BASE["surface"] | {"centre": [0.0, 0.5]}, "loading": {"delta_max": 0.01, "steps": 1}}
+    made = study(base=BASE | crest, grid={"block.sides": ["rollers", "free"]})
+    assert run_study(made, tmp_path).done == 2
+    rows = StudyResults.read(tmp_path).rows
+    assert {row["block.sides"]: row["summit_on_edge"] for row in rows} == {"rollers": 0.0, "free": 1.0}
 
 
 def test_what_a_kill_left_of_a_shared_mesh_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

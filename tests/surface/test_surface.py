@@ -49,6 +49,12 @@ def equation_1(surface: WeierstrassMandelbrot, x: float, y: float) -> float:
     return float(s.L * (s.G / s.L) ** (s.D - 2) * np.sqrt(np.log(s.gamma) / s.M) * total)
 
 
+def height_map(folder: Path, z: np.ndarray) -> HeightMap:
+    """Write heights on a unit square and return the surface through them."""
+    np.savez(folder / "map.npz", z=z, L=1.0)
+    return HeightMap(path=folder / "map.npz")
+
+
 SURFACES = {
     "fractal": fractal(),
     "ridges": fractal(ridges="1..M", M=7, gamma=1.7, D=2.6, seed=3),
@@ -173,6 +179,53 @@ def test_mean_of_the_sphere_against_adaptive_quadrature():
     assert sphere.mean() == pytest.approx(4 * value, rel=1e-8)
 
 
+def without_waves_from(surface: WeierstrassMandelbrot, f: int, n: int) -> np.ndarray:
+    """Return heights about their mean of the waves below index f alone, on an n x n grid."""
+    assert surface.phases is not None
+    z = fractal(f_max=f - 1, M=surface.M, phases=surface.phases[:, :f]).grid(n)
+    return z - z.mean()
+
+
+@pytest.mark.parametrize("M", [4, 10])
+def test_nested_drawing_adds_waves_to_the_same_surface(M):
+    """Every wave of a smaller f_max is one of a larger; drawn as one array, they are other surfaces."""
+    nested = [fractal(f_max=f, M=M, seed=3, drawing="nested") for f in (4, 5, 6)]
+    array = [fractal(f_max=f, M=M, seed=3) for f in (4, 5, 6)]
+    coarse = nested[0].grid(65) - nested[0].grid(65).mean()
+    for surface in nested:
+        np.testing.assert_allclose(without_waves_from(surface, 5, 65), coarse, rtol=0, atol=1e-12 * np.ptp(coarse))
+        assert surface.random  # what the search of the summit builds on
+    for drawn, alike in ((nested, True), (array, False)):
+        z = [s.grid(65).ravel() for s in drawn]
+        correlations = np.corrcoef(z)[np.triu_indices(3, 1)]
+        assert np.all(correlations > 0.95) if alike else np.all(correlations < 0.9)
+
+
+def phases_of(**options: object) -> np.ndarray:
+    """Return the phases of a surface."""
+    phases = fractal(**options).phases
+    assert phases is not None
+    return phases
+
+
+def test_nested_phases_do_not_depend_on_f_max_and_M_and_are_independent():
+    many = phases_of(M=20, f_max=11, seed=2**40 + 7, drawing="nested")
+    few = phases_of(M=3, f_max=2, seed=2**40 + 7, drawing="nested")
+    np.testing.assert_array_equal(many[:4, :3], few)
+    # no column is that of another index or seed
+    drawings = itertools.product((0, 1, 2**32), ("nested", "array"))
+    columns = np.concatenate([phases_of(M=3, f_max=5, seed=seed, drawing=d) for seed, d in drawings], axis=1)
+    assert len(np.unique(columns)) == columns.size
+    phases = np.concatenate([phases_of(M=200, f_max=9, seed=s, drawing="nested").ravel() for s in range(5)])
+    assert abs(np.exp(1j * phases).mean()) < 4 / np.sqrt(phases.size)
+
+
+def test_drawing_as_one_array_is_that_of_stored_curves():
+    phases = np.random.default_rng(5).uniform(0, 2 * np.pi, size=(11, 6))
+    for surface in (fractal(seed=5), fractal(seed=5, drawing="array")):
+        np.testing.assert_array_equal(surface.phases, phases)
+
+
 @pytest.mark.parametrize("name", SURFACES)
 def test_curvature_bound_holds(name):
     surface = SURFACES[name]
@@ -194,6 +247,63 @@ def test_maximum_is_global_and_not_grid_limited(seed):
             assert slope * (1 if place == L else -1) >= 0
         else:
             assert abs(slope) < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_summit_on_an_edge_is_found_with_its_slope(seed):
+    """Against the heights on a fine grid: does the surface fall away from the edge at its highest node?"""
+    surface = fractal(seed=seed)
+    z = surface.grid(1025)
+    row, column = np.unravel_index(z.argmax(), z.shape)
+    inside = 0 < row < 1024 and 0 < column < 1024
+    falls = surface.edges_of_summit()
+    assert bool(falls) == (not inside) == (seed in (1, 6, 7))
+    for edge, slope in falls.items():
+        beside = {"x = 0": z[row, 1], "x = L": z[row, 1023], "y = 0": z[1, column], "y = L": z[1023, column]}[edge]
+        assert slope == pytest.approx((z.max() - beside) * 1024 / L, rel=0.1)
+
+
+def test_a_symmetric_surface_has_no_slope_across_its_edge(tmp_path):
+    """Spheres in a corner, a crest on an edge, and the same sampled; a tilted plane falls from a corner."""
+    corner = Sphere(L=1.0, radius=0.7, centre=(0.0, 0.0))
+    assert corner.edges_of_summit() == {"x = 0": 0.0, "y = 0": 0.0}
+    assert Sinusoid(L=1.0, amplitude=0.01, centre=(0.0, 0.3)).edges_of_summit() == {"x = 0": 0.0}
+    sampled = height_map(tmp_path, corner.grid(65))
+    assert len(sampled.edges_of_summit()) == 2 and max(sampled.edges_of_summit().values()) < 1e-3 * sampled.rms_slope()
+    s = np.linspace(0, 1, 9)
+    tilted = height_map(tmp_path, 0.1 * s[None, :] - 0.05 * s[:, None])
+    assert tilted.edges_of_summit() == {"x = L": pytest.approx(0.1), "y = 0": pytest.approx(0.05)}
+
+
+def test_short_waves_of_a_map_are_those_of_the_surface_it_samples(tmp_path):
+    surface = fractal(L=1.0, G=1e-6, f_max=8)
+    sampled = height_map(tmp_path, surface.grid(401))
+    for wavelength in (0.1, 0.05, 0.03):
+        assert sampled.short_waves(wavelength, 0.01) == pytest.approx(surface.short_waves(wavelength, 0.01), rel=0.25)
+    assert surface.short_waves(0.01, 0.01) < 1e-3 * surface.short_waves(0.05, 0.01) < 1e-3 * surface.exact_rms()[0]
+
+
+def test_short_waves_are_those_that_the_flat_meets(tmp_path):
+    """Not the grid of a smooth map, nor waves of no height; but a rough summit of a smooth map, and noise."""
+    s, depth, wavelength = np.linspace(0, 1, 513), 0.02, 0.1
+    smooth = Sphere(L=1.0, radius=1.5).grid(513)
+    ripple = np.sin(2 * np.pi * 60 * s)
+    near = np.exp(-((s - 0.5) ** 2 + (s[:, None] - 0.5) ** 2) / 0.02)
+    far = np.exp(-((s - 0.15) ** 2 + (s[:, None] - 0.15) ** 2) / 0.005)
+    noise = np.random.default_rng(0).normal(size=smooth.shape)
+
+    def rms(z):
+        return height_map(tmp_path, z).short_waves(wavelength, depth)
+
+    assert rms(smooth) < 1e-7 * depth
+    assert rms(Sphere(L=1.0, radius=2.0, centre=(0.0, 0.0)).grid(257)) < 1e-6 * depth
+    assert rms(Sinusoid(L=1.0, amplitude=0.01, wavelength=0.5, dims=2).grid(257)) < 5e-3 * depth
+    assert rms(smooth + 1e-8 * ripple) < 1e-6 * depth
+    assert rms(smooth + 1e-4 * ripple) == pytest.approx(1e-4 / np.sqrt(2), rel=0.05)
+    assert rms(smooth + 1e-4 * noise) == pytest.approx(1e-4, rel=0.05)
+    assert rms(smooth + 1e-4 * ripple * near) > 0.3e-4  # a sixth of the patch
+    assert rms(smooth + 1e-4 * ripple * far) < 0.1e-4  # the flat does not come there
+    assert rms(0.0 * smooth) == 0.0
 
 
 def test_maximum_of_many_short_waves():
@@ -440,6 +550,7 @@ def test_steep_surfaces_warn():
         ({"M": 10**6}, "surface.M = 1000000 is not legal: it must be an integer of at most 1000"),
         ({"kind": "flat", "L": 10**400}, "surface.L = 1000"),
         ({"kind": "sphere", "L": 1.0, "radius": 1e-200}, "surface.radius = 1e-200"),
+        ({"drawing": "rows"}, 'surface.drawing = \'rows\' is not legal: it must be "array" or "nested"'),
         ({"seed": -1}, "surface.seed = -1"),
         ({"ridges": "all"}, "surface.ridges = 'all'"),
         ({"phases": np.zeros((3, 3))}, r"shape \(M\+1, f_max\+1\) = \(11, 6\)"),

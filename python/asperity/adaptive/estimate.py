@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asperity.adaptive.mesh_plan import GUIDE, STEP_ORDERS, cheapest_substeps, growth, meshes, planned_steps
+from asperity.adaptive.mesh_plan import FIRST, GUIDE, STEP_ORDERS, cheapest_substeps, growth, meshes, planned_steps
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import GRADING, GUIDED, SizeField
+from asperity.mesh.resolution import resolving_size
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
 
 if TYPE_CHECKING:
@@ -104,8 +105,8 @@ class Estimate:
 def estimate(case: Case, ranks: int = 1) -> Estimate:
     """What a case will take, without meshing or solving it.
 
-    With `accuracy.tolerance` the meshes are those a run plans for a usual error of its first mesh; a harder surface
-    gets a finer one more.
+    With `accuracy.tolerance` the meshes are those a run plans for a usual error of its first mesh, the last one fine
+    enough for the shortest waves; a harder surface gets a finer one more.
 
     Raises:
         InputError: the case is driven by a force, so nobody knows yet how deep it goes; or it has more than MOST_DOFS.
@@ -152,7 +153,13 @@ def _plan(case: Case) -> Iterator[tuple[float, int]]:
         whole, order = TYPICAL_STEP_BAR[integrator], STEP_ORDERS[integrator]
         substeps = cheapest_substeps({1: np.array([whole])}, np.array([TYPICAL_BAR]), left, order)
         left = max(left - whole * substeps**-order, 0.1 * left)
-    for k, h in enumerate(meshes(TYPICAL_BAR, left)):
+    delta = loading.delta_max
+    assert delta is not None
+    finest = resolving_size(case.build_surface(), delta, wanted, FIRST * GUIDE * L) / L
+    sizes = list(meshes(TYPICAL_BAR, left))
+    if sizes[-1] > finest:  # then two meshes miss the same waves
+        sizes = [*(h for h in sizes if h >= FIRST * GUIDE), finest]
+    for k, h in enumerate(sizes):
         if k == 1 and plastic:  # the second mesh measures the error of the steps, with two parts at the least
             yield from ((h * L, steps(2**n)) for n in range(max(int(log2(substeps)), 1) + 1))
         else:

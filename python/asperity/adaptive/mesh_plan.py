@@ -119,7 +119,7 @@ def error_of(bar: float, ratio: float, guide: bool) -> float:
 
 
 def safety_of(guide: bool) -> float:
-    """Safety factor of an extrapolation, from the guide or another mesh."""
+    """Safety factor of an extrapolation, from the guide (or one as rough) or another mesh."""
     return OF_GUIDE * SAFETY if guide else SAFETY
 
 

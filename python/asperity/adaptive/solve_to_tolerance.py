@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from math import inf
+from math import ceil, inf, isfinite, log, nan
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from asperity.adaptive.mesh_plan import (
     FIRST,
     FIRST_STEP,
     GUIDE,
+    LARGEST_RATIO,
     LEAST_STEP,
     STEP_ORDERS,
     cheapest_substeps,
@@ -37,6 +38,7 @@ from asperity.adaptive.mesh_plan import (
 from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.errors import InputError, Interrupted, MeshError
+from asperity.mesh.resolution import advice, resolving_size
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
 from asperity.model.material import Material
 from asperity.quasistatic.solve_contact import ContactResult, PartialResult
@@ -70,18 +72,24 @@ class Budget:
         """Columns of the budget for summary.json."""
         return {k: getattr(self, k).tolist() for k in ("mesh", "load_step", "algebraic", "total")}
 
+    @staticmethod
+    def unknown(rows: int) -> Budget:
+        """The budget of a force that has no error bar."""
+        return Budget(*(np.full(rows, nan) for _ in range(3)))
+
 
 @dataclass(frozen=True)
 class AccurateResult:
     """A curve with error bars.
 
     Attributes:
-        curve: rows of the finest mesh, force and P_star extrapolated, error_P_star filled in
+        curve: rows of the finest mesh, force and P_star extrapolated, error_P_star filled in; as computed, and without
+            it, when the force has no error bar
         raw: the same rows as computed
-        budget: parts of the error bar, rows as in the curve
+        budget: parts of the error bar, rows as in the curve, NaN where there is none
         levels: what was computed, in order
         contact: the result of the mesh of the curve, with its last state
-        worst: greatest relative bar that is judged
+        worst: greatest relative bar that is judged, NaN without one
         met: whether the bar is within the tolerance along the first loading
         reason: "done", or what stopped the refinement
     """
@@ -100,11 +108,11 @@ class AccurateResult:
         return {
             "accuracy": {
                 "met": self.met,
-                "worst_relative_bar": self.worst,
+                "worst_relative_bar": self.worst if isfinite(self.worst) else None,
                 "levels": [asdict(level) for level in self.levels],
                 "P_star_of_finest_mesh": self.raw.P_star.tolist(),
             },
-            "error_budget": self.budget.to_dict(),
+            "error_budget": self.budget.to_dict() if isfinite(self.worst) else None,
         }
 
 
@@ -183,6 +191,8 @@ def solve_to_tolerance(
     run = Runner(surface, material, goal.max_dofs, driven | settings, on_stage, on_step)
     guide = run(GUIDE)
     run.aim(guide)
+    depth = float(guide.curve.loading().delta[-1])
+    finest = resolving_size(surface, depth, goal.tolerance, FIRST * GUIDE * surface.L) / surface.L
     whole, path, substeps, stopped = guide.curve, None, 1, ""
     del guide
     if material.plastic:
@@ -198,17 +208,13 @@ def solve_to_tolerance(
         judged = _judged(result.curve, steps)
         coarse = partner(sizes)
         settled = _without_path_error(result.curve, path, level.substeps)
-        ratio, safety = sizes[coarse] / sizes[-1], safety_of(coarse == 0)
+        # a mesh that misses waves is as rough a partner as the guide
+        ratio, safety = sizes[coarse] / sizes[-1], safety_of(coarse == 0 or sizes[coarse] > 1.01 * finest)
         path_bar = path.bar[level.substeps] if path else None
         algebraic = result.checks.force_balance
         curve, budget = _correct(settled, curves[coarse], ratio, safety, judged, path_bar, algebraic)
         worst = worst_error(curve, steps)
-        if on_curve is not None:
-            on_curve(curve)
         unresolved = curve.unresolved() or curves[coarse].unresolved()
-        found = AccurateResult(curve, result.curve, budget, tuple(run.levels), result, worst, True, "done")
-        if worst <= goal.tolerance and not unresolved:
-            return found
         at = curve.delta_star[judged]
         mesh = relative(budget.mesh[judged], curve.P_star[judged])
         of_steps = path.bar[substeps].at(at) if path else np.zeros(len(at))
@@ -218,13 +224,29 @@ def solve_to_tolerance(
         if unresolved:  # by a single node the force grows with its size, and what two meshes tell is no error
             wanted = sizes[-1] / FIRST_STEP
         room = (goal.max_dofs / result.dofs) ** (1.0 / run.growth_of_dofs())
+        known = f"the force is known to {worst:.2%}, not to the {goal.tolerance:.2%} of accuracy.tolerance"
+        limit = ""
+        if sizes[-1] > 1.01 * finest:  # two meshes that miss the same waves agree with each other
+            meshes_left = ceil(log(sizes[-1] / finest) / log(LARGEST_RATIO))
+            wanted = min(wanted, sizes[-1] * (finest / sizes[-1]) ** (1.0 / meshes_left))
+            unresolved = f"elements of {level.h:.3g} miss waves of the surface, which a smaller tolerance does not mend"
+            limit = run.limit(goal, sizes[-1], min(finest, sizes[-1] / LEAST_STEP), substeps)
+            if limit:
+                limit = (
+                    f"they take elements of {finest * surface.L:.3g}, {limit}; or {advice(level.h / max(room, 1.0))}"
+                )
+        elif not unresolved:
+            limit = _beside_the_mesh(algebraic, float(of_steps.max()), goal.tolerance, stopped)
+        if unresolved:
+            known, worst = f"the force has no error bar, {unresolved}", nan
+            curve = replace(result.curve, error_P_star=np.full(len(curve), nan))
+            budget = Budget.unknown(len(curve))
+        if on_curve is not None:
+            on_curve(curve)
+        found = AccurateResult(curve, result.curve, budget, tuple(run.levels), result, worst, True, "done")
+        if worst <= goal.tolerance:
+            return found
         size = max(wanted, sizes[-1] / max(room, LEAST_STEP))
-        known = (
-            f"the force is known to {worst:.2%}, not to the {goal.tolerance:.2%} of accuracy.tolerance"
-            if not unresolved
-            else f"the force has no error bar, {unresolved}"
-        )
-        limit = "" if unresolved else _beside_the_mesh(algebraic, float(of_steps.max()), goal.tolerance, stopped)
         limit = limit or run.limit(goal, sizes[-1], wanted if room < LEAST_STEP else size, substeps)
         if limit:
             return replace(found, met=False, reason=f"{known}: {limit}")

@@ -48,6 +48,9 @@ class WeierstrassMandelbrotSection(_Patch):
     f_max: Whole | None = _key("highest frequency index", None, shown="5, or from L_s", ge=0, le=100)
     L_s: Real | None = _key("shortest wavelength, sets f_max", None, unit=LENGTH, gt=0)
     seed: Whole = _key("seed of the random phases", 0, ge=0, lt=2**63)
+    drawing: Literal["array", "nested"] = _key(
+        "of the phases: all at once, or nested, where a larger f_max adds waves to the same surface", "array"
+    )
     ridges: Literal["0..M", "1..M"] = _key("ridges in the sum", "0..M")
 
 

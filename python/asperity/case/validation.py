@@ -175,7 +175,7 @@ def unused(case: Input) -> Iterator[str]:
 
 
 def check_loading(case: Input, surface: Surface) -> list[str]:
-    """Refuse a load at which no gap is left; warn when the flat passes the lowest valley.
+    """Refuse a load at which no gap is left; warn when the flat passes the lowest valley, or begins on an edge.
 
     At full contact the top is flat: the flat has come down to the mean plane, and the block is
     compressed by p h/M under the mean pressure p, see `full_contact_pressure`.
@@ -193,8 +193,11 @@ def check_loading(case: Input, surface: Surface) -> list[str]:
     delta = case.loading.delta_max
     z = surface.grid(_SAMPLES)
     summit, depth = surface.maximum()[2], float(np.ptp(z))
-    if delta is None or depth <= 1e-12 * surface.L:
+    if depth <= 1e-12 * surface.L:
         return []
+    doubts = [text] if (text := doubt_of_edge(case.block.sides, surface)) else []
+    if delta is None:
+        return doubts
     squeeze = full_contact_pressure(case, z) * case.block.height / _block_modulus(case)
     limit = summit - float(z.mean()) + _MARGIN * squeeze
     if delta >= limit:
@@ -204,13 +207,45 @@ def check_loading(case: Input, surface: Surface) -> list[str]:
             "choose a smaller delta_max"
         )
     if delta > depth:
-        return [
+        doubts.append(
             f"loading.delta_max = {delta:g} is more than the surface's depth from peak to valley, "
             f"{depth:.3g}: the compression of the whole block is a large part of the curve"
-        ]
-    return []
+        )
+    return doubts
 
 
+def doubt_of_edge(sides: str, surface: Surface) -> str:
+    """Return why an edge of the patch spoils the first contact, in a sentence; empty when none does.
+
+    Rollers mirror the surface: where it falls away from the edge that the summit lies on, a ridge arises, sharper than
+    any summit. A surface that is symmetric about the edge has none. A free side has no solid beyond it to carry a
+    summit near by.
+
+    Args:
+        sides: "rollers" or "free".
+        surface: the top.
+    """
+    falls = surface.edges_of_summit(_NEAR_FREE * surface.feature_size if sides == "free" else 0.0)
+    if sides == "rollers":
+        rms = surface.rms_slope()
+        falls = {edge: slope for edge, slope in falls.items() if slope > _FALLS * rms}
+    if not falls:
+        return ""
+    edges, other = " and ".join(falls), "take another surface.seed, or another window of a map"
+    if sides == "free":
+        return (
+            f"the flat first touches the surface at the free side {edges} of the patch, beyond which no solid carries "
+            f"the summit: light loads meet a softer contact than inside; {other}"
+        )
+    return (
+        f"the flat first touches the surface on the edge {edges} of the patch, where it slopes by "
+        f"{max(falls.values()):.2g}: mirrored by the rollers it has a sharp ridge there, and the exponent at light "
+        f"loads is that of the ridge; {other}"
+    )
+
+
+_FALLS = 0.01  # slope across an edge beside the summit that makes a ridge, over the rms slope
+_NEAR_FREE = 0.1  # distance of a summit from a free side that is near, over the shortest wavelength
 _SAMPLES = 257  # heights along each side
 _MARGIN = 1.2  # on the compression of the block, whose surface answers a little stiffer than a
 # half-space does

@@ -25,6 +25,7 @@ from asperity.errors import AsperityError, MeshError
 from asperity.mesh.block import H_MAX, BlockMesh
 from asperity.mesh.tet10 import least_jacobians
 from asperity.runtime import compat
+from asperity.surface.base import EDGE
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -286,9 +287,9 @@ def _own_model(options: Mapping[str, float]) -> Iterator[None]:
                 gmsh.option.setNumber(option, value)
 
 
-def _on_edge(c: float, near: float = 1e-3) -> float:
-    """Where a summit gets its node: to the digits it is known by, and on the edge of the patch if it is `near`."""
-    return 0.0 if c < near else 1.0 if c > 1.0 - near else round(c, 8)
+def _on_edge(c: float) -> float:
+    """Where a summit gets its node: to the digits it is known by, and on the edge of the patch if it is near."""
+    return 0.0 if c < EDGE else 1.0 if c > 1.0 - EDGE else round(c, 8)
 
 
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import resource
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from asperity.contact import ActiveSet, Contact, PressureContact
 from asperity.contact.contact_surface import ContactSurface
 from asperity.curve import Curve
-from asperity.errors import ConvergenceError, InputError, Interrupted, MeshError
+from asperity.errors import ConvergenceError, InputError, Interrupted, MeshError, ResolutionWarning
 from asperity.fem.solid import Solid
 from asperity.mesh.block import H_CONTACT, H_MAX, BlockMesh
 from asperity.mesh.generate import Reach, SizeField, build_block, check_distortion, distribute, is_distorted, on_root
+from asperity.mesh.resolution import doubt_of_waves
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
 from asperity.model.material import Material
 from asperity.quasistatic.balance import Checks
@@ -263,6 +266,8 @@ def solve_contact(
         CheckpointError: the checkpoint cannot be continued from
         OutputError: the checkpoint cannot be written
         PartialResult: a step did not converge or the run was stopped; carries the curve up to there
+
+    Warns (ResolutionWarning) on the first rank when waves of the surface are too short for the mesh it makes.
     """
     from mpi4py import MPI
 
@@ -296,7 +301,10 @@ def solve_contact(
             with phases.phase("deflection estimate"):
                 delta_max = estimate_deflection(comm, surface, material, height, force_max, settings)
         with phases.phase("mesh"):
-            block = make_block(comm, surface, height, delta_max, size or MeshSize())
+            size = size or MeshSize()
+            block = make_block(comm, surface, height, delta_max, size)
+            if doubt := on_root(comm, partial(doubt_of_waves, surface, size.h_contact or H_CONTACT * L, delta_max)):
+                warnings.warn(doubt, ResolutionWarning, stacklevel=2)
     stage("set-up")
     with phases.phase("set-up"):
         solver = make_contact_solver(comm, surface, block, material, phases=phases, **settings)

@@ -2,6 +2,7 @@
 
     title = "..."
     base = "base.toml"              # a case file, or a table [base] with the sections of one
+    edge_summits = "redraw"         # of cases that first touch on an edge of the patch; or "skip", or "keep" (default)
 
     [grid]                          # every combination
     "surface.seed" = {first = 0, count = 10}
@@ -25,8 +26,9 @@ import difflib
 import itertools
 import math
 import re
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -35,14 +37,18 @@ import numpy as np
 from asperity.case.case_file import Case, _override, _read_toml
 from asperity.case.schema import Input, sections, show
 from asperity.errors import InputError
+from asperity.study.edges import RULES, Rule, told, without_edge_summits
+from asperity.surface import SurfaceWarning
 
 #: Key whose values make an ensemble: levels differ in the other keys.
 ENSEMBLE = "surface.seed"
+#: Keys that add waves to a surface.
+CUTOFFS = {"surface.f_max", "surface.L_s"}
 #: Families and cases a study may have at most, against slips of the pen.
 MOST_CASES = 100_000
 
 Point = dict[str, Any]
-_KEYS = ("title", "base", "grid", "points", "families")
+_KEYS = ("title", "base", "edge_summits", "grid", "points", "families")
 _FAMILY_KEYS = ("title", "grid", "points")
 
 
@@ -90,13 +96,17 @@ class Study:
         title: for figures.
         families: parts of the study.
         entries: different cases in the order of the file.
-        keys: every dotted key that some family varies.
+        keys: every dotted key that some family varies, and the seed where some were replaced.
+        edge_summits: what is done with cases that first touch on an edge of the patch.
+        replaced: new seeds in the place of those of such cases, None where these are left out.
     """
 
     title: str
     families: tuple[Family, ...]
     entries: tuple[Entry, ...]
     keys: tuple[str, ...]
+    edge_summits: Rule = "keep"
+    replaced: Mapping[int, int | None] = field(default_factory=dict)
 
     @staticmethod
     def load(path: str | Path, overrides: Iterable[str] = ()) -> Study:
@@ -129,26 +139,42 @@ class Study:
         """
         _check_keys(data, _KEYS, source, "the study file")
         title = _text(data, "title", Path(source).stem, source)
+        rule = data.get("edge_summits", "keep")
+        if rule not in RULES:
+            raise InputError(f"{source}: edge_summits = {show(rule)} is not a choice: {', '.join(RULES)}")
         base, base_folder = _base(data, Path(folder), source)
         for text in overrides:
             _override(base, text)
         shared = _points(data, f"{source}:")
         parts = _families(data, source, title)
-        cases: dict[str, tuple[Case, list[str]]] = {}
+        made: list[tuple[Case, str]] = []
         families, keys = [], dict.fromkeys(k for point in shared for k in point)
         for name, family_title, own in parts:
             where = f"{source}, family {name}" if data.get("families") else source
             points = [a | b for a in shared for b in own]
-            if len(points) + len(cases) > MOST_CASES:
+            if len(points) + len(made) > MOST_CASES:
                 raise InputError(f"{where}: more than {MOST_CASES} cases; shorten a list of the grid")
-            for point in points:
-                case = _case(base, point, base_folder, where)
-                cases.setdefault("c" + case.hash()[:15], (case, []))[1].append(name)
+            made += [(_case(base, point, base_folder, where), name) for point in points]
             varied = dict.fromkeys(k for point in points for k in point)
             families.append(Family(name, family_title, tuple(varied)))
             keys |= varied
+        chosen, replaced = without_edge_summits([case for case, _ in made], rule, source)
+        if replaced:
+            warnings.warn(told(replaced), SurfaceWarning, stacklevel=2)
+            keys.setdefault(ENSEMBLE)
+        cases: dict[str, tuple[Case, list[str]]] = {}
+        for case, (_, name) in zip(chosen, made, strict=True):
+            if case is not None:
+                cases.setdefault("c" + case.hash()[:15], (case, []))[1].append(name)
+        if CUTOFFS & keys.keys() and any(getattr(case.surface, "drawing", None) == "array" for case, _ in made):
+            warnings.warn(
+                f"{source}: surfaces of one seed with other cut-offs are unrelated, for all phases are drawn at once; "
+                'surface.drawing = "nested" adds waves to the same surface',
+                SurfaceWarning,
+                stacklevel=2,
+            )
         entries = tuple(Entry(key, case, tuple(dict.fromkeys(names))) for key, (case, names) in cases.items())
-        return Study(title, tuple(families), entries, tuple(keys))
+        return Study(title, tuple(families), entries, tuple(keys), rule, replaced)
 
 
 def _base(data: Mapping[str, Any], folder: Path, source: str) -> tuple[dict[str, Any], Path]:

@@ -18,25 +18,24 @@ from asperity.arrays import Array
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import AsperityError, InputError
-from asperity.output.assumptions import yield_pressure
-from asperity.power_law import PowerLawFit, fit_power_law, interface_deflection
-from asperity.run_case import material_of
+from asperity.power_law import PowerLawFit, fit_power_law
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import CASE, CURVE, SUMMARY
 from asperity.study.definition import ENSEMBLE, Family, Study
+from asperity.study.interface import Block
 
 Row = Mapping[str, Any]
 
 TABLE, ABOUT = "results.csv", "study.json"
 DONE = "done.json"  # how a case ended
-TEXTS = ("case", "families", "exit_reason", "norm")
+TEXTS = ("case", "families", "exit_reason", "norm", "interface_void")
 #: Columns of results.csv after "case", "families" and the keys that vary.
 FIGURES = (
-    "exit_reason", "delta_star_max", "P_star_max", "k", "n", "n_low", "n_high", "norm", "range_low", "range_high",
-    "points", "r2", "n_log", "n_interface", "stiffness", "preload", "slope", "n_loc", "n_loc_low", "n_loc_high",
-    "kappa_loc", "kappa", "u_loss", "omega_loss", "drive_loss", "slope_unload", "n_unload", "kappa_unload",
-    "omega_loss_unload", "area_fraction", "plastic_fraction", "max_plastic_strain", "block_load", "dofs", "cells",
-    "newton", "seconds",
+    "exit_reason", "summit_on_edge", "delta_star_max", "P_star_max", "k", "n", "n_low", "n_high", "norm", "range_low",
+    "range_high", "points", "r2", "n_log", "n_interface", "interface_void", "stiffness", "preload", "slope", "n_loc",
+    "n_loc_low", "n_loc_high", "kappa_loc", "kappa", "u_loss", "omega_loss", "drive_loss", "slope_unload", "n_unload",
+    "kappa_unload", "omega_loss_unload", "area_fraction", "plastic_fraction", "max_plastic_strain", "block_load",
+    "dofs", "cells", "newton", "seconds",
 )  # fmt: skip
 
 
@@ -47,8 +46,9 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
 
     Returns:
         k, n, ...: linear-scale power law of the loading branch, with norm, range and interval;
-        n_log: exponent of the log-log fit; n_interface: linear-scale exponent of the interface alone, the block's
-        elastic compression taken off the deflection;
+        n_log: exponent of the log-log fit; n_interface: linear-scale exponent of the interface alone, the elastic
+        compression of the flat block taken off the deflection; or interface_void: why that means nothing, the block
+        having yielded or contact being nearly full;
         stiffness: K of F = K delta^n (force/length^n);
         preload: half of the greatest P*; slope: dP*/d(delta*) there; n_loc, kappa_loc: local exponent and backbone
         curvature there, from the points of the loading branch, with the 95 % interval of n_loc;
@@ -71,8 +71,9 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
         "seconds": sum((summary.get("seconds") or {}).values()) or None,
         **{name: summary.get(name) for name in ("dofs", "cells", "newton")},
     }
+    block = Block.of(case)
     if solid.yield_strength is not None:
-        row["block_load"] = float(load.force[-1]) / (side**2 * yield_pressure(material_of(case), case.block.sides))
+        row["block_load"] = float(load.force[-1]) / (side**2 * block.yields_at)
     try:
         fit = curve.fit()
     except InputError:
@@ -83,10 +84,9 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
             "range_low": fit.range[0], "range_high": fit.range[1], "points": fit.points, "r2": fit.r2,
             "n_log": curve.fit("log").n, "stiffness": fit.stiffness(solid.E_prime, side),
         }  # fmt: skip
-        modulus = solid.confined_modulus if case.block.sides == "rollers" else solid.E
-        points, height = curve.planned(), case.block.height
-        gap = interface_deflection(points.delta, points.force, height=height, area=side**2, modulus=modulus)
-        own = _fit(gap / side, points.P_star)
+        points = curve.planned()
+        row["interface_void"] = block.void(load)
+        own = None if row["interface_void"] else _fit(block.interface(points), points.P_star)
         row["n_interface"] = None if own is None else own.n
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # how well the points tell a local slope is in n_loc_low, n_loc_high
@@ -145,7 +145,7 @@ def tabulate(study: Study, folder: Path) -> list[dict[str, Any]]:
         if done is None:
             continue
         row = {"case": entry.key, "families": " ".join(entry.families), **{k: entry.value(k) for k in study.keys}}
-        row |= {"exit_reason": done["exit_reason"], "seconds": done["seconds"]}
+        row |= {name: done.get(name) for name in ("exit_reason", "seconds", "summit_on_edge")}
         place = case_folder(folder, entry.key)
         if (place / CURVE).is_file():
             summary_file = place / SUMMARY
@@ -166,6 +166,7 @@ def write_tables(study: Study, folder: Path) -> list[dict[str, Any]]:
     replace_file(folder / TABLE, text.getvalue().encode())
     families = [{"name": f.name, "title": f.title, "keys": f.keys} for f in study.families]
     about = {"title": study.title, "families": families, "cases": len(study.entries), "keys": study.keys}
+    about |= {"edge_summits": study.edge_summits, "replaced_seeds": study.replaced}
     replace_file(folder / ABOUT, f"{json.dumps(about, indent=2)}\n".encode())
     return rows
 

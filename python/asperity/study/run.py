@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from asperity.case.validation import doubt_of_edge
 from asperity.errors import AsperityError, AssumptionWarning, InputError
 from asperity.runtime.files import is_aside, on_root, remove_asides, replace_file
 from asperity.runtime.progress import duration
@@ -127,7 +128,7 @@ def run_portion(entries: Sequence[Entry], folder: Path, comm: MPI.Comm) -> Any:
     """Run cases that share a mesh; yields each with how it ended; collective."""
     mesh: Path | AsperityError | None = None
     for entry in entries:
-        start = perf_counter()
+        start, found = perf_counter(), {}
         place = case_folder(folder, entry.key)
         if mesh is None and shares_mesh(entry.case):
             mesh = shared_mesh(entry.case, folder, comm)
@@ -135,6 +136,8 @@ def run_portion(entries: Sequence[Entry], folder: Path, comm: MPI.Comm) -> Any:
             if isinstance(mesh, AsperityError):
                 raise mesh
             on_root(comm, partial(forget, place))
+            surface = entry.case.build_surface()
+            found["summit_on_edge"] = int(bool(doubt_of_edge(entry.case.block.sides, surface)))
             _run(entry.case, place, mesh, comm)
             reason = "done"
         except AsperityError as error:
@@ -146,7 +149,7 @@ def run_portion(entries: Sequence[Entry], folder: Path, comm: MPI.Comm) -> Any:
             _write(place / ERROR, traceback.format_exc())
             reason = f"{type(error).__name__}: {error}"
         gc.collect()
-        state = {"exit_reason": reason, "seconds": round(perf_counter() - start, 3)}
+        state = {"exit_reason": reason, "seconds": round(perf_counter() - start, 3)} | found
         if comm.rank == 0:
             _write(place / DONE, json.dumps(state, indent=2) + "\n")
         yield entry, state

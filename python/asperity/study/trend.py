@@ -12,8 +12,9 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.curve import Curve
 from asperity.errors import InputError
-from asperity.power_law import fit_power_law, interface_deflection
+from asperity.power_law import fit_power_law
 from asperity.study.definition import ENSEMBLE
+from asperity.study.interface import Block
 from asperity.study.results import Level, Row, mean_interval
 
 HOLDS, CONDITIONAL, FAILS = "holds", "holds under conditions", "does not hold"
@@ -26,7 +27,7 @@ class Condition:
     Attributes:
         norm: of the fit, "linear" or "log".
         share: part of the range of deflection that is used, from first touch.
-        interface: take the elastic compression of the block off the deflection.
+        interface: take the elastic compression of the block off the deflection, while that means something.
     """
 
     norm: Literal["linear", "log"] = "linear"
@@ -38,21 +39,28 @@ class Condition:
         part = "whole range" if self.share == 1 else f"first {self.share:.0%} of the range"
         return f"{self.norm} fit, {part}" + (", interface alone" if self.interface else "")
 
-    def exponent(self, curve: Curve, *, side: float, height: float, modulus: float) -> float:
-        """Exponent n of the planned points of the loading branch; NaN when fewer than three are left.
+    def exponent(
+        self, curve: Curve, *, side: float, height: float, modulus: float, yields_at: float = math.inf
+    ) -> float:
+        """Exponent n of the planned points of the loading branch.
+
+        NaN when fewer than three are left, or where the interface alone is void, see `Block.void`.
 
         Args:
             curve: of the case.
             side: L (length).
             height: of the block (length).
-            modulus: of its uniform compression (force/length^2).
+            modulus: of its compression when flat (force/length^2), see `Block.of`.
+            yields_at: mean pressure at which it yields (force/length^2).
         """
         load = curve.planned()
         used = load.where(load.delta_star <= self.share * load.delta_star.max() * (1 + 1e-9))
         delta = used.delta_star
         if self.interface:
-            gap = interface_deflection(used.delta, used.force, height=height, area=side**2, modulus=modulus)
-            delta = gap / side
+            block = Block(side, height, modulus, yields_at)
+            if block.void(used):
+                return math.nan
+            delta = block.interface(used)
         there = (delta > 0) & (used.P_star > 0)
         try:
             return fit_power_law(delta[there], used.P_star[there], self.norm).n

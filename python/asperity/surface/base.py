@@ -26,7 +26,11 @@ from asperity.surface.statistics import (
     surface_statistics,
 )
 
+#: A summit nearer to an edge of the patch counts as on it, and gets its node of the mesh there [L].
+EDGE = 1e-3
+
 _SMALLEST, _LARGEST = 1e-50, 1e50  # lengths
+_STEEP, _LONG = 16, 1e6  # exponent of the flank of `too_short`, and a ratio beyond which there is nothing left
 
 
 class SurfaceWarning(AsperityWarning):
@@ -108,6 +112,17 @@ class Surface(ABC):
         """Shortest length on which the surface varies (length); it sets sampling grids."""
         return self.L
 
+    def short_waves(self, wavelength: float, depth: float) -> float:
+        """Return the rms height (length) of what is shorter than a wavelength, see :func:`too_short`.
+
+        Smooth surfaces, such as a sphere, have nothing.
+
+        Args:
+            wavelength: cut-off (length).
+            depth: below the summit (length) down to which a surface that is not alike everywhere is judged.
+        """
+        return 0.0
+
     def maximum(self) -> tuple[float, float, float]:
         """Return (x, y, z) of the highest point of the closed patch, edges and corners included.
 
@@ -119,6 +134,28 @@ class Surface(ABC):
     @cached_property
     def _maximum(self) -> tuple[float, float, float]:
         return global_maximum(self)
+
+    def edges_of_summit(self, near: float = 0.0) -> dict[str, float]:
+        """Return the edges of the patch that the summit lies on, with the slope of the surface away from them.
+
+        Mirrored at an edge, a surface that falls away from it has a ridge there; one that is symmetric about the edge
+        has none, nor has one that rises inwards to a summit close by.
+
+        Args:
+            near: distance from an edge below which the summit counts as on it (length), no less than EDGE L.
+
+        Returns:
+            "x = 0", "x = L", "y = 0" or "y = L", and the slope across that edge beside the summit, positive where the
+            surface falls away from the edge (dimensionless).
+        """
+        place, found = self.maximum()[:2], {}
+        for axis, name in enumerate("xy"):
+            for end, inwards in (("0", 1.0), ("L", -1.0)):
+                edge = 0.0 if end == "0" else self.L
+                if abs(place[axis] - edge) < max(near, EDGE * self.L):
+                    foot = [edge if i == axis else c for i, c in enumerate(place)]
+                    found[f"{name} = {end}"] = -inwards * float(self.gradient(*foot)[axis])
+        return found
 
     def grid(self, n: int) -> Array:
         """Return heights (length) at the nodes linspace(0, L, n)^2, shape (n, n).
@@ -196,6 +233,11 @@ def surface_kinds() -> dict[str, type[Surface]]:
         if cls.kind:
             found[cls.kind] = cls  # type: ignore[type-abstract]
     return found
+
+
+def too_short(length: Array | float, wavelength: float) -> Array:
+    """Return the part of the amplitude of waves of a length that counts as shorter than `wavelength`: 1/2 there."""
+    return np.asarray(1.0 / (1.0 + (np.minimum(np.asarray(length) / wavelength, _LONG)) ** _STEEP))
 
 
 def nodes(L: float, n: int) -> Array:

@@ -21,6 +21,7 @@ from asperity.surface.base import (
     check_positive,
     is_number,
     nodes,
+    too_short,
 )
 from asperity.surface.fractal_maximum import highest_point
 from asperity.surface.plane_waves import Waves, mean_squares, on_product
@@ -60,7 +61,10 @@ class WeierstrassMandelbrot(Surface):
         f_max: highest frequency index, >= 0; default from L_s, or 5 without it. The shortest wavelength
             L/gamma^f_max is at least 1e-9 L, and there are at most 25000 waves, (M+1)(f_max+1).
         L_s: cut-off wavelength (length), optional; f_max = cut_off_index(L, L_s, gamma).
-        seed: of the phases, default_rng(seed).uniform(0, 2 pi, size=(M+1, f_max+1)).
+        seed: of the phases.
+        drawing: "array": default_rng(seed).uniform(0, 2 pi, size=(M+1, f_max+1)), so that another f_max makes an
+            unrelated surface; "nested": a stream of its own for each column, default_rng(SeedSequence(seed,
+            spawn_key=(f,))).uniform(0, 2 pi, size=M+1), so that a larger f_max adds waves to the same surface.
         ridges: "0..M" (all M+1 rows of the phases; rows 0 and M are collinear, so the x
             direction has double power) or "1..M" (row 0 of the same phases is left out).
         phases: explicit phases, shape (M+1, f_max+1), row mu, column f; replaces the seed.
@@ -73,6 +77,7 @@ class WeierstrassMandelbrot(Surface):
     f_max: int | None = None
     L_s: float | None = None
     seed: int = 0
+    drawing: Literal["array", "nested"] = "array"
     ridges: Literal["0..M", "1..M"] = "0..M"
     phases: Array | None = field(default=None, repr=False)
 
@@ -92,6 +97,7 @@ class WeierstrassMandelbrot(Surface):
         check(self.M <= _RIDGES, "M", self.M, f"an integer of at most {_RIDGES}; 10 is usual")
         check(is_number(self.gamma) and self.gamma > 1, "gamma", self.gamma, "a number above 1")
         check_integer("seed", self.seed, 0)
+        check(self.drawing in ("array", "nested"), "drawing", self.drawing, '"array" or "nested"')
         check(self.ridges in ("0..M", "1..M"), "ridges", self.ridges, '"0..M" or "1..M"')
         object.__setattr__(self, "f_max", self._checked(self._resolve_f_max()))
         object.__setattr__(self, "phases", self._resolve_phases())
@@ -125,7 +131,11 @@ class WeierstrassMandelbrot(Surface):
 
     def _drawn(self) -> Array:
         assert self.f_max is not None
-        return np.random.default_rng(self.seed).uniform(0, 2 * np.pi, size=(self.M + 1, self.f_max + 1))
+        if self.drawing == "array":
+            return np.random.default_rng(self.seed).uniform(0, 2 * np.pi, size=(self.M + 1, self.f_max + 1))
+        streams = (np.random.SeedSequence(self.seed, spawn_key=(f,)) for f in range(self.f_max + 1))
+        columns = [np.random.default_rng(stream).uniform(0, 2 * np.pi, size=self.M + 1) for stream in streams]
+        return np.stack(columns, axis=1)
 
     def _resolve_phases(self) -> Array:
         drawn = self._drawn()
@@ -172,6 +182,11 @@ class WeierstrassMandelbrot(Surface):
         """The shortest wavelength, L/gamma^f_max (length)."""
         assert self.f_max is not None
         return float(self.L / self.gamma**self.f_max)
+
+    def short_waves(self, wavelength: float, depth: float) -> float:
+        a, kx, ky, _ = self._waves
+        part = too_short(2 * np.pi / np.hypot(kx, ky), wavelength)
+        return float(np.sqrt(0.5 * np.sum((a * part) ** 2)))
 
     def _at_points(
         self, x: ArrayLike, y: ArrayLike, wave: Callable[[Array], Array], weights: list[Array]

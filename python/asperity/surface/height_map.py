@@ -13,12 +13,13 @@ from numpy.typing import ArrayLike
 from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.runtime.files import UNREADABLE, one_line, read_matrix, read_npy, read_npz, real
-from asperity.surface.base import Surface, check, check_positive, is_integer, nodes
+from asperity.surface.base import Surface, check, check_positive, is_integer, nodes, too_short
 
 if TYPE_CHECKING:
     from scipy.interpolate import RectBivariateSpline
 
 
+_TREND = 8  # degree of the trend that is taken off before waves are told apart
 DEEPEST, FARTHEST = 10.0, 1e6  # peak to valley and distance from zero of heights that make sense [L]
 
 
@@ -88,6 +89,58 @@ class HeightMap(Surface):
     def feature_size(self) -> float:
         """Twice the larger sample spacing (length)."""
         return 2 * self.L / (min(self.heights.shape) - 1)
+
+    @cached_property
+    def _waves(self) -> tuple[list[Array], Array]:
+        """Cosine transforms of the heights without a smooth trend, continued by a margin, and wavelengths (length).
+
+        Beyond the edges they are continued with their slope, and as a mirror does: where an edge looks like short waves
+        in one of the two, it does not in the other.
+        """
+        from scipy.fft import dctn
+
+        z, trends = self.heights, []
+        for n in z.shape:
+            s = np.linspace(-1, 1, n)
+            trends.append(np.linalg.qr(np.polynomial.legendre.legvander(s, min(_TREND, n - 1)))[0])
+        of_y, of_x = trends
+        z = z - of_y @ (of_y.T @ z @ of_x) @ of_x.T
+        margins = [(m, m) for m in self._margins]
+        straight = np.pad(z, margins, mode="reflect", reflect_type="odd")
+        mirrored = np.pad(z, margins, mode="reflect", reflect_type="even")
+        halves = [  # of a wave a side
+            np.arange(n) * (m - 1) / (n - 1) for n, m in zip(straight.shape, z.shape, strict=True)
+        ]
+        lengths = 2 * self.L / np.maximum(np.hypot(halves[0][:, None], halves[1]), 0.5)
+        return [dctn(wide, type=1) for wide in (straight, mirrored)], lengths
+
+    @property
+    def _margins(self) -> tuple[int, ...]:
+        return tuple(n // 8 for n in self.heights.shape)
+
+    def short_waves(self, wavelength: float, depth: float) -> float:
+        """Return the rms height (length) of what is shorter than a wavelength; see :meth:`Surface.short_waves`.
+
+        The greater one of the places less than `depth`, and less than a quarter of it, below the highest sample: what
+        is smooth elsewhere does not make up for a rough summit.
+        """
+        from scipy.fft import idctn
+
+        transforms, lengths = self._waves
+        gap = self.heights.max() - self.heights
+        part = too_short(lengths, wavelength)
+        found = []
+        for waves in transforms:
+            rest = idctn(waves * part, type=1)
+            rest = rest[tuple(slice(m, n - m) for n, m in zip(rest.shape, self._margins, strict=True))]
+            edge = [int(min(wavelength / self.L, 0.25) * n) for n in rest.shape]
+            inner = tuple(slice(m, n - m) for n, m in zip(rest.shape, edge, strict=True))
+            places = []
+            for reached in (gap <= depth, gap <= 0.25 * depth):
+                inside = rest[inner][reached[inner]]  # at the edges the transform rings
+                places.append(inside if inside.size else rest[reached])
+            found.append(max(float(np.sqrt(np.mean(heights**2))) for heights in places))
+        return min(found)
 
     def _at(self, x: ArrayLike, y: ArrayLike, dx: int = 0, dy: int = 0) -> Array:
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))

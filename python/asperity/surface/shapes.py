@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
-from asperity.surface.base import Surface, check, check_point, check_positive
+from asperity.surface.base import Surface, check, check_point, check_positive, too_short
 
 
 def _points(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
@@ -194,6 +194,10 @@ class Sinusoid(Surface):
         """The wavelength (length)."""
         assert self.wavelength is not None
         return self.wavelength
+
+    def short_waves(self, wavelength: float, depth: float) -> float:
+        rms = self.amplitude * math.sqrt(0.5**self.dims)
+        return rms * float(too_short(2 * math.pi / math.hypot(*self._k), wavelength))
 
     def _angles(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
         assert self.centre is not None

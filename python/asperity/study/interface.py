@@ -1,0 +1,96 @@
+"""The rough interface without the block below it, while that means something."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import inf
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.adaptive.mesh_plan import extrapolate
+from asperity.case import Case
+from asperity.curve import Curve
+from asperity.output.assumptions import yield_pressure
+from asperity.power_law import interface_deflection
+from asperity.run_case import material_of
+
+FULL = 0.9  # contact area over the patch from which on no interface is left to give way
+BULK = 0.5  # part of the volume that is plastic only when the block as a whole yields
+FINEST, COARSEST = 0.03, 0.1  # elements of the flat block [L]
+RATIO, ORDER = 1.4, 1.3  # of two meshes of it, and of its stiffness in their size: the clamped edge is singular
+
+
+@dataclass(frozen=True)
+class Block:
+    """The block as an elastic spring below the interface.
+
+    Attributes:
+        side: L (length).
+        height: h_b (length).
+        modulus: mean pressure over the strain of the flat block (force/length^2).
+        yields_at: mean pressure at which it yields (force/length^2), inf when elastic.
+    """
+
+    side: float
+    height: float
+    modulus: float
+    yields_at: float = inf
+
+    @staticmethod
+    def of(case: Case) -> Block:
+        """The block of a case; with free sides, solves a flat one of its shape, once in a process."""
+        solid, side, height = case.material, case.surface.L, case.block.height
+        yields_at = yield_pressure(material_of(case), case.block.sides)
+        if case.block.sides == "rollers":
+            return Block(side, height, solid.confined_modulus, yields_at)
+        return Block(side, height, solid.E * free_block_modulus(solid.nu, height / side), yields_at)
+
+    def interface(self, curve: Curve) -> NDArray[Any]:
+        """Deflection of the interface alone over L, row by row (n,)."""
+        of_block = dict(height=self.height, area=self.side**2, modulus=self.modulus)
+        return interface_deflection(curve.delta, curve.force, **of_block) / self.side
+
+    def void(self, curve: Curve) -> str:
+        """Why the deflection of the interface alone means nothing for a loading; empty when it means something."""
+        if not len(curve):
+            return ""
+        load = float(np.max(curve.force)) / (self.side**2 * self.yields_at)
+        if load >= 1:
+            return f"the block has yielded: mean pressure {load:.2g} times that at which it does"
+        if (plastic := float(np.max(curve.plastic_fraction))) > BULK:
+            return f"the block has yielded: {plastic:.0%} of it is plastic"
+        if (area := float(np.max(curve.area_fraction))) > FULL:
+            return f"contact is nearly full: A/A0 = {area:.2f}"
+        return ""
+
+
+@lru_cache(maxsize=64)
+def free_block_modulus(nu: float, height: float) -> float:
+    """Mean pressure over strain of a flat block with free sides on a clamped base, over E: more than 1.
+
+    The base holds the block together, which no closed form tells; finite elements in this process, to some 0.1 % where
+    the height is half the side or more.
+
+    Args:
+        nu: Poisson's ratio
+        height: of the block [L]
+    """
+    from mpi4py import MPI
+
+    from asperity.model.material import Material
+    from asperity.quasistatic.solve_contact import MeshSize, solve_contact
+    from asperity.surface import Flat
+
+    def pressed(h: float) -> Any:
+        size = MeshSize(h, h_max=h if height <= 2.0 else None)
+        return solve_contact(
+            Flat(L=1.0), Material(1.0, nu), height=height, sides="free", delta_max=1e-3 * height, steps=1, size=size,
+            comm=MPI.COMM_SELF,
+        ).curve.force / 1e-3  # fmt: skip
+
+    h = min(max(0.3 * height, FINEST), COARSEST)
+    limit, _ = extrapolate(pressed(RATIO * h), pressed(h), RATIO, ORDER)
+    return float(limit[-1])
