@@ -1,4 +1,4 @@
-"""Everything that depends on the dolfinx version (0.9 to 0.11), found by probing, not by version numbers."""
+"""Everything that depends on the dolfinx version, found by probing; docs/install.md tells which ones were run."""
 
 from __future__ import annotations
 
