@@ -29,10 +29,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 import asperity as asp
-from asperity.accuracy import Goal, loading_force, solve_to_tolerance, steady
-from asperity.block import BlockMesh
-from asperity.mesh import GRADING, GUIDED, Reach
-from asperity.refinement import (
+from asperity.adaptive.mesh_plan import (
     GUIDE,
     LARGEST_RATIO,
     MESH_ORDER,
@@ -42,7 +39,10 @@ from asperity.refinement import (
     extrapolate_mesh,
     growth,
 )
-from asperity.statics import make_block
+from asperity.adaptive.solve_to_tolerance import Goal, loading_force, solve_to_tolerance, steady
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.generate import GRADING, GUIDED, Reach
+from asperity.quasistatic.solve_contact import make_block
 
 Floats = npt.NDArray[np.float64]
 Judged = tuple[Floats, Floats]  # relative error and bar at some deflections

@@ -21,13 +21,13 @@ from scipy.optimize import brentq
 
 from asperity import reference
 from asperity.contact import PressureContact
-from asperity.material import Material
-from asperity.press import Press
-from asperity.statics import Formulation, MeshSize, make_block, make_press
+from asperity.contact.contact_surface import FACET_DEGREE, FacetRule, Top
+from asperity.model.material import Material
+from asperity.quasistatic.contact_solver import Press
+from asperity.quasistatic.solve_contact import Formulation, MeshSize, make_block, make_press
 from asperity.surface import Sinusoid, Sphere, Surface, WeierstrassMandelbrot
-from asperity.top import FACET_DEGREE, FacetRule, Top
-from asperity.validation.hertz import CONTACT, RADIUS, SPHERE, layer_force, press_sphere
-from asperity.validation.table import press as press_alone
+from asperity.verification.hertz import CONTACT, RADIUS, SPHERE, layer_force, press_sphere
+from asperity.verification.table import press as press_alone
 
 NU = 0.3
 ELASTIC = Material(1.0, NU)

@@ -7,7 +7,7 @@ whose lines are as dense, in the plane and in depth, as the size field of the te
 line. All carry exact contact at the nodes by an active set, take the same load steps (backward Euler) and solve their
 systems to the same tolerances, the tetrahedra with the program's linear solver and kernels.
 
-References: the layer theory of `asperity.validation.hertz` for the sphere, the limit of two finer guided tetrahedral
+References: the layer theory of `asperity.verification.hertz` for the sphere, the limit of two finer guided tetrahedral
 meshes for the demo surface; the limit of each element is printed beside it. Errors are relative root mean squares over
 the load steps, seconds are CPU seconds of one process from surface to force, without start-up and compilation of forms.
 """
@@ -27,11 +27,11 @@ import numpy.typing as npt
 from hexahedra import HEXAHEDRA, Hexahedra, lines
 
 import asperity as asp
-from asperity.accuracy import extrapolate, loading_force
-from asperity.mesh import Reach
-from asperity.schedule import BACKWARD_EULER
+from asperity.adaptive.solve_to_tolerance import extrapolate, loading_force
+from asperity.mesh.generate import Reach
+from asperity.model.load_path import BACKWARD_EULER
 from asperity.surface import Surface
-from asperity.validation.hertz import CONTACT, RADIUS, SPHERE, layer_force
+from asperity.verification.hertz import CONTACT, RADIUS, SPHERE, layer_force
 
 Floats = npt.NDArray[np.float64]
 

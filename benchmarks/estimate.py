@@ -1,7 +1,7 @@
 """Measure what an unknown costs:  python3 benchmarks/estimate.py
 
 Runs the surface of the demo on a row of meshes, each in a process of its own, and prints the table of docs/cluster.md
-and the constants of `asperity.estimate`. CPU seconds, so that other work on the machine matters little.
+and the constants of `asperity.adaptive.estimate`. CPU seconds, so that other work on the machine matters little.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
+from asperity.adaptive.estimate import Rates, estimate
 from asperity.case import Case
-from asperity.estimate import Rates, estimate
 
 SIZES = (0.1, 0.06, 0.04, 0.03)  # h_contact [L]
 DEMO = Path(__file__).parent.parent / "cases/demo.toml"

@@ -14,7 +14,7 @@ from pictures import shrink
 from asperity.case import Case
 from asperity.plot import plot_run
 from asperity.plot.scene import scene
-from asperity.simulation import run
+from asperity.run_case import run
 
 ROOT = Path(__file__).parent.parent
 # run -> case, changes, figures

@@ -18,10 +18,10 @@ import numpy as np
 import numpy.typing as npt
 from newton import step_length, without
 
-from asperity.material import Material, return_map_ufl
-from asperity.mesh import SizeField
-from asperity.node_matrix import set_rigid_modes
-from asperity.petsc_options import GAMG, set_defaults
+from asperity.fem.sparsity import set_rigid_modes
+from asperity.linear.petsc_options import GAMG, set_defaults
+from asperity.mesh.generate import SizeField
+from asperity.model.material import Material, return_map_ufl
 from asperity.surface import Surface
 
 Floats = npt.NDArray[np.float64]

@@ -17,8 +17,8 @@ import numpy.typing as npt
 from mpi4py import MPI
 
 import asperity as asp
-from asperity.mesh import SizeField, build_block, distribute
-from asperity.solid import Solid
+from asperity.fem.solid import Solid
+from asperity.mesh.generate import SizeField, build_block, distribute
 
 DELTA = 0.03
 REPEATS = 9

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from asperity.curve import Curve
-from asperity.storage import read_npz
+from asperity.runtime.files import read_npz
 
 CASE = """
 units = "other"

@@ -21,10 +21,10 @@ from unittest.mock import patch
 import numpy as np
 
 import asperity as asp
-from asperity import multigrid
-from asperity.multigrid import PMultigrid
-from asperity.node_matrix import assembled
-from asperity.tangent import Tangent
+from asperity.fem.sparsity import assembled
+from asperity.linear import multigrid
+from asperity.linear.matrix_free import Tangent
+from asperity.linear.multigrid import PMultigrid
 
 L = 1e-6
 STEEL = asp.Material(200e9, 0.3, 1e9, 10e9)

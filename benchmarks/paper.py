@@ -19,12 +19,12 @@ from mpi4py import MPI
 from pictures import shrink
 from statements import Statement, all_statements, passing
 
+from asperity.case.schema import WeierstrassMandelbrotSection
 from asperity.dynamics import ContactOscillator, PowerLaw
 from asperity.plot import style
 from asperity.plot.families import colours, draw_column, draw_curves, label_of
 from asperity.plot.vibration import amplitude_frequency
 from asperity.reference.tables import ROUGH_ELASTIC_FITS
-from asperity.schema import WeierstrassMandelbrotSection
 from asperity.study import Level, Study, StudyResults, run_study
 from asperity.study.trend import CONDITIONS
 

@@ -16,8 +16,8 @@ import numpy as np
 import numpy.typing as npt
 from newton import step_length, without
 
-from asperity.material import Material, return_map_ufl
-from asperity.validation.flattening import HERTZ, NU, ONSET, E, Y
+from asperity.model.material import Material, return_map_ufl
+from asperity.verification.flattening import HERTZ, NU, ONSET, E, Y
 
 Floats = npt.NDArray[np.float64]
 

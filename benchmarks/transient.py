@@ -19,11 +19,11 @@ import numpy.typing as npt
 
 from asperity.case import Case
 from asperity.dynamics import ContactOscillator, TableLaw, unload_reload
-from asperity.loading import Position, Record, follow
-from asperity.material import Material
-from asperity.press import Press
-from asperity.schedule import Schedule
-from asperity.statics import MeshSize, make_block, make_press
+from asperity.model.load_path import Schedule
+from asperity.model.material import Material
+from asperity.quasistatic.contact_solver import Press
+from asperity.quasistatic.solve_contact import MeshSize, make_block, make_press
+from asperity.quasistatic.stepping import Position, Record, follow
 from asperity.transient import History, Scheme, Transient, consistent_mass
 
 CASE = Path(__file__).parent.parent / "cases" / "demo.toml"

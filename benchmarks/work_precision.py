@@ -24,12 +24,12 @@ import numpy as np
 import numpy.typing as npt
 
 import asperity as asp
-from asperity.accuracy import loading_force
-from asperity.mesh import Reach
+from asperity.adaptive.mesh_plan import extrapolate
+from asperity.adaptive.solve_to_tolerance import loading_force
+from asperity.mesh.generate import Reach
 from asperity.plot import style
-from asperity.refinement import extrapolate
 from asperity.surface import Surface
-from asperity.validation.hertz import CONTACT, RADIUS, SPHERE, layer_force
+from asperity.verification.hertz import CONTACT, RADIUS, SPHERE, layer_force
 
 Floats = npt.NDArray[np.float64]
 

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 import asperity as asp
-from asperity.fractal_fit import fit_fractal
-from asperity.measured import HeightField
 from asperity.surface import WeierstrassMandelbrot
+from asperity.surface.fractal_fit import fit_fractal
+from asperity.surface.measured import HeightField
 
 
 def made_up_scan() -> HeightField:

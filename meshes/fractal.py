@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 import asperity as asp
-from asperity.mesh import SizeField, build_block
+from asperity.mesh.generate import SizeField, build_block
 
 L = 1e-6
 DELTA = 0.03 * L  # to which the curves go: the mesh is fine where the flat comes

@@ -1,7 +1,7 @@
 // Radial return for J2 plasticity with linear isotropic hardening, in closed form.
 //
 // Simo & Hughes, Computational Inelasticity (1998), box 3.2 and Eq. (3.3.12); the readable twin is
-// `asperity.material.return_map_ufl`. Symmetric tensors are stored as (xx, yy, zz, xy, xz, yz) with tensor
+// `asperity.model.material.return_map_ufl`. Symmetric tensors are stored as (xx, yy, zz, xy, xz, yz) with tensor
 // (not engineering) shear components.
 #pragma once
 

@@ -13,9 +13,9 @@ from typing import Any
 
 import pytest
 
-from asperity.block import BlockMesh
-from asperity.material import Material
-from asperity.mesh import SizeField, build_block, on_root
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.generate import SizeField, build_block, on_root
+from asperity.model.material import Material
 from asperity.surface import Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 
 ELASTIC = Material(1.0, 0.3)

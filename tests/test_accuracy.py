@@ -9,15 +9,7 @@ import numpy.typing as npt
 import pytest
 
 import asperity as asp
-from asperity.accuracy import (
-    Goal,
-    loading_force,
-    solve_to_tolerance,
-    steady,
-)
-from asperity.curve import Curve
-from asperity.reference import half_space_contact
-from asperity.refinement import (
+from asperity.adaptive.mesh_plan import (
     COST_ORDER,
     GUIDE_EXCESS,
     MESH_ORDER,
@@ -32,8 +24,11 @@ from asperity.refinement import (
     ratio_for,
     safety_of,
 )
-from asperity.solve import SolverOptions
-from asperity.statics import ContactResult, PartialResult
+from asperity.adaptive.solve_to_tolerance import Goal, loading_force, solve_to_tolerance, steady
+from asperity.curve import Curve
+from asperity.quasistatic.newton import SolverOptions
+from asperity.quasistatic.solve_contact import ContactResult, PartialResult
+from asperity.reference import half_space_contact
 
 ELASTIC = asp.Material(1.0, 0.3)
 PLASTIC = asp.Material(1.0, 0.3, 0.005, 0.05)
@@ -297,7 +292,7 @@ def test_a_mesh_that_does_not_converge_leaves_the_curve_of_the_one_before(monkey
             raise PartialResult("no convergence", result)
         return result
 
-    monkeypatch.setattr("asperity.levels.solve_contact", solve)
+    monkeypatch.setattr("asperity.adaptive.mesh_levels.solve_contact", solve)
     sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=3.0, centre=(0.3, 0.4))
     result = solve_to_tolerance(sphere, ELASTIC, Goal(1e-3), delta_max=0.01, steps=5, on_curve=curves.append)
     assert not result.met and len(result.levels) == 2 and len(curves) == 1

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from conftest import ELASTIC, PLASTIC
 
-import asperity.audit
-from asperity.block import BlockMesh
+import asperity.quasistatic.balance
 from asperity.case import Case
 from asperity.contact import ActiveSet
 from asperity.errors import CheckError, ResolutionWarning
-from asperity.loading import Record, follow
-from asperity.press import Press
-from asperity.schedule import Schedule
-from asperity.simulation import run
-from asperity.solve import NewtonSolver
-from asperity.statics import Formulation, make_press
+from asperity.mesh.block import BlockMesh
+from asperity.model.load_path import Schedule
+from asperity.quasistatic.contact_solver import Press
+from asperity.quasistatic.newton import NewtonSolver
+from asperity.quasistatic.solve_contact import Formulation, make_press
+from asperity.quasistatic.stepping import Record, follow
+from asperity.run_case import run
 from asperity.surface import Surface
 
 Break = Callable[[pytest.MonkeyPatch, Press], None]
@@ -160,8 +160,8 @@ def test_the_energy_of_a_compliant_contact_is_balanced_too(
     monkeypatch: pytest.MonkeyPatch, wave: Surface, coarse_wave: BlockMesh | None, method: str
 ) -> None:
     press = make(wave, coarse_wave, method)
-    right = asperity.audit.energies
-    monkeypatch.setattr("asperity.audit.energies", lambda *args: tuple(1.05 * e for e in right(*args)))
+    right = asperity.quasistatic.balance.energies
+    monkeypatch.setattr("asperity.quasistatic.balance.energies", lambda *args: tuple(1.05 * e for e in right(*args)))
     assert "energy" in pressed(press, 20).checks.violated
 
 

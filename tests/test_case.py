@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from asperity.case import Case, check_loading
-from asperity.checks import full_contact_pressure
+from asperity.case.case_file import Case, check_loading
+from asperity.case.schema import Input, input_reference
+from asperity.case.validation import full_contact_pressure
 from asperity.errors import InputError
-from asperity.schema import Input, input_reference
 
 ROOT = Path(__file__).parent.parent
 DEMO = ROOT / "cases/demo.toml"

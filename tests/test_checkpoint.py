@@ -14,16 +14,16 @@ import numpy as np
 import pytest
 from conftest import ELASTIC, PLASTIC
 
-from asperity.block import BlockMesh
 from asperity.case import Case
-from asperity.checkpoint import FORMAT, MESH, SNAPSHOT, STATE, Checkpoint, differences, identity, signed
 from asperity.errors import CheckpointError, Interrupted, OutputError
-from asperity.fields import gather_states
-from asperity.loading import Position
-from asperity.material import Material
-from asperity.schedule import Schedule
-from asperity.statics import ContactResult, Formulation, PartialResult, solve_contact
-from asperity.storage import npz_bytes, read_npz, remove_asides, replace_file
+from asperity.mesh.block import BlockMesh
+from asperity.model.load_path import Schedule
+from asperity.model.material import Material
+from asperity.output.fields import gather_states
+from asperity.quasistatic.checkpoint import FORMAT, MESH, SNAPSHOT, STATE, Checkpoint, differences, identity, signed
+from asperity.quasistatic.solve_contact import ContactResult, Formulation, PartialResult, solve_contact
+from asperity.quasistatic.stepping import Position
+from asperity.runtime.files import npz_bytes, read_npz, remove_asides, replace_file
 from asperity.surface import Surface
 
 CASE = {

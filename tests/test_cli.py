@@ -21,7 +21,7 @@ from asperity.cli.run import check_folder
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError
 from asperity.plot import CAPTIONS
-from asperity.progress import COLUMNS, Progress, StepLines, duration, make_progress
+from asperity.runtime.progress import COLUMNS, Progress, StepLines, duration, make_progress
 
 ROOT = Path(__file__).parent.parent
 DEMO = str(ROOT / "cases/demo.toml")
@@ -56,10 +56,10 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
         fit = types.SimpleNamespace(k=0.5, n=1.5, r2=0.999)
         return types.SimpleNamespace(summary={}, fit=fit, curve=None, contact=..., dynamics=None)
 
-    stand_in = types.ModuleType("asperity.simulation")
+    stand_in = types.ModuleType("asperity.run_case")
     stand_in.run = run  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "asperity.simulation", stand_in)
-    monkeypatch.setattr("asperity.simulation", stand_in, raising=False)
+    monkeypatch.setitem(sys.modules, "asperity.run_case", stand_in)
+    monkeypatch.setattr("asperity.run_case", stand_in, raising=False)
     return noted
 
 
@@ -203,7 +203,7 @@ def test_failures_have_their_exit_codes(
     def fail(*_: Any, **__: Any) -> None:
         raise failure
 
-    monkeypatch.setattr("asperity.simulation.run", fail)
+    monkeypatch.setattr("asperity.run_case.run", fail)
     left, _, err = cli("run", DEMO, "-o", tmp_path / "out")
     assert left == code and part in err.splitlines()[-1]
 
@@ -290,7 +290,7 @@ def test_ranks_end_with_one_message_and_one_code(tmp_path: Path) -> None:
 
 def test_one_failed_rank_ends_a_job_that_waits_for_it() -> None:
     done = parallel(
-        "import sys; from asperity.cli import ranks; ranks.PATIENCE = 0.5; job = ranks.Ranks()\n"
+        "import sys; from asperity.runtime import parallel; parallel.PATIENCE = 0.5; job = parallel.Ranks()\n"
         "from mpi4py import MPI\n"
         "if MPI.COMM_WORLD.rank == 1: sys.exit(job.leave(3, 'lost at step 4'))\n"
         "MPI.COMM_WORLD.Barrier()"
@@ -300,7 +300,7 @@ def test_one_failed_rank_ends_a_job_that_waits_for_it() -> None:
 
 def test_an_error_of_the_first_rank_reaches_all() -> None:
     done = parallel(
-        "from asperity.cli.ranks import on_first_rank\n"
+        "from asperity.runtime.parallel import on_first_rank\n"
         "from asperity.errors import InputError\n"
         "from mpi4py import MPI\n"
         "def work(): raise InputError('no')\n"

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from asperity.comparison import compare_curves
 from asperity.curve import COLUMNS, Curve
 from asperity.errors import InputError
+from asperity.output.comparison import compare_curves
 
 
 def make_curve(**header: object) -> Curve:

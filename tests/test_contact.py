@@ -11,17 +11,17 @@ from scipy import sparse
 from scipy.optimize import brentq
 
 from asperity import reference as ref
-from asperity.block import BlockMesh
 from asperity.contact import Contact
+from asperity.contact.contact_surface import Top
 from asperity.errors import InputError
-from asperity.loading import Press
-from asperity.material import Material
-from asperity.mesh import SizeField, build_block, distribute
-from asperity.solid import Solid
-from asperity.solve import SolverOptions
-from asperity.statics import Formulation, MeshSize, make_press, solve_contact
+from asperity.fem.solid import Solid
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.generate import SizeField, build_block, distribute
+from asperity.model.material import Material
+from asperity.quasistatic.newton import SolverOptions
+from asperity.quasistatic.solve_contact import Formulation, MeshSize, make_press, solve_contact
+from asperity.quasistatic.stepping import Press
 from asperity.surface import Flat, Sinusoid, Surface, WeierstrassMandelbrot
-from asperity.top import Top
 
 Array = npt.NDArray[np.float64]
 

@@ -17,12 +17,12 @@ from typing import Any
 
 import pytest
 
-import asperity.bulk
-import asperity.multigrid
-import asperity.tangent
+import asperity.fem.compiled_kernels
+import asperity.linear.matrix_free
+import asperity.linear.multigrid
 from asperity import Material, MeshSize, SolverOptions, Surface, solve_contact
-from asperity.block import BlockMesh
-from asperity.statics import ContactResult
+from asperity.mesh.block import BlockMesh
+from asperity.quasistatic.solve_contact import ContactResult
 
 STORED = Path(__file__).parent / "counts.json"
 MESH = Path(__file__).parent.parent / "meshes" / "fractal.npz"
@@ -85,8 +85,8 @@ def fractal() -> Surface:
 def measure(name: str, patch: pytest.MonkeyPatch) -> dict[str, int]:
     """Counts of a scene."""
     material, settings = SCENES[name]
-    kernels = Kernels(asperity.bulk._solver)
-    for module in (asperity.bulk, asperity.multigrid, asperity.tangent):
+    kernels = Kernels(asperity.fem.compiled_kernels._solver)
+    for module in (asperity.fem.compiled_kernels, asperity.linear.multigrid, asperity.linear.matrix_free):
         patch.setattr(module, "_solver", kernels)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -9,7 +9,7 @@ import pytest
 
 from asperity.curve import COLUMNS, Curve
 from asperity.errors import InputError
-from asperity.schedule import MIDPOINT, Schedule
+from asperity.model.load_path import MIDPOINT, Schedule
 
 
 def make_curve(**header: object) -> Curve:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from asperity.case import Case
 from asperity.dynamics import ContactOscillator, PowerLaw, response_band, run_dynamics
-from asperity.dynamics.setting import forcings, window
+from asperity.dynamics.forcing import forcings, window
 from asperity.errors import AsperityError, InputError, RangeError
 
 MINIMAL: dict[str, Any] = {

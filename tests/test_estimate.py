@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from asperity.adaptive.estimate import ELASTIC, PLASTIC, estimate, integral
 from asperity.case import Case
 from asperity.cli import main
 from asperity.errors import InputError
-from asperity.estimate import ELASTIC, PLASTIC, estimate, integral
-from asperity.simulation import run
+from asperity.run_case import run
 
 ROOT = Path(__file__).parent.parent
 QUICK = [
@@ -78,7 +78,7 @@ def test_command(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_no_solver_is_loaded() -> None:
     code = (
-        "import sys; from asperity.case import Case; from asperity.estimate import estimate\n"
+        "import sys; from asperity.case.case_file import Case; from asperity.adaptive.estimate import estimate\n"
         f"estimate(Case.load({str(ROOT / 'cases/elastic.toml')!r}))\n"
         "print([m for m in ('gmsh', 'dolfinx', 'petsc4py', 'mpi4py') if m in sys.modules])"
     )

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from asperity.block import BlockMesh
 from asperity.cli import main
 from asperity.errors import CompatError, InputError
-from asperity.fields import State, gather_states, von_mises, write_vtkhdf
-from asperity.material import Material
-from asperity.statics import ContactResult, solve_contact
+from asperity.mesh.block import BlockMesh
+from asperity.model.material import Material
+from asperity.output.fields import State, gather_states, von_mises, write_vtkhdf
+from asperity.quasistatic.solve_contact import ContactResult, solve_contact
 from asperity.surface import Surface
 
 DELTA = 0.02

@@ -15,15 +15,15 @@ import pytest
 from scipy.optimize import brentq
 
 from asperity import reference as ref
-from asperity.block import BlockMesh
 from asperity.errors import ConvergenceError, InputError
-from asperity.loading import GROWTH, SMALLEST_CUT, Position, Record, follow
-from asperity.material import Material
-from asperity.mesh import build_block
-from asperity.press import Press, carried_on
-from asperity.schedule import BACKWARD_EULER, MIDPOINT, Schedule
-from asperity.solve import NewtonSolver, SolverOptions, StepStats
-from asperity.statics import Formulation, make_press
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.generate import build_block
+from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
+from asperity.model.material import Material
+from asperity.quasistatic.contact_solver import Press, carried_on
+from asperity.quasistatic.newton import NewtonSolver, SolverOptions, StepStats
+from asperity.quasistatic.solve_contact import Formulation, make_press
+from asperity.quasistatic.stepping import GROWTH, SMALLEST_CUT, Position, Record, follow
 from asperity.surface import Flat, Surface
 
 Array = npt.NDArray[np.float64]
@@ -454,7 +454,7 @@ def test_the_midpoint_rule_does_not_ring_where_yield_is_nothing_beside_the_strai
     soft = Material(1.0, NU, 1e-4, 0.0)
     errors = []
     for rule in (carried_on, lambda a, b, lead: tuple(y + lead * (y - x) for x, y in zip(a, b, strict=True))):
-        monkeypatch.setattr("asperity.press.carried_on", rule)
+        monkeypatch.setattr("asperity.quasistatic.contact_solver.carried_on", rule)
         press = make_press(world(), rough, coarse, soft)
         drive(press, delta_max=0.015, steps=20, integrator="midpoint")
         errors.append(abs(1.0 - press.checks.energy_ratio))

@@ -12,11 +12,11 @@ import pytest
 from scipy import sparse
 
 from asperity import reference as ref
-from asperity.block import BlockMesh
 from asperity.errors import InputError
-from asperity.material import Material
-from asperity.mesh import build_block, distribute
-from asperity.solid import Bulk, Solid
+from asperity.fem.solid import Bulk, Solid
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.generate import build_block, distribute
+from asperity.model.material import Material
 from asperity.surface import Flat
 
 Array = npt.NDArray[np.float64]

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from asperity.errors import CompatError, InputError
-from asperity.fractal_fit import fit_fractal
-from asperity.material import Material
-from asperity.measured import HeightField
+from asperity.model.material import Material
+from asperity.model.two_bodies import SumSurface, composite_modulus, equivalent_block
 from asperity.surface import Sinusoid, Sphere, Surface, WeierstrassMandelbrot
-from asperity.twobody import SumSurface, composite_modulus, equivalent_block
+from asperity.surface.fractal_fit import fit_fractal
+from asperity.surface.measured import HeightField
 
 L = 1e-6
 

@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from asperity.block import BlockMesh
+from asperity.contact.contact_surface import Top
 from asperity.errors import MeshError
-from asperity.fields import top_facets
-from asperity.material import Material
-from asperity.mesh import (
+from asperity.fem.solid import Solid
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.generate import (
     BASE,
     SIDE_X,
     SIDE_Y,
@@ -27,10 +27,10 @@ from asperity.mesh import (
     distribute,
     is_distorted,
 )
-from asperity.solid import Solid
-from asperity.statics import MeshSize, make_block, make_press, make_undistorted
+from asperity.model.material import Material
+from asperity.output.fields import top_facets
+from asperity.quasistatic.solve_contact import MeshSize, make_block, make_press, make_undistorted
 from asperity.surface import Flat, Sinusoid, Sphere, Surface, WeierstrassMandelbrot
-from asperity.top import Top
 
 Array = npt.NDArray[Any]
 

@@ -9,15 +9,15 @@ import numpy.typing as npt
 import pytest
 
 from asperity import reference as ref
-from asperity.block import BlockMesh
 from asperity.contact import PressureContact
+from asperity.contact.contact_surface import FacetRule, Top
 from asperity.errors import InputError
-from asperity.material import Material
-from asperity.mesh import SizeField, build_block
-from asperity.node_matrix import assembled
-from asperity.statics import Formulation, MeshSize, make_press, solve_contact
+from asperity.fem.sparsity import assembled
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.generate import SizeField, build_block
+from asperity.model.material import Material
+from asperity.quasistatic.solve_contact import Formulation, MeshSize, make_press, solve_contact
 from asperity.surface import Flat, Surface
-from asperity.top import FacetRule, Top
 
 Array = npt.NDArray[np.float64]
 

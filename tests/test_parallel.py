@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from asperity.block import BlockMesh
 from asperity.curve import Curve
-from asperity.fields import gather_states
-from asperity.material import Material
-from asperity.mesh import build_block, on_root
-from asperity.simulation import run
-from asperity.solve import SolverOptions
-from asperity.statics import ContactResult, Formulation, MeshSize, make_press, solve_contact
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.generate import build_block, on_root
+from asperity.model.material import Material
+from asperity.output.fields import gather_states
+from asperity.quasistatic.newton import SolverOptions
+from asperity.quasistatic.solve_contact import ContactResult, Formulation, MeshSize, make_press, solve_contact
+from asperity.run_case import run
 from asperity.surface import Sinusoid, Surface
 
 pytestmark = pytest.mark.mpi

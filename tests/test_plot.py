@@ -12,6 +12,7 @@ from made_up_run import block, write_run
 
 from asperity.curve import Curve
 from asperity.errors import InputError
+from asperity.output.results import Results
 from asperity.plot import (
     CAPTIONS,
     contact_area,
@@ -27,7 +28,6 @@ from asperity.plot import (
 )
 from asperity.plot.curves import tex
 from asperity.plot.section import cut
-from asperity.results import Results
 from asperity.surface import Surface
 from asperity.units import prefix, quantity
 

@@ -8,9 +8,9 @@ import pytest
 
 from asperity.case import Case
 from asperity.cli import main
-from asperity.comparison import compare_curves
 from asperity.curve import Curve
-from asperity.simulation import run
+from asperity.output.comparison import compare_curves
+from asperity.run_case import run
 
 CURVES = Path(__file__).parent / "curves"
 

@@ -12,8 +12,8 @@ import pytest
 from made_up_run import write_run
 
 from asperity.errors import InputError
-from asperity.publications import publications
-from asperity.report import write_report
+from asperity.plot.citations import publications
+from asperity.plot.report import write_report
 
 
 @pytest.fixture

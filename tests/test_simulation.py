@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 import asperity
-from asperity.block import BlockMesh
 from asperity.case import Case
 from asperity.cli import main
 from asperity.cli.run import PRODUCTS
 from asperity.curve import COLUMNS, Curve
 from asperity.errors import CheckpointError, ConvergenceError, InputError, MeshError
-from asperity.results import Results
-from asperity.simulation import RunResult, run
-from asperity.solve import NewtonSolver
+from asperity.mesh.block import BlockMesh
+from asperity.output.results import Results
+from asperity.quasistatic.newton import NewtonSolver
+from asperity.run_case import RunResult, run
 
 SURFACE: dict[str, Any] = {"kind": "weierstrass-mandelbrot", "L": 1e-6, "D": 2.4, "G": 1.36e-11}
 STEEL: dict[str, Any] = {"E": 200e9, "nu": 0.3, "yield_strength": 1e9, "tangent_modulus": 10e9}

@@ -10,21 +10,21 @@ import pytest
 from scipy import sparse
 
 from asperity import reference as ref
-from asperity.block import BlockMesh
+from asperity.contact.contact_surface import Top
 from asperity.errors import InputError
-from asperity.linear import LinearSolver
-from asperity.loading import Record, follow
-from asperity.material import Material
-from asperity.mesh import build_block, distribute, on_root
-from asperity.multigrid import EDGES, PMultigrid
-from asperity.node_matrix import assembled, set_rigid_modes
-from asperity.press import Press
-from asperity.schedule import MIDPOINT, Schedule
-from asperity.solid import Solid
-from asperity.statics import make_press
+from asperity.fem.solid import Solid
+from asperity.fem.sparsity import assembled, set_rigid_modes
+from asperity.linear.matrix_free import Tangent
+from asperity.linear.multigrid import EDGES, PMultigrid
+from asperity.linear.solver import LinearSolver
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.generate import build_block, distribute, on_root
+from asperity.model.load_path import MIDPOINT, Schedule
+from asperity.model.material import Material
+from asperity.quasistatic.contact_solver import Press
+from asperity.quasistatic.solve_contact import make_press
+from asperity.quasistatic.stepping import Record, follow
 from asperity.surface import Flat, Sinusoid, Surface
-from asperity.tangent import Tangent
-from asperity.top import Top
 
 Array = npt.NDArray[np.float64]
 
@@ -254,7 +254,7 @@ def test_tangent_that_is_never_assembled_is_the_matrix(coarse: BlockMesh | None,
 def test_galerkin_matrix_is_that_of_the_interpolation(coarse: BlockMesh) -> None:
     """With masks on both levels: a held corner has free edges beside it, and stays out of the coarse problem."""
     from asperity import _solver
-    from asperity.node_matrix import NodeGraph
+    from asperity.fem.sparsity import NodeGraph
 
     solid = solid_of(here(), coarse)
     A = matrix_of(solid)

@@ -16,7 +16,7 @@ import tomli_w
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import InputError, OutputError
-from asperity.storage import is_aside
+from asperity.runtime.files import is_aside
 from asperity.study import Level, Study, StudyResults, ensemble_curve, run_study, summarise_case
 from asperity.study.results import mean_interval
 from asperity.study.run import mesh_key, portions, shared_mesh
@@ -160,7 +160,7 @@ def test_a_study_is_run_continued_and_tabled(tmp_path: Path) -> None:
     assert (row["k"], row["n"]) == (whole.fit().k, whole.fit().n)
     assert results.case(row).material.tangent_modulus == 0.01
     # a shared mesh changes nothing: the case alone, with a mesh of its own, gives the same curve
-    from asperity.simulation import run
+    from asperity.run_case import run
 
     alone = run(next(e.case for e in made.entries if e.key == row["case"]))
     np.testing.assert_allclose(alone.curve.force, results.curve(row).force, rtol=1e-9)

@@ -23,8 +23,8 @@ from asperity.surface import (
     SurfaceWarning,
     WeierstrassMandelbrot,
     cut_off_index,
-    summit,
-    waves,
+    fractal_maximum,
+    plane_waves,
 )
 from asperity.surface.maximum import global_maximum
 
@@ -237,7 +237,7 @@ def test_maximum_by_waves_is_that_of_the_bound_of_curvature(options):
 
 
 def test_too_many_summits_are_said(monkeypatch):
-    monkeypatch.setattr(summit, "_CELLS", 200)
+    monkeypatch.setattr(fractal_maximum, "_CELLS", 200)
     surface = fractal(D=2.9, L_s=1e-9)
     with pytest.warns(SurfaceWarning, match="too many summits compete"):
         surface.maximum()
@@ -313,7 +313,7 @@ def test_exact_rms_of_many_waves_needs_little_memory(monkeypatch):
     stats = surface.statistics(513)
     for value, grid in zip(exact, (stats.Sq, stats.rms_slope, stats.rms_curvature), strict=True):
         assert value == pytest.approx(grid, rel=2e-2)
-    monkeypatch.setattr(waves, "_BLOCK", 5000)
+    monkeypatch.setattr(plane_waves, "_BLOCK", 5000)
     np.testing.assert_allclose(fractal(M=300, f_max=9).exact_rms(), exact, rtol=1e-12)
     np.testing.assert_allclose(
         surface.grid(33), surface.height(*np.meshgrid(*[np.linspace(0, L, 33)] * 2)), rtol=1e-9, atol=1e-20

@@ -12,13 +12,13 @@ from scipy.optimize import brentq
 from asperity import reference as ref
 from asperity.dynamics import ContactOscillator, TableLaw
 from asperity.errors import ConvergenceError, InputError
-from asperity.loading import Record, follow
-from asperity.material import Material
-from asperity.mesh import build_block, on_root
-from asperity.press import Press
-from asperity.schedule import Schedule
-from asperity.solve import SolverOptions
-from asperity.statics import make_press
+from asperity.mesh.generate import build_block, on_root
+from asperity.model.load_path import Schedule
+from asperity.model.material import Material
+from asperity.quasistatic.contact_solver import Press
+from asperity.quasistatic.newton import SolverOptions
+from asperity.quasistatic.solve_contact import make_press
+from asperity.quasistatic.stepping import Record, follow
 from asperity.surface import Flat, Sinusoid, Surface
 from asperity.transient import Motion, Scheme, Transient, consistent_mass
 

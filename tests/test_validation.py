@@ -10,8 +10,8 @@ import pytest
 
 from asperity.cli import main
 from asperity.errors import InputError
-from asperity.validation import NAMES, validate
-from asperity.validation.table import RATIO, Row, convergence_bar, norm_bar, rows_along
+from asperity.verification import NAMES, validate
+from asperity.verification.table import RATIO, Row, convergence_bar, norm_bar, rows_along
 
 
 @pytest.mark.parametrize("order", [1.0, 1.8, 3.0])

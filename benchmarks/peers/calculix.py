@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import scene
 
-from asperity.mesh import SizeField, build_block
+from asperity.mesh.generate import SizeField, build_block
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]

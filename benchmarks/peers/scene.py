@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 import asperity as asp
-from asperity.accuracy import Goal, loading_force, solve_to_tolerance
+from asperity.adaptive.solve_to_tolerance import Goal, loading_force, solve_to_tolerance
 from asperity.surface import Surface
 
 Floats = npt.NDArray[np.float64]

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError
-from .storage import replace_file
+from asperity.errors import InputError
+from asperity.runtime.files import replace_file
 
 if TYPE_CHECKING:
-    from .power_law import PowerLawFit
+    from asperity.power_law import PowerLawFit
 
 Array = NDArray[Any]
 
@@ -190,7 +190,7 @@ class Curve:
 
     def fit(self, norm: Literal["linear", "log"] = "linear") -> PowerLawFit:
         """Return the power law of the planned points of the loading branch, those with delta* > 0 and P* > 0."""
-        from .power_law import fit_power_law
+        from asperity.power_law import fit_power_law
 
         points = self.planned()
         used = points.where((points.delta_star > 0) & (points.P_star > 0))

@@ -24,12 +24,13 @@ from typing import Any
 
 import numpy as np
 
-from . import _solver, compat
-from .audit import energies
-from .bulk import shape_gradients
-from .errors import ConvergenceError, InputError
-from .press import Press
-from .solid import Bulk, Floats, Solid
+from asperity import _solver
+from asperity.errors import ConvergenceError, InputError
+from asperity.fem.compiled_kernels import shape_gradients
+from asperity.fem.solid import Bulk, Floats, Solid
+from asperity.quasistatic.balance import energies
+from asperity.quasistatic.contact_solver import Press
+from asperity.runtime import compat
 
 MASS_DEGREE = 6  # of the quadrature of the consistent mass: second-order shapes squared, on curved cells
 PLATE_TOLERANCE = 1e-7  # unbalanced force on the plate over the load

@@ -47,11 +47,11 @@ needs_mpirun = pytest.mark.skipif(shutil.which("mpirun") is None, reason="there 
 SABOTAGE = """
 import sys
 from mpi4py import MPI
-import asperity.cli.ranks
+import asperity.runtime.parallel
 from asperity.bulk import CompiledBulk
 from asperity.cli import main
 
-asperity.cli.ranks.PATIENCE = 2.0
+asperity.runtime.parallel.PATIENCE = 2.0
 rank, error = int(sys.argv[1]), {"MemoryError": MemoryError, "ValueError": ValueError}[sys.argv[2]]
 original, calls = CompiledBulk.add_internal_force, iter(range(10**9))
 

@@ -19,12 +19,12 @@ import pytest
 from hypothesis import HealthCheck, event, given, settings
 from hypothesis import strategies as st
 
-from asperity.block import EDGES, BlockMesh
 from asperity.case import Case
 from asperity.cli.run import prepare
 from asperity.curve import Curve
 from asperity.errors import AsperityError, CheckError, ConvergenceError, InputError
-from asperity.simulation import run
+from asperity.mesh.block import EDGES, BlockMesh
+from asperity.run_case import run
 from asperity.surface import Flat
 
 ROOT = Path(__file__).parents[2]
@@ -373,8 +373,8 @@ class Bomb:
 
 @pytest.mark.parametrize("suffix", [".npy", ".npz"])
 def test_no_file_is_unpickled(tmp_path: Path, suffix: str) -> None:
-    from asperity.checkpoint import Checkpoint
-    from asperity.measured import HeightField
+    from asperity.quasistatic.checkpoint import Checkpoint
+    from asperity.surface.measured import HeightField
 
     mark, path = tmp_path / "mark", tmp_path / f"evil{suffix}"
     evil = np.array([[Bomb(mark)] * 5] * 5, dtype=object)

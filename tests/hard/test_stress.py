@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from asperity.cli.stress import command
 from asperity.errors import InputError
-from asperity.mesh import build_block
+from asperity.mesh.generate import build_block
 from asperity.stress import stress
 from asperity.stress.files import SLIVER, with_slivers, with_turned_element
 from asperity.stress.outcome import run_scene
@@ -62,8 +62,8 @@ def test_a_run_that_stops_leaves_curve_and_checkpoint() -> None:
 
 
 def test_slivers_are_flat_and_not_turned() -> None:
-    from asperity.bulk import least_jacobians
-    from asperity.compat import gmsh_to_dolfinx
+    from asperity.fem.compiled_kernels import least_jacobians
+    from asperity.runtime.compat import gmsh_to_dolfinx
 
     block = build_block(Sinusoid(L=1.0, amplitude=0.02, dims=2), 1.0, lambda x, y, depth: 0.2)
     cells = block.tets[:, gmsh_to_dolfinx(10)].astype(np.int32)

@@ -16,9 +16,9 @@ from typing import Any
 import click
 
 import asperity
-from asperity.cli.ranks import Ranks
 from asperity.errors import AsperityError
-from asperity.progress import world_rank
+from asperity.runtime.parallel import Ranks
+from asperity.runtime.progress import world_rank
 
 
 class _Commands(click.Group):

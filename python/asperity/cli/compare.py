@@ -19,8 +19,8 @@ def command(first: Path, second: Path, tolerances: dict[str, float] | None) -> i
 
     Exit code 0 when they agree, 1 when not.
     """
-    from asperity.comparison import compare_curves
     from asperity.curve import Curve
+    from asperity.output.comparison import compare_curves
 
     a, b = (Curve.read(_curve_file(path)) for path in (first, second))
     differences = compare_curves(a, b, tolerances)

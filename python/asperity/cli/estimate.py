@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from asperity.cli import options
-from asperity.progress import duration
+from asperity.runtime.progress import duration
 
 
 @click.command()
@@ -18,8 +18,8 @@ def command(case_file: str, ranks: int, overrides: tuple[str, ...]) -> None:
 
     From the size field of the mesh, and rates measured on one machine: expect a factor of two.
     """
+    from asperity.adaptive.estimate import estimate
     from asperity.case import Case
-    from asperity.estimate import estimate
 
     case = Case.load(case_file, overrides)
     found = estimate(case, ranks)

@@ -14,7 +14,7 @@ HEADER = ("section", "key", "default", "legal", "unit", "meaning")
 @options.serial
 def command(markdown: bool) -> None:
     """List every key of the case file with default, legal values, unit and meaning."""
-    from asperity.schema import input_reference
+    from asperity.case.schema import input_reference
 
     rows = input_reference()
     if not markdown:

@@ -51,11 +51,11 @@ def command(
     MAP is a file of NumPy (.npz, .npy, .csv, .txt), or of an instrument that SurfaceTopography reads. Lengths in
     metres. OUT receives patch.npz, case.toml to start from, measured.json, surface.png and spectrum.png.
     """
-    from asperity.fractal_fit import fit_fractal
-    from asperity.measured import HeightField
     from asperity.plot import save, surface_map
     from asperity.plot.measured import spectrum_figure
     from asperity.surface import Surface
+    from asperity.surface.fractal_fit import fit_fractal
+    from asperity.surface.measured import HeightField
 
     whole = HeightField.read(map_file, pixel=pixel).filled().levelled(level)  # type: ignore[arg-type]
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from asperity.progress import world_rank
+from asperity.runtime.progress import world_rank
 
 case_file = click.argument("case_file", metavar="CASE.toml")
 run_folder = click.argument("folder", metavar="OUT", type=click.Path(exists=True, file_okay=False))

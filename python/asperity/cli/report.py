@@ -12,6 +12,6 @@ from asperity.cli import options
 @options.serial
 def command(folder: str) -> None:
     """Write OUT/report.html, self-contained, from the files of a run."""
-    from asperity.report import write_report
+    from asperity.plot.report import write_report
 
     options.say(f"written {write_report(folder)}")

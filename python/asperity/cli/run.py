@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 import click
 
 from asperity.cli import options
-from asperity.cli.ranks import on_first_rank
 from asperity.errors import InputError
-from asperity.progress import make_progress, world_rank
-from asperity.storage import is_aside
+from asperity.runtime.files import is_aside
+from asperity.runtime.parallel import on_first_rank
+from asperity.runtime.progress import make_progress, world_rank
 
 if TYPE_CHECKING:
     from asperity.case import Case
@@ -56,11 +56,11 @@ def command(
     case = Case.load(case_file, overrides)
     folder = Path(output) if output else Path("out") / Path(case_file).stem
     on_first_rank(partial(prepare, case, folder, resume=resume, force=force))
-    from asperity import simulation
+    from asperity import run_case
 
     progress = make_progress(quiet)
     try:
-        result = simulation.run(case, folder, progress=progress, resume=resume)
+        result = run_case.run(case, folder, progress=progress, resume=resume)
     finally:
         progress.done()
     if not quiet and world_rank() == 0:
@@ -79,7 +79,7 @@ def prepare(case: Case, folder: Path, *, resume: bool, force: bool) -> None:
         InputError: the load leaves no gap; or the folder is a file, holds a run (without `resume` or `force`), or
             holds files but no run
     """
-    from asperity.case import check_loading
+    from asperity.case.case_file import check_loading
 
     if resume and force:
         raise InputError("--resume continues the run in OUT and --force replaces it: give one of them")

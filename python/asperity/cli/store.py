@@ -20,7 +20,7 @@ def command(case_file: str, folder: str, file: Path, tolerances: dict[str, float
 
     A JSON header says what made it: case, mesh, seed, steps, versions, the tolerance of each column, the command.
     """
-    from asperity.comparison import store_curve
+    from asperity.output.comparison import store_curve
 
     curve = store_curve(case_file, folder, file, tolerances)
     options.say(f"written {file} ({len(curve)} steps)")

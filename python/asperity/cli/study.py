@@ -7,8 +7,8 @@ from pathlib import Path
 import click
 
 from asperity.cli import options
-from asperity.cli.ranks import on_first_rank
-from asperity.progress import world_rank
+from asperity.runtime.parallel import on_first_rank
+from asperity.runtime.progress import world_rank
 
 
 @click.command()

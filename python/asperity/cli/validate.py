@@ -11,10 +11,10 @@ import click
 
 from asperity.cli import options
 from asperity.errors import ConvergenceError
-from asperity.validation import NAMES
+from asperity.verification import NAMES
 
 if TYPE_CHECKING:
-    from asperity.validation.table import Row
+    from asperity.verification.table import Row
 
 HEADER = ("case", "quantity", "reference", "its value", "computed", "error", "bar", "pass")
 
@@ -32,8 +32,8 @@ def command(names: tuple[str, ...], level: str, output: str | None, markdown: bo
     without one. A row passes when its error is within its bar, what the meshes and the reference leave open. Errors
     and bars are relative. Exit code 0 when all rows pass, 3 when not.
     """
-    from asperity.validation import validate
-    from asperity.validation.table import write_csv
+    from asperity.verification import validate
+    from asperity.verification.table import write_csv
 
     if output is not None:
         Path(output).touch()  # a table that cannot be written is refused before the work

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from .active_set import ActiveSet
-from .interface import Area, Contact
-from .pressure import PressureContact
+from asperity.contact.active_set import ActiveSet
+from asperity.contact.interface import Area, Contact
+from asperity.contact.penalty_nitsche import PressureContact
 
 __all__ = ["ActiveSet", "Area", "Contact", "PressureContact"]

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..solid import Floats, Solid
-from ..top import Top
-from .interface import Area, Rows
+from asperity.contact.contact_surface import Top
+from asperity.contact.interface import Area, Rows
+from asperity.fem.solid import Floats, Solid
 
 
 class ActiveSet:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from ..solid import Floats, Rows
-from ..top import Area
+from asperity.contact.contact_surface import Area
+from asperity.fem.solid import Floats, Rows
 
 __all__ = ["Area", "Contact", "Rows"]
 

@@ -8,19 +8,19 @@
 NumPy and SciPy only. `run_dynamics` does all of it for a curve and writes the result files.
 """
 
-from asperity.dynamics.branch import Branch, Event, Solution
-from asperity.dynamics.free import FreeOrbit, FreeVibration
-from asperity.dynamics.law import Law, PowerLaw, TaylorLaw
-from asperity.dynamics.local_fit import LocalFit
+from asperity.dynamics.forcing import Setting
+from asperity.dynamics.law.law import Law, PowerLaw, TaylorLaw
+from asperity.dynamics.law.local_fit import LocalFit
+from asperity.dynamics.law.restoring import Restoring
+from asperity.dynamics.law.table import TableLaw, unload_reload
+from asperity.dynamics.motion.sweep import Attractor, Sweep
+from asperity.dynamics.motion.trajectory import Trajectory
+from asperity.dynamics.orbits.branch import Branch, Event, Solution
+from asperity.dynamics.orbits.free import FreeOrbit, FreeVibration
+from asperity.dynamics.orbits.response import FrequencyResponse
+from asperity.dynamics.orbits.thresholds import Backbone, Thresholds
 from asperity.dynamics.oscillator import ContactOscillator
-from asperity.dynamics.response import FrequencyResponse
-from asperity.dynamics.restoring import Restoring
 from asperity.dynamics.run import Dynamics, law_from, run_dynamics
-from asperity.dynamics.setting import Setting
-from asperity.dynamics.sweep import Attractor, Sweep
-from asperity.dynamics.table import TableLaw, unload_reload
-from asperity.dynamics.thresholds import Backbone, Thresholds
-from asperity.dynamics.trajectory import Trajectory
 from asperity.dynamics.uncertainty import Band, Uncertainty, ensemble, response_band, uncertainty
 
 __all__ = [

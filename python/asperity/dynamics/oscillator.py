@@ -9,20 +9,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from asperity.dynamics import sweep as _sweep
-from asperity.dynamics import thresholds as _thresholds
-from asperity.dynamics.damping import check_damping
-from asperity.dynamics.free import FreeVibration, contact_limit, free_vibration
-from asperity.dynamics.hbm import Balance
-from asperity.dynamics.law import Array, Law, TaylorLaw, positive
-from asperity.dynamics.polish import polish as _polish
-from asperity.dynamics.response import FrequencyResponse, frequency_response
-from asperity.dynamics.restoring import Restoring
-from asperity.dynamics.setting import LIGHTEST, Setting, forcings, frequencies, window
-from asperity.dynamics.sweep import Attractor, Sweep
-from asperity.dynamics.table import TableLaw
-from asperity.dynamics.thresholds import Backbone, Thresholds
-from asperity.dynamics.trajectory import Trajectory, integrate
+from asperity.dynamics.forcing import LIGHTEST, Setting, forcings, frequencies, window
+from asperity.dynamics.law.damping import check_damping
+from asperity.dynamics.law.law import Array, Law, TaylorLaw, positive
+from asperity.dynamics.law.restoring import Restoring
+from asperity.dynamics.law.table import TableLaw
+from asperity.dynamics.motion import sweep as _sweep
+from asperity.dynamics.motion.shooting_correction import polish as _polish
+from asperity.dynamics.motion.sweep import Attractor, Sweep
+from asperity.dynamics.motion.trajectory import Trajectory, integrate
+from asperity.dynamics.orbits import thresholds as _thresholds
+from asperity.dynamics.orbits.free import FreeVibration, contact_limit, free_vibration
+from asperity.dynamics.orbits.harmonic_balance import Balance
+from asperity.dynamics.orbits.response import FrequencyResponse, frequency_response
+from asperity.dynamics.orbits.thresholds import Backbone, Thresholds
 from asperity.errors import InputError, RangeError
 
 GRAVITY = 9.80665
@@ -43,7 +43,7 @@ class ContactOscillator:
         load: preload W = m g (force); by default half of the greatest force of a table, or K (z_s = 1) for
             a law without end.
         zeta: damping ratio of small motion, >= 0.
-        damping: "always", "contact" or "hunt-crossley" (see `asperity.dynamics.damping`).
+        damping: "always", "contact" or "hunt-crossley" (see `asperity.dynamics.law.damping`).
         gravity: acceleration that makes the mass heavy (length/time^2).
         restoring: normal form of the law (derived).
 
@@ -320,7 +320,7 @@ class ContactOscillator:
 
     def _seeds(self, forcing: float, window: tuple[float, float], tol: float) -> tuple[tuple[int, Array, float], ...]:
         """Periodic orbits met from many initial states, as starting points of detached branches."""
-        from asperity.dynamics.polish import coefficients
+        from asperity.dynamics.motion.shooting_correction import coefficients
 
         if self.zeta < LIGHTEST:
             warnings.warn("with so little damping no motion settles: detached loops are not searched", stacklevel=3)

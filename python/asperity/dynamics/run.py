@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from asperity.dynamics.free import FreeVibration
-from asperity.dynamics.law import Array, Law, PowerLaw
+from asperity.dynamics.forcing import forcings, window
+from asperity.dynamics.law.law import Array, Law, PowerLaw
+from asperity.dynamics.law.table import TableLaw, columns, unload_reload
+from asperity.dynamics.motion.sweep import ESCAPED, Sweep
+from asperity.dynamics.orbits.free import FreeVibration
+from asperity.dynamics.orbits.response import FrequencyResponse
+from asperity.dynamics.orbits.thresholds import Thresholds
 from asperity.dynamics.oscillator import ContactOscillator
-from asperity.dynamics.response import FrequencyResponse
-from asperity.dynamics.setting import forcings, window
-from asperity.dynamics.sweep import ESCAPED, Sweep
-from asperity.dynamics.table import TableLaw, columns, unload_reload
-from asperity.dynamics.thresholds import Thresholds
 from asperity.dynamics.uncertainty import BAND_COLUMNS, Band, Uncertainty, response_band, uncertainty
 from asperity.errors import AsperityError, InputError, RangeError
 from asperity.power_law import fit_power_law

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from asperity.dynamics.law import EXPONENT, Array, Law, PowerLaw
+from asperity.dynamics.forcing import forcings, window
+from asperity.dynamics.law.law import EXPONENT, Array, Law, PowerLaw
+from asperity.dynamics.law.table import TableLaw
+from asperity.dynamics.orbits.response import FrequencyResponse, frequency_response
 from asperity.dynamics.oscillator import ContactOscillator
-from asperity.dynamics.response import FrequencyResponse, frequency_response
-from asperity.dynamics.setting import forcings, window
-from asperity.dynamics.table import TableLaw
 from asperity.errors import InputError
 
 _MEMBERS = 12

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from asperity.output.results import Results
 from asperity.plot.curves import force_curve, plasticity
 from asperity.plot.fields import contact_area, mesh_cut, pressure_maps, surface_map
 from asperity.plot.style import save
 from asperity.plot.vibration import frequency, response
-from asperity.results import Results
 
 __all__ = [
     "CAPTIONS",

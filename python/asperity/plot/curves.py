@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from asperity.output.results import Results
 from asperity.plot import style
-from asperity.results import Results
 
 DELTA, LOAD = "deflection $\\delta^{*}{=}\\,\\delta/L$", "load $P^{*}{=}\\,P/(A_0E')$"
 

@@ -13,10 +13,10 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from matplotlib.tri import Triangulation
 
+from asperity.output.results import Array, Results
 from asperity.plot import style
 from asperity.plot.curves import LOAD
 from asperity.plot.section import cut
-from asperity.results import Array, Results
 from asperity.units import prefix
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from asperity.fractal_fit import FractalFit
 from asperity.plot import style
 from asperity.surface import Spectrum
+from asperity.surface.fractal_fit import FractalFit
 
 
 @style.styled

@@ -15,8 +15,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from asperity.dynamics.law import positives
-from asperity.dynamics.table import TableLaw
+from asperity.dynamics.law.law import positives
+from asperity.dynamics.law.table import TableLaw
 from asperity.errors import AsperityError
 from asperity.plot import style
 from asperity.plot.vibration import amplitude_frequency, natural_frequency

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from asperity.errors import CompatError, InputError
-from asperity.results import Results
+from asperity.output.results import Results
 from asperity.units import prefix
 
 SIZE = (1500, 640)  # pixels

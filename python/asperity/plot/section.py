@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from asperity.results import Array
+from asperity.output.results import Array
 
 # faces of a ten-node tetrahedron in gmsh's order: three vertices, then the nodes between 0-1, 1-2
 # and 2-0

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
+from asperity.output.results import Array, Columns, Results
 from asperity.plot import style
-from asperity.results import Array, Columns, Results
 
 if TYPE_CHECKING:
     from asperity.dynamics import Band, ContactOscillator, FrequencyResponse, Sweep

@@ -5,7 +5,7 @@ Lengths, forces and stresses in any consistent system of units.
 
 from __future__ import annotations
 
-from .elastic import (
+from asperity.reference.elastic import (
     DoubleSinusoid,
     Hertz,
     Westergaard,
@@ -16,8 +16,8 @@ from .elastic import (
     reduced_modulus,
     similar_coefficient,
 )
-from .halfspace import HalfSpaceContact, half_space_contact
-from .plastic import (
+from asperity.reference.halfspace import HalfSpaceContact, half_space_contact
+from asperity.reference.plastic import (
     PressurisedSphere,
     confined_stress,
     ghaednia,
@@ -27,7 +27,13 @@ from .plastic import (
     kogut_etsion,
     uniaxial_stress,
 )
-from .tables import FLATTENED_DEPTHS, FLATTENED_SPHERE, ROUGH_ELASTIC, ROUGH_ELASTIC_FITS, rough_elastic_surface
+from asperity.reference.tables import (
+    FLATTENED_DEPTHS,
+    FLATTENED_SPHERE,
+    ROUGH_ELASTIC,
+    ROUGH_ELASTIC_FITS,
+    rough_elastic_surface,
+)
 
 __all__ = [
     "FLATTENED_DEPTHS",

@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import ConvergenceError, InputError
-from ..surface import Surface
-from .elastic import block_modulus, reduced_modulus
+from asperity.errors import ConvergenceError, InputError
+from asperity.reference.elastic import block_modulus, reduced_modulus
+from asperity.surface import Surface
 
 Array = NDArray[Any]
 

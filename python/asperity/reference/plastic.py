@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError
-from .elastic import Hertz, reduced_modulus
+from asperity.errors import InputError
+from asperity.reference.elastic import Hertz, reduced_modulus
 
 Array = NDArray[Any]
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..surface import WeierstrassMandelbrot
+from asperity.surface import WeierstrassMandelbrot
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Hard cases: scenes where a contact solver is likely to fail, each run to its end or refused with a reason.
 
 Every scene is run as `asperity run` would, in a folder of its own, and judged: it ends as it should, passes the
-checks of `asperity.audit` at every step, agrees with its twin (the same problem solved in another way) and with
+checks of `asperity.quasistatic.balance` at every step, agrees with its twin (the same problem solved in another way) and with
 what theory says of it. A scene that stops leaves its curve and a checkpoint to continue from.
 """
 
@@ -11,10 +11,10 @@ from collections.abc import Callable, Iterable
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
-from ..errors import InputError
+from asperity.errors import InputError
 
 if TYPE_CHECKING:
-    from .outcome import Outcome
+    from asperity.stress.outcome import Outcome
 
 
 def stress(
@@ -30,8 +30,8 @@ def stress(
     Raises:
         InputError: a name that no scene has
     """
-    from .outcome import run_scene
-    from .scenes import SCENES
+    from asperity.stress.outcome import run_scene
+    from asperity.stress.scenes import SCENES
 
     names = tuple(names)
     for name in names:

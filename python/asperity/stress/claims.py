@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from ..case import Case
-    from ..curve import Curve
+    from asperity.case import Case
+    from asperity.curve import Curve
 
 Claim = Callable[["Case", "Curve"], tuple[bool, str]]
 

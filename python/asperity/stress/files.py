@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from ..block import EDGES, outer_faces
+from asperity.mesh.block import EDGES, outer_faces
 
 if TYPE_CHECKING:
-    from ..block import BlockMesh
+    from asperity.mesh.block import BlockMesh
 
 Floats = npt.NDArray[np.float64]
 Nodes = npt.NDArray[np.int64]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import pi
 
-from .scene import DIRECT, ELASTIC, PENALTY, L, Scene, Twin, sphere, wave
+from asperity.stress.scene import DIRECT, ELASTIC, PENALTY, L, Scene, Twin, sphere, wave
 
 
 def plane() -> list[Scene]:

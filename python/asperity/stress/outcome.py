@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from ..case import Case, check_loading
-from ..checkpoint import Checkpoint, identity
-from ..curve import Curve
-from ..errors import CheckError, ConvergenceError, InputError
-from ..simulation import run
-from ..statics import MeshSize, make_block
-from . import files
-from .scene import BASE, Keys, L, Scene
+from asperity.case.case_file import Case, check_loading
+from asperity.curve import Curve
+from asperity.errors import CheckError, ConvergenceError, InputError
+from asperity.quasistatic.checkpoint import Checkpoint, identity
+from asperity.quasistatic.solve_contact import MeshSize, make_block
+from asperity.run_case import run
+from asperity.stress import files
+from asperity.stress.scene import BASE, Keys, L, Scene
 
 
 @dataclass(frozen=True)

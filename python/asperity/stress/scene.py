@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from . import files
-from .claims import Claim
+from asperity.stress import files
+from asperity.stress.claims import Claim
 
 Keys = dict[str, Any]
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from math import pi
 
-from . import claims, files, grids
-from .scene import DIRECT, ELASTIC, FILE, FLAT, PENALTY, Keys, L, Scene, Twin, sphere, wave
+from asperity.stress import claims, files, grids
+from asperity.stress.scene import DIRECT, ELASTIC, FILE, FLAT, PENALTY, Keys, L, Scene, Twin, sphere, wave
 
 UM_GPA: Keys = {
     "units": "other",

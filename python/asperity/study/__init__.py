@@ -5,9 +5,9 @@ run_study(study, "out/study")
 results = StudyResults.read("out/study")
 """
 
-from .definition import Entry, Family, Study
-from .results import Level, StudyResults, ensemble_curve, summarise_case
-from .run import run_study
+from asperity.study.definition import Entry, Family, Study
+from asperity.study.results import Level, StudyResults, ensemble_curve, summarise_case
+from asperity.study.run import run_study
 
 __all__ = [
     "Entry",

@@ -32,9 +32,9 @@ from typing import Any
 
 import numpy as np
 
-from ..case import Case, _override, _read_toml
-from ..errors import InputError
-from ..schema import Input, sections, show
+from asperity.case.case_file import Case, _override, _read_toml
+from asperity.case.schema import Input, sections, show
+from asperity.errors import InputError
 
 #: Key whose values make an ensemble: levels differ in the other keys.
 ENSEMBLE = "surface.seed"

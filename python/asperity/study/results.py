@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..case import Case
-from ..curve import Curve
-from ..errors import AsperityError, InputError
-from ..power_law import PowerLawFit, fit_power_law, interface_deflection
-from ..storage import replace_file
-from .definition import ENSEMBLE, Entry, Family, Study
+from asperity.case import Case
+from asperity.curve import Curve
+from asperity.errors import AsperityError, InputError
+from asperity.power_law import PowerLawFit, fit_power_law, interface_deflection
+from asperity.runtime.files import replace_file
+from asperity.study.definition import ENSEMBLE, Entry, Family, Study
 
 Array = NDArray[Any]
 Row = Mapping[str, Any]
@@ -100,7 +100,7 @@ def _fit(delta_star: Array, P_star: Array) -> PowerLawFit | None:
 
 def _vibration(curve: Curve, fit: PowerLawFit, force: float, side: float) -> dict[str, Any]:
     """What the laws of a curve say about a mass that loads it to half of its greatest force."""
-    from ..dynamics import ContactOscillator, PowerLaw, TableLaw, unload_reload
+    from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw, unload_reload
 
     preload = 0.5 * float(curve.loading().force.max())
     row: dict[str, Any] = {"preload": preload / force}

@@ -16,16 +16,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import AsperityError, InputError
-from ..progress import duration
-from ..storage import is_aside, on_root, remove_asides, replace_file
-from .definition import Entry, Study
-from .results import ABOUT, case_folder, case_state, write_tables
+from asperity.errors import AsperityError, InputError
+from asperity.runtime.files import is_aside, on_root, remove_asides, replace_file
+from asperity.runtime.progress import duration
+from asperity.study.definition import Entry, Study
+from asperity.study.results import ABOUT, case_folder, case_state, write_tables
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from ..case import Case
+    from asperity.case import Case
 
 MESHES = "meshes"  # folder of the meshes that cases share
 PORTIONS = 4  # a group gets its cases in about this many portions: fewer leave groups idle, more mesh twice
@@ -149,8 +149,8 @@ def run_portion(entries: Sequence[Entry], folder: Path, comm: MPI.Comm) -> Any:
 
 
 def _run(case: Case, place: Path, mesh: Path | None, comm: MPI.Comm) -> None:
-    from ..case import check_loading
-    from ..simulation import run
+    from asperity.case.case_file import check_loading
+    from asperity.run_case import run
 
     check_loading(case, case.build_surface())
     if mesh is not None:
@@ -174,7 +174,7 @@ def mesh_key(case: Case) -> str:
 
 def shared_mesh(case: Case, folder: Path, comm: MPI.Comm) -> Path | AsperityError:
     """File of the mesh of a case, made when missing; or why it cannot be; collective."""
-    from ..statics import MeshSize, make_block
+    from asperity.quasistatic.solve_contact import MeshSize, make_block
 
     path = (folder / MESHES / f"{mesh_key(case)}.npz").absolute()
     if comm.bcast(path.is_file() if comm.rank == 0 else None):

@@ -10,11 +10,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..curve import Curve
-from ..errors import InputError
-from ..power_law import fit_power_law, interface_deflection
-from .definition import ENSEMBLE
-from .results import Level, Row, mean_interval
+from asperity.curve import Curve
+from asperity.errors import InputError
+from asperity.power_law import fit_power_law, interface_deflection
+from asperity.study.definition import ENSEMBLE
+from asperity.study.results import Level, Row, mean_interval
 
 Array = NDArray[Any]
 HOLDS, CONDITIONAL, FAILS = "holds", "holds under conditions", "does not hold"

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from .base import Surface, SurfaceWarning
-from .fractal import WeierstrassMandelbrot, cut_off_index
-from .heightmap import HeightMap
-from .shapes import Flat, Sinusoid, Sphere
-from .statistics import Spectrum, SurfaceStatistics
+from asperity.surface.base import Surface, SurfaceWarning
+from asperity.surface.fractal import WeierstrassMandelbrot, cut_off_index
+from asperity.surface.height_map import HeightMap
+from asperity.surface.shapes import Flat, Sinusoid, Sphere
+from asperity.surface.statistics import Spectrum, SurfaceStatistics
 
 __all__ = [
     "Flat",

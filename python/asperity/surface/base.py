@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import InputError
+from asperity.errors import InputError
 
 if TYPE_CHECKING:
-    from .statistics import Spectrum, SurfaceStatistics
+    from asperity.surface.statistics import Spectrum, SurfaceStatistics
 
 Array = NDArray[Any]
 
@@ -121,7 +121,7 @@ class Surface(ABC):
 
     @cached_property
     def _maximum(self) -> tuple[float, float, float]:
-        from .maximum import global_maximum
+        from asperity.surface.maximum import global_maximum
 
         return global_maximum(self)
 
@@ -155,7 +155,7 @@ class Surface(ABC):
 
     def statistics(self, n: int = 1025) -> SurfaceStatistics:
         """Return roughness parameters from an n x n grid; see :class:`SurfaceStatistics`."""
-        from .statistics import surface_statistics
+        from asperity.surface.statistics import surface_statistics
 
         return surface_statistics(self, n)
 
@@ -170,13 +170,13 @@ class Surface(ABC):
             (fraction, height): the share of the area that lies above `height` (length), from 0
             at the highest node to 1 at the lowest.
         """
-        from .statistics import bearing_curve
+        from asperity.surface.statistics import bearing_curve
 
         return bearing_curve(self, n, points)
 
     def psd(self, n: int = 1024, direction: str = "radial", window: str = "hann") -> Spectrum:
         """Return the power spectral density of the heights; see :func:`statistics.psd`."""
-        from .statistics import psd
+        from asperity.surface.statistics import psd
 
         return psd(self, n, direction, window)
 
@@ -199,14 +199,14 @@ class Surface(ABC):
 
 def surface_kinds() -> Mapping[str, type[Surface]]:
     """Return the concrete surfaces by their name in the case file."""
-    from . import fractal, heightmap, shapes
+    from asperity.surface import fractal, height_map, shapes
 
     classes: tuple[type[Surface], ...] = (
         fractal.WeierstrassMandelbrot,
         shapes.Sphere,
         shapes.Sinusoid,
         shapes.Flat,
-        heightmap.HeightMap,
+        height_map.HeightMap,
     )
     return {cls.kind: cls for cls in classes}
 

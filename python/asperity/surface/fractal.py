@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .base import (
+from asperity.surface.base import (
     Array,
     Surface,
     SurfaceWarning,
@@ -22,7 +22,7 @@ from .base import (
     is_number,
     nodes,
 )
-from .waves import Waves, mean_squares, on_product
+from asperity.surface.plane_waves import Waves, mean_squares, on_product
 
 _CHUNK = 2**21  # angles evaluated at once: 16 MiB a temporary
 _SHORTEST = 1e-9  # wavelength over L: heights are lost in the round-off of the angles of shorter waves
@@ -259,6 +259,6 @@ class WeierstrassMandelbrot(Surface):
 
     @cached_property
     def _maximum(self) -> tuple[float, float, float]:
-        from .summit import highest_point
+        from asperity.surface.fractal_maximum import highest_point
 
         return highest_point(self)

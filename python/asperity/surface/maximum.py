@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from .base import Array, Surface
+from asperity.surface.base import Array, Surface
 
 _MAX_CELLS = 4_000_000
 _LEVELS = 40

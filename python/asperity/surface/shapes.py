@@ -10,7 +10,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .base import Array, Surface, check, check_point, check_positive
+from asperity.surface.base import Array, Surface, check, check_point, check_positive
 
 
 def _points(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:

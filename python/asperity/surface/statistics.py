@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import InputError
-from .base import SMALL_SLOPE, Array, Surface
+from asperity.errors import InputError
+from asperity.surface.base import SMALL_SLOPE, Array, Surface
 
 
 @dataclass(frozen=True)

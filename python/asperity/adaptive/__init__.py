@@ -1,0 +1,1 @@
+"""Runs with a tolerance: family of meshes, extrapolation, error bars, and the estimate before a run."""

@@ -1,0 +1,203 @@
+"""Unknowns, memory and time of a case before it is run.
+
+The size field of the mesh says how many nodes there will be; how many seconds and bytes an unknown costs was measured
+by `benchmarks/estimate.py`, which prints the constants below.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import inf, log2
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from asperity.adaptive.mesh_plan import GUIDE, STEP_ORDERS, cheapest_substeps, growth, meshes, planned_steps
+from asperity.errors import InputError
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.generate import GRADING, GUIDED, SizeField
+from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
+
+if TYPE_CHECKING:
+    from asperity.case import Case
+    from asperity.surface import Surface
+
+Size = Callable[[float, float, float], float]
+
+# Nodes in a volume h^3: the first for equal elements, the second times mesh.growth, because a mesh cannot be graded as
+# fast as a field may ask; from 15 meshes, within 15 %
+NODES, NODES_OF_GROWTH = 4.5, 19.0
+
+TYPICAL_BAR = 0.06  # relative, of the second mesh of a run driven by a tolerance
+TYPICAL_STEP_BAR = {MIDPOINT: 0.005, BACKWARD_EULER: 0.1}  # relative, of whole load steps
+MOST_DOFS = 1e8  # that are counted
+
+
+@dataclass(frozen=True)
+class Rates:
+    """What an unknown costs, measured on one core of the machine named in docs/cluster.md.
+
+    Attributes:
+        mesh: seconds of meshing and set-up per unknown.
+        step: seconds of a load step per unknown at 10,000 unknowns.
+        growth: exponent of the unknowns in the seconds of a step.
+        base: memory of a rank without a mesh [bytes].
+        per_dof: memory per unknown [bytes].
+    """
+
+    mesh: float
+    step: float
+    growth: float
+    base: float
+    per_dof: float
+
+
+ELASTIC = Rates(6.0e-5, 9.7e-6, 1.20, 231e6, 2.77e3)
+PLASTIC = Rates(5.9e-5, 1.5e-5, 1.21, 228e6, 2.98e3)
+
+
+@dataclass(frozen=True)
+class Level:
+    """One mesh of a run.
+
+    Attributes:
+        h_contact: element size where the surface is reached last [length].
+        dofs: unknowns.
+        steps: load steps, those of unloadings too.
+        seconds: of one core.
+    """
+
+    h_contact: float
+    dofs: int
+    steps: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a case will take.
+
+    Attributes:
+        levels: the meshes, the last one the finest.
+        ranks: processes the memory is for.
+        memory: of all ranks [bytes].
+        enough: whether the meshes end where the tolerance is expected to be met, not before, at accuracy.max_dofs.
+    """
+
+    levels: tuple[Level, ...]
+    ranks: int
+    memory: float
+    enough: bool = True
+
+    @property
+    def dofs(self) -> int:
+        """Unknowns of the finest mesh."""
+        return self.levels[-1].dofs
+
+    @property
+    def seconds(self) -> float:
+        """Time of one core for everything."""
+        return sum(level.seconds for level in self.levels)
+
+
+def estimate(case: Case, ranks: int = 1) -> Estimate:
+    """What a case will take, without meshing or solving it.
+
+    With `accuracy.tolerance` the meshes are those a run plans for a usual error of its first mesh; a harder surface
+    gets a finer one more.
+
+    Raises:
+        InputError: the case is driven by a force, so nobody knows yet how deep it goes; or it has more than MOST_DOFS.
+    """
+    if case.loading.delta_max is None:
+        raise InputError(
+            "an estimate needs loading.delta_max: the deflection at loading.force_max is only known after a run; "
+            "replace it, for example --set loading.force_max= --set loading.delta_max=2e-8"
+        )
+    surface, rates = case.build_surface(), PLASTIC if case.material.yield_strength is not None else ELASTIC
+    levels: list[Level] = []
+    enough, most = True, MOST_DOFS if case.accuracy.tolerance is None else min(case.accuracy.max_dofs, MOST_DOFS)
+    for h, steps in _plan(case):
+        dofs = _given_dofs(case) or count_dofs(surface, case, h, most)
+        if dofs > most:
+            enough = False
+            break
+        levels.append(Level(h, dofs, steps, _seconds(rates, dofs, steps)))
+    if not levels:
+        key = "mesh.h_contact" if case.accuracy.tolerance is None else "accuracy.max_dofs"
+        raise InputError(f"the first mesh has more than {most:g} dofs: raise {key}")
+    memory = ranks * rates.base + rates.per_dof * levels[-1].dofs
+    return Estimate(tuple(levels), ranks, memory, enough)
+
+
+def _plan(case: Case) -> Iterator[tuple[float, int]]:
+    """Size h_contact [length] and load steps of each mesh, one after the other."""
+    loading, plastic = case.loading, case.material.yield_strength is not None
+    integrator = loading.integrator if plastic else BACKWARD_EULER
+    wanted = case.accuracy.tolerance
+    planned = loading.steps if wanted is None else planned_steps(loading.steps)
+
+    def steps(substeps: int = 1) -> int:
+        schedule = Schedule(delta_max=1.0, steps=planned, integrator=integrator, substeps=substeps)
+        unloading = loading.unload_steps if loading.unload else 0
+        return (len(schedule.stops()) + unloading) * loading.cycles
+
+    if wanted is None:
+        yield case.mesh.h_contact, steps()
+        return
+    L = case.surface.L
+    left, substeps = wanted, 1
+    if plastic:
+        whole, order = TYPICAL_STEP_BAR[integrator], STEP_ORDERS[integrator]
+        substeps = cheapest_substeps({1: np.array([whole])}, np.array([TYPICAL_BAR]), left, order)
+        left = max(left - whole * substeps**-order, 0.1 * left)
+    for k, h in enumerate(meshes(TYPICAL_BAR, left)):
+        if k == 1 and plastic:  # the second mesh measures the error of the steps, with two parts at the least
+            yield from ((h * L, steps(2**n)) for n in range(max(int(log2(substeps)), 1) + 1))
+        else:
+            yield h * L, steps(substeps if k else 1)
+
+
+def _given_dofs(case: Case) -> int:
+    return 0 if case.mesh.file is None else 3 * len(BlockMesh.read(case.mesh.file).points)
+
+
+def count_dofs(surface: Surface, case: Case, h_contact: float, most: float = inf) -> int:
+    """Unknowns of the mesh of a case with a given size h_contact [length]; counted until there are more than `most`."""
+    assert case.loading.delta_max is not None
+    mesh, L = case.mesh, surface.L
+    adaptive = case.accuracy.tolerance is not None
+    rate, h_max = (growth(h_contact / L), None) if adaptive else (mesh.growth, mesh.h_max)
+    grading = GUIDED if adaptive and h_contact < GUIDE * L else GRADING
+    field = SizeField.of(surface, case.loading.delta_max, h_contact, growth=rate, h_max=h_max, grading=grading)
+    nodes = NODES + NODES_OF_GROWTH * rate
+    return round(3 * nodes * integral(field.at, case.block.height / L, most / (3 * nodes)))
+
+
+def integral(size: Size, height: float, most: float = inf) -> float:
+    """Integral of 1/h^3 over the block, by cubes of at most 2 h.
+
+    Args:
+        size: h at (x, y, depth), in units of L
+        height: of the block [L]
+        most: value beyond which it is given up
+    """
+    total = 0.0
+    layers = max(round(8 * height), 1)
+    edges = (1 / 8, 1 / 8, height / layers)
+    todo = [((i + 0.5) / 8, (j + 0.5) / 8, (k + 0.5) * edges[2], edges)
+            for i in range(8) for j in range(8) for k in range(layers)]  # fmt: skip
+    while todo and total <= most:
+        x, y, z, (a, b, c) = todo.pop()
+        h = size(x, y, z)
+        if max(a, b, c) <= 2.0 * h:
+            total += a * b * c / h**3
+            continue
+        todo += [(x + sx * a / 4, y + sy * b / 4, z + sz * c / 4, (a / 2, b / 2, c / 2))
+                 for sx in (-1, 1) for sy in (-1, 1) for sz in (-1, 1)]  # fmt: skip
+    return total
+
+
+def _seconds(rates: Rates, dofs: int, steps: int) -> float:
+    return rates.mesh * dofs + steps * rates.step * dofs * (dofs / 1e4) ** (rates.growth - 1.0)

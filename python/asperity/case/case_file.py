@@ -1,0 +1,233 @@
+"""The case file read, completed and validated: one clear sentence for each mistake.
+
+A `Case` is immutable and complete: defaults that follow from other keys (block height, mesh sizes)
+are filled in before validation, so `case.to_toml()` reproduces the run. Lengths, forces and moduli
+must be in one consistent system of units; `units = "SI"`, the default, adds labels to the figures
+and checks of plausibility.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import ValidationError
+
+from asperity.case.messages import sentence
+from asperity.case.schema import Input, LoadingSection, show
+from asperity.case.validation import Mistake, check_loading, check_together, doubts, unused
+from asperity.errors import InputError
+from asperity.mesh.block import H_CONTACT
+
+if TYPE_CHECKING:
+    from asperity.surface import Surface
+
+__all__ = ["Case", "check_loading"]
+
+_FILES = (("surface", "path"), ("mesh", "file"))
+
+
+class Case(Input):
+    """A complete, validated and immutable input.
+
+    Make one with `Case.load` or `Case.from_dict`, which raise `InputError` with one sentence; the
+    plain constructor expects a complete input and raises pydantic's errors.
+    """
+
+    @classmethod
+    def load(cls, path: str | Path, overrides: Iterable[str] = ()) -> Case:
+        """Read a case file.
+
+        Args:
+            path: TOML file; relative paths inside it are taken from its folder.
+            overrides: texts "section.key=value" that replace keys of the file; an empty value
+                removes the key.
+
+        Raises:
+            InputError: anything wrong, in one sentence.
+        """
+        path = Path(path)
+        data = _read_toml(path)
+        changed = [_override(data, text) for text in overrides]
+        return cls.from_dict(data, folder=path.parent, source=str(path), changed=changed)
+
+    @classmethod
+    def from_dict(
+        cls,
+        data: Mapping[str, Any],
+        *,
+        folder: str | Path = ".",
+        source: str = "case",
+        changed: Iterable[str] = (),
+    ) -> Case:
+        """Complete and validate nested tables.
+
+        Args:
+            data: sections and keys as in the case file, None for absent; not modified.
+            folder: where relative file paths start.
+            source: name of the input in messages.
+            changed: dotted keys that were set on the command line, for messages.
+
+        Raises:
+            InputError: anything wrong, in one sentence.
+        """
+        try:
+            case = cls.model_validate(_complete(data, Path(folder)))
+            check_together(case)
+            return case
+        except ValidationError as error:
+            # a misspelt key also shows as a missing one: name the misspelling
+            first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
+            key, message = sentence(first)
+        except Mistake as mistake:
+            key, message = mistake.key, mistake.message
+        where = "--set" if key in set(changed) else source
+        name = key if key.isprintable() and len(key) < 80 else show(key)
+        raise InputError(f"{where}: {name} {message}")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Nested tables of plain values; keys without a value are left out."""
+        return self.model_dump(mode="json", exclude_none=True)
+
+    def to_toml(self) -> str:
+        """The completed input as TOML text; reading it again gives an equal case."""
+        import tomli_w
+
+        return tomli_w.dumps(self.to_dict())
+
+    def hash(self, without: Iterable[str] = ("output",)) -> str:
+        """SHA-256 of the input, files counted by their content.
+
+        Args:
+            without: sections that do not matter.
+        """
+        data = {name: table for name, table in self.content().items() if name not in set(without)}
+        return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
+
+    def content(self) -> dict[str, Any]:
+        """The input with the SHA-256 of each file it names in place of the path."""
+        data = self.to_dict()
+        for section, name in _FILES:
+            if data.get(section, {}).get(name):
+                content = read_bytes(Path(data[section][name]), f"{section}.{name}")
+                data[section][name] = hashlib.sha256(content).hexdigest()
+        return data
+
+    def build_surface(self) -> Surface:
+        """The surface that [surface] describes."""
+        from asperity.surface import Surface
+
+        return Surface.from_spec(**self.surface.parameters())
+
+    def warnings(self) -> list[str]:
+        """Sentences about values that are legal but improbable, or not used."""
+        return [*([] if self.units == "other" else doubts(self)), *unused(self)]
+
+
+def read_bytes(path: Path, what: str) -> bytes:
+    try:
+        return path.read_bytes()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"{what}: cannot read {show(str(path))}: {reason}") from None
+
+
+def _read_toml(path: Path) -> dict[str, Any]:
+    raw = read_bytes(path, "case file")
+    try:
+        return tomllib.loads(raw.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        line = raw[: error.start].count(b"\n") + 1
+        raise InputError(f"{path}: not UTF-8 text at line {line}; save it as UTF-8") from None
+    except RecursionError:
+        raise InputError(f"{path}: not valid TOML: nested too deeply") from None
+    except ValueError as error:
+        raise InputError(f"{path}: not valid TOML: {error}") from None
+
+
+def _override(data: dict[str, Any], text: str) -> str:
+    """Apply "section.key=value" to nested tables in place; return the dotted key."""
+    name, equals, value = text.partition("=")
+    name = name.strip()
+    *sections, key = name.split(".")
+    if not equals or not key or len(sections) > 1:
+        raise InputError(f"--set {show(text)}: write section.key=value, for example block.height=2e-6")
+    table = data.setdefault(sections[0], {}) if sections else data
+    if not isinstance(table, dict):
+        raise InputError(f"--set {show(text)}: {sections[0]} is not a section in the case file")
+    if not value.strip():
+        table.pop(key, None)
+        return name
+    try:
+        parsed = tomllib.loads(f"value = {value}")
+    except (ValueError, RecursionError):
+        parsed = {}
+    table[key] = parsed["value"] if set(parsed) == {"value"} else value.strip()
+    return name
+
+
+def _complete(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Copy of `data` with the keys that follow from others, and absolute file paths."""
+    full = {
+        name: {key: value for key, value in table.items() if value is not None} if isinstance(table, Mapping) else table
+        for name, table in data.items()
+        if table is not None
+    }
+    for section, name in _FILES:
+        table = full.get(section)
+        if isinstance(table, dict) and isinstance(table.get(name), str):
+            table[name] = _existing_file(folder, table[name], f"{section}.{name}")
+    surface = full.get("surface")
+    if isinstance(surface, dict):
+        if surface.get("kind") == "file" and "L" not in surface:
+            surface["L"] = _side_of_map(surface)
+        side = surface.get("L")
+        if isinstance(side, float | int):
+            _default(full, "block", height=side)
+            _default(full, "mesh", h_contact=H_CONTACT * _as_float(side))
+        if surface.get("kind") == "weierstrass-mandelbrot" and "L_s" not in surface:
+            surface.setdefault("f_max", 5)
+    loading = full.get("loading")
+    if isinstance(loading, dict):
+        steps = loading.get("steps", LoadingSection.model_fields["steps"].default)
+        loading.setdefault("unload_steps", max(steps // 2, 1) if isinstance(steps, int) else 1)
+    return full
+
+
+def _default(tables: dict[str, Any], section: str, **values: Any) -> None:
+    table = tables.setdefault(section, {})
+    if isinstance(table, dict):
+        for name, value in values.items():
+            table.setdefault(name, value)
+
+
+def _as_float(value: float) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
+
+
+def _existing_file(folder: Path, name: str, key: str) -> str:
+    path = folder / name
+    try:
+        found = path.is_file()
+    except (OSError, ValueError):
+        found = False
+    if not found:
+        raise Mistake(key, f"= {show(name)}: there is no such file in {show(str(folder))}")
+    return str(path.resolve())
+
+
+def _side_of_map(table: dict[str, Any]) -> Any:
+    """Side of the patch stored in a height map; None when validation has to complain anyway."""
+    from asperity.surface import Surface
+
+    if not isinstance(table.get("path"), str):
+        return None
+    return Surface.from_spec(kind="file", path=table["path"]).L

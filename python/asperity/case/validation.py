@@ -1,0 +1,241 @@
+"""Checks of a case that need more than one key, or the surface built from it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import numpy as np
+
+from asperity.adaptive.mesh_plan import too_soft
+from asperity.case.schema import Input, show
+from asperity.errors import InputError
+from asperity.mesh.block import H_CONTACT, H_MAX
+
+if TYPE_CHECKING:
+    from asperity.surface import Surface
+
+
+class Mistake(Exception):
+    """A mistake found outside pydantic: dotted key and the rest of the sentence."""
+
+    def __init__(self, key: str, message: str):
+        super().__init__(key, message)
+        self.key, self.message = key, message
+
+
+def _refuse(key: str, message: str) -> NoReturn:
+    raise Mistake(key, message)
+
+
+def check_together(case: Input) -> None:
+    """Checks that need more than one key."""
+    _check_material(case)
+    _check_lengths(case)
+    loading, dynamics = case.loading, case.dynamics
+    if case.accuracy.tolerance is not None and (soft := too_soft(case.contact.method, case.contact.penalty)):
+        key, _, rest = soft.partition(" ")
+        _refuse(key, rest)
+    if (loading.delta_max is None) == (loading.force_max is None):
+        state = "are both missing" if loading.delta_max is None else "are both given"
+        _refuse("loading.delta_max", f"and loading.force_max {state}; give exactly one of them")
+    if loading.cycles > 1 and not loading.unload:
+        _refuse("loading.cycles", f"= {loading.cycles} needs an unloading between; set loading.unload = true")
+    if dynamics and len(set(dynamics.model)) < len(dynamics.model):
+        _refuse("dynamics.model", f"= {show(dynamics.model)} names a model twice")
+    if dynamics and dynamics.omega[0] >= dynamics.omega[1]:
+        _refuse("dynamics.omega", f"= {show(dynamics.omega)} must rise, for example [0.5, 1.3]")
+    if dynamics and dynamics.law == "unload-reload" and not loading.unload:
+        _refuse("dynamics.law", '= "unload-reload" needs an unloading; set loading.unload = true')
+    if dynamics and dynamics.preload is not None:
+        full = case.material.E_prime * case.surface.L**2
+        least, most = 1e-12 * full, loading.force_max or full
+        if not least <= dynamics.preload <= most:
+            _refuse(
+                "dynamics.preload",
+                f"= {dynamics.preload:g} must lie between {least:.3g} and {most:.3g}, the greatest force the run may "
+                "reach; leave it out for half of what it does reach",
+            )
+
+
+def _check_material(case: Input) -> None:
+    solid = case.material
+    if solid.yield_strength is None:
+        if solid.tangent_modulus is not None:
+            _refuse(
+                "material.tangent_modulus",
+                "needs material.yield_strength; an elastic material has neither",
+            )
+        return
+    ratio = solid.yield_strength / solid.E
+    if not 1e-7 <= ratio < 1:
+        _refuse(
+            "material.yield_strength",
+            f"= {solid.yield_strength:g} with E = {solid.E:g} means yield at a strain of "
+            f"{ratio:.2g}, legal are 1e-7 to 1; give both in the same unit (Pa), or leave it "
+            "out for an elastic material",
+        )
+    if solid.tangent_modulus is not None and solid.tangent_modulus >= solid.E:
+        _refuse(
+            "material.tangent_modulus",
+            f"= {solid.tangent_modulus:g} must be below material.E = {solid.E:g}; 0 is perfectly plastic",
+        )
+    if case.contact.method == "nitsche" and case.contact.theta != 0:
+        _refuse(
+            "contact.theta",
+            f"= {case.contact.theta} is for elastic materials; use 0, or remove yield_strength",
+        )
+
+
+# key -> legal range as a fraction of L: wide enough for any sensible model, narrow enough to catch
+# metres mixed with micrometres
+_FRACTIONS_OF_L = {
+    "block.height": (1e-3, 1e2),
+    "loading.delta_max": (1e-7, 1e3),
+    "mesh.h_contact": (1e-5, 1.0),
+    "mesh.h_max": (1e-5, 1e3),
+    "surface.G": (0.0, 1.0),
+    "surface.L_s": (1e-9, 1.0),
+    "surface.amplitude": (1e-9, 1.0),
+    "surface.wavelength": (1e-3, 1e3),
+    "surface.radius": (1e-2, 1e9),
+}
+
+
+def _check_lengths(case: Input) -> None:
+    side = case.surface.L
+    for key, (low, high) in _FRACTIONS_OF_L.items():
+        section, name = key.split(".")
+        value = getattr(getattr(case, section), name, None)
+        if value is not None and not low * side <= value <= high * side:
+            _refuse(
+                key,
+                f"= {value:g} is {value / side:.2g} of surface.L = {side:g}, legal are {low:g} to "
+                f"{high:g}; give all lengths in the same unit (m)",
+            )
+    size, h_max = case.mesh.h_contact, case.mesh.h_max or H_MAX * side
+    if size > h_max:
+        given = "" if case.mesh.h_max else ", its default: give that as well"
+        _refuse("mesh.h_contact", f"= {size:g} exceeds mesh.h_max = {h_max:g}{given}")
+    delta, force = case.loading.delta_max, case.loading.force_max
+    if delta is not None and delta >= case.block.height:
+        _refuse(
+            "loading.delta_max",
+            f"= {delta:g} exceeds the block: block.height = {case.block.height:g}; about 0.03 L is usual",
+        )
+    full = case.material.E_prime * side**2
+    if force is not None and not 1e-12 * full <= force <= full:
+        _refuse(
+            "loading.force_max",
+            f"= {force:g} is {force / full:.2g} of L^2 E/(1 - nu^2), legal are 1e-12 to 1; check the units",
+        )
+    if case.units == "SI" and side < 1e-4 and case.material.E < 1e3:
+        _refuse(
+            "material.E",
+            f"= {case.material.E:g} with surface.L = {side:g} reads as {case.material.E:g} Pa, "
+            'softer than any solid; 200 GPa is 200e9 (or set units = "other" at the top of the '
+            "file)",
+        )
+
+
+def doubts(case: Input) -> Iterator[str]:
+    """Values that SI makes improbable but that another system of units makes natural."""
+    advice = 'set units = "other" at the top of the case file if this is not SI'
+    if not 1e3 <= case.material.E <= 2e12:
+        yield f"material.E = {case.material.E:g} is taken as Pa; {advice}"
+    elif case.surface.L > 0.1:
+        yield f"surface.L = {case.surface.L:g} is taken as m; {advice}"
+
+
+def unused(case: Input) -> Iterator[str]:
+    """Keys with another value than their default that this case makes no use of."""
+    method, tolerance = case.contact.method, case.accuracy.tolerance
+    size, by_method = ("mesh.h_contact", "mesh.growth", "mesh.h_max"), f"contact.method is {method}"
+    idle = [
+        (tolerance is not None, size, "accuracy.tolerance chooses the mesh"),
+        (case.mesh.file is not None, size, "mesh.file is the mesh"),
+        (tolerance is None, ("accuracy.max_dofs", "accuracy.max_seconds"), "there is no accuracy.tolerance"),
+        (method != "penalty", ("contact.penalty",), by_method),
+        (method != "nitsche", ("contact.gamma", "contact.theta"), by_method),
+        (case.material.yield_strength is None, ("loading.integrator",), "the material is elastic"),
+    ]
+    defaults = {"mesh.h_contact": H_CONTACT * case.surface.L}  # which follow from other keys
+    for applies, keys, why in idle:
+        for key in keys if applies else ():
+            name, _, entry = key.partition(".")
+            section = getattr(case, name)
+            value = getattr(section, entry)
+            if value != defaults.get(key, type(section).model_fields[entry].default):
+                yield f"{key} = {show(value)} is not used: {why}"
+
+
+def check_loading(case: Input, surface: Surface) -> list[str]:
+    """Refuse a load at which no gap is left; warn when the flat passes the lowest valley.
+
+    At full contact the top is flat: the flat has come down to the mean plane, and the block is
+    compressed by p h/M under the mean pressure p, see `full_contact_pressure`.
+
+    Args:
+        case: the input.
+        surface: built from it.
+
+    Returns:
+        Warnings.
+
+    Raises:
+        InputError: loading.delta_max leaves no gap.
+    """
+    delta = case.loading.delta_max
+    z = surface.grid(_SAMPLES)
+    summit, depth = surface.maximum()[2], float(np.ptp(z))
+    if delta is None or depth <= 1e-12 * surface.L:
+        return []
+    squeeze = full_contact_pressure(case, z) * case.block.height / _block_modulus(case)
+    limit = summit - float(z.mean()) + _MARGIN * squeeze
+    if delta >= limit:
+        raise InputError(
+            f"loading.delta_max = {delta:g} leaves no gap at all: the surface is {depth:.3g} deep "
+            f"from peak to valley and in full contact before {limit:.3g}; "
+            "choose a smaller delta_max"
+        )
+    if delta > depth:
+        return [
+            f"loading.delta_max = {delta:g} is more than the surface's depth from peak to valley, "
+            f"{depth:.3g}: the compression of the whole block is a large part of the curve"
+        ]
+    return []
+
+
+_SAMPLES = 257  # heights along each side
+_MARGIN = 1.2  # on the compression of the block, whose surface answers a little stiffer than a
+# half-space does
+
+
+def full_contact_pressure(case: Input, z: np.ndarray[Any, Any]) -> float:
+    """Estimate the mean pressure (force/length^2) above which no gap is left.
+
+    To flatten a wave z(q) of an elastic half-space takes the pressure E' q z(q)/2 (Johnson, Contact
+    Mechanics, 1985, eq. 13.5), and of a thin block M z(q)/h at least; contact is full when the mean
+    makes up for the lowest. The sides mirror the surface, hence the cosine transform. Plastic flow
+    bounds it by twice the hardness: 6 times the flow stress at a strain of the rms slope.
+
+    Args:
+        case: the input.
+        z: (n, n) heights at the nodes of a regular grid over the patch (length).
+    """
+    from scipy.fft import dctn, idctn
+
+    solid, side, n = case.material, case.surface.L, len(z)
+    wave = np.pi / side * np.arange(n)
+    q = np.hypot(wave[:, None], wave)
+    stiffness = np.maximum(solid.E_prime * q / 2, _block_modulus(case) / case.block.height)
+    pressure = -float(idctn(stiffness * dctn(z - z.mean(), type=1), type=1).min())
+    if solid.yield_strength is None:
+        return pressure
+    slope = float(np.sqrt(np.mean(np.square(np.gradient(z, side / (n - 1))).sum(axis=0))))
+    flow = solid.yield_strength + (solid.tangent_modulus or 0.0) * slope
+    return min(pressure, 6 * flow)
+
+
+def _block_modulus(case: Input) -> float:
+    return case.material.confined_modulus if case.block.sides == "rollers" else case.material.E

@@ -1,0 +1,210 @@
+"""The rough top of a solid: its facets, contact quadrature, and nodal forces turned into pressures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from asperity import _solver
+from asperity.fem.solid import Floats, Solid
+from asperity.mesh.generate import TOP
+from asperity.runtime import compat
+
+FACET_DEGREE = 8  # 16 points: four times closer on cut facets than the 6 of degree 4, at no cost (docs/contact.md)
+
+
+@dataclass(frozen=True)
+class Area:
+    """Area of contact and an estimate of its error [length^2]."""
+
+    value: float
+    error: float
+
+
+class FacetRule:
+    """Quadrature points on the facets of the top, one Gauss rule on each of 4^splits equal parts of a facet.
+
+    Attributes:
+        facets: what the compiled kernels need
+        weights: projected on the plane of the flat (F, Q) [length^2]
+        height: of the surface at the points (F, Q) [length]
+    """
+
+    def __init__(self, top: Top, degree: int, splits: int = 0) -> None:
+        points, weights = _triangle_rule(degree, splits)
+        solid = top.solid
+        tables = [_tabulate(k, points) for k in range(4)]
+        gradients, shape = (np.ascontiguousarray(np.stack(t)) for t in zip(*tables, strict=True))
+        x = solid.mesh.geometry.x
+        x_nodes = np.ascontiguousarray(compat.geometry_dofmap(solid.mesh)[top.cells])
+        self.facets = _solver.Facets(x, x_nodes, top.cell_nodes, top.local, gradients, shape, _area_vectors(), weights)
+        self.weights = np.empty((len(top.cells), len(weights)))
+        _solver.facet_weights(self.facets, self.weights)
+        self._of_nodes = shape[0][:, _reference_facets()[0]]
+        self.height = self.at_points(solid.points[top.nodes, 2])
+
+    def at_points(self, values: Floats) -> Floats:
+        """Values at the quadrature points (F, Q) from those at the nodes of the facets (F, 6)."""
+        return values @ self._of_nodes.T
+
+
+class Top:
+    """Facets of the top that belong to cells of this process.
+
+    All areas are projected on the plane of the flat, so a pressure is the force on the flat per area of the flat.
+
+    Attributes:
+        cells, local: cell of each facet and the number of the facet in it (F,)
+        cell_nodes: displacement nodes of these cells (F, 10)
+        nodes: displacement nodes of each facet, three corners then three edges (F, 6)
+        area, diameter: of each facet (F,)
+        owned_nodes: nodes on the top that this process owns
+    """
+
+    def __init__(self, solid: Solid) -> None:
+        self.solid = solid
+        mesh = solid.mesh
+        mesh.topology.create_connectivity(2, 3)
+        mesh.topology.create_connectivity(3, 2)
+        to_cell, to_facet = mesh.topology.connectivity(2, 3), mesh.topology.connectivity(3, 2)
+        facets = [f for f in solid.tags.find(TOP) if to_cell.links(f)[0] < len(solid.cell_nodes)]
+        self.cells = np.array([to_cell.links(f)[0] for f in facets], dtype=np.int32)
+        self.local = np.array(
+            [np.flatnonzero(to_facet.links(c) == f)[0] for f, c in zip(facets, self.cells, strict=True)],
+            dtype=np.int32,
+        )
+        self.cell_nodes = np.ascontiguousarray(solid.cell_nodes[self.cells])
+        closures = np.array(_reference_facets())
+        self.nodes = np.take_along_axis(self.cell_nodes, closures[self.local], axis=1)
+        self.owned_nodes = solid.nodes_on(TOP)
+        rule = FacetRule(self, 2)
+        self.area = rule.weights.sum(axis=1)
+        corners = solid.points[self.nodes[:, :3]]
+        sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+        self.diameter = np.max(sides, axis=1, initial=0.0)
+        # a facet's load under a pressure of one is an equal force on its edges
+        unit = np.repeat(self.area[:, None] / 3.0, 6, axis=1) * (np.arange(6) >= 3)
+        self._corner_area = self._assemble_corners(_to_corners(unit))
+
+    def _assemble_corners(self, values: Floats) -> Floats:
+        """Sum corner values (F, 3) over facets and processes; result on local nodes (nodes,)."""
+        return self.assemble(self.nodes[:, :3], values)
+
+    def assemble(self, nodes: npt.NDArray[np.int32], values: Floats) -> Floats:
+        """Sum facet values into a nodal array over all processes, ghosts updated; collective."""
+        from dolfinx import la
+
+        vector = la.vector(self.solid.V.dofmap.index_map, 1)
+        np.add.at(vector.array, nodes.ravel(), values.ravel())
+        vector.scatter_reverse(la.InsertMode.add)
+        vector.scatter_forward()
+        return vector.array.copy()
+
+    def pressure(self, nodal_force: Floats) -> Floats:
+        """Pressure at the corner nodes from forces on all nodes, zero elsewhere; collective.
+
+        A second-order facet has no force at its corners under uniform pressure. Tested with the hat functions of
+        the corners, each edge force goes half to either end, and the sum over the area of the hat is the
+        pressure: free of oscillation and with the exact total force.
+
+        Args:
+            nodal_force: force of the flat on each local node, ghosts included (nodes,)
+
+        Returns:
+            pressure (nodes,) [force/length^2]
+        """
+        # a node's force is shared by its facets: split it evenly so that the assembly counts it once
+        share = nodal_force / np.maximum(self.valence, 1.0)
+        force = self._assemble_corners(_to_corners(share[self.nodes]))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.where(self._corner_area > 0.0, force / self._corner_area, 0.0)
+
+    def area_of(self, touched: npt.NDArray[np.bool_], weights: Floats) -> Area:
+        """Area where points of the facets are touched, and its error; collective.
+
+        The edge of the contact crosses facets, and where in a facet is as good as unknown: a deviation of
+        1/sqrt(12) of its area (that of a uniform share), independent from facet to facet. Twice the deviation of
+        the sum is the error: it scales with (perimeter h^3)^(1/2), and holes of a noisy contact count too.
+
+        Args:
+            touched: whether the flat touches a point (F, Q)
+            weights: area each point stands for (F, Q) [length^2]
+        """
+        cut = touched.any(axis=1) & ~touched.all(axis=1)
+        sums = self.solid.comm.allreduce(np.array([np.sum(weights[touched]), np.sum(self.area[cut] ** 2)]))
+        return Area(float(sums[0]), float(np.sqrt(sums[1] / 3.0)))
+
+    @property
+    def valence(self) -> Floats:
+        """Number of top facets, over all processes, that meet at a node (nodes,)."""
+        if not hasattr(self, "_valence"):
+            self._valence = self.assemble(self.nodes, np.ones(self.nodes.shape))
+        return self._valence
+
+
+def _to_corners(values: Floats) -> Floats:
+    """Facet node values (F, 6) tested with the corner hats: corner plus half of its two edges (F, 3).
+
+    Edge k of a facet lies opposite corner k.
+    """
+    corners, edges = values[:, :3], values[:, 3:]
+    return corners + 0.5 * (edges.sum(axis=1, keepdims=True) - edges)
+
+
+def _reference_facets() -> list[list[int]]:
+    """Local nodes of each facet of a tetrahedron: its corners, then the edges opposite to them."""
+    import basix
+
+    topology = basix.topology(basix.CellType.tetrahedron)
+    return [
+        [*corners, *(4 + topology[1].index([v for v in corners if v != opposite]) for opposite in corners)]
+        for corners in topology[2]
+    ]
+
+
+def _triangle_rule(degree: int, splits: int) -> tuple[Floats, Floats]:
+    """Gauss rule on each of 4^splits equal parts of the reference triangle: points (Q, 2), weights (Q,)."""
+    import basix
+
+    points, weights = basix.make_quadrature(basix.CellType.triangle, degree)
+    n = 2**splits
+    parts = []
+    for i in range(n):
+        for j in range(n - i):
+            parts.append((np.array([i, j]) + points) / n)
+            if i + j < n - 1:
+                parts.append((np.array([i + 1, j + 1]) - points) / n)
+    return np.concatenate(parts), np.tile(weights, n * n) / n**2
+
+
+def _corners(facet: int) -> Floats:
+    """Corners of a facet of the reference tetrahedron (3, 3)."""
+    import basix
+
+    topology = basix.topology(basix.CellType.tetrahedron)
+    return np.asarray(basix.geometry(basix.CellType.tetrahedron)[topology[2][facet]])
+
+
+def _tabulate(facet: int, points: Floats) -> tuple[Floats, Floats]:
+    """Gradients (Q, 10, 3) and values (Q, 10) of a cell's shape functions at points of its facet."""
+    import basix
+
+    corners = _corners(facet)
+    element = basix.create_element(
+        basix.ElementFamily.P, basix.CellType.tetrahedron, 2, basix.LagrangeVariant.gll_warped
+    )
+    table = element.tabulate(1, corners[0] + points @ (corners[1:] - corners[0]))[..., 0]
+    return np.moveaxis(table[1:], 0, -1), table[0]
+
+
+def _area_vectors() -> Floats:
+    """Outward normals of the facets of the reference tetrahedron, of twice the length of their area (4, 3)."""
+    out = np.empty((4, 3))
+    for facet in range(4):
+        corners = _corners(facet)
+        n = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+        inside = np.full(3, 0.25) - corners[0]
+        out[facet] = -n * np.sign(n @ inside)
+    return out

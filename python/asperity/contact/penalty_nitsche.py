@@ -1,0 +1,139 @@
+"""Contact by a pressure at quadrature points of the facets: the penalty method and Nitsche's method."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from asperity import _solver
+from asperity.contact.contact_surface import FACET_DEGREE, FacetRule, Top
+from asperity.contact.interface import Area, Rows
+from asperity.errors import InputError
+from asperity.fem.solid import Floats, Solid
+
+STATE = ("plastic_strain", "accumulated")
+
+
+class PressureContact:
+    """The flat presses with P = <g d - k t>_+, g = factor E p^2/h, d the penetration.
+
+    t is the z component of the traction of the solid; P and t are per area projected on the flat. The virtual work is
+    int P v_z - theta/g (P + t(u)) t[v] with p = 2 the degree of the elements. solver/facets.hpp holds the kernels.
+
+    k = 0: penalty method. k = 1: Nitsche's method (Chouly, Hild & Renard, Math. Comp. 84 (2015) 1089), consistent,
+    with theta = 1 symmetric, 0 without the second term, -1 skew. t of an elastic-plastic solid comes from the return
+    map at the quadrature points, with a history of their own.
+
+    h is the facet's diameter for the penalty method. For Nitsche's it is the height of the cell over the facet, the
+    length of the trace inequality that makes theta = 1 coercive: (8/3) (lambda + 2 mu) |F|/|K| < g is enough
+    (Warburton & Hesthaven, Comput. Methods Appl. Mech. Engrg. 192 (2003) 2765, for a linear stress).
+
+    Args:
+        solid, top: what is pressed
+        factor: dimensionless beta (penalty) or gamma (Nitsche)
+        traction: k
+        theta: 0 unless Nitsche's method for an elastic solid
+        rule: quadrature on the facets
+
+    Raises:
+        InputError: theta needs an elastic solid and Nitsche's method
+    """
+
+    def __init__(
+        self,
+        solid: Solid,
+        top: Top,
+        factor: float,
+        *,
+        traction: bool,
+        theta: int = 0,
+        rule: FacetRule | None = None,
+    ) -> None:
+        if theta != 0 and (solid.material.plastic or not traction):
+            raise InputError(
+                f'contact.theta = {theta} needs an elastic material and contact.method = "nitsche": leave '
+                "material.yield_strength out or take theta = 0"
+            )
+        self._solid, self._top = solid, top
+        self._rule = FacetRule(top, FACET_DEGREE) if rule is None else rule
+        self.symmetric, self.stiff = not traction or theta == 1, True
+        points = self._rule.weights.shape
+        h = 3.0 * solid.bulk.volumes[top.cells].sum(axis=1) / top.area if traction else top.diameter
+        self._law = _solver.ContactLaw(
+            solid.material.parameters,
+            factor * solid.material.E * 4.0 / h,
+            self._rule.height,
+            traction,
+            float(theta),
+        )
+        held = (len(top.cells) if traction and solid.material.plastic else 0, points[1])
+        self._committed = (np.zeros((*held, 6)), np.zeros(held))
+        self._trial = (np.zeros((*held, 6)), np.zeros(held))
+        self._pattern = _solver.BlockPattern(top.cell_nodes, solid.graph.indptr, solid.graph.indices)
+        self._z = np.inf
+        self.points = np.zeros(points)  # pressure at the quadrature points (facets, points)
+
+    def begin(self, z: float) -> None:
+        self._z = z
+
+    def residual(self, force: Floats) -> tuple[Floats, Rows, Floats]:
+        part = np.zeros((self._solid.nodes, 3))
+        _solver.facet_pressure(
+            self._rule.facets,
+            self._law,
+            self._z,
+            self._solid.u.x.array.reshape(-1, 3),
+            _solver.History(*self._committed),
+            _solver.History(*self._trial),
+            self.points,
+            part,
+        )
+        load = np.zeros(self._solid.nodes)
+        _solver.facet_load(self._rule.facets, self._rule.weights, self.points, load)
+        part[:, 2] += load
+        self._force = self._solid.sum_ghosts(np.column_stack([part, load]))
+        return force + self._force[:, :3], np.empty(0, dtype=np.int32), np.empty(0)
+
+    def add_tangent(self) -> None:
+        _solver.facet_stiffness(
+            self._rule.facets,
+            self._law,
+            self._solid.u.x.array.reshape(-1, 3),
+            _solver.History(*self._committed),
+            self.points,
+            self._pattern,
+            self._solid.values,
+        )
+
+    def nodal_force(self, force: Floats) -> Floats:
+        return self._force[:, 3].copy()
+
+    def commit(self) -> None:
+        for committed, trial in zip(self._committed, self._trial, strict=True):
+            np.copyto(committed, trial)
+
+    def sinking(self) -> float:
+        # at the points, where the law holds; how deep a node between them lies tells of the size of the facets
+        uz = self._solid.u.x.array.reshape(-1, 3)[self._top.nodes, 2]
+        pressed = self.points > 0.0
+        depth = (self._rule.height + self._rule.at_points(uz) - self._z)[pressed]
+        return float(np.sum((self._rule.weights * self.points)[pressed] * depth))
+
+    def state(self) -> dict[str, Floats]:
+        if not self._committed[1].size:
+            return {}
+        return dict(zip(STATE, self._committed, strict=True))
+
+    def restore_state(self, state: Mapping[str, Floats]) -> None:
+        if self._committed[1].size:
+            for name, committed in zip(STATE, self._committed, strict=True):
+                np.copyto(committed, state[name])
+
+    def history(self) -> tuple[Floats, Floats]:
+        """Committed plastic strain (facets, points, 6) and accumulated plastic strain (facets, points)."""
+        return self._committed
+
+    def area(self) -> Area:
+        """Area of the quadrature points under pressure."""
+        return self._top.area_of(self.points > 0.0, self._rule.weights)

@@ -1,0 +1,82 @@
+"""Local polynomial fit of ln F against ln z: the derivatives of a table, with their confidence intervals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import t as student
+
+from asperity.dynamics.law.law import Array
+
+
+@dataclass(frozen=True)
+class LocalFit:
+    """Polynomial fit of ln F against ln z about a point.
+
+    Attributes:
+        z: the point (length).
+        coefficients: ln F = c_0 + c_1 x + c_2 x^2 + ..., x = ln(z'/z).
+        covariance: of the coefficients.
+        freedom: degrees of freedom of the residual.
+        scatter: standard deviation of ln F about the fit.
+        spacing: mean distance of the points in ln z.
+    """
+
+    z: float
+    coefficients: Array
+    covariance: Array
+    freedom: int
+    scatter: float
+    spacing: float
+
+    def logarithmic(self) -> Array:
+        """First three derivatives of ln F with respect to ln z."""
+        c = np.zeros(4)
+        c[: self.coefficients.size] = self.coefficients
+        return c[1:] * np.array([1.0, 2.0, 6.0])
+
+    def derivatives(self) -> tuple[float, float, float]:
+        """First three derivatives of F at z."""
+        return log_derivatives(self.logarithmic(), float(np.exp(self.coefficients[0])), self.z)
+
+    def interval(self, quantity: str, confidence: float = 0.95) -> tuple[float, float]:
+        """Confidence interval of "n_loc" or "kappa" by linear propagation of the covariance."""
+        functions = {"n_loc": lambda y: y[0], "kappa": _kappa}
+        function = functions[quantity]
+        y = self.logarithmic()
+        size = self.coefficients.size
+        gradient = np.zeros(size)
+        for j in range(1, size):
+            h = 1e-6 * max(1.0, abs(y[j - 1]))
+            up, down = y.copy(), y.copy()
+            up[j - 1] += h
+            down[j - 1] -= h
+            gradient[j] = (function(up) - function(down)) / (2 * h) * (1.0, 2.0, 6.0)[j - 1]
+        spread = float(np.sqrt(max(float(gradient @ self.covariance @ gradient), 0.0)))
+        half = spread * float(student.ppf(0.5 * (1 + confidence), self.freedom))
+        return float(function(y)) - half, float(function(y)) + half
+
+
+def log_derivatives(y: Array, force: float, z: float) -> tuple[float, float, float]:
+    """Derivatives of F from those of ln F with respect to ln z."""
+    a, b, c = y
+    q1 = a
+    q2 = a * a - a + b
+    q3 = a**3 - 3 * a * a + 2 * a + 3 * b * (a - 1) + c
+    return q1 * force / z, q2 * force / z**2, q3 * force / z**3
+
+
+def _kappa(y: Array) -> float:
+    p1, p2, p3 = log_derivatives(y, 1.0, 1.0)
+    return (3 * p3 / p1 - 5 * (p2 / p1) ** 2) / 48.0
+
+
+def regress(x: Array, y: Array, degree: int) -> tuple[Array, Array, int]:
+    """Least-squares polynomial: coefficients (rising powers), covariance, degrees of freedom."""
+    basis = np.vander(x, degree + 1, increasing=True)
+    c, *_ = np.linalg.lstsq(basis, y, rcond=None)
+    freedom = max(x.size - degree - 1, 1)
+    residual = y - basis @ c
+    variance = float(residual @ residual) / freedom
+    return c, variance * np.linalg.inv(basis.T @ basis), freedom

@@ -1,0 +1,331 @@
+"""Time integration of many oscillators at once: frequency sweeps up and down, and attractors.
+
+One lane per forcing, direction or initial state, integrated period by period (`asperity.dynamics.motion.runge_kutta`). The state
+is carried from one frequency to the next at forcing phase 0; a frequency is left when the Poincare map has come to
+rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from asperity.dynamics.forcing import Setting
+from asperity.dynamics.law.damping import primitive
+from asperity.dynamics.law.law import Array
+from asperity.dynamics.motion.runge_kutta import advance, has_left, steps_for
+from asperity.dynamics.orbits.harmonic_balance import Balance
+from asperity.errors import RangeError
+
+SETTLED, NOT_SETTLED, ESCAPED = "settled", "not settled", "escaped"
+_LONGEST = 4  # longest period told from chaos, in periods of the forcing
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Steady states met in a sweep with carried state (arrays of shape (frequencies,), in order of Omega met).
+
+    Attributes:
+        setting: law, damping and forcing.
+        direction: "up" or "down".
+        Omega: frequencies.
+        u_max, u_min, a1: extremes and amplitude at the forcing frequency; nan after an escape.
+        status: "settled", "period k", "not settled" or "escaped" per point.
+        periods: forcing periods spent at each point.
+        tolerance: residual of the settle test, the largest of the settled points.
+        valid: False where a Taylor law passes u = -1, or has escaped.
+    """
+
+    setting: Setting
+    direction: str
+    Omega: Array
+    u_max: Array
+    u_min: Array
+    a1: Array
+    status: tuple[str, ...]
+    periods: Array
+    tolerance: float
+    valid: Array
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """Rows of response.csv; escaped points have no amplitude and are left out."""
+        s = self.setting
+        for i, status in enumerate(self.status):
+            if status != ESCAPED:
+                yield {
+                    "model": s.model,
+                    "F_hat": s.F_hat,
+                    "zeta": s.zeta,
+                    "Omega": float(self.Omega[i]),
+                    "u_max": float(self.u_max[i]),
+                    "u_min": float(self.u_min[i]),
+                    "a1": float(self.a1[i]),
+                    "stable": status != NOT_SETTLED,
+                    "branch": f"sweep-{self.direction}",
+                    "contact_loss": bool(self.u_min[i] < -1.0),
+                }
+
+
+@dataclass(frozen=True)
+class Attractor:
+    """A steady motion and the share of the initial states that lead to it.
+
+    Attributes:
+        setting: law, damping and forcing.
+        Omega: frequency of the forcing.
+        period: in forcing periods; 0 when the motion did not repeat (long period, chaos or slow settling).
+        u_max, u_min: extremes.
+        share: part of the initial states tried.
+        state: (u, v) at forcing phase 0.
+        tolerance: distance from the steady state that was allowed, relative to the orbit.
+        valid: False where a Taylor law passes u = -1.
+    """
+
+    setting: Setting
+    Omega: float
+    period: int
+    u_max: float
+    u_min: float
+    share: float
+    state: tuple[float, float]
+    tolerance: float
+    valid: bool
+
+
+@dataclass
+class _Lanes:
+    """States of all lanes, and what the last settling run saw."""
+
+    u: Array
+    w: Array
+    escaped: Array
+
+
+def sweep(
+    balance: Balance,
+    settings: list[Setting],
+    omega: Array,
+    *,
+    directions: tuple[str, ...],
+    tol: float,
+    max_periods: int | None,
+    steps: int | None,
+) -> tuple[Sweep, ...]:
+    """Sweep all forcings and directions together.
+
+    Args:
+        balance: the oscillator.
+        settings: one per forcing.
+        omega: rising frequencies (frequencies,).
+        directions: "up", "down" or both.
+        tol: largest distance from the steady state, relative to the orbit.
+        max_periods: forcing periods per frequency at most; default 4/zeta, between 100 and 20000.
+        steps: Runge-Kutta steps per period; default from the stiffness met.
+
+    Returns:
+        One `Sweep` per forcing and direction.
+    """
+    lanes = [(s, d) for s in settings for d in directions]
+    forcing = np.array([s.F_hat for s, _ in lanes])
+    path = np.array([omega if d == "up" else omega[::-1] for _, d in lanes])
+    state = _Lanes(np.zeros(len(lanes)), np.zeros(len(lanes)), np.zeros(len(lanes), bool))
+    limit = max_periods or int(np.clip(4.0 / balance.zeta, 100, 20000))
+    columns = [_settle(balance, state, path[:, j], forcing, tol, limit, steps) for j in range(omega.size)]
+    out = []
+    for i, (setting, direction) in enumerate(lanes):
+        u_max, u_min, a1, residual = (np.array([c[k][i] for c in columns]) for k in range(4))
+        kinds = [int(c[4][i]) for c in columns]
+        status = tuple(_name(k) for k in kinds)
+        settled = np.array([k > 0 for k in kinds])
+        valid = np.ones(omega.size, bool)
+        if not balance.restoring.contact:
+            valid = (u_min >= -1.0) & np.array([s != ESCAPED for s in status])
+        out.append(
+            Sweep(
+                setting,
+                direction,
+                path[i],
+                u_max,
+                u_min,
+                a1,
+                status,
+                np.array([int(c[5][i]) for c in columns]),
+                float(residual[settled].max()) if settled.any() else np.inf,
+                valid,
+            )
+        )
+        low, high = balance.restoring.u_range
+        seen = np.isfinite(u_max)
+        if seen.any() and (u_max[seen].max() > high or u_min[seen].min() < low):
+            worst = float(u_max[seen].max())
+            raise RangeError(
+                f"the sweep reaches u = {worst:.6g}, beyond the law (known up to {high:.6g}): lower the "
+                "forcing, compute the curve further, or ask for extrapolate=True"
+            )
+    return tuple(out)
+
+
+def attractors(
+    balance: Balance, omega: Array, setting: Setting, *, starts: int, spread: float, tol: float, max_periods: int | None
+) -> tuple[Attractor, ...]:
+    """Steady motions reached from a grid of initial states at each frequency.
+
+    Args:
+        balance: the oscillator.
+        omega: frequencies (any number).
+        setting: law, damping and forcing.
+        starts: initial states per side of a square grid in (u, v).
+        spread: half-width of that grid.
+        tol: as in `sweep`.
+        max_periods: as in `sweep`.
+    """
+    axis = np.linspace(-spread, spread, starts)
+    grid_u, grid_v = np.meshgrid(axis, axis)
+    per = grid_u.size
+    lanes_omega = np.repeat(omega, per)
+    u, v = np.tile(grid_u.ravel(), omega.size), np.tile(grid_v.ravel(), omega.size)
+    state = _Lanes(u, v + 2.0 * balance.zeta * primitive(balance.restoring, balance.damping, u), np.zeros(u.size, bool))
+    limit = max_periods or int(np.clip(4.0 / balance.zeta, 100, 20000))
+    u_max, u_min, a1, _, kind, _ = _settle(
+        balance, state, lanes_omega, np.full(u.size, setting.F_hat), tol, limit, None
+    )
+    found: list[Attractor] = []
+    for block, om in enumerate(omega):
+        rows = np.arange(block * per, (block + 1) * per)
+        rows = rows[~state.escaped[rows]]
+        order = sorted(rows.tolist(), key=lambda i: int(kind[i] == 0))  # the unsettled last: they may join
+        groups: list[list[int]] = []
+        for i in order:
+            for g in groups:
+                j = g[0]
+                size = max(u_max[j] - u_min[j], 1e-12)
+                same = max(abs(u_max[i] - u_max[j]), abs(u_min[i] - u_min[j]), abs(a1[i] - a1[j])) < 0.01 * size
+                if (same and kind[i] in (kind[j], 0)) or kind[i] == kind[j] == 0:
+                    g.append(i)
+                    break
+            else:
+                groups.append([i])
+        for g in groups:
+            j = g[0]
+            loss = 2.0 * balance.zeta * float(primitive(balance.restoring, balance.damping, state.u[j : j + 1])[0])
+            found.append(
+                Attractor(
+                    setting,
+                    float(om),
+                    max(int(kind[j]), 0),
+                    float(u_max[j]),
+                    float(u_min[j]),
+                    len(g) / per,
+                    (float(state.u[j]), float(state.w[j] - loss)),
+                    tol,
+                    balance.restoring.contact or float(u_min[j]) >= -1.0,
+                )
+            )
+    return tuple(found)
+
+
+def _name(kind: int) -> str:
+    if kind < 0:
+        return ESCAPED
+    return NOT_SETTLED if kind == 0 else SETTLED if kind == 1 else f"period {kind}"
+
+
+def _settle(
+    balance: Balance, state: _Lanes, omega: Array, forcing: Array, tol: float, limit: int, steps: int | None
+) -> tuple[Array, ...]:
+    """Run every lane to its steady state; returns u_max, u_min, a1, residual, kind and periods.
+
+    The settle test is the change of the Poincare map over a period, divided by ``1 - exp(-2 pi zeta / Omega)``:
+    an estimate of the distance that is left. Slow approaches are shortened by extrapolating the map, which is
+    nearly affine there (Aitken), as long as the extrapolation stays close to the motion.
+    """
+    lanes = omega.size
+    shrink = 1.0 - np.exp(-2.0 * np.pi * balance.zeta / omega)
+    kind = np.where(state.escaped, -1, 0)
+    residual = np.full(lanes, np.inf)
+    periods = np.zeros(lanes, int)
+    highest, lowest, a1 = np.full((_LONGEST, lanes), np.nan), np.full((_LONGEST, lanes), np.nan), np.zeros(lanes)
+    # a kick well above the tolerance: an unstable orbit must not look settled because it was met exactly
+    state.u = state.u + 10.0 * tol * np.hypot(state.u, state.w)
+    history = [np.stack([state.u, state.w], axis=1)]
+    count = steps or steps_for(balance, omega, state.u)
+    hold = 0
+    active = np.flatnonzero(kind == 0)
+    for period in range(limit):
+        if active.size == 0:
+            break
+        u, w = state.u[active], state.w[active]
+        u, w, high, low, first = advance(balance, u, w, omega[active], forcing[active], count)
+        gone = has_left(balance, u, low)
+        state.escaped[active[gone]] = True
+        kind[active[gone]] = -1
+        state.u[active], state.w[active] = u, w
+        periods[active] += 1
+        highest[period % _LONGEST, active], lowest[period % _LONGEST, active] = high, low
+        a1[active] = first
+        history.append(np.stack([state.u, state.w], axis=1))
+        history = history[-(2 * _LONGEST + 1) :]
+        if steps is None:
+            count = max(count, steps_for(balance, omega[active], np.where(gone, 0.0, high)))
+        hold += 1
+        if hold < 3:
+            active = np.flatnonzero(kind == 0)
+            continue
+        size = 0.5 * (np.nanmax(highest[:, active], axis=0) - np.nanmin(lowest[:, active], axis=0)) + 1e-12
+        gaps: dict[int, Array] = {}
+        for m in range(1, _LONGEST + 1):
+            if (len(history) < 2 * m + 1 and m > 1) or len(history) < m + 2:
+                break
+            gap = np.abs(history[-1][active] - history[-1 - m][active]).max(axis=1) / shrink[active] / size / m
+            before = np.abs(history[-2][active] - history[-2 - m][active]).max(axis=1) / shrink[active] / size / m
+            done = (np.maximum(gap, before) < tol) & (kind[active] == 0) & ~gone
+            gaps[m] = gap * m
+            for divisor in (d for d in gaps if m % d == 0 and d < m):
+                # a decaying spiral also returns after a few periods, but not so much closer
+                done &= gaps[m] < 0.05 * shrink[active] * gaps[divisor]
+            kind[active[done]] = m
+            residual[active[done]] = gap[done]
+        active = np.flatnonzero(kind == 0)
+        if hold >= 8 and active.size:
+            jump = _extrapolate(history, active)
+            size = 0.5 * (np.nanmax(highest[:, active], axis=0) - np.nanmin(lowest[:, active], axis=0))
+            near = np.abs(jump).max(axis=1) < 0.05 * size
+            if near.any():
+                state.u[active[near]] += jump[near, 0]
+                state.w[active[near]] += jump[near, 1]
+                history = [np.stack([state.u, state.w], axis=1)]
+                hold = 0
+    u_max: Array = np.full(lanes, np.nan)
+    u_min: Array = np.full(lanes, np.nan)
+    alive = kind >= 0
+    if alive.any():
+        last = np.where(kind[alive] > 1, _LONGEST, 1)
+        for target, record, best in ((u_max, highest, np.fmax), (u_min, lowest, np.fmin)):
+            newest = record[(periods[alive] - 1) % _LONGEST, np.flatnonzero(alive)]
+            whole = best.reduce(record[:, alive], axis=0)
+            target[alive] = np.where((last == 1) & (kind[alive] == 1), newest, whole)
+    return u_max, u_min, np.where(alive, a1, np.nan), residual, kind, periods
+
+
+def _extrapolate(history: list[Array], active: Array) -> Array:
+    """Distance from the state to the fixed point of the affine map through the last Poincare points."""
+    y = np.stack([h[active] for h in history[-5:]], axis=0)
+    d = np.diff(y, axis=0)
+    # d[k+1] = M d[k]: fit the 2 x 2 matrix M to three pairs, then sum the geometric series
+    a, b = np.moveaxis(d[:-1], 0, -1), np.moveaxis(d[1:], 0, -1)
+    gram = a @ np.swapaxes(a, 1, 2)
+    det = gram[:, 0, 0] * gram[:, 1, 1] - gram[:, 0, 1] * gram[:, 1, 0]
+    usable = det > 1e-12 * (gram[:, 0, 0] + gram[:, 1, 1]) ** 2
+    out = np.full((active.size, 2), np.inf)
+    if usable.any():
+        m = (b @ np.swapaxes(a, 1, 2))[usable] @ np.linalg.inv(gram[usable])
+        radius = np.abs(np.linalg.eigvals(m)).max(axis=1)
+        rest = np.eye(2) - m
+        rest[radius >= 1.0] = np.eye(2)
+        step = np.linalg.solve(rest, (m @ d[-1][usable][..., None]))[..., 0]
+        step[radius >= 1.0] = np.inf
+        out[usable] = step
+    return out

@@ -1,0 +1,1 @@
+"""Periodic orbits: free vibration, harmonic balance, continuation, stability, thresholds."""

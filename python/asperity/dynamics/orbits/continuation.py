@@ -1,0 +1,374 @@
+"""Pseudo-arclength continuation of harmonic-balance solutions, with adaptive harmonics.
+
+The step length is chosen from the error of the (second-order) predictor in every harmonic, relative to that
+harmonic: a superharmonic resonance, however narrow, announces itself by the growth of its harmonic, and the
+step shrinks geometrically towards it instead of jumping over it (Seydel 2010, chapter 4; Krack & Gross 2019).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from asperity.dynamics.law.law import Array
+from asperity.dynamics.orbits.harmonic_balance import MAX_HARMONICS, Balance, resize, tail
+from asperity.errors import ConvergenceError
+
+_NEWTON = 8
+_NEWTON_RTOL = 3e-6  # the last step taken; what remains is its square
+_HMIN = 1e-9
+_LOW = 64  # harmonics that are solved for together, where there are more than twice as many
+
+
+@dataclass(frozen=True)
+class Point:
+    """One periodic orbit on a branch.
+
+    Attributes:
+        x: Fourier coefficients (2 K + 1).
+        parameter: Omega (or F^ while the forcing is raised).
+        t: unit tangent in x.
+        t_parameter: tangent in the parameter; it changes sign at a fold.
+        error: relative truncation estimate, see `hbm.tail`.
+    """
+
+    x: Array
+    parameter: float
+    t: Array
+    t_parameter: float
+    error: float
+
+    def resized(self, count: int) -> Point:
+        """The same point with `count` harmonics."""
+        if self.x.size == 2 * count + 1:
+            return self
+        return replace(self, x=resize(self.x, count), t=resize(self.t, count))
+
+
+@dataclass(frozen=True)
+class Path:
+    """Points in order along a branch, and why it ends."""
+
+    points: tuple[Point, ...]
+    end: str
+
+
+Equations = Callable[[Array, float], tuple[Array, Array, Array]]
+
+
+def in_omega(balance: Balance, forcing: float) -> Equations:
+    """Balance at fixed forcing as a function of (x, Omega)."""
+    return lambda x, omega: balance.evaluate(x, omega, forcing)
+
+
+def in_forcing(balance: Balance, omega: float) -> Equations:
+    """Balance at fixed Omega as a function of (x, F^)."""
+
+    def equations(x: Array, forcing: float) -> tuple[Array, Array, Array]:
+        residual, jacobian, _ = balance.evaluate(x, omega, forcing)
+        slope = np.zeros(x.size)
+        slope[balance.order] = -1.0
+        return residual, jacobian, slope
+
+    return equations
+
+
+def correct(
+    equations: Equations,
+    x: Array,
+    parameter: float,
+    normal: Array,
+    normal_p: float,
+    *,
+    limit: float = np.inf,
+    rtol: float = _NEWTON_RTOL,
+) -> tuple[Array, float, Array, float]:
+    """Newton iteration in the plane through (x, parameter) with the given normal.
+
+    It ends with a step below `rtol`, relative to x; the error left is of the order of the square of that step.
+
+    Returns:
+        x, parameter, and the unit tangent of the branch there, oriented along the normal.
+
+    Raises:
+        ConvergenceError: the iteration does not converge, or wanders further than `limit`.
+    """
+    size = x.size
+    matrix = np.empty((size + 1, size + 1))
+    rhs = np.zeros((size + 1, 2))
+    rhs[size, 1] = 1.0
+    previous, travelled = np.inf, 0.0
+    scale = np.sqrt(x @ x) + 1e-9
+    for _ in range(_NEWTON):
+        residual, jacobian, slope = equations(x, parameter)
+        matrix[:size, :size] = jacobian
+        matrix[:size, size] = slope
+        matrix[size, :size] = normal
+        matrix[size, size] = normal_p
+        rhs[:size, 0] = residual
+        try:
+            both = _solved(matrix, rhs)
+        except np.linalg.LinAlgError as error:
+            raise ConvergenceError("singular Jacobian") from error
+        step = both[:, 0]
+        x = x - step[:size]
+        parameter = parameter - step[size]
+        length = float(np.sqrt(step @ step))
+        travelled += length
+        if not travelled < limit or not length < 4.0 * previous:
+            break
+        if length <= rtol * scale:
+            tangent = both[:, 1]
+            tangent = tangent / np.sqrt(tangent @ tangent)
+            return x, float(parameter), tangent[:size], float(tangent[size])
+        previous = length
+    raise ConvergenceError("no convergence in the corrector")
+
+
+def _solved(matrix: Array, rhs: Array) -> Array:
+    """Solution of the bordered balance; with many harmonics the inertia of the high ones leads, and one iterates."""
+    count = matrix.shape[0] // 2 - 1
+    if count <= 2 * _LOW:
+        return np.linalg.solve(matrix, rhs)
+    low = np.concatenate([np.arange(_LOW + 1), count + np.arange(1, _LOW + 1), [2 * count + 1]])
+    inverse = np.linalg.inv(matrix[np.ix_(low, low)])
+    diagonal = matrix.diagonal().copy()
+    diagonal[low] = 1.0
+    x = np.zeros_like(rhs)
+    for _ in range(8):
+        left = rhs - matrix @ x
+        step = left / diagonal[:, None]
+        step[low] = inverse @ left[low]
+        x += step
+        if (np.abs(step).max(axis=0) <= 1e-12 * np.abs(x).max(axis=0)).all():
+            return x
+    return np.linalg.solve(matrix, rhs)
+
+
+def adapt(equations: Equations, point: Point, normal: Array, normal_p: float, tol: float, least: int) -> Point:
+    """Raise the number of harmonics of a corrected point until its truncation estimate is below `tol`.
+
+    Args:
+        equations: see `in_omega`.
+        point: a corrected point.
+        normal, normal_p: plane in which the point is corrected again.
+        tol: relative truncation wanted.
+        least: the count is lowered again, not below this, when the estimate allows.
+    """
+    count = point.x.size // 2
+    while point.error > tol and count < MAX_HARMONICS:
+        count = min(MAX_HARMONICS, 4 * -(-count * 5 // 16))
+        x, parameter, t, tp = correct(
+            equations, resize(point.x, count), point.parameter, resize(normal, count), normal_p
+        )
+        point = Point(x, parameter, t, tp, tail(x))
+    if count > least:
+        lower = max(least, 4 * (count // 5))
+        if tail(resize(point.x, lower)) < 0.03 * tol:
+            point = point.resized(lower)
+    return point
+
+
+def start(equations: Equations, x: Array, parameter: float, direction: float, tol: float, least: int) -> Point:
+    """Turn a solution into the first point of a path that sets out with the sign of `direction`."""
+    normal = np.zeros(x.size)
+    x, parameter, t, tp = correct(equations, x, parameter, normal, 1.0)
+    point = adapt(equations, Point(x, parameter, t, tp, tail(x)), normal, 1.0, tol, least)
+    if point.t_parameter * direction < 0:
+        point = replace(point, t=-point.t, t_parameter=-point.t_parameter)
+    return point
+
+
+def trace(
+    equations: Equations,
+    first: Point,
+    window: tuple[float, float],
+    *,
+    tol: float,
+    least: int,
+    zeta: float,
+    max_step: float,
+    max_points: int = 3000,
+    smooth: bool = True,
+    stop: Callable[[list[Point]], str | None] | None = None,
+) -> Path:
+    """Follow the branch through `first` until it leaves the window of the parameter.
+
+    Args:
+        equations: see `in_omega`.
+        first: starting point; its tangent gives the direction.
+        window: lowest and highest parameter.
+        tol: relative truncation error allowed.
+        least: smallest number of harmonics.
+        zeta: damping ratio, which sets how small a harmonic may still hide a resonance.
+        max_step: longest step in the parameter.
+        max_points: the path ends with "too much work" beyond this; many harmonics make a point count for more.
+        smooth: whether Newton's method converges quadratically (the stiffness is bounded).
+        stop: called with the points so far; a string ends the path for that reason.
+    """
+    low, high = window
+    rtol = newton_rtol(tol, smooth)
+    points = [first]
+    watch = max(1e-6, min(1e-3, 0.1 * zeta))
+    h, work = 0.25 * max_step, 0.0
+    while True:
+        here = points[-1]
+        amplitude = float(np.sqrt(here.x @ here.x))
+        size = abs(here.t_parameter)
+        h = min(h, max_step / max(size, 1e-6), 0.4 * amplitude + 0.5 * max_step)
+        predict = _predictor(points)
+        while True:
+            if h < _HMIN:
+                return Path(tuple(points), "step too small")
+            work += 0.5 + (0.5 * here.x.size / _LOW) ** 2
+            if work > max_points:
+                return Path(tuple(points), "too much work")
+            guess, guess_p = predict(h)
+            try:
+                x, parameter, t, tp = correct(equations, guess, guess_p, here.t, here.t_parameter, limit=h, rtol=rtol)
+            except ConvergenceError:
+                h *= 0.35
+                continue
+            error = _prediction_error(guess, x, here.x, watch)
+            aligned = float(t @ here.t) + tp * here.t_parameter
+            if error > 2.0 or aligned < 0.5:
+                h *= max(0.2, min(0.6, (0.5 / max(error, 1e-9)) ** 0.25))
+                continue
+            break
+        point = Point(x, parameter, t, tp, tail(x))
+        try:
+            point = adapt(equations, point, here.t, here.t_parameter, tol, least)
+        except ConvergenceError:
+            if h > 1e-6:
+                h *= 0.35
+                continue
+        if not low <= point.parameter <= high:
+            edge = low if point.parameter < low else high
+            try:
+                points.append(_at_edge(equations, here, point, edge, tol, least))
+            except ConvergenceError:
+                if h > 1e-6:
+                    h *= 0.35
+                    continue
+            return Path(tuple(points), "window")
+        points.append(point)
+        reason = stop(points) if stop else None
+        if reason:
+            return Path(tuple(points), reason)
+        h *= min(2.0, max(0.3, (0.6 / max(error, 1e-6)) ** 0.25))
+
+
+def newton_rtol(tol: float, smooth: bool = True) -> float:
+    """Last Newton step that leaves an error well below the truncation error `tol`."""
+    return max(_NEWTON_RTOL, float(np.sqrt(1e-2 * tol))) if smooth else _NEWTON_RTOL
+
+
+def between(equations: Equations, a: Point, b: Point, fraction: float, rtol: float = _NEWTON_RTOL) -> Point:
+    """Point of the branch between two neighbours, by cubic Hermite prediction and correction."""
+    y, chord = _hermite(a, b, fraction)
+    x, p, t, tp = correct(equations, y[:-1], float(y[-1]), chord[:-1], float(chord[-1]), rtol=rtol)
+    return Point(x, p, t, tp, tail(x))
+
+
+def _hermite(a: Point, b: Point, s: float) -> tuple[Array, Array]:
+    """Point (x, parameter) of the cubic through two points with their tangents, and the unit chord."""
+    count = max(a.x.size, b.x.size) // 2
+    a, b = a.resized(count), b.resized(count)
+    start, stop = np.append(a.x, a.parameter), np.append(b.x, b.parameter)
+    chord = stop - start
+    length = float(np.sqrt(chord @ chord))
+    h01 = s * s * (3.0 - 2.0 * s)
+    y = start + h01 * chord
+    y += (s * (1 - s) ** 2 * length) * np.append(a.t, a.t_parameter)
+    y += (s * s * (s - 1) * length) * np.append(b.t, b.t_parameter)
+    return y, chord / length
+
+
+def locate(
+    equations: Equations,
+    a: Point,
+    b: Point,
+    value: Callable[[Point], float],
+    fa: float,
+    fb: float,
+    *,
+    xtol: float = 1e-6,
+    rtol: float = _NEWTON_RTOL,
+) -> Point:
+    """Point between two neighbours where `value` vanishes (bracketed secant method).
+
+    Args:
+        equations: see `in_omega`.
+        a, b: neighbours on the branch.
+        value: function of a point, of opposite signs at a and b.
+        fa, fb: its values there.
+        xtol: change of the fraction of the step that ends the search; the method is superlinear, so the error left
+            is far smaller.
+        rtol: see `correct`.
+    """
+    left, right = 0.0, 1.0
+    old, f_old, new, f_new = 0.0, fa, 1.0, fb
+    point = a
+    for _ in range(40):
+        s = new - f_new * (new - old) / (f_new - f_old) if f_new != f_old else 0.5 * (left + right)
+        if not left < s < right:
+            s = 0.5 * (left + right)
+        point = between(equations, a, b, s, rtol)
+        f = value(point)
+        old, f_old, new, f_new = new, f_new, s, f
+        if f == 0 or abs(new - old) < xtol or right - left < xtol:
+            break
+        if (f > 0) == (fb > 0):
+            right = s
+        else:
+            left = s
+    return point
+
+
+def _predictor(points: list[Point]) -> Callable[[float], tuple[Array, float]]:
+    """Extrapolation from the last point by the cubic through the last two points and their tangents."""
+    here = points[-1]
+    x, t = np.append(here.x, here.parameter), np.append(here.t, here.t_parameter)
+    second, third = np.zeros(x.size), np.zeros(x.size)
+    if len(points) > 1:
+        last = points[-2].resized(here.x.size // 2)
+        gap = x - np.append(last.x, last.parameter)
+        d = float(np.sqrt(gap @ gap))
+        if d > 1e-12:
+            before = np.append(last.t, last.t_parameter)
+            second = (2.0 * t + before - 3.0 * gap / d) / d
+            third = (t + before - 2.0 * gap / d) / d**2
+
+    def predict(h: float) -> tuple[Array, float]:
+        y = x + h * (t + h * (second + h * third))
+        return y[:-1], float(y[-1])
+
+    return predict
+
+
+def _prediction_error(guess: Array, x: Array, before: Array, watch: float) -> float:
+    """Largest error of the predictor in any harmonic, in units of a sixth of that harmonic."""
+    count = x.size // 2
+    miss = guess - x
+    miss_k = np.sqrt(miss[1 : count + 1] ** 2 + miss[count + 1 :] ** 2)
+    now = x[1 : count + 1] ** 2 + x[count + 1 :] ** 2
+    then = before[1 : count + 1] ** 2 + before[count + 1 :] ** 2
+    size = np.sqrt(np.minimum(now, then))
+    floor = watch * np.sqrt(now.sum())
+    return 6.0 * float((miss_k / (size + floor)).max())
+
+
+def _at_edge(equations: Equations, inside: Point, outside: Point, edge: float, tol: float, least: int) -> Point:
+    """Solution exactly at the edge of the window, between two points."""
+    s = (edge - inside.parameter) / (outside.parameter - inside.parameter)
+    for _ in range(4):  # where the cubic through both points meets the edge
+        slope = (_hermite(inside, outside, s + 1e-4)[0][-1] - _hermite(inside, outside, s - 1e-4)[0][-1]) / 2e-4
+        s = min(max(s + (edge - _hermite(inside, outside, s)[0][-1]) / (slope or 1.0), 0.0), 1.0)
+    guess = _hermite(inside, outside, s)[0][:-1]
+    x, p, t, tp = correct(equations, guess, edge, np.zeros(guess.size), 1.0)
+    point = adapt(equations, Point(x, p, t, tp, tail(x)), np.zeros(x.size), 1.0, tol, least)
+    if float(resize(point.t, inside.t.size // 2) @ inside.t) + point.t_parameter * inside.t_parameter < 0:
+        point = replace(point, t=-point.t, t_parameter=-point.t_parameter)
+    return point

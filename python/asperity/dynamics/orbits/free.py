@@ -1,0 +1,341 @@
+"""Free vibration by quadrature: exact period, first harmonic and dissipation of an undamped orbit.
+
+The period of motion between the turning points is ``T = 2 INT du / sqrt(2 [V(u_0) - V(u)])``; the
+substitution ``u = mid + half sin(theta)`` removes both end singularities, Gauss panels are split where the
+law has a knot and where contact is lost, and free flight (``u'' = 1/n_loc``) is added in closed form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
+
+from asperity.dynamics.law.damping import in_flight, rate
+from asperity.dynamics.law.law import Array, TaylorLaw, positive, positives
+from asperity.dynamics.law.restoring import Restoring
+from asperity.errors import ConvergenceError, RangeError
+
+_ORDERS = (24, 48, 96, 192, 384)
+_RTOL = 2e-13
+_TINY = 1e-9
+
+
+@dataclass(frozen=True)
+class FreeOrbit:
+    """One undamped free orbit released from rest at u_0 > 0.
+
+    Attributes:
+        u0, u_min: turning points (u > 0 is compression).
+        omega: frequency over omega_s.
+        a1: first harmonic of u.
+        v_s: speed at separation (0 when contact is kept).
+        flight: part of the period spent out of contact.
+        dissipation: INT g u'^2 over a period, for the damping model asked for.
+        error: estimated relative error of `omega`.
+    """
+
+    u0: float
+    u_min: float
+    omega: float
+    a1: float
+    v_s: float
+    flight: float
+    dissipation: float
+    error: float
+
+    @property
+    def contact_loss(self) -> bool:
+        """Whether the orbit leaves contact."""
+        return self.v_s > 0
+
+    @property
+    def drive(self) -> float:
+        """F^/(2 zeta) that sustains this orbit at phase resonance, by energy balance."""
+        return self.dissipation / (np.pi * self.a1)
+
+
+@dataclass(frozen=True)
+class FreeVibration:
+    """Natural frequency against amplitude.
+
+    Attributes:
+        model: "exact" or "taylor".
+        law: description of the law.
+        n_loc, kappa: local exponent and backbone curvature at the operating point.
+        omega_s: small-amplitude frequency (rad/time).
+        orbits: one `FreeOrbit` per amplitude.
+        valid: False where a Taylor orbit has u_min < -1 and so means nothing physically.
+        tolerance: largest estimated relative error of the frequencies.
+    """
+
+    model: str
+    law: str
+    n_loc: float
+    kappa: float
+    omega_s: float
+    orbits: tuple[FreeOrbit, ...]
+    valid: tuple[bool, ...]
+    tolerance: float
+
+    @property
+    def u0(self) -> Array:
+        """Amplitudes u_0."""
+        return np.array([o.u0 for o in self.orbits])
+
+    @property
+    def omega_ratio(self) -> Array:
+        """Frequencies over omega_s."""
+        return np.array([o.omega for o in self.orbits])
+
+    @property
+    def u_min(self) -> Array:
+        """Lower turning points."""
+        return np.array([o.u_min for o in self.orbits])
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """Rows of free.csv."""
+        for o in self.orbits:
+            yield {"model": self.model, "u0": o.u0, "omega_ratio": o.omega, "u_min": o.u_min}
+
+
+def contact_limit(restoring: Restoring) -> float:
+    """Largest release u_max that keeps contact, V(u_max) = V(-1); (n+1)^(1/n) - 1 for a power law.
+
+    Returns inf for a law without contact loss, and when the table ends before that amplitude.
+    """
+    if not restoring.contact:
+        return np.inf
+    wall = float(restoring.potential(-1.0))
+    high = 1.0
+    while float(restoring.potential(high)) < wall:
+        high *= 2.0
+        if high > 1e9:
+            return np.inf
+    return float(brentq(lambda u: float(restoring.potential(u)) - wall, 0.0, high, xtol=1e-15, rtol=1e-14))
+
+
+def free_orbit(restoring: Restoring, u0: float, damping: str = "always") -> FreeOrbit:
+    """Orbit released from rest at `u0`, accurate to 1e-12 where the law is smooth.
+
+    Args:
+        restoring: normal form of the law.
+        u0: release deflection over z_s, > 0 (compression).
+        damping: model whose dissipation is integrated along the orbit.
+
+    Raises:
+        InputError: u0 is not positive.
+        RangeError: the orbit leaves a table, or passes the rim of a Taylor well.
+        ConvergenceError: the quadrature does not settle (a law too rough between its knots).
+    """
+    u0 = positive("u0", u0)
+    half = _half_period(restoring, u0)
+    restoring.check_range(half.u_min, u0)
+    if not half.error < 1e-6:
+        if u0 < _TINY:
+            raise ConvergenceError(
+                f"u0 = {u0:g} is lost in round-off beside the static deflection: the frequency is that of small motion"
+            )
+        raise ConvergenceError(
+            f'the period at u0 = {u0:g} settles only to {half.error:.1e}: the law is too rough; use values="fit"'
+        )
+    a1 = float(_harmonics(half, np.array([1]))[0])
+    return FreeOrbit(
+        u0,
+        half.u_min,
+        2.0 * np.pi / half.period,
+        a1,
+        half.v_s,
+        2.0 * half.flight / half.period,
+        _dissipation(restoring, half, damping),
+        max(half.error, 1e-15),
+    )
+
+
+def rough_orbit(restoring: Restoring, u0: float, damping: str) -> tuple[float, float]:
+    """Frequency and `FreeOrbit.drive` to some 1e-4, for starting values."""
+    half = _half_period(restoring, u0, orders=_ORDERS[:1])
+    a1 = float(_harmonics(half, np.array([1]))[0])
+    return 2.0 * np.pi / half.period, _dissipation(restoring, half, damping) / (np.pi * a1)
+
+
+def orbit_coefficients(restoring: Restoring, u0: float, count: int) -> Array:
+    """Fourier coefficients (mean, cosines, zero sines; 2 count + 1) of the orbit, released at phase 0."""
+    half = _half_period(restoring, u0, 3 * count)
+    out = np.zeros(2 * count + 1)
+    out[: count + 1] = _harmonics(half, np.arange(count + 1))
+    return out
+
+
+@dataclass(frozen=True)
+class _HalfPeriod:
+    """Samples of the contact part from u0 downwards: positions, time weights, times, speeds."""
+
+    u: Array
+    dt: Array
+    t: Array
+    speed: Array
+    u_min: float
+    v_s: float
+    flight: float  # half of the flight time
+    n_loc: float
+    error: float
+
+    @property
+    def period(self) -> float:
+        return 2.0 * (float(self.dt.sum()) + self.flight)
+
+
+def _half_period(restoring: Restoring, u0: float, least: int = 0, orders: tuple[int, ...] = _ORDERS) -> _HalfPeriod:
+    u_min, v_s = _turning_point(restoring, u0)
+    mid, half = 0.5 * (u0 + u_min), 0.5 * (u0 - u_min)
+    knots = _knots(restoring, u_min, u0, v_s > 0)
+    theta = np.arcsin(np.clip((knots - mid) / half, -1.0, 1.0))
+    theta[-1] = 0.5 * np.pi
+    depth = 0.5 * restoring.n_loc * v_s**2  # of the flight below u = -1
+    theta[0] = -0.5 * np.pi + 2.0 * np.arcsin(np.sqrt(0.5 * depth / half))
+    v0 = float(restoring.potential(u0))
+    previous, error = np.nan, np.inf
+    for order in orders:
+        u, dt, t, speed = _contact_part(restoring, theta, u_min, u0, v0, order)
+        time = float(dt.sum())
+        error = abs(time - previous) / time
+        if error < _RTOL and order >= least:
+            break
+        previous = time
+    n = restoring.n_loc
+    return _HalfPeriod(u, dt, t, speed, u_min, v_s, n * v_s, n, error)
+
+
+def _dissipation(restoring: Restoring, half: _HalfPeriod, damping: str) -> float:
+    """INT g u'^2 over the period."""
+    loss = 2.0 * float((rate(restoring, damping, half.u) * half.speed**2) @ half.dt)
+    if half.v_s > 0 and in_flight(damping):
+        loss += 2.0 * restoring.n_loc * half.v_s**3 / 3.0
+    return loss
+
+
+def _harmonics(half: _HalfPeriod, k: Array) -> Array:
+    """Cosine coefficients of the orbit for the harmonics `k`."""
+    omega = 2.0 * np.pi / half.period
+    out = np.cos(omega * np.outer(k, half.t)) @ (half.u * half.dt)
+    if half.v_s > 0:
+        x, w = _gauss(48 + 2 * int(k.max()))
+        s = 0.5 * (1.0 + x) * half.flight  # from separation to the top of the flight
+        path = -1.0 - half.v_s * s + s * s / (2.0 * half.n_loc)
+        phase = omega * np.outer(k, 0.5 * half.period - half.flight + s)
+        out = out + np.cos(phase) @ (path * w) * 0.5 * half.flight
+    return np.where(k == 0, 2.0, 4.0) / half.period * out
+
+
+def free_vibration(
+    restoring: Restoring, amplitudes: ArrayLike, *, model: str, omega_s: float, damping: str = "always"
+) -> FreeVibration:
+    """Natural frequency at each release amplitude; see `free_orbit`."""
+    orbits = tuple(free_orbit(restoring, u, damping) for u in positives("u0", amplitudes))
+    valid = tuple(restoring.contact or o.u_min >= -1.0 for o in orbits)
+    return FreeVibration(
+        model,
+        restoring.law.describe(),
+        restoring.n_loc,
+        restoring.kappa,
+        omega_s,
+        orbits,
+        valid,
+        max(o.error for o in orbits),
+    )
+
+
+def _turning_point(restoring: Restoring, u0: float) -> tuple[float, float]:
+    """Lower turning point and speed at separation."""
+    law = restoring.law
+    energy = float(restoring.potential(u0))
+    if restoring.contact:
+        wall = float(restoring.potential(-1.0))
+        surplus = energy - wall
+        if surplus > 0:
+            return -1.0 - surplus * restoring.n_loc, float(np.sqrt(2.0 * surplus))
+        low = -1.0
+    else:
+        assert isinstance(law, TaylorLaw)
+        low, high = law.rim(), law.rim_above()
+        if u0 >= high or (np.isfinite(low) and energy >= float(restoring.potential(low))):
+            raise RangeError(
+                f"u0 = {u0:g} is beyond the rim of the Taylor well (saddles at u = {low:.6g} and "
+                f"{high:.6g}): the truncated law lets the motion escape; use the exact law"
+            )
+        if not np.isfinite(low):
+            low = -u0
+            while float(restoring.potential(low)) < energy:
+                low *= 2.0
+    root = brentq(lambda u: float(restoring.potential(u)) - energy, low, -1e-3 * min(u0, 1.0), xtol=1e-16, rtol=1e-14)
+    return float(root), 0.0
+
+
+def _knots(restoring: Restoring, u_min: float, u0: float, flight: bool) -> Array:
+    """Ends of the contact part and the knots of the law between them."""
+    low = -1.0 if flight else u_min
+    inner: Sequence[float] = getattr(restoring.law, "knots", ())
+    u = np.asarray(inner, float) / restoring.z_s - 1.0
+    return np.concatenate([[low], u[(u > low) & (u < u0)], [u0]])
+
+
+def _contact_part(
+    restoring: Restoring, theta: Array, u_min: float, u0: float, v0: float, order: int
+) -> tuple[Array, Array, Array, Array]:
+    """Positions, time weights, times from the compressed end and speeds over half a period."""
+    mid, half = 0.5 * (u0 + u_min), 0.5 * (u0 - u_min)
+    x, w = _gauss(order)
+    width = 0.5 * np.diff(theta)[:, None]
+    angle = 0.5 * (theta[1:] + theta[:-1])[:, None] + width * x
+    u = mid + half * np.sin(angle)
+    gain = v0 - restoring.potential(u)
+    # close to an end the difference of potentials cancels: integrate the force instead
+    below = 2.0 * half * np.sin(0.25 * np.pi - 0.5 * angle) ** 2
+    near = below < 0.02 * half
+    gain[near] = below[near] * _mean_force(restoring, u0 - below[near], below[near])
+    above = 2.0 * half * np.sin(0.25 * np.pi + 0.5 * angle) ** 2
+    if restoring.contact and u_min < -0.5:  # measured from the flight side, exact down to u = -1
+        near = u < -0.5
+        stored = restoring.pulled(u[near]) - restoring.pulled(u_min)
+        gain[near] = above[near] / restoring.n_loc - stored
+    else:
+        near = above < 0.02 * half
+        gain[near] = -above[near] * _mean_force(restoring, np.full(near.sum(), u_min), above[near])
+    if not gain.min() > 0:
+        raise ConvergenceError("the amplitude is too small for the arithmetic: V(u) is lost in round-off")
+    speed = np.sqrt(2.0 * gain)
+    slope = half * np.cos(angle) / speed  # dt / dtheta
+    panels = (slope * w) * width
+    start = panels.sum(axis=1)[::-1].cumsum()[::-1]  # time from the left end of each panel to u0
+    t = start[:, None] - width * (slope @ _integration(order).T)
+    return u.ravel(), panels.ravel(), t.ravel(), speed.ravel()
+
+
+def _mean_force(restoring: Restoring, start: Array, length: Array) -> Array:
+    """Mean of f over [start, start + length]."""
+    x, w = _gauss(12)
+    return 0.5 * (restoring.f(start[:, None] + 0.5 * length[:, None] * (1.0 + x)) @ w)
+
+
+@lru_cache(maxsize=16)
+def _gauss(order: int) -> tuple[Array, Array]:
+    return np.polynomial.legendre.leggauss(order)
+
+
+@lru_cache(maxsize=16)
+def _integration(order: int) -> Array:
+    """Matrix that integrates values at the Gauss points from -1 to each of them."""
+    x, w = _gauss(order)
+    basis = np.polynomial.legendre.legvander(x, order)
+    k = np.arange(order)
+    coefficients = (basis[:, :order] * w[:, None]).T * (k + 0.5)[:, None]
+    integral = np.empty((order, order))
+    integral[:, 0] = x + 1.0
+    integral[:, 1:] = (basis[:, 2:] - basis[:, : order - 1]) / (2.0 * k[1:] + 1.0)
+    return integral @ coefficients

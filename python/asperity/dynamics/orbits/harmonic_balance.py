@@ -1,0 +1,346 @@
+"""Harmonic balance of the forced oscillator, with exact integrals of the contact force.
+
+The orbit is ``u(theta) = x_0 + SUM a_k cos(k theta) + b_k sin(k theta)``, ``theta = Omega tau / p`` (p = 1, or 2
+for a subharmonic of order 2). The contact force vanishes in flight and is smooth in contact, so its
+Fourier integrals are taken by Gauss quadrature between the contact-loss angles, found on the current orbit;
+an orbit that keeps clear of contact loss uses the (then spectrally accurate) uniform grid. The balance is
+thereby a true Galerkin projection: no aliasing, and no spurious work of the conservative force however
+light the damping (alternating frequency-time method: Cameron & Griffin 1989).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy.special import roots_legendre
+
+from asperity.dynamics.law.damping import primitive, rate
+from asperity.dynamics.law.law import Array
+from asperity.dynamics.law.restoring import Restoring
+from asperity.errors import ConvergenceError
+
+MAX_HARMONICS = 640
+_GRID = 8  # uniform samples per harmonic
+_TABULATED = 64  # up to so many harmonics the basis on the uniform grid is kept
+_ROUND_OFF = 1e-11  # steps of u below this that no longer shrink are noise of the force
+_NEAR = 0.02  # closer than this to contact loss the integrals are split there
+
+
+@dataclass(frozen=True)
+class Balance:
+    """Residual of the harmonic balance ``Omega^2 u'' + 2 zeta Omega G(u)' + f(u) - F^ cos(p theta) = 0``.
+
+    Attributes:
+        restoring: normal form of the law.
+        zeta: damping ratio of small motion.
+        damping: damping model, see `asperity.dynamics.law.damping`.
+        order: p, periods of the forcing per period of the orbit.
+    """
+
+    restoring: Restoring
+    zeta: float
+    damping: str = "always"
+    order: int = 1
+
+    def evaluate(self, x: Array, omega: float, forcing: float) -> tuple[Array, Array, Array]:
+        """Residual, its Jacobian and its derivative with respect to Omega.
+
+        Args:
+            x: coefficients (2 K + 1): mean, K cosines, K sines.
+            omega: Omega.
+            forcing: F^.
+        """
+        size = x.size
+        count = size // 2
+        basis, weight = self._quadrature(x)
+        u = basis @ x
+        residual, jacobian = _projected(basis, weight, *self.restoring.pull(u))
+        residual[0] -= 1.0 / self.restoring.n_loc
+        nu = omega / self.order
+        k = _numbers(count)
+        inertia = -((nu * k) ** 2)
+        entries, step = jacobian.reshape(-1), size + 1  # a view, for its diagonals
+        entries[step::step] += inertia
+        d_omega = np.zeros(size)
+        d_omega[1:] = inertia * x[1:]
+        residual[1:] += d_omega[1:]
+        d_omega *= 2.0 / omega
+        residual[self.order] -= forcing
+        if self.zeta:
+            cos, sin = slice(1, count + 1), slice(count + 1, None)
+            c = (2.0 * self.zeta * nu) * k[:count]
+            if self.damping == "always":
+                damper = x
+                entries[step + count : step + count + count * step : step] += c
+                entries[step * (count + 1) - count :: step] -= c
+            else:
+                stored = primitive(self.restoring, self.damping, u) - self._rest()
+                damper, tangent = _projected(basis, weight, stored, rate(self.restoring, self.damping, u))
+                jacobian[cos] += c[:, None] * tangent[sin]
+                jacobian[sin] -= c[:, None] * tangent[cos]
+            loss_cos, loss_sin = c * damper[sin], -c * damper[cos]
+            residual[cos] += loss_cos
+            residual[sin] += loss_sin
+            d_omega[cos] += loss_cos / omega
+            d_omega[sin] += loss_sin / omega
+        return residual, jacobian, d_omega
+
+    def correct(self, x: Array, omega: float, forcing: float, *, rtol: float = 1e-10, steps: int = 25) -> Array:
+        """Solve the balance at fixed Omega by damped Newton iteration from `x`.
+
+        Raises:
+            ConvergenceError: no convergence in `steps` iterations.
+        """
+        residual, jacobian, _ = self.evaluate(x, omega, forcing)
+        before = np.inf
+        for _ in range(steps):
+            step = np.linalg.solve(jacobian, residual)
+            factor, norm = 1.0, np.abs(residual).max()
+            size = np.abs(step).max()
+            scale = np.abs(x).max() + 1e-12
+            if size > scale:  # limit wild steps
+                factor = scale / size
+            while True:
+                trial = x - factor * step
+                residual, jacobian, _ = self.evaluate(trial, omega, forcing)
+                if np.abs(residual).max() < 2.0 * norm or factor < 0.05:
+                    break
+                factor *= 0.5
+            x = trial
+            if size <= rtol * scale or 0.25 * before < size < _ROUND_OFF:
+                return x
+            before = size
+        raise ConvergenceError(f"harmonic balance did not converge at Omega = {omega:g}, F^ = {forcing:g}")
+
+    def _rest(self) -> float:
+        """Value of the damping primitive in flight."""
+        if not self.restoring.contact:
+            return 0.0
+        return float(primitive(self.restoring, self.damping, np.array([-1.0]))[0])
+
+    def _quadrature(self, x: Array) -> tuple[Array, Array]:
+        """Basis (points, 2K+1) and weights that integrate the contact force along the orbit."""
+        count = x.size // 2
+        points = _GRID * max(count, 8)
+        if self.restoring.contact:
+            s = 1.0 + (uniform_basis(count, points) @ x if count <= _TABULATED else _sampled(x, points))
+            lowest = float(s.min())
+            near = _NEAR * max(1.0, 0.5 * (float(s.max()) - lowest))
+            if lowest <= near:
+                cuts = _cuts(x, s, near)
+                theta, weight = _panels(cuts, count) if len(cuts) else (np.empty(0), np.empty(0))
+                return basis_at(theta, count), weight
+        return uniform_basis(count, points), np.full(points, 2.0 * np.pi / points)
+
+
+def _projected(basis: Array, weight: Array, force: Array, slope: Array) -> tuple[Array, Array]:
+    """Fourier coefficients of a force along the orbit, and their derivatives with respect to those of u.
+
+    A product of two waves is half the sum of the waves of sum and difference, so the derivatives are sums of
+    the coefficients of the slope up to twice the harmonics of u: no matrix product is needed.
+    """
+    size = basis.shape[1]
+    count = size // 2
+    columns = np.empty((4, weight.size))
+    columns[0] = weight * force
+    columns[1] = weight * slope
+    columns[2] = columns[1] * basis[:, count]
+    columns[3] = columns[1] * basis[:, -1]
+    project, low, cos, sin = columns @ basis
+    double = np.zeros((4, size))  # cosines, the same negative, sines, the same negative
+    double[0, : count + 1] = low[: count + 1]
+    double[0, count + 1 :] = cos[1 : count + 1] - sin[count + 1 :]
+    double[2, 1 : count + 1] = low[count + 1 :]
+    double[2, count + 1 :] = sin[1 : count + 1] + cos[count + 1 :]
+    double *= 0.5 / np.pi
+    double[1], double[3] = -double[0], -double[2]
+    one, other = _pairs(count)
+    jacobian = double.take(one)
+    jacobian += double.take(other)
+    jacobian[0] *= 0.5
+    project /= np.pi
+    project[0] *= 0.5
+    return project, jacobian
+
+
+@lru_cache(maxsize=64)
+def _numbers(count: int) -> Array:
+    """Number of the harmonic of each cosine and each sine."""
+    k = np.tile(np.arange(1.0, count + 1.0), 2)
+    k.flags.writeable = False
+    return k
+
+
+@lru_cache(maxsize=16)
+def _pairs(count: int) -> tuple[Array, Array]:
+    """Where the two terms of each product of waves stand in the table of `_projected` (2 count + 1 square each)."""
+    size = 2 * count + 1
+    k = np.concatenate([np.arange(count + 1), np.arange(1, count + 1)])
+    sine = np.arange(size) > count
+    mixed = sine[:, None] != sine
+    both = sine[:, None] & sine
+    lead = np.where(sine, k, -k)[:, None] + np.where(sine, k, -k)  # of the sine less that of the cosine, if mixed
+    one = np.abs(k[:, None] - k) + size * np.where(mixed, np.where(lead < 0, 3, 2), 0)
+    other = k[:, None] + k + size * np.where(mixed, 2, np.where(both, 1, 0))
+    return one, other
+
+
+def basis_at(theta: Array, count: int) -> Array:
+    """Fourier basis (len(theta), 2 count + 1): 1, cosines, sines."""
+    powers = np.empty((theta.size, count), complex)
+    powers[:] = np.exp(1j * theta)[:, None]
+    np.multiply.accumulate(powers, axis=1, out=powers)
+    out = np.empty((theta.size, 2 * count + 1))
+    out[:, 0] = 1.0
+    out[:, 1 : count + 1] = powers.real
+    out[:, count + 1 :] = powers.imag
+    return out
+
+
+@lru_cache(maxsize=32)
+def uniform_basis(count: int, points: int) -> Array:
+    """Fourier basis on ``points`` equidistant angles from 0."""
+    turn = np.outer(np.arange(points), np.arange(count + 1)) % points
+    angle = 2.0 * np.pi / points * np.arange(points)
+    out = np.concatenate([np.cos(angle)[turn], np.sin(angle)[turn[:, 1:]]], axis=1)
+    out.flags.writeable = False
+    return out
+
+
+def _sampled(x: Array, points: int) -> Array:
+    """Values on ``points`` equidistant angles from 0, as the uniform basis gives them."""
+    c = (0.5 * points) * _waves(x)[1][:, 0]
+    c[0] *= 2.0
+    return np.fft.irfft(c, points)
+
+
+def resize(x: Array, count: int) -> Array:
+    """Pad with zeros, or truncate, to `count` harmonics."""
+    old = x.size // 2
+    keep = min(old, count)
+    out = np.zeros(2 * count + 1)
+    out[: keep + 1] = x[: keep + 1]
+    out[count + 1 : count + 1 + keep] = x[old + 1 : old + 1 + keep]
+    return out
+
+
+def tail(x: Array) -> float:
+    """Relative size of the last quarter of the spectrum: the truncation error estimate of the orbit."""
+    count = x.size // 2
+    power = x[1 : count + 1] ** 2 + x[count + 1 :] ** 2
+    total = power.sum()
+    return float(np.sqrt(power[-(count // 4) :].sum() / total)) if total > 0 else 0.0
+
+
+def _cuts(x: Array, s: Array, near: float) -> Array:
+    """Contact intervals (m, 2) in angle, also split where the orbit only just keeps contact."""
+    points = s.size
+    h = 2.0 * np.pi / points
+    angle: Array = h * np.arange(points + 1)
+    value: Array = np.append(s, s[0])
+    marks: Array = np.empty(0)
+    low = np.flatnonzero(np.abs(s) < 4.0 * near)
+    if low.size:  # a grazing arc may hide between samples: look at the minima themselves
+        dips = low[(s[low] <= s[low - 1]) & (s[low] < value[low + 1])]
+        if dips.size:
+            marks, depth = _minima(x, s, dips, h)
+            angle, value = np.concatenate([angle, marks]), np.concatenate([value, depth])
+            order = np.argsort(angle, kind="stable")
+            angle, value = angle[order], value[order]
+            marks = np.sort(marks[depth > 0])
+    touching = value > 0
+    change = np.flatnonzero(touching[1:] != touching[:-1])
+    if change.size == 0:
+        if not touching[0]:
+            return np.empty((0, 2))
+        ends = marks if marks.size else angle[:1]  # never leaves contact: cut at the near minima
+        return np.stack([ends, np.append(ends[1:], ends[0] + 2.0 * np.pi)], axis=1)
+    roots = _roots(x, angle[change], angle[change + 1], value[change], value[change + 1])
+    opening = ~touching[change]  # contact begins after this root
+    starts, stops = roots[opening], roots[~opening]
+    if stops[0] < starts[0]:
+        stops = np.append(stops[1:], stops[0] + 2.0 * np.pi)
+    if marks.size == 0:
+        return np.stack([starts, stops], axis=1)
+    marks = np.concatenate([marks, marks + 2.0 * np.pi])
+    cuts = []
+    for begin, end in zip(starts, stops, strict=True):
+        inner = marks[(marks > begin + 1e-9) & (marks < end - 1e-9)]
+        edges = np.concatenate([[begin], inner, [end]])
+        cuts.append(np.stack([edges[:-1], edges[1:]], axis=1))
+    return np.concatenate(cuts)
+
+
+def _waves(x: Array) -> tuple[Array, Array]:
+    """Harmonic numbers times i, and complex coefficients of u, u' and u'' (K + 1, 3)."""
+    count = x.size // 2
+    ik = 1j * np.arange(count + 1)
+    c = x[: count + 1].astype(complex)
+    c[1:] -= 1j * x[count + 1 :]
+    return ik, np.stack([c, ik * c, ik * ik * c], axis=1)
+
+
+def _minima(x: Array, s: Array, dips: Array, h: float) -> tuple[Array, Array]:
+    """Angles of the minima near the samples `dips`, and 1 + u there."""
+    ik, c = _waves(x)
+    right = s[(dips + 1) % s.size]
+    curvature = s[dips - 1] - 2.0 * s[dips] + right
+    start = h * dips
+    theta = start + 0.5 * h * (s[dips - 1] - right) / np.maximum(curvature, 1e-300)
+    for _ in range(4):
+        u = (np.exp(np.multiply.outer(theta, ik)) @ c[:, 1:]).real
+        theta = theta - np.clip(u[:, 0] / np.maximum(np.abs(u[:, 1]), 1e-300), -0.5 * h, 0.5 * h)
+    theta = np.clip(theta, np.maximum(start - h, 0.0), start + h)
+    return theta, 1.0 + (np.exp(np.multiply.outer(theta, ik)) @ c[:, 0]).real
+
+
+def _roots(x: Array, a: Array, b: Array, fa: Array, fb: Array) -> Array:
+    """Angles in the brackets [a, b] where 1 + u = 0, by Newton iteration, safeguarded where it leaves them."""
+    ik, c = _waves(x)
+    c = c[:, :2]
+    theta = a + (b - a) * fa / (fa - fb)
+    rising = fb > fa
+    safe = False
+    with np.errstate(divide="ignore", invalid="ignore"):
+        for _ in range(60):
+            u = (np.exp(np.multiply.outer(theta, ik)) @ c).real
+            f, slope = 1.0 + u[:, 0], u[:, 1]
+            new = theta - f / slope
+            inside = (new >= a) & (new <= b)
+            clean = bool(inside.all())
+            safe = safe or not clean
+            if safe:
+                above = (f > 0) == rising
+                b, a = np.where(above, theta, b), np.where(above, a, theta)
+                inside = (new >= a) & (new <= b)
+                clean = bool(inside.all())
+                new = np.where(inside, new, 0.5 * (a + b))
+            moved = float(np.abs(new - theta).max())
+            theta = new
+            if (moved < 1e-8 and clean) or moved < 1e-14:  # what remains is the square of the step
+                break
+    return theta
+
+
+@lru_cache(maxsize=256)
+def _clustered(points: int) -> tuple[Array, Array]:
+    """Gauss rule on [0, 1] clustered at both ends, where the force is only (distance)^n smooth."""
+    x, w = roots_legendre(points)
+    y = 0.5 * (1.0 + x)
+    return y * y * (3.0 - 2.0 * y), 0.5 * w * 6.0 * y * (1.0 - y)
+
+
+def _panels(cuts: Array, count: int) -> tuple[Array, Array]:
+    """Quadrature points and weights over the intervals `cuts`."""
+    nodes, weights = [], []
+    for begin, end in cuts:
+        width = end - begin
+        points = 24 + int(1.2 * count * width)
+        unit = max(4, 1 << points.bit_length() - 4)  # few different rules: each is kept
+        points = unit * -(-points // unit)
+        x, w = _clustered(points)
+        nodes.append(begin + width * x)
+        weights.append(width * w)
+    return np.concatenate(nodes), np.concatenate(weights)

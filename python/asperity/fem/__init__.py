@@ -1,0 +1,1 @@
+"""Finite elements of the solid: element kernels, history, sparsity pattern, ghost updates."""

@@ -1,0 +1,101 @@
+"""Fields between the ranks and one numbering that does not depend on their count: that of the mesh as built."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from asperity.runtime import compat
+
+if TYPE_CHECKING:
+    from asperity.contact.contact_surface import Top
+    from asperity.fem.solid import Solid
+
+Array = npt.NDArray[Any]
+
+
+def node_numbers(solid: Solid) -> npt.NDArray[np.int64]:
+    """Node of the built mesh that each local displacement node is; ghosts included (nodes,)."""
+    x_nodes = compat.geometry_dofmap(solid.mesh)
+    out = np.full(solid.nodes, -1, dtype=np.int64)
+    numbers = solid.mesh.geometry.input_global_indices
+    out[solid.V.dofmap.list.ravel()] = np.asarray(numbers)[x_nodes.ravel()]
+    return out
+
+
+def cell_numbers(solid: Solid) -> npt.NDArray[np.int64]:
+    """Cell of the built mesh that each owned cell is (cells,)."""
+    return np.asarray(solid.mesh.topology.original_cell_index)[: len(solid.cell_nodes)]
+
+
+def facet_numbers(top: Top) -> npt.NDArray[np.int64]:
+    """Number of each facet of the top in the built mesh: four times its cell and its place in it (F,)."""
+    return 4 * cell_numbers(top.solid)[top.cells] + top.local
+
+
+def collect(comm: Any, numbers: npt.NDArray[np.int64], values: Array) -> Array | None:
+    """Assemble owned values on rank 0 in the order of `numbers`; None elsewhere; collective.
+
+    Args:
+        comm: communicator
+        numbers: global position of each owned row (n,), every position owned once
+        values: owned rows (n, ...)
+    """
+    parts = comm.gather((numbers, values), root=0)
+    if parts is None:
+        return None
+    total = sum(len(n) for n, _ in parts)
+    out = np.empty((total, *values.shape[1:]), dtype=values.dtype)
+    for n, v in parts:
+        out[n] = v
+    return out
+
+
+def spread(comm: Any, numbers: npt.NDArray[np.int64], values: Array | None) -> Array:
+    """Rows `numbers` of an array held by rank 0; collective."""
+    wanted = comm.gather(numbers, root=0)
+    parts = None if wanted is None or values is None else [values[n] for n in wanted]
+    return np.asarray(comm.scatter(parts, root=0))
+
+
+def collect_some(
+    comm: Any, numbers: npt.NDArray[np.int64], values: Array
+) -> tuple[npt.NDArray[np.int64], Array] | None:
+    """Rows that only some positions have, on rank 0 with their numbers in ascending order; None elsewhere; collective.
+
+    Args:
+        comm: communicator
+        numbers: global position of each row (n,), every position on one rank at most
+        values: rows (n, ...)
+    """
+    parts = comm.gather((numbers, values), root=0)
+    if parts is None:
+        return None
+    all_numbers = np.concatenate([n for n, _ in parts])
+    order = np.argsort(all_numbers)
+    return all_numbers[order], np.concatenate([v for _, v in parts])[order]
+
+
+def spread_some(
+    comm: Any,
+    wanted: npt.NDArray[np.int64],
+    rows: tuple[npt.NDArray[np.int64], Array] | None,
+    fill: float = 0.0,
+) -> Array:
+    """Rows `wanted` of what `collect_some` gave on rank 0, `fill` where there is none; collective."""
+    requests = comm.gather(wanted, root=0)
+    parts = None
+    if requests is not None and rows is not None:
+        parts = [_look_up(*rows, request, fill) for request in requests]
+    return np.asarray(comm.scatter(parts, root=0))
+
+
+def _look_up(numbers: npt.NDArray[np.int64], values: Array, wanted: npt.NDArray[np.int64], fill: float) -> Array:
+    out = np.full((len(wanted), *values.shape[1:]), fill)
+    if len(numbers):
+        at = np.minimum(np.searchsorted(numbers, wanted), len(numbers) - 1)
+        found = numbers[at] == wanted
+        out[found] = values[at[found]]
+    return out

@@ -1,0 +1,174 @@
+"""The deformable block: displacement space, internal force, tangent, history.
+
+Inside the solver lengths are in units of the side L and stresses in units of E, so tolerances mean the same for
+every case. History is written to a trial copy with each residual and becomes the committed one by `commit` only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from asperity.fem.ghosts import Halo
+from asperity.fem.sparsity import NodeGraph
+from asperity.mesh.generate import BASE, SIDE_X, SIDE_Y
+from asperity.model.material import Material
+from asperity.runtime import compat
+from asperity.runtime.timing import Phases
+
+Floats = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.int32]  # local dofs
+
+
+class Bulk(Protocol):
+    """Constitutive part of a solid: what both the compiled kernels and the UFL forms provide."""
+
+    linear: bool  # whether the tangent never changes
+
+    @property
+    def plastic_points(self) -> int:
+        """Quadrature points flowing at the last residual, this process."""
+
+    @property
+    def volumes(self) -> Floats:
+        """Of the quadrature points of this process (cells, points)."""
+
+    def add_internal_force(self, u: Floats, b: Floats) -> None:
+        """Add the internal force of the nodal displacement u (nodes, 3) to b; writes the trial history."""
+
+    def tangent(self, u: Floats, values: Floats) -> None:
+        """Write the values of the local CSR matrix at u, the state of the last residual."""
+
+    def commit(self) -> None:
+        """Make the trial history the committed one."""
+
+    def restore(self, plastic_strain: Floats, accumulated: Floats) -> None:
+        """Take up a committed history that `history` gave."""
+
+    def history(self) -> tuple[Floats, Floats]:
+        """Committed plastic strain (cells, points, 6) and accumulated plastic strain (cells, points)."""
+
+    def stress(self, u: Floats) -> Floats:
+        """Stress (cells, points, 6) of u over the committed history."""
+
+
+class Solid:
+    """Second-order displacement on a distributed mesh, clamped base, rollers or free sides.
+
+    Args:
+        mesh, tags: what `mesh.distribute` gave
+        material: with stresses in units of E
+        sides: "rollers" (no normal displacement) or "free"
+        kernels: "compiled" or "ufl"
+        phases: collects where the time goes
+
+    Attributes:
+        graph: sparsity of this process's part of the tangent
+        values: of that part, the sum of the parts being the tangent
+        version: how often `values` were written
+    """
+
+    def __init__(
+        self,
+        mesh: Any,
+        tags: Any,
+        material: Material,
+        sides: str = "rollers",
+        kernels: str = "compiled",
+        phases: Phases | None = None,
+    ) -> None:
+        from dolfinx import fem
+
+        self.phases = phases or Phases()
+
+        self.mesh, self.tags, self.material = mesh, tags, material
+        self.comm = mesh.comm
+        self.V = fem.functionspace(mesh, ("Lagrange", 2, (3,)))
+        self.u = fem.Function(self.V, name="displacement")
+        self.force = fem.Function(self.V, name="internal force")
+        index_map = self.V.dofmap.index_map
+        self.owned = index_map.size_local
+        self.nodes = index_map.size_local + index_map.num_ghosts
+        self.dofs = 3 * index_map.size_global
+        self.points = np.ascontiguousarray(self.V.tabulate_dof_coordinates())
+        cells = mesh.topology.index_map(3).size_local
+        self.cell_nodes = np.ascontiguousarray(self.V.dofmap.list[:cells])
+        self.graph = NodeGraph(self.cell_nodes, self.nodes)
+        self.fixed = self._fixed_rows(sides)
+        self.base = self.nodes_on(BASE)
+        self.bulk = self._make_bulk(kernels)
+        self.halo = Halo(index_map)
+        self.values, self.version = np.zeros(len(self.graph.columns)), 0
+
+    def _make_bulk(self, kernels: str) -> Bulk:
+        if kernels == "ufl":
+            from asperity.fem.ufl_kernels import UflBulk
+
+            return UflBulk(self.V, self.material, self.graph)
+        from asperity.fem.compiled_kernels import CompiledBulk
+
+        x_nodes = compat.geometry_dofmap(self.mesh)[: len(self.cell_nodes)]
+        return CompiledBulk(self.mesh.geometry.x, x_nodes, self.cell_nodes, self.material, self.graph)
+
+    def nodes_on(self, tag: int) -> npt.NDArray[np.int32]:
+        """Owned nodes on the facets with a tag."""
+        from dolfinx import fem
+
+        found = fem.locate_dofs_topological(self.V, 2, self.tags.find(tag))
+        return found[found < self.owned]
+
+    def _fixed_rows(self, sides: str) -> npt.NDArray[np.int32]:
+        """Owned dofs without displacement."""
+        fixed: list[npt.NDArray[np.int32]] = [(3 * self.nodes_on(BASE)[:, None] + np.arange(3)).ravel()]
+        if sides == "rollers":
+            fixed += [3 * self.nodes_on(SIDE_X), 3 * self.nodes_on(SIDE_Y) + 1]
+        return np.unique(np.concatenate(fixed)).astype(np.int32)
+
+    # -- vectors and matrix ----------------------------------------------------------------------------------
+
+    def set_displacement(self, x: Any) -> None:
+        """Copy a PETSc vector to the displacement, ghosts included."""
+        self.u.x.array[: 3 * self.owned] = x.array_r
+        self.u.x.scatter_forward()
+
+    def vector(self) -> Any:
+        """A PETSc vector of the owned dofs."""
+        from petsc4py import PETSc
+
+        return PETSc.Vec().createMPI((3 * self.owned, self.dofs), bsize=3, comm=self.comm)
+
+    def with_ghosts(self, values: Floats) -> Floats:
+        """Owned dof values (3 owned,) as a nodal array with ghosts (nodes, 3); collective."""
+        return self.halo.fill(values.reshape(-1, 3)).copy()
+
+    def sum_ghosts(self, values: Floats) -> Floats:
+        """Nodal values (nodes, k) summed over the processes that hold a part: (owned, k); collective."""
+        return self.halo.add(values).copy()
+
+    def internal_force(self) -> Floats:
+        """Internal force of the current displacement on the owned nodes (owned, 3); collective."""
+        from dolfinx import la
+
+        b = self.force.x.array
+        with self.phases.phase("residual"):
+            b[:] = 0.0
+            self.bulk.add_internal_force(self.u.x.array.reshape(-1, 3), b.reshape(-1, 3))
+            self.force.x.scatter_reverse(la.InsertMode.add)
+        return b.reshape(-1, 3)[: self.owned]
+
+    def assemble_tangent(self, add: Callable[[], None] | None = None) -> None:
+        """Bring `values` to the state of the last internal force, without boundary conditions.
+
+        Args:
+            add: adds what else there is to `values`, if there is anything
+        """
+        if self.version and self.bulk.linear and add is None:
+            return
+        with self.phases.phase("tangent"):
+            self.bulk.tangent(self.u.x.array.reshape(-1, 3), self.values)
+            if add is not None:
+                add()
+        self.version += 1

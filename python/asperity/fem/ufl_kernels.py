@@ -1,0 +1,133 @@
+"""Constitutive part as UFL forms: the readable twin of the compiled kernels, differentiated automatically."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from asperity.fem.compiled_kernels import QUADRATURE_DEGREE
+from asperity.model.material import Material, return_map_ufl
+from asperity.runtime import compat
+
+if TYPE_CHECKING:
+    from asperity.fem.solid import Floats
+    from asperity.fem.sparsity import NodeGraph
+
+SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # order of stored tensor components
+
+
+class UflBulk:
+    """Internal force and tangent by FFCx from `material.return_map_ufl`; compiled at first use."""
+
+    def __init__(self, V: Any, material: Material, graph: NodeGraph) -> None:
+        import basix.ufl
+        import ufl
+        from dolfinx import fem
+
+        mesh = V.mesh
+        cells = mesh.topology.index_map(3).size_local
+        self._cells = np.arange(cells, dtype=np.int32)
+        self._u = fem.Function(V)
+        dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": QUADRATURE_DEGREE})
+        element = basix.ufl.quadrature_element("tetrahedron", value_shape=(7,), degree=QUADRATURE_DEGREE)
+        history = fem.functionspace(mesh, element)
+        self._history = fem.Function(history)
+        self._at = history.dofmap.list[:cells]
+        points = element.custom_quadrature()[0]
+        h = self._history
+        plastic_strain = ufl.as_matrix([[h[0], h[3], h[4]], [h[3], h[1], h[5]], [h[4], h[5], h[2]]])
+        strain = ufl.sym(ufl.grad(self._u))
+        constants = [fem.Constant(mesh, np.float64(value)) for value in material.parameters]
+        if material.plastic:
+            stress, flowed, alpha = return_map_ufl(strain, plastic_strain, h[6], *constants)
+        else:
+            lam, mu = constants[:2]
+            stress = lam * ufl.tr(strain) * ufl.Identity(3) + 2.0 * mu * strain
+            flowed, alpha = plastic_strain, h[6]
+        residual = ufl.inner(stress, ufl.sym(ufl.grad(ufl.TestFunction(V)))) * dx
+        self._residual = fem.form(residual)
+        self._tangent = fem.form(ufl.derivative(residual, self._u))
+        outputs = [stress[ij] for ij in SYMMETRIC] + [flowed[ij] for ij in SYMMETRIC] + [alpha]
+        self._outputs = fem.Expression(ufl.as_vector(outputs), points, mesh.comm)
+        self._matrix = fem.create_matrix(self._tangent)
+        self._from, self._to = _positions(self._matrix, graph)
+        self.volumes = self._quadrature_volumes(len(points))
+        self.plastic_points = 0
+        self._plastic = material.plastic
+        self.linear = not material.plastic
+
+    def _quadrature_volumes(self, points: int) -> Floats:
+        import basix
+        import ufl
+        from dolfinx import fem
+
+        mesh = self._u.function_space.mesh
+        reference, weights = basix.make_quadrature(basix.CellType.tetrahedron, QUADRATURE_DEGREE)
+        J = fem.Expression(ufl.JacobianDeterminant(mesh), reference, mesh.comm)
+        return np.abs(J.eval(mesh, self._cells).reshape(len(self._cells), points)) * weights
+
+    def add_internal_force(self, u: Floats, b: Floats) -> None:
+        self._u.x.array[:] = u.ravel()
+        compat.assemble_vector_into(b.reshape(-1), self._residual)
+        if self._plastic:
+            self.plastic_points = int(np.sum(self._state()[..., 12] > self._committed()[..., 6]))
+
+    def tangent(self, u: Floats, values: Floats) -> None:
+        from dolfinx import fem
+
+        self._u.x.array[:] = u.ravel()
+        self._matrix.data[:] = 0.0
+        fem.assemble_matrix(self._matrix, self._tangent)
+        values[:] = 0.0
+        values[self._to] = self._matrix.data[self._from]
+
+    def commit(self) -> None:
+        if self._plastic:
+            values = self._history.x.array.reshape(-1, 7)
+            values[self._at] = self._state()[..., 6:]
+
+    def restore(self, plastic_strain: Floats, accumulated: Floats) -> None:
+        if self._plastic:
+            values = self._history.x.array.reshape(-1, 7)
+            values[self._at] = np.concatenate([plastic_strain, accumulated[..., None]], axis=-1)
+
+    def history(self) -> tuple[Floats, Floats]:
+        committed = self._committed()
+        if not self._plastic:
+            committed = committed[:0]
+        return committed[..., :6], committed[..., 6]
+
+    def stress(self, u: Floats) -> Floats:
+        self._u.x.array[:] = u.ravel()
+        return self._state()[..., :6]
+
+    def _committed(self) -> Floats:
+        return self._history.x.array.reshape(-1, 7)[self._at]
+
+    def _state(self) -> Floats:
+        """Stress, plastic strain and accumulated plastic strain at the points (cells, points, 13)."""
+        out = self._outputs.eval(self._u.function_space.mesh, self._cells)
+        return out.reshape(len(self._cells), -1, 13)
+
+
+def _positions(matrix: Any, graph: NodeGraph) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Which stored values of a dolfinx matrix (3 x 3 blocks) go where in the local CSR of the graph.
+
+    Blocks to which only other processes contribute are in the matrix but not in the graph, in columns too that this
+    process has no node for; they are left out.
+    """
+    nodes = len(graph.indptr) - 1
+    n = max(nodes, int(matrix.indices.max(initial=0)) + 1)
+    row = np.repeat(np.arange(len(matrix.indptr) - 1), np.diff(matrix.indptr)).astype(np.int64)
+    keys = np.repeat(np.arange(nodes), np.diff(graph.indptr)).astype(np.int64) * n + graph.indices
+    wanted = row * n + matrix.indices
+    at = np.searchsorted(keys, wanted)
+    held = np.flatnonzero(keys[np.minimum(at, len(keys) - 1)] == wanted)
+    at, row = at[held], row[held]
+    width = np.diff(graph.indptr).astype(np.int64)[row]
+    column = at - graph.indptr[row]
+    i, j = np.divmod(np.arange(9), 3)
+    first = 9 * graph.indptr[row].astype(np.int64) + 3 * column
+    return (9 * held[:, None] + np.arange(9)).ravel(), (first[:, None] + i * 3 * width[:, None] + j).ravel()

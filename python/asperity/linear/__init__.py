@@ -1,0 +1,1 @@
+"""Linear systems of a Newton step: matrix-free tangent, multigrid, factorisation."""

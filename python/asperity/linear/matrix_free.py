@@ -1,0 +1,86 @@
+"""The tangent of a solid as an operator that is never assembled: every process has its part."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from asperity import _solver
+
+if TYPE_CHECKING:
+    from asperity.fem.solid import Floats, Solid
+
+Singles = npt.NDArray[np.float32]
+
+
+class Tangent:
+    """Products with the tangent of a solid, and with its free dofs as a python context of PETSc.
+
+    Products cost what reading the matrix costs, and neither a preconditioner nor a Newton step needs many digits: of a
+    symmetric tangent there is a copy of the upper half in single precision (benchmarks/linear.py).
+
+    Args:
+        solid: whose tangent it is
+        symmetric: whether it is; of another one the copy takes the upper half for the whole
+        single: whether PETSc sees the copy, if symmetric, which is enough for tolerances above 1e-5
+
+    Attributes:
+        kept: 1 at the free dofs, 0 at the others, ghosts included (nodes, 3)
+        free: the same of the owned dofs (3 owned,)
+        version: of the solid's values that the copy is of
+    """
+
+    def __init__(self, solid: Solid, symmetric: bool, single: bool) -> None:
+        self.solid, self._single = solid, symmetric and single
+        indptr, indices = solid.graph.indptr, solid.graph.indices
+        upper = indices >= np.repeat(np.arange(solid.nodes), np.diff(indptr))
+        self._starts = np.concatenate([[0], np.cumsum(upper)])[indptr].astype(np.int32)
+        self._columns = indices[upper]
+        self._blocks = np.zeros(9 * len(self._columns) + 1, dtype=np.float32)  # one more is read with the last
+        self._work = np.empty((2, solid.nodes, 4), dtype=np.float32)
+        self._image = np.empty((solid.nodes, 3))
+        self._single_image = np.empty((solid.nodes, 3), dtype=np.float32)
+        self.version = 0
+        self.hold(np.empty(0, dtype=np.int32))
+
+    def matrix(self) -> Any:
+        """The tangent on the free dofs, zero elsewhere, as a matrix of PETSc."""
+        from petsc4py import PETSc
+
+        sizes = 3 * self.solid.owned, self.solid.dofs
+        return PETSc.Mat().createPython((sizes, sizes), self, comm=self.solid.comm)
+
+    def hold(self, rows: npt.NDArray[np.int32]) -> None:
+        """Take those owned dofs out of the free ones, and no others; collective."""
+        self.free = np.ones(3 * self.solid.owned)
+        self.free[rows] = 0.0
+        self.kept = self.solid.with_ghosts(self.free)
+
+    def update(self) -> None:
+        """Bring the copy up to date."""
+        if self.version != self.solid.version:
+            graph = self.solid.graph
+            _solver.upper_half(graph.indptr, graph.indices, self.solid.values, self._blocks)
+            self.version = self.solid.version
+
+    def single_product(self, x: Singles) -> Singles:
+        """Copy of the tangent times owned dof values (3 owned,); collective. The next call overwrites the result."""
+        halo = self.solid.halo
+        _solver.symmetric_product(
+            self._starts, self._columns, self._blocks, halo.fill(x.reshape(-1, 3)), self._work, self._single_image
+        )
+        return halo.add(self._single_image).reshape(-1)
+
+    def product(self, x: Floats) -> Floats:
+        """Tangent times owned dof values (3 owned,), as exact as PETSc sees it; collective."""
+        if self._single:
+            return self.single_product(x.astype(np.float32)).astype(np.float64)
+        graph, halo = self.solid.graph, self.solid.halo
+        _solver.product(graph.indptr, graph.indices, self.solid.values, halo.fill(x.reshape(-1, 3)), self._image)
+        return halo.add(self._image).reshape(-1)
+
+    def mult(self, A: Any, x: Any, y: Any) -> None:
+        """Part of the matrix interface: y = A x."""
+        y.array = self.free * self.product(self.free * x.array_r)

@@ -1,0 +1,243 @@
+"""Two-level p-multigrid: second-order displacements are smoothed, first-order ones solved on the cell corners.
+
+The coarse space is an eighth of the size, so it can be factorised where the second-order problem of the same mesh
+is far too large for that, and is set up in a fraction of the time of an algebraic hierarchy on the fine level.
+
+The fine level works in single precision, see `tangent.Tangent`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.linalg import eigh_tridiagonal
+
+from asperity import _solver
+from asperity.fem.sparsity import NodeGraph, NodeMatrix, set_rigid_modes
+from asperity.linear.matrix_free import Singles, Tangent
+from asperity.linear.petsc_options import GAMG, set_defaults
+
+EDGES = (
+    (2, 3),
+    (1, 3),
+    (1, 2),
+    (0, 3),
+    (0, 2),
+    (0, 1),
+)  # corners of edge k of a cell, in the order of basix
+COARSE_DIRECT_LIMIT = 60_000  # coarse dofs up to which the coarse problem is factorised in one process
+COARSE_SWEEPS = 4  # of the smoother where it is not: a tenth fewer iterations on the fine level than with two
+
+PREFIX = "asperity_coarse_"
+
+SWEEPS = 2  # of the smoother, before and after the coarse correction
+LANCZOS, UPDATE = 20, 4  # steps of an estimate of the greatest eigenvalue: from anew, and for the next matrix
+RENEWAL = 1.5  # increase of the iterations at which the coarse matrix is renewed
+NOISE = 0.1  # in the start of an update, relative to the vector the last one led to
+SMOOTHED = (0.1, 1.1)  # part of the spectrum that is damped, in units of the estimate
+
+
+class PMultigrid:
+    """Preconditioner for the tangent of a solid on its free dofs, as a python context of PETSc; collective.
+
+    A V-cycle with Chebyshev's iteration on the Jacobi-scaled matrix as smoother (Adams et al., J. Comput. Phys. 188
+    (2003) 593). The other dofs are masked, on the fine level and in the interpolation, so that the cycle never moves
+    them; corners that are not free get a unit row in the coarse matrix.
+
+    Args:
+        tangent: what is preconditioned
+        symmetric: whether it is symmetric; of another one the smoother takes the upper half for the whole
+    """
+
+    def __init__(self, tangent: Tangent, symmetric: bool = True) -> None:
+        from dolfinx import fem
+        from petsc4py import PETSc
+
+        self._tangent, self._solid = tangent, tangent.solid
+        solid = self._solid
+        coarse = fem.functionspace(solid.mesh, ("Lagrange", 1, (3,))).dofmap
+        index_map = coarse.index_map
+        corners = index_map.size_local + index_map.num_ghosts
+        self._corners = np.empty(corners, dtype=np.int32)  # node at each corner, ghosts included
+        self._corners[coarse.list] = solid.V.dofmap.list[:, :4]
+        # of each node: the corner it is, twice, or the ends of its edge
+        self._parents = np.empty((solid.nodes, 2), dtype=np.int32)
+        for k, ends in enumerate([(k, k) for k in range(4)] + list(EDGES)):
+            self._parents[solid.V.dofmap.list[:, k]] = coarse.list[:, ends]
+        self._coarse = NodeMatrix(NodeGraph(coarse.list, corners), index_map, solid.comm)
+        set_rigid_modes(self._coarse.A, solid.points[self._corners])
+        self._P = self._interpolation(index_map)
+        self._fine = self._P.createVecLeft()
+        self._coarse_mask, self._rhs, self._correction = (self._P.createVecRight() for _ in range(3))
+        self._ksp = PETSc.KSP().create(solid.comm)
+        self._ksp.setOptionsPrefix(PREFIX)
+        self._coarse.A.setOption(PETSc.Mat.Option.SPD, symmetric)
+        self._ksp.setType("preonly")
+        pc = self._ksp.getPC()
+        small = 3 * index_map.size_global <= COARSE_DIRECT_LIMIT
+        # a parallel factorisation is slower than multigrid at any size (benchmarks/linear.py coarse)
+        if small and (solid.comm.size == 1 or not symmetric):
+            pc.setType("cholesky" if symmetric else "lu")
+            # faster than MUMPS (benchmarks/linear.py pieces)
+            pc.setFactorSolverType("cholmod" if symmetric and PETSc.Sys.hasExternalPackage("cholmod") else "mumps")
+        else:
+            pc.setType("gamg")
+            set_defaults(PREFIX, GAMG | {"mg_levels_ksp_max_it": COARSE_SWEEPS})
+        self._ksp.setFromOptions()
+        self._version = 0
+        self._reusable, self._of, self._usual = False, tangent.kept, 0  # free dofs and iterations of the coarse matrix
+        noise = np.random.default_rng(solid.comm.rank).normal(size=3 * solid.owned)
+        self._noise = (NOISE * noise / np.sqrt(solid.dofs)).astype(np.float32)
+        self._supported = np.ones(3 * solid.owned, dtype=np.float32)
+        self._supported[solid.fixed] = 0.0
+        self._extreme, self._greatest = self._noise, 0.0
+
+    def _interpolation(self, index_map: Any) -> Any:
+        """Matrix from corner dofs to all dofs: a corner keeps its value, an edge takes the mean of its ends."""
+        from petsc4py import PETSc
+        from scipy import sparse
+
+        solid = self._solid
+        columns = index_map.local_to_global(self._parents.ravel())
+        rows = np.repeat(np.arange(solid.nodes), 2)
+        shape = (solid.nodes, index_map.size_global)
+        local = sparse.coo_array((np.full(len(rows), 0.5), (rows, columns)), shape).tocsr()[: solid.owned]
+        P = sparse.kron(local, sparse.eye_array(3), format="csr")
+        sizes = (
+            (3 * solid.owned, solid.dofs),
+            (3 * index_map.size_local, 3 * index_map.size_global),
+        )
+        csr = (P.indptr.astype(PETSc.IntType), P.indices.astype(PETSc.IntType), P.data)
+        out = PETSc.Mat().createAIJ(sizes, csr=csr, comm=solid.comm)
+        out.setBlockSizes(3, 3)
+        return out
+
+    def update(self) -> bool:
+        """Adapt to the current values and free dofs of the tangent; collective.
+
+        Returns:
+            whether the matrix can be smoothed; not so one with a diagonal that is not positive
+        """
+        from mpi4py import MPI
+
+        solid, tangent = self._solid, self._tangent
+        self._free = tangent.free.astype(np.float32)
+        new = self._version != tangent.version
+        if new:
+            diagonal = solid.halo.add(solid.values[solid.graph.diagonal].reshape(-1, 3)).ravel()
+            least = -solid.comm.allreduce(float(np.max(-diagonal[self._free > 0.0], initial=-np.inf)), op=MPI.MAX)
+            if not least > 0.0:
+                return False
+            self._inverse = (1.0 / np.where(diagonal > 0.0, diagonal, 1.0)).astype(np.float32)
+            self._version = tangent.version
+        self._scaling = self._free * self._inverse
+        same = self._reusable and bool(np.array_equal(self._of, tangent.kept))
+        if not solid.comm.allreduce(same, op=MPI.LAND):
+            self._galerkin()
+            self._ksp.setOperators(self._coarse.A)
+            self._ksp.setUp()
+            self._of, self._usual = tangent.kept, 0
+        if self._greatest == 0.0:
+            self.estimate()
+        elif new:
+            self._greatest = max(self._greatest, self._greatest_eigenvalue(UPDATE, self._free))
+        return True
+
+    def _galerkin(self) -> None:
+        """Coarse matrix of the free dofs, with a unit row for each held corner; collective."""
+        fine, coarse, mask, kept = self._solid.graph, self._coarse, self._coarse_mask, self._tangent.kept
+        corners = np.ascontiguousarray(kept[self._corners])
+        mask.array = corners.ravel()[: mask.getLocalSize()]
+        _solver.galerkin(
+            fine.indptr, fine.indices, self._solid.values, kept, self._parents,
+            coarse.graph.indptr, coarse.graph.indices, corners, coarse.values,
+        )  # fmt: skip
+        coarse.values[coarse.graph.diagonal[np.flatnonzero(mask.array_r == 0.0)]] = 1.0
+        coarse.assemble()
+
+    def forget(self) -> None:
+        """Let the next `update` set everything up from anew, unless the tangent never changed."""
+        if self._solid.version > 1:
+            self._greatest, self._reusable = 0.0, False
+
+    def judge(self, iterations: int) -> None:
+        """Decide by the iterations of a solve whether the next one may do with the same coarse matrix.
+
+        It may while the free dofs stay the same, the flow of a few cells more or less, and iterations do not rise.
+        """
+        self._usual = self._usual or iterations
+        self._reusable = iterations <= RENEWAL * self._usual + 2
+
+    def estimate(self) -> None:
+        """Estimate the greatest eigenvalue from anew; collective.
+
+        It grows when cells yield (from 3.6 to 4.5 has been seen). The smoother works with the greatest one so far,
+        for one too great costs little and one too small by a fifth makes the cycle indefinite. It is that of the solid
+        without contact, which bounds that with some more dofs held.
+        """
+        self._extreme = self._noise
+        self._greatest = max(self._greatest, self._greatest_eigenvalue(LANCZOS, self._supported))
+
+    def apply(self, pc: Any, r: Any, z: Any) -> None:
+        """One V-cycle from zero: z is about the solution for r."""
+        x, left = np.zeros_like(self._free), self._free * r.array_r.astype(np.float32)
+        left -= self._free * self._smooth(x, left)
+        self._fine.array = left
+        self._P.multTranspose(self._fine, self._rhs)
+        self._rhs.pointwiseMult(self._rhs, self._coarse_mask)
+        self._ksp.solve(self._rhs, self._correction)
+        self._correction.pointwiseMult(self._correction, self._coarse_mask)
+        self._P.mult(self._correction, self._fine)
+        correction = self._free * self._fine.array_r.astype(np.float32)
+        x += correction
+        left -= self._free * self._tangent.single_product(correction)
+        self._smooth(x, left, last=True)
+        z.array = x
+
+    def _smooth(self, x: Singles, residual: Singles, last: bool = False) -> Singles:
+        """Chebyshev's iteration (Saad, Iterative Methods, 2003, algorithm 12.1) on x and its residual, in place.
+
+        Returns:
+            what the residual still lacks of the product with the last step, unless it was the last of all
+        """
+        low, high = (self._greatest * part for part in SMOOTHED)
+        middle, half = 0.5 * (high + low), 0.5 * (high - low)
+        rho = half / middle
+        step, image = np.zeros_like(x), np.zeros_like(x)
+        keep, add = 0.0, 1.0 / middle
+        for sweep in range(SWEEPS):
+            _solver.relax(image, self._free, self._scaling, keep, add, residual, step, x)
+            if not last or sweep < SWEEPS - 1:
+                image = self._tangent.single_product(step)
+            before, rho = rho, 1.0 / (2.0 * middle / half - rho)
+            keep, add = rho * before, 2.0 * rho / half
+        return image
+
+    def _greatest_eigenvalue(self, steps: int, free: Singles) -> float:
+        """Of the Jacobi-scaled matrix with those dofs free, by Lanczos' method from the last vector; collective."""
+        comm = self._solid.comm
+        root = np.sqrt(free * self._inverse)
+
+        def dot(a: Singles, b: Singles) -> float:
+            return float(comm.allreduce(float(np.dot(a, b))))
+
+        v = free * self._extreme
+        v /= np.float32(np.sqrt(dot(v, v)))
+        before, beta = np.zeros_like(v), 0.0
+        basis, diagonal, beside = [], [], []
+        for _ in range(steps):
+            basis.append(v)
+            w = root * self._tangent.single_product(root * v) - np.float32(beta) * before
+            diagonal.append(dot(w, v))
+            w -= np.float32(diagonal[-1]) * v
+            beta = np.sqrt(dot(w, w))
+            if beta <= 1e-5 * diagonal[0]:  # the space is exhausted
+                break
+            beside.append(beta)
+            before, v = v, w / np.float32(beta)
+        size = len(diagonal)
+        values, vectors = eigh_tridiagonal(diagonal, beside[: size - 1])
+        # the noise lets a mode grow that has become the greatest one somewhere else
+        self._extreme = np.stack(basis, axis=1) @ vectors[:, -1].astype(np.float32) + self._noise
+        return float(values[-1])

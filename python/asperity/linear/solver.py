@@ -1,0 +1,219 @@
+"""The linear system of a Newton iteration: some dofs prescribed, then a Krylov method or a factorisation."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from asperity.errors import InputError
+from asperity.fem.sparsity import NodeMatrix, set_rigid_modes
+from asperity.linear.matrix_free import Tangent
+from asperity.linear.multigrid import PMultigrid
+from asperity.linear.petsc_options import GAMG, set_defaults
+
+if TYPE_CHECKING:
+    from asperity.fem.solid import Floats, Rows, Solid
+
+
+SINGLE_RTOL = 1e-5  # tolerance from which on a product in single precision is exact enough
+LU_LIMIT = 6_000  # dofs below which a factorisation beats CG with multigrid (benchmarks/linear.py)
+DIRECT_LIMIT = 200_000  # dofs up to which a factorisation may stand in for an iterative solver that fails
+KINDS = ("auto", "lu", "cg", "gamg")
+PREFIX, RESCUE_PREFIX = "asperity_linear_", "asperity_rescue_"
+#: Memory beyond what MUMPS foresees, in per cent: what its scheduling needs on several ranks depends on their speed.
+WORKSPACE = 100
+
+
+class LinearSolver:
+    """Solves A y = r with some dofs of y prescribed, A the tangent of a solid; collective.
+
+    Where CG, GMRES or Cholesky's method fails, because the matrix is nearly singular or indefinite, the system is
+    factorised by LU, and so are those that follow in the same step.
+
+    Args:
+        solid: whose tangent is solved with
+        kind: "lu" (MUMPS), "cg" (p-multigrid), "gamg" (algebraic multigrid), or "auto", which takes "lu" for small
+            problems and "cg" for others
+        symmetric: whether the matrix is symmetric and positive definite: Cholesky and CG, else LU and GMRES
+        rtol: smallest tolerance that will be asked for
+
+    Attributes:
+        operator: the tangent as a matrix of PETSc
+        rescue: whether systems are factorised because the solver failed in this step
+        rescued: systems that were factorised for that
+
+    Raises:
+        InputError: unknown kind
+    """
+
+    def __init__(self, solid: Solid, kind: str, symmetric: bool = True, rtol: float = SINGLE_RTOL) -> None:
+        if kind not in KINDS:
+            raise InputError(f'solver.linear = "{kind}" is not one of {", ".join(KINDS)}')
+        if kind == "auto":
+            kind = "lu" if solid.dofs < LU_LIMIT else "cg"
+        self.rescue, self.rescued = False, 0
+        self._solid = solid
+        self._may_rescue = (symmetric or kind != "lu") and solid.dofs <= DIRECT_LIMIT
+        self._direct: Assembled | None = None
+        self._method: Krylov | Assembled
+        if kind == "cg":
+            self._method = Krylov(Tangent(solid, symmetric, rtol >= SINGLE_RTOL), symmetric)
+        else:
+            self._method = Assembled(solid, kind, symmetric, PREFIX)
+        self.operator = self._method.operator
+
+    def forget(self) -> None:
+        """Let the next solve depend on its system alone, not on those before, as after a restart."""
+        self._method.forget()
+
+    def solve(self, r: Any, rows: Rows, values: Floats, y: Any, rtol: float) -> tuple[int, bool]:
+        """Solve with the current values of the solid's tangent.
+
+        Args:
+            r: right-hand side, unchanged
+            rows: owned dofs to be zero besides the prescribed ones, which come last
+            values: of the prescribed dofs, for the last rows
+            y: receives the solution
+            rtol: relative tolerance of the iterative solvers, in the energy norm
+
+        Returns:
+            iterations, and whether the solver converged
+
+        Raises:
+            MemoryError: there is not enough for a factorisation
+        """
+        iterations, solved = 0, False
+        if not self.rescue:
+            iterations, solved = self._method.solve(r, rows, values, y, rtol)
+        if not solved and self._may_rescue:
+            if self._direct is None:
+                self._direct = Assembled(self._solid, "lu", False, RESCUE_PREFIX)
+            with self._solid.phases.phase("direct rescue"), suppress(MemoryError):
+                _, solved = self._direct.solve(r, rows, values, y, rtol)
+            self.rescue = True
+            self.rescued += 1
+        # an iterative solver only meets them to its tolerance
+        y.array[rows] = 0.0
+        y.array[rows[len(rows) - len(values) :]] = values
+        return iterations, solved
+
+
+class Krylov:
+    """CG, or GMRES, with p-multigrid on the free dofs.
+
+    Args:
+        tangent: of the solid
+        symmetric: see `LinearSolver`
+    """
+
+    def __init__(self, tangent: Tangent, symmetric: bool) -> None:
+        from petsc4py import PETSc
+
+        solid = tangent.solid
+        self._solid, self._tangent = solid, tangent
+        self.operator = tangent.matrix()
+        self._multigrid = PMultigrid(tangent, symmetric)
+        self._ksp = PETSc.KSP().create(solid.comm)
+        self._ksp.setOptionsPrefix(PREFIX)
+        self._ksp.setType("cg" if symmetric else "gmres")
+        self._ksp.setTolerances(max_it=1000)
+        if symmetric:
+            self._ksp.setNormType(PETSc.KSP.NormType.NATURAL)
+        pc = self._ksp.getPC()
+        pc.setType("python")
+        pc.setPythonContext(self._multigrid)
+        self._ksp.setOperators(self.operator)
+        self._ksp.setFromOptions()
+        self._b = solid.vector()
+
+    def forget(self) -> None:
+        """See `LinearSolver`; so for `solve`."""
+        self._multigrid.forget()
+
+    def solve(self, r: Any, rows: Rows, values: Floats, y: Any, rtol: float) -> tuple[int, bool]:
+        from mpi4py import MPI
+
+        solid, tangent = self._solid, self._tangent
+        with solid.phases.phase("preconditioner"):
+            tangent.hold(rows)
+            tangent.update()
+            if not self._multigrid.update():
+                return 0, False
+        with solid.phases.phase("linear solve"):
+            lifted = np.zeros(3 * solid.owned)
+            lifted[rows[len(rows) - len(values) :]] = values
+            b = tangent.free * r.array_r
+            if solid.comm.allreduce(bool(lifted.any()), op=MPI.LOR):
+                b -= tangent.free * tangent.product(lifted)
+            self._b.array = b
+            self._ksp.setTolerances(rtol=rtol)
+            self._ksp.solve(self._b, y)
+            if self._ksp.getConvergedReason() < 0:
+                self._multigrid.estimate()
+                self._ksp.solve(self._b, y)
+            self._multigrid.judge(self._ksp.getIterationNumber())
+        return self._ksp.getIterationNumber(), self._ksp.getConvergedReason() > 0
+
+
+class Assembled:
+    """A matrix of PETSc, prescribed dofs eliminated in place: structure and near-null space stay as they are.
+
+    Args:
+        solid, symmetric: see `LinearSolver`
+        kind: "lu" or "gamg"
+        prefix: of the options
+    """
+
+    def __init__(self, solid: Solid, kind: str, symmetric: bool, prefix: str = "") -> None:
+        from petsc4py import PETSc
+
+        self._solid = solid
+        self._matrix = NodeMatrix(solid.graph, solid.V.dofmap.index_map, solid.comm)
+        self.operator = A = self._matrix.A
+        A.setOption(PETSc.Mat.Option.SYMMETRIC, symmetric)
+        A.setOption(PETSc.Mat.Option.SPD, symmetric)
+        self._ksp = PETSc.KSP().create(solid.comm)
+        self._ksp.setOptionsPrefix(prefix)
+        pc = self._ksp.getPC()
+        if kind == "lu":
+            self._ksp.setType("preonly")
+            pc.setType("cholesky" if symmetric else "lu")
+            pc.setFactorSolverType("mumps")
+            set_defaults(prefix, {"mat_mumps_icntl_14": WORKSPACE})
+        else:
+            self._ksp.setType("cg" if symmetric else "gmres")
+            self._ksp.setTolerances(max_it=1000)
+            if symmetric:
+                self._ksp.setNormType(PETSc.KSP.NormType.NATURAL)
+            pc.setType("gamg")
+            set_defaults(prefix, GAMG)
+            set_rigid_modes(A, solid.points)
+        self._ksp.setOperators(A)
+        self._ksp.setFromOptions()
+        self._b, self._y = solid.vector(), solid.vector()
+
+    def forget(self) -> None:
+        """See `LinearSolver`; so for `solve`."""
+
+    def solve(self, r: Any, rows: Rows, values: Floats, y: Any, rtol: float) -> tuple[int, bool]:
+        from petsc4py import PETSc
+
+        A, solid = self.operator, self._solid
+        with solid.phases.phase("preconditioner"):
+            np.copyto(self._matrix.values, solid.values)
+            self._matrix.assemble()
+            r.copy(self._b)
+            self._y.set(0.0)
+            self._y.array[rows[len(rows) - len(values) :]] = values
+            diagonal = A.getDiagonal().sum() / solid.dofs
+            A.zeroRowsColumns(rows + A.getOwnershipRange()[0], diag=diagonal, x=self._y, b=self._b)
+            self._ksp.setOperators(A)
+            self._ksp.setUp()
+        with solid.phases.phase("linear solve"):
+            self._ksp.setTolerances(rtol=rtol)
+            self._ksp.solve(self._b, y)
+        if self._ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.FACTOR_OUTMEMORY:
+            raise MemoryError
+        return self._ksp.getIterationNumber(), self._ksp.getConvergedReason() > 0

@@ -1,0 +1,1 @@
+"""Mesh of the block: element, sizes, generation by gmsh, distribution over the ranks."""

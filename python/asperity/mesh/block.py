@@ -1,0 +1,149 @@
+"""Nodes and tetrahedra of a block, on file and checked against the surface they are said to have."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from asperity.errors import MeshError
+from asperity.runtime.files import npz_bytes, read_npz, replace_file
+
+if TYPE_CHECKING:
+    from asperity.surface import Surface
+
+Floats = npt.NDArray[np.float64]
+Nodes = npt.NDArray[np.int64]
+
+H_CONTACT, H_MAX = 0.04, 0.25  # element sizes of a mesh when none are given [L]
+NEAR = 1e-9  # what counts as the same place [L]
+#: Corners at the ends of the edges on which the nodes 4 to 9 of a second-order tetrahedron of gmsh lie.
+EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3))
+#: Nodes of its faces: corners, and then the edges 01, 12, 20 of the face.
+FACES = ((0, 1, 2, 4, 5, 6), (0, 1, 3, 4, 9, 7), (0, 2, 3, 6, 8, 7), (1, 2, 3, 5, 8, 9))
+
+
+@dataclass(frozen=True)
+class BlockMesh:
+    """Nodes and second-order tetrahedra of a block, in one process and before partitioning.
+
+    Attributes:
+        points: node coordinates (N, 3) [length], base at z = 0, mean plane of the top at z = `height`
+        tets: node numbers (M, 10) in the order of gmsh
+        side: length L of the square base [length]
+        height: height of the block [length]
+    """
+
+    points: Floats
+    tets: npt.NDArray[np.int64]
+    side: float
+    height: float
+
+    def arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """What a file holds, by name."""
+        sizes = {"side": np.array(self.side), "height": np.array(self.height)}
+        return {"points": self.points, "tets": self.tets, **sizes}
+
+    @staticmethod
+    def from_arrays(arrays: Mapping[str, npt.NDArray[Any]]) -> BlockMesh:
+        """The mesh that a file holds.
+
+        Raises:
+            ValueError: it holds something else
+        """
+        for name, kind in (("points", np.float64), ("tets", np.int64), ("side", np.float64), ("height", np.float64)):
+            if name not in arrays:
+                raise ValueError(f"it has no {name}")
+            if not np.can_cast(arrays[name].dtype, kind, "same_kind"):
+                raise ValueError(f"its {name} are {arrays[name].dtype} in place of {kind.__name__}")
+            if name in ("side", "height") and arrays[name].size != 1:
+                raise ValueError(f"its {name} is {arrays[name].size} numbers in place of one")
+        points, tets = arrays["points"].astype(np.float64), arrays["tets"].astype(np.int64)
+        side, height = arrays["side"].item(), arrays["height"].item()
+        if not (points.ndim == tets.ndim == 2 and points.shape[1] == 3 and tets.shape[1] == 10 and tets.size):
+            raise ValueError(f"points {points.shape} and tets {tets.shape} should be (N, 3) and (M, 10)")
+        if not (0 <= tets.min() and tets.max() < len(points)):
+            raise ValueError(f"tets names the nodes {tets.min()} to {tets.max()} of {len(points)}")
+        if not (np.all(np.isfinite(points)) and 0.0 < side < np.inf and 0.0 < height < np.inf):
+            raise ValueError("points, side and height must be finite, side and height positive")
+        return BlockMesh(points, tets, float(side), float(height))
+
+    def save(self, path: str | Path) -> None:
+        """Write a compressed .npz file; the suffix is added where it is missing."""
+        path = Path(path)
+        replace_file(path.with_name(path.name.removesuffix(".npz") + ".npz"), npz_bytes(self.arrays(), compress=True))
+
+    @staticmethod
+    def read(path: str | Path) -> BlockMesh:
+        """Read what `save` wrote.
+
+        Raises:
+            MeshError: the file is missing or holds something else
+        """
+        try:
+            return BlockMesh.from_arrays(read_npz(path))
+        except (OSError, ValueError) as e:
+            reason = getattr(e, "strerror", None) or e
+        raise MeshError(f"mesh.file: {path} is not a mesh written by asperity ({reason}); give one, or leave it out")
+
+    def check(self, surface: Surface) -> None:
+        """Make sure that the mesh was built for `surface` and fills the block.
+
+        Raises:
+            MeshError: side or heights differ, tetrahedra are missing or doubled, or neighbours do not share their nodes
+        """
+        if abs(self.side - surface.L) > NEAR * surface.L:
+            raise MeshError(
+                f"mesh.file: the mesh has the side {self.side:g}, the surface {surface.L:g}: use the mesh of this case"
+            )
+        x, y, z = self.points.T
+        below = self.height + surface.height(x, y) - surface.mean() - z
+        # both have the same mean, so where they differ the mesh sticks out somewhere
+        above = -float(below.min())
+        if above > NEAR * surface.L:
+            raise MeshError(
+                f"mesh.file: the top of the mesh is not this surface, it lies up to {above:.3g} above: use the mesh of "
+                "this case or leave mesh.file out"
+            )
+        near = np.abs(np.stack([x, x - self.side, y, y - self.side, z, below])) < NEAR * surface.L
+        faces = outer_faces(self.tets)
+        inside = faces[~near[:, faces].all(axis=2).any(axis=0)]
+        if len(inside):
+            cx, cy, cz = self.points[inside[0]].mean(axis=0)
+            raise MeshError(
+                f"mesh.file: {len(inside)} faces inside the block do not belong to two tetrahedra, the first at "
+                f"x = {cx:.4g}, y = {cy:.4g}, z = {cz:.4g}: some are missing, doubled, or do not meet face to face; "
+                "mesh the case again"
+            )
+        a, b, c = np.moveaxis(self.points[faces[near[4, faces].all(axis=1), :3]], 1, 0)
+        base = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / surface.L**2
+        if abs(base - 1.0) > 1e-6:
+            raise MeshError(f"mesh.file: the faces on the base cover {base:.6g} of it; mesh the case again")
+        ends = np.sort(self.tets[:, EDGES].reshape(-1, 2), axis=1)
+        edges = np.column_stack([ends, self.tets[:, 4:].ravel()])[np.lexsort(ends.T)]
+        torn = (np.diff(edges, axis=0) != 0) @ np.array([2, 2, 1]) == 1
+        if torn.any():
+            i, j, _ = edges[np.flatnonzero(torn)[0]]
+            raise MeshError(
+                f"mesh.file: tetrahedra that share the edge from node {i} to {j} have different nodes on it; mesh the "
+                "case again"
+            )
+
+
+def outer_faces(tets: Nodes) -> Nodes:
+    """Nodes of the faces that do not belong to two tetrahedra (n, 6), as in FACES; in a whole mesh those outside.
+
+    Args:
+        tets: node numbers (M, 10)
+    """
+    faces = np.concatenate([tets[:, nodes] for nodes in FACES])
+    corners = np.sort(faces[:, :3], axis=1)
+    order = np.lexsort(corners.T[::-1])
+    new = np.any(np.diff(corners[order], axis=0) != 0, axis=1)
+    first = np.flatnonzero(np.append(True, new))
+    times = np.diff(np.append(first, len(faces)))
+    return faces[order[first[times != 2]]]

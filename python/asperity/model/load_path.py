@@ -1,0 +1,67 @@
+"""What the flat does: loadings and unloadings, and where their planned steps end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+from asperity.errors import InputError
+
+BACKWARD_EULER, MIDPOINT = "backward-euler", "midpoint"
+FIRST_PIECES = (4, 4, 3, 2, 2, 2)  # into which the midpoint rule divides the first planned steps
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """What the flat does; lengths in units of L, forces in units of A_0 E'.
+
+    Attributes:
+        delta_max: greatest deflection, or None when `force_max` is given
+        force_max: greatest force, found to 1e-6
+        steps: planned steps of a loading
+        unload_steps: planned steps of an unloading, 0 for none
+        cycles: loadings, each followed by an unloading; one when there is none
+        integrator: of plasticity along a loading, "backward-euler" (first order) or "midpoint" (second)
+        substeps: equal parts that each step of a loading is divided into
+    """
+
+    delta_max: float | None = None
+    force_max: float | None = None
+    steps: int = 10
+    unload_steps: int = 0
+    cycles: int = 1
+    integrator: str = BACKWARD_EULER
+    substeps: int = 1
+
+    def __post_init__(self) -> None:
+        for name, least in (("steps", 1), ("unload_steps", 0), ("cycles", 1), ("substeps", 1)):
+            value = getattr(self, name)
+            if value < least:
+                raise InputError(f"loading.{name} = {value!r} must be at least {least}")
+        for name in ("delta_max", "force_max"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < inf:
+                raise InputError(f"loading.{name} must be positive and finite, it is {value!r} of its unit")
+
+    def stops(self) -> list[float]:
+        """Where the steps of a loading end, as parts of the way; the planned steps are among them.
+
+        The midpoint rule starts with half a step, and its first steps are divided: its error goes with the square of
+        the step over the deflection.
+        """
+        midpoint = self.integrator == MIDPOINT
+        stops: list[float] = []
+        for k in range(self.steps):
+            pieces = self.substeps * (FIRST_PIECES[k] if midpoint and k < len(FIRST_PIECES) else 1)
+            stops += [(k + j / pieces) / self.steps for j in range(1, pieces + 1)]
+        return [0.5 * stops[0], *stops] if midpoint else stops
+
+    @property
+    def legs(self) -> list[tuple[str, int]]:
+        """Branch and planned steps of each loading and unloading, in order."""
+        legs = []
+        for cycle in range(self.cycles if self.unload_steps else 1):
+            legs.append(("reload" if cycle else "load", self.steps))
+            if self.unload_steps:
+                legs.append(("unload", self.unload_steps))
+        return legs

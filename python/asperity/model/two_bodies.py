@@ -1,0 +1,140 @@
+"""Two rough elastic bodies as one rough body under a rigid flat: E' and z1 + z2.
+
+Two elastic half-spaces with small slopes and no friction deform at a point under a pressure p there in proportion to
+1/E'_1 and 1/E'_2, so only the sum of the displacements and the sum of the heights matter (Johnson, Contact
+Mechanics, 1985, section 4.1 and 13.3): the pressure, the contact area and the approach are those of one body of
+modulus E' with the surface z1 + z2 under a rigid flat. The limits:
+
+- elastic only: where a body yields, how the approach is shared between them matters, and there is no equivalent;
+- small slopes: interlocking flanks, and the tangential motion of asperities that meet off-centre, are left out;
+- one relative position: the sum surface belongs to the two patches as they lie on each other, and touches first where
+  the sum is highest, in general on the flank of two asperities;
+- the blocks: only their uniform compression is matched, by the height of the equivalent one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from asperity.errors import InputError
+from asperity.model.material import Material
+from asperity.surface import Surface
+
+Array = NDArray[Any]
+
+
+def composite_modulus(E1: float, nu1: float, E2: float, nu2: float) -> float:
+    """Return E' of 1/E' = (1 - nu1^2)/E1 + (1 - nu2^2)/E2 (force/length^2)."""
+    for name, E, nu in (("first", E1, nu1), ("second", E2, nu2)):
+        if not (E > 0 and -1 < nu <= 0.5):
+            raise InputError(f"the {name} body has E = {E:g}, nu = {nu:g}; legal are E > 0 and -1 < nu <= 0.5")
+    return 1.0 / ((1 - nu1**2) / E1 + (1 - nu2**2) / E2)
+
+
+@dataclass(frozen=True)
+class EquivalentBlock:
+    """One block under a rigid flat in place of two that press on each other.
+
+    Attributes:
+        material: elastic, with the composite modulus.
+        height: of the block, so that its uniform compression is that of both (length).
+    """
+
+    material: Material
+    height: float
+
+
+def equivalent_block(
+    first: Material, second: Material, heights: tuple[float, float], *, sides: str = "rollers", nu: float = 0.3
+) -> EquivalentBlock:
+    """Material and height of the block that stands for two.
+
+    Args:
+        first, second: the bodies; elastic.
+        heights: of their blocks (length).
+        sides: of all blocks, "rollers" or "free".
+        nu: Poisson's ratio to give the equivalent one; free to choose, because only E' enters the contact.
+
+    Raises:
+        InputError: a body yields, or a height is not positive.
+    """
+    if first.yield_strength is not None or second.yield_strength is not None:
+        raise InputError("two bodies of which one yields have no equivalent single body; give elastic materials")
+    if min(heights) <= 0:
+        raise InputError(f"heights = {heights} must be positive lengths")
+    E_prime = composite_modulus(first.E, first.nu, second.E, second.nu)
+    material = Material(E_prime * (1 - nu**2), nu)
+
+    def modulus(body: Material) -> float:
+        confined = body.E * (1 - body.nu) / ((1 + body.nu) * (1 - 2 * body.nu))
+        return confined if sides == "rollers" else body.E
+
+    compliance = heights[0] / modulus(first) + heights[1] / modulus(second)
+    return EquivalentBlock(material, compliance * modulus(material))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SumSurface(Surface):
+    """z1(x, y) + z2(L - x, y): two surfaces that face each other, each seen from its own outside.
+
+    Attributes:
+        L: side of the patch (length); that of both.
+        first: the lower surface, heights upwards.
+        second: the upper surface as it lies on a table, heights upwards; turned over about the y direction to face
+            the first.
+    """
+
+    L: float
+    first: Surface
+    second: Surface
+
+    rough: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not (np.isclose(self.first.L, self.L) and np.isclose(self.second.L, self.L)):
+            sides = f"{self.first.L:g} and {self.second.L:g}"
+            raise InputError(f"surfaces of sides {sides} have no sum on a side {self.L:g}")
+
+    @staticmethod
+    def of(first: Surface, second: Surface) -> SumSurface:
+        """Sum of two surfaces on patches of one side."""
+        return SumSurface(L=first.L, first=first, second=second)
+
+    def _turned(self, x: ArrayLike) -> Array:
+        return self.L - np.asarray(x, float)
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
+        return np.asarray(self.first.height(x, y) + self.second.height(self._turned(x), y))
+
+    def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+        ax, ay = self.first.gradient(x, y)
+        bx, by = self.second.gradient(self._turned(x), y)
+        return ax - bx, ay + by
+
+    def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
+        axx, axy, ayy = self.first.hessian(x, y)
+        bxx, bxy, byy = self.second.hessian(self._turned(x), y)
+        return axx + bxx, axy - bxy, ayy + byy
+
+    def mean(self) -> float:
+        return self.first.mean() + self.second.mean()
+
+    def curvature_bound(self) -> float:
+        return self.first.curvature_bound() + self.second.curvature_bound()
+
+    @property
+    def feature_size(self) -> float:
+        """The smaller feature of the two (length)."""
+        return min(self.first.feature_size, self.second.feature_size)
+
+    def save(self, path: str | Path, n: int = 513) -> Path:
+        """Write heights on an n x n grid as .npz, for kind = "file" in a case; return the path."""
+        path = Path(path).with_suffix(".npz")
+        np.savez_compressed(path, z=self.grid(n), L=self.L)
+        return path

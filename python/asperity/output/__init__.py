@@ -1,0 +1,1 @@
+"""Files of a run: folder, fields, results read back, comparison of curves."""

@@ -1,0 +1,147 @@
+"""Reference curves: kept with what made them, and compared with a tolerance per column."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asperity.case import Case
+from asperity.curve import COLUMNS, Curve
+from asperity.errors import InputError
+from asperity.output.results import Results
+
+#: Relative tolerances of compare_curves; columns left out are not compared.
+TOLERANCES: Mapping[str, float] = {
+    "delta": 1e-9,
+    "force": 1e-6,
+    "P_star": 1e-6,
+    "area_fraction": 1e-3,
+    "max_pressure": 1e-3,
+    "plastic_fraction": 1e-3,
+    "max_plastic_strain": 1e-3,
+}
+
+
+def store_curve(
+    case_file: str | Path, folder: str | Path, file: str | Path, tolerances: Mapping[str, float] | None = None
+) -> Curve:
+    """Write the curve of a finished run with a header that says what made it, for `compare_curves`.
+
+    Args:
+        case_file: the case that was run; the header names it relative to `file`
+        folder: the run directory
+        file: CSV file to write
+        tolerances: relative, by column; default TOLERANCES
+
+    Returns:
+        The curve as written.
+
+    Raises:
+        InputError: the folder holds no finished run of this case, or a tolerance is impossible.
+    """
+    case, folder, file = Case.load(case_file), Path(folder), Path(file)
+    results = Results.read(folder)
+    if not results.summary.get("finished"):
+        raise InputError(f"{folder}: the run is not finished, a reference must be")
+    if results.summary.get("case_hash") != case.hash():
+        raise InputError(f"{folder} is no run of {case_file}: run that case again")
+    chosen = dict(TOLERANCES if tolerances is None else tolerances)
+    _check(chosen)
+    mesh = {k: v for k, v in case.to_dict()["mesh"].items() if v is not None}
+    if case.mesh.file is not None:  # no size was used
+        mesh = {"file": os.path.relpath(case.mesh.file, file.resolve().parent)}
+    name = os.path.relpath(case_file, file.resolve().parent)
+    header = {
+        "case": name,
+        "command": f"asperity run {name} -o OUT && asperity store {name} OUT {file.name}",
+        "mesh": {key: results.summary[key] for key in ("cells", "dofs")} | mesh,
+        "seed": results.summary["seed"],
+        "steps": len(results.curve),
+        "tolerances": chosen,
+        "versions": results.summary["versions"],
+    }
+    curve = replace(results.curve, header=header)
+    curve.write(file)
+    return curve
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One way in which two curves differ.
+
+    Attributes:
+        column: name of the column, or "rows" when the steps do not correspond.
+        row: where the difference is greatest.
+        a: value of the first curve there.
+        b: value of the second curve there.
+        error: |a - b| over the largest magnitude of the column in the second curve.
+        tolerance: of the column.
+    """
+
+    column: str
+    row: int
+    a: Any
+    b: Any
+    error: float
+    tolerance: float
+
+    def __str__(self) -> str:
+        """Return one line for a report."""
+        if self.column == "rows":
+            return f"rows: {self.a} against {self.b}, first at row {self.row}"
+        return (
+            f"{self.column}: {self.a!r} against {self.b!r} at row {self.row}, relative difference "
+            f"{self.error:.3g} > {self.tolerance:g}"
+        )
+
+
+def compare_curves(a: Curve, b: Curve, tolerances: Mapping[str, float] | None = None) -> list[Difference]:
+    """Compare a curve with a reference, step by step.
+
+    Args:
+        a: the curve.
+        b: the reference; errors are relative to the largest magnitude of each of its columns.
+        tolerances: by column; default the "tolerances" in the header of `b`, else TOLERANCES.
+            Columns left out are not compared.
+
+    Returns:
+        One difference a column that exceeds its tolerance, or the first step that has no
+        counterpart; empty when the curves agree. NaN agrees with NaN only.
+
+    Raises:
+        InputError: a tolerance is negative or its column unknown.
+    """
+    chosen: Mapping[str, float] = b.header.get("tolerances", TOLERANCES) if tolerances is None else tolerances
+    _check(chosen)
+    shared = min(len(a), len(b))
+    changed = np.flatnonzero(a.branch[:shared] != b.branch[:shared])
+    if changed.size:
+        row = int(changed[0])
+        return [Difference("rows", row, str(a.branch[row]), str(b.branch[row]), math.inf, 0.0)]
+    if len(a) != len(b):
+        return [Difference("rows", shared, f"{len(a)} steps", f"{len(b)} steps", math.inf, 0.0)]
+    differences = []
+    for name, tolerance in chosen.items():
+        x, y = getattr(a, name).astype(float), getattr(b, name).astype(float)
+        scale = np.max(np.abs(y[np.isfinite(y)]), initial=0.0) or 1.0
+        error = np.where((x == y) | (np.isnan(x) & np.isnan(y)), 0.0, np.abs(x - y) / scale)
+        error = np.where(np.isnan(error), np.inf, error)
+        row = int(np.argmax(error)) if error.size else 0
+        if error.size and error[row] > tolerance:
+            values = getattr(a, name)[row].item(), getattr(b, name)[row].item()
+            differences.append(Difference(name, row, *values, float(error[row]), tolerance))
+    return differences
+
+
+def _check(tolerances: Mapping[str, float]) -> None:
+    for name, tolerance in tolerances.items():
+        if name not in COLUMNS or name == "branch":
+            raise InputError(f"No tolerance can be set for {name!r}; legal: {', '.join(COLUMNS)}.")
+        if not tolerance >= 0:
+            raise InputError(f"The tolerance of {name} must be >= 0, not {tolerance!r}.")

@@ -1,0 +1,169 @@
+"""Fields of a run for figures (NumPy files) and for ParaView (VTKHDF with one step per snapshot)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from asperity.contact.contact_surface import Top
+from asperity.fem.global_numbering import cell_numbers, collect, node_numbers
+from asperity.mesh.block import BlockMesh, outer_faces
+from asperity.quasistatic.contact_solver import Snapshot
+from asperity.quasistatic.solve_contact import ContactResult
+
+Array = npt.NDArray[Any]
+
+VTK_QUADRATIC_TETRA = 24
+GMSH_TO_VTK = (0, 1, 2, 3, 4, 5, 6, 7, 9, 8)  # the last two edges change places
+TO_VTK_TENSOR = (0, 1, 2, 3, 5, 4)  # xx yy zz xy yz xz
+
+
+@dataclass(frozen=True)
+class State:
+    """A snapshot on the whole mesh, in physical units, rows in the order of the mesh as built.
+
+    Attributes:
+        step, branch, delta: as in the curve [length]
+        displacement: (N, 3) [length]
+        pressure: contact pressure at the nodes, mean of the corners on an edge (N,) [force/length^2]
+        gap: distance of the nodes of the top from the flat (N,) [length]
+        stress: mean of the cells, xx yy zz xy xz yz (M, 6) [force/length^2]
+        plastic_strain: mean accumulated plastic strain of the cells (M,); empty for an elastic material
+    """
+
+    step: int
+    branch: str
+    delta: float
+    displacement: Array
+    pressure: Array
+    gap: Array
+    stress: Array
+    plastic_strain: Array
+
+
+def gather_states(result: ContactResult, side: float, E: float) -> list[State]:
+    """Snapshots of all ranks put together on rank 0, an empty list elsewhere; collective.
+
+    Args:
+        result: with snapshots
+        side: L [length]
+        E: elastic modulus, the solver's unit of stress [force/length^2]
+    """
+    solid = result.press.solid
+    owned = slice(0, solid.owned)
+    nodes, cells = node_numbers(solid)[owned], cell_numbers(solid)
+    states = []
+    for s in result.snapshots:
+        u = collect(solid.comm, nodes, s.displacement[owned] * side)
+        p = collect(solid.comm, nodes, _on_edges(result.press.top, s)[owned] * E)
+        gap = collect(solid.comm, nodes, s.gap[owned] * side)
+        stress = collect(solid.comm, cells, s.stress * E)
+        alpha = None
+        if solid.material.plastic:
+            alpha = collect(solid.comm, cells, s.plastic_strain.mean(axis=1))
+        if u is not None and p is not None and gap is not None and stress is not None:
+            mean = np.empty(0) if alpha is None else alpha
+            states.append(State(s.step, s.branch, s.delta * side, u, p, gap, stress, mean))
+    return states
+
+
+def _on_edges(top: Top, snapshot: Snapshot) -> Array:
+    """Pressure with the mean of the corners on the edge nodes of the top; corners opposite to edge k are k."""
+    p = snapshot.pressure.copy()
+    corners = p[top.nodes[:, :3]]
+    p[top.nodes[:, 3:]] = 0.5 * (corners.sum(axis=1, keepdims=True) - corners)
+    return p
+
+
+def top_facets(block: BlockMesh) -> npt.NDArray[np.int64]:
+    """Facets of the top, corners and then edges 01, 12, 20 (K, 6); found as the outer faces that are not plane."""
+    outer = outer_faces(block.tets)
+    x, L = block.points[outer[:, :3]], block.side
+    eps = 1e-9 * L
+    on_side = np.zeros(len(outer), dtype=bool)
+    for axis, plane in ((0, 0.0), (0, L), (1, 0.0), (1, L), (2, 0.0)):
+        on_side |= np.all(np.abs(x[:, :, axis] - plane) < eps, axis=1)
+    return outer[~on_side]
+
+
+def write_figure_data(folder: Path, block: BlockMesh, states: list[State]) -> None:
+    """Write mesh.npz and top.npz, what the figures are drawn from; rank 0 only."""
+    folder.mkdir(exist_ok=True)
+    facets = top_facets(block)
+    np.savez_compressed(folder / "mesh.npz", points=block.points, tets=block.tets, triangles=facets)
+    corners, edges = facets[:, :3], facets[:, 3:]
+    # four linear triangles a facet, so that the edge nodes count
+    triangles = np.concatenate(
+        [
+            np.stack([corners[:, 0], edges[:, 0], edges[:, 2]], axis=1),
+            np.stack([corners[:, 1], edges[:, 1], edges[:, 0]], axis=1),
+            np.stack([corners[:, 2], edges[:, 2], edges[:, 1]], axis=1),
+            edges,
+        ]
+    )
+    used, number = np.unique(triangles, return_inverse=True)
+    np.savez_compressed(
+        folder / "top.npz",
+        points=block.points[used, :2],
+        triangles=number.reshape(triangles.shape),
+        steps=np.array([s.step for s in states]),
+        branch=np.array([s.branch for s in states]),
+        delta=np.array([s.delta for s in states]),
+        pressure=np.array([s.pressure[used] for s in states]),
+        gap=np.array([np.maximum(s.gap[used], 0.0) for s in states]),
+    )
+
+
+def von_mises(stress: Array) -> Array:
+    """Equivalent stress of xx yy zz xy xz yz in the last axis."""
+    normal, shear = stress[..., :3], stress[..., 3:]
+    deviator = normal - normal.mean(axis=-1, keepdims=True)
+    return np.asarray(np.sqrt(1.5 * (deviator**2).sum(axis=-1) + 3.0 * (shear**2).sum(axis=-1)))
+
+
+def write_vtkhdf(path: Path, block: BlockMesh, states: list[State]) -> None:
+    """Write the snapshots for ParaView (VTKHDF 2.0 unstructured grid, time = deflection); rank 0 only.
+
+    Lengths are in units of L, because viewers stumble over coordinates of 1e-6; stresses are physical.
+    """
+    import h5py
+
+    n, m, steps = len(block.points), len(block.tets), len(states)
+    with h5py.File(path, "w") as file:
+        root = file.create_group("VTKHDF", track_order=True)
+        root.attrs["Version"] = (2, 0)
+        root.attrs.create("Type", b"UnstructuredGrid", dtype=h5py.string_dtype("ascii", 16))
+        for name, value in (("NumberOfPoints", n), ("NumberOfCells", m), ("NumberOfConnectivityIds", 10 * m)):
+            root[name] = np.array([value], dtype=np.int64)
+        root["Points"] = block.points / block.side
+        root["Connectivity"] = block.tets[:, GMSH_TO_VTK].ravel()
+        root["Offsets"] = 10 * np.arange(m + 1, dtype=np.int64)
+        root["Types"] = np.full(m, VTK_QUADRATIC_TETRA, dtype=np.uint8)
+        series = root.create_group("Steps")
+        series.attrs["NSteps"] = steps
+        series["Values"] = np.array([s.delta / block.side for s in states])
+        zeros = np.zeros(steps, dtype=np.int64)
+        for name in ("PartOffsets", "PointOffsets"):
+            series[name] = zeros
+        for name in ("CellOffsets", "ConnectivityIdOffsets"):
+            series[name] = zeros[:, None]
+        series["NumberOfParts"] = np.ones(steps, dtype=np.int64)
+        point_data = {
+            "displacement": [s.displacement / block.side for s in states],
+            "pressure": [s.pressure for s in states],
+        }
+        cell_data = {
+            "stress": [s.stress[:, TO_VTK_TENSOR] for s in states],
+            "von Mises stress": [von_mises(s.stress) for s in states],
+        }
+        if states and states[0].plastic_strain.size:
+            cell_data["plastic strain"] = [s.plastic_strain for s in states]
+        for kind, fields, rows in (("PointData", point_data, n), ("CellData", cell_data, m)):
+            group, offsets = root.create_group(kind), series.create_group(f"{kind}Offsets")
+            for name, values in fields.items():
+                group[name] = np.concatenate(values) if values else np.empty((0,))
+                offsets[name] = rows * np.arange(steps, dtype=np.int64)

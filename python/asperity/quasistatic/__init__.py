@@ -1,0 +1,1 @@
+"""Load path of a contact: contact solver, Newton, steps, balances, checkpoints."""

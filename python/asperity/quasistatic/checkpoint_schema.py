@@ -1,0 +1,122 @@
+"""What the numbers and the arrays of a saved state have to be; each function names the first fault it finds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import groupby
+from typing import Any, Literal, get_type_hints
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, ValidationError, create_model
+
+from asperity.case.schema import show
+from asperity.curve import COLUMNS
+from asperity.quasistatic.balance import Checks
+from asperity.quasistatic.contact_solver import Counts
+from asperity.quasistatic.stepping import Position
+
+Array = npt.NDArray[Any]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
+
+
+def _table(keys: Mapping[str, Any]) -> Any:
+    """Keys with their types, none of them optional."""
+    required: dict[str, Any] = {name: (kind, ...) for name, kind in keys.items()}
+    return create_model("Table", __base__=_Table, **required)
+
+
+_BRANCH = Literal["load", "unload", "reload"]
+_OF_ROW = dict.fromkeys(COLUMNS, float) | dict.fromkeys(("step", "newton", "krylov"), int)
+_ROW = _table({name: kind for name, kind in _OF_ROW.items() if name != "error_P_star"} | {"branch": _BRANCH})
+_SNAPSHOT = _table({"step": int, "branch": _BRANCH, "delta": float, "digest": str})
+_PRESS = _table(
+    {
+        "delta": float,
+        "force": float,
+        "before": float | None,
+        "led": bool,
+        "counts": _table(get_type_hints(Counts)),
+        "checks": _table(get_type_hints(Checks)),
+    }
+)
+_STATE = _table(
+    {
+        "format": int,
+        "version": str,
+        "identity": dict[str, Any],
+        "mesh": str,
+        "position": _table(get_type_hints(Position)),
+        "press": _PRESS,
+        "rows": list[_ROW],  # type: ignore[valid-type]
+        "snapshots": list[_SNAPSHOT],  # type: ignore[valid-type]
+        "seconds": dict[str, float],
+        "calls": dict[str, int],
+    }
+)
+
+
+def wrong_number(text: bytes, meta: Mapping[str, Any]) -> str:
+    """Which of the numbers is missing, of another type, or contradicts the others; empty when all is well.
+
+    Args:
+        text: JSON of the numbers
+        meta: the same, read
+    """
+    try:
+        _STATE.model_validate_json(text)
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = ".".join(map(str, first["loc"])) or "meta"
+        if first["type"] == "missing":
+            return f"{name} is missing"
+        if first["type"] == "extra_forbidden":
+            return f"{name} is unknown"
+        return f"{name} = {show(first['input'])} is not legal"
+    at, press, rows = meta["position"], meta["press"], meta["rows"]
+    legs = [len(list(group)) for _, group in groupby(row["branch"] for row in rows)]
+    begun = at["start"] is not None
+    fits = {
+        "rows": [row["step"] for row in rows] == list(range(1, len(rows) + 1)),
+        "press.counts.steps": press["counts"]["steps"] == len(rows),
+        "press.delta": press["delta"] == (rows[-1]["delta_star"] if rows else 0.0),
+        "position.leg": 0 <= at["leg"] == len(legs) - begun,
+        "position.target": at["target"] >= 0,
+        "position.step": not begun or (at["step"] > 0.0 and at["planned"] > 0.0),
+        "snapshots": all(1 <= snapshot["step"] <= len(rows) for snapshot in meta["snapshots"]),
+    }
+    if begun and rows and rows[-1]["branch"] != "unload":
+        fits["position.target"] &= at["target"] <= legs[-1] + 1  # the next one after as many as there are steps
+    return next((f"{name} contradicts the other numbers" for name, well in fits.items() if not well), "")
+
+
+def wrong_array(arrays: Mapping[str, Array], fresh: Mapping[str, Array], nodes: int, cells: int) -> str:
+    """Which array is missing, of another type or shape, or holds what it cannot; empty when all is well.
+
+    Args:
+        arrays: what was saved; "NAME.at" are the numbers of nodes, cells or facets that NAME has rows for
+        fresh: what a run would save before its first step; rows it has already must be there
+        nodes, cells: of the mesh
+    """
+    for name in sorted(arrays.keys() ^ fresh.keys()):
+        return f"{name} is {'missing' if name in fresh else 'unknown'}"
+    for name, there in fresh.items():
+        here, shape = arrays[name], there.shape
+        if name.endswith(".at"):
+            shape = (here.size,)
+        elif f"{name}.at" in fresh:
+            shape = (arrays[f"{name}.at"].size, *shape[1:])
+        if (here.dtype, here.shape) != (there.dtype, shape):
+            return f"{name} is {here.dtype} {here.shape} in place of {there.dtype} {shape}"
+        if not np.all(np.isfinite(here)):
+            return f"{name} is not finite"
+        if not name.endswith(".at"):
+            continue
+        count = nodes if name.startswith("touched_at") else cells
+        rising = np.all(np.diff(here, prepend=-1, append=count) > 0)
+        if not (np.array_equal(here, there) if there.size else rising):
+            return f"{name} are other numbers than those of the mesh"
+    return ""

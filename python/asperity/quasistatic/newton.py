@@ -1,0 +1,274 @@
+"""Newton's method for one position of the flat: PETSc SNES around a solid and a contact formulation."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from asperity.contact import Contact
+from asperity.fem.solid import Floats, Rows, Solid
+from asperity.linear.petsc_options import set_defaults
+from asperity.linear.solver import LinearSolver
+
+OUT_OF_MEMORY = 55  # PETSC_ERR_MEM
+TIGHTEST = 1e-5  # tolerance of the linear solver
+CURVATURE = 10.0  # error after a Newton iteration over the square of that before it, as seen on the demo surface
+ROUNDING = 1e-13  # of the equations' residual, relative to displacements (E = L = 1)
+NOT_YET = np.array([-1], dtype=np.int32)  # an active set that no step begins with
+SLOPE_DROP = 0.3  # a step is long enough when the work rate along it has dropped to this part
+PUSHED = 10.0  # times that the work rate grows along a step where it is the flat that moves nodes
+
+
+@dataclass(frozen=True)
+class SolverOptions:
+    """How the equations of a step are solved.
+
+    Attributes:
+        linear: see `linear.LinearSolver`
+        rtol: residual force relative to the contact force at which a step has converged
+        newton_max: Newton iterations after which a step is given up
+        krylov_rtol: loosest relative tolerance of the linear solver; None takes 1e-2 (benchmarks/linear.py), and 1e-3
+            for a nearly incompressible solid
+    """
+
+    linear: str = "auto"
+    rtol: float = 1e-8
+    newton_max: int = 30
+    krylov_rtol: float | None = None
+
+
+@dataclass(frozen=True)
+class StepStats:
+    """What a solve took.
+
+    Attributes:
+        converged, reason: whether, and the name of the SNES reason
+        newton, krylov: iterations
+        shortened: Newton steps that the line search made shorter
+        direct: linear systems factorised because the iterative solver failed
+    """
+
+    converged: bool
+    reason: str
+    newton: int
+    krylov: int
+    shortened: int = 0
+    direct: int = 0
+
+
+class NewtonSolver:
+    """Solves for the equilibrium displacement of `solid` under `contact`; collective.
+
+    The linear system of an iteration prescribes the increment of some dofs (fixed ones, and the active ones of
+    exact contact). That is done inside the preconditioner of an outer `preonly` KSP, see `linear.LinearSolver`, so the
+    inner solver can be CG.
+    """
+
+    def __init__(self, solid: Solid, contact: Contact, options: SolverOptions) -> None:
+        from petsc4py import PETSc
+
+        self.solid, self.contact, self.options = solid, contact, options
+        self._residual_vec, self.x = solid.vector(), solid.vector()
+        self._krylov = self._shortened = 0
+        self.rows: Rows = NOT_YET
+        # in nearly incompressible solids the error is larger than what is left of the equations tells
+        self._loosest = options.krylov_rtol or (1e-2 if solid.material.nu <= 0.45 else 1e-3)
+        self.linear = LinearSolver(solid, options.linear, contact.symmetric, min(self._loosest, TIGHTEST))
+        snes = PETSc.SNES().create(solid.comm)
+        snes.setOptionsPrefix("asperity_")
+        snes.setType("newtonls")
+        set_defaults("asperity_", {"snes_linesearch_type": "basic"})
+        # a strong reference held by PETSc is unseen by the garbage collector: nothing would ever be freed
+        me = weakref.proxy(self)
+        snes.setFunction(lambda *args: me._function(*args), self._residual_vec)
+        snes.setJacobian(lambda *args: me._jacobian(*args), self.linear.operator)
+        snes.setConvergenceTest(lambda *args: me._test(*args))
+        snes.setTolerances(max_it=options.newton_max)
+        outer = snes.getKSP()
+        outer.setType("preonly")
+        pc = outer.getPC()
+        pc.setType("python")
+        pc.setPythonContext(_Preconditioner(me))
+        snes.setFromOptions()
+        self.snes = snes
+
+    # -- SNES call-backs -------------------------------------------------------------------------------------
+
+    def _function(self, snes: Any, x: Any, r: Any) -> None:
+        self.solid.set_displacement(x)
+        self.force = self.solid.internal_force().copy()
+        before = self.rows
+        residual, self.rows, self._lacking = self.contact.residual(self.force)
+        self._settled = np.array_equal(before, self.rows)
+        flat = residual.reshape(-1)
+        flat[self.solid.fixed] = 0.0
+        r.array = flat
+
+    def _jacobian(self, snes: Any, x: Any, A: Any, P: Any) -> None:
+        self.solid.assemble_tangent(self.contact.add_tangent if self.contact.stiff else None)
+
+    def _test(self, snes: Any, it: int, norms: Any) -> int | bool:
+        """Converged when forces balance and the flat is not penetrated, both relative to their own scales."""
+        comm = self.solid.comm
+        held = self.contact.nodal_force(self.force)
+        out = self._residual_vec.array_r
+        sums = comm.allreduce(np.array([np.sum(held**2), np.sum(out**2)]))
+        gap = self._greatest_lack()
+        contact, unbalanced = np.sqrt(sums)
+        reasons = snes.ConvergedReason
+        if not np.isfinite(unbalanced):
+            return reasons.DIVERGED_FNORM_NAN
+        self.balance = unbalanced / contact if contact > 0 else unbalanced
+        if unbalanced <= self.options.rtol * contact + self._rounding and gap <= self._gap_tolerance():
+            return reasons.CONVERGED_FNORM_RELATIVE
+        return reasons.DIVERGED_MAX_IT if it >= self.options.newton_max else reasons.ITERATING
+
+    def _greatest_lack(self) -> float:
+        """Greatest displacement that prescribed dofs still lack; collective."""
+        return float(self.solid.comm.allreduce(np.max(np.abs(self._lacking), initial=0.0), op=_max()))
+
+    def _gap_tolerance(self) -> float:
+        """What they may lack at convergence."""
+        return self.options.rtol * self._scale + 1e-14
+
+    # -- python preconditioner of the outer KSP --------------------------------------------------
+
+    def setUp(self, pc: Any) -> None:
+        """Part of the preconditioner interface; everything happens in `apply`."""
+
+    def apply(self, pc: Any, r: Any, y: Any) -> None:
+        """Solve J y = r for the Newton step -y, prescribed increments included, and set its length."""
+        rows = np.concatenate([self.solid.fixed, self.rows])
+        iterations, solved = self.linear.solve(r, rows, -self._lacking, y, self._krylov_rtol())
+        self._krylov += iterations
+        if not solved:
+            pc.setFailedReason(_pc_failed())
+        elif self.solid.material.plastic:
+            length = self._step_length(r, y)
+            self._shortened += length < 1.0
+            y.scale(length)
+
+    def _krylov_rtol(self) -> float:
+        """Tolerance of the linear solver: loose while the active set changes, then as tight as the iteration can use.
+
+        The error after a Newton iteration is about CURVATURE times the square of that before it, and need not be
+        smaller than what has converged (Eisenstat & Walker, SIAM J. Sci. Comput. 17 (1996) 16).
+        """
+        if not self.solid.comm.allreduce(self._settled, op=_and()):
+            return self._loosest
+        useful = max(0.3 * self.options.rtol / max(self.balance, 1e-15), CURVATURE * self.balance)
+        return float(min(max(useful, TIGHTEST), self._loosest))
+
+    def _step_length(self, r: Any, y: Any) -> float:
+        """Length in (0, 1] of the step -y: where the work rate of the free forces along it nearly vanishes.
+
+        Associative J2 plasticity is the minimisation of a convex incremental energy, whose slope along the step is
+        that work rate. A full step that overshoots the minimum is shortened by regula falsi (Illinois); trial
+        states only cost a residual, a hundredth of the linear solve. A step that starts uphill has to move
+        prescribed dofs and is taken whole; so is one whose slope at the beginning is next to nothing beside what moving
+        them makes of it, as when it begins in equilibrium: its sign is that of rounding.
+        """
+        free = np.ones(len(y.array_r), dtype=bool)
+        free[self.solid.fixed] = False
+        free[self.rows] = False
+        trial = y.duplicate()
+        start, direction = self.solid.u.x.array[: len(free)].copy(), y.array_r[free]
+
+        def slope(length: float) -> float:
+            trial.array = start - length * y.array_r
+            self.solid.set_displacement(trial)
+            force = self.solid.internal_force()
+            residual = self.contact.residual(force)[0].reshape(-1)
+            return -self.solid.comm.allreduce(float(direction @ residual[free]))
+
+        s0 = -self.solid.comm.allreduce(float(direction @ r.array_r[free]))
+        low, s_low, high, s_high = 0.0, s0, 1.0, slope(1.0)
+        length = 1.0
+        pushed = s_high > -PUSHED * s0 and self._greatest_lack() > self._gap_tolerance()
+        if s0 < 0.0 and s_high > -SLOPE_DROP * s0 and not pushed:
+            for _ in range(8):
+                length = (low * s_high - high * s_low) / (s_high - s_low)
+                s = slope(length)
+                if abs(s) <= -SLOPE_DROP * s0:
+                    break
+                if s > 0.0:
+                    high, s_high, s_low = length, s, 0.5 * s_low
+                else:
+                    low, s_low, s_high = length, s, 0.5 * s_high
+        return length
+
+    def solve(self, start: Floats, scale: float) -> StepStats:
+        """Solve from the displacement `start` (owned, 3) for a step of length `scale`; collective."""
+        largest = max(scale, self.solid.comm.allreduce(float(np.max(np.abs(start), initial=0.0)), op=_max()))
+        self._scale, self._rounding = max(scale, 1e-6), ROUNDING * largest
+        self.rows = NOT_YET  # a step of a resumed run is the same to the last bit
+        self._krylov = self._shortened = 0
+        self.linear.rescue, rescued = False, self.linear.rescued
+        self.x.array = start.reshape(-1)
+        with _own_errors():
+            self.snes.solve(None, self.x)
+        reason = self.snes.getConvergedReason()
+        self._function(self.snes, self.x, self._residual_vec)
+        return StepStats(
+            reason > 0,
+            _reason_name(reason),
+            self.snes.getIterationNumber(),
+            self._krylov,
+            self._shortened,
+            self.linear.rescued - rescued,
+        )
+
+
+class _Preconditioner:
+    """The python preconditioner of the outer KSP: calls `apply` of a solver that it does not keep alive."""
+
+    def __init__(self, solver: Any) -> None:
+        self._solver = solver
+
+    def apply(self, pc: Any, r: Any, y: Any) -> None:
+        self._solver.apply(pc, r, y)
+
+
+@contextmanager
+def _own_errors() -> Iterator[None]:
+    """Errors of call-backs, and PETSc's own lack of memory, as they would be without PETSc in between."""
+    from petsc4py import PETSc
+
+    try:
+        yield
+    except PETSc.Error as error:
+        if error.__cause__ is not None:
+            raise error.__cause__ from None
+        if error.ierr == OUT_OF_MEMORY:
+            raise MemoryError(str(error)) from None
+        raise
+
+
+def _and() -> Any:
+    from mpi4py import MPI
+
+    return MPI.LAND
+
+
+def _max() -> Any:
+    from mpi4py import MPI
+
+    return MPI.MAX
+
+
+def _pc_failed() -> Any:
+    from petsc4py import PETSc
+
+    return PETSc.PC.FailedReason.SUBPC_ERROR
+
+
+def _reason_name(reason: int) -> str:
+    from petsc4py import PETSc
+
+    names = {v: k for k, v in vars(PETSc.SNES.ConvergedReason).items() if isinstance(v, int)}
+    return names.get(reason, str(reason)).lower()

@@ -1,0 +1,1 @@
+"""What every package uses of the machine: files, ranks, progress, timing, signals, versions of dolfinx."""

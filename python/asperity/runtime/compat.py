@@ -1,0 +1,54 @@
+"""Everything that depends on the dolfinx version, found by probing; docs/install.md tells which ones were run."""
+
+from __future__ import annotations
+
+import importlib.util
+import warnings
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from asperity.errors import CompatError
+
+
+def require(module: str, package: str) -> None:
+    """Raise CompatError when `module` cannot be imported; `package` is the Debian package to install."""
+    if importlib.util.find_spec(module) is None:
+        raise CompatError(f"the Python module {module} is missing: install {package} or use ./run")
+
+
+def start() -> None:
+    """Import dolfinx, which starts PETSc: all ranks have to do that together.
+
+    Its form compiler hands all warnings to a logger that nobody hears; here they are shown as before.
+    """
+    show = warnings.showwarning
+    import dolfinx  # noqa: F401
+
+    warnings.showwarning = show
+
+
+def gmsh_to_dolfinx(nodes_per_tet: int) -> npt.NDArray[np.integer[Any]]:
+    """Permutation p such that gmsh_cells[:, p] is in the node order of dolfinx."""
+    from dolfinx.mesh import CellType
+
+    try:
+        from dolfinx.io import gmsh as gmshio  # 0.10 and later
+    except ImportError:
+        from dolfinx.io import gmshio
+    return np.asarray(gmshio.cell_perm_array(CellType.tetrahedron, nodes_per_tet))
+
+
+def geometry_dofmap(mesh: Any) -> npt.NDArray[np.int32]:
+    """Node numbers of each local cell, (cells, nodes per cell)."""
+    geometry = mesh.geometry
+    dofmaps = getattr(geometry, "dofmaps", None)
+    return np.ascontiguousarray(geometry.dofmap if dofmaps is None else dofmaps[0])
+
+
+def assemble_vector_into(b: npt.NDArray[np.float64], form: Any) -> None:
+    """Add the form to the local array `b` (owned and ghost entries)."""
+    from dolfinx.fem import assemble_vector
+
+    assemble_vector(b, form)

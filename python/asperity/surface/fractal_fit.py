@@ -1,0 +1,233 @@
+"""The Weierstrass-Mandelbrot equivalent of a measured patch: D and G with their uncertainty.
+
+The spectrum of the patch is summed in bands, one for each frequency index of the function, and compared with that
+of simulated surfaces which went through the same levelling and the same window. So what levelling, window, finite
+size and the few discrete waves do to a spectrum is in the model, where a straight line through a periodogram would
+be biased by it, and the scatter over the random phases gives the uncertainty.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+from scipy.stats import chi2
+from scipy.stats import t as student
+
+from asperity.errors import InputError
+from asperity.surface import WeierstrassMandelbrot, cut_off_index
+from asperity.surface.measured import POWERS, HeightField, Trend
+
+Array = NDArray[Any]
+D_RANGE = (2.02, 2.98)
+
+
+@dataclass(frozen=True)
+class FractalFit:
+    """Weierstrass-Mandelbrot equivalent of a patch; intervals hold what the name says with `confidence`.
+
+    Attributes:
+        D, G: fractal dimension, and fractal roughness (length).
+        ci_D, ci_G: confidence intervals.
+        L: side of the patch (length).
+        M, gamma, f_max, ridges: of the equivalent function.
+        confidence: level of the intervals.
+        wavelength: middle of each band (length).
+        variance: height variance in each band, of the windowed patch (length^2).
+        model: its mean over simulated surfaces with D and G (length^2).
+        p_value: chance of a misfit this large when the patch is of this kind: below 0.01 it is not, and the
+            intervals have been widened by the square root of the reduced chi^2.
+    """
+
+    D: float
+    G: float
+    ci_D: tuple[float, float]
+    ci_G: tuple[float, float]
+    L: float
+    M: int
+    gamma: float
+    f_max: int
+    ridges: Literal["0..M", "1..M"]
+    confidence: float
+    wavelength: Array
+    variance: Array
+    model: Array
+    p_value: float
+
+    def surface(self, seed: int = 0) -> WeierstrassMandelbrot:
+        """A random surface of the same kind."""
+        return WeierstrassMandelbrot(
+            L=self.L, D=self.D, G=self.G, M=self.M, gamma=self.gamma, f_max=self.f_max, ridges=self.ridges, seed=seed
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Numbers for a file."""
+        return {
+            "D": self.D, "G": self.G, "ci_D": list(self.ci_D), "ci_G": list(self.ci_G), "L": self.L, "M": self.M,
+            "gamma": self.gamma, "f_max": self.f_max, "ridges": self.ridges, "confidence": self.confidence,
+            "p_value": self.p_value,
+        }  # fmt: skip
+
+
+def fit_fractal(
+    patch: HeightField,
+    *,
+    shortest: float | None = None,
+    M: int = 10,
+    gamma: float = 1.5,
+    ridges: Literal["0..M", "1..M"] = "0..M",
+    trend: Trend = "plane",
+    confidence: float = 0.95,
+    realisations: int = 100,
+    seed: int = 0,
+) -> FractalFit:
+    """Fit D and G of the modified Weierstrass-Mandelbrot function to a square patch.
+
+    Args:
+        patch: square, without gaps; L of the function is its side.
+        shortest: shortest wavelength to use (length); default four pixels. Give the resolution of the instrument
+            when that is coarser.
+        M, gamma, ridges: of the function.
+        trend: taken off patch and simulated surfaces alike.
+        confidence: level of the intervals, between 0 and 1.
+        realisations: simulated surfaces, at least 30.
+        seed: of their phases.
+
+    Raises:
+        InputError: the patch is not square, flat, has gaps, or holds fewer than three bands.
+    """
+    z, L, n = patch.z, patch.size[0], len(patch.z)
+    if z.shape != (n, n) or not math.isclose(*patch.size, rel_tol=1e-9):
+        raise InputError(f"a fit of D and G needs a square patch, not {z.shape}; cut a window first")
+    if patch.missing:
+        raise InputError(f"{patch.missing:.2%} of the heights are missing; fill them first")
+    if np.ptp(z) == 0:
+        raise InputError("the patch is flat: it has no D and G")
+    if realisations < 30 or not 0 < confidence < 1:
+        raise InputError("a fit needs at least 30 realisations, and a confidence between 0 and 1")
+    shortest = 4 * patch.dx if shortest is None else shortest
+    if not 2 * patch.dx <= shortest < L:
+        raise InputError(f"shortest = {shortest:g} must lie between two pixels, {2 * patch.dx:g}, and the side {L:g}")
+    f_max = cut_off_index(L, shortest, gamma)
+    spectrum = _Spectrum(n, f_max, gamma, trend)
+    if len(spectrum.indices) < 3:
+        raise InputError(f"the patch holds {len(spectrum.indices)} bands between {shortest:g} and {L:g}, a fit needs 3")
+    simulated = _simulate(spectrum, f_max, M, gamma, ridges, realisations, seed)
+    return _Fit(spectrum, simulated, spectrum.of(z)[0, 0], L, M, gamma).result(f_max, ridges, confidence)
+
+
+class _Spectrum:
+    """Band powers of windowed, levelled maps of n x n nodes.
+
+    Band f holds the wave numbers within a factor sqrt(gamma) of gamma^f 2 pi/L; bands without a grid point of the
+    transform are left out.
+    """
+
+    def __init__(self, n: int, f_max: int, gamma: float, trend: Trend) -> None:
+        self.n = n
+        y, x = np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n), indexing="ij")
+        basis = np.stack([(x**i * y**j).ravel() for i, j in POWERS[trend]], axis=1)
+        self._trend = np.linalg.qr(basis)[0]
+        taper = np.sin(np.pi * np.arange(n) / (n - 1)) ** 2
+        self._taper = taper * taper[:, None]
+        self._taper /= np.sqrt(np.mean(self._taper**2))
+        along = np.fft.fftfreq(n, 1 / (n - 1))  # cycles per L: nodes 0 and n - 1 are L apart
+        across = np.fft.rfftfreq(n, 1 / (n - 1))
+        cycles = np.hypot(along[:, None], across)
+        band = np.rint(np.log(np.maximum(cycles, 1e-9)) / math.log(gamma)).astype(int)
+        twice = np.where((across == 0) | (across == across[-1]) & (n % 2 == 0), 1.0, 2.0) / n**4
+        self._picks = [np.nonzero((band == f).ravel())[0] for f in range(f_max + 1)]
+        self._weights = np.broadcast_to(twice, cycles.shape).ravel()
+        self.indices = np.array([f for f, pick in enumerate(self._picks) if pick.size])
+
+    def of(self, *maps: Array) -> Array:
+        """Co-variance of maps in each band, (maps, maps, bands); sums to the variance over all bands."""
+        parts = []
+        for z in maps:
+            level = z - (self._trend @ (self._trend.T @ z.ravel())).reshape(z.shape)
+            transform = np.fft.rfft2(level * self._taper).ravel()
+            parts.append([transform[self._picks[f]] for f in self.indices])
+        out = np.empty((len(maps), len(maps), len(self.indices)))
+        for k, f in enumerate(self.indices):
+            stack = np.array([part[k] for part in parts])
+            weighted = stack * self._weights[self._picks[f]]
+            out[:, :, k] = (weighted @ stack.conj().T).real
+        return out
+
+
+def _simulate(spectrum: _Spectrum, f_max: int, M: int, gamma: float, ridges: str, count: int, seed: int) -> Array:
+    """Band co-variances of the sums of unit waves of each frequency index, (count, f, f, bands).
+
+    A surface is a weighted sum of these, so its band powers follow for every D and G without another simulation.
+    """
+    rng = np.random.default_rng(seed)
+    s = np.linspace(0.0, 1.0, spectrum.n)
+    mu = np.arange(1 if ridges == "1..M" else 0, M + 1)
+    angle = np.pi * mu / M
+    out = np.empty((count, f_max + 1, f_max + 1, len(spectrum.indices)))
+    for r in range(count):
+        maps = []
+        for f in range(f_max + 1):
+            k = 2 * np.pi * gamma**f
+            phase = rng.uniform(0, 2 * np.pi, mu.size)
+            x = np.exp(1j * np.multiply.outer(k * np.cos(angle), s))
+            y = np.exp(1j * (np.multiply.outer(s, k * np.sin(angle)) + phase))
+            maps.append(-(y.real @ x.real - y.imag @ x.imag))
+        out[r] = spectrum.of(*maps)
+    return out
+
+
+class _Fit:
+    """Gaussian likelihood of the logarithms of the band powers, profiled over the height."""
+
+    def __init__(self, spectrum: _Spectrum, simulated: Array, power: Array, L: float, M: int, gamma: float) -> None:
+        self._spectrum, self._simulated, self._power = spectrum, simulated, power
+        self._L, self._M, self._gamma = L, M, gamma
+
+    def _at(self, D: float) -> tuple[float, float, float, float, Array]:
+        """For D: chi^2, -2 ln likelihood, best ln of the height squared and its weight, mean logs at unit height."""
+        weight = self._gamma ** ((D - 3.0) * np.arange(self._simulated.shape[1]))
+        logs = np.log(np.einsum("f,rfgk,g->rk", weight, self._simulated, weight))
+        mean = logs.mean(axis=0)
+        # the mean over simulations is uncertain as well
+        scatter = np.cov(logs.T) * (1 + 1 / len(logs))
+        inverse = np.linalg.inv(scatter)
+        d = np.log(self._power) - mean
+        height = float(inverse.sum(axis=0) @ d / inverse.sum())
+        misfit = float((d - height) @ inverse @ (d - height))
+        return misfit, misfit + float(np.linalg.slogdet(scatter)[1]), height, float(inverse.sum()), mean
+
+    def _ln_G(self, D: float, height: float) -> float:
+        """ln G of the height: amplitude^2 = L^2 (G/L)^(2 D - 4) ln(gamma)/M."""
+        bare = height - 2 * math.log(self._L) - math.log(math.log(self._gamma) / self._M)
+        return math.log(self._L) + bare / (2 * D - 4)
+
+    def result(self, f_max: int, ridges: Literal["0..M", "1..M"], confidence: float) -> FractalFit:
+        """The estimate; intervals are where the likelihood ratio allows, widened where the misfit is large."""
+        grid = np.linspace(*D_RANGE, 200)
+        values = np.array([self._at(D)[1] for D in grid])
+        i = int(np.argmin(values))
+        bounds = grid[max(i - 1, 0)], grid[min(i + 1, grid.size - 1)]
+        D = float(minimize_scalar(lambda D: self._at(D)[1], bounds=bounds, method="bounded").x)
+        misfit, least, height, _, mean = self._at(D)
+        freedom = mean.size - 2
+        # a patch that is not of this kind, or a chance misfit: never narrower than the simulation says
+        widening = max(1.0, misfit / freedom)
+        allowed = widening * float(student.ppf((1 + confidence) / 2, len(self._simulated) - 1 - mean.size)) ** 2
+        inside = [(x, self._at(x)) for x in np.linspace(*D_RANGE, 1000)]
+        inside = [(x, at) for x, at in inside if at[1] - least <= allowed] or [(D, self._at(D))]
+        ln_G = []
+        for x, (_, value, centre, weight, _) in inside:
+            half = math.sqrt(max(allowed - value + least, 0.0) * widening / weight)
+            ln_G += [self._ln_G(x, centre - half), self._ln_G(x, centre + half)]
+        G = math.exp(self._ln_G(D, height))
+        wavelength = self._L / self._gamma ** self._spectrum.indices.astype(float)
+        return FractalFit(
+            D, G, (inside[0][0], inside[-1][0]), (math.exp(max(min(ln_G), -300.0)), math.exp(min(max(ln_G), 0.0))),
+            self._L, self._M, self._gamma, f_max, ridges, confidence, wavelength, self._power,
+            np.exp(mean + height), float(chi2.sf(misfit, freedom)),
+        )  # fmt: skip

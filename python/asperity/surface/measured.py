@@ -1,0 +1,294 @@
+"""Height maps of instruments: reading, gaps, levelling, filtering, and the square patch that contact needs.
+
+field = HeightField.read("scan.sur").filled().levelled("plane")
+field.window(5e-6, 5e-6, 20e-6).save("patch.npz")          # kind = "file", path = "patch.npz" in a case
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from asperity.errors import CompatError, InputError
+from asperity.runtime.files import UNREADABLE, one_line, read_matrix, read_npy, read_npz, real
+
+Array = NDArray[Any]
+Trend = Literal["mean", "plane", "curvature"]
+
+PLAIN = (".npz", ".npy", ".csv", ".txt")  # read by NumPy
+MOST_MISSING = 0.2  # share of heights that may be filled: more is invention
+ALPHA = math.sqrt(math.log(2) / math.pi)  # of the Gaussian filter, ISO 16610-61
+
+POWERS: dict[str, tuple[tuple[int, int], ...]] = {
+    "mean": ((0, 0),),
+    "plane": ((0, 0), (1, 0), (0, 1)),
+    "curvature": ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class HeightField:
+    """Heights at the nodes of a regular grid; immutable.
+
+    Attributes:
+        z: heights (length), shape (ny, nx), index [iy, ix]; NaN where the instrument saw nothing.
+        dx, dy: distance between neighbouring nodes (length).
+    """
+
+    z: Array
+    dx: float
+    dy: float
+
+    def __post_init__(self) -> None:
+        z = np.array(self.z, dtype=float)
+        if z.ndim != 2 or min(z.shape) < 8:
+            raise InputError(f"a height field needs at least 8 x 8 heights, not shape {z.shape}")
+        for name in ("dx", "dy"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0):
+                raise InputError(f"{name} = {value} is no distance between heights; give a positive length")
+        z[~np.isfinite(z)] = np.nan
+        z.flags.writeable = False
+        object.__setattr__(self, "z", z)
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Extent from the first to the last node along x and y (length)."""
+        ny, nx = self.z.shape
+        return (nx - 1) * self.dx, (ny - 1) * self.dy
+
+    @property
+    def missing(self) -> float:
+        """Share of the heights that are missing."""
+        return float(np.isnan(self.z).mean())
+
+    @staticmethod
+    def read(path: str | Path, *, pixel: float | None = None) -> HeightField:
+        """Read a file of heights.
+
+        NumPy reads .npz (z with x and y, with dx, or with L, the extent along x), .npy and .csv or .txt matrices;
+        anything else goes to SurfaceTopography, which knows the formats of some forty instruments.
+
+        Args:
+            path: the file.
+            pixel: distance between heights (length), for files that do not hold it.
+
+        Raises:
+            InputError: the file cannot be read, or holds no lengths and `pixel` is missing.
+            CompatError: the file needs SurfaceTopography and it is not installed.
+        """
+        path = Path(path)
+        if not path.is_file():
+            raise InputError(f"{path}: there is no such file")
+        if path.suffix not in PLAIN:
+            return _read_instrument(path, pixel)
+        try:
+            z, dx, dy = _read_plain(path)
+        except UNREADABLE as error:
+            raise InputError(f"{path}: cannot be read as a height map ({one_line(error)})") from None
+        if pixel is not None:
+            dx = dy = pixel
+        if dx is None or dy is None:
+            raise InputError(f"{path} holds heights without lengths; give the distance between heights (--pixel)")
+        return HeightField(z, dx, dy)
+
+    def filled(self) -> HeightField:
+        """Fill missing heights by the harmonic function (a soap film) through their neighbours.
+
+        Raises:
+            InputError: more than a fifth is missing.
+        """
+        gaps = np.isnan(self.z)
+        if not gaps.any():
+            return self
+        if self.missing > MOST_MISSING:
+            raise InputError(
+                f"{self.missing:.0%} of the heights are missing, at most {MOST_MISSING:.0%} can be filled; "
+                "choose a window with fewer gaps"
+            )
+        return replace(self, z=_soap_film(self.z, gaps))
+
+    def levelled(self, trend: Trend = "plane") -> HeightField:
+        """Take off the least-squares polynomial: "mean", "plane", or "curvature" (second order)."""
+        if trend not in POWERS:
+            raise InputError(f'trend = "{trend}" is unknown; choose mean, plane or curvature')
+        return replace(self, z=self.z - _trend(self.z, trend))
+
+    def filtered(self, cutoff: float) -> HeightField:
+        """Gaussian low-pass filter with 50 % transmission at the wavelength `cutoff` (length), ISO 16610-61.
+
+        A contact computation needs it when the mesh is coarser than the map. The edges are mirrored.
+
+        Raises:
+            InputError: heights are missing, or the cut-off is below two pixels.
+        """
+        from scipy.ndimage import gaussian_filter
+
+        self._need_all("filtered")
+        if not cutoff >= 2 * max(self.dx, self.dy):
+            raise InputError(f"cutoff = {cutoff:g} is below two pixels, {2 * max(self.dx, self.dy):g}")
+        sigma = ALPHA * cutoff / math.sqrt(2 * math.pi)
+        z = gaussian_filter(self.z, (sigma / self.dy, sigma / self.dx), mode="mirror", truncate=6)
+        return replace(self, z=z)
+
+    def window(self, x: float, y: float, side: float) -> HeightField:
+        """Cut the square [x, x + side] x [y, y + side] (lengths from the first node).
+
+        Where its edges do not fall on nodes, or the spacings differ, a cubic spline resamples it at the finer
+        spacing.
+
+        Raises:
+            InputError: heights are missing, or the square is not inside the map or has fewer than 8 nodes a side.
+        """
+        from scipy.interpolate import RectBivariateSpline
+
+        self._need_all("cut")
+        width, depth = self.size
+        slack = 1e-9 * max(width, depth)
+        if not (side > 0 and x >= -slack and y >= -slack and x + side <= width + slack and y + side <= depth + slack):
+            raise InputError(
+                f"the window x = {x:g}, y = {y:g}, side {side:g} is not inside the map of {width:g} x {depth:g}"
+            )
+        place = np.array([x / self.dx, side / self.dx, y / self.dy, side / self.dy])
+        if self.dx == self.dy and np.allclose(place, np.rint(place), atol=1e-6, rtol=0):
+            i, n, j, m = np.rint(place).astype(int)
+            return HeightField(self.z[j : j + m + 1, i : i + n + 1], self.dx, self.dy)
+        ny, nx = self.z.shape
+        spline = RectBivariateSpline(np.arange(ny) * self.dy, np.arange(nx) * self.dx, self.z)
+        count = round(side / min(self.dx, self.dy)) + 1
+        s = np.linspace(0.0, side, count)
+        return HeightField(spline(y + s, x + s), s[1], s[1])
+
+    def square(self) -> HeightField:
+        """The largest square in the middle of the map."""
+        side = min(self.size)
+        x, y = ((extent - side) / 2 for extent in self.size)
+        if self.dx == self.dy:
+            x, y = round(x / self.dx) * self.dx, round(y / self.dx) * self.dx
+        return self.window(x, y, side)
+
+    def save(self, path: str | Path) -> Path:
+        """Write the square patch as .npz with z and L, for kind = "file" in a case; return the path.
+
+        Raises:
+            InputError: the patch is not square, or heights are missing.
+        """
+        self._need_all("saved as a surface")
+        width, depth = self.size
+        if not math.isclose(width, depth, rel_tol=1e-9):
+            raise InputError(f"the map of {width:g} x {depth:g} is not square; cut a window first")
+        path = Path(path).with_suffix(".npz")
+        np.savez_compressed(path, z=self.z, L=width)
+        return path
+
+    def _need_all(self, what: str) -> None:
+        if self.missing:
+            raise InputError(f"{self.missing:.2%} of the heights are missing; fill them before the map is {what}")
+
+
+def _read_plain(path: Path) -> tuple[Array, float | None, float | None]:
+    """Heights and spacings by NumPy; None where the file does not tell."""
+    if path.suffix == ".npy":
+        return real(read_npy(path)), None, None
+    if path.suffix in (".csv", ".txt"):
+        return read_matrix(path, "," if path.suffix == ".csv" else None), None, None
+    data = read_npz(path)
+    z = real(data["z"])
+    if "x" in data and "y" in data:
+        x, y = (np.unique(data[name]) for name in ("x", "y"))
+        if z.shape != (y.size, x.size) or any(np.ptp(np.diff(v)) > 1e-6 * v[-1] for v in (x, y)):
+            raise ValueError(f"x and y are no regular grid for z of shape {z.shape}")
+        return z, float(np.ptp(x)) / (x.size - 1), float(np.ptp(y)) / (y.size - 1)
+    if "dx" in data:
+        return z, float(data["dx"]), float(data["dy"] if "dy" in data else data["dx"])
+    if "L" in data:
+        step = float(data["L"]) / (z.shape[1] - 1)
+        return z, step, step
+    return z, None, None
+
+
+def _read_instrument(path: Path, pixel: float | None) -> HeightField:
+    """Heights in metres by SurfaceTopography; its first index is x."""
+    try:
+        import SurfaceTopography  # type: ignore[import-not-found, unused-ignore]
+    except ImportError:
+        raise CompatError(
+            f"{path}: files of type {path.suffix!r} need the package SurfaceTopography: pip install SurfaceTopography"
+        ) from None
+    from SurfaceTopography.Exceptions import (  # type: ignore[import-not-found, unused-ignore]
+        CannotDetectFileFormat,
+        ReadFileError,
+    )
+
+    unmeasured = InputError(f"{path} holds heights without lengths; give the distance between heights (--pixel)")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            channel = (reader := SurfaceTopography.open_topography(str(path))).default_channel
+            sizes: dict[str, Any] = {}
+            if channel.physical_sizes is None:
+                if pixel is None:
+                    raise unmeasured
+                sizes = {"physical_sizes": tuple(n * pixel for n in channel.nb_grid_pts), "unit": "m"}
+            topography = reader.topography(**sizes)
+    except CannotDetectFileFormat:
+        raise InputError(f"{path} is in none of the formats that SurfaceTopography reads, or damaged") from None
+    except (ReadFileError, ValueError, OSError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise InputError(f"{path}: cannot be read as a height map ({reason})") from None
+    if topography.dim != 2 or not topography.is_uniform:
+        raise InputError(f"{path} holds a line scan; contact needs a map of heights")
+    if topography.unit is None:
+        raise InputError(f"{path} does not tell the unit of its lengths; export it with units, or as .npz in metres")
+    in_metres = topography.to_unit("m")
+    dx, dy = (float(p) for p in in_metres.pixel_size)
+    z = np.ma.filled(np.ma.masked_invalid(np.ma.asarray(in_metres.heights(), dtype=float)), np.nan)
+    return HeightField(np.asarray(z).T, dx, dy)
+
+
+def _trend(z: Array, trend: str) -> Array:
+    """Least-squares polynomial of the heights that are there, at every node."""
+    ny, nx = z.shape
+    y, x = np.meshgrid(np.linspace(-1, 1, ny), np.linspace(-1, 1, nx), indexing="ij")
+    basis = np.stack([x**i * y**j for i, j in POWERS[trend]], axis=-1)
+    there = np.isfinite(z)
+    if there.sum() < basis.shape[-1]:
+        raise InputError("there are too few heights to level; choose another window")
+    coefficients = np.linalg.lstsq(basis[there], z[there], rcond=None)[0]
+    return np.asarray(basis @ coefficients)
+
+
+def _soap_film(z: Array, gaps: NDArray[np.bool_]) -> Array:
+    """Heights whose missing values equal the mean of their neighbours on the grid."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.linalg import spsolve
+
+    ny, nx = z.shape
+    number = np.full(z.shape, -1)
+    number[gaps] = np.arange(gaps.sum())
+    iy, ix = np.nonzero(gaps)
+    me = number[gaps]
+    diagonal, right = np.zeros(me.size), np.zeros(me.size)
+    rows, columns = [], []
+    for sy, sx in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+        ty, tx = iy + sy, ix + sx
+        inside = (ty >= 0) & (ty < ny) & (tx >= 0) & (tx < nx)
+        diagonal[inside] += 1
+        other = np.full(me.size, -1)
+        other[inside] = number[ty[inside], tx[inside]]
+        known = inside & (other < 0)
+        right[known] += z[ty[known], tx[known]]
+        rows.append(me[other >= 0])
+        columns.append(other[other >= 0])
+    i, j = np.concatenate(rows), np.concatenate(columns)
+    matrix = coo_matrix((-np.ones(i.size), (i, j)), shape=(me.size, me.size)).tocsr()
+    matrix.setdiag(diagonal)
+    full = np.array(z)
+    full[gaps] = spsolve(matrix.tocsc(), right)
+    return full

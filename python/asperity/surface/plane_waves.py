@@ -1,0 +1,83 @@
+"""Sums of plane waves: values on product grids and mean squares over a patch, in bounded memory."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from asperity.surface.base import Array
+
+_BLOCK = 2**20  # pairs, or waves times nodes, evaluated at once: 8 MiB a temporary
+_NEAR = 1e-3  # below it sin(h)/h is summed, not divided
+
+
+class Waves(NamedTuple):
+    """Plane waves a cos(kx x + ky y + phi), one entry a wave."""
+
+    a: Array  # amplitude (length)
+    kx: Array  # wave vector (1/length)
+    ky: Array
+    phi: Array
+
+
+def on_product(waves: Waves, x: Array, y: Array, *weights: Array) -> tuple[Array, ...]:
+    """Return Re sum_j w_j exp(i theta_j) at all (x[i], y[j]) for each complex weight array w.
+
+    A plane wave separates, exp(i(kx x + ky y)) = exp(i kx x) exp(i ky y), so the sum over
+    all waves is one real matrix product (len(y) x 2 waves)(2 waves x len(x)).
+    """
+    grids = tuple(np.zeros((y.size, x.size)) for _ in weights)
+    step = max(1, _BLOCK // max(x.size, y.size))
+    for i in range(0, waves.a.size, step):
+        part = slice(i, i + step)
+        _, kx, ky, phi = (entry[part] for entry in waves)
+        along_x = np.exp(1j * np.multiply.outer(kx, x))
+        right = np.vstack([along_x.real, along_x.imag])
+        along_y = np.exp(1j * (np.multiply.outer(y, ky) + phi))
+        for grid, w in zip(grids, weights, strict=True):
+            left = along_y * w[part]
+            grid += np.hstack([left.real, -left.imag]) @ right
+    return grids
+
+
+def mean_squares(waves: Waves, L: float) -> tuple[float, float, float]:
+    """Return the means of s^2, |grad s|^2 and (laplacian s)^2 over [0, L]^2, s the sum of the waves.
+
+    Products of two waves are waves of the sum and of the difference of their vectors, whose mean
+    over the patch is the value in its middle times sin(h)/h in x and y, h = k L/2. Sines of sums are
+    products of sines and cosines; the pairs are met in blocks, each pair once.
+    """
+    a, kx, ky, phi = waves
+    k2 = kx**2 + ky**2
+    hx, hy = kx * L / 2, ky * L / 2
+    middle = phi + hx + hy
+    u, v = a * np.cos(middle), a * np.sin(middle)
+    square = slope = curvature = 0.0
+    rows = max(1, _BLOCK // a.size)
+    for i in range(0, a.size, rows):
+        one, other = slice(i, i + rows), slice(i, None)
+        twice = np.where(np.arange(a.size - i) < rows, 1.0, 2.0)  # the pairs that come once stand for two
+        uu, vv = np.multiply.outer(u[one], u[other]), np.multiply.outer(v[one], v[other])
+        plus, minus = uu - vv, uu + vv
+        for h in (hx, hy):
+            of_sum, of_difference = _sincs(h[one], h[other])
+            plus *= of_sum
+            minus *= of_difference
+        both, apart = plus + minus, minus - plus
+        square += float(both.sum(axis=0) @ twice) / 2
+        slope += sum(float((k[one] @ apart) @ (twice * k[other])) for k in (kx, ky)) / 2
+        curvature += float((k2[one] @ both) @ (twice * k2[other])) / 2
+    return square, slope, curvature
+
+
+def _sincs(g: Array, h: Array) -> tuple[Array, Array]:
+    """Return sin(t)/t for t = g + h and for t = g - h, each (len(g), len(h))."""
+    left = np.multiply.outer(np.sin(g), np.cos(h))
+    right = np.multiply.outer(np.cos(g), np.sin(h))
+    out = []
+    for sine, t in ((left + right, np.add.outer(g, h)), (left - right, np.subtract.outer(g, h))):
+        near = np.abs(t) < _NEAR
+        sine[near], t[near] = 1.0 - t[near] ** 2 / 6, 1.0
+        out.append(sine / t)
+    return out[0], out[1]

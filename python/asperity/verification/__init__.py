@@ -1,0 +1,66 @@
+"""Verification: computed cases against the references of `asperity.reference`, each row with an error bar.
+
+A row passes when its error is within the bar, and the bar is computed: the error of the discretisation estimated from
+meshes of three sizes, and that of the reference for this problem (scatter of a fit, grid of a numerical one, slopes
+and sides that a theory does not know). The cases run on one process.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from difflib import get_close_matches
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from asperity.errors import InputError
+
+if TYPE_CHECKING:
+    from asperity.verification.table import Row
+
+# name -> module and function that yields its rows
+_CASES = {
+    "patch": "patch.patch",
+    "material": "patch.material_point",
+    "hertz": "hertz.hertz",
+    "westergaard": "waves.westergaard",
+    "double-sinusoid": "waves.double_sinusoid",
+    "thick-sphere": "shell.pressurised_sphere",
+    "flattened-sphere": "flattening.flattened_sphere",
+    "rough": "rough.rough",
+    "rates": "rates.rates",
+}
+NAMES = tuple(_CASES)
+
+
+def validate(
+    names: Iterable[str] = (), level: str = "quick", on_case: Callable[[str, list[Row]], None] | None = None
+) -> list[Row]:
+    """Compute cases and compare them with their references.
+
+    Args:
+        names: of NAMES; all when empty
+        level: "quick" (under two minutes) or "full" (finer meshes, all loads, materials and formulations)
+        on_case: called with the name and the rows of each case when it is done
+
+    Raises:
+        InputError: unknown name or level
+    """
+    from asperity.verification.table import LEVELS
+
+    names = tuple(names) or NAMES
+    for name in names:
+        if name not in _CASES:
+            near = get_close_matches(name, NAMES, 1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise InputError(f'validation case "{name}" is not one of {", ".join(NAMES)}{hint}')
+    if level not in LEVELS:
+        raise InputError(f'validation level "{level}" is not one of {", ".join(LEVELS)}')
+    out: list[Row] = []
+    for name in names:
+        module, function = _CASES[name].split(".")
+        case: Callable[..., Iterator[Row]] = getattr(import_module(f"{__name__}.{module}"), function)
+        rows = list(case(LEVELS[level]))
+        out += rows
+        if on_case is not None:
+            on_case(name, rows)
+    return out

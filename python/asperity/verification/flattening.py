@@ -1,0 +1,80 @@
+"""An elastic-plastic hemisphere flattened far beyond yield: fits to finite elements from the literature."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import hypot
+
+import numpy as np
+
+from asperity import reference
+from asperity.adaptive.mesh_plan import extrapolate
+from asperity.contact import ActiveSet
+from asperity.contact.contact_surface import Top
+from asperity.fem.solid import Solid
+from asperity.mesh.generate import distribute
+from asperity.model.load_path import Schedule
+from asperity.model.material import Material
+from asperity.quasistatic.newton import SolverOptions
+from asperity.quasistatic.stepping import Press, Record, follow
+from asperity.verification.solids import eighth_sphere, planes_of_symmetry
+from asperity.verification.table import KINK, RATIO, Floats, Level, Row, rows_along
+
+E, NU, Y = 200e9, 0.3, 1e9
+HERTZ = reference.Hertz(1.0, reference.reduced_modulus(1.0, NU))  # R = E = 1
+ONSET = float((0.5 * np.pi * 1.295 * np.exp(0.736 * NU) * Y / reference.reduced_modulus(E, NU)) ** 2)
+LAST = 105.0  # greatest w = deflection over that of the onset of yield, Jackson & Green
+FIT = 0.06  # of the fits, which agree with each other to 6 %
+FIT_HARDENING = 0.08  # Ghaednia et al. give 5 to 8 %
+PLANE, PLANE_PERFECT = 0.004, 0.02  # of the plane solution: what another mesh changes, with and without hardening
+
+
+def flattened_sphere(level: Level) -> Iterator[Row]:
+    """Force over that of the onset at w times its deflection, without and with hardening.
+
+    Jackson & Green (2005); Kogut & Etsion (2002), with nearly the same onset; Ghaednia et al. (2019); and a solution
+    in the plane of r and z for the same hemisphere on a sliding base (benchmarks/sphere.py). The fit with hardening
+    is up to 12 % from that solution: where it is more than the authors' 8 %, that is its bar. The error of the load
+    steps, of first order, is extrapolated on the coarsest mesh.
+    """
+    w = np.array(reference.FLATTENED_DEPTHS if level.full else reference.FLATTENED_DEPTHS[1:3])
+    steps = 42 if level.full else 21
+    delta = w * ONSET
+    for tangent in reference.FLATTENED_SPHERE if level.full else (0.0, 0.3):
+        material = Material(1.0, NU, Y / E, tangent)
+        force = [_force(k / RATIO, material, steps, delta) for k in level.refinements]
+        limit, path = extrapolate(force[0], _force(level.refinements[0] / RATIO, material, 2 * steps, delta), 2.0, 1.0)
+        sphere = (delta, 1.0, 1.0, NU, Y / E)
+        onset = float(HERTZ.force(ONSET))
+        plane = np.interp(w, reference.FLATTENED_DEPTHS, reference.FLATTENED_SPHERE[tangent])
+        sources = {"plane solution": (plane, np.full(len(w), PLANE if tangent else PLANE_PERFECT))}
+        if tangent:
+            fit = reference.ghaednia(*sphere, tangent)[0] / onset
+            sources["Ghaednia"] = fit, np.maximum(FIT_HARDENING, np.abs(plane / fit - 1.0))
+        else:
+            sources["Jackson-Green"] = reference.jackson_green(*sphere)[0] / onset, np.full(len(w), FIT)
+            sources["Kogut-Etsion"] = reference.kogut_etsion(*sphere)[0] / onset, np.full(len(w), FIT)
+        for name, (expected, accuracy) in sources.items():
+            yield from rows_along(
+                "flattened-sphere", [f"force over onset, w = {x:g}, E_t = {tangent:g} E" for x in w], name,
+                [f * limit / force[0] / onset for f in force], expected, np.abs(path) / limit + accuracy, order=KINK,
+            )  # fmt: skip
+
+
+def _force(refinement: float, material: Material, steps: int, delta: Floats) -> Floats:
+    """Force of the whole sphere at some deflections; R = E = 1."""
+    from mpi4py import MPI
+
+    def size(x: float, y: float, z: float) -> float:
+        """In proportion to the distance from the pole, so that each contact radius has as many elements."""
+        return min(max(0.004, 0.3 * hypot(x, y, z - 1.0)), 0.3) / refinement
+
+    mesh, tags = distribute(MPI.COMM_SELF, eighth_sphere(1.0, 0.0, size), 1.0)
+    solid = Solid(mesh, tags, material)
+    solid.fixed = planes_of_symmetry(solid)
+    top = Top(solid)
+    it = Press(solid, top, ActiveSet(solid, top), 1.0, SolverOptions())
+    record = Record(1.0, 1.0, material.reduced_modulus)
+    follow(it, Schedule(delta_max=LAST * ONSET, steps=steps), record)
+    curve = record.curve()
+    return np.exp(np.interp(np.log(delta), np.log(curve.delta), np.log(4.0 * curve.force)))

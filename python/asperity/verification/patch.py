@@ -1,0 +1,96 @@
+"""Uniform states of a flat block: what every mesh must reproduce to the tolerance of the solver."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from asperity import reference
+from asperity.case.schema import ContactSection
+from asperity.model.load_path import Schedule
+from asperity.model.material import Material
+from asperity.quasistatic.newton import SolverOptions
+from asperity.quasistatic.solve_contact import Formulation, MeshSize, make_block, make_press
+from asperity.quasistatic.stepping import Record, follow
+from asperity.surface import Flat
+from asperity.verification.solids import planes_of_symmetry
+from asperity.verification.table import Level, Row, press
+
+METHODS: tuple[str, ...] = get_args(ContactSection.model_fields["method"].annotation)
+SIZE = MeshSize(0.5, h_max=0.5)
+ROUND_OFF = 10.0 * SolverOptions().rtol  # forces balance to rtol; a derived quantity may lose a digit
+
+
+def patch(level: Level) -> Iterator[Row]:
+    """A flat block in full contact: stiffness and uniform pressure; Johnson, Contact Mechanics (1985), 1.3."""
+    nu, delta = 0.3, 0.01
+    material = Material(1.0, nu)
+    for method in METHODS:
+        for height in (1.0, 0.5):
+            result = press(
+                Flat(L=1.0), material, height=height, delta_max=delta, steps=1, size=SIZE,
+                formulation=Formulation(method),
+            )  # fmt: skip
+            slope = result.curve.P_star[0] / result.curve.delta_star[0]
+            # a spring 4 beta E/h in series with the block
+            penalty = Formulation(method).penalty * 4.0 / result.press.top.diameter.max()
+            soft = reference.block_modulus(1.0, nu) / height / penalty if method == "penalty" else 0.0
+            yield Row(
+                "patch", f"slope dP*/d(delta*), rollers, h_b = {height:g} L, {method}", "M/E' L/h_b",
+                reference.patch_test_slope(nu, height), slope, ROUND_OFF, soft,
+            )  # fmt: skip
+        if method != "penalty":
+            pressure, _ = result.press.top_state()
+            corners = pressure[np.unique(result.press.top.nodes[:, :3])]
+            spread = float(np.ptp(corners) / corners.mean())
+            yield Row("patch", f"spread of the pressure, {method}", "uniform", 0.0, spread, ROUND_OFF)
+    result = press(Flat(L=1.0), Material(1.0, 0.0), sides="free", delta_max=delta, steps=1, size=SIZE)
+    slope = result.curve.P_star[0] / result.curve.delta_star[0]
+    yield Row("patch", "slope, free sides, nu = 0", "E/E' L/h_b", 1.0, slope, ROUND_OFF)
+    P, strain = _uniaxial(material, Schedule(delta_max=delta, steps=1))
+    yield Row(
+        "patch", "slope, free sides, sliding base", "E/E' L/h_b",
+        reference.patch_test_slope(nu, 1.0, "free"), float(P[0] / strain[0]), ROUND_OFF,
+    )  # fmt: skip
+
+
+def material_point(level: Level) -> Iterator[Row]:
+    """Bilinear hardening along uniform stress histories of a flat block, loaded and unloaded twice."""
+    E, nu, Y = 1.0, 0.3, 0.005
+    schedule = Schedule(delta_max=0.03, steps=6, unload_steps=4, cycles=2)
+    for tangent in (0.0, 0.1):
+        material = Material(E, nu, Y, tangent)
+        result = press(Flat(L=1.0), material, size=SIZE, **vars(schedule) | {"force_max": None})
+        confined, _, flow = reference.confined_stress(result.curve.delta_star, E, nu, Y, tangent)
+        stress = result.curve.P_star * material.reduced_modulus
+        histories = {"confined": (stress, confined)}
+        if tangent > 0.0:  # a perfectly plastic bar has no unique elongation
+            P, strain = _uniaxial(material, schedule)
+            histories["uniaxial"] = P * material.reduced_modulus, reference.uniaxial_stress(strain, E, Y, tangent)[0]
+        yield Row(
+            "material", f"plastic strain, confined, E_t = {tangent:g} E", "closed form",
+            float(flow[-1]), float(result.curve.max_plastic_strain[-1]), ROUND_OFF,
+        )  # fmt: skip
+        for name, (found, expected) in histories.items():
+            worst = np.argmax(np.abs(found - expected))
+            yield Row(
+                "material", f"stress, {name}, two cycles, E_t = {tangent:g} E", "closed form",
+                float(expected[worst]), float(found[worst]), ROUND_OFF, scale=float(np.max(expected)),
+            )  # fmt: skip
+
+
+def _uniaxial(material: Material, schedule: Schedule) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """P* and axial strain of a flat block with free sides whose base may slide."""
+    from mpi4py import MPI
+
+    comm, surface = MPI.COMM_SELF, Flat(L=1.0)
+    block = make_block(comm, surface, 1.0, 0.01, SIZE)
+    it = make_press(comm, surface, block, material, sides="free")
+    it.solid.fixed = planes_of_symmetry(it.solid)
+    record = Record(1.0, material.E, material.reduced_modulus)
+    follow(it, schedule, record)
+    curve = record.curve()
+    return curve.P_star, curve.delta_star

@@ -1,0 +1,128 @@
+"""What cases outside the block need: mesh of a sphere, planes of symmetry, quadrature over cells, dead loads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from asperity.contact import Contact
+from asperity.errors import ConvergenceError
+from asperity.fem.solid import Floats, Solid
+from asperity.mesh.block import BlockMesh
+from asperity.quasistatic.newton import NewtonSolver, SolverOptions
+from asperity.runtime import compat
+
+
+def eighth_sphere(outer: float, inner: float, size: Callable[[float, float, float], float]) -> BlockMesh:
+    """Second-order mesh of the part of a sphere or shell with x, y, z >= 0.
+
+    Its curved faces become the top and its plane ones sides and base in `mesh.distribute`.
+
+    Args:
+        outer: radius [length]
+        inner: radius of the hole, 0 for none [length]
+        size: element size at (x, y, z) [length]
+    """
+    compat.require("gmsh", "python3-gmsh")
+    import gmsh
+
+    quarter = 0.5 * np.pi
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        for option in ("General.Terminal", "Mesh.MeshSizeExtendFromBoundary", "Mesh.MeshSizeFromPoints"):
+            gmsh.option.setNumber(option, 0)
+        gmsh.option.setNumber("General.NumThreads", 1)
+        occ = gmsh.model.occ
+        ball = occ.addSphere(0, 0, 0, outer, angle1=0, angle2=quarter, angle3=quarter)
+        if inner > 0.0:
+            occ.cut([(3, ball)], [(3, occ.addSphere(0, 0, 0, inner, angle1=0, angle2=quarter, angle3=quarter))])
+        occ.synchronize()
+        gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: size(x, y, z))
+        gmsh.model.mesh.generate(3)
+        gmsh.model.mesh.setOrder(2)
+        tags, xyz, _ = gmsh.model.mesh.getNodes()
+        _, _, connectivity = gmsh.model.mesh.getElements(3)
+    finally:
+        gmsh.finalize()
+    number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+    number[tags.astype(np.int64)] = np.arange(len(tags))
+    return BlockMesh(xyz.reshape(-1, 3), number[connectivity[0].astype(np.int64)].reshape(-1, 10), outer, outer)
+
+
+def planes_of_symmetry(solid: Solid) -> npt.NDArray[np.int32]:
+    """Dofs without displacement when x = 0, y = 0 and z = 0 are planes of symmetry."""
+    x = solid.points[: solid.owned]
+    return np.flatnonzero(np.abs(x.ravel()) < 1e-12).astype(np.int32)
+
+
+class CellRule:
+    """Quadrature over the curved cells of a solid.
+
+    Attributes:
+        points: (cells, q, 3) [length]
+        weights: (cells, q) [length^3]
+        shape: values of the shape functions (q, 10)
+        gradients: of the shape functions (cells, q, 10, 3) [1/length]
+    """
+
+    def __init__(self, solid: Solid, degree: int) -> None:
+        import basix
+
+        points, weights = basix.make_quadrature(basix.CellType.tetrahedron, degree)
+        element = basix.create_element(
+            basix.ElementFamily.P, basix.CellType.tetrahedron, 2, basix.LagrangeVariant.gll_warped
+        )
+        table = element.tabulate(1, points)[..., 0]
+        x = solid.points[solid.cell_nodes]
+        jacobian = np.einsum("jqa,cai->cqij", table[1:], x)
+        self.shape = table[0]
+        self.points = np.einsum("qa,cai->cqi", table[0], x)
+        self.weights = weights * np.abs(np.linalg.det(jacobian))
+        self.gradients = np.einsum("jqa,cqji->cqai", table[1:], np.linalg.inv(jacobian))
+
+
+class Loaded:
+    """A formulation of contact with dead loads on the nodes besides.
+
+    Args:
+        contact: the formulation
+        load: (owned, 3) [force]
+    """
+
+    def __init__(self, contact: Contact, load: Floats) -> None:
+        self._contact, self._load = contact, load
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._contact, name)
+
+    def residual(self, force: Floats) -> tuple[Floats, npt.NDArray[np.int32], Floats]:
+        """See `contact.Contact`."""
+        return self._contact.residual(force - self._load)
+
+    def nodal_force(self, force: Floats) -> Floats:
+        """See `contact.Contact`."""
+        return self._contact.nodal_force(force - self._load)
+
+
+def equilibrium(solid: Solid, contact: Contact, load: Floats, z: float, start: Floats, rtol: float = 1e-8) -> Floats:
+    """Commit the equilibrium under dead loads and a flat at height z, and return its displacement (nodes, 3).
+
+    Args:
+        solid, contact: what is loaded, and how the flat touches it
+        load: on the nodes (owned, 3) [force]
+        z: of the flat, inf for none [length]
+        start: displacement to start from (owned, 3) [length]
+        rtol: see `solve.SolverOptions`
+
+    Raises:
+        ConvergenceError: Newton's method fails
+    """
+    contact.begin(z)
+    stats = NewtonSolver(solid, cast(Contact, Loaded(contact, load)), SolverOptions(rtol=rtol)).solve(start, 1.0)
+    if not stats.converged:
+        raise ConvergenceError(f"no equilibrium under dead loads: {stats.reason}")
+    solid.bulk.commit()
+    return solid.u.x.array.reshape(-1, 3).copy()

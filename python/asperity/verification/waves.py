@@ -1,0 +1,86 @@
+"""Sinusoidal surfaces on a block of half a wavelength, from light to full contact."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Literal
+
+import numpy as np
+
+from asperity import reference
+from asperity.model.material import Material
+from asperity.quasistatic.solve_contact import ContactResult
+from asperity.surface import Sinusoid
+from asperity.verification.table import FORCE, LOCAL, Level, Row, counting_error, on_meshes, press, rows_along, sizes
+
+WAVELENGTH = 2.0  # [L]: crest and valley are planes of symmetry
+AMPLITUDE = 1e-4  # [L]: slopes of 4e-4, so that those of theory are as good as zero
+HEIGHT = 3.0  # of the block [L]: at the base the waves have died away to 1e-5
+MATERIAL = Material(1.0, 0.3)
+STIFFNESS = reference.block_modulus(MATERIAL.E, MATERIAL.nu) / HEIGHT
+TABLE = 3e-4  # accuracy of A/A0 in the table of the double wave: what half the grid changes at most, at p/p* = 0.3
+
+
+def press_wave(dims: Literal[1, 2], delta: float, refinement: float) -> ContactResult:
+    """One step to a deflection; the quarter of a wave whose crest is in the corner; L = E = 1."""
+    wave = Sinusoid(L=1.0, amplitude=AMPLITUDE, wavelength=WAVELENGTH, dims=dims, centre=(0.0, 0.0))
+    h = 0.12 * min(1.0, (delta / AMPLITUDE) ** 0.5)
+    return press(wave, MATERIAL, height=HEIGHT, delta_max=delta, steps=1, snapshots=1, size=sizes(h, refinement))
+
+
+def westergaard(level: Level) -> Iterator[Row]:
+    """Force, width, gap and pressure of a wave in plane strain; Westergaard (1939), Johnson (1985) 13.2."""
+    theory = reference.Westergaard(AMPLITUDE, WAVELENGTH, MATERIAL.reduced_modulus)
+    slope = 2.0 * np.pi * AMPLITUDE / WAVELENGTH
+    for share in (0.05, 0.3, 0.9) if level.full else (0.1, 0.5):
+        mean = share * theory.full_pressure
+        width = float(theory.area_fraction(mean))
+        approach = float(theory.deflection(mean))
+        results = on_meshes(level, partial(press_wave, 1, approach + mean / STIFFNESS))
+        gap, counted = 1.0 - approach / AMPLITUDE, counting_error(results[-1])
+        for name, values, expected, order, least in (
+            ("force over full contact", [r.curve.force / theory.full_pressure for r in results], share, FORCE, 0.0),
+            ("width of contact over wavelength", [r.curve.area_fraction for r in results], width, LOCAL, counted),
+            ("mean gap over amplitude", [_mean_gap(r) / AMPLITUDE for r in results], gap, FORCE, 0.0),
+            ("rms error of the pressure over p*", [_pressure_error(r, theory, mean) for r in results], 0.0, LOCAL, 0.0),
+        ):
+            yield from rows_along(
+                "westergaard", [f"{name}, p/p* = {share:g}"], "closed form", values, expected, slope, order=order,
+                counted=least,
+            )  # fmt: skip
+
+
+def _mean_gap(result: ContactResult) -> float:
+    """Mean distance between top and flat, by the midpoint rule of second-order facets [L]."""
+    top = result.press.top
+    return float(np.sum(top.area[:, None] / 3.0 * result.snapshots[-1].gap[top.nodes[:, 3:]]))
+
+
+def _pressure_error(result: ContactResult, theory: reference.Westergaard, mean: float) -> float:
+    """Rms difference from the exact pressure over the nodes, relative to that of full contact."""
+    it = result.press
+    corners = np.unique(it.top.nodes[:, :3])
+    exact = theory.pressure(it.solid.points[corners, 0], mean)
+    difference = result.snapshots[-1].pressure[corners] - exact
+    return float(np.sqrt(np.mean(difference**2)) / theory.full_pressure)
+
+
+def double_sinusoid(level: Level) -> Iterator[Row]:
+    """Force and area from light to full contact; Johnson, Greenwood & Higginson (1985)."""
+    theory = reference.DoubleSinusoid(AMPLITUDE, WAVELENGTH, MATERIAL.reduced_modulus)
+    slope = 2.0 * np.pi * AMPLITUDE / WAVELENGTH
+    for share in (0.01, 0.05, 0.1, 0.3, 0.5, 0.8, 0.99, 1.5) if level.full else (0.05, 0.5, 1.5):
+        mean = share * theory.full_pressure
+        delta = float(theory.deflection(mean)) + mean / STIFFNESS
+        results = on_meshes(level, partial(press_wave, 2, delta))
+        force = [r.curve.force / theory.full_pressure for r in results]
+        area, counted = float(theory.area_fraction(mean)), counting_error(results[-1])
+        for name, values, expected, grid, order, least in (
+            ("force over full contact", force, share, 0.0, FORCE, 0.0),
+            ("area fraction", [r.curve.area_fraction for r in results], area, TABLE / area, LOCAL, counted),
+        ):
+            yield from rows_along(
+                "double-sinusoid", [f"{name}, p/p* = {share:g}"], "tabulated, 1024^2", values, expected,
+                slope + grid, order=order, counted=least,
+            )  # fmt: skip
