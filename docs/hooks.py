@@ -1,13 +1,15 @@
-"""What mkdocs takes from elsewhere: the README as the front page, the input reference from the schema."""
+"""What mkdocs takes from elsewhere: the README as the front page, the input reference from the schema, formulas."""
 
 from __future__ import annotations
 
+import html
 import re
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parent.parent
 MARK = re.compile(r"^<!-- insert (\w+) -->$", re.MULTILINE)
+FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
 
 def readme() -> str:
@@ -33,3 +35,13 @@ PARTS = {"readme": readme, "keys": keys}
 def on_page_markdown(markdown: str, **_: Any) -> str:
     """Replace the marks of a page."""
     return MARK.sub(lambda mark: PARTS[mark[1]](), markdown)
+
+
+def on_page_content(content: str, **_: Any) -> str:
+    """Turn TeX into MathML, which browsers draw themselves: the site loads nothing from elsewhere."""
+    from latex2mathml.converter import convert
+
+    def formula(found: re.Match[str]) -> str:
+        return convert(html.unescape(found[2]), display="inline" if found[1] == "span" else "block")
+
+    return FORMULA.sub(formula, content)

@@ -121,6 +121,19 @@ RAISED = re.compile(
 PLACE = {"Mistake": 1, "_refuse": 1, "judge": 2}  # of the message among the arguments
 
 
+def test_links_lead_to_no_archive_of_packages() -> None:
+    """Packages come from where the host takes its own: no file names a host of them."""
+    folders = ("benchmarks", "cases", "docs", "examples", "python", "solver", ".ci")
+    files = [path for path in ROOT.iterdir() if path.is_file()]
+    files += [path for name in folders for path in (ROOT / name).rglob("*") if path.is_file()]
+    hosts = set()
+    for path in files:
+        if path.suffix not in {".png", ".npz", ".pyc", ".so"}:
+            text = path.read_text(encoding="utf-8", errors="replace")
+            hosts |= set(re.findall(r"(?:https?|ftp)://([\w.-]+)", text))
+    assert hosts <= {"doi.org", "fsf.org", "keepachangelog.com", "www.gnu.org"}
+
+
 def template(node: ast.expr) -> str:
     """Text of an expression with an ellipsis for each value."""
     if isinstance(node, ast.Constant) and isinstance(node.value, str):

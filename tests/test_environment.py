@@ -90,7 +90,25 @@ def test_the_blas_is_not_the_reference_one() -> None:
 
 STAND_INS = {
     "dpkg-query": 'while [ "$1" != -- ]; do shift; done; shift; printf "installed %s\\n" "$@"',
-    "apt-get": "true",
+    "apt-get": """
+        case $1 in indextargets) ;; *) exit 0 ;; esac
+        echo "http://mirror/debian/ bookworm"
+        echo "http://mirror/debian/ bookworm-updates"
+        echo "http://mirror/debian/ bookworm-backports"
+        echo "http://mirror/debian-security/ bookworm-security"
+        echo "http://elsewhere/debian/ stable"
+        echo "file:/disk/ bookworm"
+    """,
+    "apt-helper": """
+        case $2 in
+            http://mirror/debian/dists/trixie*-security/*) exit 1 ;;
+            http://mirror/debian/dists/trixie*/* | http://mirror/debian-security/dists/trixie-security/*) ;;
+            http://mirror/debian/dists/sid/*) ;;
+            http://elsewhere/debian/dists/*) echo "Origin: Elsewhere" >"$3"; exit ;;
+            *) exit 1 ;;
+        esac
+        echo "Origin: Debian" >"$3"
+    """,
     "apt-config": "true",
     "unshare": 'while [ "${1#-}" != "$1" ]; do shift; done; exec "$@"',
     "bwrap": """
@@ -103,8 +121,9 @@ STAND_INS = {
     """,
     "mmdebstrap": """
         echo made >>"$CALLS"
+        printf '%s\n' "$@" >"$CALLS.arguments"
         echo "I: downloading packages"
-        for target; do case $target in trixie) take=1;; *) [ -z "$take" ] || break;; esac; done
+        for target; do case $target in trixie | sid) take=1;; *) [ -z "$take" ] || break;; esac; done
         [ ! -e "$FAIL" ] || { echo "E: no such mirror"; exit 1; }
         if [ "$target" = - ]; then tree=$(mktemp -d); else tree=$target; mkdir "$tree"; fi
         mkdir -p "$tree/usr/bin" "$tree/etc" "$tree/var"
@@ -128,9 +147,10 @@ class Clone:
         for name, body in STAND_INS.items():
             (tools / name).write_text(f"#!/bin/sh\n{body}\n")
             (tools / name).chmod(0o755)
-        (path / "os-release").write_text("ID=other\nVERSION_ID=1\n")
-        script = (PROJECT / "run").read_text().replace("/etc/os-release", str(path / "os-release"))
-        (self.path / "run").write_text(script)
+        self.system = path / "os-release"
+        self.system.write_text("ID=other\nVERSION_ID=1\n")
+        script = (PROJECT / "run").read_text().replace("/etc/os-release", str(self.system))
+        (self.path / "run").write_text(script.replace("/usr/lib/apt/apt-helper", "apt-helper"))
         for name in ("packages.txt", "CMakeLists.txt", "pyproject.toml"):
             shutil.copy(PROJECT / name, self.path)
         self.environment = clean_environment() | {
@@ -140,7 +160,8 @@ class Clone:
             "HOLD": str(self.hold),
             "FAIL": str(self.fail),
         }
-        self.environment.pop("ASPERITY_ENTERED", None)
+        for name in ("ASPERITY_ENTERED", "ASPERITY_SUITE"):
+            self.environment.pop(name, None)
 
     def start(self, *command: str) -> subprocess.Popen[str]:
         return subprocess.Popen(
@@ -215,6 +236,51 @@ def test_a_changed_list_of_packages_makes_another_root(clone: Clone) -> None:
         packages.write("python3-other  # a comment\n")
     clone.start().communicate(timeout=60)
     assert clone.made() == len(clone.roots()) == 2
+
+
+def test_another_suite_has_a_root_of_its_own(clone: Clone) -> None:
+    for suite in ("", "trixie", "sid", "sid"):
+        clone.environment["ASPERITY_SUITE"] = suite
+        output, errors = clone.start().communicate(timeout=60)
+        assert output == "inside\n", errors
+    assert clone.made() == len(clone.roots()) == 2
+    assert "sid" in Path(f"{clone.calls}.arguments").read_text().splitlines()
+
+
+@pytest.mark.parametrize(("suite", "own"), [("", False), ("trixie", False), ("sid", True)])
+def test_debian_13_serves_as_it_is_unless_another_suite_is_asked_for(clone: Clone, suite: str, own: bool) -> None:
+    clone.system.write_text("ID=debian\nVERSION_ID=13\nVERSION_CODENAME=trixie\n")
+    script = clone.path / "run"  # on the host's own packages it stops before a real virtual environment is made
+    script.write_text(script.read_text().replace("/usr/bin/python3 -m venv", "a-venv"))
+    clone.environment |= {"ASPERITY_SUITE": suite}
+    _, errors = clone.start().communicate(timeout=60)
+    assert clone.made() == own, errors
+    assert own or "making the virtual environment failed" in errors
+
+
+@pytest.mark.parametrize(
+    ("suite", "sources"),
+    [
+        (
+            "trixie",
+            [
+                "deb http://mirror/debian-security/ trixie-security main",
+                "deb http://mirror/debian/ trixie main",
+                "deb http://mirror/debian/ trixie-updates main",
+            ],
+        ),
+        ("sid", ["deb [check-valid-until=no] http://mirror/debian/ sid main"]),  # it has neither, and expires
+        ("forky", []),  # not on the mirror: mmdebstrap chooses
+    ],
+)
+def test_the_mirrors_are_those_of_the_host(clone: Clone, suite: str, sources: list[str]) -> None:
+    clone.system.write_text("ID=debian\nVERSION_ID=12\nVERSION_CODENAME=bookworm\n")
+    clone.environment["ASPERITY_SUITE"] = suite
+    clone.fail.touch()  # what mmdebstrap was told is enough
+    _, errors = clone.start().communicate(timeout=60)
+    assert clone.made() == 1, errors
+    told = Path(f"{clone.calls}.arguments").read_text().splitlines()
+    assert [line for line in told if line.startswith("deb ")] == sources
 
 
 def test_a_failure_says_which_step_and_what_to_do(clone: Clone) -> None:

@@ -269,7 +269,7 @@ def test_tangent_is_the_derivative_of_the_residual(
         (solid.values.copy(), solid.graph.columns, solid.graph.rows), shape=(3 * solid.nodes, 3 * solid.nodes)
     )
     asymmetry = abs(J - J.T).max() / abs(J).max()
-    assert (asymmetry < 1e-13) == contact.symmetric
+    assert (asymmetry < 1e-12) == contact.symmetric  # rounding leaves 1e-16, the other formulations 1e-2
     for _ in range(3):
         du = 1e-9 * rng.normal(size=u.shape)
         slope = residual(solid, contact, u + du) - residual(solid, contact, u - du)

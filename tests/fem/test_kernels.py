@@ -26,6 +26,9 @@ E, NU, Y, E_T = 1.0, 0.3, 0.005, 0.05
 STEEL = Material(E, NU, Y, E_T)
 PERFECT = Material(E, NU, Y)
 KERNELS = ("compiled", "ufl")
+# A strain is a sum over ten nodes of u times gradients of some 4/h, a stress one of strains: 500 rounding units.
+ROUNDING = 500 * float(np.finfo(float).eps)
+TWINS = 40 * ROUNDING  # on curved cells of other sizes, some of them flat: the condition of their Jacobian on top
 
 
 @dataclass(frozen=True)
@@ -61,7 +64,7 @@ class Sample:
             u = self.affine(strain)
             self.force(u)
             points = self.bulk.stress(u).reshape(-1, 6)
-            np.testing.assert_allclose(points, np.broadcast_to(points[0], points.shape), atol=1e-15)
+            np.testing.assert_allclose(points, np.broadcast_to(points[0], points.shape), rtol=0, atol=1e-12 * Y)
             xx, yy, zz, xy, xz, yz = points[0]
             stress.append([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
             self.bulk.commit()
@@ -167,7 +170,7 @@ def test_elastic_stress_is_hookes(cube: BlockMesh, kernels: str) -> None:
     s.force(u)
     found = s.bulk.stress(u).reshape(-1, 6)
     expected = E / (1 + NU) * (strain + NU / (1 - 2 * NU) * np.trace(strain) * np.eye(3))
-    assert difference(found, np.tile(expected[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]], (len(found), 1))) < 1e-14
+    assert difference(found, np.tile(expected[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]], (len(found), 1))) < ROUNDING
     assert s.bulk.history()[1].size == 0
 
 
@@ -199,7 +202,7 @@ def test_unstrained_material_is_at_rest_and_stiff(cube: BlockMesh, kernels: str)
     u = np.zeros((plastic.solid.nodes, 3))
     assert not plastic.force(u).any()
     elastic.force(u)
-    assert difference(plastic.tangent(u).toarray(), elastic.tangent(u).toarray()) < 1e-14
+    assert difference(plastic.tangent(u).toarray(), elastic.tangent(u).toarray()) < ROUNDING
 
 
 def test_stress_stays_on_or_inside_the_yield_surface(coarse: BlockMesh, kernels: str) -> None:
@@ -287,29 +290,29 @@ def test_compiled_and_ufl_kernels_agree(coarse: BlockMesh, material: Material, n
     a, b = (sample(coarse, material, kernels) for kernels in KERNELS)
     state = states(a.solid)[name]
     np.testing.assert_array_equal(a.solid.points, b.solid.points)
-    assert difference(bring(a, state), bring(b, state)) < 1e-12
+    assert difference(bring(a, state), bring(b, state)) < TWINS
     if name != "on the yield surface":  # where it has a jump, round-off picks the side
         assert a.bulk.plastic_points == b.bulk.plastic_points
         if state.flowing is not None:
             assert a.bulk.plastic_points == state.flowing * a.bulk.volumes.size
-        assert difference(a.tangent(state.u).data, b.tangent(state.u).data) < 1e-12
-    assert difference(a.bulk.stress(state.u), b.bulk.stress(state.u)) < 1e-12
-    assert difference(a.bulk.volumes, b.bulk.volumes) < 1e-12
+        assert difference(a.tangent(state.u).data, b.tangent(state.u).data) < TWINS
+    assert difference(a.bulk.stress(state.u), b.bulk.stress(state.u)) < TWINS
+    assert difference(a.bulk.volumes, b.bulk.volumes) < TWINS
     a.bulk.commit()
     b.bulk.commit()
     for x, y in zip(a.bulk.history(), b.bulk.history(), strict=True):
         if name == "elastic":
             assert not x.any() and not y.any()
         else:
-            assert difference(x, y) < 1e-12
+            assert difference(x, y) < TWINS
 
 
 def test_compiled_and_ufl_kernels_agree_on_an_elastic_material(coarse: BlockMesh) -> None:
     a, b = (sample(coarse, Material(E, NU), kernels) for kernels in KERNELS)
     u = np.random.default_rng(3).normal(size=(a.solid.nodes, 3))
-    assert difference(a.force(u), b.force(u)) < 1e-12
-    assert difference(a.tangent(u).data, b.tangent(u).data) < 1e-12
-    assert difference(a.bulk.stress(u), b.bulk.stress(u)) < 1e-12
+    assert difference(a.force(u), b.force(u)) < TWINS
+    assert difference(a.tangent(u).data, b.tangent(u).data) < TWINS
+    assert difference(a.bulk.stress(u), b.bulk.stress(u)) < TWINS
 
 
 @pytest.mark.parametrize("name", [n for n in NAMES if n != "on the yield surface"])

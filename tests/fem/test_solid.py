@@ -110,7 +110,10 @@ def test_plastic_patch_test(kernels: str, E_t: float) -> None:
     for delta, sigma, strain in zip(path, stress, alpha, strict=True):
         assert solver.step(delta).converged
         assert solver.force == pytest.approx(-sigma, rel=1e-10)
-        assert measures.row(solver)["max_plastic_strain"] == pytest.approx(strain, rel=1e-10, abs=1e-15)
+        # strains carry rounding times the condition of the tangent, some 1e4
+        assert measures.row(solver)["max_plastic_strain"] == pytest.approx(
+            strain, rel=1e-10, abs=3e-11 * delta / height
+        )
     assert measures.row(solver)["plastic_fraction"] == pytest.approx(1.0)
 
 
@@ -195,7 +198,7 @@ def test_matrix_is_that_of_dolfinx(coarse: BlockMesh | None, kernels: str) -> No
     expected.assemble()
     scale = expected.norm()
     expected.axpy(-1.0, matrix_of(solid), structure=expected.Structure.DIFFERENT_NONZERO_PATTERN)
-    assert expected.norm() < 1e-13 * scale
+    assert expected.norm() < 1e-12 * scale  # sums over ten nodes and several points: 100 rounding units
 
 
 # --- linear solvers -------------------------------------------------------------------------------------------
@@ -248,7 +251,7 @@ def test_tangent_that_is_never_assembled_is_the_matrix(coarse: BlockMesh | None,
     x.array[held] = 0.0
     A.mult(x, expected)
     expected.array[held] = 0.0
-    error = 1e-7 if symmetric and single else 1e-15
+    error = 8 * float(np.finfo(np.float32 if symmetric and single else float).eps)
     np.testing.assert_allclose(y.array_r, expected.array_r, rtol=0, atol=error * A.norm())
 
 

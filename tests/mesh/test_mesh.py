@@ -78,7 +78,7 @@ def test_every_top_node_lies_on_the_surface(rough: Surface, coarse: BlockMesh) -
 def test_the_summit_is_a_node(rough: Surface, coarse: BlockMesh) -> None:
     x, y, z = rough.maximum()
     summit = np.array([x, y, z + coarse.height - rough.mean()])
-    assert np.linalg.norm(coarse.points - summit, axis=1).min() < 1e-8
+    assert np.linalg.norm(coarse.points - summit, axis=1).min() < 1e-8  # it is placed to eight digits
     assert coarse.points[:, 2].max() == pytest.approx(summit[2], abs=1e-14)
 
 

@@ -331,7 +331,7 @@ def distribute(comm: MPI.Comm, block: BlockMesh | None, scale: float) -> tuple[A
         points = block.points * scale
     else:
         cells, points = np.empty((0, 10), dtype=np.int64), np.empty((0, 3))
-    mesh = dmesh.create_mesh(comm, cells, points, ufl.Mesh(element))
+    mesh = dmesh.create_mesh(comm, cells=cells, x=points, e=ufl.Mesh(element))  # 0.10 changed their order
     return mesh, _tag_facets(mesh)
 
 

@@ -1,4 +1,4 @@
-"""Everything that depends on the dolfinx version (0.9 to 0.11), found by probing, not by version numbers."""
+"""Everything that depends on the dolfinx version, found by probing; docs/install.md tells which ones were run."""
 
 from __future__ import annotations
 
@@ -47,22 +47,8 @@ def geometry_dofmap(mesh: Any) -> npt.NDArray[np.int32]:
     return np.ascontiguousarray(geometry.dofmap if dofmaps is None else dofmaps[0])
 
 
-def matrix_csr(form: Any) -> Any:
-    """A dolfinx CSR matrix with scalar entries, ghost rows included, whose arrays are views."""
-    from dolfinx import cpp, la
-
-    pattern = cpp.fem.create_sparsity_pattern(form._cpp_object)
-    pattern.finalize()
-    return la.matrix_csr(pattern, block_mode=la.BlockMode.expanded)
-
-
 def assemble_vector_into(b: npt.NDArray[np.float64], form: Any) -> None:
     """Add the form to the local array `b` (owned and ghost entries)."""
     from dolfinx.fem import assemble_vector
 
     assemble_vector(b, form)
-
-
-def petsc_vec(function: Any) -> Any:
-    """PETSc vector that shares the values of a Function."""
-    return function.x.petsc_vec

@@ -53,6 +53,10 @@ class Surface(ABC):
     rough: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
+        for f in fields(self):  # an integer above 2^63 would make arrays of objects
+            value = getattr(self, f.name)
+            if str(f.type).startswith("float") and is_integer(value) and is_number(value):
+                object.__setattr__(self, f.name, float(value))
         check_positive("L", self.L)
 
     @staticmethod

@@ -108,7 +108,8 @@ def climb(surface: HeightField, x: float, y: float) -> tuple[float, float, float
     """Return the local maximum (x, y, z) of the closed patch reached from (x, y).
 
     Newton iteration projected on the patch; where the Hessian is not negative definite, a
-    gradient step that the curvature bound makes safe.
+    gradient step that the curvature bound makes safe. Heights tell the place to the root of the
+    rounding unit only; from there on the slope decides.
     """
     L, K = surface.L, surface.curvature_bound()
     p = np.array([x, y], dtype=float)
@@ -118,8 +119,7 @@ def climb(surface: HeightField, x: float, y: float) -> tuple[float, float, float
         free = ~(((p <= 0) & (g < 0)) | ((p >= L) & (g > 0)))
         if not free.any() or not g[free].any():
             break
-        xx, xy, yy = (float(h) for h in surface.hessian(*p))
-        hessian = np.array([[xx, xy], [xy, yy]])[np.ix_(free, free)]
+        hessian = _hessian(surface, p, free)
         step = np.zeros(2)
         if np.linalg.eigvalsh(hessian).max() < 0:
             step[free] = -np.linalg.solve(hessian, g[free])
@@ -132,9 +132,38 @@ def climb(surface: HeightField, x: float, y: float) -> tuple[float, float, float
             new = np.clip(p + np.where(free, safe, 0.0), 0.0, L)
             z_new = float(surface.height(*new))
             if z_new <= z:
+                p = _settled(surface, p, free)
+                z = float(surface.height(*p))
                 break
         moved = float(np.abs(new - p).max())
         p, z = new, z_new
         if moved <= 1e-15 * L:
             break
     return float(p[0]), float(p[1]), z
+
+
+def _settled(surface: HeightField, p: Array, free: Array) -> Array:
+    """Return the zero of the slope along the free axes next to p, where steps change no height any more.
+
+    Newton steps as long as they halve the slope, each far below the finest feature: to no other summit.
+    """
+    slope = np.where(free, surface.gradient(*p), 0.0)
+    for _ in range(10):
+        hessian = _hessian(surface, p, free)
+        if np.linalg.eigvalsh(hessian).max() >= 0:
+            break
+        step = np.zeros(2)
+        step[free] = -np.linalg.solve(hessian, slope[free])
+        new = p + step
+        if np.abs(step).max() > 1e-3 * surface.feature_size or new.min() < 0 or new.max() > surface.L:
+            break
+        new_slope = np.where(free, surface.gradient(*new), 0.0)
+        if np.linalg.norm(new_slope) > 0.5 * np.linalg.norm(slope):
+            break
+        p, slope = new, new_slope
+    return p
+
+
+def _hessian(surface: HeightField, p: Array, free: Array) -> Array:
+    xx, xy, yy = (float(h) for h in surface.hessian(*p))
+    return np.array([[xx, xy], [xy, yy]])[np.ix_(free, free)]
