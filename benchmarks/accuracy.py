@@ -39,10 +39,11 @@ from asperity.adaptive.mesh_plan import (
     extrapolate_mesh,
     growth,
 )
-from asperity.adaptive.solve_to_tolerance import Goal, loading_force, solve_to_tolerance, steady
+from asperity.adaptive.solve_to_tolerance import loading_force, solve_to_tolerance, steady
 from asperity.arrays import Floats
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import GRADING, GUIDED, Reach
+from asperity.model.settings import Goal
 from asperity.quasistatic.solve_contact import make_block
 from asperity.reference import half_space_contact
 

@@ -23,9 +23,10 @@ from asperity import reference
 from asperity.contact import PressureContact
 from asperity.contact.contact_surface import FACET_DEGREE, ContactSurface, FacetRule
 from asperity.model.material import Material
+from asperity.model.settings import Formulation, MeshSize
 from asperity.quasistatic import measures
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.solve_contact import Formulation, MeshSize, make_block, make_contact_solver
+from asperity.quasistatic.solve_contact import make_block, make_contact_solver
 from asperity.surface import Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 from asperity.verification.hertz import CONTACT, RADIUS, SPHERE, layer_force, press_sphere
 from asperity.verification.table import press as press_alone

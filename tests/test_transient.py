@@ -16,8 +16,8 @@ from asperity.errors import ConvergenceError, InputError
 from asperity.mesh.generate import build_block, on_root
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
+from asperity.model.settings import SolverOptions
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.newton import SolverOptions
 from asperity.quasistatic.solve_contact import make_contact_solver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.surface import Flat, Sinusoid, Surface

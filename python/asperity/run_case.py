@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import logging
-import platform
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from importlib import metadata
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from asperity.case.case_file import Case, check_loading
+from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import (
     AssumptionWarning,
-    CaseWarning,
     CheckError,
     CheckpointError,
     ConvergenceError,
@@ -28,24 +24,23 @@ from asperity.errors import (
     OutputError,
     ResolutionWarning,
 )
-from asperity.model.material import Material
+from asperity.model.problem import Problem
+from asperity.model.settings import AccuracyTarget
 from asperity.output.assumptions import departures
+from asperity.output.run_files import RunFiles
 from asperity.power_law import PowerLawFit
 from asperity.runtime import run_folder
-from asperity.runtime.files import UNREADABLE, agree, files_into, on_root, remove_asides, replace_file
+from asperity.runtime.files import agree, files_into, on_root
 from asperity.runtime.notices import Notices, noting
 from asperity.runtime.progress import Progress, log_file
-from asperity.runtime.run_folder import CASE, CHECKPOINT, CURVE, FIELDS, LOG, SUMMARY, VTKHDF
+from asperity.runtime.run_folder import CASE, CHECKPOINT, FIELDS, LOG, VTKHDF
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from asperity.adaptive.solve_to_tolerance import AccurateResult
     from asperity.quasistatic.checkpoint import Checkpoint
-    from asperity.quasistatic.solve_contact import ContactResult
-    from asperity.surface import Surface
-
-PACKAGES = ("numpy", "scipy", "mpi4py", "petsc4py", "gmsh")
+    from asperity.quasistatic.solve_contact import ContactResult, Hooks
 
 
 @dataclass(frozen=True)
@@ -108,8 +103,8 @@ def run(
     comm = MPI.COMM_WORLD if comm is None else comm
     out = None if folder is None else Path(folder)
     with noting(comm) as notices:
-        whole, surface = agree(comm, partial(accepted, case, out, resume=resume, force=force))
-        job = _Job(whole, surface, out, comm, progress or Progress(), notices)
+        whole, problem = agree(comm, partial(accepted, case, out, resume=resume, force=force))
+        job = _Job(whole, problem, out, comm, progress or Progress(), notices)
         if out is not None:
             on_root(comm, partial(run_folder.check, out, resume=resume, force=force))
             if resume and (done := on_root(comm, job.writer.finished)) is not None:
@@ -122,8 +117,8 @@ def run(
 
 def accepted(
     case: Case | str | Path, folder: Path | None = None, *, resume: bool = False, force: bool = False
-) -> tuple[Case, Surface]:
-    """A case that may be run, and its surface; warns of what is doubtful.
+) -> tuple[Case, Problem]:
+    """A case that may be run, and its problem; warns of what is doubtful.
 
     Raises:
         InputError: anything that can be told without solving
@@ -133,12 +128,7 @@ def accepted(
     if resume and folder is None:
         raise InputError("give the folder of the run to resume")
     case = case if isinstance(case, Case) else Case.load(case)
-    if case.mesh.file is not None and case.accuracy.tolerance is not None:
-        raise InputError("mesh.file cannot go with accuracy.tolerance, which chooses the mesh: leave one of them out")
-    surface = case.build_surface()
-    for text in case.warnings() + check_loading(case, surface):
-        warnings.warn(text, CaseWarning, stacklevel=2)
-    return case, surface
+    return case, case.problem()
 
 
 @dataclass(frozen=True)
@@ -146,23 +136,24 @@ class _Job:
     """A case on its way to results.
 
     Attributes:
-        case, surface: what is pressed; the surface keeps what was found about it, such as its summit
+        case: the input
+        problem: of the case; its surface keeps what was found about it, such as its summit
         folder: receives the files, None for none
         comm, progress: as in `run`
         notices: warnings so far
     """
 
     case: Case
-    surface: Surface
+    problem: Problem
     folder: Path | None
     comm: MPI.Comm
     progress: Progress
     notices: Notices
 
     @cached_property
-    def writer(self) -> _Writer:
+    def writer(self) -> RunFiles:
         """Of this rank."""
-        return _Writer(self.case, self.folder if self.comm.rank == 0 else None)
+        return RunFiles(self.case, self.folder if self.comm.rank == 0 else None)
 
     @cached_property
     def checkpoint(self) -> Checkpoint | None:
@@ -193,6 +184,7 @@ class _Job:
 
     def run(self) -> RunResult:
         """Solve, judge, write; collective."""
+        from asperity.output.summary import summarise
         from asperity.quasistatic.solve_contact import PartialResult
         from asperity.runtime.interrupt import StopRequest
 
@@ -200,13 +192,12 @@ class _Job:
         failure: ConvergenceError | None = None
         accurate = None
         with nullcontext() if self.folder is None else StopRequest(comm) as request:
-            settings = _settings(case, comm, self.progress, writer, None if request is None else request.agreed)
-            settings["checkpoint"] = self.checkpoint
+            hooks = _hooks(self, None if request is None else request.agreed)
             try:
                 if case.accuracy.tolerance is None:
-                    contact = _solve(case, self.surface, settings)
+                    contact = _solve(self, hooks)
                 else:
-                    accurate = _solve_to_tolerance(case, self.surface, settings, writer)
+                    accurate = _solve_to_tolerance(self, hooks)
                     contact = replace(accurate.contact, curve=accurate.curve, reason=accurate.reason)
                     failure = None if accurate.met else ConvergenceError(accurate.reason)
             except PartialResult as e:
@@ -224,7 +215,7 @@ class _Job:
         if doubts and not isinstance(failure, Interrupted):
             failure = CheckError(f"the result is wrong, do not use it: {doubts}")
             summary["exit_reason"] = str(failure)
-        for text in departures(contact.curve, material_of(case), self.surface, case.block.sides):
+        for text in departures(contact.curve, self.problem.material, self.problem.surface, self.problem.sides):
             warnings.warn(text, AssumptionWarning, stacklevel=3)
         if summary["unresolved"] and accurate is None and not isinstance(failure, Interrupted):
             warnings.warn(f"{summary['unresolved']}; make mesh.h_contact smaller", ResolutionWarning, stacklevel=3)
@@ -276,7 +267,7 @@ class _Job:
                 start = perf_counter()
                 from asperity.plot import plot_run
 
-                plot_run(folder, self.surface)
+                plot_run(folder, self.problem.surface)
                 seconds["figures"] = perf_counter() - start
                 writer.summary(result.summary)
             if folder is not None and case.output.report:
@@ -311,83 +302,45 @@ def _refuse_run_of_another(case: Case, folder: Path) -> None:
     refuse_another(path, identity(there), identity(case))
 
 
-def material_of(case: Case) -> Material:
-    """The material of a case."""
-    m = case.material
-    return Material(m.E, m.nu, m.yield_strength, m.tangent_modulus or 0.0)
-
-
-def _settings(
-    case: Case,
-    comm: MPI.Comm,
-    progress: Progress,
-    writer: _Writer,
-    stop: Callable[[], str] | None,
-) -> dict[str, Any]:
-    """Arguments of `statics.solve_contact` but for surface, material and mesh; writes the curve step by step."""
-    from asperity.quasistatic.newton import SolverOptions
-    from asperity.quasistatic.solve_contact import Formulation
-
-    loading = case.loading
+def _hooks(job: _Job, stop: Callable[[], str] | None) -> Hooks:
+    """Progress, checkpoint and snapshots of a run, whose curve is written step by step."""
+    from asperity.quasistatic.solve_contact import Hooks
 
     def on_stage(name: str) -> None:
         reason = "" if stop is None else stop()
         if reason:
             raise Interrupted(f"stopped by {reason} before the load path (next: {name})")
-        progress.stage(name)
+        job.progress.stage(name)
         logging.getLogger(__name__).info("%s", name)
 
     def on_step(rows: Sequence[Mapping[str, Any]], fraction: float) -> None:
-        on_root(comm, lambda: writer.steps(Curve.from_rows(rows)))
-        progress.step(rows[-1], fraction)
+        on_root(job.comm, lambda: job.writer.steps(Curve.from_rows(rows)))
+        job.progress.step(rows[-1], fraction)
 
-    return dict(
-        height=case.block.height,
-        sides=case.block.sides,
-        delta_max=loading.delta_max,
-        force_max=loading.force_max,
-        steps=loading.steps,
-        unload_steps=loading.unload_steps if loading.unload else 0,
-        cycles=loading.cycles,
-        integrator=loading.integrator,
-        formulation=Formulation(**case.contact.model_dump()),
-        kernels=case.solver.kernels,
-        options=SolverOptions(case.solver.linear, case.solver.rtol, case.solver.newton_max),
-        snapshots=case.output.snapshots if case.output.figures or case.output.fields else 0,
-        comm=comm,
-        on_stage=on_stage,
-        on_step=on_step,
-        stop=stop,
-    )
+    output = job.case.output
+    snapshots = output.snapshots if output.figures or output.fields else 0
+    return Hooks(on_stage, on_step, stop, job.checkpoint, snapshots)
 
 
-def _solve(case: Case, surface: Surface, settings: dict[str, Any]) -> ContactResult:
-    """The static part of a case on one mesh."""
+def _solve(job: _Job, hooks: Hooks) -> ContactResult:
+    """The static part of a case on one mesh; collective."""
     from asperity.mesh.block import BlockMesh
-    from asperity.quasistatic.solve_contact import MeshSize, solve_contact
+    from asperity.quasistatic.solve_contact import solve_problem
 
-    mesh = case.mesh
-    return solve_contact(
-        surface,
-        material_of(case),
-        size=MeshSize(mesh.h_contact, mesh.growth, mesh.h_max),
-        block=BlockMesh.read(mesh.file) if mesh.file is not None else None,
-        **settings,
-    )
+    file = job.case.mesh.file
+    block = BlockMesh.read(file) if file is not None else None
+    return solve_problem(job.problem, block=block, comm=job.comm, hooks=hooks)
 
 
-def _solve_to_tolerance(case: Case, surface: Surface, settings: dict[str, Any], writer: _Writer) -> AccurateResult:
-    """The static part of a case on meshes that its tolerance chooses."""
-    from asperity.adaptive.solve_to_tolerance import Goal, solve_to_tolerance
+def _solve_to_tolerance(job: _Job, hooks: Hooks) -> AccurateResult:
+    """The static part of a case on meshes that its tolerance chooses; collective."""
+    from asperity.adaptive.solve_to_tolerance import refine
 
-    wanted = case.accuracy
+    wanted = job.case.accuracy
     assert wanted.tolerance is not None
-    return solve_to_tolerance(
-        surface,
-        material_of(case),
-        Goal(wanted.tolerance, wanted.max_dofs, wanted.max_seconds),
-        on_curve=lambda curve: on_root(settings["comm"], lambda: writer.curve(curve)),
-        **settings,
+    target = AccuracyTarget(wanted.tolerance, wanted.max_dofs, wanted.max_seconds)
+    return refine(
+        job.problem, target, job.comm, hooks, lambda curve: on_root(job.comm, lambda: job.writer.curve(curve))
     )
 
 
@@ -416,103 +369,3 @@ def _dynamics(case: Case, curve: Curve, folder: str | Path | None) -> Any:
         gravity=d.gravity,
         units=case.units,
     )
-
-
-def summarise(case: Case, contact: ContactResult, fit: PowerLawFit | None, ranks: int) -> dict[str, Any]:
-    """Contents of summary.json."""
-    return {
-        "exit_reason": contact.reason,
-        "finished": False,
-        "fit": None if fit is None else fit.to_dict(),
-        "dofs": contact.dofs,
-        "cells": contact.cells,
-        **asdict(contact.counts),
-        "checks": contact.checks.physical(case.surface.L, case.material.E),
-        "unresolved": contact.curve.unresolved(),
-        "seconds": {k: round(v, 4) for k, v in contact.phases.seconds.items()},
-        "calls": contact.phases.calls,
-        "peak_memory_MiB": round(contact.memory / 2**20, 1),
-        "ranks": ranks,
-        "seed": getattr(case.surface, "seed", None),
-        "case_hash": case.hash(),
-        "versions": versions(),
-    }
-
-
-def versions() -> dict[str, str]:
-    """Versions of this package and of what it computes with."""
-    from asperity import __version__
-
-    found = {"asperity": __version__, "python": platform.python_version()}
-    try:
-        import dolfinx
-
-        found["dolfinx"] = dolfinx.__version__
-    except ImportError:
-        pass
-    for name in PACKAGES:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue
-    return found
-
-
-class _Writer:
-    """Writes the files of a run; without a folder (and on all ranks but the first) nothing."""
-
-    def __init__(self, case: Case, folder: Path | None) -> None:
-        self._case, self._folder = case, folder
-        self._whole = False
-
-    def begin(self) -> None:
-        """Make the folder and write the completed input; a finished run there, which now goes on, is so no more."""
-        if self._folder is not None:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            remove_asides(self._folder)
-            before = self._summary()
-            if before.get("finished"):
-                self.summary(before | {"finished": False})
-            replace_file(self._folder / CASE, self._case.to_toml().encode())
-
-    def _summary(self) -> dict[str, Any]:
-        """What summary.json holds; nothing where it is absent or damaged."""
-        assert self._folder is not None
-        try:
-            found = json.loads((self._folder / SUMMARY).read_text(encoding="utf-8"))
-        except UNREADABLE:
-            return {}
-        return found if isinstance(found, dict) else {}
-
-    def finished(self) -> tuple[Curve, dict[str, Any]] | None:
-        """Curve and summary when the folder holds all that the case asks for, else None."""
-        assert self._folder is not None
-        summary = self._summary()
-        if summary.get("finished") is not True or summary.get("case_hash") != self._case.hash():
-            return None
-        try:
-            text = (self._folder / CASE).read_text(encoding="utf-8")
-            curve = Curve.read(self._folder / CURVE)
-        except (*UNREADABLE, InputError):
-            return None
-        return (curve, summary) if text == self._case.to_toml() else None
-
-    def steps(self, curve: Curve) -> None:
-        """Write the curve so far; a killed run keeps it, unless it has had a whole one on a coarser mesh."""
-        if not self._whole:
-            self._write(curve)
-
-    def curve(self, curve: Curve) -> None:
-        """Write a whole curve."""
-        self._whole = True
-        self._write(curve)
-
-    def _write(self, curve: Curve) -> None:
-        if self._folder is not None:
-            curve.write(self._folder / CURVE)
-
-    def summary(self, summary: dict[str, Any]) -> None:
-        """Write summary.json."""
-        if self._folder is not None:
-            text = json.dumps(summary, indent=2, default=float)
-            replace_file(self._folder / SUMMARY, f"{text}\n".encode())

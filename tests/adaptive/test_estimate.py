@@ -30,7 +30,7 @@ def test_the_last_mesh_of_a_tolerance_resolves_the_shortest_waves() -> None:
     demo, fine = (
         [
             level.h_contact
-            for level in estimate(Case.load(Path(__file__).parent.parent / "cases/elastic.toml", keys)).levels
+            for level in estimate(Case.load(ROOT / "cases/elastic.toml", keys)).levels
         ]
         for keys in (["accuracy.tolerance=0.05"], ["accuracy.tolerance=0.05", "surface.f_max=8"])
     )

@@ -30,12 +30,12 @@ from asperity.adaptive.mesh_plan import (
     ratio_for,
     safety_of,
 )
-from asperity.adaptive.solve_to_tolerance import Goal, loading_force, solve_to_tolerance, steady
+from asperity.adaptive.solve_to_tolerance import loading_force, solve_to_tolerance, steady
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import ResolutionWarning
 from asperity.mesh.resolution import ELEMENTS, doubt_of_waves, resolving_size
-from asperity.quasistatic.newton import SolverOptions
+from asperity.model.settings import Goal, SolverOptions
 from asperity.quasistatic.solve_contact import ContactResult, PartialResult
 from asperity.reference import half_space_contact
 

@@ -13,13 +13,14 @@ from scipy.optimize import brentq
 from asperity import reference as ref
 from asperity.contact import Contact
 from asperity.contact.contact_surface import ContactSurface
+from asperity.contact.make import make_contact
 from asperity.errors import InputError
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import SizeField, build_block, distribute
 from asperity.model.material import Material
-from asperity.quasistatic.newton import SolverOptions
-from asperity.quasistatic.solve_contact import Formulation, MeshSize, make_contact_solver, solve_contact
+from asperity.model.settings import Formulation, MeshSize, SolverOptions
+from asperity.quasistatic.solve_contact import make_contact_solver, solve_contact
 from asperity.quasistatic.stepping import ContactSolver
 from asperity.surface import Flat, Sinusoid, Surface, WeierstrassMandelbrot
 
@@ -231,7 +232,7 @@ def test_formulations_agree_on_a_resolved_contact(wave: Surface, coarse_wave: Bl
 
 def contact_of(block: BlockMesh, formulation: Formulation, material: Material) -> tuple[Solid, Contact]:
     solid = Solid(*distribute(here(), block, 1.0), material)
-    return solid, formulation.build(solid, ContactSurface(solid))
+    return solid, make_contact(formulation, solid, ContactSurface(solid))
 
 
 def residual(solid: Solid, contact: Contact, u: Array) -> Array:

@@ -13,14 +13,13 @@ from scipy.sparse.linalg import splu
 from asperity import reference as ref
 from asperity.contact import PressureContact
 from asperity.contact.contact_surface import ContactSurface, FacetRule
-from asperity.contact.penalty_nitsche import COERCIVE, too_small
 from asperity.errors import InputError
 from asperity.linear.petsc_matrix import assembled
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import SizeField, build_block
 from asperity.model.material import Material
-from asperity.quasistatic.newton import SolverOptions
-from asperity.quasistatic.solve_contact import Formulation, MeshSize, make_block, make_contact_solver, solve_contact
+from asperity.model.settings import COERCIVE, Formulation, MeshSize, SolverOptions, gamma_too_small
+from asperity.quasistatic.solve_contact import make_block, make_contact_solver, solve_contact
 from asperity.surface import Flat, Sinusoid, Surface
 
 Array = npt.NDArray[np.float64]
@@ -191,7 +190,7 @@ def test_penalty_that_gives_way_beside_a_nearly_incompressible_block_is_noticed(
 def test_least_gamma_keeps_full_contact_coercive(rough: Surface, coarse: BlockMesh, nu: float, theta: int) -> None:
     """The symmetric part of the tangent is positive with the least gamma that is accepted, whatever nu is."""
     gamma = COERCIVE * (1 + theta) ** 2 / 4.0
-    assert too_small(0.99 * gamma, theta) and not too_small(gamma, theta)
+    assert gamma_too_small(0.99 * gamma, theta) and not gamma_too_small(gamma, theta)
     formulation = Formulation("nitsche", gamma=gamma, theta=theta)
     solver = make_contact_solver(here(), rough, coarse, Material(1.0, nu), formulation=formulation)
     solver.contact.begin(-1.0)  # far below: all points are pressed

@@ -28,8 +28,9 @@ from asperity.mesh.generate import (
     is_distorted,
 )
 from asperity.model.material import Material
+from asperity.model.settings import MeshSize
 from asperity.output.fields import top_facets
-from asperity.quasistatic.solve_contact import MeshSize, make_block, make_contact_solver, make_undistorted
+from asperity.quasistatic.solve_contact import make_block, make_contact_solver, make_undistorted
 from asperity.surface import Flat, Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 
 Array = npt.NDArray[Any]

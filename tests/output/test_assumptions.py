@@ -16,6 +16,7 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import AsperityWarning, AssumptionWarning, ConvergenceError, Interrupted, ResolutionWarning
 from asperity.model.material import Material
+from asperity.model.settings import MeshSize
 from asperity.output.assumptions import (
     SMALL_STRAIN,
     beyond_mean_plane,
@@ -24,7 +25,7 @@ from asperity.output.assumptions import (
     large_strain,
     yield_pressure,
 )
-from asperity.quasistatic.solve_contact import MeshSize, solve_contact
+from asperity.quasistatic.solve_contact import solve_contact
 from asperity.run_case import run
 from asperity.runtime.notices import noting
 from asperity.surface import Flat, Sinusoid, Sphere

@@ -17,9 +17,10 @@ from asperity.contact import ActiveSet
 from asperity.errors import CheckError, ResolutionWarning
 from asperity.mesh.block import BlockMesh
 from asperity.model.load_path import Schedule
+from asperity.model.settings import Formulation
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.newton import NewtonSolver
-from asperity.quasistatic.solve_contact import Formulation, make_contact_solver
+from asperity.quasistatic.solve_contact import make_contact_solver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.run_case import run
 from asperity.surface import Surface

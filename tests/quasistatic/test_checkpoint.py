@@ -19,9 +19,10 @@ from asperity.errors import CheckpointError, Interrupted, OutputError
 from asperity.mesh.block import BlockMesh
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
+from asperity.model.settings import Formulation
 from asperity.output.fields import gather_states
 from asperity.quasistatic.checkpoint import FORMAT, MESH, SNAPSHOT, STATE, Checkpoint, differences, identity, signed
-from asperity.quasistatic.solve_contact import ContactResult, Formulation, PartialResult, solve_contact
+from asperity.quasistatic.solve_contact import ContactResult, PartialResult, solve_contact
 from asperity.quasistatic.stepping import Position
 from asperity.runtime.files import npz_bytes, read_npz, remove_asides, replace_file
 from asperity.surface import Surface

@@ -22,11 +22,12 @@ from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
 from asperity.model.material import Material
+from asperity.model.settings import Formulation, SolverOptions
 from asperity.quasistatic import measures
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.midpoint import extrapolate
-from asperity.quasistatic.newton import NewtonSolver, SolverOptions, StepStats
-from asperity.quasistatic.solve_contact import Formulation, make_contact_solver
+from asperity.quasistatic.newton import NewtonSolver, StepStats
+from asperity.quasistatic.solve_contact import make_contact_solver
 from asperity.quasistatic.stepping import GROWTH, SMALLEST_CUT, Position, Record, follow
 from asperity.surface import Flat, Surface
 

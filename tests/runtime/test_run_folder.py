@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from asperity import run_case
 from asperity.case import Case
 from asperity.cli import main
 from asperity.curve import Curve
@@ -385,7 +384,7 @@ def test_all_ranks_are_refused_alike(shared_path: Path, monkeypatch: pytest.Monk
     comm = world()
     with monkeypatch.context() as patch:
         if comm.rank == comm.size - 1:
-            patch.setattr(run_case, "check_loading", lambda case, surface: refuse())
+            patch.setattr("asperity.case.case_file.check_loading", lambda case, surface: refuse())
         with pytest.raises(InputError, match="not here"):
             run(case_of(), shared_path / "out", comm=comm)
     comm.Barrier()

@@ -2,55 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import log
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING
 
 from asperity.adaptive.mesh_plan import DOFS_ORDER, growth
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import Reach
-from asperity.model.material import Material
+from asperity.model.problem import Problem
+from asperity.model.settings import AccuracyTarget, MeshSize
 from asperity.quasistatic.solve_contact import (
     ContactResult,
-    MeshSize,
+    Hooks,
     PartialResult,
-    estimate_deflection,
+    estimate_approach,
     make_undistorted,
-    solve_contact,
+    solve_problem,
 )
-from asperity.quasistatic.stepping import Callback
-from asperity.surface import Surface
 
-
-@dataclass(frozen=True)
-class Goal:
-    """What is asked for.
-
-    Attributes:
-        tolerance: greatest error bar of the force along the first loading, relative to the force, in (0, 1)
-        max_dofs: size no mesh may exceed
-        max_seconds: time after which no finer level is started; None for no limit
-
-    Raises:
-        InputError: a value outside its range
-    """
-
-    tolerance: float
-    max_dofs: int = 1_000_000
-    max_seconds: float | None = None
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.tolerance < 1.0:
-            raise InputError(
-                f"accuracy.tolerance = {self.tolerance!r} must lie between 0 and 1, for example 0.01 for 1 %"
-            )
-        if self.max_dofs < 1000:
-            raise InputError(f"accuracy.max_dofs = {self.max_dofs} must be at least 1000")
-        if self.max_seconds is not None and not self.max_seconds > 0:
-            raise InputError(f"accuracy.max_seconds = {self.max_seconds!r} must be positive")
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 
 @dataclass(frozen=True)
@@ -67,32 +40,20 @@ class Runner:
     """Solves one level after the other and keeps the account; collective.
 
     Args:
-        surface, material: as in `statics.solve_contact`
+        problem: what to solve; its load path has the planned steps, its element sizes are not used
         max_dofs: size no mesh may exceed
-        settings: other arguments of `statics.solve_contact`, the steps among them
-        on_stage, on_step: progress call-backs
+        comm: communicator
+        hooks: see `solve_contact.Hooks`; each level has a checkpoint of its own
 
     Attributes:
         levels: what was computed, in order
     """
 
-    def __init__(
-        self,
-        surface: Surface,
-        material: Material,
-        max_dofs: int,
-        settings: dict[str, Any],
-        on_stage: Callable[[str], None] | None,
-        on_step: Callback | None,
-    ) -> None:
-        self._surface, self._material, self._max_dofs, self._settings = surface, material, max_dofs, settings
-        self._on_stage, self._on_step = on_stage, on_step
-        from mpi4py import MPI
-
-        self._comm = settings.get("comm") or MPI.COMM_WORLD
+    def __init__(self, problem: Problem, max_dofs: int, comm: MPI.Comm, hooks: Hooks) -> None:
+        self._problem, self._max_dofs, self._comm, self._hooks = problem, max_dofs, comm, hooks
         self._start = perf_counter()
         self._reach: Reach | None = None
-        self._depth: float | None = settings["delta_max"]  # that meshes are made for [length]
+        self._depth = problem.load_path.delta_max  # that meshes are made for [length]
         self._h_max: float | None = None  # of the elements away from the contact; smaller on a surface too steep for it
         self._made: tuple[float, BlockMesh | None] | None = None  # the last mesh and its size [length]
         self._guide: ContactResult | None = None  # until the first mesh that it guides
@@ -100,7 +61,7 @@ class Runner:
 
     def aim(self, guide: ContactResult) -> None:
         """Make the meshes from here on for what the guide touched."""
-        L = self._surface.L
+        L = self._problem.surface.L
         xy, touched_at = guide.first_contact.gather(guide.solver)
         self._reach = Reach(xy * L, touched_at * L) if len(xy) else None  # on rank 0, where meshes are made
         self._depth = float(guide.curve.loading().delta[-1])
@@ -117,15 +78,12 @@ class Runner:
         """
         if self._made is not None and self._made[0] == h:  # once more, in other steps
             return self._made[1], h
-        comm = self._comm
-        height = self._settings.get("height") or self._surface.L
+        comm, surface = self._comm, self._problem.surface
         if self._depth is None:
-            force, settings = self._settings["force_max"], self._settings
-            of_press = {k: settings[k] for k in ("sides", "formulation", "kernels", "options") if k in settings}
-            self._depth = estimate_deflection(comm, self._surface, self._material, height, force, of_press)
+            self._depth = estimate_approach(self._problem, comm)
         while True:
-            size = MeshSize(h, growth(h / self._surface.L), self._h_max, self._reach)
-            block, self._h_max = make_undistorted(comm, self._surface, height, self._depth, size)
+            size = MeshSize(h, growth(h / surface.L), self._h_max, self._reach)
+            block, self._h_max = make_undistorted(comm, surface, self._problem.height, self._depth, size)
             dofs = comm.bcast(None if block is None else 3 * len(block.points), root=0)
             if dofs <= self._max_dofs:
                 self._made, self._guide = (h, block), None
@@ -143,31 +101,20 @@ class Runner:
     def __call__(self, h: float, substeps: int = 1) -> ContactResult:
         """Curve with elements of size h [L], or of the smallest allowed, and load steps in so many parts."""
         start = perf_counter()
-        L = self._surface.L
-        settings = self._settings
+        L, hooks = self._problem.surface.L, self._hooks
         block, h = self._mesh(h * L)
-        if settings.get("checkpoint") is not None:  # other limits than those of a run continued may give another size
-            level = settings["checkpoint"].part(f"level-{len(self.levels) + 1}-{h / L:.6g}-{substeps}")
-            settings = settings | {"checkpoint": level}
-        result = solve_contact(
-            self._surface,
-            self._material,
-            substeps=substeps,
-            size=MeshSize(h, growth=growth(h / L)),
-            block=block,
-            on_stage=self._announce(f"h = {h / L:.3g} L" + (f", {substeps} substeps" if substeps > 1 else "")),
-            on_step=self._on_step,
-            **settings,
-        )
+        if hooks.checkpoint is not None:  # other limits than those of a run continued may give another size
+            hooks = replace(
+                hooks, checkpoint=hooks.checkpoint.part(f"level-{len(self.levels) + 1}-{h / L:.6g}-{substeps}")
+            )
+        level = f"h = {h / L:.3g} L" + (f", {substeps} substeps" if substeps > 1 else "")
+        hooks = replace(hooks, on_stage=lambda name: self._hooks.stage(f"{level}: {name}"))
+        path = replace(self._problem.load_path, substeps=substeps)
+        problem = replace(self._problem, load_path=path, size=MeshSize(h, growth=growth(h / L)))
+        result = solve_problem(problem, block=block, comm=self._comm, hooks=hooks)
         seconds = max(perf_counter() - start, float(result.curve.seconds.sum()))  # of a run continued too
         self.levels.append(Level(h, result.dofs, substeps, seconds))
         return result
-
-    def _announce(self, level: str) -> Callable[[str], None] | None:
-        if self._on_stage is None:
-            return None
-        on_stage = self._on_stage
-        return lambda name: on_stage(f"{level}: {name}")
 
     def growth_of_dofs(self) -> float:
         """Order of the dofs in 1/h, from the last two guided meshes; no less than the usual one."""
@@ -176,7 +123,7 @@ class Runner:
             return DOFS_ORDER
         return max(DOFS_ORDER, log(last.dofs / before.dofs) / log(before.h / last.h))
 
-    def limit(self, goal: Goal, size: float, finer: float, substeps: int) -> str:
+    def limit(self, goal: AccuracyTarget, size: float, finer: float, substeps: int) -> str:
         """Why the next level must not be computed; empty when it may; collective, by the clock of rank 0.
 
         Args:
@@ -187,7 +134,7 @@ class Runner:
         reason = self._limit(goal, size / finer, substeps)
         return str(self._comm.bcast(reason, root=0))
 
-    def _limit(self, goal: Goal, refinement: float, substeps: int) -> str:
+    def _limit(self, goal: AccuracyTarget, refinement: float, substeps: int) -> str:
         last = self.levels[-1]
         order = self.growth_of_dofs()
         dofs = int(last.dofs * refinement**order)

@@ -31,28 +31,12 @@ DOFS_ORDER = 2.0  # dofs grow as h^-DOFS_ORDER: refinement is nearly confined to
 STEP_ORDERS = {MIDPOINT: 2.0, BACKWARD_EULER: 1.0}  # of the force in the load step
 MOST_SUBSTEPS = 32
 LEAST_STEPS = 5  # planned ones, for the difference of two meshes at one or two deflections may vanish by chance
-LEAST_PENALTY = 10.0  # factor below which the penalty leaves an error of first order (docs/accuracy.md)
 GROWTH = 0.25, 0.04  # growth of the element size around the contact, and the size in it that this belongs to [L]
 
 
 def planned_steps(steps: int) -> int:
     """Planned load steps of a run with a tolerance: the least multiple of those asked for that tells of the bar."""
     return steps * ceil(LEAST_STEPS / steps)
-
-
-def too_soft(method: str, penalty: float) -> str:
-    """Why a contact formulation has no error bar: a soft penalty, whose error is not of MESH_ORDERS; empty for none.
-
-    Args:
-        method: formulation
-        penalty: factor of E p^2/h
-    """
-    if method != "penalty" or penalty >= LEAST_PENALTY:
-        return ""
-    return (
-        f"contact.penalty = {penalty:g} is too soft for accuracy.tolerance, whose error bars need {LEAST_PENALTY:g} or "
-        'more: raise it, or take contact.method = "active-set"'
-    )
 
 
 def growth(size: float) -> float:

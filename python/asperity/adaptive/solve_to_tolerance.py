@@ -11,13 +11,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from math import ceil, inf, isfinite, log, nan
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import PchipInterpolator
 
-from asperity.adaptive.mesh_levels import Goal, Level, Runner
+from asperity.adaptive.mesh_levels import Level, Runner
 from asperity.adaptive.mesh_plan import (
     FIRST,
     FIRST_STEP,
@@ -33,7 +33,6 @@ from asperity.adaptive.mesh_plan import (
     plan_next,
     planned_steps,
     safety_of,
-    too_soft,
 )
 from asperity.arrays import Floats
 from asperity.curve import Curve
@@ -41,9 +40,16 @@ from asperity.errors import InputError, Interrupted, MeshError
 from asperity.mesh.resolution import advice, resolving_size
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
 from asperity.model.material import Material
-from asperity.quasistatic.solve_contact import ContactResult, PartialResult
+from asperity.model.problem import Problem
+from asperity.model.settings import AccuracyTarget, penalty_too_soft
+from asperity.quasistatic.solve_contact import ContactResult, Hooks, PartialResult
 from asperity.quasistatic.stepping import Callback
 from asperity.surface import Surface
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from asperity.quasistatic.checkpoint import Checkpoint
 
 # Part of the load-step correction taken for its bar; of the rule of first order much more is corrected
 PATH_TRANSFER = {MIDPOINT: 0.5, BACKWARD_EULER: 1.0}
@@ -151,44 +157,71 @@ def loading_force(curve: Curve, delta_star: Floats) -> Floats:
 def solve_to_tolerance(
     surface: Surface,
     material: Material,
-    goal: Goal,
+    goal: AccuracyTarget,
     *,
-    delta_max: float | None = None,
-    force_max: float | None = None,
-    steps: int = 10,
+    comm: MPI.Comm | None = None,
+    snapshots: int = 0,
     on_stage: Callable[[str], None] | None = None,
     on_step: Callback | None = None,
     on_curve: Callable[[Curve], None] | None = None,
-    **settings: Any,
+    checkpoint: Checkpoint | None = None,
+    stop: Callable[[], str] | None = None,
+    **problem: Any,
 ) -> AccurateResult:
-    """Refine mesh and load steps until the force along the first loading has the error bar asked for; collective.
+    """Refine mesh and load steps until the force along the first loading has the error bar requested; collective.
+
+    The call for scripts: `refine` of `Problem.of(surface, material, **problem)`.
 
     Args:
-        surface, material: as in `statics.solve_contact`, whose other arguments `settings` may hold
+        surface, material: as in `solve_contact`
         goal: tolerance and limits
-        delta_max, force_max, steps: as in `statics.solve_contact`; the steps of the result are a multiple, see
-            `refinement.planned_steps`
-        on_stage, on_step: progress call-backs
-        on_curve: told of the curve with error bars that each mesh after the guide gives
+        comm: communicator; default all ranks
+        snapshots, on_stage, on_step, checkpoint, stop: see `solve_contact.Hooks`
+        on_curve: called with the curve with error bars that each mesh after the guide gives
+        problem: delta_max or force_max, steps, height, sides and other arguments of `Problem.of`; the steps of the
+            result are a multiple, see `mesh_plan.planned_steps`
 
     Raises:
-        InputError: see `statics.solve_contact`; goal.max_dofs does not even allow the guide; or the contact is a
-            penalty too soft for an error bar
-        PartialResult: a load step does not converge before there is an error bar, the run was stopped, or
-            goal.max_dofs allows no mesh beside the guide
+        InputError: mesh sizes or substeps are given, or see `refine`
+        PartialResult: see `refine`
     """
-    if settings.keys() & {"size", "block", "substeps"}:
+    if problem.keys() & {"size", "block", "substeps"}:
         raise InputError(
             "accuracy.tolerance chooses mesh and substeps: leave out mesh.h_contact, mesh.file and substeps"
         )
-    if (delta_max is None) == (force_max is None):
-        raise InputError("give exactly one of delta_max and force_max")
-    formulation = settings.get("formulation")
-    if formulation is not None and (soft := too_soft(formulation.method, formulation.penalty)):
+    hooks = Hooks(on_stage, on_step, stop, checkpoint, snapshots)
+    return refine(Problem.of(surface, material, **problem), goal, comm, hooks, on_curve)
+
+
+def refine(
+    problem: Problem,
+    target: AccuracyTarget,
+    comm: MPI.Comm | None = None,
+    hooks: Hooks | None = None,
+    on_curve: Callable[[Curve], None] | None = None,
+) -> AccurateResult:
+    """Refine mesh and load steps until the force along the first loading has the error bar requested; collective.
+
+    Args:
+        problem: what to solve; the element sizes and the substeps are chosen here, the steps are a multiple of its own
+        target: tolerance and limits
+        comm: communicator; default all ranks
+        hooks: progress, checkpoints, snapshots
+        on_curve: called with the curve with error bars that each mesh after the guide gives
+
+    Raises:
+        InputError: target.max_dofs does not even allow the guide; or the contact is a penalty too soft for an error bar
+        PartialResult: a load step does not converge before there is an error bar, the run was stopped, or
+            target.max_dofs allows no mesh except the guide
+    """
+    from mpi4py import MPI
+
+    surface, material, goal = problem.surface, problem.material, target
+    if soft := penalty_too_soft(problem.formulation.method, problem.formulation.penalty):
         raise InputError(soft)
-    steps = planned_steps(steps)
-    driven = dict(delta_max=delta_max, force_max=force_max, steps=steps)
-    run = Runner(surface, material, goal.max_dofs, driven | settings, on_stage, on_step)
+    steps = planned_steps(problem.load_path.steps)
+    planned = replace(problem, load_path=replace(problem.load_path, steps=steps))
+    run = Runner(planned, goal.max_dofs, MPI.COMM_WORLD if comm is None else comm, hooks or Hooks())
     guide = run(GUIDE)
     run.aim(guide)
     depth = float(guide.curve.loading().delta[-1])
@@ -196,7 +229,7 @@ def solve_to_tolerance(
     whole, path, substeps, stopped = guide.curve, None, 1, ""
     del guide
     if material.plastic:
-        integrator = settings.get("integrator", MIDPOINT)
+        integrator = problem.load_path.integrator
         result, path, substeps, stopped = _choose_substeps(run, whole, steps, integrator, goal)
     else:
         result = run(FIRST * GUIDE)
@@ -326,7 +359,7 @@ class _PathError:
 
 
 def _choose_substeps(
-    run: Runner, guide: Curve, steps: int, integrator: str, goal: Goal
+    run: Runner, guide: Curve, steps: int, integrator: str, goal: AccuracyTarget
 ) -> tuple[ContactResult, _PathError, int, str]:
     """Solve on the first guided mesh for the error of the load steps, and choose the parts of each for the finer ones.
 

@@ -12,6 +12,7 @@ import hashlib
 import json
 import math
 import tomllib
+import warnings
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,8 +22,9 @@ from pydantic import ValidationError
 from asperity.case.messages import sentence
 from asperity.case.schema import Input, LoadingSection, show
 from asperity.case.validation import Mistake, check_loading, check_together, doubts, unused
-from asperity.errors import InputError
-from asperity.mesh.block import H_CONTACT
+from asperity.errors import CaseWarning, InputError
+from asperity.model.problem import Problem
+from asperity.model.settings import H_CONTACT, Formulation, MeshSize, SolverOptions
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
@@ -123,6 +125,38 @@ class Case(Input):
         from asperity.surface import Surface
 
         return Surface.from_spec(**self.surface.parameters())
+
+    def problem(self) -> Problem:
+        """The contact problem of the case: here a case is judged, for commands, scripts, studies and tests alike.
+
+        Warns (CaseWarning) of values that are legal but improbable, or not used.
+
+        Raises:
+            InputError: anything that can be found without meshing or solving
+        """
+        if self.mesh.file is not None and self.accuracy.tolerance is not None:
+            raise InputError(
+                "mesh.file cannot go with accuracy.tolerance, which chooses the mesh: leave one of them out"
+            )
+        surface, loading, mesh, solver = self.build_surface(), self.loading, self.mesh, self.solver
+        for text in self.warnings() + check_loading(self, surface):
+            warnings.warn(text, CaseWarning, stacklevel=2)
+        return Problem.of(
+            surface,
+            self.material.solid,
+            height=self.block.height,
+            sides=self.block.sides,
+            delta_max=loading.delta_max,
+            force_max=loading.force_max,
+            steps=loading.steps,
+            unload_steps=loading.unload_steps if loading.unload else 0,
+            cycles=loading.cycles,
+            integrator=loading.integrator,
+            size=MeshSize(mesh.h_contact, mesh.growth, mesh.h_max),
+            formulation=Formulation(**self.contact.model_dump()),
+            kernels=solver.kernels,
+            options=SolverOptions(solver.linear, solver.rtol, solver.newton_max),
+        )
 
     def warnings(self) -> list[str]:
         """Sentences about values that are legal but improbable, or not used."""

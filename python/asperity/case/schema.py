@@ -9,6 +9,8 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, Strict
 
+from asperity.model.material import Material
+
 Real = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Whole = Annotated[int, Strict()]
 Flag = Annotated[bool, Strict()]
@@ -115,14 +117,14 @@ class MaterialSection(Section):
     )  # fmt: skip
 
     @property
-    def E_prime(self) -> float:
-        """Contact modulus against a rigid flat, E/(1 - nu^2) (force/length^2)."""
-        return self.E / (1.0 - self.nu**2)
+    def solid(self) -> Material:
+        """The material, with its moduli."""
+        return Material(self.E, self.nu, self.yield_strength, self.tangent_modulus or 0.0)
 
     @property
-    def confined_modulus(self) -> float:
-        """Modulus of uniaxial strain (force/length^2)."""
-        return self.E * (1.0 - self.nu) / ((1.0 + self.nu) * (1.0 - 2.0 * self.nu))
+    def E_prime(self) -> float:
+        """Contact modulus against a rigid flat, E/(1 - nu^2) (force/length^2)."""
+        return self.solid.reduced_modulus
 
 
 class BlockSection(Section):

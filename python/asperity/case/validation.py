@@ -7,11 +7,9 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from asperity.adaptive.mesh_plan import too_soft
 from asperity.case.schema import Input, show
-from asperity.contact.penalty_nitsche import too_small
 from asperity.errors import InputError
-from asperity.mesh.block import H_CONTACT, H_MAX
+from asperity.model.settings import H_CONTACT, H_MAX, gamma_too_small, penalty_too_soft
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
@@ -34,11 +32,11 @@ def check_together(case: Input) -> None:
     _check_material(case)
     _check_lengths(case)
     loading, dynamics = case.loading, case.dynamics
-    if case.accuracy.tolerance is not None and (soft := too_soft(case.contact.method, case.contact.penalty)):
+    if case.accuracy.tolerance is not None and (soft := penalty_too_soft(case.contact.method, case.contact.penalty)):
         key, _, rest = soft.partition(" ")
         _refuse(key, rest)
     contact = case.contact
-    if contact.method == "nitsche" and contact.gamma and (small := too_small(contact.gamma, contact.theta)):
+    if contact.method == "nitsche" and contact.gamma and (small := gamma_too_small(contact.gamma, contact.theta)):
         key, _, rest = small.partition(" ")
         _refuse(key, rest)
     if (loading.delta_max is None) == (loading.force_max is None):
@@ -198,7 +196,7 @@ def check_loading(case: Input, surface: Surface) -> list[str]:
     doubts = [text] if (text := doubt_of_edge(case.block.sides, surface)) else []
     if delta is None:
         return doubts
-    squeeze = full_contact_pressure(case, z) * case.block.height / _block_modulus(case)
+    squeeze = full_contact_pressure(case, z) * case.block.height / case.material.solid.block_modulus(case.block.sides)
     limit = summit - float(z.mean()) + _MARGIN * squeeze
     if delta >= limit:
         raise InputError(
@@ -268,14 +266,12 @@ def full_contact_pressure(case: Input, z: np.ndarray[Any, Any]) -> float:
     solid, side, n = case.material, case.surface.L, len(z)
     wave = np.pi / side * np.arange(n)
     q = np.hypot(wave[:, None], wave)
-    stiffness = np.maximum(solid.E_prime * q / 2, _block_modulus(case) / case.block.height)
+    stiffness = np.maximum(
+        solid.E_prime * q / 2, case.material.solid.block_modulus(case.block.sides) / case.block.height
+    )
     pressure = -float(idctn(stiffness * dctn(z - z.mean(), type=1), type=1).min())
     if solid.yield_strength is None:
         return pressure
     slope = float(np.sqrt(np.mean(np.square(np.gradient(z, side / (n - 1))).sum(axis=0))))
     flow = solid.yield_strength + (solid.tangent_modulus or 0.0) * slope
     return min(pressure, 6 * flow)
-
-
-def _block_modulus(case: Input) -> float:
-    return case.material.confined_modulus if case.block.sides == "rollers" else case.material.E

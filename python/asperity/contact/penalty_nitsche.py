@@ -12,27 +12,9 @@ from asperity.contact.contact_surface import FACET_DEGREE, ContactSurface, Facet
 from asperity.contact.interface import Area
 from asperity.errors import InputError
 from asperity.fem.solid import Solid
+from asperity.model.settings import gamma_too_small
 
 STATE = ("plastic_strain", "accumulated")
-COERCIVE = 3.0  # gamma from which theta = 1 is coercive: 2 where cells are straight, up to 2.9 seen under rough tops
-
-
-def too_small(gamma: float, theta: int) -> str:
-    """Why a factor of Nitsche's method is refused: the tangent may be indefinite; empty for a factor that serves.
-
-    Where traces are at most tau^2 = COERCIVE/gamma of the energy, full contact is coercive for (1 + theta) tau < 2.
-
-    Args:
-        gamma: factor of (lambda + 2 mu) p^2/h
-        theta: 0, 1 or -1
-    """
-    least = max(0.01, COERCIVE * (1 + theta) ** 2 / 4.0)
-    if gamma >= least:
-        return ""
-    return (
-        f"contact.gamma = {gamma:g} is below {least:g}, from which Nitsche's method with theta = {theta} is stable: "
-        'raise it, leave it out, or take contact.method = "active-set"'
-    )
 
 
 class PressureContact:
@@ -78,7 +60,7 @@ class PressureContact:
                 f'contact.theta = {theta} needs an elastic material and contact.method = "nitsche": leave '
                 "material.yield_strength out or take theta = 0"
             )
-        if traction and (small := too_small(factor, theta)):
+        if traction and (small := gamma_too_small(factor, theta)):
             raise InputError(small)
         self._solid, self._top = solid, top
         self._rule = FacetRule(top, FACET_DEGREE) if rule is None else rule

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from asperity.surface import Surface
 
 
-H_CONTACT, H_MAX = 0.04, 0.25  # element sizes of a mesh when none are given [L]
 NEAR = 1e-9  # what counts as the same place [L]
 
 

@@ -22,8 +22,9 @@ from scipy.spatial import cKDTree
 
 from asperity.arrays import Floats
 from asperity.errors import AsperityError, MeshError
-from asperity.mesh.block import H_MAX, BlockMesh
+from asperity.mesh.block import BlockMesh
 from asperity.mesh.tet10 import least_jacobians
+from asperity.model.settings import H_MAX, ApproachMap
 from asperity.runtime import compat
 from asperity.surface.base import EDGE
 
@@ -108,7 +109,7 @@ class SizeField:
         h_min: float | None = None,
         growth: float = 0.25,
         h_max: float | None = None,
-        reach: Reach | None = None,
+        reach: ApproachMap | None = None,
         grading: tuple[float, float] | None = None,
         levels: int = 8,
         grid: int = 257,

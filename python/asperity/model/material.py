@@ -48,6 +48,19 @@ class Material:
         return self.E / (1.0 - self.nu**2)
 
     @property
+    def confined_modulus(self) -> float:
+        """M = lambda + 2 mu, the modulus of uniaxial strain [force/length^2]."""
+        return self.E * (1.0 - self.nu) / ((1.0 + self.nu) * (1.0 - 2.0 * self.nu))
+
+    def block_modulus(self, sides: str) -> float:
+        """Mean pressure over strain of a uniformly compressed block [force/length^2].
+
+        Args:
+            sides: "rollers" (uniaxial strain) or "free" (uniaxial stress)
+        """
+        return self.confined_modulus if sides == "rollers" else self.E
+
+    @property
     def lame(self) -> tuple[float, float]:
         """First Lame modulus and shear modulus [force/length^2]."""
         mu = 0.5 * self.E / (1.0 + self.nu)

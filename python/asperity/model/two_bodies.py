@@ -71,8 +71,7 @@ def equivalent_block(
     material = Material(E_prime * (1 - nu**2), nu)
 
     def modulus(body: Material) -> float:
-        confined = body.E * (1 - body.nu) / ((1 + body.nu) * (1 - 2 * body.nu))
-        return confined if sides == "rollers" else body.E
+        return body.block_modulus(sides)
 
     compliance = heights[0] / modulus(first) + heights[1] / modulus(second)
     return EquivalentBlock(material, compliance * modulus(material))

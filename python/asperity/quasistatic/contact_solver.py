@@ -13,9 +13,10 @@ from asperity.contact import Contact
 from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.energies import energies, plastic_work
 from asperity.fem.solid import Solid
+from asperity.model.settings import SolverOptions
 from asperity.quasistatic import midpoint
 from asperity.quasistatic.balance import Checks, StepBalance, audit
-from asperity.quasistatic.newton import NewtonSolver, SolverOptions, StepStats
+from asperity.quasistatic.newton import NewtonSolver, StepStats
 
 
 @dataclass

@@ -15,6 +15,7 @@ from asperity.contact import Contact
 from asperity.fem.solid import Solid
 from asperity.linear.petsc_options import set_defaults
 from asperity.linear.solver import LinearSolver
+from asperity.model.settings import SolverOptions
 
 OUT_OF_MEMORY = 55  # PETSC_ERR_MEM
 TIGHTEST = 1e-5  # tolerance of the linear solver
@@ -23,24 +24,6 @@ ROUNDING = 1e-13  # of the equations' residual, relative to displacements (E = L
 NOT_YET = np.array([-1], dtype=np.int32)  # an active set that no step begins with
 SLOPE_DROP = 0.3  # a step is long enough when the work rate along it has dropped to this part
 PUSHED = 10.0  # times that the work rate grows along a step where it is the flat that moves nodes
-
-
-@dataclass(frozen=True)
-class SolverOptions:
-    """How the equations of a step are solved.
-
-    Attributes:
-        linear: see `linear.LinearSolver`
-        rtol: residual force relative to the contact force at which a step has converged
-        newton_max: Newton iterations after which a step is given up
-        krylov_rtol: loosest relative tolerance of the linear solver; None takes 1e-2 (benchmarks/linear.py), and 1e-3
-            for a nearly incompressible solid
-    """
-
-    linear: str = "auto"
-    rtol: float = 1e-8
-    newton_max: int = 30
-    krylov_rtol: float | None = None
 
 
 @dataclass(frozen=True)

@@ -10,74 +10,32 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from asperity.contact import ActiveSet, Contact, PressureContact
 from asperity.contact.contact_surface import ContactSurface
+from asperity.contact.make import make_contact
 from asperity.curve import Curve
-from asperity.errors import ConvergenceError, InputError, Interrupted, MeshError, ResolutionWarning
+from asperity.errors import ConvergenceError, Interrupted, MeshError, ResolutionWarning
 from asperity.fem.solid import Solid
-from asperity.mesh.block import H_CONTACT, H_MAX, BlockMesh
-from asperity.mesh.generate import Reach, SizeField, build_block, check_distortion, distribute, is_distorted, on_root
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.generate import SizeField, build_block, check_distortion, distribute, is_distorted, on_root
 from asperity.mesh.resolution import doubt_of_waves
-from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
+from asperity.model.load_path import Schedule
 from asperity.model.material import Material
+from asperity.model.problem import Problem
+from asperity.model.settings import H_CONTACT, H_MAX, Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import ContactSolver, Counts
 from asperity.quasistatic.measures import FirstContact, Snapshot
-from asperity.quasistatic.newton import SolverOptions
 from asperity.quasistatic.stepping import Callback, Position, Record, follow
 from asperity.runtime.timing import Phases
+from asperity.surface import Surface
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from asperity.quasistatic.checkpoint import Checkpoint
-    from asperity.surface import Surface
 
 SMALLEST_H_MAX = 0.05  # to which the largest elements are made smaller for the slopes [L]
 ESTIMATE_STEPS = 40  # after which the deflection at a given force is only guessed
-
-
-@dataclass(frozen=True)
-class Formulation:
-    """Contact formulation and its parameters, see docs/theory.md.
-
-    Attributes:
-        method: "active-set", "penalty" or "nitsche"
-        penalty: factor of E p^2/h of the penalty method
-        gamma: factor of (lambda + 2 mu) p^2/h of Nitsche's method; None takes 1, or 10 for theta = 1 and -1
-        theta: 0, or 1 (symmetric) or -1 (skew) for an elastic solid
-    """
-
-    method: str = "active-set"
-    penalty: float = 10.0
-    gamma: float | None = None
-    theta: int = 0
-
-    def build(self, solid: Solid, top: ContactSurface) -> Contact:
-        """The formulation for a solid.
-
-        Raises:
-            InputError: unknown method, theta = +-1 for a material that yields, or gamma too small for theta
-        """
-        if self.method == "active-set":
-            return ActiveSet(solid, top)
-        if self.method == "penalty":
-            return PressureContact(solid, top, self.penalty, traction=False)
-        if self.method == "nitsche":
-            gamma = (10.0 if self.theta else 1.0) if self.gamma is None else self.gamma
-            return PressureContact(solid, top, gamma, traction=True, theta=self.theta)
-        raise InputError(f'contact.method = "{self.method}" is not one of active-set, penalty, nitsche')
-
-
-@dataclass(frozen=True)
-class MeshSize:
-    """Element sizes of the block [length], see `mesh.SizeField`; None takes the default for the side L."""
-
-    h_contact: float | None = None
-    growth: float = 0.25
-    h_max: float | None = None
-    reach: Reach | None = None
-    grading: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -209,56 +167,59 @@ def make_contact_solver(
     check_distortion(mesh, surface)
     solid = Solid(mesh, tags, material.scaled(material.E), sides, kernels, phases)
     top = ContactSurface(solid)
-    contact = (formulation or Formulation()).build(solid, top)
+    contact = make_contact(formulation or Formulation(), solid, top)
     summit = (height + surface.maximum()[2] - surface.mean()) / L
     return ContactSolver(solid, top, contact, summit, options or SolverOptions())
+
+
+@dataclass(frozen=True)
+class Hooks:
+    """What accompanies a load path.
+
+    Attributes:
+        on_stage: called with the name of each stage
+        on_step: called after each accepted step
+        stop: polled after each step on all ranks; a non-empty string stops the run
+        checkpoint: receives the state; one that holds a state is continued from
+        snapshots: states of the top to keep per loading
+    """
+
+    on_stage: Callable[[str], None] | None = None
+    on_step: Callback | None = None
+    stop: Callable[[], str] | None = None
+    checkpoint: Checkpoint | None = None
+    snapshots: int = 0
+
+    def stage(self, name: str) -> None:
+        """Announce a stage."""
+        if self.on_stage is not None:
+            self.on_stage(name)
 
 
 def solve_contact(
     surface: Surface,
     material: Material,
     *,
-    height: float | None = None,
-    sides: str = "rollers",
-    delta_max: float | None = None,
-    force_max: float | None = None,
-    steps: int = 10,
-    unload_steps: int = 0,
-    cycles: int = 1,
-    integrator: str = MIDPOINT,
-    substeps: int = 1,
-    size: MeshSize | None = None,
-    formulation: Formulation | None = None,
-    kernels: str = "compiled",
-    options: SolverOptions | None = None,
-    snapshots: int = 0,
     block: BlockMesh | None = None,
     comm: MPI.Comm | None = None,
+    snapshots: int = 0,
     on_stage: Callable[[str], None] | None = None,
     on_step: Callback | None = None,
     checkpoint: Checkpoint | None = None,
     stop: Callable[[], str] | None = None,
+    **problem: Any,
 ) -> ContactResult:
-    """ContactSolver a rough block with a rigid frictionless flat; collective over `comm`.
+    """Press a rough block with a rigid frictionless flat; collective over `comm`.
+
+    The call for scripts: `solve_problem` of `Problem.of(surface, material, **problem)`.
 
     Args:
         surface: the rough top
         material: elastic or elastic-plastic
-        height: mean height of the block [length]; default L
-        sides: "rollers" or "free"
-        delta_max: greatest deflection from first touch [length]
-        force_max: greatest force instead [force]
-        steps, unload_steps, cycles, integrator, substeps: see `schedule.Schedule`
-        size: element sizes
-        formulation: contact formulation
-        kernels: "compiled" or "ufl"
-        options: of the nonlinear solver
-        snapshots: states of the top to keep per loading
         block: a mesh to use instead of making one (on rank 0)
         comm: communicator; default all ranks
-        on_stage, on_step: progress call-backs
-        checkpoint: receives the state; one that holds a state is continued from
-        stop: asked after each step on all ranks; ends the run when it names a reason
+        snapshots, on_stage, on_step, checkpoint, stop: see `Hooks`
+        problem: delta_max or force_max, steps, height, sides, size and other arguments of `Problem.of`
 
     Raises:
         InputError: not exactly one of delta_max and force_max
@@ -266,71 +227,52 @@ def solve_contact(
         CheckpointError: the checkpoint cannot be continued from
         OutputError: the checkpoint cannot be written
         PartialResult: a step did not converge or the run was stopped; carries the curve up to there
+    """
+    hooks = Hooks(on_stage, on_step, stop, checkpoint, snapshots)
+    return solve_problem(Problem.of(surface, material, **problem), block=block, comm=comm, hooks=hooks)
 
-    Warns (ResolutionWarning) on the first rank when waves of the surface are too short for the mesh it makes.
+
+def solve_problem(
+    problem: Problem, *, block: BlockMesh | None = None, comm: MPI.Comm | None = None, hooks: Hooks | None = None
+) -> ContactResult:
+    """Press the block of a problem with a rigid frictionless flat; collective over `comm`.
+
+    Args:
+        problem: what to solve
+        block: a mesh to use instead of making one (on rank 0)
+        comm: communicator; default all ranks
+        hooks: progress, checkpoint, snapshots
+
+    Raises:
+        MeshError, CheckpointError, OutputError, PartialResult: see `solve_contact`
     """
     from mpi4py import MPI
 
-    if (delta_max is None) == (force_max is None):
-        raise InputError("give exactly one of delta_max and force_max")
     comm = MPI.COMM_WORLD if comm is None else comm
-    stage = on_stage or (lambda name: None)
-    phases = Phases()
-    L = surface.L
+    hooks = hooks or Hooks()
+    checkpoint, phases = hooks.checkpoint, Phases()
     saved = None if checkpoint is None else checkpoint.load()
     if saved is not None:
         block = saved.block
     given = comm.bcast(None if block is None else block.height, root=0)
-    if given is not None and height is not None and abs(given - height) > 1e-9 * L:
-        raise MeshError(f"mesh.file: the mesh has the height {given:g}, block.height is {height:g}: make them equal")
-    height = L if height is None else height
-    schedule = Schedule(
-        None if delta_max is None else delta_max / L,
-        None if force_max is None else force_max / (L**2 * material.reduced_modulus),
-        steps,
-        unload_steps,
-        cycles,
-        integrator if material.plastic else BACKWARD_EULER,
-        substeps,
-    )
-    settings: dict[str, Any] = dict(sides=sides, formulation=formulation, kernels=kernels, options=options)
+    wanted, L = problem.block_height, problem.surface.L
+    if given is not None and wanted is not None and abs(given - wanted) > 1e-9 * L:
+        raise MeshError(f"mesh.file: the mesh has the height {given:g}, block.height is {wanted:g}: make them equal")
     if given is None:
-        stage("mesh")
-        if delta_max is None:
-            assert force_max is not None
-            with phases.phase("deflection estimate"):
-                delta_max = estimate_deflection(comm, surface, material, height, force_max, settings)
-        with phases.phase("mesh"):
-            size = size or MeshSize()
-            block = make_block(comm, surface, height, delta_max, size)
-            if doubt := on_root(comm, partial(doubt_of_waves, surface, size.h_contact or H_CONTACT * L, delta_max)):
-                warnings.warn(doubt, ResolutionWarning, stacklevel=2)
-    stage("set-up")
+        block = _make_mesh(problem, comm, phases, hooks)
+    hooks.stage("set-up")
     with phases.phase("set-up"):
-        solver = make_contact_solver(comm, surface, block, material, phases=phases, **settings)
-    record = Record(L, material.E, material.reduced_modulus)
+        solver = solver_of(problem, block, comm, phases)
+    record = Record(L, problem.material.E, problem.material.reduced_modulus)
     position = None if saved is None else saved.restore(solver, record)
     if checkpoint is not None:
         checkpoint.begin(block)
-
-    def on_position(at: Position) -> None:
-        reason = stop() if stop is not None else ""
-        ended = at.leg == len(schedule.legs)
-        if checkpoint is not None and (reason or ended or checkpoint.due(solver.counts.steps)):
-            checkpoint.save(solver, record, at)
-        if reason:
-            raise Interrupted(
-                f"stopped by {reason} after step {len(record.rows)} at delta/L = {solver.delta:.6g}"
-                + ("; --resume continues" if checkpoint is not None and checkpoint.interval else "")
-            )
-
-    stage(f"load path, {solver.solid.dofs} dofs")
+    hooks.stage(f"load path, {solver.solid.dofs} dofs")
     failure = None
     try:
-        follow(solver, schedule, record, snapshots, on_step, position, on_position)
+        _follow(problem, solver, record, position, hooks)
     except ConvergenceError as e:
         failure = e
-    reason = "done" if failure is None else str(failure)
     result = ContactResult(
         record.curve(),
         solver.counts,
@@ -343,35 +285,80 @@ def solve_contact(
         solver,
         record.first_contact,
         failure is None,
-        reason,
+        "done" if failure is None else str(failure),
     )
     if failure is not None:
-        raise PartialResult(reason, result) from failure
+        raise PartialResult(result.reason, result) from failure
     return result
 
 
-def estimate_deflection(
-    comm: MPI.Comm,
-    surface: Surface,
-    material: Material,
-    height: float,
-    force_max: float,
-    settings: dict[str, Any],
-) -> float:
-    """About the deflection at a force on a coarse mesh [length], for the size of the real one; collective.
+def _make_mesh(problem: Problem, comm: MPI.Comm, phases: Phases, hooks: Hooks) -> BlockMesh | None:
+    """Mesh of a problem on rank 0, None elsewhere; warns of waves that it misses; collective."""
+    surface, size, delta_max = problem.surface, problem.size, problem.load_path.delta_max
+    hooks.stage("mesh")
+    if delta_max is None:
+        with phases.phase("deflection estimate"):
+            delta_max = estimate_approach(problem, comm)
+    with phases.phase("mesh"):
+        block = make_block(comm, surface, problem.height, delta_max, size)
+        h = size.h_contact or H_CONTACT * surface.L
+        if doubt := on_root(comm, partial(doubt_of_waves, surface, h, delta_max)):
+            warnings.warn(doubt, ResolutionWarning, stacklevel=4)
+    return block
 
-    A force that is not reached soon, or not at all, gives the deflection so far: the run itself has to say so.
+
+def _follow(problem: Problem, solver: ContactSolver, record: Record, position: Position | None, hooks: Hooks) -> None:
+    """Follow the load path, saving the state and stopping as the hooks want; collective.
+
+    Raises:
+        ConvergenceError: a step does not converge, or the run was stopped
     """
-    L = surface.L
+    schedule, checkpoint = problem.schedule, hooks.checkpoint
+
+    def on_position(at: Position) -> None:
+        reason = "" if hooks.stop is None else hooks.stop()
+        ended = at.leg == len(schedule.legs)
+        if checkpoint is not None and (reason or ended or checkpoint.due(solver.counts.steps)):
+            checkpoint.save(solver, record, at)
+        if reason:
+            raise Interrupted(
+                f"stopped by {reason} after step {len(record.rows)} at delta/L = {solver.delta:.6g}"
+                + ("; --resume continues" if checkpoint is not None and checkpoint.interval else "")
+            )
+
+    follow(solver, schedule, record, hooks.snapshots, hooks.on_step, position, on_position)
+
+
+def solver_of(problem: Problem, block: BlockMesh | None, comm: MPI.Comm, phases: Phases | None = None) -> ContactSolver:
+    """Contact solver of a problem on a mesh, see `make_contact_solver`; collective."""
+    return make_contact_solver(
+        comm,
+        problem.surface,
+        block,
+        problem.material,
+        sides=problem.sides,
+        formulation=problem.formulation,
+        kernels=problem.kernels,
+        options=problem.options,
+        phases=phases,
+    )
+
+
+def estimate_approach(problem: Problem, comm: MPI.Comm) -> float:
+    """Approach at the greatest force, roughly, on a coarse mesh [length]: what the real mesh is made for; collective.
+
+    A force that is not reached soon, or not at all, gives the approach so far: the run itself reports it.
+    """
+    surface, L = problem.surface, problem.surface.L
     depth = surface.maximum()[2] - surface.mean()
-    block = make_block(comm, surface, height, max(depth, 0.01 * L), MeshSize(0.1 * L))
-    solver = make_contact_solver(comm, surface, block, material, **settings)
+    block = make_block(comm, surface, problem.height, max(depth, 0.01 * L), MeshSize(0.1 * L))
+    solver = solver_of(problem, block, comm)
 
     def give_up(at: Position) -> None:
         if solver.counts.steps >= ESTIMATE_STEPS:
             raise Interrupted  # enough for an estimate
 
-    schedule = Schedule(force_max=force_max / (L**2 * material.reduced_modulus), steps=5)
+    schedule = Schedule(force_max=problem.schedule.force_max, steps=5)
     with suppress(ConvergenceError):
-        follow(solver, schedule, Record(L, material.E, 1.0), on_position=give_up)
+        follow(solver, schedule, Record(L, problem.material.E, 1.0), on_position=give_up)
     return max(solver.delta, 1e-3) * L

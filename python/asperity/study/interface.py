@@ -15,7 +15,6 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.output.assumptions import yield_pressure
 from asperity.power_law import interface_deflection
-from asperity.run_case import material_of
 
 FULL = 0.9  # contact area over the patch from which on no interface is left to give way
 BULK = 0.5  # part of the volume that is plastic only when the block as a whole yields
@@ -42,8 +41,8 @@ class Block:
     @staticmethod
     def of(case: Case) -> Block:
         """The block of a case; with free sides, solves a flat one of its shape, once in a process."""
-        solid, side, height = case.material, case.surface.L, case.block.height
-        yields_at = yield_pressure(material_of(case), case.block.sides)
+        solid, side, height = case.material.solid, case.surface.L, case.block.height
+        yields_at = yield_pressure(solid, case.block.sides)
         if case.block.sides == "rollers":
             return Block(side, height, solid.confined_modulus, yields_at)
         return Block(side, height, solid.E * free_block_modulus(solid.nu, height / side), yields_at)
@@ -81,7 +80,8 @@ def free_block_modulus(nu: float, height: float) -> float:
     from mpi4py import MPI
 
     from asperity.model.material import Material
-    from asperity.quasistatic.solve_contact import MeshSize, solve_contact
+    from asperity.model.settings import MeshSize
+    from asperity.quasistatic.solve_contact import solve_contact
     from asperity.surface import Flat
 
     def pressed(h: float) -> Any:

@@ -187,7 +187,8 @@ def mesh_key(case: Case) -> str:
 
 def shared_mesh(case: Case, folder: Path, comm: MPI.Comm) -> Path | AsperityError:
     """File of the mesh of a case, made when missing; or why it cannot be; collective."""
-    from asperity.quasistatic.solve_contact import MeshSize, make_block
+    from asperity.model.settings import MeshSize
+    from asperity.quasistatic.solve_contact import make_block
 
     path = (folder / MESHES / f"{mesh_key(case)}.npz").absolute()
     if comm.bcast(path.is_file() if comm.rank == 0 else None):

@@ -16,7 +16,7 @@ from asperity.fem.solid import Solid
 from asperity.mesh.generate import distribute
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
-from asperity.quasistatic.newton import SolverOptions
+from asperity.model.settings import SolverOptions
 from asperity.quasistatic.stepping import ContactSolver, Record, follow
 from asperity.verification.solids import eighth_sphere, planes_of_symmetry
 from asperity.verification.table import KINK, RATIO, Level, Row, rows_along

@@ -11,7 +11,8 @@ import numpy.typing as npt
 from asperity import reference
 from asperity.arrays import Floats
 from asperity.model.material import Material
-from asperity.quasistatic.solve_contact import ContactResult, Formulation
+from asperity.model.settings import Formulation
+from asperity.quasistatic.solve_contact import ContactResult
 from asperity.surface import Sphere
 from asperity.verification.patch import METHODS
 from asperity.verification.table import LOCAL, Level, Row, counting_error, on_meshes, press, rows_along, sizes

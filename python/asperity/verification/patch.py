@@ -12,8 +12,8 @@ from asperity import reference
 from asperity.case.schema import ContactSection
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
-from asperity.quasistatic.newton import SolverOptions
-from asperity.quasistatic.solve_contact import Formulation, MeshSize, make_block, make_contact_solver
+from asperity.model.settings import Formulation, MeshSize, SolverOptions
+from asperity.quasistatic.solve_contact import make_block, make_contact_solver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.surface import Flat
 from asperity.verification.solids import planes_of_symmetry

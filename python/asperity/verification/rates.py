@@ -9,10 +9,11 @@ import numpy as np
 
 from asperity.arrays import Floats
 from asperity.contact.contact_surface import ContactSurface
+from asperity.contact.make import make_contact
 from asperity.fem.solid import Solid
 from asperity.mesh.generate import build_block, distribute
 from asperity.model.material import Material
-from asperity.quasistatic.solve_contact import Formulation
+from asperity.model.settings import Formulation
 from asperity.surface import Flat
 from asperity.verification.hertz import CONTACT, RADIUS, layer_force, press_sphere
 from asperity.verification.solids import CellRule, equilibrium
@@ -123,7 +124,7 @@ def manufactured(h: float, formulation: Formulation) -> tuple[float, float, floa
     np.add.at(
         load, solid.cell_nodes, np.einsum("cq,qa,cqi->cai", rule.weights, rule.shape, exact.body_force(rule.points))
     )
-    contact = formulation.build(solid, top)
+    contact = make_contact(formulation, solid, top)
     u = equilibrium(solid, contact, load, 1.0 - DEFLECTION, np.zeros_like(load), rtol=1e-10)[solid.cell_nodes]
     found = np.einsum("qa,cai->cqi", rule.shape, u)
     strain = np.einsum("cqaj,cai->cqij", rule.gradients, u)

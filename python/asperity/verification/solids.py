@@ -14,7 +14,8 @@ from asperity.errors import ConvergenceError
 from asperity.fem.solid import Solid
 from asperity.mesh import tet10
 from asperity.mesh.block import BlockMesh
-from asperity.quasistatic.newton import NewtonSolver, SolverOptions
+from asperity.model.settings import SolverOptions
+from asperity.quasistatic.newton import NewtonSolver
 from asperity.runtime import compat
 
 

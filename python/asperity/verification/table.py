@@ -14,7 +14,8 @@ import numpy.typing as npt
 
 from asperity.adaptive.solve_to_tolerance import steady
 from asperity.arrays import Floats
-from asperity.quasistatic.solve_contact import ContactResult, MeshSize, solve_contact
+from asperity.model.settings import MeshSize
+from asperity.quasistatic.solve_contact import ContactResult, solve_contact
 from asperity.runtime.files import replace_file
 from asperity.surface import Surface
 

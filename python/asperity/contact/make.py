@@ -1,0 +1,28 @@
+"""The contact of a formulation."""
+
+from __future__ import annotations
+
+from asperity.contact.active_set import ActiveSet
+from asperity.contact.contact_surface import ContactSurface
+from asperity.contact.interface import Contact
+from asperity.contact.penalty_nitsche import PressureContact
+from asperity.errors import InputError
+from asperity.fem.solid import Solid
+from asperity.model.settings import Formulation
+
+
+def make_contact(formulation: Formulation, solid: Solid, surface: ContactSurface) -> Contact:
+    """Make the contact of a solid by a formulation.
+
+    Raises:
+        InputError: unknown method, theta = +-1 for a material that yields, or gamma too small for theta
+    """
+    if formulation.method == "active-set":
+        return ActiveSet(solid, surface)
+    if formulation.method == "penalty":
+        return PressureContact(solid, surface, formulation.penalty, traction=False)
+    if formulation.method == "nitsche":
+        theta, gamma = formulation.theta, formulation.gamma
+        gamma = (10.0 if theta else 1.0) if gamma is None else gamma
+        return PressureContact(solid, surface, gamma, traction=True, theta=theta)
+    raise InputError(f'contact.method = "{formulation.method}" is not one of active-set, penalty, nitsche')

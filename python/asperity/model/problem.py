@@ -1,0 +1,111 @@
+"""A contact problem: all that determines the force over the approach, as plain immutable data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from asperity.errors import InputError
+from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
+from asperity.model.material import Material
+from asperity.model.settings import Formulation, MeshSize, SolverOptions
+from asperity.surface import Surface
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A block with a rough top, its material, the load path, and how it is discretised and solved.
+
+    Example:
+        >>> from asperity.surface import Flat
+        >>> problem = Problem(Flat(L=2.0), Material(E=1.0, nu=0.3), Schedule(delta_max=0.01))
+        >>> problem.height, problem.schedule.delta_max
+        (2.0, 0.005)
+
+    Attributes:
+        surface: the top
+        material: of the block
+        load_path: approaches [length] and forces [force]; exactly one of delta_max and force_max
+        block_height: mean height of the block [length]; None takes the side of the surface
+        sides: "rollers" (no normal displacement) or "free"
+        formulation: of the contact
+        size: of the elements
+        kernels: "compiled" or "ufl"
+        options: of the solver
+
+    Raises:
+        InputError: not exactly one of delta_max and force_max
+    """
+
+    surface: Surface
+    material: Material
+    load_path: Schedule
+    block_height: float | None = None
+    sides: str = "rollers"
+    formulation: Formulation = field(default_factory=Formulation)
+    size: MeshSize = field(default_factory=MeshSize)
+    kernels: str = "compiled"
+    options: SolverOptions = field(default_factory=SolverOptions)
+
+    def __post_init__(self) -> None:
+        if (self.load_path.delta_max is None) == (self.load_path.force_max is None):
+            raise InputError("give exactly one of delta_max and force_max")
+
+    @staticmethod
+    def of(
+        surface: Surface,
+        material: Material,
+        *,
+        height: float | None = None,
+        sides: str = "rollers",
+        delta_max: float | None = None,
+        force_max: float | None = None,
+        steps: int = 10,
+        unload_steps: int = 0,
+        cycles: int = 1,
+        integrator: str = MIDPOINT,
+        substeps: int = 1,
+        size: MeshSize | None = None,
+        formulation: Formulation | None = None,
+        kernels: str = "compiled",
+        options: SolverOptions | None = None,
+    ) -> Problem:
+        """Make a problem of flat arguments, as scripts write them.
+
+        Args:
+            surface: the rough top
+            material: elastic or elastic-plastic
+            height: mean height of the block [length]; default L
+            sides: "rollers" or "free"
+            delta_max: greatest approach from first touch [length]
+            force_max: greatest force instead [force]
+            steps, unload_steps, cycles, integrator, substeps: see `load_path.Schedule`
+            size: element sizes
+            formulation: of the contact
+            kernels: "compiled" or "ufl"
+            options: of the solver
+
+        Raises:
+            InputError: not exactly one of delta_max and force_max, or a step count outside its range
+        """
+        path = Schedule(delta_max, force_max, steps, unload_steps, cycles, integrator, substeps)
+        settings = formulation or Formulation(), size or MeshSize(), kernels, options or SolverOptions()
+        return Problem(surface, material, path, height, sides, *settings)
+
+    @property
+    def height(self) -> float:
+        """Mean height of the block [length]."""
+        return self.surface.L if self.block_height is None else self.block_height
+
+    @property
+    def schedule(self) -> Schedule:
+        """The load path in units of the solver: lengths in L, forces in A_0 E'.
+
+        An elastic solid has no path to integrate; its steps are those of backward Euler.
+        """
+        L, path = self.surface.L, self.load_path
+        return replace(
+            path,
+            delta_max=None if path.delta_max is None else path.delta_max / L,
+            force_max=None if path.force_max is None else path.force_max / (L**2 * self.material.reduced_modulus),
+            integrator=path.integrator if self.material.plastic else BACKWARD_EULER,
+        )

@@ -1,0 +1,138 @@
+"""Settings of a computation and their defaults: contact formulation, element sizes, solver, accuracy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from asperity.arrays import Floats
+from asperity.errors import InputError
+
+H_CONTACT, H_MAX = 0.04, 0.25  # element sizes of a mesh when none are given [L]
+LEAST_PENALTY = 10.0  # factor below which the penalty leaves an error of first order (docs/accuracy.md)
+COERCIVE = 3.0  # gamma from which theta = 1 is coercive: 2 where cells are straight, up to 2.9 seen under rough tops
+
+
+@dataclass(frozen=True)
+class Formulation:
+    """Contact formulation and its parameters, see docs/theory.md.
+
+    Attributes:
+        method: "active-set", "penalty" or "nitsche"
+        penalty: factor of E p^2/h of the penalty method
+        gamma: factor of (lambda + 2 mu) p^2/h of Nitsche's method; None takes 1, or 10 for theta = 1 and -1
+        theta: 0, or 1 (symmetric) or -1 (skew) for an elastic solid
+    """
+
+    method: str = "active-set"
+    penalty: float = 10.0
+    gamma: float | None = None
+    theta: int = 0
+
+
+def penalty_too_soft(method: str, penalty: float) -> str:
+    """Reason why a formulation has no error bar: a penalty so soft that its error dominates; empty where there is none.
+
+    Args:
+        method: of the formulation
+        penalty: factor of E p^2/h
+    """
+    if method != "penalty" or penalty >= LEAST_PENALTY:
+        return ""
+    return (
+        f"contact.penalty = {penalty:g} is too soft for accuracy.tolerance, whose error bars need {LEAST_PENALTY:g} or "
+        'more: raise it, or take contact.method = "active-set"'
+    )
+
+
+def gamma_too_small(gamma: float, theta: int) -> str:
+    """Reason why a factor of Nitsche's method is refused: an indefinite tangent; empty for a sufficient factor.
+
+    Where traces are at most tau^2 = COERCIVE/gamma of the energy, full contact is coercive for (1 + theta) tau < 2.
+
+    Args:
+        gamma: factor of (lambda + 2 mu) p^2/h
+        theta: 0, 1 or -1
+    """
+    least = max(0.01, COERCIVE * (1 + theta) ** 2 / 4.0)
+    if gamma >= least:
+        return ""
+    return (
+        f"contact.gamma = {gamma:g} is below {least:g}, from which Nitsche's method with theta = {theta} is stable: "
+        'raise it, leave it out, or take contact.method = "active-set"'
+    )
+
+
+class ApproachMap(Protocol):
+    """Approach at which each point of a surface is touched first."""
+
+    def depth(self, x: Floats, y: Floats) -> Floats:
+        """Approach that touches the points (x, y), in their shape [length]."""
+
+
+@dataclass(frozen=True)
+class MeshSize:
+    """Element sizes of the block [length], see `mesh.size_field.SizeField`.
+
+    Attributes:
+        h_contact: where the surface is touched; None takes H_CONTACT of the side
+        growth: of the size per unit of distance from there
+        h_max: greatest size; None takes H_MAX of the side, or less where slopes need it
+        reach: what a coarse solution has touched; None judges by the heights
+        grading: power of the size in the depth and least size over h_contact; None takes the default
+    """
+
+    h_contact: float | None = None
+    growth: float = 0.25
+    h_max: float | None = None
+    reach: ApproachMap | None = None
+    grading: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class SolverOptions:
+    """How the equations of a step are solved.
+
+    Attributes:
+        linear: see `linear.solver.LinearSolver`
+        rtol: residual force relative to the contact force at which a step has converged
+        newton_max: Newton iterations after which a step is given up
+        krylov_rtol: loosest relative tolerance of the linear solver; None takes 1e-2 (benchmarks/linear.py), and 1e-3
+            for a nearly incompressible solid
+    """
+
+    linear: str = "auto"
+    rtol: float = 1e-8
+    newton_max: int = 30
+    krylov_rtol: float | None = None
+
+
+@dataclass(frozen=True)
+class AccuracyTarget:
+    """Tolerance of the force, and limits of what it may cost.
+
+    Attributes:
+        tolerance: greatest error bar of the force along the first loading, relative to the force, in (0, 1)
+        max_dofs: size no mesh may exceed
+        max_seconds: time after which no finer mesh is started; None for no limit
+
+    Raises:
+        InputError: a value outside its range
+    """
+
+    tolerance: float
+    max_dofs: int = 1_000_000
+    max_seconds: float | None = None
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.tolerance < 1.0:
+            raise InputError(
+                f"accuracy.tolerance = {self.tolerance!r} must lie between 0 and 1, for example 0.01 for 1 %"
+            )
+        if self.max_dofs < 1000:
+            raise InputError(f"accuracy.max_dofs = {self.max_dofs} must be at least 1000")
+        if self.max_seconds is not None and not self.max_seconds > 0:
+            raise InputError(f"accuracy.max_seconds = {self.max_seconds!r} must be positive")
+
+
+Goal = AccuracyTarget  # name of before
