@@ -296,12 +296,12 @@ def test_a_mesh_that_does_not_converge_leaves_the_curve_of_the_one_before(monkey
     curves: list[Curve] = []
 
     def solve(*args: Any, **kwargs: Any) -> ContactResult:
-        result = asp.solve_contact(*args, **kwargs)
+        result = asp.solve_problem(*args, **kwargs)
         if len(curves) == 1:  # the first mesh after the guide is done
             raise PartialResult("no convergence", result)
         return result
 
-    monkeypatch.setattr("asperity.adaptive.mesh_levels.solve_contact", solve)
+    monkeypatch.setattr("asperity.adaptive.mesh_levels.solve_problem", solve)
     sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=3.0, centre=(0.3, 0.4))
     result = solve_to_tolerance(sphere, ELASTIC, Goal(1e-3), delta_max=0.01, steps=5, on_curve=curves.append)
     assert not result.met and len(result.levels) == 2 and len(curves) == 1
