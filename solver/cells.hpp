@@ -58,25 +58,25 @@ struct Cells
   }
 };
 
-/// Committed or trial history of a J2 solid: plastic strain (cells, points, 6), its accumulated norm (cells, points).
+/// Committed or trial history of a J2 solid: plastic strain (cells, points, 6), accumulated plastic strain (cells, points).
 struct History
 {
-  Array<double> plastic_strain, alpha;
+  Array<double> plastic_strain, accumulated;
 
-  History(Array<double> plastic_strain, Array<double> alpha);
+  History(Array<double> plastic_strain, Array<double> accumulated);
 
   void expect_shape(const char* name, std::size_t cells, std::size_t points) const;
   J2::State at(std::size_t index) const
   {
     J2::State state;
     std::copy_n(plastic_strain.data() + 6 * index, 6, state.plastic_strain.begin());
-    state.alpha = alpha.data()[index];
+    state.accumulated = accumulated.data()[index];
     return state;
   }
   void put(std::size_t index, const J2::State& state) const
   {
     std::copy_n(state.plastic_strain.begin(), 6, plastic_strain.data() + 6 * index);
-    alpha.data()[index] = state.alpha;
+    accumulated.data()[index] = state.accumulated;
   }
 };
 

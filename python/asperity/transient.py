@@ -28,7 +28,7 @@ from asperity import _solver
 from asperity.arrays import Floats
 from asperity.errors import ConvergenceError, InputError
 from asperity.fem.energies import energies
-from asperity.fem.kernels import ElementKernels
+from asperity.fem.kernels import ElementKernels, History
 from asperity.fem.solid import Solid
 from asperity.mesh.tet10 import quadrature, shape_functions, shape_gradients
 from asperity.quasistatic.contact_solver import ContactSolver
@@ -100,33 +100,33 @@ class Motion:
         return Motion(x, self.v + h * ((1.0 - gamma) * self.a + gamma * a), c * (x - anchor), a)
 
 
-class InertialBulk:
-    """A bulk whose internal force contains that of inertia, c M (u - u*), M the consistent mass.
+class InertialKernels:
+    """Element kernels whose internal force includes that of inertia, c M (u - u*), M the consistent mass.
 
     Args:
-        bulk: the constitutive part
-        solid: of the bulk
-        density: mass density
+        inner: kernels of the material
+        solid: that they belong to
+        density: mass density [E T^2/L^2]
 
     Attributes:
-        shift: c; 0 leaves the bulk as it was
-        anchor: u* at the local nodes (nodes, 3)
-        linear: False, for the tangent changes with the shift
+        shift: c [1/T^2]; with 0 the kernels are those of the material
+        anchor: u* at the local nodes (nodes, 3) [L]
+        linear: False, because the tangent changes with the shift
         heaviest: greatest sum of the magnitudes in a row of `mass`, the same on all ranks
-        mass: M of one component, this process's cells (nodes, nodes)
+        mass: M of one component, of the cells of this rank (nodes, nodes) [E L T^2]
     """
 
-    def __init__(self, bulk: ElementKernels, solid: Solid, density: float) -> None:
-        self.inner = bulk
+    def __init__(self, inner: ElementKernels, solid: Solid, density: float) -> None:
+        self.inner = inner
         self.linear = False
         self.shift = 0.0
         self.anchor = np.zeros((solid.nodes, 3))
         self.mass = density * consistent_mass(solid)
         self.heaviest = max(solid.comm.allgather(float(abs(self.mass).sum(axis=1).max(initial=0.0))))
         # where the values of `mass` go in the local CSR of three dofs a node: the diagonals of its blocks
-        width = np.diff(solid.graph.indptr).astype(np.int64)
+        width = np.diff(solid.sparsity.indptr).astype(np.int64)
         row = np.repeat(np.arange(solid.nodes), width)
-        first = solid.graph.indptr[row].astype(np.int64)
+        first = solid.sparsity.indptr[row].astype(np.int64)
         column = np.arange(len(row)) - first
         i = np.arange(3)
         self._diagonals = 9 * first[:, None] + 3 * width[row][:, None] * i + 3 * column[:, None] + i
@@ -155,10 +155,10 @@ class InertialBulk:
     def commit(self) -> None:
         self.inner.commit()
 
-    def restore(self, plastic_strain: Floats, accumulated: Floats) -> None:
-        self.inner.restore(plastic_strain, accumulated)
+    def restore(self, history: History) -> None:
+        self.inner.restore(history)
 
-    def history(self) -> tuple[Floats, Floats]:
+    def history(self) -> History:
         return self.inner.history()
 
     def stress(self, u: Floats) -> Floats:
@@ -166,7 +166,7 @@ class InertialBulk:
 
 
 def consistent_mass(solid: Solid) -> Any:
-    """Integrals of products of shape functions over this process's cells: SciPy CSR on the graph (nodes, nodes)."""
+    """Integrals of products of shape functions over this process's cells: SciPy CSR on the sparsity (nodes, nodes)."""
     from scipy import sparse
 
     points, weights = quadrature(MASS_DEGREE)
@@ -176,15 +176,15 @@ def consistent_mass(solid: Solid) -> Any:
     volumes = np.empty((len(nodes), len(weights)))
     _solver.volumes(cells, volumes)
     local = np.einsum("cq,qa,qb->cab", volumes, N, N)
-    graph = solid.graph
-    keys = np.repeat(np.arange(solid.nodes), np.diff(graph.indptr)) * solid.nodes + graph.indices
+    sparsity = solid.sparsity
+    keys = np.repeat(np.arange(solid.nodes), np.diff(sparsity.indptr)) * solid.nodes + sparsity.indices
     wanted = nodes[:, :, None].astype(np.int64) * solid.nodes + nodes[:, None, :]
     data = np.bincount(np.searchsorted(keys, wanted).ravel(), local.ravel(), minlength=len(keys))
-    return sparse.csr_array((data, graph.indices, graph.indptr), shape=(solid.nodes, solid.nodes))
+    return sparse.csr_array((data, sparsity.indices, sparsity.indptr), shape=(solid.nodes, solid.nodes))
 
 
 @dataclass(frozen=True)
-class History:
+class TimeSeries:
     """What a run recorded, a row per step and one for the start; the same on all ranks.
 
     Attributes:
@@ -250,8 +250,8 @@ class Transient:
         self.solver, self.mass, self.load, self.dashpot = solver, mass, load, dashpot
         self.scheme = scheme or Scheme()
         solid = solver.solid
-        self.bulk = InertialBulk(solid.bulk, solid, density)
-        solid.bulk = self.bulk
+        self.kernels = InertialKernels(solid.kernels, solid, density)
+        solid.kernels = self.kernels
         self.time = 0.0
         self._force = self._before = solver.force
         self._slope = 0.0
@@ -276,14 +276,14 @@ class Transient:
             shape = np.asarray(moved / (step or np.inf))
         solid.u.x.array[: 3 * solid.owned] = x.ravel()
         solid.u.x.scatter_forward()
-        self.bulk.shift = 0.0
+        self.kernels.shift = 0.0
         resisting = solid.comm.allreduce(float(np.vdot(shape, solid.internal_force())))
         self.added_mass = 2.0 * self._kinetic(shape)
         w = (self.load - self.dashpot * velocity - resisting) / (self.mass + self.added_mass)
         self.block = Motion(x, shape * velocity, shape * w, shape * w)
         self.plate = Motion(solver.delta, velocity, w, w)
 
-    def run(self, duration: float, h: float, forcing: Callable[[float], float] | None = None) -> History:
+    def run(self, duration: float, h: float, forcing: Callable[[float], float] | None = None) -> TimeSeries:
         """Integrate on with steps `h`; may be called again to go on; collective.
 
         Args:
@@ -308,7 +308,7 @@ class Transient:
             work -= 0.5 * h * self.dashpot * (old.v**2 + self.plate.v**2)
             rows.append(self._row(self._energy(), rows[-1][5] + work))
         time, approach, velocity, force, energy, supplied = np.array(rows).T
-        return History(time, approach, velocity, force, energy, supplied, self.solver.counts.newton - newton)
+        return TimeSeries(time, approach, velocity, force, energy, supplied, self.solver.counts.newton - newton)
 
     def _advance(self, h: float, push: Callable[[float], float], end: float) -> None:
         """Go on to the time `end` by steps of `h`, halved where one does not converge."""
@@ -325,8 +325,8 @@ class Transient:
     def step(self, h: float, push: float) -> None:
         """One step `h`, at whose end the forcing is `push` [E L^2]."""
         solver, scheme = self.solver, self.scheme
-        anchor, self.bulk.shift = self.block.anchor(scheme, h)
-        self.bulk.anchor = solver.solid.with_ghosts(anchor.ravel())
+        anchor, self.kernels.shift = self.block.anchor(scheme, h)
+        self.kernels.anchor = solver.solid.scatter_forward(anchor.ravel())
         beta, gamma = scheme.newmark
         q_anchor, c = self.plate.anchor(scheme, h)
         drive = self.load + push
@@ -342,7 +342,7 @@ class Transient:
         tried: tuple[float, float] | None = None
         for _ in range(PLATE_ITERATIONS):
             solver.contact.begin(solver.summit - q)
-            stats = solver.newton.solve(guess, max(abs(q - self.plate.x), 1e-6), 1.0 + c * self.bulk.heaviest)
+            stats = solver.newton.solve(guess, max(abs(q - self.plate.x), 1e-6), 1.0 + c * self.kernels.heaviest)
             solver.counts.newton += stats.newton
             solver.counts.krylov += stats.krylov
             if not stats.converged:
@@ -373,7 +373,7 @@ class Transient:
             (self.block.a, self.plate.a),
         ):
             of_block.reshape(-1)[held] = -of_plate
-        self.solver.solid.bulk.commit()
+        self.solver.solid.kernels.commit()
         self.solver.contact.commit()
         self._before, self._force = self._force, force
         self.time += h
@@ -383,14 +383,14 @@ class Transient:
 
     def _kinetic(self, v: Floats) -> float:
         """Kinetic energy of the block at velocities of the owned nodes (owned, 3) [E L^3]."""
-        full = self.solver.solid.with_ghosts(v.ravel())
-        return 0.5 * float(self.solver.solid.comm.allreduce(np.vdot(full, self.bulk.mass @ full)))
+        full = self.solver.solid.scatter_forward(v.ravel())
+        return 0.5 * float(self.solver.solid.comm.allreduce(np.vdot(full, self.kernels.mass @ full)))
 
     def _energy(self) -> float:
         """Kinetic, stored and dissipated energy of plate and block [E L^3]."""
         solid = self.solver.solid
-        shift, self.bulk.shift = self.bulk.shift, 0.0
+        shift, self.kernels.shift = self.kernels.shift, 0.0
         stored, dissipated = energies(solid, solid.internal_force())
-        self.bulk.shift = shift
+        self.kernels.shift = shift
         sums = solid.comm.allreduce(np.array([stored, dissipated]))
         return 0.5 * self.mass * self.plate.v**2 + self._kinetic(self.block.v) + float(sums.sum())

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from asperity.arrays import Floats, Integers
 from asperity.contact.contact_surface import ContactSurface
 from asperity.contact.interface import Area
+from asperity.fem.kernels import History
 from asperity.fem.solid import Solid
 
 
@@ -60,10 +59,10 @@ class ActiveSet:
     def sinking(self) -> float:
         return 0.0
 
-    def state(self) -> dict[str, Floats]:
-        return {}
+    def history(self) -> History | None:
+        return None
 
-    def restore_state(self, state: Mapping[str, Floats]) -> None:
+    def restore(self, history: History) -> None:
         pass
 
     def area(self) -> Area:
@@ -74,7 +73,7 @@ class ActiveSet:
         """
         owned = np.zeros(3 * self._solid.owned)
         owned[3 * self._nodes[self.active]] = 1.0
-        held = self._solid.with_ghosts(owned)[:, 0] > 0.0
+        held = self._solid.scatter_forward(owned)[:, 0] > 0.0
         edges = self._top.nodes[:, 3:]
         area = self._top.area_of(held[edges], np.repeat(self._top.area[:, None] / 3.0, 3, axis=1))
         if area.value > 0.0:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Protocol
 
 from asperity.arrays import Floats, Integers
 from asperity.contact.contact_surface import Area
+from asperity.fem.kernels import History
 
 __all__ = ["Area", "Contact", "Integers"]
 
@@ -49,11 +49,11 @@ class Contact(Protocol):
         Of this process; zero for exact contact.
         """
 
-    def state(self) -> dict[str, Floats]:
-        """Committed history: arrays with a row per facet of the top (F, ...); empty when there is none."""
+    def history(self) -> History | None:
+        """Committed history, a row per facet of this rank; None, on all ranks, for a formulation without one."""
 
-    def restore_state(self, state: Mapping[str, Floats]) -> None:
-        """Take up a committed history that `state` gave."""
+    def restore(self, history: History) -> None:
+        """Restore a committed history returned by `history`; only called where there is one."""
 
     def area(self) -> Area:
         """Area of contact at the last residual; collective."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from asperity import _solver
@@ -11,9 +9,10 @@ from asperity.arrays import Floats, Integers
 from asperity.contact.contact_surface import FACET_DEGREE, ContactSurface, FacetRule
 from asperity.contact.interface import Area
 from asperity.errors import InputError
+from asperity.fem.compiled_kernels import compiled
+from asperity.fem.kernels import History
 from asperity.fem.solid import Solid
 
-STATE = ("plastic_strain", "accumulated")
 COERCIVE = 3.0  # gamma from which theta = 1 is coercive: 2 where cells are straight, up to 2.9 seen under rough tops
 
 
@@ -86,7 +85,7 @@ class PressureContact:
         points = self._rule.weights.shape
         if traction:
             lam, mu = solid.material.lame
-            modulus, h = lam + 2.0 * mu, 3.0 * solid.bulk.volumes[top.cells].sum(axis=1) / top.area
+            modulus, h = lam + 2.0 * mu, 3.0 * solid.kernels.volumes[top.cells].sum(axis=1) / top.area
         else:
             modulus, h = solid.material.E, top.diameter
         self._law = _solver.ContactLaw(
@@ -96,10 +95,10 @@ class PressureContact:
             traction,
             float(theta),
         )
-        held = (len(top.cells) if traction and solid.material.plastic else 0, points[1])
-        self._committed = (np.zeros((*held, 6)), np.zeros(held))
-        self._trial = (np.zeros((*held, 6)), np.zeros(held))
-        self._pattern = _solver.BlockPattern(top.cell_nodes, solid.graph.indptr, solid.graph.indices)
+        self._has_history = traction and solid.material.plastic
+        rows = len(top.cells) if self._has_history else 0
+        self._committed, self._trial = History.zeros(rows, points[1]), History.zeros(rows, points[1])
+        self._pattern = _solver.BlockPattern(top.cell_nodes, solid.sparsity.indptr, solid.sparsity.indices)
         self._z = np.inf
         self.points = np.zeros(points)  # pressure at the quadrature points (facets, points)
 
@@ -113,15 +112,15 @@ class PressureContact:
             self._law,
             self._z,
             self._solid.u.x.array.reshape(-1, 3),
-            _solver.History(*self._committed),
-            _solver.History(*self._trial),
+            compiled(self._committed),
+            compiled(self._trial),
             self.points,
             part,
         )
         load = np.zeros(self._solid.nodes)
         _solver.facet_load(self._rule.facets, self._rule.weights, self.points, load)
         part[:, 2] += load
-        self._force = self._solid.sum_ghosts(np.column_stack([part, load]))
+        self._force = self._solid.scatter_reverse(np.column_stack([part, load]))
         return force + self._force[:, :3], np.empty(0, dtype=np.int32), np.empty(0)
 
     def add_tangent(self) -> None:
@@ -129,7 +128,7 @@ class PressureContact:
             self._rule.facets,
             self._law,
             self._solid.u.x.array.reshape(-1, 3),
-            _solver.History(*self._committed),
+            compiled(self._committed),
             self.points,
             self._pattern,
             self._solid.values,
@@ -139,8 +138,7 @@ class PressureContact:
         return self._force[:, 3].copy()
 
     def commit(self) -> None:
-        for committed, trial in zip(self._committed, self._trial, strict=True):
-            np.copyto(committed, trial)
+        self._committed.assign(self._trial)
 
     def sinking(self) -> float:
         # at the points, where the law holds; how deep a node between them lies tells of the size of the facets
@@ -149,19 +147,11 @@ class PressureContact:
         depth = (self._rule.height + self._rule.at_points(uz) - self._z)[pressed]
         return float(np.sum((self._rule.weights * self.points)[pressed] * depth))
 
-    def state(self) -> dict[str, Floats]:
-        if not self._committed[1].size:
-            return {}
-        return dict(zip(STATE, self._committed, strict=True))
+    def history(self) -> History | None:
+        return self._committed if self._has_history else None
 
-    def restore_state(self, state: Mapping[str, Floats]) -> None:
-        if self._committed[1].size:
-            for name, committed in zip(STATE, self._committed, strict=True):
-                np.copyto(committed, state[name])
-
-    def history(self) -> tuple[Floats, Floats]:
-        """Committed plastic strain (facets, points, 6) and accumulated plastic strain (facets, points)."""
-        return self._committed
+    def restore(self, history: History) -> None:
+        self._committed.assign(history)
 
     def area(self) -> Area:
         """Area of the quadrature points under pressure."""

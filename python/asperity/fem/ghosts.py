@@ -10,7 +10,7 @@ import numpy.typing as npt
 Real = TypeVar("Real", np.float32, np.float64)
 
 
-class Halo:
+class Ghosts:
     """Nodes that several processes hold: one owns a node, it is a ghost on the others.
 
     Results are views of buffers, overwritten by the next exchange of the same width and precision; in one process
@@ -24,7 +24,7 @@ class Halo:
         self._map, self._alone = index_map, index_map.comm.size == 1
         self._buffers: dict[Any, Any] = {}  # setting up an exchange is collective and slow beside one
 
-    def fill(self, owned: npt.NDArray[Real]) -> npt.NDArray[Real]:
+    def scatter_forward(self, owned: npt.NDArray[Real]) -> npt.NDArray[Real]:
         """Values of the owned nodes (owned, k) with those of the ghosts behind them (nodes, k); collective."""
         if self._alone:
             return owned
@@ -33,7 +33,7 @@ class Halo:
         vector.scatter_forward()
         return values
 
-    def add(self, values: npt.NDArray[Real]) -> npt.NDArray[Real]:
+    def scatter_reverse(self, values: npt.NDArray[Real]) -> npt.NDArray[Real]:
         """Nodal values (nodes, k) summed over the processes that hold a node: at owned ones (owned, k); collective."""
         if self._alone:
             return values

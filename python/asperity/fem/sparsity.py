@@ -7,7 +7,7 @@ import numpy as np
 from asperity.arrays import Integers
 
 
-class NodeGraph:
+class SparsityPattern:
     """Sparsity of the local matrix: nodes that share a cell of this process, ghost nodes included.
 
     Attributes:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from asperity.fem.solid import Solid
 
 
-class Tangent:
+class TangentOperator:
     """Products with the tangent of a solid, and with its free dofs as a python context of PETSc.
 
     Products cost what reading the matrix costs, and neither a preconditioner nor a Newton step needs many digits: of a
@@ -33,7 +33,7 @@ class Tangent:
 
     def __init__(self, solid: Solid, symmetric: bool, single: bool) -> None:
         self.solid, self._single = solid, symmetric and single
-        indptr, indices = solid.graph.indptr, solid.graph.indices
+        indptr, indices = solid.sparsity.indptr, solid.sparsity.indices
         upper = indices >= np.repeat(np.arange(solid.nodes), np.diff(indptr))
         self._starts = np.concatenate([[0], np.cumsum(upper)])[indptr].astype(np.int32)
         self._columns = indices[upper]
@@ -55,30 +55,37 @@ class Tangent:
         """Take those owned dofs out of the free ones, and no others; collective."""
         self.free = np.ones(3 * self.solid.owned)
         self.free[rows] = 0.0
-        self.kept = self.solid.with_ghosts(self.free)
+        self.kept = self.solid.scatter_forward(self.free)
 
     def update(self) -> None:
         """Bring the copy up to date."""
         if self.version != self.solid.version:
-            graph = self.solid.graph
-            _solver.upper_half(graph.indptr, graph.indices, self.solid.values, self._blocks)
+            sparsity = self.solid.sparsity
+            _solver.upper_half(sparsity.indptr, sparsity.indices, self.solid.values, self._blocks)
             self.version = self.solid.version
 
     def single_product(self, x: Singles) -> Singles:
         """Copy of the tangent times owned dof values (3 owned,); collective. The next call overwrites the result."""
-        halo = self.solid.halo
+        ghosts = self.solid.ghosts
         _solver.symmetric_product(
-            self._starts, self._columns, self._blocks, halo.fill(x.reshape(-1, 3)), self._work, self._single_image
+            self._starts,
+            self._columns,
+            self._blocks,
+            ghosts.scatter_forward(x.reshape(-1, 3)),
+            self._work,
+            self._single_image,
         )
-        return halo.add(self._single_image).reshape(-1)
+        return ghosts.scatter_reverse(self._single_image).reshape(-1)
 
     def product(self, x: Floats) -> Floats:
         """Tangent times owned dof values (3 owned,), as exact as PETSc sees it; collective."""
         if self._single:
             return self.single_product(x.astype(np.float32)).astype(np.float64)
-        graph, halo = self.solid.graph, self.solid.halo
-        _solver.product(graph.indptr, graph.indices, self.solid.values, halo.fill(x.reshape(-1, 3)), self._image)
-        return halo.add(self._image).reshape(-1)
+        sparsity, ghosts = self.solid.sparsity, self.solid.ghosts
+        _solver.product(
+            sparsity.indptr, sparsity.indices, self.solid.values, ghosts.scatter_forward(x.reshape(-1, 3)), self._image
+        )
+        return ghosts.scatter_reverse(self._image).reshape(-1)
 
     def mult(self, A: Any, x: Any, y: Any) -> None:
         """Part of the matrix interface: y = A x."""

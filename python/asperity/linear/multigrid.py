@@ -3,7 +3,7 @@
 The coarse space is an eighth of the size, so it can be factorised where the second-order problem of the same mesh
 is far too large for that, and is set up in a fraction of the time of an algebraic hierarchy on the fine level.
 
-The fine level works in single precision, see `tangent.Tangent`.
+The fine level works in single precision, see `matrix_free.TangentOperator`.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from scipy.linalg import eigh_tridiagonal
 
 from asperity import _solver
 from asperity.arrays import Singles
-from asperity.fem.sparsity import NodeGraph
-from asperity.linear.matrix_free import Tangent
+from asperity.fem.sparsity import SparsityPattern
+from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.petsc_matrix import NodeMatrix, set_rigid_modes
 from asperity.linear.petsc_options import GAMG, set_defaults
 from asperity.mesh.tet10 import BASIX_EDGES
@@ -45,7 +45,7 @@ class PMultigrid:
         symmetric: whether it is symmetric; of another one the smoother takes the upper half for the whole
     """
 
-    def __init__(self, tangent: Tangent, symmetric: bool = True) -> None:
+    def __init__(self, tangent: TangentOperator, symmetric: bool = True) -> None:
         from dolfinx import fem
         from petsc4py import PETSc
 
@@ -60,7 +60,7 @@ class PMultigrid:
         self._parents = np.empty((solid.nodes, 2), dtype=np.int32)
         for k, ends in enumerate([(k, k) for k in range(4)] + list(BASIX_EDGES)):
             self._parents[solid.V.dofmap.list[:, k]] = coarse.list[:, ends]
-        self._coarse = NodeMatrix(NodeGraph(coarse.list, corners), index_map, solid.comm)
+        self._coarse = NodeMatrix(SparsityPattern(coarse.list, corners), index_map, solid.comm)
         set_rigid_modes(self._coarse.A, solid.points[self._corners])
         self._P = self._interpolation(index_map)
         self._fine = self._P.createVecLeft()
@@ -120,7 +120,7 @@ class PMultigrid:
         self._free = tangent.free.astype(np.float32)
         new = self._version != tangent.version
         if new:
-            diagonal = solid.halo.add(solid.values[solid.graph.diagonal].reshape(-1, 3)).ravel()
+            diagonal = solid.ghosts.scatter_reverse(solid.values[solid.sparsity.diagonal].reshape(-1, 3)).ravel()
             least = -solid.comm.allreduce(float(np.max(-diagonal[self._free > 0.0], initial=-np.inf)), op=MPI.MAX)
             if not least > 0.0:
                 return False
@@ -141,14 +141,14 @@ class PMultigrid:
 
     def _galerkin(self) -> None:
         """Coarse matrix of the free dofs, with a unit row for each held corner; collective."""
-        fine, coarse, mask, kept = self._solid.graph, self._coarse, self._coarse_mask, self._tangent.kept
+        fine, coarse, mask, kept = self._solid.sparsity, self._coarse, self._coarse_mask, self._tangent.kept
         corners = np.ascontiguousarray(kept[self._corners])
         mask.array = corners.ravel()[: mask.getLocalSize()]
         _solver.galerkin(
             fine.indptr, fine.indices, self._solid.values, kept, self._parents,
-            coarse.graph.indptr, coarse.graph.indices, corners, coarse.values,
+            coarse.sparsity.indptr, coarse.sparsity.indices, corners, coarse.values,
         )  # fmt: skip
-        coarse.values[coarse.graph.diagonal[np.flatnonzero(mask.array_r == 0.0)]] = 1.0
+        coarse.values[coarse.sparsity.diagonal[np.flatnonzero(mask.array_r == 0.0)]] = 1.0
         coarse.assemble()
 
     def forget(self) -> None:

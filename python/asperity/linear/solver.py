@@ -9,7 +9,7 @@ import numpy as np
 
 from asperity.arrays import Floats, Integers
 from asperity.errors import InputError
-from asperity.linear.matrix_free import Tangent
+from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.multigrid import PMultigrid
 from asperity.linear.petsc_matrix import NodeMatrix, set_rigid_modes
 from asperity.linear.petsc_options import GAMG, set_defaults
@@ -60,7 +60,7 @@ class LinearSolver:
         self._direct: Assembled | None = None
         self._method: Krylov | Assembled
         if kind == "cg":
-            self._method = Krylov(Tangent(solid, symmetric, rtol >= SINGLE_RTOL), symmetric)
+            self._method = Krylov(TangentOperator(solid, symmetric, rtol >= SINGLE_RTOL), symmetric)
         else:
             self._method = Assembled(solid, kind, symmetric, PREFIX)
         self.operator = self._method.operator
@@ -109,7 +109,7 @@ class Krylov:
         symmetric: see `LinearSolver`
     """
 
-    def __init__(self, tangent: Tangent, symmetric: bool) -> None:
+    def __init__(self, tangent: TangentOperator, symmetric: bool) -> None:
         from petsc4py import PETSc
 
         solid = tangent.solid
@@ -171,7 +171,7 @@ class Assembled:
         from petsc4py import PETSc
 
         self._solid = solid
-        self._matrix = NodeMatrix(solid.graph, solid.V.dofmap.index_map, solid.comm)
+        self._matrix = NodeMatrix(solid.sparsity, solid.V.dofmap.index_map, solid.comm)
         self.operator = A = self._matrix.A
         A.setOption(PETSc.Mat.Option.SYMMETRIC, symmetric)
         A.setOption(PETSc.Mat.Option.SPD, symmetric)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asperity.arrays import Array
+from asperity.arrays import Array, Indices
 from asperity.case.case_file import read_bytes
 from asperity.case.schema import show
 from asperity.contact.contact_surface import facet_numbers
@@ -31,6 +31,7 @@ from asperity.fem.global_numbering import (
     spread,
     spread_some,
 )
+from asperity.fem.kernels import History
 from asperity.mesh.block import BlockMesh
 from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.checkpoint_schema import wrong_array, wrong_number
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
 
 FORMAT = 3  # 3: digests; the tolerance of the equations belongs to the case
 OF_CELLS = ("stress", "plastic_strain")  # fields of a snapshot with a row a cell
+OF_CONTACT = "contact."  # prefix of the names of the contact's history
 #: Sections and keys that may differ between a run and its continuation, for the curve stays what it is to the tolerance
 #: of the equations; loading.cycles may also grow.
 CHANGEABLE = frozenset(
@@ -106,15 +108,14 @@ class Saved:
             name: spread(comm, owned, self.arrays.get(f"displacement.{name}")) for name in self._displacements()
         }
         touched = spread_some(comm, nodes[solver.contact_surface.owned_nodes], rows("touched_at"), np.inf)
+
+        def history(numbers: Indices, prefix: str = "") -> History:
+            return History(**{name: spread_some(comm, numbers, rows(prefix + name)) for name in History.names()})
+
         if solid.material.plastic:
-            solid.bulk.restore(
-                spread_some(comm, cells, rows("plastic_strain")),
-                spread_some(comm, cells, rows("accumulated")),
-            )
-        facets = facet_numbers(solver.contact_surface)
-        solver.contact.restore_state(
-            {name: spread_some(comm, facets, rows(f"contact.{name}")) for name in _contact_state(solver)}
-        )
+            solid.kernels.restore(history(cells))
+        if solver.contact.history() is not None:
+            solver.contact.restore(history(facet_numbers(solver.contact_surface), OF_CONTACT))
         solver.restore(_state(self.meta["press"], displacements))
         record.first_contact.delta = touched
         record.rows[:] = self.meta["rows"]
@@ -123,7 +124,7 @@ class Saved:
                 name: spread(comm, cells if name in OF_CELLS else nodes, self._snapshot(k, name))
                 for name in _snapshot_names(solver)
             }
-            fields.setdefault("plastic_strain", solid.bulk.history()[1].copy())
+            fields.setdefault("plastic_strain", solid.kernels.history().accumulated.copy())
             record.snapshots.append(Snapshot(about["step"], about["branch"], about["delta"], **fields))
         for kind in ("seconds", "calls"):
             totals = getattr(solid.phases, kind)
@@ -373,12 +374,15 @@ def _fields(solver: ContactSolver, first_contact: FirstContact) -> dict[str, Arr
     touched = np.flatnonzero(np.isfinite(touched_at))
     keep_some("touched_at", nodes[solver.contact_surface.owned_nodes[touched]], touched_at[touched])
     if solid.material.plastic:
-        strain, accumulated = solid.bulk.history()
-        yielded = np.flatnonzero(accumulated.any(axis=1))
-        keep_some("plastic_strain", cells[yielded], strain[yielded])
-        keep_some("accumulated", cells[yielded], accumulated[yielded])
-    for name, values in _contact_state(solver).items():
-        keep_some(f"contact.{name}", facet_numbers(solver.contact_surface), values)
+        history = solid.kernels.history()
+        yielded = history.yielded()
+        for name, values in history.arrays().items():
+            keep_some(name, cells[yielded], values[yielded])
+    of_contact = solver.contact.history()
+    if of_contact is not None:
+        facets = facet_numbers(solver.contact_surface)
+        for name, values in of_contact.arrays().items():
+            keep_some(OF_CONTACT + name, facets, values)
     return out
 
 
@@ -400,13 +404,6 @@ def _state(numbers: Mapping[str, Any], displacements: Mapping[str, Array]) -> So
     counts, checks = Counts(**numbers["counts"]), Checks.from_dict(numbers["checks"])
     last, previous = displacements["last"], displacements.get("previous")
     return SolverState(**{**numbers, "counts": counts, "checks": checks}, displacement=last, previous=previous)
-
-
-def _contact_state(solver: ContactSolver) -> dict[str, Array]:
-    """History of the contact, of the same names on all ranks: one without facets has no rows of it; collective."""
-    own = solver.contact.state()
-    all_of_them = solver.solid.comm.allgather({name: values.shape[1:] for name, values in own.items()})
-    return {name: own.get(name, np.zeros((0, *shape))) for name, shape in max(all_of_them, key=len).items()}
 
 
 def _snapshot_names(solver: ContactSolver) -> list[str]:

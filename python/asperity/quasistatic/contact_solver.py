@@ -12,6 +12,7 @@ from asperity.arrays import Floats
 from asperity.contact import Contact
 from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.energies import energies, plastic_work
+from asperity.fem.kernels import History
 from asperity.fem.solid import Solid
 from asperity.quasistatic import midpoint
 from asperity.quasistatic.balance import Checks, StepBalance, audit
@@ -95,7 +96,7 @@ class ContactSolver:
         self._u, self._internal = np.zeros((solid.owned, 3)), np.zeros((solid.owned, 3))
         self._previous: tuple[float, Floats] | None = None
         self._led = False  # whether the committed history is ahead of the displacement
-        self._own: tuple[Floats, Floats] | None = None  # the history that belongs to the displacement where it is
+        self._own: History | None = None  # history of the displacement where the committed one is ahead
         self._first_touch = self._highest()
 
     def step(self, delta: float, lead: float = 0.0) -> StepStats:
@@ -155,10 +156,11 @@ class ContactSolver:
         """
         solid = self.solid
         with solid.phases.phase("checks"):
-            history = [values.copy() for values in solid.bulk.history()]
+            history = solid.kernels.history().copy()
         delta_before, force_before, u_before = self.delta, self.force, self._u
-        of_contact = [values.copy() for values in self.contact.state().values()]
-        solid.bulk.commit()
+        of_contact = self.contact.history()
+        contact_before = None if of_contact is None else of_contact.copy()
+        solid.kernels.commit()
         self.contact.commit()
         self._previous = (delta_before, u_before)
         self._u = solid.u.x.array.reshape(-1, 3)[: solid.owned].copy()
@@ -176,19 +178,16 @@ class ContactSolver:
         self._internal = self.newton.force
         self._led, self._own = lead > 0.0, None
         if self._led:
-            strain, accumulated = (values.copy() for values in solid.bulk.history())
-            self._own = strain, accumulated
-            solid.bulk.restore(*midpoint.extrapolate(history, self._own, lead))
-            after = self.contact.state()
-            if after:
-                extrapolated = midpoint.extrapolate(of_contact, after.values(), lead)
-                self.contact.restore_state(dict(zip(after, extrapolated, strict=True)))
+            self._own = solid.kernels.history().copy()
+            solid.kernels.restore(midpoint.extrapolate(history, self._own, lead))
+            if contact_before is not None and (contact_after := self.contact.history()) is not None:
+                self.contact.restore(midpoint.extrapolate(contact_before, contact_after, lead))
             if self.contact.stiff:  # whose energy is judged by it; as after a restart
                 self._internal = solid.internal_force().copy()
         self.counts.steps += 1
 
     def _balance(
-        self, delta: float, force: float, displacement: Floats, history: list[Floats], reaction: float
+        self, delta: float, force: float, displacement: Floats, history: History, reaction: float
     ) -> StepBalance:
         """Numbers of the step just committed, from the state before it and the reaction of the base; collective."""
         from mpi4py import MPI
@@ -220,7 +219,7 @@ class ContactSolver:
         self.force, base = (float(x) for x in solid.comm.allreduce(sums))
         owned = np.zeros(3 * solid.owned)
         owned[::3] = self.nodal_force
-        self.pressure = self.contact_surface.pressure(solid.with_ghosts(owned)[:, 0])
+        self.pressure = self.contact_surface.pressure(solid.scatter_forward(owned)[:, 0])
         return base
 
     def gap(self) -> Floats:
@@ -246,12 +245,9 @@ class ContactSolver:
         return float(self.solid.comm.allreduce(np.max(z, initial=-np.inf), op=MPI.MAX))
 
     @property
-    def history(self) -> tuple[Floats, Floats]:
-        """Plastic strain (cells, points, 6) and accumulated plastic strain (cells, points) of the displacement.
-
-        Where the committed history is extrapolated, the one before the extrapolation.
-        """
-        return self._own or self.solid.bulk.history()
+    def history(self) -> History:
+        """History of the displacement: where the committed one is extrapolated, the one before the extrapolation."""
+        return self.solid.kernels.history() if self._own is None else self._own
 
     def state(self) -> SolverState:
         """State beside the histories; later steps do not change it."""

@@ -41,8 +41,8 @@ def row(solver: ContactSolver) -> dict[str, Any]:
     from mpi4py import MPI
 
     solid, comm = solver.solid, solver.solid.comm
-    strain = solver.history[1]
-    volumes = solid.bulk.volumes
+    strain = solver.history.accumulated
+    volumes = solid.kernels.volumes
     yielded = float(volumes[strain > 0.0].sum()) if strain.size else 0.0
     sums = comm.allreduce(np.array([yielded, volumes.sum()]))
     peaks = np.array([np.max(solver.pressure, initial=0.0), np.max(strain, initial=0.0)])
@@ -65,13 +65,13 @@ def snapshot(solver: ContactSolver, step: int, branch: str) -> Snapshot:
 
 def _mean_stress(solver: ContactSolver, u: Floats) -> tuple[Floats, Floats]:
     """Mean stress of the owned cells (cells, 6) and accumulated plastic strain (cells, points) at u."""
-    bulk, history = solver.solid.bulk, solver.history
-    committed = tuple(values.copy() for values in bulk.history())
-    bulk.restore(*history)
-    stress = bulk.stress(u)
-    bulk.restore(*committed)
-    mean = np.einsum("cq,cqi->ci", bulk.volumes, stress) / bulk.volumes.sum(axis=1, keepdims=True)
-    return mean, history[1].copy()
+    kernels, history = solver.solid.kernels, solver.history
+    committed = kernels.history().copy()
+    kernels.restore(history)
+    stress = kernels.stress(u)
+    kernels.restore(committed)
+    mean = np.einsum("cq,cqi->ci", kernels.volumes, stress) / kernels.volumes.sum(axis=1, keepdims=True)
+    return mean, history.accumulated.copy()
 
 
 @dataclass

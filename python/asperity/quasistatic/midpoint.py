@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from asperity.arrays import Floats
+from asperity.fem.kernels import History
 
 GREATEST_LEAD = 2.0  # where a step is twice as long as the one before
 
@@ -32,7 +33,7 @@ def lead(history: float | None, here: float, after: float | None) -> tuple[float
     return part, here + part * max(done, 0.0)
 
 
-def extrapolate(before: Iterable[Floats], after: Iterable[Floats], lead: float) -> tuple[Floats, Floats]:
+def extrapolate(before: History, after: History, lead: float) -> History:
     """Extrapolate the plastic history beyond the step.
 
     Where the plastic strain is large compared with that of yield, the midpoint rule does not damp: an error of the
@@ -41,16 +42,18 @@ def extrapolate(before: Iterable[Floats], after: Iterable[Floats], lead: float) 
     flow is steady.
 
     Args:
-        before, after: plastic strain (..., 6) and accumulated plastic strain (...) at begin and end of the step
+        before, after: at the beginning and at the end of the step
         lead: part of the flow
     """
-    (strain, accumulated), (strain_after, accumulated_after) = before, after
-    flow = strain_after - strain
+    strain = before.plastic_strain
+    flow = after.plastic_strain - strain
     along = _inner(flow, strain)
     sizes = np.sqrt(_inner(flow, flow) * _inner(strain, strain))
-    # what yields for the first time has no direction yet
+    # a point that yields for the first time has no direction yet
     part = lead * np.clip(np.divide(along, sizes, out=np.ones_like(along), where=sizes > 0.0), 0.0, 1.0)
-    return strain_after + part[..., None] * flow, accumulated_after + part * (accumulated_after - accumulated)
+    begin, end = before.arrays(), after.arrays()
+    parts = {name: part.reshape(part.shape + (1,) * (end[name].ndim - part.ndim)) for name in end}
+    return replace(after, **{name: end[name] + parts[name] * (end[name] - begin[name]) for name in end})
 
 
 def _inner(a: Floats, b: Floats) -> Floats:
