@@ -19,7 +19,8 @@ from scene_definition import BASE, Keys, L, Scene
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import CheckError, ConvergenceError, InputError
-from asperity.quasistatic.checkpoint import Checkpoint, identity
+from asperity.quasistatic.checkpoint import Checkpoint
+from asperity.quasistatic.checkpoint_identity import identity
 from asperity.quasistatic.solve_contact import MeshSize, make_block
 from asperity.run_case import run
 from asperity.runtime.run_folder import CHECKPOINT, CURVE, SUMMARY
