@@ -166,7 +166,7 @@ class InertialKernels:
 
 
 def consistent_mass(solid: Solid) -> Any:
-    """Integrals of products of shape functions over this process's cells: SciPy CSR on the sparsity (nodes, nodes)."""
+    """Integrals of products of shape functions over this rank's cells: SciPy CSR on the sparsity (nodes, nodes)."""
     from scipy import sparse
 
     points, weights = quadrature(MASS_DEGREE)

@@ -17,7 +17,7 @@ COERCIVE = 3.0  # gamma from which theta = 1 is coercive: 2 where cells are stra
 
 
 def too_small(gamma: float, theta: int) -> str:
-    """Why a factor of Nitsche's method is refused: the tangent may be indefinite; empty for a factor that serves.
+    """Reason to refuse a factor of Nitsche's method, whose tangent may be indefinite; empty for a legal factor.
 
     Where traces are at most tau^2 = COERCIVE/gamma of the energy, full contact is coercive for (1 + theta) tau < 2.
 
@@ -45,14 +45,14 @@ class PressureContact:
     map at the quadrature points, with a history of their own.
 
     The penalty method has M = E and h the diameter of the facet. Nitsche's has M = lambda + 2 mu, the stiffness along
-    the normal, which grows without bound towards nu = 0.5 (Hansbo & Larson, Comput. Methods Appl. Mech. Engrg. 191
+    the normal, which is unbounded towards nu = 0.5 (Hansbo & Larson, Comput. Methods Appl. Mech. Engrg. 191
     (2002) 1895), and h = 3 |K|/|F| the height of the cell over the facet: t^2 is at most (lambda + 2 mu) sigma:eps, and
     the mean of the square of a linear stress over a facet at most 8/3 of that over the cell (Warburton & Hesthaven,
     ibid. 192 (2003) 2765), so theta = 1 is coercive for gamma > 2 where cells are straight. Plastic flow only lowers
-    the stiffness along the normal: the elastic one serves there too.
+    the stiffness along the normal, so the elastic one is sufficient there too.
 
     Args:
-        solid, top: what is pressed
+        solid, surface: block and its contact surface
         factor: dimensionless beta (penalty) or gamma (Nitsche)
         traction: k
         theta: 0 unless Nitsche's method for an elastic solid
@@ -65,7 +65,7 @@ class PressureContact:
     def __init__(
         self,
         solid: Solid,
-        top: ContactSurface,
+        surface: ContactSurface,
         factor: float,
         *,
         traction: bool,
@@ -79,15 +79,15 @@ class PressureContact:
             )
         if traction and (small := too_small(factor, theta)):
             raise InputError(small)
-        self._solid, self._top = solid, top
-        self._rule = FacetRule(top, FACET_DEGREE) if rule is None else rule
+        self._solid, self._surface = solid, surface
+        self._rule = FacetRule(surface, FACET_DEGREE) if rule is None else rule
         self.symmetric, self.stiff = not traction or theta == 1, True
         points = self._rule.weights.shape
         if traction:
             lam, mu = solid.material.lame
-            modulus, h = lam + 2.0 * mu, 3.0 * solid.kernels.volumes[top.cells].sum(axis=1) / top.area
+            modulus, h = lam + 2.0 * mu, 3.0 * solid.kernels.volumes[surface.cells].sum(axis=1) / surface.area
         else:
-            modulus, h = solid.material.E, top.diameter
+            modulus, h = solid.material.E, surface.diameter
         self._law = _solver.ContactLaw(
             _solver.J2(*solid.material.parameters),
             factor * modulus * 4.0 / h,
@@ -96,9 +96,9 @@ class PressureContact:
             float(theta),
         )
         self._has_history = traction and solid.material.plastic
-        rows = len(top.cells) if self._has_history else 0
+        rows = len(surface.cells) if self._has_history else 0
         self._committed, self._trial = History.zeros(rows, points[1]), History.zeros(rows, points[1])
-        self._pattern = _solver.BlockPattern(top.cell_nodes, solid.sparsity.indptr, solid.sparsity.indices)
+        self._pattern = _solver.BlockPattern(surface.cell_nodes, solid.sparsity.indptr, solid.sparsity.indices)
         self._z = np.inf
         self.points = np.zeros(points)  # pressure at the quadrature points (facets, points)
 
@@ -141,11 +141,11 @@ class PressureContact:
         self._committed.assign(self._trial)
 
     def sinking(self) -> float:
-        # at the points, where the law holds; how deep a node between them lies tells of the size of the facets
-        uz = self._solid.u.x.array.reshape(-1, 3)[self._top.nodes, 2]
-        pressed = self.points > 0.0
-        depth = (self._rule.height + self._rule.at_points(uz) - self._z)[pressed]
-        return float(np.sum((self._rule.weights * self.points)[pressed] * depth))
+        # at the points, where the law holds; the penetration of a node between them depends on the size of the facets
+        uz = self._solid.u.x.array.reshape(-1, 3)[self._surface.nodes, 2]
+        touched = self.points > 0.0
+        depth = (self._rule.height + self._rule.at_points(uz) - self._z)[touched]
+        return float(np.sum((self._rule.weights * self.points)[touched] * depth))
 
     def history(self) -> History | None:
         return self._committed if self._has_history else None
@@ -154,5 +154,5 @@ class PressureContact:
         self._committed.assign(history)
 
     def area(self) -> Area:
-        """Area of the quadrature points under pressure."""
-        return self._top.area_of(self.points > 0.0, self._rule.weights)
+        """Area of the quadrature points under pressure; collective."""
+        return self._surface.area_of(self.points > 0.0, self._rule.weights)

@@ -12,12 +12,12 @@ _PAIRS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # sum over both off-diagonal 
 
 
 def energies(solid: Solid, force: Floats) -> tuple[float, float]:
-    """Stored elastic and dissipated plastic energy over the committed history [E L^3]; of this rank's part.
+    """Stored elastic and dissipated plastic energy over the committed history [E L^3]; part of this rank.
 
     With isotropic hardening the dissipated energy sigma_0 a + H a^2/2 follows from the accumulated plastic strain a.
 
     Args:
-        solid: in the state meant
+        solid: in the state to measure
         force: its internal force on the owned nodes (owned, 3) [E L^2]
     """
     u = solid.u.x.array.reshape(-1, 3)
@@ -36,7 +36,7 @@ def energies(solid: Solid, force: Floats) -> tuple[float, float]:
 def plastic_work(solid: Solid, before: History) -> tuple[float, float]:
     """Plastic work of a step, sum sigma : d eps_p [E L^3], and the greatest decrease of the accumulated plastic strain.
 
-    Of this rank's part; zero for an elastic solid.
+    Part of this rank; zero for an elastic solid.
 
     Args:
         solid: after the step, its history committed

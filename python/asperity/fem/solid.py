@@ -1,7 +1,7 @@
 """The deformable block: displacement space, internal force, tangent, history.
 
 Inside the solver lengths are in units of the side L and stresses in units of E, so tolerances mean the same for
-every case. History is written to a trial copy with each residual and becomes the committed one by `commit` only.
+every case. Each residual writes a trial history; `commit` alone makes it the committed one.
 """
 
 from __future__ import annotations
@@ -26,16 +26,25 @@ class Solid:
     """Second-order displacement on a distributed mesh, clamped base, rollers or free sides.
 
     Args:
-        mesh, tags: what `mesh.distribute` gave
+        mesh, tags: returned by `mesh.distribute`
         material: with stresses in units of E
         sides: "rollers" (no normal displacement) or "free"
         kernels: "compiled" or "ufl"
-        phases: collects where the time goes
+        phases: collects the time spent in each phase
 
     Attributes:
-        sparsity: sparsity of this process's part of the tangent
-        values: of that part, the sum of the parts being the tangent
-        version: how often `values` were written
+        u, force: displacement [L] and internal force [E L^2], functions of dolfinx
+        owned, nodes: number of owned displacement nodes, and with ghosts
+        dofs: degrees of freedom of all ranks
+        points: coordinates of the nodes (nodes, 3) [L]
+        cell_nodes: displacement nodes of the owned cells (cells, 10)
+        fixed: owned dofs without displacement
+        base: owned nodes on the clamped base
+        kernels: internal force, tangent and history of the cells
+        ghosts: ghost update of nodal values
+        sparsity: of this rank's part of the tangent
+        values: of that part; the tangent is the sum of the parts of all ranks
+        version: number of times `values` were written
     """
 
     def __init__(
@@ -108,11 +117,11 @@ class Solid:
         return PETSc.Vec().createMPI((3 * self.owned, self.dofs), bsize=3, comm=self.comm)
 
     def scatter_forward(self, values: Floats) -> Floats:
-        """Owned dof values (3 owned,) as a nodal array with ghosts (nodes, 3); collective."""
+        """Nodal array with ghosts (nodes, 3) of owned dof values (3 owned,); collective."""
         return self.ghosts.scatter_forward(values.reshape(-1, 3)).copy()
 
     def scatter_reverse(self, values: Floats) -> Floats:
-        """Nodal values (nodes, k) summed over the processes that hold a part: (owned, k); collective."""
+        """Sum nodal values (nodes, k) over the ranks that hold a part; at the owned nodes (owned, k); collective."""
         return self.ghosts.scatter_reverse(values).copy()
 
     def internal_force(self) -> Floats:
@@ -127,10 +136,10 @@ class Solid:
         return b.reshape(-1, 3)[: self.owned]
 
     def assemble_tangent(self, add: Callable[[], None] | None = None) -> None:
-        """Bring `values` to the state of the last internal force, without boundary conditions.
+        """Write the tangent at the state of the last internal force to `values`, without boundary conditions.
 
         Args:
-            add: adds what else there is to `values`, if there is anything
+            add: adds the stiffness of the contact to `values`
         """
         if self.version and self.kernels.linear and add is None:
             return

@@ -1,4 +1,4 @@
-"""The sum of all ranks' parts of a tangent as a PETSc matrix, with the rigid-body modes as near-null space."""
+"""Assembled tangent: the sum of the parts of all ranks as a PETSc matrix, and its rigid-body modes."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from asperity.fem.sparsity import SparsityPattern
 
 
 class NodeMatrix:
-    """PETSc matrix over the local CSR: shared memory in one process, added up from the parts of several.
+    """PETSc matrix of the local CSR matrices: it shares the values on one rank, and is their sum on several ranks.
 
     Args:
-        sparsity: sparsity of this process's part
+        sparsity: of this rank's part
         index_map: of the nodes
-        comm: of the processes
+        comm: of the ranks
 
     Attributes:
-        values: of this process's part, in the order of `sparsity.columns`
-        A: the matrix; in one process it works on `values`, and an elimination changes them
+        values: of this rank's part, in the order of `sparsity.columns`
+        A: the matrix; on one rank it shares `values`, and an elimination changes them
     """
 
     def __init__(self, sparsity: SparsityPattern, index_map: Any, comm: Any) -> None:
@@ -44,7 +44,7 @@ class NodeMatrix:
         self.A.setLGMap(lgmap, lgmap)
 
     def assemble(self) -> None:
-        """Bring `values` to the matrix; collective."""
+        """Assemble the matrix from `values`; collective."""
         from petsc4py import PETSc
 
         if self._comm.size > 1:
@@ -54,7 +54,7 @@ class NodeMatrix:
 
 
 def assembled(solid: Solid) -> Any:
-    """The current tangent of a solid as a matrix of PETSc of its own; collective."""
+    """Copy of the current tangent of a solid as a PETSc matrix; collective."""
     matrix = NodeMatrix(solid.sparsity, solid.V.dofmap.index_map, solid.comm)
     np.copyto(matrix.values, solid.values)
     matrix.assemble()
@@ -62,7 +62,7 @@ def assembled(solid: Solid) -> Any:
 
 
 def set_rigid_modes(A: Any, points: Floats) -> None:
-    """Give A the rigid-body modes of its nodes `points` (n, 3), ghosts last, as the near-null space multigrid needs."""
+    """Set the near-null space that multigrid needs: the rigid-body modes of the nodes `points` (n, 3), ghosts last."""
     from petsc4py import PETSc
 
     basis: list[Any] = []

@@ -18,32 +18,32 @@ if TYPE_CHECKING:
     from asperity.fem.solid import Solid
 
 
-SINGLE_RTOL = 1e-5  # tolerance from which on a product in single precision is exact enough
+SINGLE_RTOL = 1e-5  # smallest tolerance for which a product in single precision is exact enough
 LU_LIMIT = 6_000  # dofs below which a factorisation beats CG with multigrid (benchmarks/linear.py)
-DIRECT_LIMIT = 200_000  # dofs up to which a factorisation may stand in for an iterative solver that fails
+DIRECT_LIMIT = 200_000  # dofs up to which a factorisation may replace an iterative solver that fails
 KINDS = ("auto", "lu", "cg", "gamg")
 PREFIX, RESCUE_PREFIX = "asperity_linear_", "asperity_rescue_"
-#: Memory beyond what MUMPS foresees, in per cent: what its scheduling needs on several ranks depends on their speed.
+#: Memory beyond the estimate of MUMPS, in per cent: on several ranks the need depends on the speed of each.
 WORKSPACE = 100
 
 
 class LinearSolver:
     """Solves A y = r with some dofs of y prescribed, A the tangent of a solid; collective.
 
-    Where CG, GMRES or Cholesky's method fails, because the matrix is nearly singular or indefinite, the system is
-    factorised by LU, and so are those that follow in the same step.
+    Where CG, GMRES or Cholesky's method fails, because the matrix is nearly singular or indefinite, LU factorises the
+    system and those that follow in the same step.
 
     Args:
-        solid: whose tangent is solved with
+        solid: owner of the tangent
         kind: "lu" (MUMPS), "cg" (p-multigrid), "gamg" (algebraic multigrid), or "auto", which takes "lu" for small
             problems and "cg" for others
         symmetric: whether the matrix is symmetric and positive definite: Cholesky and CG, else LU and GMRES
-        rtol: smallest tolerance that will be asked for
+        rtol: smallest tolerance that will be requested
 
     Attributes:
         operator: the tangent as a matrix of PETSc
         rescue: whether systems are factorised because the solver failed in this step
-        rescued: systems that were factorised for that
+        rescued: number of systems factorised for that reason
 
     Raises:
         InputError: unknown kind
@@ -66,7 +66,7 @@ class LinearSolver:
         self.operator = self._method.operator
 
     def forget(self) -> None:
-        """Let the next solve depend on its system alone, not on those before, as after a restart."""
+        """Make the next solve independent of those before, as after a restart."""
         self._method.forget()
 
     def solve(self, r: Any, rows: Integers, values: Floats, y: Any, rtol: float) -> tuple[int, bool]:
@@ -95,7 +95,7 @@ class LinearSolver:
                 _, solved = self._direct.solve(r, rows, values, y, rtol)
             self.rescue = True
             self.rescued += 1
-        # an iterative solver only meets them to its tolerance
+        # an iterative solver meets prescribed values only to its tolerance
         y.array[rows] = 0.0
         y.array[rows[len(rows) - len(values) :]] = values
         return iterations, solved
