@@ -1,6 +1,6 @@
-"""A rigid mass vibrating on the block itself: the full solid in time, against which the one-degree model is held.
+"""Rigid mass vibrating on the full block: the dynamic solution with which the one-degree model is compared.
 
-The flat carries a mass and moves as its one degree of freedom; the block has inertia. Both advance by the
+The flat carries a mass and has one degree of freedom; the block has inertia. Both advance by the
 generalised-alpha method in the form of Arnold & Bruels (Multibody Syst. Dyn. 18 (2007) 185), which is that of Chung &
 Hulbert (J. Appl. Mech. 60 (1993) 371) with the average taken of accelerations instead of forces:
 
@@ -8,9 +8,9 @@ Hulbert (J. Appl. Mech. 60 (1993) 371) with the average taken of accelerations i
     (1 - alpha_m) a' + alpha_m a = (1 - alpha_f) w' + alpha_f w,
     x' = x + h v + h^2 [(1/2 - beta) a + beta a'],    v' = v + h [(1 - gamma) a + gamma a'].
 
-So contact holds, and history is committed, exactly where the displacement stands, and a step is a static solve of the
-press with the stiffness of the inertia added. The method is of second order; plastic flow adds backward Euler's first
-order while it lasts.
+So the contact conditions hold, and history is committed, exactly at the displacement, and a step is a static solve of
+the contact solver with the stiffness of the inertia added. The method is of second order; during plastic flow the
+first order of backward Euler prevails.
 
 Units: lengths in L, stresses in E, any unit of time T; so forces are in E L^2, masses in E L T^2, the density in
 E T^2/L^2.
@@ -35,10 +35,10 @@ from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.runtime import compat
 
 MASS_DEGREE = 6  # of the quadrature of the consistent mass: second-order shapes squared, on curved cells
-PLATE_TOLERANCE = 1e-7  # unbalanced force on the plate over the greatest of the forces on it
-PLATE_ROUNDING = 1e-13  # the same over the force that would move it by its position within the step
+PLATE_TOLERANCE = 1e-7  # unbalanced force on the plate over the greatest force on it
+PLATE_ROUNDING = 1e-13  # unbalanced force over the force that would move the plate by its position within a step
 PLATE_ITERATIONS = 20
-LARGEST_CUT = 8  # parts into which a step is cut before a run gives up
+LARGEST_CUT = 8  # greatest number of parts of a step before a run stops
 
 
 @dataclass(frozen=True)
@@ -46,15 +46,20 @@ class Scheme:
     """Parameters of the generalised-alpha method for a spectral radius at infinite frequency.
 
     Linear motion far below 1/h is hardly damped for any of them (the damping ratio is of third order in omega h).
-    What the step cannot resolve is damped by a factor `rho_inf` per step: with 1, the energy of a linear solid is
-    kept, but the force of a node that meets the plate rings from step to step forever, for its velocity jumps and
-    nothing takes the jump out again; with 0 the first modes of the block suffer. docs/transient.md is with 0.8.
+    Motion that the step cannot resolve is damped by a factor `rho_inf` per step. With 1, the energy of a linear solid
+    is conserved, but the force of a node that meets the plate oscillates from step to step without end, because its
+    velocity jumps and no damping removes the jump. With 0, the first modes of the block are damped too.
+    docs/transient.md uses 0.8.
 
     Attributes:
         rho_inf: in [0, 1]
 
     Raises:
         InputError: rho_inf is outside [0, 1]
+
+    Examples:
+        >>> Scheme(1.0).alphas
+        (0.5, 0.5)
     """
 
     rho_inf: float = 0.8
@@ -78,7 +83,7 @@ class Scheme:
 
 @dataclass(frozen=True)
 class Motion:
-    """Position x, velocity v, acceleration w and the averaged acceleration a of a point, or of many (arrays)."""
+    """Position x, velocity v, acceleration w and averaged acceleration a of a point, or of many (arrays)."""
 
     x: Any
     v: Any
@@ -93,7 +98,7 @@ class Motion:
         return predicted - (m * self.a - f * self.w) / ((1.0 - f) * c), c
 
     def at(self, x: Any, scheme: Scheme, h: float) -> Motion:
-        """The motion a step h later, when the position is `x`."""
+        """Motion after a step h to the position `x`."""
         beta, gamma = scheme.newmark
         anchor, c = self.anchor(scheme, h)
         a = (x - self.x - h * self.v) / (beta * h * h) - (0.5 / beta - 1.0) * self.a
@@ -142,7 +147,7 @@ class InertialKernels:
         return self.inner.plastic_points
 
     def add_internal_force(self, u: Floats, b: Floats) -> None:
-        """See `solid.ElementKernels`; so for the methods below."""
+        """See `fem.kernels.ElementKernels`; so for the methods below."""
         self.inner.add_internal_force(u, b)
         if self.shift:
             b += self.shift * (self.mass @ (u - self.anchor))
@@ -166,7 +171,7 @@ class InertialKernels:
 
 
 def consistent_mass(solid: Solid) -> Any:
-    """Integrals of products of shape functions over this rank's cells: SciPy CSR on the sparsity (nodes, nodes)."""
+    """Integrals of products of shape functions over the cells of this rank, SciPy CSR (nodes, nodes) [L^3]."""
     from scipy import sparse
 
     points, weights = quadrature(MASS_DEGREE)
@@ -185,7 +190,7 @@ def consistent_mass(solid: Solid) -> Any:
 
 @dataclass(frozen=True)
 class TimeSeries:
-    """What a run recorded, a row per step and one for the start; the same on all ranks.
+    """Record of a run, a row per step and one for the start (n,); the same on all ranks.
 
     Attributes:
         time: [T]
@@ -194,7 +199,7 @@ class TimeSeries:
         force: of contact [E L^2]
         energy: kinetic of plate and block, stored and dissipated in the block [E L^3]
         supplied: work of load, forcing and dashpot on the plate since the start, in `energy` at the start [E L^3]
-        newton: Newton iterations
+        newton: number of Newton iterations
     """
 
     time: Floats
@@ -207,16 +212,17 @@ class TimeSeries:
 
 
 class Transient:
-    """The plate of a press with a mass, a constant load and a dashpot to ground, on a block with inertia; collective.
+    """Plate with a mass, a constant load and a dashpot to ground, on a block with inertia; collective.
 
         m q'' + c q' + P = W + F(t)
 
-    It starts where the press stands and takes it over: its solid keeps the inertia. Each step solves the block for
-    positions of the plate until the plate's own equation holds, by the secant method. That converges at once, for
-    the part of P in that equation is (omega h)^2/4, with omega the frequency of the mass on the contact.
+    The motion starts in the state of the contact solver. From then on the solid of this solver has inertia. Each step
+    solves the block for positions of the plate until the equation of the plate holds, by the secant method. That takes
+    few iterations, because the part of P in the equation is (omega h)^2/4, with omega the frequency of the mass on the
+    contact.
 
     Args:
-        solver: in equilibrium, at the position the plate is let go
+        solver: in equilibrium, at the position where the plate is released
         density: of the block [E T^2/L^2]
         mass: of the plate [E L T^2]
         load: W [E L^2]; 0 for a free impact
@@ -224,7 +230,7 @@ class Transient:
         scheme: of integration
 
     Attributes:
-        added_mass: of the block, which adds to that of the plate as long as the block follows quasi-statically:
+        added_mass: of the block, adds to the mass of the plate as long as the block follows quasi-statically:
             omega falls by sqrt(1 + added_mass/mass) (Rayleigh) [E L T^2]
 
     Raises:
@@ -258,7 +264,7 @@ class Transient:
         self.start()
 
     def start(self, velocity: float = 0.0, shape: Floats | None = None) -> None:
-        """Let the plate go from where the press stands; collective.
+        """Release the plate at the position of the contact solver; collective.
 
         Velocity and first acceleration of the block are those of the plate times a shape. The acceleration follows
         from the balance of forces projected on that shape, which is exact for the shape of a mode.
@@ -284,12 +290,15 @@ class Transient:
         self.plate = Motion(solver.delta, velocity, w, w)
 
     def run(self, duration: float, h: float, forcing: Callable[[float], float] | None = None) -> TimeSeries:
-        """Integrate on with steps `h`; may be called again to go on; collective.
+        """Integrate with steps `h`; another call continues; collective.
 
         Args:
             duration: [T]; rounded up to whole steps
-            h: time step [T]; a fiftieth of the period of the mass on its contact is good to about 0.1 %
+            h: time step [T]; a fiftieth of the period of the mass on its contact gives errors of about 0.1 %
             forcing: F(t) [E L^2], t from the first start
+
+        Returns:
+            record from the current time to the end of the duration
 
         Raises:
             InputError: duration or h is not positive
@@ -311,7 +320,7 @@ class Transient:
         return TimeSeries(time, approach, velocity, force, energy, supplied, self.solver.counts.newton - newton)
 
     def _advance(self, h: float, push: Callable[[float], float], end: float) -> None:
-        """Go on to the time `end` by steps of `h`, halved where one does not converge."""
+        """Integrate to the time `end` by steps of `h`, halved where one does not converge."""
         smallest = h / LARGEST_CUT
         while self.time < end - 1e-9 * h:
             try:
@@ -323,7 +332,7 @@ class Transient:
                 h *= 0.5
 
     def step(self, h: float, push: float) -> None:
-        """One step `h`, at whose end the forcing is `push` [E L^2]."""
+        """Make one step `h`; the forcing at its end is `push` [E L^2]."""
         solver, scheme = self.solver, self.scheme
         anchor, self.kernels.shift = self.block.anchor(scheme, h)
         self.kernels.anchor = solver.solid.scatter_forward(anchor.ravel())
@@ -332,7 +341,7 @@ class Transient:
         drive = self.load + push
 
         def balance(q: float) -> float:
-            """Force that plate and dashpot take at q, beside the contact."""
+            """Residual of the plate at q without the contact force [E L^2]."""
             return self.mass * c * (q - q_anchor) + self.dashpot * self.plate.at(q, scheme, h).v - drive
 
         stiffness = self.mass * c + self.dashpot * gamma / (beta * h)
@@ -349,7 +358,7 @@ class Transient:
                 break
             force, guess = solver.solved_force(), solver.newton.x.array_r.reshape(-1, 3).copy()
             unbalanced = balance(q) + force
-            # in a free impact there is no load, and in its flight no force at all
+            # a free impact has no load, and no force at all in its flight
             greatest = max(self.load, abs(drive), abs(force), abs(self._force), self.mass * abs(self.plate.w))
             rounding = PLATE_ROUNDING * stiffness * max(abs(q), abs(self.plate.x))
             if abs(unbalanced) <= PLATE_TOLERANCE * greatest + rounding:
@@ -366,7 +375,7 @@ class Transient:
 
     def _accept(self, q: float, u: Floats, force: float, h: float) -> None:
         self.plate, self.block = self.plate.at(q, self.scheme, h), self.block.at(u, self.scheme, h)
-        held = self.solver.newton.rows  # they move with the plate from the moment they touch it
+        held = self.solver.newton.rows  # nodes in contact move with the plate
         for of_block, of_plate in (
             (self.block.v, self.plate.v),
             (self.block.w, self.plate.w),

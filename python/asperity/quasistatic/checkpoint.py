@@ -36,13 +36,13 @@ FORMAT = 3  # 3: digests; the tolerance of the equations belongs to the case
 
 
 class Checkpoint:
-    """Folder for the state of one load path; all methods are collective.
+    """Folder with the state of one load path; all methods are collective.
 
     Args:
-        folder: receives the files; made when needed
-        identity: what the run depends on, see `identity`
+        folder: for the files; made when needed
+        identity: keys that the run depends on, see `checkpoint_identity.identity`
         comm: ranks of the run
-        interval: accepted steps from one save to the next, 0 to save nothing
+        interval: number of accepted steps between two saves; 0 saves nothing
     """
 
     def __init__(self, folder: Path, identity: Mapping[str, Any], comm: MPI.Comm, interval: int = 1) -> None:
@@ -56,7 +56,7 @@ class Checkpoint:
         return Checkpoint(self.folder / name, self._identity, self._comm, self.interval)
 
     def clear(self) -> None:
-        """Remove what an earlier run left, and nothing else."""
+        """Remove the files of an earlier run, and no others."""
 
         def remove() -> None:
             for folder in sorted(self.folder.glob("**/"), reverse=True):  # those inside first
@@ -64,13 +64,13 @@ class Checkpoint:
                 for name in (STATE, MESH, SNAPSHOT.format("*")):
                     for path in folder.glob(name):
                         path.unlink(missing_ok=True)
-                with suppress(OSError):  # it holds what is somebody else's
+                with suppress(OSError):  # it holds files of others
                     folder.rmdir()
 
         on_root(self._comm, remove)
 
     def found(self) -> bool:
-        """Whether there is a state to continue from.
+        """Whether there is a state to resume from.
 
         Raises:
             CheckpointError: there is one, but it is damaged, of another case or of a newer version
@@ -133,7 +133,7 @@ class Checkpoint:
         return meta, arrays
 
     def begin(self, block: BlockMesh | None) -> None:
-        """Write the mesh, held by rank 0.
+        """Write the mesh, which rank 0 holds.
 
         Raises:
             OutputError: it cannot be written
@@ -191,7 +191,7 @@ class Checkpoint:
 
 
 def signed(meta: Mapping[str, Any], arrays: Mapping[str, Array]) -> dict[str, Array]:
-    """Content of the file of a state."""
+    """Content of state.npz: numbers, arrays and their digest."""
     content = {"meta": _letters(json.dumps(meta, default=float)), **arrays}
     return {**content, "digest": _letters(_digest(content))}
 
@@ -204,13 +204,13 @@ def _read_npz(path: Path, digest: str | None = None) -> dict[str, Array]:
     try:
         arrays = read_npz(path)
     except FileNotFoundError:
-        raise CheckpointError(f"{path} is missing; start the run anew with --force") from None
+        raise CheckpointError(f"{path} is missing; start the run again with --force") from None
     except OSError as error:
         raise damaged(path, error.strerror or "it cannot be read") from None
     except ValueError as error:
         raise damaged(path, str(error)) from None
     if digest is not None and digest != _digest(arrays):
-        raise CheckpointError(f"{path} does not belong to the state beside it; start the run anew with --force")
+        raise CheckpointError(f"{path} does not belong to the state in this folder; start the run again with --force")
     return arrays
 
 

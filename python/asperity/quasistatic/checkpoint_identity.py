@@ -1,4 +1,4 @@
-"""What the state of a run depends on: the keys of its case, compared with those of the case that resumes it."""
+"""Identity of a run: the keys of the case that its state depends on, compared when another run resumes it."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from asperity.errors import CheckpointError
 if TYPE_CHECKING:
     from asperity.case import Case
 
-#: Sections and keys that may differ between a run and its continuation, for the curve stays what it is to the tolerance
-#: of the equations; loading.cycles may also grow.
+#: Sections and keys that a continuation may change, because they change the curve only within the tolerance of the
+#: equations; loading.cycles may also grow.
 CHANGEABLE = frozenset(
     {"units", "dynamics", "output", "solver.kernels", "solver.linear", "accuracy.max_seconds", "accuracy.max_dofs"}
 )
@@ -24,7 +24,7 @@ FILES = ("surface.path", "mesh.file")
 
 
 def identity(case: Case) -> dict[str, Any]:
-    """Keys of a case that its checkpoint depends on, with their values; files count by their content."""
+    """Keys of a case that its checkpoint depends on, with their values; SHA-256 of the content for a file."""
     keys: dict[str, Any] = {}
     for section, table in case.to_dict().items():
         if section not in CHANGEABLE:
@@ -36,7 +36,7 @@ def identity(case: Case) -> dict[str, Any]:
 
 
 def differences(saved: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """Keys that forbid a continuation, in words."""
+    """Differences that forbid a continuation, one phrase for each key."""
     found = []
     for name in sorted({*saved, *now}):
         old, new = saved.get(name), now.get(name)
@@ -54,16 +54,16 @@ def refuse_another(path: Path, saved: Mapping[str, Any], now: Mapping[str, Any])
     """Refuse to continue a run under another case.
 
     Args:
-        path: of the file that tells the case of the run
-        saved, now: identities of the case there and of this one, see `identity`
+        path: of the file with the case of the saved run
+        saved, now: identities of that case and of the current one, see `identity`
 
     Raises:
-        CheckpointError: they differ in what matters
+        CheckpointError: they differ in a key that changes the result
     """
     different = differences(saved, now)
     if different:
         raise CheckpointError(
             f"{path} belongs to another case: {'; '.join(different[:3])}"
             + (f"; and {len(different) - 3} more keys" if len(different) > 3 else "")
-            + "; resume with the case it was made for, or start anew with --force"
+            + "; resume with the case it was made for, or start again with --force"
         )

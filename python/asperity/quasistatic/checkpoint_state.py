@@ -1,6 +1,6 @@
-"""State of a contact solver as plain arrays and numbers: gathered to save it, compared and spread to restore it.
+"""State of a contact solver as plain arrays and numbers: gathered for a checkpoint, checked and restored from one.
 
-Arrays are on rank 0, in the numbering of the mesh as built, so the number of ranks may change from save to restore.
+Arrays are on rank 0, in the numbering of the mesh as built, so the number of ranks may differ between the two.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ from asperity.quasistatic.stepping import Position, Record
 from asperity.runtime.files import on_root
 from asperity.runtime.run_folder import SNAPSHOT, STATE
 
-OF_CELLS = ("stress", "plastic_strain")  # fields of a snapshot with a row a cell
+OF_CELLS = ("stress", "plastic_strain")  # fields of a snapshot with a row per cell
 OF_CONTACT = "contact."  # prefix of the names of the contact's history
 
 
 @dataclass(frozen=True)
 class Saved:
-    """What a checkpoint holds; the arrays and the mesh on rank 0 only.
+    """Content of a checkpoint; the arrays and the mesh on rank 0 only.
 
     Attributes:
-        folder: where it was read
+        folder: from which it was read
         meta: position, rows, counts and all other numbers
         arrays: fields by name
         snapshots: fields of each snapshot
@@ -56,7 +56,14 @@ class Saved:
     block: BlockMesh | None
 
     def restore(self, solver: ContactSolver, record: Record) -> Position:
-        """Put `solver`, on the same mesh and at its initial state, and `record` into the saved state; collective.
+        """Restore the saved state; collective.
+
+        Args:
+            solver: on the same mesh, in its initial state
+            record: receives rows, snapshots and map of first contact
+
+        Returns:
+            position on the load path
 
         Raises:
             CheckpointError: the arrays are not those of `solver`
@@ -102,7 +109,7 @@ class Saved:
         return ("last",) if self.meta["press"]["before"] is None else ("last", "previous")
 
     def _judge(self, solver: ContactSolver, first_contact: FirstContact) -> None:
-        """Make sure that the arrays are those that `solver` would save."""
+        """Refuse arrays of other names, types or shapes than those that `solver` would save; collective."""
         fresh = solver_fields(solver, first_contact)
         fields = snapshot_fields(solver, snapshot(solver, 0, "load")) if self.meta["snapshots"] else {}
 
@@ -154,7 +161,7 @@ def solver_fields(solver: ContactSolver, first_contact: FirstContact) -> dict[st
 
 
 def solver_numbers(state: SolverState) -> dict[str, Any]:
-    """The numbers of a state, plain values for JSON."""
+    """Numbers of a state as plain values for JSON."""
     numbers = asdict(replace(state, displacement=None, previous=None))  # type: ignore[arg-type]
     return {name: value for name, value in numbers.items() if name not in ("displacement", "previous")}
 
@@ -167,7 +174,7 @@ def _displacements(state: SolverState) -> dict[str, Array]:
 
 
 def _state(numbers: Mapping[str, Any], displacements: Mapping[str, Array]) -> SolverState:
-    """The state of numbers and displacements."""
+    """Inverse of `solver_numbers` and `_displacements`."""
     counts, checks = Counts(**numbers["counts"]), Checks.from_dict(numbers["checks"])
     last, previous = displacements["last"], displacements.get("previous")
     return SolverState(**{**numbers, "counts": counts, "checks": checks}, displacement=last, previous=previous)
@@ -193,4 +200,4 @@ def snapshot_fields(solver: ContactSolver, snapshot: Snapshot) -> dict[str, Arra
 
 
 def damaged(path: Path, reason: str) -> CheckpointError:
-    return CheckpointError(f"{path} is damaged: {reason}; start the run anew with --force")
+    return CheckpointError(f"{path} is damaged: {reason}; start the run again with --force")

@@ -21,14 +21,14 @@ from asperity.quasistatic.newton import NewtonSolver, SolverOptions, StepStats
 
 @dataclass
 class Counts:
-    """Totals of a run, what was needed to converge in the order in which it is tried.
+    """Totals of a run; the means of convergence in the order in which they are tried.
 
     Attributes:
         steps: accepted steps
         newton, krylov: iterations
-        shortened: Newton steps that the line search made shorter
+        shortened: Newton steps that the line search shortened
         direct: linear systems factorised because the iterative solver failed
-        cutbacks: solves given up and repeated with half the step
+        cutbacks: failed solves, repeated with half the step
     """
 
     steps: int = 0
@@ -41,13 +41,13 @@ class Counts:
 
 @dataclass(frozen=True)
 class SolverState:
-    """State between two steps; with the histories of the solid and of the contact it determines all that follows.
+    """State between two steps. Together with the histories of solid and contact it determines all later steps.
 
-    The numbers are the same on all ranks, the displacements those of this rank's owned nodes.
+    The numbers are the same on all ranks; the displacements are those of the owned nodes of this rank.
 
     Attributes:
         delta, force: of the last accepted step [L], [E L^2]
-        before: approach of the step before; None when the next step is not predicted from two [L]
+        before: approach of the step before [L]; None when the next step is not predicted from two
         led: whether the committed history is extrapolated beyond the displacement
         counts, checks: over all steps so far
         displacement: of the last step (owned, 3) [L]
@@ -65,21 +65,21 @@ class SolverState:
 
 
 class ContactSolver:
-    """A solid under a rigid flat, driven step by step; collective.
+    """Solid under a rigid flat, solved step by step; collective.
 
     The approach counts from first touch of the undeformed surface. The state after each accepted step is the
     displacement of `solid` and its committed history; a failed step leaves both as they were.
 
     Args:
-        solid: what is pressed
-        contact_surface: its top
+        solid: deformable block
+        contact_surface: of the solid
         contact: formulation of the contact
         summit: height of the highest point of the surface [L]
-        options: of the Newton solver
+        options: of Newton's method
 
     Attributes:
         delta, force: of the last accepted step [L], [E L^2]
-        nodal_force: of the flat on the owned nodes (owned,) [E L^2]
+        nodal_force: normal force of the flat on the owned nodes (owned,) [E L^2]
         pressure: at the local nodes, ghosts included (nodes,) [E]
         counts, checks: over all steps so far
     """
@@ -107,7 +107,7 @@ class ContactSolver:
         return stats
 
     def solve(self, delta: float) -> StepStats:
-        """Solve with the flat at `delta` and commit nothing; rolled back on failure."""
+        """Solve with the flat at `delta` without committing; rolled back on failure."""
         start = self._u
         if self._previous is not None:
             before, u = self._previous
@@ -133,7 +133,7 @@ class ContactSolver:
                 stats.direct,
             )
         if not stats.converged:
-            log.info("%s: given up after %d Newton steps, %s", where, stats.newton, stats.reason)
+            log.info("%s: no convergence after %d Newton steps, %s", where, stats.newton, stats.reason)
             self.roll_back()
         return stats
 
@@ -142,7 +142,7 @@ class ContactSolver:
         return float(self.solid.comm.allreduce(self.contact.nodal_force(self.newton.force).sum()))
 
     def roll_back(self) -> None:
-        """Put the displacement of the last accepted step back."""
+        """Restore the displacement of the last accepted step."""
         self.newton.x.array = self._u.reshape(-1)
         self.solid.set_displacement(self.newton.x)
 
@@ -182,7 +182,7 @@ class ContactSolver:
             solid.kernels.restore(midpoint.extrapolate(history, self._own, lead))
             if contact_before is not None and (contact_after := self.contact.history()) is not None:
                 self.contact.restore(midpoint.extrapolate(contact_before, contact_after, lead))
-            if self.contact.stiff:  # whose energy is judged by it; as after a restart
+            if self.contact.stiff:  # the energy balance of a compliant contact needs it, as after a restart
                 self._internal = solid.internal_force().copy()
         self.counts.steps += 1
 
@@ -223,12 +223,12 @@ class ContactSolver:
         return base
 
     def gap(self) -> Floats:
-        """Distance of each local node below the flat; only meaningful on the top (nodes,) [L]."""
+        """Distance of each local node below the flat, meaningful on the contact surface only (nodes,) [L]."""
         solid = self.solid
         return self.summit - self.delta - solid.points[:, 2] - solid.u.x.array.reshape(-1, 3)[:, 2]
 
     def release(self) -> StepStats:
-        """Lift the flat off; the approach becomes how much lower it would touch the deformed surface again."""
+        """Lift the flat off and commit; the new approach is that at which it would touch the deformed surface again."""
         self._previous = None
         self.contact.begin(np.inf)
         stats = self._solve("release", self._u, 0.0)
@@ -237,7 +237,7 @@ class ContactSolver:
         return stats
 
     def _highest(self) -> float:
-        """Height of the highest node of the top above the base, displacement included [L]; collective."""
+        """Height of the highest node of the deformed contact surface above the base [L]; collective."""
         from mpi4py import MPI
 
         nodes = self.contact_surface.owned_nodes
@@ -250,13 +250,13 @@ class ContactSolver:
         return self.solid.kernels.history() if self._own is None else self._own
 
     def state(self) -> SolverState:
-        """State beside the histories; later steps do not change it."""
+        """Copy of the state without the histories."""
         before, previous = self._previous or (None, None)
         counts, checks = deepcopy(self.counts), deepcopy(self.checks)
         return SolverState(self.delta, self.force, before, self._led, counts, checks, self._u, previous)
 
     def restore(self, state: SolverState) -> None:
-        """Restore a state; the histories of solid and contact have been restored before; collective."""
+        """Restore a state returned by `state`, after the histories of solid and contact; collective."""
         self.delta, self._u, self._led = state.delta, state.displacement, state.led
         self.counts, self.checks = deepcopy(state.counts), deepcopy(state.checks)
         self._previous = None

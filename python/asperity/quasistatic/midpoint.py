@@ -1,4 +1,4 @@
-"""The midpoint rule of plasticity: the history extrapolated beyond each step, so that steps add up to second order."""
+"""Midpoint rule of plasticity: each step extrapolates the history, which makes the integration of second order."""
 
 from __future__ import annotations
 
@@ -13,16 +13,22 @@ GREATEST_LEAD = 2.0  # where a step is twice as long as the one before
 
 
 def lead(history: float | None, here: float, after: float | None) -> tuple[float, float | None]:
-    """Part of a step's plastic flow by which to extrapolate the history, and the approach it then stands for.
+    """Part of a step's plastic flow by which to extrapolate the history, and the approach of the new history.
 
     The history is extrapolated half-way to the next solve, so that steps of any lengths add up to the trapezoidal
-    rule. Where no solve follows, where none went before, or where a cut step fell behind the history, it stays with the
-    displacement.
+    rule. It is not extrapolated in the first and the last step of a loading, nor where a cut step is behind the history.
 
     Args:
-        history: approach that the committed history stands for [L]; None where it is at rest
+        history: approach of the committed history [L]; None at the beginning of a loading
         here: approach of the step [L]
         after: approach of the next one [L]; None after the last
+
+    Returns:
+        part of the flow, in [0, GREATEST_LEAD]; approach of the extrapolated history [L], None after the last step
+
+    Examples:
+        >>> lead(1.0, 2.0, 3.0)  # equal steps
+        (0.5, 2.5)
     """
     if after is None:
         return 0.0, None
@@ -37,13 +43,15 @@ def extrapolate(before: History, after: History, lead: float) -> History:
     """Extrapolate the plastic history beyond the step.
 
     Where the plastic strain is large compared with that of yield, the midpoint rule does not damp: an error of the
-    direction of flow changes its sign with every step and stays, and the work it does adds up. So the flow is
-    extrapolated only by the cosine of the angle to the plastic strain it adds to, which is one to second order where
-    flow is steady.
+    direction of flow changes sign with every step and persists, and its work accumulates. So the part is multiplied by
+    the cosine of the angle between the flow and the plastic strain, which is one to second order where flow is steady.
 
     Args:
-        before, after: at the beginning and at the end of the step
+        before, after: history at the beginning and at the end of the step
         lead: part of the flow
+
+    Returns:
+        new history; the arguments are unchanged
     """
     strain = before.plastic_strain
     flow = after.plastic_strain - strain
