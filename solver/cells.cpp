@@ -1,5 +1,5 @@
 // Kernels over cells, see cells.hpp. Each has one loop over cells and one over their quadrature points, the latter in
-// `Cells::at_points`; what depends on the material is a template over the law.
+// `Cells::at_points`; the parts that depend on the material are templates over the law.
 #include "cells.hpp"
 
 namespace asperity

@@ -13,7 +13,7 @@ J2::Response respond(const J2& material, const Sym& strain, const History& histo
   return material.respond(strain, history.accumulated.shape(0) == 0 ? J2::State{} : history.at(at));
 }
 
-/// Refuse a history that is neither of these facets nor empty.
+/// Refuse a history that is not empty and not of these facets.
 void expect_history(const char* name, const History& history, const Facets& facets)
 {
   if (history.accumulated.shape(0) > 0)

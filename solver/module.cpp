@@ -10,7 +10,7 @@ namespace
 {
 const auto unlocked = nb::call_guard<nb::gil_scoped_release>();
 
-/// An array that a kernel writes: never a converted copy.
+/// Array that a kernel writes, never a converted copy.
 nb::arg out(const char* name)
 {
   return nb::arg(name).noconvert();

@@ -133,7 +133,7 @@ class ContactSolver:
                 stats.direct,
             )
         if not stats.converged:
-            log.info("%s: no convergence after %d Newton steps, %s", where, stats.newton, stats.reason)
+            log.info("%s: given up after %d Newton steps, %s", where, stats.newton, stats.reason)
             self.roll_back()
         return stats
 

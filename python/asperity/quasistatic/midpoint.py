@@ -16,7 +16,7 @@ def lead(history: float | None, here: float, after: float | None) -> tuple[float
     """Part of a step's plastic flow by which to extrapolate the history, and the approach of the new history.
 
     The history is extrapolated half-way to the next solve, so that steps of any lengths add up to the trapezoidal
-    rule. It is not extrapolated in the first and the last step of a loading, nor where a cut step is behind the history.
+    rule. It is not extrapolated in the first and the last step of a loading, nor where a cut step is behind it.
 
     Args:
         history: approach of the committed history [L]; None at the beginning of a loading
