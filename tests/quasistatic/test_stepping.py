@@ -465,8 +465,10 @@ def test_a_history_with_one_more_variable_is_copied_and_extrapolated_like_the_ot
     before = Damaged.zeros(rows=3, points=4)
     assert before.damage.shape == (3, 4, 2) and Damaged.names() == (*History.names(), "damage")
     after = before.copy()
-    after.accumulated[1], after.damage[:] = 0.5, 1.0
-    assert not before.damage.any() and after.yielded().tolist() == [1]
+    after.accumulated[1] = 0.5
+    assert not before.accumulated.any() and after.changed().tolist() == [1]
+    after.damage[:] = 1.0
+    assert not before.damage.any() and after.changed().tolist() == [0, 1, 2]
     beyond = extrapolate(before, after, 0.5)
     np.testing.assert_array_equal(beyond.arrays()["damage"], np.full((3, 4, 2), 1.5))
     before.assign(after)

@@ -78,6 +78,5 @@ class ActiveSet:
         area = self._surface.area_of(held[edges], np.repeat(self._surface.area[:, None] / 3.0, 3, axis=1))
         if area.value > 0.0:
             return area
-        return self._surface.area_of(
-            held[self._surface.nodes[:, :3]], np.zeros((len(edges), 3))
-        )  # the contact may lie around a corner
+        corners = held[self._surface.nodes[:, :3]]  # a small contact may lie around one
+        return self._surface.area_of(corners, np.zeros((len(edges), 3)))

@@ -25,7 +25,7 @@ def energies(solid: Solid, force: Floats) -> tuple[float, float]:
     history = solid.kernels.history()
     if history.rows:
         _, _, strength, hardening = solid.material.parameters
-        yielded = history.yielded()
+        yielded = history.changed()
         weights, a = solid.kernels.volumes[yielded], history.accumulated[yielded]
         stress = solid.kernels.stress(u)[yielded] * _PAIRS
         stored -= 0.5 * float(np.einsum("cq,cqi,cqi", weights, stress, history.plastic_strain[yielded]))
@@ -45,7 +45,7 @@ def plastic_work(solid: Solid, before: History) -> tuple[float, float]:
     after = solid.kernels.history()
     if not after.rows:
         return 0.0, 0.0
-    yielded = after.yielded()
+    yielded = after.changed()
     stress = solid.kernels.stress(solid.u.x.array.reshape(-1, 3))[yielded] * _PAIRS
     flow = after.plastic_strain[yielded] - before.plastic_strain[yielded]
     work = float(np.einsum("cq,cqi,cqi", solid.kernels.volumes[yielded], stress, flow))

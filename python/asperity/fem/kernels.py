@@ -16,9 +16,9 @@ QUADRATURE_DEGREE = 2  # four points; degree 4 moved the force by less than 0.1 
 class History:
     """Internal variables of the material at the quadrature points: a row per cell, or per facet of the contact surface.
 
-    Only this class, the material law and its kernels know the variables by name. The rest of the program copies,
-    extrapolates, saves and restores all of them. A new variable needs a field here and one of the same name in
-    `_solver.History`. Checkpoints hold the variables under these names.
+    The program copies, extrapolates, saves and restores all variables alike; energies, measures and the direction of
+    the extrapolation use those of plasticity by name. A new variable, zero in the virgin material, needs a field here
+    and an argument of the same name in `_solver.History`. Checkpoints hold the variables under these names.
 
     Attributes:
         plastic_strain: xx, yy, zz, xy, xz, yz (rows, points, 6)
@@ -29,7 +29,7 @@ class History:
         >>> {name: values.shape for name, values in history.arrays().items()}
         {'plastic_strain': (2, 4, 6), 'accumulated': (2, 4)}
         >>> history.accumulated[1] = 0.01
-        >>> history.yielded()
+        >>> history.changed()
         array([1])
     """
 
@@ -65,9 +65,10 @@ class History:
         """Number of rows; 0 for an elastic material."""
         return len(self.accumulated)
 
-    def yielded(self) -> Indices:
-        """Rows with plastic strain at any of their points."""
-        return np.flatnonzero(self.accumulated.any(axis=1))
+    def changed(self) -> Indices:
+        """Rows with a variable other than zero at any point."""
+        changed = [values.any(axis=tuple(range(1, values.ndim))) for values in self.arrays().values()]
+        return np.flatnonzero(np.any(changed, axis=0))
 
 
 class ElementKernels(Protocol):

@@ -149,9 +149,9 @@ def solver_fields(solver: ContactSolver, first_contact: FirstContact) -> dict[st
     keep_some("touched_at", nodes[solver.contact_surface.owned_nodes[touched]], touched_at[touched])
     if solid.material.plastic:
         history = solid.kernels.history()
-        yielded = history.yielded()
+        changed = history.changed()
         for name, values in history.arrays().items():
-            keep_some(name, cells[yielded], values[yielded])
+            keep_some(name, cells[changed], values[changed])
     of_contact = solver.contact.history()
     if of_contact is not None:
         facets = facet_numbers(solver.contact_surface)
