@@ -66,10 +66,10 @@ def main() -> None:
             solid.u.x.array[:] = u.ravel()
             force = solid.internal_force().copy()
             tangent = np.empty_like(solid.values)
-            work = partial(solid.bulk.tangent, u, tangent)
+            work = partial(solid.kernels.tangent, u, tangent)
             times += [median_time(solid.internal_force), median_time(work)]
             results += [force, tangent]
-        share = compiled.bulk.plastic_points / compiled.bulk.volumes.size
+        share = compiled.kernels.plastic_points / compiled.kernels.volumes.size
         cost = 1e6 * np.array(times) / cells
         worst = max(difference(results[2], results[0]), difference(results[3], results[1]))
         tangent_ratio = f"{cost[1] / cost[3]:.1f}" if share else "kept"  # the elastic one is assembled once

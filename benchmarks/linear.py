@@ -22,7 +22,7 @@ import numpy as np
 
 import asperity as asp
 from asperity.linear import multigrid
-from asperity.linear.matrix_free import Tangent
+from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.multigrid import PMultigrid
 from asperity.linear.petsc_matrix import assembled
 
@@ -71,7 +71,7 @@ def pieces(sizes: tuple[float, ...]) -> None:
     for h in sizes:
         result = asp.solve_contact(surface, MATERIALS["elastic"], delta_max=0.03 * L, steps=1, size=asp.MeshSize(h * L))
         solid = result.solver.solid
-        tangent = Tangent(solid, symmetric=True, single=True)
+        tangent = TangentOperator(solid, symmetric=True, single=True)
         tangent.hold(solid.fixed)
         tangent.update()
         cycle = PMultigrid(tangent)

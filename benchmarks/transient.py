@@ -18,13 +18,14 @@ import numpy as np
 from asperity.arrays import Floats
 from asperity.case import Case
 from asperity.dynamics import ContactOscillator, TableLaw, unload_reload
+from asperity.fem.kernels import History
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.settings import MeshSize
 from asperity.quasistatic.contact_solver import ContactSolver, SolverState
 from asperity.quasistatic.solve_contact import make_block, make_contact_solver
 from asperity.quasistatic.stepping import Position, Record, follow
-from asperity.transient import History, Scheme, Transient, consistent_mass
+from asperity.transient import Scheme, TimeSeries, Transient, consistent_mass
 
 CASE = Path(__file__).parent.parent / "cases" / "demo.toml"
 DEPTH = 0.03  # deflection the static law is computed to [L]
@@ -43,15 +44,14 @@ class Saved:
     """State of a contact solver from which runs start again."""
 
     state: SolverState
-    history: tuple[Floats, Floats]
+    history: History
 
     @staticmethod
     def of(solver: ContactSolver) -> Saved:
-        strain, accumulated = solver.solid.bulk.history()
-        return Saved(solver.state(), (strain.copy(), accumulated.copy()))
+        return Saved(solver.state(), solver.solid.kernels.history().copy())
 
     def restore(self, solver: ContactSolver) -> None:
-        solver.solid.bulk.restore(*self.history)
+        solver.solid.kernels.restore(self.history)
         solver.restore(self.state)
 
 
@@ -98,10 +98,10 @@ class Subject:
 
     def release(self, t: Transient) -> None:
         """Take the inertia out of the solid again."""
-        self.solver.solid.bulk = t.bulk.inner
+        self.solver.solid.kernels = t.kernels.inner
 
-    def u(self, history: History) -> Floats:
-        return (history.approach - self.law.origin) / self.oscillator().restoring.z_s - 1.0
+    def u(self, series: TimeSeries) -> Floats:
+        return (series.approach - self.law.origin) / self.oscillator().restoring.z_s - 1.0
 
 
 def prepare(name: str, material: Material, h_contact: float) -> Subject:
@@ -137,8 +137,8 @@ def first_frequency(solver: ContactSolver) -> float:
 
     solid = solver.solid
     elastic = np.empty_like(solid.values)
-    solid.bulk.tangent(np.zeros((solid.nodes, 3)), elastic)
-    K = sparse.csr_array((elastic, solid.graph.columns, solid.graph.rows))
+    solid.kernels.tangent(np.zeros((solid.nodes, 3)), elastic)
+    K = sparse.csr_array((elastic, solid.sparsity.columns, solid.sparsity.rows))
     M = sparse.kron(consistent_mass(solid), sparse.eye_array(3)).tocsr()
     free = np.setdiff1d(np.arange(3 * solid.owned), solid.fixed)
     lowest = eigsh(K[free][:, free].tocsc(), 1, M[free][:, free].tocsc(), sigma=0.0, return_eigenvectors=False)

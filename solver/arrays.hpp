@@ -1,4 +1,4 @@
-// Arrays from Python, all local to the process, and the check of their shapes at the door of each kernel.
+// Arrays from Python, all local to the rank, and the checks of their shapes that each kernel makes first.
 //
 // nanobind refuses another number type and another order of storage (TypeError); `expect` refuses another shape, and
 // `check_range` numbers that point outside an array (ValueError).
@@ -20,7 +20,7 @@ namespace nb = nanobind;
 template <typename T>
 using Array = nb::ndarray<T, nb::c_contig, nb::device::cpu>;
 
-/// What an axis may have: `least` entries, or more unless `exact`.
+/// Legal length of an axis: `least` entries, or more unless `exact`.
 struct Extent
 {
   std::size_t least;
@@ -39,7 +39,7 @@ inline Extent any()
   return {0, false};
 }
 
-/// More nodes than numbers of 32 bits reach.
+/// More nodes than numbers of 32 bits can address.
 constexpr std::size_t most_nodes = std::size_t{1} << 31;
 
 /// Refuse an array of another shape.
@@ -61,7 +61,7 @@ void expect(const char* name, const Array<T>& array, std::initializer_list<Exten
   throw std::invalid_argument(std::string(name) + " has shape (" + has + "), expected (" + wanted + ")");
 }
 
-/// Refuse numbers outside [0, end); returns one more than the greatest. Looks at each entry.
+/// Refuse numbers outside [0, end); returns one more than the greatest. Reads each entry.
 inline std::size_t check_range(const char* name, const Array<const int>& array, std::size_t end)
 {
   if (array.size() == 0)
@@ -73,7 +73,7 @@ inline std::size_t check_range(const char* name, const Array<const int>& array, 
   return static_cast<std::size_t>(*greatest) + 1;
 }
 
-/// Refuse a CSR graph whose parts do not belong together; looks at the ends only.
+/// Refuse a CSR graph with inconsistent parts; reads the ends only.
 inline void expect_graph(const char* indptr_name, const Array<const int>& indptr, const char* indices_name,
                          const Array<const int>& indices)
 {

@@ -1,5 +1,5 @@
 // Kernels over cells, see cells.hpp. Each has one loop over cells and one over their quadrature points, the latter in
-// `Cells::at_points`; what depends on the material is a template over the law.
+// `Cells::at_points`; the parts that depend on the material are templates over the law.
 #include "cells.hpp"
 
 namespace asperity
@@ -59,10 +59,11 @@ Cells::Cells(Array<const double> x, Array<const int> x_dofs, Array<const int> u_
   u_nodes = check_range("u_dofs", u_dofs, most_nodes);
 }
 
-History::History(Array<double> plastic_strain, Array<double> alpha) : plastic_strain(plastic_strain), alpha(alpha)
+History::History(Array<double> plastic_strain, Array<double> accumulated)
+    : plastic_strain(plastic_strain), accumulated(accumulated)
 {
   expect("plastic_strain", plastic_strain, {any(), any(), 6});
-  expect("alpha", alpha, {plastic_strain.shape(0), plastic_strain.shape(1)});
+  expect("accumulated", accumulated, {plastic_strain.shape(0), plastic_strain.shape(1)});
 }
 
 void History::expect_shape(const char* name, std::size_t cells, std::size_t points) const

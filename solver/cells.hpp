@@ -28,7 +28,7 @@ struct Cells
   Array<const int> u_dofs;       // (cells, 10)
   Array<const double> gradients; // reference gradients at the points (points, 10, 3)
   Array<const double> weights;   // quadrature weights on the reference cell (points)
-  std::size_t u_nodes;           // that a nodal array has at least
+  std::size_t u_nodes;           // least number of nodes of a nodal array
 
   Cells(Array<const double> x, Array<const int> x_dofs, Array<const int> u_dofs, Array<const double> gradients,
         Array<const double> weights);
@@ -58,44 +58,45 @@ struct Cells
   }
 };
 
-/// Committed or trial history of a J2 solid: plastic strain (cells, points, 6), its accumulated norm (cells, points).
+/// Committed or trial history of a J2 solid: plastic strain (cells, points, 6), accumulated (cells, points). The class
+/// History of asperity.fem.kernels has the same variables.
 struct History
 {
-  Array<double> plastic_strain, alpha;
+  Array<double> plastic_strain, accumulated;
 
-  History(Array<double> plastic_strain, Array<double> alpha);
+  History(Array<double> plastic_strain, Array<double> accumulated);
 
   void expect_shape(const char* name, std::size_t cells, std::size_t points) const;
   J2::State at(std::size_t index) const
   {
     J2::State state;
     std::copy_n(plastic_strain.data() + 6 * index, 6, state.plastic_strain.begin());
-    state.alpha = alpha.data()[index];
+    state.accumulated = accumulated.data()[index];
     return state;
   }
   void put(std::size_t index, const J2::State& state) const
   {
     std::copy_n(state.plastic_strain.begin(), 6, plastic_strain.data() + 6 * index);
-    alpha.data()[index] = state.alpha;
+    accumulated.data()[index] = state.accumulated;
   }
 };
 
-/// Where element matrices go among the values of a scalar CSR matrix with 3 x 3 node blocks, all three rows of a node
-/// having the same columns. The node graph (indptr, indices) is that of the local cells; `offsets` (cells, 10, 10)
-/// holds where in row a column b stands.
+/// Positions of element matrices in the values of a scalar CSR matrix with 3 x 3 node blocks, where the three rows of a
+/// node have the same columns. The node graph (indptr, indices) is that of the local cells; `offsets` (cells, 10, 10)
+/// holds the position of column b in row a.
 struct BlockPattern
 {
   Array<const int> indptr;
-  std::size_t size; // of the values
+  std::size_t size; // number of values
   std::vector<std::uint16_t> offsets;
 
   /// `cell_dofs` (cells, 10): nodes of the cells whose element matrices will be added.
   BlockPattern(Array<const int> cell_dofs, Array<const int> indptr, Array<const int> indices);
 
-  /// The start of an array of values, which has to have their number; `cells` is that of the matrices to be added.
+  /// Start of an array of values, refused unless of length `size`; `cells` is the number of matrices to add.
   double* start(const Array<double>& values, std::size_t cells) const;
 
-  /// Add a symmetric 30 x 30 element matrix, of which the node pairs a <= b are given.
+  /// Add a symmetric 30 x 30 element matrix, given by its node pairs a <= b.
   void add(const int* cell_dofs, std::size_t c, const double* A, double* values) const
   {
     add<true>(cell_dofs, c, A, values);

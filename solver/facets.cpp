@@ -10,13 +10,13 @@ namespace
 /// Response at a point.
 J2::Response respond(const J2& material, const Sym& strain, const History& history, std::size_t at)
 {
-  return material.respond(strain, history.alpha.shape(0) == 0 ? J2::State{} : history.at(at));
+  return material.respond(strain, history.accumulated.shape(0) == 0 ? J2::State{} : history.at(at));
 }
 
-/// Refuse a history that is neither of these facets nor empty.
+/// Refuse a history that is not empty and not of these facets.
 void expect_history(const char* name, const History& history, const Facets& facets)
 {
-  if (history.alpha.shape(0) > 0)
+  if (history.accumulated.shape(0) > 0)
     history.expect_shape(name, facets.count(), facets.points());
 }
 
@@ -129,7 +129,7 @@ void facet_pressure(const Facets& facets, const ContactLaw& law, double z, const
       }
       const FacetPoint p(facets, x, f, q);
       const J2::Response r = respond(law.material, strain(p.g, uc), committed, at);
-      if (trial.alpha.shape(0) > 0)
+      if (trial.accumulated.shape(0) > 0)
         trial.put(at, r.state);
       const double t = traction(r.stress, p.normal);
       P = std::max(excess - t, 0.0);

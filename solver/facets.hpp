@@ -22,7 +22,7 @@ struct Facets
   Array<const double> shape;       // shape functions (4, points, 10)
   Array<const double> normals;     // outward area vectors of the reference facets (4, 3)
   Array<const double> weights;     // on the reference triangle, of total 1/2 (points)
-  std::size_t u_nodes;             // that a nodal array has at least
+  std::size_t u_nodes;             // least number of nodes of a nodal array
 
   Facets(Array<const double> x, Array<const int> x_dofs, Array<const int> u_dofs, Array<const int> local,
          Array<const double> gradients, Array<const double> shape, Array<const double> normals,
@@ -76,8 +76,8 @@ struct ContactLaw
 void facet_weights(const Facets& facets, const Array<double>& out);
 
 /// Pressure (facets, points) for the flat at height z and the displacement u (nodes, 3), and the trial history. The
-/// part of the virtual work with theta is added to `b` (nodes, 3); the force of the pressure is left to `facet_load`. A
-/// committed history without facets stands for one of zeros, a trial one without facets is not written.
+/// part of the virtual work with theta is added to `b` (nodes, 3); `facet_load` adds the force of the pressure. A
+/// committed history without facets means zeros; a trial history without facets is not written.
 void facet_pressure(const Facets& facets, const ContactLaw& law, double z, const Array<const double>& u,
                     const History& committed, const History& trial, const Array<double>& pressure,
                     const Array<double>& b);

@@ -18,7 +18,7 @@ struct J2
   struct State
   {
     Sym plastic_strain;
-    double alpha; // accumulated plastic strain
+    double accumulated; // plastic strain
   };
 
   struct Response
@@ -39,13 +39,13 @@ struct J2
       s[i] = 2.0 * mu * (strain[i] - (i < 3 ? trace / 3.0 : 0.0) - committed.plastic_strain[i]);
     const double norm = std::sqrt(contract(s, s));
     const double q = std::sqrt(1.5) * norm;
-    const double overstress = q - (yield + hardening * committed.alpha);
+    const double overstress = q - (yield + hardening * committed.accumulated);
     r.plastic = overstress > 0.0;
     const double dgamma = r.plastic ? overstress / (3.0 * mu + hardening) : 0.0;
     const double ratio = r.plastic ? dgamma / q : 0.0;
     r.theta = 1.0 - 3.0 * mu * ratio;
     r.chi = r.plastic ? 6.0 * mu * mu * (ratio - 1.0 / (3.0 * mu + hardening)) : 0.0;
-    r.state.alpha = committed.alpha + dgamma;
+    r.state.accumulated = committed.accumulated + dgamma;
     for (int i = 0; i < 6; ++i)
     {
       r.direction[i] = r.plastic ? s[i] / norm : 0.0;

@@ -1,5 +1,5 @@
-// What the kernels need of a material law. A law is a header like elastic.hpp and j2.hpp: its parameters, the State
-// that a point remembers, and the response to a strain. The kernels of cells.cpp are templates over the law, module.cpp
+// Interface of a material law to the kernels. A law is a header like elastic.hpp and j2.hpp: its parameters, the State
+// of a point, and the response to a strain. The kernels of cells.cpp are templates over the law, module.cpp
 // binds its parameters as a class and its kernels.
 //
 // Symmetric tensors are stored as (xx, yy, zz, xy, xz, yz) with tensor (not engineering) shear components.

@@ -18,7 +18,7 @@ Four load(const float* at)
   return out;
 }
 
-/// Number of nodes of a matrix whose parts belong together.
+/// Number of nodes of a matrix; refuses inconsistent parts.
 std::size_t expect_matrix(const Graph& indptr, const Graph& indices, const Array<const double>& values)
 {
   expect_graph("indptr", indptr, "indices", indices);

@@ -1,7 +1,7 @@
-// Kernels of the linear solver: products, and the coarse matrix of its multigrid. The time of a product is that of
-// reading the matrix: of a symmetric one the upper half is read, in single precision where few digits are enough. All
-// matrices have three dofs a node, on a square CSR graph of the nodes (indptr, indices); `values` holds the three rows
-// of a node one after the other, as PETSc's AIJ does. Entries of a graph are trusted: only its ends are looked at.
+// Kernels of the linear solver: products, and the coarse matrix of its multigrid. A product takes as long as reading
+// the matrix, so of a symmetric one only the upper half is read, in single precision where few digits suffice. All
+// matrices have three dofs per node, on a square CSR graph of the nodes (indptr, indices); `values` holds the three
+// rows of a node one after the other, like PETSc's AIJ. The kernels check the ends of a graph, not its entries.
 #pragma once
 
 #include "arrays.hpp"
@@ -22,7 +22,7 @@ void upper_half(const Graph& indptr, const Graph& indices, const Array<const dou
 void symmetric_product(const Graph& indptr, const Graph& indices, const Array<const float>& blocks,
                        const Array<const float>& x, const Array<float>& work, const Array<float>& y);
 
-/// Take the image of the last step from the residual at the free dofs, and go on by keep * step + add * scaling *
+/// Subtract the image of the last step from the residual at the free dofs, then step by keep * step + add * scaling *
 /// residual; all arrays have an entry per dof.
 void relax(const Array<const float>& image, const Array<const float>& free, const Array<const float>& scaling,
            float keep, float add, const Array<float>& residual, const Array<float>& step, const Array<float>& x);

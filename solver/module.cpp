@@ -10,7 +10,7 @@ namespace
 {
 const auto unlocked = nb::call_guard<nb::gil_scoped_release>();
 
-/// An array that a kernel writes: never a converted copy.
+/// Array that a kernel writes, never a converted copy.
 nb::arg out(const char* name)
 {
   return nb::arg(name).noconvert();
@@ -38,7 +38,8 @@ void bind_cells(nb::module_& m)
       .def(
           nb::init<Array<const double>, Array<const int>, Array<const int>, Array<const double>, Array<const double>>(),
           "x"_a, "x_dofs"_a, "u_dofs"_a, "gradients"_a, "weights"_a);
-  nb::class_<History>(m, "History").def(nb::init<Array<double>, Array<double>>(), out("plastic_strain"), out("alpha"));
+  nb::class_<History>(m, "History")
+      .def(nb::init<Array<double>, Array<double>>(), out("plastic_strain"), out("accumulated"));
   nb::class_<BlockPattern>(m, "BlockPattern")
       .def(nb::init<Array<const int>, Array<const int>, Array<const int>>(), "cell_dofs"_a, "indptr"_a, "indices"_a);
   m.def("volumes", &volumes, "cells"_a, out("out"), unlocked);

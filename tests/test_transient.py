@@ -21,7 +21,7 @@ from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.solve_contact import make_contact_solver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.surface import Flat, Sinusoid, Surface
-from asperity.transient import History, Motion, Scheme, Transient, consistent_mass
+from asperity.transient import Motion, Scheme, TimeSeries, Transient, consistent_mass
 
 Array = npt.NDArray[np.float64]
 
@@ -152,7 +152,7 @@ def thrown(
     return transient
 
 
-def crossings(history: History) -> Array:
+def crossings(history: TimeSeries) -> Array:
     """Times at which the plate passes first touch, down and up."""
     x, time = history.approach, history.time
     i = np.flatnonzero(x[:-1] * x[1:] < 0.0)

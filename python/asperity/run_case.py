@@ -158,7 +158,8 @@ class _Job:
     @cached_property
     def checkpoint(self) -> Checkpoint | None:
         """Of the run, where it has a folder."""
-        from asperity.quasistatic.checkpoint import Checkpoint, identity
+        from asperity.quasistatic.checkpoint import Checkpoint
+        from asperity.quasistatic.checkpoint_identity import identity
 
         if self.folder is None:
             return None
@@ -288,7 +289,7 @@ def _refuse_run_of_another(case: Case, folder: Path) -> None:
     Raises:
         CheckpointError: it is of another, or does not tell
     """
-    from asperity.quasistatic.checkpoint import identity, refuse_another
+    from asperity.quasistatic.checkpoint_identity import identity, refuse_another
 
     if run_folder.is_empty(folder):
         return

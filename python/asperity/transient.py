@@ -1,6 +1,6 @@
-"""A rigid mass vibrating on the block itself: the full solid in time, against which the one-degree model is held.
+"""Rigid mass vibrating on the full block: the dynamic solution with which the one-degree model is compared.
 
-The flat carries a mass and moves as its one degree of freedom; the block has inertia. Both advance by the
+The flat carries a mass and has one degree of freedom; the block has inertia. Both advance by the
 generalised-alpha method in the form of Arnold & Bruels (Multibody Syst. Dyn. 18 (2007) 185), which is that of Chung &
 Hulbert (J. Appl. Mech. 60 (1993) 371) with the average taken of accelerations instead of forces:
 
@@ -8,9 +8,9 @@ Hulbert (J. Appl. Mech. 60 (1993) 371) with the average taken of accelerations i
     (1 - alpha_m) a' + alpha_m a = (1 - alpha_f) w' + alpha_f w,
     x' = x + h v + h^2 [(1/2 - beta) a + beta a'],    v' = v + h [(1 - gamma) a + gamma a'].
 
-So contact holds, and history is committed, exactly where the displacement stands, and a step is a static solve of the
-press with the stiffness of the inertia added. The method is of second order; plastic flow adds backward Euler's first
-order while it lasts.
+So the contact conditions hold, and history is committed, exactly at the displacement, and a step is a static solve of
+the contact solver with the stiffness of the inertia added. The method is of second order; during plastic flow the
+first order of backward Euler prevails.
 
 Units: lengths in L, stresses in E, any unit of time T; so forces are in E L^2, masses in E L T^2, the density in
 E T^2/L^2.
@@ -28,17 +28,17 @@ from asperity import _solver
 from asperity.arrays import Floats
 from asperity.errors import ConvergenceError, InputError
 from asperity.fem.energies import energies
-from asperity.fem.kernels import ElementKernels
+from asperity.fem.kernels import ElementKernels, History
 from asperity.fem.solid import Solid
 from asperity.mesh.tet10 import quadrature, shape_functions, shape_gradients
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.runtime import compat
 
 MASS_DEGREE = 6  # of the quadrature of the consistent mass: second-order shapes squared, on curved cells
-PLATE_TOLERANCE = 1e-7  # unbalanced force on the plate over the greatest of the forces on it
-PLATE_ROUNDING = 1e-13  # the same over the force that would move it by its position within the step
+PLATE_TOLERANCE = 1e-7  # unbalanced force on the plate over the greatest force on it
+PLATE_ROUNDING = 1e-13  # unbalanced force over the force that would move the plate by its position within a step
 PLATE_ITERATIONS = 20
-LARGEST_CUT = 8  # parts into which a step is cut before a run gives up
+LARGEST_CUT = 8  # greatest number of parts of a step before a run stops
 
 
 @dataclass(frozen=True)
@@ -46,15 +46,20 @@ class Scheme:
     """Parameters of the generalised-alpha method for a spectral radius at infinite frequency.
 
     Linear motion far below 1/h is hardly damped for any of them (the damping ratio is of third order in omega h).
-    What the step cannot resolve is damped by a factor `rho_inf` per step: with 1, the energy of a linear solid is
-    kept, but the force of a node that meets the plate rings from step to step forever, for its velocity jumps and
-    nothing takes the jump out again; with 0 the first modes of the block suffer. docs/transient.md is with 0.8.
+    Motion that the step cannot resolve is damped by a factor `rho_inf` per step. With 1, the energy of a linear solid
+    is conserved, but the force of a node that meets the plate oscillates from step to step without end, because its
+    velocity jumps and no damping removes the jump. With 0, the first modes of the block are damped too.
+    docs/transient.md uses 0.8.
 
     Attributes:
         rho_inf: in [0, 1]
 
     Raises:
         InputError: rho_inf is outside [0, 1]
+
+    Examples:
+        >>> Scheme(1.0).alphas
+        (0.5, 0.5)
     """
 
     rho_inf: float = 0.8
@@ -78,7 +83,7 @@ class Scheme:
 
 @dataclass(frozen=True)
 class Motion:
-    """Position x, velocity v, acceleration w and the averaged acceleration a of a point, or of many (arrays)."""
+    """Position x, velocity v, acceleration w and averaged acceleration a of a point, or of many (arrays)."""
 
     x: Any
     v: Any
@@ -93,40 +98,40 @@ class Motion:
         return predicted - (m * self.a - f * self.w) / ((1.0 - f) * c), c
 
     def at(self, x: Any, scheme: Scheme, h: float) -> Motion:
-        """The motion a step h later, when the position is `x`."""
+        """Motion after a step h to the position `x`."""
         beta, gamma = scheme.newmark
         anchor, c = self.anchor(scheme, h)
         a = (x - self.x - h * self.v) / (beta * h * h) - (0.5 / beta - 1.0) * self.a
         return Motion(x, self.v + h * ((1.0 - gamma) * self.a + gamma * a), c * (x - anchor), a)
 
 
-class InertialBulk:
-    """A bulk whose internal force contains that of inertia, c M (u - u*), M the consistent mass.
+class InertialKernels:
+    """Element kernels whose internal force includes that of inertia, c M (u - u*), M the consistent mass.
 
     Args:
-        bulk: the constitutive part
-        solid: of the bulk
-        density: mass density
+        inner: kernels of the material
+        solid: that they belong to
+        density: mass density [E T^2/L^2]
 
     Attributes:
-        shift: c; 0 leaves the bulk as it was
-        anchor: u* at the local nodes (nodes, 3)
-        linear: False, for the tangent changes with the shift
+        shift: c [1/T^2]; with 0 the kernels are those of the material
+        anchor: u* at the local nodes (nodes, 3) [L]
+        linear: False, because the tangent changes with the shift
         heaviest: greatest sum of the magnitudes in a row of `mass`, the same on all ranks
-        mass: M of one component, this process's cells (nodes, nodes)
+        mass: M of one component, of the cells of this rank (nodes, nodes) [E L T^2]
     """
 
-    def __init__(self, bulk: ElementKernels, solid: Solid, density: float) -> None:
-        self.inner = bulk
+    def __init__(self, inner: ElementKernels, solid: Solid, density: float) -> None:
+        self.inner = inner
         self.linear = False
         self.shift = 0.0
         self.anchor = np.zeros((solid.nodes, 3))
         self.mass = density * consistent_mass(solid)
         self.heaviest = max(solid.comm.allgather(float(abs(self.mass).sum(axis=1).max(initial=0.0))))
         # where the values of `mass` go in the local CSR of three dofs a node: the diagonals of its blocks
-        width = np.diff(solid.graph.indptr).astype(np.int64)
+        width = np.diff(solid.sparsity.indptr).astype(np.int64)
         row = np.repeat(np.arange(solid.nodes), width)
-        first = solid.graph.indptr[row].astype(np.int64)
+        first = solid.sparsity.indptr[row].astype(np.int64)
         column = np.arange(len(row)) - first
         i = np.arange(3)
         self._diagonals = 9 * first[:, None] + 3 * width[row][:, None] * i + 3 * column[:, None] + i
@@ -142,7 +147,7 @@ class InertialBulk:
         return self.inner.plastic_points
 
     def add_internal_force(self, u: Floats, b: Floats) -> None:
-        """See `solid.ElementKernels`; so for the methods below."""
+        """See `fem.kernels.ElementKernels`; so for the methods below."""
         self.inner.add_internal_force(u, b)
         if self.shift:
             b += self.shift * (self.mass @ (u - self.anchor))
@@ -155,10 +160,10 @@ class InertialBulk:
     def commit(self) -> None:
         self.inner.commit()
 
-    def restore(self, plastic_strain: Floats, accumulated: Floats) -> None:
-        self.inner.restore(plastic_strain, accumulated)
+    def restore(self, history: History) -> None:
+        self.inner.restore(history)
 
-    def history(self) -> tuple[Floats, Floats]:
+    def history(self) -> History:
         return self.inner.history()
 
     def stress(self, u: Floats) -> Floats:
@@ -166,7 +171,7 @@ class InertialBulk:
 
 
 def consistent_mass(solid: Solid) -> Any:
-    """Integrals of products of shape functions over this process's cells: SciPy CSR on the graph (nodes, nodes)."""
+    """Integrals of products of shape functions over the cells of this rank, SciPy CSR (nodes, nodes) [L^3]."""
     from scipy import sparse
 
     points, weights = quadrature(MASS_DEGREE)
@@ -176,16 +181,16 @@ def consistent_mass(solid: Solid) -> Any:
     volumes = np.empty((len(nodes), len(weights)))
     _solver.volumes(cells, volumes)
     local = np.einsum("cq,qa,qb->cab", volumes, N, N)
-    graph = solid.graph
-    keys = np.repeat(np.arange(solid.nodes), np.diff(graph.indptr)) * solid.nodes + graph.indices
+    sparsity = solid.sparsity
+    keys = np.repeat(np.arange(solid.nodes), np.diff(sparsity.indptr)) * solid.nodes + sparsity.indices
     wanted = nodes[:, :, None].astype(np.int64) * solid.nodes + nodes[:, None, :]
     data = np.bincount(np.searchsorted(keys, wanted).ravel(), local.ravel(), minlength=len(keys))
-    return sparse.csr_array((data, graph.indices, graph.indptr), shape=(solid.nodes, solid.nodes))
+    return sparse.csr_array((data, sparsity.indices, sparsity.indptr), shape=(solid.nodes, solid.nodes))
 
 
 @dataclass(frozen=True)
-class History:
-    """What a run recorded, a row per step and one for the start; the same on all ranks.
+class TimeSeries:
+    """Record of a run, a row per step and one for the start (n,); the same on all ranks.
 
     Attributes:
         time: [T]
@@ -194,7 +199,7 @@ class History:
         force: of contact [E L^2]
         energy: kinetic of plate and block, stored and dissipated in the block [E L^3]
         supplied: work of load, forcing and dashpot on the plate since the start, in `energy` at the start [E L^3]
-        newton: Newton iterations
+        newton: number of Newton iterations
     """
 
     time: Floats
@@ -207,16 +212,17 @@ class History:
 
 
 class Transient:
-    """The plate of a press with a mass, a constant load and a dashpot to ground, on a block with inertia; collective.
+    """Plate with a mass, a constant load and a dashpot to ground, on a block with inertia; collective.
 
         m q'' + c q' + P = W + F(t)
 
-    It starts where the press stands and takes it over: its solid keeps the inertia. Each step solves the block for
-    positions of the plate until the plate's own equation holds, by the secant method. That converges at once, for
-    the part of P in that equation is (omega h)^2/4, with omega the frequency of the mass on the contact.
+    The motion starts in the state of the contact solver. From then on the solid of this solver has inertia. Each step
+    solves the block for positions of the plate until the equation of the plate holds, by the secant method. That takes
+    few iterations, because the part of P in the equation is (omega h)^2/4, with omega the frequency of the mass on the
+    contact.
 
     Args:
-        solver: in equilibrium, at the position the plate is let go
+        solver: in equilibrium, at the position where the plate is released
         density: of the block [E T^2/L^2]
         mass: of the plate [E L T^2]
         load: W [E L^2]; 0 for a free impact
@@ -224,7 +230,7 @@ class Transient:
         scheme: of integration
 
     Attributes:
-        added_mass: of the block, which adds to that of the plate as long as the block follows quasi-statically:
+        added_mass: of the block, adds to the mass of the plate as long as the block follows quasi-statically:
             omega falls by sqrt(1 + added_mass/mass) (Rayleigh) [E L T^2]
 
     Raises:
@@ -250,15 +256,15 @@ class Transient:
         self.solver, self.mass, self.load, self.dashpot = solver, mass, load, dashpot
         self.scheme = scheme or Scheme()
         solid = solver.solid
-        self.bulk = InertialBulk(solid.bulk, solid, density)
-        solid.bulk = self.bulk
+        self.kernels = InertialKernels(solid.kernels, solid, density)
+        solid.kernels = self.kernels
         self.time = 0.0
         self._force = self._before = solver.force
         self._slope = 0.0
         self.start()
 
     def start(self, velocity: float = 0.0, shape: Floats | None = None) -> None:
-        """Let the plate go from where the press stands; collective.
+        """Release the plate at the position of the contact solver; collective.
 
         Velocity and first acceleration of the block are those of the plate times a shape. The acceleration follows
         from the balance of forces projected on that shape, which is exact for the shape of a mode.
@@ -276,20 +282,23 @@ class Transient:
             shape = np.asarray(moved / (step or np.inf))
         solid.u.x.array[: 3 * solid.owned] = x.ravel()
         solid.u.x.scatter_forward()
-        self.bulk.shift = 0.0
+        self.kernels.shift = 0.0
         resisting = solid.comm.allreduce(float(np.vdot(shape, solid.internal_force())))
         self.added_mass = 2.0 * self._kinetic(shape)
         w = (self.load - self.dashpot * velocity - resisting) / (self.mass + self.added_mass)
         self.block = Motion(x, shape * velocity, shape * w, shape * w)
         self.plate = Motion(solver.delta, velocity, w, w)
 
-    def run(self, duration: float, h: float, forcing: Callable[[float], float] | None = None) -> History:
-        """Integrate on with steps `h`; may be called again to go on; collective.
+    def run(self, duration: float, h: float, forcing: Callable[[float], float] | None = None) -> TimeSeries:
+        """Integrate with steps `h`; another call continues; collective.
 
         Args:
             duration: [T]; rounded up to whole steps
-            h: time step [T]; a fiftieth of the period of the mass on its contact is good to about 0.1 %
+            h: time step [T]; a fiftieth of the period of the mass on its contact gives errors of about 0.1 %
             forcing: F(t) [E L^2], t from the first start
+
+        Returns:
+            record from the current time to the end of the duration
 
         Raises:
             InputError: duration or h is not positive
@@ -308,10 +317,10 @@ class Transient:
             work -= 0.5 * h * self.dashpot * (old.v**2 + self.plate.v**2)
             rows.append(self._row(self._energy(), rows[-1][5] + work))
         time, approach, velocity, force, energy, supplied = np.array(rows).T
-        return History(time, approach, velocity, force, energy, supplied, self.solver.counts.newton - newton)
+        return TimeSeries(time, approach, velocity, force, energy, supplied, self.solver.counts.newton - newton)
 
     def _advance(self, h: float, push: Callable[[float], float], end: float) -> None:
-        """Go on to the time `end` by steps of `h`, halved where one does not converge."""
+        """Integrate to the time `end` by steps of `h`, halved where one does not converge."""
         smallest = h / LARGEST_CUT
         while self.time < end - 1e-9 * h:
             try:
@@ -323,16 +332,16 @@ class Transient:
                 h *= 0.5
 
     def step(self, h: float, push: float) -> None:
-        """One step `h`, at whose end the forcing is `push` [E L^2]."""
+        """Make one step `h`; the forcing at its end is `push` [E L^2]."""
         solver, scheme = self.solver, self.scheme
-        anchor, self.bulk.shift = self.block.anchor(scheme, h)
-        self.bulk.anchor = solver.solid.with_ghosts(anchor.ravel())
+        anchor, self.kernels.shift = self.block.anchor(scheme, h)
+        self.kernels.anchor = solver.solid.scatter_forward(anchor.ravel())
         beta, gamma = scheme.newmark
         q_anchor, c = self.plate.anchor(scheme, h)
         drive = self.load + push
 
         def balance(q: float) -> float:
-            """Force that plate and dashpot take at q, beside the contact."""
+            """Residual of the plate at q without the contact force [E L^2]."""
             return self.mass * c * (q - q_anchor) + self.dashpot * self.plate.at(q, scheme, h).v - drive
 
         stiffness = self.mass * c + self.dashpot * gamma / (beta * h)
@@ -342,14 +351,14 @@ class Transient:
         tried: tuple[float, float] | None = None
         for _ in range(PLATE_ITERATIONS):
             solver.contact.begin(solver.summit - q)
-            stats = solver.newton.solve(guess, max(abs(q - self.plate.x), 1e-6), 1.0 + c * self.bulk.heaviest)
+            stats = solver.newton.solve(guess, max(abs(q - self.plate.x), 1e-6), 1.0 + c * self.kernels.heaviest)
             solver.counts.newton += stats.newton
             solver.counts.krylov += stats.krylov
             if not stats.converged:
                 break
             force, guess = solver.solved_force(), solver.newton.x.array_r.reshape(-1, 3).copy()
             unbalanced = balance(q) + force
-            # in a free impact there is no load, and in its flight no force at all
+            # a free impact has no load, and no force at all in its flight
             greatest = max(self.load, abs(drive), abs(force), abs(self._force), self.mass * abs(self.plate.w))
             rounding = PLATE_ROUNDING * stiffness * max(abs(q), abs(self.plate.x))
             if abs(unbalanced) <= PLATE_TOLERANCE * greatest + rounding:
@@ -366,14 +375,14 @@ class Transient:
 
     def _accept(self, q: float, u: Floats, force: float, h: float) -> None:
         self.plate, self.block = self.plate.at(q, self.scheme, h), self.block.at(u, self.scheme, h)
-        held = self.solver.newton.rows  # they move with the plate from the moment they touch it
+        held = self.solver.newton.rows  # nodes in contact move with the plate
         for of_block, of_plate in (
             (self.block.v, self.plate.v),
             (self.block.w, self.plate.w),
             (self.block.a, self.plate.a),
         ):
             of_block.reshape(-1)[held] = -of_plate
-        self.solver.solid.bulk.commit()
+        self.solver.solid.kernels.commit()
         self.solver.contact.commit()
         self._before, self._force = self._force, force
         self.time += h
@@ -383,14 +392,14 @@ class Transient:
 
     def _kinetic(self, v: Floats) -> float:
         """Kinetic energy of the block at velocities of the owned nodes (owned, 3) [E L^3]."""
-        full = self.solver.solid.with_ghosts(v.ravel())
-        return 0.5 * float(self.solver.solid.comm.allreduce(np.vdot(full, self.bulk.mass @ full)))
+        full = self.solver.solid.scatter_forward(v.ravel())
+        return 0.5 * float(self.solver.solid.comm.allreduce(np.vdot(full, self.kernels.mass @ full)))
 
     def _energy(self) -> float:
         """Kinetic, stored and dissipated energy of plate and block [E L^3]."""
         solid = self.solver.solid
-        shift, self.bulk.shift = self.bulk.shift, 0.0
+        shift, self.kernels.shift = self.kernels.shift, 0.0
         stored, dissipated = energies(solid, solid.internal_force())
-        self.bulk.shift = shift
+        self.kernels.shift = shift
         sums = solid.comm.allreduce(np.array([stored, dissipated]))
         return 0.5 * self.mass * self.plate.v**2 + self._kinetic(self.block.v) + float(sums.sum())

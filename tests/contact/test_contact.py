@@ -261,13 +261,13 @@ def test_tangent_is_the_derivative_of_the_residual(
     contact.begin(float(solid.points[:, 2].max()) - 0.03)
     squeeze = solid.points @ np.diag([0.001, 0.002, -0.015])
     residual(solid, contact, 0.7 * squeeze)
-    solid.bulk.commit()
+    solid.kernels.commit()
     contact.commit()
     u = squeeze + 1e-3 * rng.normal(size=squeeze.shape)
     residual(solid, contact, u)
     solid.assemble_tangent(contact.add_tangent)
     J = sparse.csr_array(
-        (solid.values.copy(), solid.graph.columns, solid.graph.rows), shape=(3 * solid.nodes, 3 * solid.nodes)
+        (solid.values.copy(), solid.sparsity.columns, solid.sparsity.rows), shape=(3 * solid.nodes, 3 * solid.nodes)
     )
     asymmetry = abs(J - J.T).max() / abs(J).max()
     assert (asymmetry < 1e-12) == contact.symmetric  # rounding leaves 1e-16, the other formulations 1e-2

@@ -51,7 +51,7 @@ def many(n: int) -> dict[str, Arguments]:
 
     out: dict[str, Arguments] = {
         "Cells": dict(x=x, x_dofs=cells, u_dofs=cells, gradients=gradients, weights=weights),
-        "History": dict(plastic_strain=np.zeros((n, points, 6)), alpha=np.zeros((n, points))),
+        "History": dict(plastic_strain=np.zeros((n, points, 6)), accumulated=np.zeros((n, points))),
         "BlockPattern": dict(cell_dofs=cells, **graph),
         "Facets": dict(
             x=x, x_dofs=cells, u_dofs=cells, local=np.zeros(n, dtype=np.int32), gradients=facet_gradients,

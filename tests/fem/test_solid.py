@@ -13,7 +13,7 @@ from asperity import reference as ref
 from asperity.contact.contact_surface import ContactSurface
 from asperity.errors import InputError
 from asperity.fem.solid import Solid
-from asperity.linear.matrix_free import Tangent
+from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.multigrid import PMultigrid
 from asperity.linear.petsc_matrix import assembled, set_rigid_modes
 from asperity.linear.solver import LinearSolver
@@ -91,7 +91,7 @@ def test_patch_test(sides: str, height: float) -> None:
     same_everywhere(world(), pressure[corners], solver.force, 1e-10)
     assert world().allreduce(float(np.max(np.abs(gap[solver.contact_surface.nodes]), initial=0.0))) < 1e-14
     assert measures.row(solver)["area_fraction"] == pytest.approx(1.0, rel=1e-12)
-    stress = solver.solid.bulk.stress(solver.solid.u.x.array.reshape(-1, 3))
+    stress = solver.solid.kernels.stress(solver.solid.u.x.array.reshape(-1, 3))
     same_everywhere(world(), stress[..., 2], -solver.force, 1e-10)
     lateral = -solver.force * (nu / (1 - nu) if sides == "rollers" else 0.0)
     same_everywhere(world(), stress[..., :2] - lateral + solver.force, solver.force, 1e-10)
@@ -241,7 +241,7 @@ def test_tangent_that_is_never_assembled_is_the_matrix(coarse: BlockMesh | None,
     if not symmetric:
         solid.values *= rng.uniform(size=len(solid.values))
         A = assembled(solid)
-    tangent = Tangent(solid, symmetric, single)
+    tangent = TangentOperator(solid, symmetric, single)
     tangent.update()
     held = rng.choice(3 * solid.owned, size=solid.owned // 3, replace=False).astype(np.int32)
     tangent.hold(held)
@@ -258,7 +258,7 @@ def test_tangent_that_is_never_assembled_is_the_matrix(coarse: BlockMesh | None,
 def test_galerkin_matrix_is_that_of_the_interpolation(coarse: BlockMesh) -> None:
     """With masks on both levels: a held corner has free edges beside it, and stays out of the coarse problem."""
     from asperity import _solver
-    from asperity.fem.sparsity import NodeGraph
+    from asperity.fem.sparsity import SparsityPattern
 
     solid = solid_of(here(), coarse)
     A = matrix_of(solid)
@@ -275,9 +275,9 @@ def test_galerkin_matrix_is_that_of_the_interpolation(coarse: BlockMesh) -> None
             P[3 * node : 3 * node + 3, 3 * end : 3 * end + 3] += 0.5 * np.eye(3)
     kept = (np.random.default_rng(0).random((solid.nodes, 3)) > 0.2).astype(float)
     above = np.ascontiguousarray(kept[corners])
-    graph = NodeGraph(number[cells[:, :4]], len(corners))
+    graph = SparsityPattern(number[cells[:, :4]], len(corners))
     values = np.empty(len(graph.columns))
-    _solver.galerkin(solid.graph.indptr, solid.graph.indices, solid.values, kept, parents,
+    _solver.galerkin(solid.sparsity.indptr, solid.sparsity.indices, solid.values, kept, parents,
                      graph.indptr, graph.indices, above, values)  # fmt: skip
     Pm = kept.reshape(-1, 1) * P * above.reshape(-1)
     rows, columns, entries = A.getValuesCSR()
@@ -290,7 +290,7 @@ def test_multigrid_is_symmetric_and_bounded() -> None:
     """A V-cycle M of a symmetric A has x.My = Mx.y, and the spectrum of M A lies in (0, 1 + a little)."""
     solid = solid_of(here(), block_of(here(), Flat(L=1.0), 1.0, 0.35))
     solid.assemble_tangent()
-    tangent = Tangent(solid, symmetric=True, single=False)
+    tangent = TangentOperator(solid, symmetric=True, single=False)
     tangent.hold(solid.fixed)
     tangent.update()
     A = tangent.matrix()

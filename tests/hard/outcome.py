@@ -20,7 +20,8 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import CheckError, ConvergenceError, InputError
 from asperity.model.settings import MeshSize
-from asperity.quasistatic.checkpoint import Checkpoint, identity
+from asperity.quasistatic.checkpoint import Checkpoint
+from asperity.quasistatic.checkpoint_identity import identity
 from asperity.quasistatic.solve_contact import make_block
 from asperity.run_case import run
 from asperity.runtime.run_folder import CHECKPOINT, CURVE, SUMMARY

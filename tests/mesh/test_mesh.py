@@ -102,8 +102,8 @@ def test_base_and_sides_stay_plane(coarse: BlockMesh) -> None:
 def test_volume_and_areas(rough: Surface, coarse: BlockMesh) -> None:
     solid = solid_of(here(), coarse)
     # the mean plane of the exact surface is at `height`; cubic errors of the interpolation cancel
-    assert solid.bulk.volumes.sum() == pytest.approx(coarse.height, rel=2e-3)
-    assert solid.bulk.volumes.min() > 0
+    assert solid.kernels.volumes.sum() == pytest.approx(coarse.height, rel=2e-3)
+    assert solid.kernels.volumes.min() > 0
     top = ContactSurface(solid)
     assert top.area.sum() == pytest.approx(1.0, rel=1e-13)
     every = solid.nodes_on(TOP), solid.nodes_on(BASE), solid.nodes_on(SIDE_X), solid.nodes_on(SIDE_Y)
@@ -122,7 +122,7 @@ def test_curved_volume_converges(wave: Surface) -> None:
     """Quadratic interpolation of the surface: third order at least."""
 
     def error(size: float) -> float:
-        return abs(solid_of(here(), uniform(wave, size)).bulk.volumes.sum() - 1.0)
+        return abs(solid_of(here(), uniform(wave, size)).kernels.volumes.sum() - 1.0)
 
     errors = [error(size) for size in (0.4, 0.2, 0.1)]
     assert errors[0] / errors[2] > 4.0**3
@@ -349,7 +349,7 @@ def test_distribution_keeps_volume_areas_and_nodes(coarse: BlockMesh | None) -> 
     def total(value: float) -> float:
         return float(comm.allreduce(value))
 
-    assert total(shared.bulk.volumes.sum()) == pytest.approx(alone.bulk.volumes.sum(), rel=1e-13)
+    assert total(shared.kernels.volumes.sum()) == pytest.approx(alone.kernels.volumes.sum(), rel=1e-13)
     assert total(top_shared.area.sum()) == pytest.approx(1.0, rel=1e-13)
     assert total(len(shared.cell_nodes)) == len(block.tets)
     assert total(len(top_shared.nodes)) == len(top_alone.nodes)

@@ -43,7 +43,7 @@ def file(pressed: ContactResult, states: list[State], tmp_path_factory: pytest.T
 
 def test_stress_is_in_balance_with_the_force(pressed: ContactResult, states: list[State]) -> None:
     """The integral of the vertical stress is the force times the height it acts at (virtual displacement z e_z)."""
-    volumes = pressed.solver.solid.bulk.volumes.sum(axis=1)
+    volumes = pressed.solver.solid.kernels.volumes.sum(axis=1)
     cells = pressed.solver.solid.mesh.topology.original_cell_index
     summit = pressed.solver.summit
     for state in states:

@@ -84,26 +84,27 @@ def too_high(patch: pytest.MonkeyPatch, solver: ContactSolver) -> None:
 
 
 def forgetting(patch: pytest.MonkeyPatch, solver: ContactSolver) -> None:
-    right = solver.solid.bulk.commit
+    right = solver.solid.kernels.commit
 
     def wrong() -> None:
         right()
-        for history in solver.solid.bulk.history():
-            history *= 0.5
+        for values in solver.solid.kernels.history().arrays().values():
+            values *= 0.5
 
-    patch.setattr(solver.solid.bulk, "commit", wrong)
+    patch.setattr(solver.solid.kernels, "commit", wrong)
 
 
 def flowing_backwards(patch: pytest.MonkeyPatch, solver: ContactSolver) -> None:
-    right, bulk = solver.solid.bulk.commit, solver.solid.bulk
+    kernels = solver.solid.kernels
+    right = kernels.commit
 
     def wrong() -> None:
-        before = bulk.history()[0].copy()
+        before = kernels.history().plastic_strain.copy()
         right()
-        strain = bulk.history()[0]
+        strain = kernels.history().plastic_strain
         strain[:] = before - 0.1 * (strain - before)
 
-    patch.setattr(bulk, "commit", wrong)
+    patch.setattr(kernels, "commit", wrong)
 
 
 def stopping_early(patch: pytest.MonkeyPatch, solver: ContactSolver) -> None:
@@ -115,7 +116,7 @@ def stopping_early(patch: pytest.MonkeyPatch, solver: ContactSolver) -> None:
 
 
 def not_a_number(patch: pytest.MonkeyPatch, solver: ContactSolver) -> None:
-    patch.setattr(solver.solid.bulk, "stress", lambda u: np.full((len(solver.solid.cell_nodes), 4, 6), np.nan))
+    patch.setattr(solver.solid.kernels, "stress", lambda u: np.full((len(solver.solid.cell_nodes), 4, 6), np.nan))
 
 
 @pytest.mark.parametrize(

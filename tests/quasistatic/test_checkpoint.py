@@ -21,10 +21,12 @@ from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.settings import Formulation
 from asperity.output.fields import gather_states
-from asperity.quasistatic.checkpoint import FORMAT, MESH, SNAPSHOT, STATE, Checkpoint, differences, identity, signed
+from asperity.quasistatic.checkpoint import FORMAT, Checkpoint, signed
+from asperity.quasistatic.checkpoint_identity import differences, identity
 from asperity.quasistatic.solve_contact import ContactResult, PartialResult, solve_contact
 from asperity.quasistatic.stepping import Position
 from asperity.runtime.files import npz_bytes, read_npz, remove_asides, replace_file
+from asperity.runtime.run_folder import MESH, SNAPSHOT, STATE
 from asperity.surface import Surface
 
 CASE = {

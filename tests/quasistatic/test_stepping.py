@@ -18,6 +18,7 @@ from scipy.optimize import brentq
 from asperity import reference as ref
 from asperity.dynamics import unload_reload
 from asperity.errors import ConvergenceError, InputError
+from asperity.fem.kernels import History
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
@@ -81,7 +82,7 @@ def state(solver: ContactSolver) -> dict[str, Any]:
     """All that the next step starts from."""
     return {
         "u": solver.solid.u.x.array.copy(),
-        "history": [h.copy() for h in solver.solid.bulk.history()],
+        "history": solver.solid.kernels.history().copy().arrays(),
         "last": [None if v is None else v.copy() for v in (solver.state().displacement, solver.state().previous)],
         "numbers": asdict(replace(solver.state(), counts=None, displacement=None, previous=None)),  # type: ignore[arg-type]
         "nodal force": solver.nodal_force.copy(),
@@ -448,11 +449,33 @@ def test_flow_is_extrapolated_as_far_as_it_keeps_its_direction() -> None:
     )
     a, da = np.full(4, 5e-3), np.full(4, 2e-3)
     for lead in (1.0, 0.5):
-        carried, accumulated = extrapolate((strain, a), (strain + flow, a + da), lead)
+        carried = extrapolate(History(strain, a), History(strain + flow, a + da), lead)
         part = lead * np.array([1.0, np.sqrt(0.5), 1.0, 0.0])
         rounding = 8 * np.finfo(float).eps * flow.max()
-        np.testing.assert_allclose(carried, strain + (1.0 + part[:, None]) * flow, rtol=0, atol=rounding)
-        np.testing.assert_allclose(accumulated, a + (1.0 + part) * da, rtol=1e-14)
+        np.testing.assert_allclose(carried.plastic_strain, strain + (1.0 + part[:, None]) * flow, rtol=0, atol=rounding)
+        np.testing.assert_allclose(carried.accumulated, a + (1.0 + part) * da, rtol=1e-14)
+
+
+def test_a_history_with_one_more_variable_is_copied_and_extrapolated_like_the_others() -> None:
+    """A material law with a variable of its own needs no change outside the kernels."""
+
+    @dataclasses.dataclass(frozen=True, eq=False)
+    class Damaged(History):
+        damage: Array = dataclasses.field(metadata={"shape": (2,)})
+
+    before = Damaged.zeros(rows=3, points=4)
+    assert before.damage.shape == (3, 4, 2) and Damaged.names() == (*History.names(), "damage")
+    after = before.copy()
+    after.accumulated[1] = 0.5
+    assert not before.accumulated.any() and after.changed().tolist() == [1]
+    after.damage[:] = 1.0
+    assert not before.damage.any() and after.changed().tolist() == [0, 1, 2]
+    beyond = extrapolate(before, after, 0.5)
+    np.testing.assert_array_equal(beyond.arrays()["damage"], np.full((3, 4, 2), 1.5))
+    before.assign(after)
+    np.testing.assert_equal(before.arrays(), after.arrays())
+    after.damage[:] = 0.0
+    assert before.damage.all()
 
 
 def test_the_midpoint_rule_does_not_ring_where_yield_is_nothing_beside_the_strain(
@@ -460,8 +483,13 @@ def test_the_midpoint_rule_does_not_ring_where_yield_is_nothing_beside_the_strai
 ) -> None:
     """Without hardening at sigma_y/E = 1e-4 the plain rule does work that no energy answers to."""
     soft = Material(1.0, NU, 1e-4, 0.0)
+
+    def whole(before: History, after: History, lead: float) -> History:
+        begin = before.arrays()
+        return History(**{name: end + lead * (end - begin[name]) for name, end in after.arrays().items()})
+
     errors = []
-    for rule in (extrapolate, lambda a, b, lead: tuple(y + lead * (y - x) for x, y in zip(a, b, strict=True))):
+    for rule in (extrapolate, whole):
         monkeypatch.setattr("asperity.quasistatic.midpoint.extrapolate", rule)
         solver = make_contact_solver(world(), rough, coarse, soft)
         drive(solver, delta_max=0.015, steps=20, integrator="midpoint")

@@ -1,4 +1,4 @@
-"""Frictionless contact of the top with a rigid flat: exact (active set), penalty, Nitsche's method."""
+"""Frictionless contact with a rigid flat: exact (active set), penalty method, Nitsche's method."""
 
 from __future__ import annotations
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from asperity.arrays import Floats, Integers
 from asperity.contact.contact_surface import ContactSurface
 from asperity.contact.interface import Area
+from asperity.fem.kernels import History
 from asperity.fem.solid import Solid
 
 
 class ActiveSet:
-    """Exact contact at the nodes: no node of the top above the flat, no tension, by a primal-dual active set.
+    """Exact contact at the nodes by a primal-dual active set: no node penetrates the flat, no force is tensile.
 
     Hintermueller, Ito & Kunisch, SIAM J. Optim. 13 (2002) 865: a semismooth Newton method for
     lambda = max(0, lambda + c d), d the penetration, lambda the force of the flat. Active nodes are prescribed, so
@@ -23,9 +22,9 @@ class ActiveSet:
     symmetric = True
     stiff = False  # active dofs are prescribed by the solver
 
-    def __init__(self, solid: Solid, top: ContactSurface) -> None:
-        self._solid, self._top = solid, top
-        self._nodes = top.owned_nodes
+    def __init__(self, solid: Solid, surface: ContactSurface) -> None:
+        self._solid, self._surface = solid, surface
+        self._nodes = surface.owned_nodes
         self._height = solid.points[self._nodes, 2]
         # any positive c gives the same solution; a force over a displacement of the size of an element's stiffness
         self._c = 0.1
@@ -60,23 +59,24 @@ class ActiveSet:
     def sinking(self) -> float:
         return 0.0
 
-    def state(self) -> dict[str, Floats]:
-        return {}
+    def history(self) -> History | None:
+        return None
 
-    def restore_state(self, state: Mapping[str, Floats]) -> None:
+    def restore(self, history: History) -> None:
         pass
 
     def area(self) -> Area:
-        """Midpoint rule: each facet counts by the share of its edge nodes that are held.
+        """Midpoint rule: each facet counts by the share of its edge nodes that are active.
 
-        Corner nodes do not tell: under a smooth pressure their consistent force vanishes, so the exact solution may
-        leave them a hair open.
+        Corner nodes do not indicate contact: under a smooth pressure their consistent force vanishes, so the exact
+        solution may leave a small gap there.
         """
         owned = np.zeros(3 * self._solid.owned)
         owned[3 * self._nodes[self.active]] = 1.0
-        held = self._solid.with_ghosts(owned)[:, 0] > 0.0
-        edges = self._top.nodes[:, 3:]
-        area = self._top.area_of(held[edges], np.repeat(self._top.area[:, None] / 3.0, 3, axis=1))
+        held = self._solid.scatter_forward(owned)[:, 0] > 0.0
+        edges = self._surface.nodes[:, 3:]
+        area = self._surface.area_of(held[edges], np.repeat(self._surface.area[:, None] / 3.0, 3, axis=1))
         if area.value > 0.0:
             return area
-        return self._top.area_of(held[self._top.nodes[:, :3]], np.zeros((len(edges), 3)))  # it may lie around a corner
+        corners = held[self._surface.nodes[:, :3]]  # a small contact may lie around one
+        return self._surface.area_of(corners, np.zeros((len(edges), 3)))

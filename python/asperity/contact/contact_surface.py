@@ -1,4 +1,4 @@
-"""The rough top of a solid: its facets, contact quadrature, and nodal forces turned into pressures."""
+"""Contact surface of a solid: facets of its rough top, quadrature on them, pressure from nodal forces."""
 
 from __future__ import annotations
 
@@ -27,29 +27,29 @@ class Area:
 
 
 class FacetRule:
-    """Quadrature points on the facets of the top, one Gauss rule on each of 4^splits equal parts of a facet.
+    """Quadrature points on the facets, one Gauss rule on each of 4^splits equal parts of a facet.
 
     Attributes:
-        facets: what the compiled kernels need
+        facets: data of the facets for the compiled kernels
         weights: projected on the plane of the flat (F, Q) [length^2]
         height: of the surface at the points (F, Q) [length]
     """
 
-    def __init__(self, top: ContactSurface, degree: int, splits: int = 0) -> None:
+    def __init__(self, surface: ContactSurface, degree: int, splits: int = 0) -> None:
         points, weights = tet10.facet_quadrature(degree, splits)
-        solid = top.solid
+        solid = surface.solid
         at_facets = [tet10.at_facet(k, points) for k in range(4)]
         gradients = np.stack([tet10.shape_gradients(p) for p in at_facets])
         shape = np.stack([tet10.shape_functions(p) for p in at_facets])
         x = solid.mesh.geometry.x
-        x_nodes = np.ascontiguousarray(compat.geometry_dofmap(solid.mesh)[top.cells])
+        x_nodes = np.ascontiguousarray(compat.geometry_dofmap(solid.mesh)[surface.cells])
         self.facets = _solver.Facets(
-            x, x_nodes, top.cell_nodes, top.local, gradients, shape, tet10.area_vectors(), weights
+            x, x_nodes, surface.cell_nodes, surface.local, gradients, shape, tet10.area_vectors(), weights
         )
-        self.weights = np.empty((len(top.cells), len(weights)))
+        self.weights = np.empty((len(surface.cells), len(weights)))
         _solver.facet_weights(self.facets, self.weights)
         self._of_nodes = shape[0][:, tet10.facet_nodes()[0]]
-        self.height = self.at_points(solid.points[top.nodes, 2])
+        self.height = self.at_points(solid.points[surface.nodes, 2])
 
     def at_points(self, values: Floats) -> Floats:
         """Values at the quadrature points (F, Q) from those at the nodes of the facets (F, 6)."""
@@ -57,7 +57,7 @@ class FacetRule:
 
 
 class ContactSurface:
-    """Facets of the top that belong to cells of this process.
+    """Facets of the rough top that belong to cells of this rank.
 
     All areas are projected on the plane of the flat, so a pressure is the force on the flat per area of the flat.
 
@@ -66,7 +66,7 @@ class ContactSurface:
         cell_nodes: displacement nodes of these cells (F, 10)
         nodes: displacement nodes of each facet, three corners then three edges (F, 6)
         area, diameter: of each facet (F,)
-        owned_nodes: nodes on the top that this process owns
+        owned_nodes: nodes of the contact surface that this rank owns
     """
 
     def __init__(self, solid: Solid) -> None:
@@ -95,11 +95,11 @@ class ContactSurface:
         self._corner_area = self._assemble_corners(_to_corners(unit))
 
     def _assemble_corners(self, values: Floats) -> Floats:
-        """Sum corner values (F, 3) over facets and processes; result on local nodes (nodes,)."""
+        """Sum corner values (F, 3) over facets and ranks; result on local nodes (nodes,)."""
         return self.assemble(self.nodes[:, :3], values)
 
     def assemble(self, nodes: npt.NDArray[np.int32], values: Floats) -> Floats:
-        """Sum facet values into a nodal array over all processes, ghosts updated; collective."""
+        """Sum facet values into a nodal array over all ranks, ghosts updated; collective."""
         from dolfinx import la
 
         vector = la.vector(self.solid.V.dofmap.index_map, 1)
@@ -130,13 +130,14 @@ class ContactSurface:
     def area_of(self, touched: npt.NDArray[np.bool_], weights: Floats) -> Area:
         """Area where points of the facets are touched, and its error; collective.
 
-        The edge of the contact crosses facets, and where in a facet is as good as unknown: a deviation of
-        1/sqrt(12) of its area (that of a uniform share), independent from facet to facet. Twice the deviation of
-        the sum is the error: it scales with (perimeter h^3)^(1/2), and holes of a noisy contact count too.
+        The edge of the contact crosses facets, and its place within a facet is practically unknown: a standard
+        deviation of 1/sqrt(12) of the area of the facet (that of a uniform share), independent from facet to facet. The
+        error is twice the deviation of the sum: it scales with (perimeter h^3)^(1/2), and holes of a noisy contact
+        count too.
 
         Args:
             touched: whether the flat touches a point (F, Q)
-            weights: area each point stands for (F, Q) [length^2]
+            weights: area of each point (F, Q) [length^2]
         """
         cut = touched.any(axis=1) & ~touched.all(axis=1)
         sums = self.solid.comm.allreduce(np.array([np.sum(weights[touched]), np.sum(self.area[cut] ** 2)]))
@@ -144,14 +145,14 @@ class ContactSurface:
 
     @property
     def valence(self) -> Floats:
-        """Number of top facets, over all processes, that meet at a node (nodes,)."""
+        """Number of facets of the contact surface, over all ranks, that meet at a node (nodes,)."""
         if not hasattr(self, "_valence"):
             self._valence = self.assemble(self.nodes, np.ones(self.nodes.shape))
         return self._valence
 
 
 def facet_numbers(surface: ContactSurface) -> Indices:
-    """Number of each facet in the built mesh: four times its cell and its place in it (F,)."""
+    """Number of each facet in the built mesh: four times its cell plus its number in the cell (F,)."""
     return 4 * cell_numbers(surface.solid)[surface.cells] + surface.local
 
 

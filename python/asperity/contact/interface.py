@@ -1,25 +1,25 @@
-"""What the solver and the load path need of a contact formulation."""
+"""Interface of a contact formulation to the contact solver and the load path."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Protocol
 
 from asperity.arrays import Floats, Integers
 from asperity.contact.contact_surface import Area
+from asperity.fem.kernels import History
 
 __all__ = ["Area", "Contact", "Integers"]
 
 
 class Contact(Protocol):
-    """A formulation of contact with a flat, on the solid it was made for.
+    """Formulation of the contact of a solid with a rigid flat.
 
-    The flat puts a force on the nodes; internal force + contact force = 0 on free dofs, so a pressing flat adds a
-    positive z component. Some dofs may be prescribed instead.
+    The flat exerts a force on the nodes. Internal force + contact force = 0 on free dofs, so contact adds a positive z
+    component. A formulation may prescribe dofs instead.
     """
 
     symmetric: bool  # whether the tangent is symmetric, and positive definite with the solid's
-    stiff: bool  # whether there is a contact stiffness at all
+    stiff: bool  # whether the contact has a stiffness
 
     def begin(self, z: float) -> None:
         """Move the flat to height z [length]."""
@@ -31,7 +31,7 @@ class Contact(Protocol):
             force: internal force on the owned nodes (owned, 3)
 
         Returns:
-            residual (owned, 3); prescribed owned dofs; the displacement increment each of them still lacks
+            residual (owned, 3) [E L^2]; prescribed owned dofs; the displacement increment each of them still lacks [L]
         """
 
     def add_tangent(self) -> None:
@@ -41,19 +41,19 @@ class Contact(Protocol):
         """Normal force of the flat on the owned nodes (owned,), from the internal force (owned, 3)."""
 
     def commit(self) -> None:
-        """Make the history of the last residual, if there is any, the committed one."""
+        """Make the history of the last residual the committed one, if the formulation has a history."""
 
     def sinking(self) -> float:
         """Sum of force times penetration over the points of a compliant contact at the last residual [force length].
 
-        Of this process; zero for exact contact.
+        Part of this rank; zero for exact contact.
         """
 
-    def state(self) -> dict[str, Floats]:
-        """Committed history: arrays with a row per facet of the top (F, ...); empty when there is none."""
+    def history(self) -> History | None:
+        """Committed history, a row per facet of this rank; None, on all ranks, for a formulation without one."""
 
-    def restore_state(self, state: Mapping[str, Floats]) -> None:
-        """Take up a committed history that `state` gave."""
+    def restore(self, history: History) -> None:
+        """Restore a committed history returned by `history`; only called where there is a history."""
 
     def area(self) -> Area:
         """Area of contact at the last residual; collective."""

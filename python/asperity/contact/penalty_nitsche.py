@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from asperity import _solver
@@ -11,10 +9,10 @@ from asperity.arrays import Floats, Integers
 from asperity.contact.contact_surface import FACET_DEGREE, ContactSurface, FacetRule
 from asperity.contact.interface import Area
 from asperity.errors import InputError
+from asperity.fem.compiled_kernels import compiled
+from asperity.fem.kernels import History
 from asperity.fem.solid import Solid
 from asperity.model.settings import gamma_too_small
-
-STATE = ("plastic_strain", "accumulated")
 
 
 class PressureContact:
@@ -28,14 +26,14 @@ class PressureContact:
     map at the quadrature points, with a history of their own.
 
     The penalty method has M = E and h the diameter of the facet. Nitsche's has M = lambda + 2 mu, the stiffness along
-    the normal, which grows without bound towards nu = 0.5 (Hansbo & Larson, Comput. Methods Appl. Mech. Engrg. 191
+    the normal, which is unbounded towards nu = 0.5 (Hansbo & Larson, Comput. Methods Appl. Mech. Engrg. 191
     (2002) 1895), and h = 3 |K|/|F| the height of the cell over the facet: t^2 is at most (lambda + 2 mu) sigma:eps, and
     the mean of the square of a linear stress over a facet at most 8/3 of that over the cell (Warburton & Hesthaven,
     ibid. 192 (2003) 2765), so theta = 1 is coercive for gamma > 2 where cells are straight. Plastic flow only lowers
-    the stiffness along the normal: the elastic one serves there too.
+    the stiffness along the normal, so the elastic one is sufficient there too.
 
     Args:
-        solid, top: what is pressed
+        solid, surface: block and its contact surface
         factor: dimensionless beta (penalty) or gamma (Nitsche)
         traction: k
         theta: 0 unless Nitsche's method for an elastic solid
@@ -48,7 +46,7 @@ class PressureContact:
     def __init__(
         self,
         solid: Solid,
-        top: ContactSurface,
+        surface: ContactSurface,
         factor: float,
         *,
         traction: bool,
@@ -62,15 +60,15 @@ class PressureContact:
             )
         if traction and (small := gamma_too_small(factor, theta)):
             raise InputError(small)
-        self._solid, self._top = solid, top
-        self._rule = FacetRule(top, FACET_DEGREE) if rule is None else rule
+        self._solid, self._surface = solid, surface
+        self._rule = FacetRule(surface, FACET_DEGREE) if rule is None else rule
         self.symmetric, self.stiff = not traction or theta == 1, True
         points = self._rule.weights.shape
         if traction:
             lam, mu = solid.material.lame
-            modulus, h = lam + 2.0 * mu, 3.0 * solid.bulk.volumes[top.cells].sum(axis=1) / top.area
+            modulus, h = lam + 2.0 * mu, 3.0 * solid.kernels.volumes[surface.cells].sum(axis=1) / surface.area
         else:
-            modulus, h = solid.material.E, top.diameter
+            modulus, h = solid.material.E, surface.diameter
         self._law = _solver.ContactLaw(
             _solver.J2(*solid.material.parameters),
             factor * modulus * 4.0 / h,
@@ -78,10 +76,10 @@ class PressureContact:
             traction,
             float(theta),
         )
-        held = (len(top.cells) if traction and solid.material.plastic else 0, points[1])
-        self._committed = (np.zeros((*held, 6)), np.zeros(held))
-        self._trial = (np.zeros((*held, 6)), np.zeros(held))
-        self._pattern = _solver.BlockPattern(top.cell_nodes, solid.graph.indptr, solid.graph.indices)
+        self._has_history = traction and solid.material.plastic
+        rows = len(surface.cells) if self._has_history else 0
+        self._committed, self._trial = History.zeros(rows, points[1]), History.zeros(rows, points[1])
+        self._pattern = _solver.BlockPattern(surface.cell_nodes, solid.sparsity.indptr, solid.sparsity.indices)
         self._z = np.inf
         self.points = np.zeros(points)  # pressure at the quadrature points (facets, points)
 
@@ -95,15 +93,15 @@ class PressureContact:
             self._law,
             self._z,
             self._solid.u.x.array.reshape(-1, 3),
-            _solver.History(*self._committed),
-            _solver.History(*self._trial),
+            compiled(self._committed),
+            compiled(self._trial),
             self.points,
             part,
         )
         load = np.zeros(self._solid.nodes)
         _solver.facet_load(self._rule.facets, self._rule.weights, self.points, load)
         part[:, 2] += load
-        self._force = self._solid.sum_ghosts(np.column_stack([part, load]))
+        self._force = self._solid.scatter_reverse(np.column_stack([part, load]))
         return force + self._force[:, :3], np.empty(0, dtype=np.int32), np.empty(0)
 
     def add_tangent(self) -> None:
@@ -111,7 +109,7 @@ class PressureContact:
             self._rule.facets,
             self._law,
             self._solid.u.x.array.reshape(-1, 3),
-            _solver.History(*self._committed),
+            compiled(self._committed),
             self.points,
             self._pattern,
             self._solid.values,
@@ -121,30 +119,21 @@ class PressureContact:
         return self._force[:, 3].copy()
 
     def commit(self) -> None:
-        for committed, trial in zip(self._committed, self._trial, strict=True):
-            np.copyto(committed, trial)
+        self._committed.assign(self._trial)
 
     def sinking(self) -> float:
-        # at the points, where the law holds; how deep a node between them lies tells of the size of the facets
-        uz = self._solid.u.x.array.reshape(-1, 3)[self._top.nodes, 2]
-        pressed = self.points > 0.0
-        depth = (self._rule.height + self._rule.at_points(uz) - self._z)[pressed]
-        return float(np.sum((self._rule.weights * self.points)[pressed] * depth))
+        # at the points, where the law holds; the penetration of a node between them depends on the size of the facets
+        uz = self._solid.u.x.array.reshape(-1, 3)[self._surface.nodes, 2]
+        touched = self.points > 0.0
+        depth = (self._rule.height + self._rule.at_points(uz) - self._z)[touched]
+        return float(np.sum((self._rule.weights * self.points)[touched] * depth))
 
-    def state(self) -> dict[str, Floats]:
-        if not self._committed[1].size:
-            return {}
-        return dict(zip(STATE, self._committed, strict=True))
+    def history(self) -> History | None:
+        return self._committed if self._has_history else None
 
-    def restore_state(self, state: Mapping[str, Floats]) -> None:
-        if self._committed[1].size:
-            for name, committed in zip(STATE, self._committed, strict=True):
-                np.copyto(committed, state[name])
-
-    def history(self) -> tuple[Floats, Floats]:
-        """Committed plastic strain (facets, points, 6) and accumulated plastic strain (facets, points)."""
-        return self._committed
+    def restore(self, history: History) -> None:
+        self._committed.assign(history)
 
     def area(self) -> Area:
-        """Area of the quadrature points under pressure."""
-        return self._top.area_of(self.points > 0.0, self._rule.weights)
+        """Area of the quadrature points under pressure; collective."""
+        return self._surface.area_of(self.points > 0.0, self._rule.weights)

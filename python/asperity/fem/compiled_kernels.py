@@ -1,4 +1,4 @@
-"""Compiled constitutive part: one pass over the cells for stress, tangent and history (solver/)."""
+"""Compiled element kernels: one pass over the cells for stress, tangent and history (solver/)."""
 
 from __future__ import annotations
 
@@ -7,16 +7,28 @@ import numpy.typing as npt
 
 from asperity import _solver
 from asperity.arrays import Floats
-from asperity.fem.kernels import QUADRATURE_DEGREE
-from asperity.fem.sparsity import NodeGraph
+from asperity.fem.kernels import QUADRATURE_DEGREE, History
+from asperity.fem.sparsity import SparsityPattern
 from asperity.mesh.tet10 import quadrature, shape_gradients
 from asperity.model.material import Material
 
 
-class CompiledBulk:
+def compiled(history: History) -> _solver.History:
+    """The arrays of a history as the compiled kernels receive them; they write into these arrays."""
+    return _solver.History(**history.arrays())
+
+
+class CompiledKernels:
     """Internal force and tangent by the kernels of `asperity._solver`.
 
-    The elastic stiffness is assembled once; a tangent is its copy plus the correction of the cells that flow.
+    The elastic stiffness is assembled once. A tangent is a copy of it plus the correction of the cells that yield.
+
+    Args:
+        x: nodes of the geometry (n, 3) [L]
+        x_nodes: nodes of the geometry of each cell (cells, 10)
+        cell_nodes: displacement nodes of each cell (cells, 10)
+        material: with stresses in units of E
+        sparsity: of the local matrix
     """
 
     def __init__(
@@ -25,7 +37,7 @@ class CompiledBulk:
         x_nodes: npt.NDArray[np.int32],
         cell_nodes: npt.NDArray[np.int32],
         material: Material,
-        graph: NodeGraph,
+        sparsity: SparsityPattern,
     ) -> None:
         at, weights = quadrature(QUADRATURE_DEGREE)
         self._cells = _solver.Cells(x, x_nodes, cell_nodes, shape_gradients(at), weights)
@@ -33,15 +45,12 @@ class CompiledBulk:
         self._law = _solver.J2(*material.parameters)
         self.linear = not material.plastic
         cells, points = len(cell_nodes), len(weights)
-        self.points = cells * points
         self.plastic_points = 0
-        self._pattern = _solver.BlockPattern(cell_nodes, graph.indptr, graph.indices)
-        self._elastic = np.zeros(len(graph.columns))
+        self._pattern = _solver.BlockPattern(cell_nodes, sparsity.indptr, sparsity.indices)
+        self._elastic = np.zeros(len(sparsity.columns))
         _solver.stiffness_elastic(self._cells, self._elastic_law, self._pattern, self._elastic)
-        held = cells if material.plastic else 0  # an elastic material has no history
-        shape = (held, points)
-        self._committed = (np.zeros((*shape, 6)), np.zeros(shape))
-        self._trial = (np.zeros((*shape, 6)), np.zeros(shape))
+        rows = cells if material.plastic else 0  # an elastic material has no history
+        self._committed, self._trial = History.zeros(rows, points), History.zeros(rows, points)
         self._flowing = np.zeros(cells, dtype=bool)
         self.volumes = np.empty((cells, points))
         _solver.volumes(self._cells, self.volumes)
@@ -54,8 +63,8 @@ class CompiledBulk:
             self._cells,
             self._law,
             u,
-            _solver.History(*self._committed),
-            _solver.History(*self._trial),
+            compiled(self._committed),
+            compiled(self._trial),
             self._flowing,
             b,
         )
@@ -67,26 +76,23 @@ class CompiledBulk:
                 self._cells,
                 self._law,
                 u,
-                _solver.History(*self._committed),
+                compiled(self._committed),
                 self._flowing,
                 self._pattern,
                 values,
             )
 
     def commit(self) -> None:
-        for committed, trial in zip(self._committed, self._trial, strict=True):
-            np.copyto(committed, trial)
+        self._committed.assign(self._trial)
 
-    def restore(self, plastic_strain: Floats, accumulated: Floats) -> None:
-        for kept, values in zip(self._committed, (plastic_strain, accumulated), strict=True):
-            np.copyto(kept, values)
+    def restore(self, history: History) -> None:
+        self._committed.assign(history)
 
-    def history(self) -> tuple[Floats, Floats]:
+    def history(self) -> History:
         return self._committed
 
     def stress(self, u: Floats) -> Floats:
-        cells = len(self._flowing)
-        out = np.zeros((cells, self.points // max(cells, 1), 6))
-        history = (np.zeros_like(out), np.zeros(out.shape[:2])) if self.linear else self._committed
-        _solver.stress(self._cells, self._law, u, _solver.History(*history), out)
+        out = np.zeros((*self.volumes.shape, 6))
+        history = History.zeros(*self.volumes.shape) if self.linear else self._committed
+        _solver.stress(self._cells, self._law, u, compiled(history), out)
         return out

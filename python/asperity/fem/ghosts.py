@@ -1,4 +1,4 @@
-"""Exchange of nodal values between processes."""
+"""Ghost updates: exchange of nodal values between ranks, by the names of dolfinx."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy.typing as npt
 Real = TypeVar("Real", np.float32, np.float64)
 
 
-class Halo:
-    """Nodes that several processes hold: one owns a node, it is a ghost on the others.
+class Ghosts:
+    """Ghost update of nodal values. A node of several ranks is owned by one of them and a ghost on the others.
 
-    Results are views of buffers, overwritten by the next exchange of the same width and precision; in one process
-    they are the arguments.
+    Results are views of buffers, which the next exchange of the same width and precision overwrites. On a single rank
+    the result is the argument.
 
     Args:
         index_map: of the nodes
@@ -22,10 +22,10 @@ class Halo:
 
     def __init__(self, index_map: Any) -> None:
         self._map, self._alone = index_map, index_map.comm.size == 1
-        self._buffers: dict[Any, Any] = {}  # setting up an exchange is collective and slow beside one
+        self._buffers: dict[Any, Any] = {}  # setting up an exchange is collective and slower than an exchange
 
-    def fill(self, owned: npt.NDArray[Real]) -> npt.NDArray[Real]:
-        """Values of the owned nodes (owned, k) with those of the ghosts behind them (nodes, k); collective."""
+    def scatter_forward(self, owned: npt.NDArray[Real]) -> npt.NDArray[Real]:
+        """Append the values of the ghosts to those of the owned nodes (owned, k): (nodes, k); collective."""
         if self._alone:
             return owned
         vector, values = self._buffer(owned)
@@ -33,8 +33,8 @@ class Halo:
         vector.scatter_forward()
         return values
 
-    def add(self, values: npt.NDArray[Real]) -> npt.NDArray[Real]:
-        """Nodal values (nodes, k) summed over the processes that hold a node: at owned ones (owned, k); collective."""
+    def scatter_reverse(self, values: npt.NDArray[Real]) -> npt.NDArray[Real]:
+        """Sum nodal values (nodes, k) over the ranks that hold a node; at the owned nodes (owned, k); collective."""
         if self._alone:
             return values
         from dolfinx import la

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def node_numbers(solid: Solid) -> npt.NDArray[np.int64]:
-    """Node of the built mesh that each local displacement node is; ghosts included (nodes,)."""
+    """Number in the built mesh of each local displacement node, ghosts included (nodes,)."""
     x_nodes = compat.geometry_dofmap(solid.mesh)
     out = np.full(solid.nodes, -1, dtype=np.int64)
     numbers = solid.mesh.geometry.input_global_indices
@@ -24,7 +24,7 @@ def node_numbers(solid: Solid) -> npt.NDArray[np.int64]:
 
 
 def cell_numbers(solid: Solid) -> npt.NDArray[np.int64]:
-    """Cell of the built mesh that each owned cell is (cells,)."""
+    """Number in the built mesh of each owned cell (cells,)."""
     return np.asarray(solid.mesh.topology.original_cell_index)[: len(solid.cell_nodes)]
 
 
@@ -47,7 +47,7 @@ def collect(comm: Any, numbers: npt.NDArray[np.int64], values: Array) -> Array |
 
 
 def spread(comm: Any, numbers: npt.NDArray[np.int64], values: Array | None) -> Array:
-    """Rows `numbers` of an array held by rank 0; collective."""
+    """Scatter the rows `numbers` of an array on rank 0; collective."""
     wanted = comm.gather(numbers, root=0)
     parts = None if wanted is None or values is None else [values[n] for n in wanted]
     return np.asarray(comm.scatter(parts, root=0))
@@ -56,7 +56,7 @@ def spread(comm: Any, numbers: npt.NDArray[np.int64], values: Array | None) -> A
 def collect_some(
     comm: Any, numbers: npt.NDArray[np.int64], values: Array
 ) -> tuple[npt.NDArray[np.int64], Array] | None:
-    """Rows that only some positions have, on rank 0 with their numbers in ascending order; None elsewhere; collective.
+    """Gather the rows of some positions on rank 0, with their numbers in ascending order; None elsewhere; collective.
 
     Args:
         comm: communicator
@@ -77,7 +77,7 @@ def spread_some(
     rows: tuple[npt.NDArray[np.int64], Array] | None,
     fill: float = 0.0,
 ) -> Array:
-    """Rows `wanted` of what `collect_some` gave on rank 0, `fill` where there is none; collective."""
+    """Scatter the rows `wanted` of the result of `collect_some`, `fill` where there is none; collective."""
     requests = comm.gather(wanted, root=0)
     parts = None
     if requests is not None and rows is not None:

@@ -1,29 +1,94 @@
-"""What the solid needs of its element kernels, compiled or as UFL forms."""
+"""Interface of the element kernels, compiled or as UFL forms, and the history that they own."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from dataclasses import dataclass, field, fields, replace
+from typing import Protocol, Self
 
-from asperity.arrays import Floats
+import numpy as np
+
+from asperity.arrays import Floats, Indices
 
 QUADRATURE_DEGREE = 2  # four points; degree 4 moved the force by less than 0.1 %
 
 
+@dataclass(frozen=True, eq=False)
+class History:
+    """Internal variables of the material at the quadrature points: a row per cell, or per facet of the contact surface.
+
+    The program copies, extrapolates, saves and restores all variables alike; energies, measures and the direction of
+    the extrapolation use those of plasticity by name. A new variable, zero in the virgin material, needs a field here
+    and an argument of the same name in `_solver.History`. Checkpoints hold the variables under these names.
+
+    Attributes:
+        plastic_strain: xx, yy, zz, xy, xz, yz (rows, points, 6)
+        accumulated: accumulated plastic strain (rows, points)
+
+    Examples:
+        >>> history = History.zeros(rows=2, points=4)
+        >>> {name: values.shape for name, values in history.arrays().items()}
+        {'plastic_strain': (2, 4, 6), 'accumulated': (2, 4)}
+        >>> history.accumulated[1] = 0.01
+        >>> history.changed()
+        array([1])
+    """
+
+    # the shape is that of the components at one quadrature point
+    plastic_strain: Floats = field(metadata={"shape": (6,)})
+    accumulated: Floats = field(metadata={"shape": ()})
+
+    @classmethod
+    def zeros(cls, rows: int, points: int) -> Self:
+        """History of a material that never yielded; with no rows, that of an elastic one."""
+        return cls(**{f.name: np.zeros((rows, points, *f.metadata["shape"])) for f in fields(cls)})
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """Names of the variables."""
+        return tuple(f.name for f in fields(cls))
+
+    def arrays(self) -> dict[str, Floats]:
+        """Variables by name; the arrays themselves, not copies."""
+        return {name: getattr(self, name) for name in self.names()}
+
+    def copy(self) -> Self:
+        """Copy that later steps do not change."""
+        return replace(self, **{name: values.copy() for name, values in self.arrays().items()})
+
+    def assign(self, other: Self) -> None:
+        """Overwrite the values with those of a history of the same shape."""
+        for name, values in self.arrays().items():
+            np.copyto(values, getattr(other, name))
+
+    @property
+    def rows(self) -> int:
+        """Number of rows; 0 for an elastic material."""
+        return len(self.accumulated)
+
+    def changed(self) -> Indices:
+        """Rows with a variable other than zero at any point."""
+        changed = [values.any(axis=tuple(range(1, values.ndim))) for values in self.arrays().values()]
+        return np.flatnonzero(np.any(changed, axis=0))
+
+
 class ElementKernels(Protocol):
-    """Internal force, tangent and history of a solid, cell by cell; of this rank."""
+    """Internal force, tangent and history of a solid, cell by cell; the part of this rank.
+
+    Lengths are in units of L, stresses in units of E.
+    """
 
     linear: bool  # whether the tangent never changes
 
     @property
     def plastic_points(self) -> int:
-        """Quadrature points flowing at the last residual, this process."""
+        """Quadrature points of this rank that yielded in the last residual."""
 
     @property
     def volumes(self) -> Floats:
-        """Of the quadrature points of this process (cells, points)."""
+        """Volumes of the quadrature points of this rank (cells, points) [L^3]."""
 
     def add_internal_force(self, u: Floats, b: Floats) -> None:
-        """Add the internal force of the nodal displacement u (nodes, 3) to b; writes the trial history."""
+        """Add the internal force [E L^2] of the nodal displacement u (nodes, 3) to b; writes the trial history."""
 
     def tangent(self, u: Floats, values: Floats) -> None:
         """Write the values of the local CSR matrix at u, the state of the last residual."""
@@ -31,11 +96,11 @@ class ElementKernels(Protocol):
     def commit(self) -> None:
         """Make the trial history the committed one."""
 
-    def restore(self, plastic_strain: Floats, accumulated: Floats) -> None:
+    def restore(self, history: History) -> None:
         """Restore a committed history returned by `history`."""
 
-    def history(self) -> tuple[Floats, Floats]:
-        """Committed plastic strain (cells, points, 6) and accumulated plastic strain (cells, points)."""
+    def history(self) -> History:
+        """Committed history of this rank's cells; without rows for an elastic material."""
 
     def stress(self, u: Floats) -> Floats:
-        """Stress (cells, points, 6) of u over the committed history."""
+        """Stress (cells, points, 6) [E] of u over the committed history."""

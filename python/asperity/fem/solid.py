@@ -1,7 +1,7 @@
 """The deformable block: displacement space, internal force, tangent, history.
 
 Inside the solver lengths are in units of the side L and stresses in units of E, so tolerances mean the same for
-every case. History is written to a trial copy with each residual and becomes the committed one by `commit` only.
+every case. Each residual writes a trial history; `commit` alone makes it the committed one.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity.arrays import Floats
-from asperity.fem.ghosts import Halo
+from asperity.fem.ghosts import Ghosts
 from asperity.fem.kernels import ElementKernels
-from asperity.fem.sparsity import NodeGraph
+from asperity.fem.sparsity import SparsityPattern
 from asperity.mesh.generate import BASE, SIDE_X, SIDE_Y
 from asperity.model.material import Material
 from asperity.runtime import compat
@@ -26,16 +26,25 @@ class Solid:
     """Second-order displacement on a distributed mesh, clamped base, rollers or free sides.
 
     Args:
-        mesh, tags: what `mesh.distribute` gave
+        mesh, tags: returned by `mesh.distribute`
         material: with stresses in units of E
         sides: "rollers" (no normal displacement) or "free"
         kernels: "compiled" or "ufl"
-        phases: collects where the time goes
+        phases: collects the time spent in each phase
 
     Attributes:
-        graph: sparsity of this process's part of the tangent
-        values: of that part, the sum of the parts being the tangent
-        version: how often `values` were written
+        u, force: displacement [L] and internal force [E L^2], functions of dolfinx
+        owned, nodes: number of owned displacement nodes, and with ghosts
+        dofs: degrees of freedom of all ranks
+        points: coordinates of the nodes (nodes, 3) [L]
+        cell_nodes: displacement nodes of the owned cells (cells, 10)
+        fixed: owned dofs without displacement
+        base: owned nodes on the clamped base
+        kernels: internal force, tangent and history of the cells
+        ghosts: ghost update of nodal values
+        sparsity: of this rank's part of the tangent
+        values: of that part; the tangent is the sum of the parts of all ranks
+        version: number of times `values` were written
     """
 
     def __init__(
@@ -63,22 +72,22 @@ class Solid:
         self.points = np.ascontiguousarray(self.V.tabulate_dof_coordinates())
         cells = mesh.topology.index_map(3).size_local
         self.cell_nodes = np.ascontiguousarray(self.V.dofmap.list[:cells])
-        self.graph = NodeGraph(self.cell_nodes, self.nodes)
+        self.sparsity = SparsityPattern(self.cell_nodes, self.nodes)
         self.fixed = self._fixed_rows(sides)
         self.base = self.nodes_on(BASE)
-        self.bulk = self._make_bulk(kernels)
-        self.halo = Halo(index_map)
-        self.values, self.version = np.zeros(len(self.graph.columns)), 0
+        self.kernels = self._make_kernels(kernels)
+        self.ghosts = Ghosts(index_map)
+        self.values, self.version = np.zeros(len(self.sparsity.columns)), 0
 
-    def _make_bulk(self, kernels: str) -> ElementKernels:
+    def _make_kernels(self, kernels: str) -> ElementKernels:
         if kernels == "ufl":
-            from asperity.fem.ufl_kernels import UflBulk
+            from asperity.fem.ufl_kernels import UflKernels
 
-            return UflBulk(self.V, self.material, self.graph)
-        from asperity.fem.compiled_kernels import CompiledBulk
+            return UflKernels(self.V, self.material, self.sparsity)
+        from asperity.fem.compiled_kernels import CompiledKernels
 
         x_nodes = compat.geometry_dofmap(self.mesh)[: len(self.cell_nodes)]
-        return CompiledBulk(self.mesh.geometry.x, x_nodes, self.cell_nodes, self.material, self.graph)
+        return CompiledKernels(self.mesh.geometry.x, x_nodes, self.cell_nodes, self.material, self.sparsity)
 
     def nodes_on(self, tag: int) -> npt.NDArray[np.int32]:
         """Owned nodes on the facets with a tag."""
@@ -107,13 +116,13 @@ class Solid:
 
         return PETSc.Vec().createMPI((3 * self.owned, self.dofs), bsize=3, comm=self.comm)
 
-    def with_ghosts(self, values: Floats) -> Floats:
-        """Owned dof values (3 owned,) as a nodal array with ghosts (nodes, 3); collective."""
-        return self.halo.fill(values.reshape(-1, 3)).copy()
+    def scatter_forward(self, values: Floats) -> Floats:
+        """Nodal array with ghosts (nodes, 3) of owned dof values (3 owned,); collective."""
+        return self.ghosts.scatter_forward(values.reshape(-1, 3)).copy()
 
-    def sum_ghosts(self, values: Floats) -> Floats:
-        """Nodal values (nodes, k) summed over the processes that hold a part: (owned, k); collective."""
-        return self.halo.add(values).copy()
+    def scatter_reverse(self, values: Floats) -> Floats:
+        """Sum nodal values (nodes, k) over the ranks that hold a part; at the owned nodes (owned, k); collective."""
+        return self.ghosts.scatter_reverse(values).copy()
 
     def internal_force(self) -> Floats:
         """Internal force of the current displacement on the owned nodes (owned, 3); collective."""
@@ -122,20 +131,20 @@ class Solid:
         b = self.force.x.array
         with self.phases.phase("residual"):
             b[:] = 0.0
-            self.bulk.add_internal_force(self.u.x.array.reshape(-1, 3), b.reshape(-1, 3))
+            self.kernels.add_internal_force(self.u.x.array.reshape(-1, 3), b.reshape(-1, 3))
             self.force.x.scatter_reverse(la.InsertMode.add)
         return b.reshape(-1, 3)[: self.owned]
 
     def assemble_tangent(self, add: Callable[[], None] | None = None) -> None:
-        """Bring `values` to the state of the last internal force, without boundary conditions.
+        """Write the tangent at the state of the last internal force to `values`, without boundary conditions.
 
         Args:
-            add: adds what else there is to `values`, if there is anything
+            add: adds the stiffness of the contact to `values`
         """
-        if self.version and self.bulk.linear and add is None:
+        if self.version and self.kernels.linear and add is None:
             return
         with self.phases.phase("tangent"):
-            self.bulk.tangent(self.u.x.array.reshape(-1, 3), self.values)
+            self.kernels.tangent(self.u.x.array.reshape(-1, 3), self.values)
             if add is not None:
                 add()
         self.version += 1

@@ -7,12 +7,12 @@ import numpy as np
 from asperity.arrays import Integers
 
 
-class NodeGraph:
-    """Sparsity of the local matrix: nodes that share a cell of this process, ghost nodes included.
+class SparsityPattern:
+    """Sparsity pattern of the local matrix. Nodes that share a cell of this rank are coupled, ghost nodes included.
 
     Attributes:
-        indptr, indices: CSR graph of the nodes (indices ascending)
-        rows, columns: CSR of the matrix with three dofs a node
+        indptr, indices: CSR pattern of the nodes (indices ascending)
+        rows, columns: CSR pattern of the matrix with three dofs a node
         diagonal: positions of its diagonal among its values
     """
 

@@ -1,4 +1,4 @@
-"""Constitutive part as UFL forms: the readable twin of the compiled kernels, differentiated automatically."""
+"""Element kernels as UFL forms: the readable twin of the compiled kernels, differentiated automatically."""
 
 from __future__ import annotations
 
@@ -8,18 +8,24 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity.arrays import Floats
-from asperity.fem.kernels import QUADRATURE_DEGREE
-from asperity.fem.sparsity import NodeGraph
+from asperity.fem.kernels import QUADRATURE_DEGREE, History
+from asperity.fem.sparsity import SparsityPattern
 from asperity.model.material import Material, return_map_ufl
 from asperity.runtime import compat
 
 SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # order of stored tensor components
 
 
-class UflBulk:
-    """Internal force and tangent by FFCx from `material.return_map_ufl`; compiled at first use."""
+class UflKernels:
+    """Internal force and tangent by FFCx from `material.return_map_ufl`; compiled at first use.
 
-    def __init__(self, V: Any, material: Material, graph: NodeGraph) -> None:
+    Args:
+        V: displacement space
+        material: with stresses in units of E
+        sparsity: of the local matrix
+    """
+
+    def __init__(self, V: Any, material: Material, sparsity: SparsityPattern) -> None:
         import basix.ufl
         import ufl
         from dolfinx import fem
@@ -50,7 +56,7 @@ class UflBulk:
         outputs = [stress[ij] for ij in SYMMETRIC] + [flowed[ij] for ij in SYMMETRIC] + [alpha]
         self._outputs = fem.Expression(ufl.as_vector(outputs), points, mesh.comm)
         self._matrix = fem.create_matrix(self._tangent)
-        self._from, self._to = _positions(self._matrix, graph)
+        self._from, self._to = _positions(self._matrix, sparsity)
         self.volumes = self._quadrature_volumes(len(points))
         self.plastic_points = 0
         self._plastic = material.plastic
@@ -86,16 +92,16 @@ class UflBulk:
             values = self._history.x.array.reshape(-1, 7)
             values[self._at] = self._state()[..., 6:]
 
-    def restore(self, plastic_strain: Floats, accumulated: Floats) -> None:
+    def restore(self, history: History) -> None:
         if self._plastic:
             values = self._history.x.array.reshape(-1, 7)
-            values[self._at] = np.concatenate([plastic_strain, accumulated[..., None]], axis=-1)
+            values[self._at] = np.concatenate([history.plastic_strain, history.accumulated[..., None]], axis=-1)
 
-    def history(self) -> tuple[Floats, Floats]:
+    def history(self) -> History:
         committed = self._committed()
         if not self._plastic:
             committed = committed[:0]
-        return committed[..., :6], committed[..., 6]
+        return History(plastic_strain=committed[..., :6], accumulated=committed[..., 6])
 
     def stress(self, u: Floats) -> Floats:
         self._u.x.array[:] = u.ravel()
@@ -110,22 +116,22 @@ class UflBulk:
         return out.reshape(len(self._cells), -1, 13)
 
 
-def _positions(matrix: Any, graph: NodeGraph) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Which stored values of a dolfinx matrix (3 x 3 blocks) go where in the local CSR of the graph.
+def _positions(matrix: Any, sparsity: SparsityPattern) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Positions of values in a dolfinx matrix (3 x 3 blocks), and their positions in the local CSR matrix.
 
-    Blocks to which only other processes contribute are in the matrix but not in the graph, in columns too that this
-    process has no node for; they are left out.
+    The dolfinx matrix also holds blocks to which only other ranks contribute, some of them in columns that are no node
+    of this rank. The sparsity pattern does not have them; they are left out.
     """
-    nodes = len(graph.indptr) - 1
+    nodes = len(sparsity.indptr) - 1
     n = max(nodes, int(matrix.indices.max(initial=0)) + 1)
     row = np.repeat(np.arange(len(matrix.indptr) - 1), np.diff(matrix.indptr)).astype(np.int64)
-    keys = np.repeat(np.arange(nodes), np.diff(graph.indptr)).astype(np.int64) * n + graph.indices
+    keys = np.repeat(np.arange(nodes), np.diff(sparsity.indptr)).astype(np.int64) * n + sparsity.indices
     wanted = row * n + matrix.indices
     at = np.searchsorted(keys, wanted)
     held = np.flatnonzero(keys[np.minimum(at, len(keys) - 1)] == wanted)
     at, row = at[held], row[held]
-    width = np.diff(graph.indptr).astype(np.int64)[row]
-    column = at - graph.indptr[row]
+    width = np.diff(sparsity.indptr).astype(np.int64)[row]
+    column = at - sparsity.indptr[row]
     i, j = np.divmod(np.arange(9), 3)
-    first = 9 * graph.indptr[row].astype(np.int64) + 3 * column
+    first = 9 * sparsity.indptr[row].astype(np.int64) + 3 * column
     return (9 * held[:, None] + np.arange(9)).ravel(), (first[:, None] + i * 3 * width[:, None] + j).ravel()

@@ -1,4 +1,4 @@
-"""The tangent of a solid as an operator that is never assembled: every process has its part."""
+"""Tangent operator of a solid: products without assembling the matrix; each rank has its part."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ if TYPE_CHECKING:
     from asperity.fem.solid import Solid
 
 
-class Tangent:
-    """Products with the tangent of a solid, and with its free dofs as a python context of PETSc.
+class TangentOperator:
+    """Products with the tangent of a solid; a python context of PETSc for the matrix of the free dofs.
 
-    Products cost what reading the matrix costs, and neither a preconditioner nor a Newton step needs many digits: of a
-    symmetric tangent there is a copy of the upper half in single precision (benchmarks/linear.py).
+    A product takes as long as reading the matrix, and neither a preconditioner nor a Newton step needs many digits. So
+    the operator keeps a copy of the upper half in single precision (benchmarks/linear.py).
 
     Args:
-        solid: whose tangent it is
-        symmetric: whether it is; of another one the copy takes the upper half for the whole
-        single: whether PETSc sees the copy, if symmetric, which is enough for tolerances above 1e-5
+        solid: owner of the tangent
+        symmetric: whether the tangent is symmetric; the copy treats any tangent as if it were
+        single: whether PETSc uses the copy of a symmetric tangent, sufficient for tolerances above 1e-5
 
     Attributes:
         kept: 1 at the free dofs, 0 at the others, ghosts included (nodes, 3)
-        free: the same of the owned dofs (3 owned,)
-        version: of the solid's values that the copy is of
+        free: the same at the owned dofs (3 owned,)
+        version: that of the solid's values in the copy
     """
 
     def __init__(self, solid: Solid, symmetric: bool, single: bool) -> None:
         self.solid, self._single = solid, symmetric and single
-        indptr, indices = solid.graph.indptr, solid.graph.indices
+        indptr, indices = solid.sparsity.indptr, solid.sparsity.indices
         upper = indices >= np.repeat(np.arange(solid.nodes), np.diff(indptr))
         self._starts = np.concatenate([[0], np.cumsum(upper)])[indptr].astype(np.int32)
         self._columns = indices[upper]
@@ -52,34 +52,41 @@ class Tangent:
         return PETSc.Mat().createPython((sizes, sizes), self, comm=self.solid.comm)
 
     def hold(self, rows: npt.NDArray[np.int32]) -> None:
-        """Take those owned dofs out of the free ones, and no others; collective."""
+        """Make all dofs free except for these owned ones; collective."""
         self.free = np.ones(3 * self.solid.owned)
         self.free[rows] = 0.0
-        self.kept = self.solid.with_ghosts(self.free)
+        self.kept = self.solid.scatter_forward(self.free)
 
     def update(self) -> None:
-        """Bring the copy up to date."""
+        """Copy the current values of the solid's tangent, unless they are those of the copy."""
         if self.version != self.solid.version:
-            graph = self.solid.graph
-            _solver.upper_half(graph.indptr, graph.indices, self.solid.values, self._blocks)
+            sparsity = self.solid.sparsity
+            _solver.upper_half(sparsity.indptr, sparsity.indices, self.solid.values, self._blocks)
             self.version = self.solid.version
 
     def single_product(self, x: Singles) -> Singles:
         """Copy of the tangent times owned dof values (3 owned,); collective. The next call overwrites the result."""
-        halo = self.solid.halo
+        ghosts = self.solid.ghosts
         _solver.symmetric_product(
-            self._starts, self._columns, self._blocks, halo.fill(x.reshape(-1, 3)), self._work, self._single_image
+            self._starts,
+            self._columns,
+            self._blocks,
+            ghosts.scatter_forward(x.reshape(-1, 3)),
+            self._work,
+            self._single_image,
         )
-        return halo.add(self._single_image).reshape(-1)
+        return ghosts.scatter_reverse(self._single_image).reshape(-1)
 
     def product(self, x: Floats) -> Floats:
-        """Tangent times owned dof values (3 owned,), as exact as PETSc sees it; collective."""
+        """Tangent times owned dof values (3 owned,), in the precision that PETSc uses; collective."""
         if self._single:
             return self.single_product(x.astype(np.float32)).astype(np.float64)
-        graph, halo = self.solid.graph, self.solid.halo
-        _solver.product(graph.indptr, graph.indices, self.solid.values, halo.fill(x.reshape(-1, 3)), self._image)
-        return halo.add(self._image).reshape(-1)
+        sparsity, ghosts = self.solid.sparsity, self.solid.ghosts
+        _solver.product(
+            sparsity.indptr, sparsity.indices, self.solid.values, ghosts.scatter_forward(x.reshape(-1, 3)), self._image
+        )
+        return ghosts.scatter_reverse(self._image).reshape(-1)
 
     def mult(self, A: Any, x: Any, y: Any) -> None:
-        """Part of the matrix interface: y = A x."""
+        """y = A x; called by PETSc."""
         y.array = self.free * self.product(self.free * x.array_r)

@@ -3,7 +3,7 @@
 The coarse space is an eighth of the size, so it can be factorised where the second-order problem of the same mesh
 is far too large for that, and is set up in a fraction of the time of an algebraic hierarchy on the fine level.
 
-The fine level works in single precision, see `tangent.Tangent`.
+The fine level works in single precision, see `matrix_free.TangentOperator`.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from scipy.linalg import eigh_tridiagonal
 
 from asperity import _solver
 from asperity.arrays import Singles
-from asperity.fem.sparsity import NodeGraph
-from asperity.linear.matrix_free import Tangent
+from asperity.fem.sparsity import SparsityPattern
+from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.petsc_matrix import NodeMatrix, set_rigid_modes
 from asperity.linear.petsc_options import GAMG, set_defaults
 from asperity.mesh.tet10 import BASIX_EDGES
 
-COARSE_DIRECT_LIMIT = 60_000  # coarse dofs up to which the coarse problem is factorised in one process
-COARSE_SWEEPS = 4  # of the smoother where it is not: a tenth fewer iterations on the fine level than with two
+COARSE_DIRECT_LIMIT = 60_000  # coarse dofs up to which the coarse problem is factorised on one rank
+COARSE_SWEEPS = 4  # of its smoother above the limit: a tenth fewer iterations on the fine level than with two
 
 PREFIX = "asperity_coarse_"
 
 SWEEPS = 2  # of the smoother, before and after the coarse correction
-LANCZOS, UPDATE = 20, 4  # steps of an estimate of the greatest eigenvalue: from anew, and for the next matrix
+LANCZOS, UPDATE = 20, 4  # steps of an estimate of the greatest eigenvalue: from the start, and for the next matrix
 RENEWAL = 1.5  # increase of the iterations at which the coarse matrix is renewed
-NOISE = 0.1  # in the start of an update, relative to the vector the last one led to
+NOISE = 0.1  # in the start vector of an update, relative to the result of the one before
 SMOOTHED = (0.1, 1.1)  # part of the spectrum that is damped, in units of the estimate
 
 
@@ -41,11 +41,11 @@ class PMultigrid:
     them; corners that are not free get a unit row in the coarse matrix.
 
     Args:
-        tangent: what is preconditioned
-        symmetric: whether it is symmetric; of another one the smoother takes the upper half for the whole
+        tangent: operator to precondition
+        symmetric: whether it is symmetric; the smoother treats any operator as if it were
     """
 
-    def __init__(self, tangent: Tangent, symmetric: bool = True) -> None:
+    def __init__(self, tangent: TangentOperator, symmetric: bool = True) -> None:
         from dolfinx import fem
         from petsc4py import PETSc
 
@@ -60,7 +60,7 @@ class PMultigrid:
         self._parents = np.empty((solid.nodes, 2), dtype=np.int32)
         for k, ends in enumerate([(k, k) for k in range(4)] + list(BASIX_EDGES)):
             self._parents[solid.V.dofmap.list[:, k]] = coarse.list[:, ends]
-        self._coarse = NodeMatrix(NodeGraph(coarse.list, corners), index_map, solid.comm)
+        self._coarse = NodeMatrix(SparsityPattern(coarse.list, corners), index_map, solid.comm)
         set_rigid_modes(self._coarse.A, solid.points[self._corners])
         self._P = self._interpolation(index_map)
         self._fine = self._P.createVecLeft()
@@ -112,7 +112,7 @@ class PMultigrid:
         """Adapt to the current values and free dofs of the tangent; collective.
 
         Returns:
-            whether the matrix can be smoothed; not so one with a diagonal that is not positive
+            whether the matrix can be smoothed: its diagonal must be positive
         """
         from mpi4py import MPI
 
@@ -120,7 +120,7 @@ class PMultigrid:
         self._free = tangent.free.astype(np.float32)
         new = self._version != tangent.version
         if new:
-            diagonal = solid.halo.add(solid.values[solid.graph.diagonal].reshape(-1, 3)).ravel()
+            diagonal = solid.ghosts.scatter_reverse(solid.values[solid.sparsity.diagonal].reshape(-1, 3)).ravel()
             least = -solid.comm.allreduce(float(np.max(-diagonal[self._free > 0.0], initial=-np.inf)), op=MPI.MAX)
             if not least > 0.0:
                 return False
@@ -140,42 +140,42 @@ class PMultigrid:
         return True
 
     def _galerkin(self) -> None:
-        """Coarse matrix of the free dofs, with a unit row for each held corner; collective."""
-        fine, coarse, mask, kept = self._solid.graph, self._coarse, self._coarse_mask, self._tangent.kept
+        """Coarse matrix of the free dofs, with a unit row for each dof of a corner that is not free; collective."""
+        fine, coarse, mask, kept = self._solid.sparsity, self._coarse, self._coarse_mask, self._tangent.kept
         corners = np.ascontiguousarray(kept[self._corners])
         mask.array = corners.ravel()[: mask.getLocalSize()]
         _solver.galerkin(
             fine.indptr, fine.indices, self._solid.values, kept, self._parents,
-            coarse.graph.indptr, coarse.graph.indices, corners, coarse.values,
+            coarse.sparsity.indptr, coarse.sparsity.indices, corners, coarse.values,
         )  # fmt: skip
-        coarse.values[coarse.graph.diagonal[np.flatnonzero(mask.array_r == 0.0)]] = 1.0
+        coarse.values[coarse.sparsity.diagonal[np.flatnonzero(mask.array_r == 0.0)]] = 1.0
         coarse.assemble()
 
     def forget(self) -> None:
-        """Let the next `update` set everything up from anew, unless the tangent never changed."""
+        """Let the next `update` set everything up again, unless the tangent never changed."""
         if self._solid.version > 1:
             self._greatest, self._reusable = 0.0, False
 
     def judge(self, iterations: int) -> None:
-        """Decide by the iterations of a solve whether the next one may do with the same coarse matrix.
+        """Decide by the iterations of a solve whether the next one may use the same coarse matrix.
 
-        It may while the free dofs stay the same, the flow of a few cells more or less, and iterations do not rise.
+        It may while the free dofs stay the same and the iterations do not increase, even if some more cells yield.
         """
         self._usual = self._usual or iterations
         self._reusable = iterations <= RENEWAL * self._usual + 2
 
     def estimate(self) -> None:
-        """Estimate the greatest eigenvalue from anew; collective.
+        """Estimate the greatest eigenvalue from a new start vector; collective.
 
-        It grows when cells yield (from 3.6 to 4.5 has been seen). The smoother works with the greatest one so far,
-        for one too great costs little and one too small by a fifth makes the cycle indefinite. It is that of the solid
-        without contact, which bounds that with some more dofs held.
+        It grows when cells yield (measured: from 3.6 to 4.5). The smoother uses the greatest estimate so far, because
+        an estimate too large costs little, and one too small by a fifth makes the cycle indefinite. The estimate is for
+        the solid without contact, a bound for any contact: prescribed dofs only lower the eigenvalue.
         """
         self._extreme = self._noise
         self._greatest = max(self._greatest, self._greatest_eigenvalue(LANCZOS, self._supported))
 
     def apply(self, pc: Any, r: Any, z: Any) -> None:
-        """One V-cycle from zero: z is about the solution for r."""
+        """One V-cycle from zero: z approximates the solution for r; called by PETSc."""
         x, left = np.zeros_like(self._free), self._free * r.array_r.astype(np.float32)
         left -= self._free * self._smooth(x, left)
         self._fine.array = left
@@ -194,7 +194,7 @@ class PMultigrid:
         """Chebyshev's iteration (Saad, Iterative Methods, 2003, algorithm 12.1) on x and its residual, in place.
 
         Returns:
-            what the residual still lacks of the product with the last step, unless it was the last of all
+            product with the last step, not yet subtracted from the residual; not up to date after the last smoothing
         """
         low, high = (self._greatest * part for part in SMOOTHED)
         middle, half = 0.5 * (high + low), 0.5 * (high - low)
@@ -220,7 +220,7 @@ class PMultigrid:
         v = free * self._extreme
         v /= np.float32(np.sqrt(dot(v, v)))
         before, beta = np.zeros_like(v), 0.0
-        basis, diagonal, beside = [], [], []
+        basis, diagonal, off_diagonal = [], [], []
         for _ in range(steps):
             basis.append(v)
             w = root * self._tangent.single_product(root * v) - np.float32(beta) * before
@@ -229,10 +229,10 @@ class PMultigrid:
             beta = np.sqrt(dot(w, w))
             if beta <= 1e-5 * diagonal[0]:  # the space is exhausted
                 break
-            beside.append(beta)
+            off_diagonal.append(beta)
             before, v = v, w / np.float32(beta)
         size = len(diagonal)
-        values, vectors = eigh_tridiagonal(diagonal, beside[: size - 1])
-        # the noise lets a mode grow that has become the greatest one somewhere else
+        values, vectors = eigh_tridiagonal(diagonal, off_diagonal[: size - 1])
+        # noise, so that a mode that has become the greatest elsewhere can grow
         self._extreme = np.stack(basis, axis=1) @ vectors[:, -1].astype(np.float32) + self._noise
         return float(values[-1])

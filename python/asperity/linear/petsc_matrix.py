@@ -1,4 +1,4 @@
-"""The sum of all ranks' parts of a tangent as a PETSc matrix, with the rigid-body modes as near-null space."""
+"""Assembled tangent: the sum of the parts of all ranks as a PETSc matrix, and its rigid-body modes."""
 
 from __future__ import annotations
 
@@ -8,61 +8,61 @@ import numpy as np
 
 from asperity.arrays import Floats
 from asperity.fem.solid import Solid
-from asperity.fem.sparsity import NodeGraph
+from asperity.fem.sparsity import SparsityPattern
 
 
 class NodeMatrix:
-    """PETSc matrix over the local CSR: shared memory in one process, added up from the parts of several.
+    """PETSc matrix of the local CSR matrices: it shares the values on one rank, and is their sum on several ranks.
 
     Args:
-        graph: sparsity of this process's part
+        sparsity: of this rank's part
         index_map: of the nodes
-        comm: of the processes
+        comm: of the ranks
 
     Attributes:
-        values: of this process's part, in the order of `graph.columns`
-        A: the matrix; in one process it works on `values`, and an elimination changes them
+        values: of this rank's part, in the order of `sparsity.columns`
+        A: the matrix; on one rank it shares `values`, and an elimination changes them
     """
 
-    def __init__(self, graph: NodeGraph, index_map: Any, comm: Any) -> None:
+    def __init__(self, sparsity: SparsityPattern, index_map: Any, comm: Any) -> None:
         from petsc4py import PETSc
 
-        self.graph, self._comm = graph, comm
-        self.values = np.zeros(len(graph.columns))
+        self.sparsity, self._comm = sparsity, comm
+        self.values = np.zeros(len(sparsity.columns))
         sizes = (3 * index_map.size_local, 3 * index_map.size_global)
         if comm.size == 1:
-            csr = graph.rows, graph.columns, self.values
+            csr = sparsity.rows, sparsity.columns, self.values
             self.A = PETSc.Mat().createAIJWithArrays(sizes, csr, bsize=3, comm=comm)
             return
         self.A = PETSc.Mat().create(comm)
         self.A.setSizes((sizes, sizes), bsize=3)
         self.A.setType("aij")
         self.A.setUp()
-        nodes = np.arange(len(graph.indptr) - 1, dtype=np.int32)
+        nodes = np.arange(len(sparsity.indptr) - 1, dtype=np.int32)
         numbers = index_map.local_to_global(nodes).astype(PETSc.IntType)
         lgmap = PETSc.LGMap().create(numbers, bsize=3, comm=comm)
         self.A.setLGMap(lgmap, lgmap)
 
     def assemble(self) -> None:
-        """Bring `values` to the matrix; collective."""
+        """Assemble the matrix from `values`; collective."""
         from petsc4py import PETSc
 
         if self._comm.size > 1:
             self.A.zeroEntries()
-            self.A.setValuesLocalCSR(self.graph.rows, self.graph.columns, self.values, PETSc.InsertMode.ADD)
+            self.A.setValuesLocalCSR(self.sparsity.rows, self.sparsity.columns, self.values, PETSc.InsertMode.ADD)
         self.A.assemble()
 
 
 def assembled(solid: Solid) -> Any:
-    """The current tangent of a solid as a matrix of PETSc of its own; collective."""
-    matrix = NodeMatrix(solid.graph, solid.V.dofmap.index_map, solid.comm)
+    """Copy of the current tangent of a solid as a PETSc matrix; collective."""
+    matrix = NodeMatrix(solid.sparsity, solid.V.dofmap.index_map, solid.comm)
     np.copyto(matrix.values, solid.values)
     matrix.assemble()
     return matrix.A
 
 
 def set_rigid_modes(A: Any, points: Floats) -> None:
-    """Give A the rigid-body modes of its nodes `points` (n, 3), ghosts last, as the near-null space multigrid needs."""
+    """Set the near-null space that multigrid needs: the rigid-body modes of the nodes `points` (n, 3), ghosts last."""
     from petsc4py import PETSc
 
     basis: list[Any] = []

@@ -1,4 +1,4 @@
-"""Options of PETSc that several solvers share, and how they are set where the user has not."""
+"""Options of PETSc that several solvers share, and defaults for options that the user did not set."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from asperity.arrays import Floats, Integers
 from asperity.errors import InputError
-from asperity.linear.matrix_free import Tangent
+from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.multigrid import PMultigrid
 from asperity.linear.petsc_matrix import NodeMatrix, set_rigid_modes
 from asperity.linear.petsc_options import GAMG, set_defaults
@@ -18,32 +18,32 @@ if TYPE_CHECKING:
     from asperity.fem.solid import Solid
 
 
-SINGLE_RTOL = 1e-5  # tolerance from which on a product in single precision is exact enough
+SINGLE_RTOL = 1e-5  # smallest tolerance for which a product in single precision is exact enough
 LU_LIMIT = 6_000  # dofs below which a factorisation beats CG with multigrid (benchmarks/linear.py)
-DIRECT_LIMIT = 200_000  # dofs up to which a factorisation may stand in for an iterative solver that fails
+DIRECT_LIMIT = 200_000  # dofs up to which a factorisation may replace an iterative solver that fails
 KINDS = ("auto", "lu", "cg", "gamg")
 PREFIX, RESCUE_PREFIX = "asperity_linear_", "asperity_rescue_"
-#: Memory beyond what MUMPS foresees, in per cent: what its scheduling needs on several ranks depends on their speed.
+#: Memory beyond the estimate of MUMPS, in per cent: on several ranks the need depends on the speed of each.
 WORKSPACE = 100
 
 
 class LinearSolver:
     """Solves A y = r with some dofs of y prescribed, A the tangent of a solid; collective.
 
-    Where CG, GMRES or Cholesky's method fails, because the matrix is nearly singular or indefinite, the system is
-    factorised by LU, and so are those that follow in the same step.
+    Where CG, GMRES or Cholesky's method fails, because the matrix is nearly singular or indefinite, LU factorises the
+    system and those that follow in the same step.
 
     Args:
-        solid: whose tangent is solved with
+        solid: owner of the tangent
         kind: "lu" (MUMPS), "cg" (p-multigrid), "gamg" (algebraic multigrid), or "auto", which takes "lu" for small
             problems and "cg" for others
         symmetric: whether the matrix is symmetric and positive definite: Cholesky and CG, else LU and GMRES
-        rtol: smallest tolerance that will be asked for
+        rtol: smallest tolerance that will be requested
 
     Attributes:
         operator: the tangent as a matrix of PETSc
         rescue: whether systems are factorised because the solver failed in this step
-        rescued: systems that were factorised for that
+        rescued: number of systems factorised for that reason
 
     Raises:
         InputError: unknown kind
@@ -60,13 +60,13 @@ class LinearSolver:
         self._direct: Assembled | None = None
         self._method: Krylov | Assembled
         if kind == "cg":
-            self._method = Krylov(Tangent(solid, symmetric, rtol >= SINGLE_RTOL), symmetric)
+            self._method = Krylov(TangentOperator(solid, symmetric, rtol >= SINGLE_RTOL), symmetric)
         else:
             self._method = Assembled(solid, kind, symmetric, PREFIX)
         self.operator = self._method.operator
 
     def forget(self) -> None:
-        """Let the next solve depend on its system alone, not on those before, as after a restart."""
+        """Make the next solve independent of those before, as after a restart."""
         self._method.forget()
 
     def solve(self, r: Any, rows: Integers, values: Floats, y: Any, rtol: float) -> tuple[int, bool]:
@@ -95,7 +95,7 @@ class LinearSolver:
                 _, solved = self._direct.solve(r, rows, values, y, rtol)
             self.rescue = True
             self.rescued += 1
-        # an iterative solver only meets them to its tolerance
+        # an iterative solver meets prescribed values only to its tolerance
         y.array[rows] = 0.0
         y.array[rows[len(rows) - len(values) :]] = values
         return iterations, solved
@@ -109,7 +109,7 @@ class Krylov:
         symmetric: see `LinearSolver`
     """
 
-    def __init__(self, tangent: Tangent, symmetric: bool) -> None:
+    def __init__(self, tangent: TangentOperator, symmetric: bool) -> None:
         from petsc4py import PETSc
 
         solid = tangent.solid
@@ -171,7 +171,7 @@ class Assembled:
         from petsc4py import PETSc
 
         self._solid = solid
-        self._matrix = NodeMatrix(solid.graph, solid.V.dofmap.index_map, solid.comm)
+        self._matrix = NodeMatrix(solid.sparsity, solid.V.dofmap.index_map, solid.comm)
         self.operator = A = self._matrix.A
         A.setOption(PETSc.Mat.Option.SYMMETRIC, symmetric)
         A.setOption(PETSc.Mat.Option.SPD, symmetric)

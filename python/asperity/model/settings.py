@@ -99,6 +99,10 @@ class SolverOptions:
         newton_max: Newton iterations after which a step is given up
         krylov_rtol: loosest relative tolerance of the linear solver; None takes 1e-2 (benchmarks/linear.py), and 1e-3
             for a nearly incompressible solid
+
+    Examples:
+        >>> SolverOptions(linear="lu").newton_max
+        30
     """
 
     linear: str = "auto"

@@ -1,12 +1,13 @@
-"""Checks that every accepted step of a run must pass, whatever the case: balances that no correct result violates.
+"""Checks of every accepted step, valid for any case: balances that no correct result violates.
 
 With exact contact and associative plasticity with isotropic hardening the energy of a step is bounded on both sides:
 
     F_n d_delta <= d(stored) + d(dissipated) <= F_n+1 d_delta,
 
-for the flat pushes each node it touches at the end by no more than d_delta, and each it touched at the beginning by
-no less; the plastic work sigma : d eps_p lies between those with the stress of either end (maximum dissipation).
-With isotropic hardening the dissipated energy sigma_0 a + H a^2/2 follows from the accumulated plastic strain a.
+because the flat moves each node that it touches at the end by at most d_delta, and each node that it touched at the
+beginning by at least d_delta. The plastic work sigma : d eps_p lies between those with the stress of either end
+(maximum dissipation). With isotropic hardening the dissipated energy sigma_0 a + H a^2/2 follows from the accumulated
+plastic strain a.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ from typing import Any
 
 # Limits, unless the tolerance of the equations is larger
 SUCTION = 1e-6  # greatest tension over greatest pressure
-EXACT = 1e-6  # penetration over deflection that exact contact may leave
-COMPLIANT = 0.05  # mean penetration over deflection that a compliant one may; the force lacks about twice that part
+EXACT = 1e-6  # penetration over approach, exact contact
+COMPLIANT = 0.05  # mean penetration over approach, compliant contact; the force is too small by about twice that part
 ENERGY = 1e-6  # of the work done so far
 MIDPOINT_ENERGY = 0.05  # the same where the path is integrated by the midpoint rule
 ROUNDING = 1e-12
 
-# of the figures that have one; the others are ratios
+# of the figures with a unit; the others are ratios
 UNITS = {
     "penetration": "length",
     "greatest_force": "force",
@@ -45,14 +46,14 @@ class Checks:
         tension: greatest suction over the greatest pressure of a step
         penetration: of a node into the flat [L]
         greatest_force: so far [E L^2]
-        mean_penetration: weighted by the pressure, over the deflection, at the greatest force
+        mean_penetration: weighted by the pressure, over the approach, at the greatest force
         strain_decrease: greatest decrease of the accumulated plastic strain, negative when there is none
         least_dissipation: least plastic work sum sigma : d eps_p of a step, at most 0
         work: done by the flat, trapezoidal rule
         stored: elastic energy
         dissipated: plastic work
         peak: greatest energy stored and dissipated, and the work done until then
-        energy_excess: by which a step left the bounds of its energy, over the work so far
+        energy_excess: greatest violation of the energy bounds of a step, over the energy so far
         violated: sentences, the first of each kind
     """
 
@@ -72,7 +73,7 @@ class Checks:
 
     @staticmethod
     def from_dict(values: Mapping[str, Any]) -> Checks:
-        """Read what `dataclasses.asdict` gave, also after a detour through JSON."""
+        """Inverse of `dataclasses.asdict`, also for values read from JSON."""
         energy, work = values["peak"]
         return Checks(**{**values, "peak": (energy, work)})
 
@@ -142,8 +143,8 @@ def audit(checks: Checks, step: StepBalance, *, dofs: int, rtol: float, complian
         dofs: of the solid
         rtol: relative tolerance to which the equations are solved
         compliant: whether the contact has a stiffness (penalty, Nitsche) and takes a part of the work itself
-        exact: whether the history the step began with belongs to its displacement; where it was extrapolated beyond,
-            the bounds of the energy hold to the accuracy of the integration only
+        exact: whether the step began with the history of its displacement; with an extrapolated one the bounds of the
+            energy hold to the accuracy of the integration only
     """
     where = f"at delta/L = {step.delta:.6g}"
 
@@ -177,7 +178,7 @@ def _judge_forces(checks: Checks, step: StepBalance, judge: Judge, dofs: int, rt
 
 
 def _judge_penetration(checks: Checks, step: StepBalance, judge: Judge, rtol: float, compliant: bool) -> None:
-    """No penetration with exact contact, little in the mean with a compliant one, and something touched at all."""
+    """No penetration of exact contact, little mean penetration of compliant contact, and some contact."""
     checks.penetration = max(checks.penetration, step.penetration)
     if not compliant:
         slack = max(EXACT, rtol) * abs(step.delta) + ROUNDING
@@ -191,7 +192,7 @@ def _judge_penetration(checks: Checks, step: StepBalance, judge: Judge, rtol: fl
     judge(
         "compliance",
         checks.mean_penetration <= COMPLIANT,
-        f"the surface penetrates the flat by {checks.mean_penetration:.2g} of the deflection in the mean, raise "
+        f"the surface penetrates the flat by {checks.mean_penetration:.2g} of the approach in the mean, raise "
         "contact.penalty or contact.gamma, or make mesh.h_contact smaller,",
     )
 

@@ -1,4 +1,4 @@
-"""What the numbers and the arrays of a saved state have to be; each function names the first fault it finds."""
+"""Types, shapes and consistency of the numbers and arrays of a saved state; each check names the first fault."""
 
 from __future__ import annotations
 
@@ -58,11 +58,11 @@ _STATE = _table(
 
 
 def wrong_number(text: bytes, meta: Mapping[str, Any]) -> str:
-    """Which of the numbers is missing, of another type, or contradicts the others; empty when all is well.
+    """Name the first number that is missing, has the wrong type or contradicts the others; empty for a sound state.
 
     Args:
         text: JSON of the numbers
-        meta: the same, read
+        meta: the same numbers, parsed
     """
     try:
         _STATE.model_validate_json(text)
@@ -87,16 +87,16 @@ def wrong_number(text: bytes, meta: Mapping[str, Any]) -> str:
         "snapshots": all(1 <= snapshot["step"] <= len(rows) for snapshot in meta["snapshots"]),
     }
     if begun and rows and rows[-1]["branch"] != "unload":
-        fits["position.target"] &= at["target"] <= legs[-1] + 1  # the next one after as many as there are steps
+        fits["position.target"] &= at["target"] <= legs[-1] + 1  # one more than the steps of the leg at most
     return next((f"{name} contradicts the other numbers" for name, well in fits.items() if not well), "")
 
 
 def wrong_array(arrays: Mapping[str, Array], fresh: Mapping[str, Array], nodes: int, cells: int) -> str:
-    """Which array is missing, of another type or shape, or holds what it cannot; empty when all is well.
+    """Name the first array that is missing, or has a wrong type, shape or value; empty for a sound state.
 
     Args:
-        arrays: what was saved; "NAME.at" are the numbers of nodes, cells or facets that NAME has rows for
-        fresh: what a run would save before its first step; rows it has already must be there
+        arrays: saved arrays; "NAME.at" holds the numbers of the nodes, cells or facets of the rows of NAME
+        fresh: arrays that a run would save before its first step; rows in these must be among the saved ones
         nodes, cells: of the mesh
     """
     for name in sorted(arrays.keys() ^ fresh.keys()):

@@ -12,6 +12,7 @@ from asperity.arrays import Floats
 from asperity.contact import Contact
 from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.energies import energies, plastic_work
+from asperity.fem.kernels import History
 from asperity.fem.solid import Solid
 from asperity.model.settings import SolverOptions
 from asperity.quasistatic import midpoint
@@ -21,14 +22,14 @@ from asperity.quasistatic.newton import NewtonSolver, StepStats
 
 @dataclass
 class Counts:
-    """Totals of a run, what was needed to converge in the order in which it is tried.
+    """Totals of a run; the means of convergence in the order in which they are tried.
 
     Attributes:
         steps: accepted steps
         newton, krylov: iterations
-        shortened: Newton steps that the line search made shorter
+        shortened: Newton steps that the line search shortened
         direct: linear systems factorised because the iterative solver failed
-        cutbacks: solves given up and repeated with half the step
+        cutbacks: failed solves, repeated with half the step
     """
 
     steps: int = 0
@@ -41,13 +42,13 @@ class Counts:
 
 @dataclass(frozen=True)
 class SolverState:
-    """State between two steps; with the histories of the solid and of the contact it determines all that follows.
+    """State between two steps. Together with the histories of solid and contact it determines all later steps.
 
-    The numbers are the same on all ranks, the displacements those of this rank's owned nodes.
+    The numbers are the same on all ranks; the displacements are those of the owned nodes of this rank.
 
     Attributes:
         delta, force: of the last accepted step [L], [E L^2]
-        before: approach of the step before; None when the next step is not predicted from two [L]
+        before: approach of the step before [L]; None when the next step is not predicted from two
         led: whether the committed history is extrapolated beyond the displacement
         counts, checks: over all steps so far
         displacement: of the last step (owned, 3) [L]
@@ -65,21 +66,21 @@ class SolverState:
 
 
 class ContactSolver:
-    """A solid under a rigid flat, driven step by step; collective.
+    """Solid under a rigid flat, solved step by step; collective.
 
     The approach counts from first touch of the undeformed surface. The state after each accepted step is the
     displacement of `solid` and its committed history; a failed step leaves both as they were.
 
     Args:
-        solid: what is pressed
-        contact_surface: its top
+        solid: deformable block
+        contact_surface: of the solid
         contact: formulation of the contact
         summit: height of the highest point of the surface [L]
-        options: of the Newton solver
+        options: of Newton's method
 
     Attributes:
         delta, force: of the last accepted step [L], [E L^2]
-        nodal_force: of the flat on the owned nodes (owned,) [E L^2]
+        nodal_force: normal force of the flat on the owned nodes (owned,) [E L^2]
         pressure: at the local nodes, ghosts included (nodes,) [E]
         counts, checks: over all steps so far
     """
@@ -96,7 +97,7 @@ class ContactSolver:
         self._u, self._internal = np.zeros((solid.owned, 3)), np.zeros((solid.owned, 3))
         self._previous: tuple[float, Floats] | None = None
         self._led = False  # whether the committed history is ahead of the displacement
-        self._own: tuple[Floats, Floats] | None = None  # the history that belongs to the displacement where it is
+        self._own: History | None = None  # history of the displacement where the committed one is ahead
         self._first_touch = self._highest()
 
     def step(self, delta: float, lead: float = 0.0) -> StepStats:
@@ -107,7 +108,7 @@ class ContactSolver:
         return stats
 
     def solve(self, delta: float) -> StepStats:
-        """Solve with the flat at `delta` and commit nothing; rolled back on failure."""
+        """Solve with the flat at `delta` without committing; rolled back on failure."""
         start = self._u
         if self._previous is not None:
             before, u = self._previous
@@ -142,7 +143,7 @@ class ContactSolver:
         return float(self.solid.comm.allreduce(self.contact.nodal_force(self.newton.force).sum()))
 
     def roll_back(self) -> None:
-        """Put the displacement of the last accepted step back."""
+        """Restore the displacement of the last accepted step."""
         self.newton.x.array = self._u.reshape(-1)
         self.solid.set_displacement(self.newton.x)
 
@@ -156,10 +157,11 @@ class ContactSolver:
         """
         solid = self.solid
         with solid.phases.phase("checks"):
-            history = [values.copy() for values in solid.bulk.history()]
+            history = solid.kernels.history().copy()
         delta_before, force_before, u_before = self.delta, self.force, self._u
-        of_contact = [values.copy() for values in self.contact.state().values()]
-        solid.bulk.commit()
+        of_contact = self.contact.history()
+        contact_before = None if of_contact is None else of_contact.copy()
+        solid.kernels.commit()
         self.contact.commit()
         self._previous = (delta_before, u_before)
         self._u = solid.u.x.array.reshape(-1, 3)[: solid.owned].copy()
@@ -177,19 +179,16 @@ class ContactSolver:
         self._internal = self.newton.force
         self._led, self._own = lead > 0.0, None
         if self._led:
-            strain, accumulated = (values.copy() for values in solid.bulk.history())
-            self._own = strain, accumulated
-            solid.bulk.restore(*midpoint.extrapolate(history, self._own, lead))
-            after = self.contact.state()
-            if after:
-                extrapolated = midpoint.extrapolate(of_contact, after.values(), lead)
-                self.contact.restore_state(dict(zip(after, extrapolated, strict=True)))
-            if self.contact.stiff:  # whose energy is judged by it; as after a restart
+            self._own = solid.kernels.history().copy()
+            solid.kernels.restore(midpoint.extrapolate(history, self._own, lead))
+            if contact_before is not None and (contact_after := self.contact.history()) is not None:
+                self.contact.restore(midpoint.extrapolate(contact_before, contact_after, lead))
+            if self.contact.stiff:  # the energy balance of a compliant contact needs it, as after a restart
                 self._internal = solid.internal_force().copy()
         self.counts.steps += 1
 
     def _balance(
-        self, delta: float, force: float, displacement: Floats, history: list[Floats], reaction: float
+        self, delta: float, force: float, displacement: Floats, history: History, reaction: float
     ) -> StepBalance:
         """Numbers of the step just committed, from the state before it and the reaction of the base; collective."""
         from mpi4py import MPI
@@ -221,16 +220,16 @@ class ContactSolver:
         self.force, base = (float(x) for x in solid.comm.allreduce(sums))
         owned = np.zeros(3 * solid.owned)
         owned[::3] = self.nodal_force
-        self.pressure = self.contact_surface.pressure(solid.with_ghosts(owned)[:, 0])
+        self.pressure = self.contact_surface.pressure(solid.scatter_forward(owned)[:, 0])
         return base
 
     def gap(self) -> Floats:
-        """Distance of each local node below the flat; only meaningful on the top (nodes,) [L]."""
+        """Distance of each local node below the flat, meaningful on the contact surface only (nodes,) [L]."""
         solid = self.solid
         return self.summit - self.delta - solid.points[:, 2] - solid.u.x.array.reshape(-1, 3)[:, 2]
 
     def release(self) -> StepStats:
-        """Lift the flat off; the approach becomes how much lower it would touch the deformed surface again."""
+        """Lift the flat off and commit; the new approach is that at which it would touch the deformed surface again."""
         self._previous = None
         self.contact.begin(np.inf)
         stats = self._solve("release", self._u, 0.0)
@@ -239,7 +238,7 @@ class ContactSolver:
         return stats
 
     def _highest(self) -> float:
-        """Height of the highest node of the top above the base, displacement included [L]; collective."""
+        """Height of the highest node of the deformed contact surface above the base [L]; collective."""
         from mpi4py import MPI
 
         nodes = self.contact_surface.owned_nodes
@@ -247,21 +246,18 @@ class ContactSolver:
         return float(self.solid.comm.allreduce(np.max(z, initial=-np.inf), op=MPI.MAX))
 
     @property
-    def history(self) -> tuple[Floats, Floats]:
-        """Plastic strain (cells, points, 6) and accumulated plastic strain (cells, points) of the displacement.
-
-        Where the committed history is extrapolated, the one before the extrapolation.
-        """
-        return self._own or self.solid.bulk.history()
+    def history(self) -> History:
+        """History of the displacement: where the committed one is extrapolated, the one before the extrapolation."""
+        return self.solid.kernels.history() if self._own is None else self._own
 
     def state(self) -> SolverState:
-        """State beside the histories; later steps do not change it."""
+        """Copy of the state without the histories."""
         before, previous = self._previous or (None, None)
         counts, checks = deepcopy(self.counts), deepcopy(self.checks)
         return SolverState(self.delta, self.force, before, self._led, counts, checks, self._u, previous)
 
     def restore(self, state: SolverState) -> None:
-        """Restore a state; the histories of solid and contact have been restored before; collective."""
+        """Restore a state returned by `state`, after the histories of solid and contact; collective."""
         self.delta, self._u, self._led = state.delta, state.displacement, state.led
         self.counts, self.checks = deepcopy(state.counts), deepcopy(state.checks)
         self._previous = None

@@ -1,4 +1,4 @@
-"""What is measured of a contact solver after a step: row of the curve, fields for figures, map of first contact."""
+"""Measurements after a step: row of the curve, fields for figures, map of first contact."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TOUCHED = 1e-9  # gap below which a node counts as touched [L]
 
 @dataclass(frozen=True)
 class Snapshot:
-    """State of the top after a step, this rank's part.
+    """Fields of a solid after a step, part of this rank.
 
     Attributes:
         step, branch, delta: as in the curve, delta in units of L
@@ -41,8 +41,8 @@ def row(solver: ContactSolver) -> dict[str, Any]:
     from mpi4py import MPI
 
     solid, comm = solver.solid, solver.solid.comm
-    strain = solver.history[1]
-    volumes = solid.bulk.volumes
+    strain = solver.history.accumulated
+    volumes = solid.kernels.volumes
     yielded = float(volumes[strain > 0.0].sum()) if strain.size else 0.0
     sums = comm.allreduce(np.array([yielded, volumes.sum()]))
     peaks = np.array([np.max(solver.pressure, initial=0.0), np.max(strain, initial=0.0)])
@@ -58,28 +58,28 @@ def row(solver: ContactSolver) -> dict[str, Any]:
 
 
 def snapshot(solver: ContactSolver, step: int, branch: str) -> Snapshot:
-    """Copy of the state for fields and figures."""
+    """Copy of the fields for figures and files; part of this rank."""
     u = solver.solid.u.x.array.reshape(-1, 3).copy()
     return Snapshot(step, branch, solver.delta, solver.pressure, solver.gap(), u, *_mean_stress(solver, u))
 
 
 def _mean_stress(solver: ContactSolver, u: Floats) -> tuple[Floats, Floats]:
     """Mean stress of the owned cells (cells, 6) and accumulated plastic strain (cells, points) at u."""
-    bulk, history = solver.solid.bulk, solver.history
-    committed = tuple(values.copy() for values in bulk.history())
-    bulk.restore(*history)
-    stress = bulk.stress(u)
-    bulk.restore(*committed)
-    mean = np.einsum("cq,cqi->ci", bulk.volumes, stress) / bulk.volumes.sum(axis=1, keepdims=True)
-    return mean, history[1].copy()
+    kernels, history = solver.solid.kernels, solver.history
+    committed = kernels.history().copy()
+    kernels.restore(history)
+    stress = kernels.stress(u)
+    kernels.restore(committed)
+    mean = np.einsum("cq,cqi->ci", kernels.volumes, stress) / kernels.volumes.sum(axis=1, keepdims=True)
+    return mean, history.accumulated.copy()
 
 
 @dataclass
 class FirstContact:
-    """Approach at which each node of the top was touched first.
+    """Approach at which each node of the contact surface was touched first.
 
     Attributes:
-        delta: of the owned nodes of the top, inf for never (nodes,) [L]; empty before the first step
+        delta: of the owned nodes of the contact surface, inf for never (nodes,) [L]; empty before the first step
     """
 
     delta: Floats = field(default_factory=lambda: np.empty(0))
@@ -90,12 +90,12 @@ class FirstContact:
         if len(self.delta) != len(nodes):
             self.delta = np.full(len(nodes), np.inf)
         touched = (solver.gap()[nodes] <= TOUCHED) & np.isinf(self.delta)
-        self.delta[touched] = solver.delta  # and not less when the flat is lifted again
+        self.delta[touched] = solver.delta  # unloading does not change it
 
     def gather(self, solver: ContactSolver) -> tuple[Floats, Floats]:
-        """Where the nodes of the top are (N, 2) [L] and the approach that first touched them (N,) [L].
+        """Gather positions (N, 2) [L] of the nodes of the contact surface and their approach of first contact (N,) [L].
 
-        On rank 0, of all ranks, after the first step; elsewhere empty; collective.
+        On rank 0, after the first step; empty on other ranks; collective.
         """
         solid, nodes = solver.solid, solver.contact_surface.owned_nodes
         parts = solid.comm.gather((solid.points[nodes, :2], self.delta), root=0) or []

@@ -1,27 +1,34 @@
-"""The midpoint rule of plasticity: the history extrapolated beyond each step, so that steps add up to second order."""
+"""Midpoint rule of plasticity: each step extrapolates the history, which makes the integration of second order."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
 from asperity.arrays import Floats
+from asperity.fem.kernels import History
 
 GREATEST_LEAD = 2.0  # where a step is twice as long as the one before
 
 
 def lead(history: float | None, here: float, after: float | None) -> tuple[float, float | None]:
-    """Part of a step's plastic flow by which to extrapolate the history, and the approach it then stands for.
+    """Part of a step's plastic flow by which to extrapolate the history, and the approach of the new history.
 
     The history is extrapolated half-way to the next solve, so that steps of any lengths add up to the trapezoidal
-    rule. Where no solve follows, where none went before, or where a cut step fell behind the history, it stays with the
-    displacement.
+    rule. It is not extrapolated in the first and the last step of a loading, nor where a cut step is behind it.
 
     Args:
-        history: approach that the committed history stands for [L]; None where it is at rest
+        history: approach of the committed history [L]; None at the beginning of a loading
         here: approach of the step [L]
         after: approach of the next one [L]; None after the last
+
+    Returns:
+        part of the flow, in [0, GREATEST_LEAD]; approach of the extrapolated history [L], None after the last step
+
+    Examples:
+        >>> lead(1.0, 2.0, 3.0)  # equal steps
+        (0.5, 2.5)
     """
     if after is None:
         return 0.0, None
@@ -32,25 +39,29 @@ def lead(history: float | None, here: float, after: float | None) -> tuple[float
     return part, here + part * max(done, 0.0)
 
 
-def extrapolate(before: Iterable[Floats], after: Iterable[Floats], lead: float) -> tuple[Floats, Floats]:
+def extrapolate(before: History, after: History, lead: float) -> History:
     """Extrapolate the plastic history beyond the step.
 
     Where the plastic strain is large compared with that of yield, the midpoint rule does not damp: an error of the
-    direction of flow changes its sign with every step and stays, and the work it does adds up. So the flow is
-    extrapolated only by the cosine of the angle to the plastic strain it adds to, which is one to second order where
-    flow is steady.
+    direction of flow changes sign with every step and persists, and its work accumulates. So the part is multiplied by
+    the cosine of the angle between the flow and the plastic strain, which is one to second order where flow is steady.
 
     Args:
-        before, after: plastic strain (..., 6) and accumulated plastic strain (...) at begin and end of the step
+        before, after: history at the beginning and at the end of the step
         lead: part of the flow
+
+    Returns:
+        new history; the arguments are unchanged
     """
-    (strain, accumulated), (strain_after, accumulated_after) = before, after
-    flow = strain_after - strain
+    strain = before.plastic_strain
+    flow = after.plastic_strain - strain
     along = _inner(flow, strain)
     sizes = np.sqrt(_inner(flow, flow) * _inner(strain, strain))
-    # what yields for the first time has no direction yet
+    # a point that yields for the first time has no direction yet
     part = lead * np.clip(np.divide(along, sizes, out=np.ones_like(along), where=sizes > 0.0), 0.0, 1.0)
-    return strain_after + part[..., None] * flow, accumulated_after + part * (accumulated_after - accumulated)
+    begin, end = before.arrays(), after.arrays()
+    parts = {name: part.reshape(part.shape + (1,) * (end[name].ndim - part.ndim)) for name in end}
+    return replace(after, **{name: end[name] + parts[name] * (end[name] - begin[name]) for name in end})
 
 
 def _inner(a: Floats, b: Floats) -> Floats:

@@ -18,22 +18,23 @@ from asperity.linear.solver import LinearSolver
 from asperity.model.settings import SolverOptions
 
 OUT_OF_MEMORY = 55  # PETSC_ERR_MEM
-TIGHTEST = 1e-5  # tolerance of the linear solver
-CURVATURE = 10.0  # error after a Newton iteration over the square of that before it, as seen on the demo surface
-ROUNDING = 1e-13  # of the equations' residual, relative to displacements (E = L = 1)
-NOT_YET = np.array([-1], dtype=np.int32)  # an active set that no step begins with
-SLOPE_DROP = 0.3  # a step is long enough when the work rate along it has dropped to this part
-PUSHED = 10.0  # times that the work rate grows along a step where it is the flat that moves nodes
+TIGHTEST = 1e-5  # smallest tolerance of the linear solver
+CURVATURE = 10.0  # error after a Newton iteration over the square of that before it, measured on the demo surface
+ROUNDING = 1e-13  # rounding error of the residual, relative to displacements (E = L = 1)
+NOT_YET = np.array([-1], dtype=np.int32)  # differs from any active set
+SLOPE_DROP = 0.3  # the line search ends when the work rate has dropped to this part
+PUSHED = 10.0  # growth of the work rate along a step from which on the flat moves the nodes
 
 
 @dataclass(frozen=True)
 class StepStats:
-    """What a solve took.
+    """Outcome and iterations of a solve.
 
     Attributes:
-        converged, reason: whether, and the name of the SNES reason
+        converged: whether the equations are solved
+        reason: name of the SNES reason, in lower case
         newton, krylov: iterations
-        shortened: Newton steps that the line search made shorter
+        shortened: Newton steps that the line search shortened
         direct: linear systems factorised because the iterative solver failed
     """
 
@@ -46,11 +47,16 @@ class StepStats:
 
 
 class NewtonSolver:
-    """Solves for the equilibrium displacement of `solid` under `contact`; collective.
+    """Newton's method for the equilibrium displacement of a solid in contact; collective.
 
-    The linear system of an iteration prescribes the increment of some dofs (fixed ones, and the active ones of
-    exact contact). That is done inside the preconditioner of an outer `preonly` KSP, see `linear.LinearSolver`, so the
-    inner solver can be CG.
+    The linear system of an iteration prescribes the increment of some dofs (fixed ones, and the active ones of exact
+    contact). The preconditioner of an outer `preonly` KSP does that, see `linear.LinearSolver`, so the inner solver can
+    be CG.
+
+    Args:
+        solid: block in contact
+        contact: formulation of the contact
+        options: tolerances and limits
     """
 
     def __init__(self, solid: Solid, contact: Contact, options: SolverOptions) -> None:
@@ -60,14 +66,14 @@ class NewtonSolver:
         self._residual_vec, self.x = solid.vector(), solid.vector()
         self._krylov = self._shortened = 0
         self.rows: Integers = NOT_YET
-        # in nearly incompressible solids the error is larger than what is left of the equations tells
+        # in nearly incompressible solids the error is larger than the residual indicates
         self._loosest = options.krylov_rtol or (1e-2 if solid.material.nu <= 0.45 else 1e-3)
         self.linear = LinearSolver(solid, options.linear, contact.symmetric, min(self._loosest, TIGHTEST))
         snes = PETSc.SNES().create(solid.comm)
         snes.setOptionsPrefix("asperity_")
         snes.setType("newtonls")
         set_defaults("asperity_", {"snes_linesearch_type": "basic"})
-        # a strong reference held by PETSc is unseen by the garbage collector: nothing would ever be freed
+        # the garbage collector cannot see references that PETSc holds: a strong one would never be freed
         me = weakref.proxy(self)
         snes.setFunction(lambda *args: me._function(*args), self._residual_vec)
         snes.setJacobian(lambda *args: me._jacobian(*args), self.linear.operator)
@@ -97,7 +103,7 @@ class NewtonSolver:
         self.solid.assemble_tangent(self.contact.add_tangent if self.contact.stiff else None)
 
     def _test(self, snes: Any, it: int, norms: Any) -> int | bool:
-        """Converged when forces balance and the flat is not penetrated, both relative to their own scales."""
+        """Test of convergence: forces balance and nothing penetrates the flat, each relative to its own scale."""
         comm = self.solid.comm
         held = self.contact.nodal_force(self.force)
         out = self._residual_vec.array_r
@@ -113,17 +119,17 @@ class NewtonSolver:
         return reasons.DIVERGED_MAX_IT if it >= self.options.newton_max else reasons.ITERATING
 
     def _greatest_lack(self) -> float:
-        """Greatest displacement that prescribed dofs still lack; collective."""
+        """Greatest displacement increment that a prescribed dof still lacks [L]; collective."""
         return float(self.solid.comm.allreduce(np.max(np.abs(self._lacking), initial=0.0), op=_max()))
 
     def _gap_tolerance(self) -> float:
-        """What they may lack at convergence."""
+        """Displacement increment that a prescribed dof may lack at convergence [L]."""
         return self.options.rtol * self._scale + 1e-14
 
     # -- python preconditioner of the outer KSP --------------------------------------------------
 
     def apply(self, pc: Any, r: Any, y: Any) -> None:
-        """Solve J y = r for the Newton step -y, prescribed increments included, and set its length."""
+        """Solve J y = r for the Newton step -y, prescribed increments included, and scale it; called by PETSc."""
         rows = np.concatenate([self.solid.fixed, self.rows])
         iterations, solved = self.linear.solve(r, rows, -self._lacking, y, self._krylov_rtol())
         self._krylov += iterations
@@ -138,7 +144,7 @@ class NewtonSolver:
         """Tolerance of the linear solver: loose while the active set changes, then as tight as the iteration can use.
 
         The error after a Newton iteration is about CURVATURE times the square of that before it, and need not be
-        smaller than what has converged (Eisenstat & Walker, SIAM J. Sci. Comput. 17 (1996) 16).
+        smaller than the tolerance of the residual (Eisenstat & Walker, SIAM J. Sci. Comput. 17 (1996) 16).
         """
         if not self.solid.comm.allreduce(self._settled, op=_and()):
             return self._loosest
@@ -148,11 +154,11 @@ class NewtonSolver:
     def _step_length(self, r: Any, y: Any) -> float:
         """Length in (0, 1] of the step -y: where the work rate of the free forces along it nearly vanishes.
 
-        Associative J2 plasticity is the minimisation of a convex incremental energy, whose slope along the step is
-        that work rate. A full step that overshoots the minimum is shortened by regula falsi (Illinois); trial
-        states only cost a residual, a hundredth of the linear solve. A step that starts uphill has to move
-        prescribed dofs and is taken whole; so is one whose slope at the beginning is next to nothing beside what moving
-        them makes of it, as when it begins in equilibrium: its sign is that of rounding.
+        Associative J2 plasticity minimises a convex incremental energy, and the work rate is the slope of this energy
+        along the step. Regula falsi (Illinois) shortens a full step that overshoots the minimum; a trial state needs
+        one residual, a hundredth of the time of the linear solve. A step that starts uphill moves prescribed dofs and
+        is not shortened. Nor is a step whose slope at the beginning is negligible compared with the slope that moving
+        them causes, as when it begins in equilibrium: the sign of such a slope is a matter of rounding.
         """
         free = np.ones(len(y.array_r), dtype=bool)
         free[self.solid.fixed] = False
@@ -187,9 +193,9 @@ class NewtonSolver:
         """Solve from the displacement `start` (owned, 3) for a step of length `scale`; collective.
 
         Args:
-            start: where the iteration begins [L]
+            start: displacement at which the iteration begins [L]
             scale: of the displacements of the step [L]
-            stiffness: greatest of a node, of which rounding leaves a part of the displacement as force [E L]
+            stiffness: greatest of a node, times which the rounding error of a displacement is a force [E L]
         """
         largest = max(scale, self.solid.comm.allreduce(float(np.max(np.abs(start), initial=0.0)), op=_max()))
         self._scale, self._rounding = max(scale, 1e-6), ROUNDING * largest * stiffness
@@ -212,7 +218,7 @@ class NewtonSolver:
 
 
 class _Preconditioner:
-    """The python preconditioner of the outer KSP: calls `apply` of a solver that it does not keep alive."""
+    """Python preconditioner of the outer KSP: calls `apply` of a solver, to which it holds a weak reference."""
 
     def __init__(self, solver: Any) -> None:
         self._solver = solver
@@ -223,7 +229,7 @@ class _Preconditioner:
 
 @contextmanager
 def _own_errors() -> Iterator[None]:
-    """Errors of call-backs, and PETSc's own lack of memory, as they would be without PETSc in between."""
+    """Raise the errors of call-backs, and MemoryError where PETSc lacks memory, instead of those of PETSc."""
     from petsc4py import PETSc
 
     try:

@@ -18,28 +18,29 @@ from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.measures import FirstContact, Snapshot
 from asperity.quasistatic.newton import StepStats
 
-DEEP, FAR = 0.1, 100.0  # deflection [L] from which a force that lies more than so many L ahead is given up
-SMALLEST_CUT = 1.0 / 256  # part of a planned step below which a run gives up
-FIRST_MOVE = 1e-3  # first step of a force-driven loading [L]
+DEEP, FAR = 0.1, 100.0  # beyond this approach [L], a force more than so many L ahead counts as unreachable
+SMALLEST_CUT = 1.0 / 256  # smallest part of a planned step before a run stops
+FIRST_MOVE = 1e-3  # first step of a loading to a given force [L]
 FORCE_TOLERANCE = 1e-6  # relative, of force_max
 GROWTH = 1.5  # a cut step grows again by this factor
 
 
 @dataclass(frozen=True)
 class Position:
-    """Where on a schedule a run stands between two accepted steps.
+    """Position on the load path between two accepted steps.
 
-    With the state of the solver it determines all that follows, so a run goes on from it as if never stopped.
+    Together with the state of the solver it determines all later steps, so a resumed run is the same as one without
+    interruption.
 
     Attributes:
-        leg: loadings and unloadings behind
-        start: deflection [L] and force [E L^2] where this leg began; None when it has not begun
-        target: number of the planned step under way in this leg, from 1
-        origin: deflection and force where the way to the target began
-        goal: deflection of the target [L]
-        planned: greatest step on this way; of a loading by force, the smallest step planned so far [L]
+        leg: number of finished loadings and unloadings
+        start: approach [L] and force [E L^2] at the beginning of this leg; None when it has not begun
+        target: number of the current planned step in this leg, from 1
+        origin: approach and force at the beginning of the way to the target
+        goal: approach of the target [L]
+        planned: greatest step on this way; of a loading to a force, the smallest step planned so far [L]
         step: length of the next step [L]
-        history: deflection that the committed history stands for, where the midpoint rule has carried it on [L]
+        history: approach of the committed history where the midpoint rule extrapolates it [L]
     """
 
     leg: int = 0
@@ -53,14 +54,14 @@ class Position:
 
     @staticmethod
     def from_dict(values: Mapping[str, Any]) -> Position:
-        """Read what `dataclasses.asdict` gave, also after a detour through JSON."""
+        """Inverse of `dataclasses.asdict`, also for values read from JSON."""
         pairs = {k: values[k] and tuple(values[k]) for k in ("start", "origin")}
         return Position(**{**values, **pairs})
 
 
 @dataclass
 class Record:
-    """Rows of the curve in physical units, and the snapshots asked for."""
+    """Rows of the curve in physical units, requested snapshots, and map of first contact."""
 
     side: float  # L [length]
     E: float  # unit of stress [force/length^2]
@@ -94,7 +95,7 @@ class Record:
         return Curve.from_rows(self.rows)
 
 
-#: Told of the rows so far, the last one new, and of the part of the schedule done.
+#: Called after each accepted step with all rows so far and the finished part of the load path, in [0, 1].
 Callback = Callable[[Sequence[Mapping[str, Any]], float], None]
 Outcome = tuple[StepStats, Position]
 
@@ -108,19 +109,19 @@ def follow(
     position: Position | None = None,
     on_position: Callable[[Position], None] | None = None,
 ) -> None:
-    """Drive `solver` along `schedule`, filling `record`; collective.
+    """Follow a load path step by step; collective.
 
     Args:
-        solver: at its initial state, or at `position`
-        schedule: what the flat does
+        solver: in its initial state, or in that of `position`
+        schedule: load path
         record: receives a row per accepted step, also when the run stops early
-        snapshots: states kept of each loading, evenly spread, the last one included
+        snapshots: number of states to keep of each loading, evenly spread, the last one included
         on_step: called after each accepted step
-        position: where to go on
-        on_position: called with where the run stands at the beginning of the path and after each accepted step
+        position: where to continue
+        on_position: called with the position at the beginning of the path and after each accepted step
 
     Raises:
-        ConvergenceError: a step does not converge however small
+        ConvergenceError: a step does not converge, however small
     """
     at = position or Position()
     legs = schedule.legs
@@ -160,7 +161,7 @@ def _begin(solver: ContactSolver, schedule: Schedule, at: Position, branch: str)
 
 
 def _part_done(solver: ContactSolver, schedule: Schedule, at: Position, branch: str) -> float:
-    """Part of a leg that is behind."""
+    """Finished part of a leg, in [0, 1]."""
     assert at.start is not None
     delta, force = at.start
     if branch == "unload":
@@ -171,7 +172,7 @@ def _part_done(solver: ContactSolver, schedule: Schedule, at: Position, branch: 
 
 
 def _is_kept(schedule: Schedule, snapshots: int, at: Position, after: Position) -> bool:
-    """Whether a step of a loading ended where a snapshot is wanted."""
+    """Whether a step of a loading ended at a requested snapshot."""
     if schedule.delta_max is None:
         return snapshots > 0 and after.leg > at.leg
     n = schedule.steps
@@ -183,18 +184,21 @@ def _is_kept(schedule: Schedule, snapshots: int, at: Position, after: Position) 
 def _approach(
     solver: ContactSolver, at: Position, following: Callable[[float, float], float | None] | None = None
 ) -> tuple[StepStats, Position, bool]:
-    """One accepted step towards the goal, cutting and growing as convergence allows, and whether it is reached.
+    """Make one accepted step towards the goal, cut where it does not converge and longer where the last one did.
 
     Args:
-        solver: at `at`
+        solver: at the position `at`
         at: position
-        following: with the midpoint rule, the deflection of the solve after one at a given deflection, when steps
-            have a given length
+        following: for the midpoint rule; returns the approach of the solve after one at a given approach, for steps of
+            a given length
+
+    Returns:
+        iterations of the step, new position, whether the goal is reached
     """
     step = at.step
     while True:
         left = at.goal - solver.delta
-        # a remainder just above a whole step is taken with it
+        # a remainder slightly longer than a whole step is one step
         move = left if abs(left) <= 1.001 * step else np.copysign(step, left)
         target = at.goal if move == left else solver.delta + move
         after = min(at.planned, step * GROWTH)
@@ -217,7 +221,7 @@ def _approach(
 
 
 def _load(solver: ContactSolver, schedule: Schedule, at: Position) -> Outcome:
-    """A step to delta_max, in equal ones from where the flat touched."""
+    """Make a step of a loading to delta_max, in the planned steps from first touch."""
     last = at.target == len(schedule.stops())
 
     def following(target: float, step: float) -> float | None:
@@ -241,23 +245,23 @@ def _next_loading(schedule: Schedule, at: Position) -> Position:
 
 
 def _goal(solver: ContactSolver, schedule: Schedule) -> float:
-    """The force a loading ends at [E L^2]."""
+    """Force at the end of a loading [E L^2]."""
     assert schedule.force_max is not None
     return schedule.force_max * solver.solid.material.reduced_modulus
 
 
 def _load_to_force(solver: ContactSolver, schedule: Schedule, at: Position) -> Outcome:
-    """A step to force_max, in about equal steps of force; the last one hits it.
+    """Make a step of a loading to force_max, in about equal steps of force; the last one ends there.
 
-    A step moves the flat by the planned force over the slope of the step before and takes the force it gets; only
-    the last position is searched, by regula falsi (Illinois) over trial solves that commit nothing.
+    A step moves the flat by the planned force over the slope of the step before and accepts the resulting force. Only
+    the last position is searched, by regula falsi (Illinois) with trial solves that commit nothing.
     """
     goal, step, parts = _goal(solver, schedule), at.step, schedule.steps * schedule.substeps
     while True:
         target = solver.delta + step
         stats = solver.solve(target)
         if stats.converged and solver.force == 0.0 and (ahead := solver.solved_force() * parts / goal) > 2.0:
-            # nothing was known of the stiffness yet; the force of a first contact grows as the power 3/2
+            # the stiffness was unknown so far; the force of a first contact grows as the power 3/2
             step *= ahead ** (-2.0 / 3.0)
             continue
         if stats.converged and solver.solved_force() > goal:
@@ -293,7 +297,7 @@ def _load_to_force(solver: ContactSolver, schedule: Schedule, at: Position) -> O
 
 
 def _find_force(solver: ContactSolver, goal: float, high: float, stats: StepStats) -> tuple[float, StepStats]:
-    """Position at which a trial solve gives the force `goal`, between the current one and `high`."""
+    """Search the approach of the force `goal`, between the current one and `high`; commits nothing."""
     low, f_low, f_high = solver.delta, solver.force - goal, solver.solved_force() - goal
     for _ in range(40):
         target = (low * f_high - high * f_low) / (f_high - f_low)
@@ -311,11 +315,11 @@ def _find_force(solver: ContactSolver, goal: float, high: float, stats: StepStat
 
 
 def _unload(solver: ContactSolver, schedule: Schedule, at: Position) -> Outcome:
-    """A step of an unloading in about equal steps of force, at whose end the flat is lifted off.
+    """Make a step of an unloading, in about equal steps of force; the last one lifts the flat off.
 
-    Each step aims at an equal drop of the force by the slope of the one before and takes what it gets, so no
-    position has to be searched; the first one aims by half of the slope of a rigid release. The last step removes
-    the flat, which gives the residual deflection exactly.
+    Each step aims at an equal drop of the force by the slope of the one before and accepts the resulting force, so no
+    position has to be searched. The first one assumes half of the slope of a rigid release. The last step removes the
+    flat, which gives the residual indentation exactly.
     """
     if at.target < schedule.unload_steps:
         stats, at, arrived = _approach(solver, at)
@@ -330,7 +334,7 @@ def _unload(solver: ContactSolver, schedule: Schedule, at: Position) -> Outcome:
 
 
 def _next_unloading(solver: ContactSolver, schedule: Schedule, at: Position) -> Position:
-    """Plan the way to the next force of an unloading that is not nearly reached; the last target is the release."""
+    """Plan the way to the next force of an unloading that is clearly below the current one; the last is the release."""
     assert at.start is not None
     n, top = schedule.unload_steps, at.start[1]
     if top <= 0.0:

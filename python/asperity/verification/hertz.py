@@ -100,7 +100,7 @@ def _pressure_error(result: ContactResult) -> float:
 def _first_yield(result: ContactResult) -> float:
     """Peak pressure of Hertz under the same force over the greatest stress of von Mises."""
     solid = result.solver.solid
-    s = solid.bulk.stress(solid.u.x.array.reshape(-1, 3))
+    s = solid.kernels.stress(solid.u.x.array.reshape(-1, 3))
     xx, yy, zz, xy, xz, yz = np.moveaxis(s, -1, 0)
     shear = 3.0 * (xy**2 + xz**2 + yz**2)
     mises = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + shear)

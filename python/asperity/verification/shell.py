@@ -71,7 +71,7 @@ def _inflate(theory: reference.PressurisedSphere, refinement: float) -> _State:
     radial = np.einsum("ni,ni->n", u, x) / r
     rule = CellRule(solid, QUADRATURE_DEGREE)
     direction = rule.points / np.linalg.norm(rule.points, axis=2, keepdims=True)
-    xx, yy, zz, xy, xz, yz = np.moveaxis(solid.bulk.stress(u), -1, 0)
+    xx, yy, zz, xy, xz, yz = np.moveaxis(solid.kernels.stress(u), -1, 0)
     tensor = np.stack([np.stack(t, -1) for t in ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))], -2)
     normal = np.einsum("cqi,cqij,cqj->cq", direction, tensor, direction)
     hoop = 0.5 * (xx + yy + zz - normal)
@@ -85,7 +85,7 @@ def _inflate(theory: reference.PressurisedSphere, refinement: float) -> _State:
         float(radial[r > OUTER - 1e-9].mean()),
         rms(normal - theory.radial_stress(at, PLASTIC)),
         rms(hoop - theory.hoop_stress(at, PLASTIC)),
-        float(np.sum(rule.weights * solid.bulk.history()[1])),
+        float(np.sum(rule.weights * solid.kernels.history().accumulated)),
     )
 
 

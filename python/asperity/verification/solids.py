@@ -121,5 +121,5 @@ def equilibrium(solid: Solid, contact: Contact, load: Floats, z: float, start: F
     stats = NewtonSolver(solid, cast(Contact, Loaded(contact, load)), SolverOptions(rtol=rtol)).solve(start, 1.0)
     if not stats.converged:
         raise ConvergenceError(f"no equilibrium under dead loads: {stats.reason}")
-    solid.bulk.commit()
+    solid.kernels.commit()
     return solid.u.x.array.reshape(-1, 3).copy()

@@ -1,0 +1,69 @@
+"""Identity of a run: the keys of the case that its state depends on, compared when another run resumes it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from asperity.case.case_file import read_bytes
+from asperity.case.schema import show
+from asperity.errors import CheckpointError
+
+if TYPE_CHECKING:
+    from asperity.case import Case
+
+#: Sections and keys that a continuation may change, because they change the curve only within the tolerance of the
+#: equations; loading.cycles may also grow.
+CHANGEABLE = frozenset(
+    {"units", "dynamics", "output", "solver.kernels", "solver.linear", "accuracy.max_seconds", "accuracy.max_dofs"}
+)
+CYCLES = "loading.cycles"
+FILES = ("surface.path", "mesh.file")
+
+
+def identity(case: Case) -> dict[str, Any]:
+    """Keys of a case that its checkpoint depends on, with their values; SHA-256 of the content for a file."""
+    keys: dict[str, Any] = {}
+    for section, table in case.to_dict().items():
+        if section not in CHANGEABLE:
+            keys |= {f"{section}.{key}": value for key, value in table.items()}
+    for name in FILES:
+        if name in keys:
+            keys[name] = hashlib.sha256(read_bytes(Path(keys[name]), name)).hexdigest()
+    return {name: value for name, value in keys.items() if name not in CHANGEABLE}
+
+
+def differences(saved: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """Differences that forbid a continuation, one phrase for each key."""
+    found = []
+    for name in sorted({*saved, *now}):
+        old, new = saved.get(name), now.get(name)
+        if old == new or (name == CYCLES and isinstance(old, int) and isinstance(new, int) and new > old):
+            continue
+        if name in FILES:
+            found.append(f"{name} has another content")
+        else:
+            words = ["absent" if value is None else show(value) for value in (old, new)]
+            found.append(f"{name} = {words[0]} there, {words[1]} here")
+    return found
+
+
+def refuse_another(path: Path, saved: Mapping[str, Any], now: Mapping[str, Any]) -> None:
+    """Refuse to continue a run under another case.
+
+    Args:
+        path: of the file with the case of the saved run
+        saved, now: identities of that case and of the current one, see `identity`
+
+    Raises:
+        CheckpointError: they differ in a key that changes the result
+    """
+    different = differences(saved, now)
+    if different:
+        raise CheckpointError(
+            f"{path} belongs to another case: {'; '.join(different[:3])}"
+            + (f"; and {len(different) - 3} more keys" if len(different) > 3 else "")
+            + "; resume with the case it was made for, or start again with --force"
+        )
