@@ -17,7 +17,8 @@ from asperity.contact.penalty_nitsche import COERCIVE, too_small
 from asperity.errors import InputError
 from asperity.linear.petsc_matrix import assembled
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.generate import SizeField, build_block
+from asperity.mesh.generate import build_block
+from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.quasistatic.newton import SolverOptions
 from asperity.quasistatic.solve_contact import Formulation, MeshSize, make_block, make_contact_solver, solve_contact

@@ -15,18 +15,9 @@ from asperity.contact.contact_surface import ContactSurface
 from asperity.errors import MeshError
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.generate import (
-    BASE,
-    SIDE_X,
-    SIDE_Y,
-    TOP,
-    Reach,
-    SizeField,
-    build_block,
-    check_distortion,
-    distribute,
-    is_distorted,
-)
+from asperity.mesh.distribute import BASE, SIDE_X, SIDE_Y, TOP, check_distortion, distribute, is_distorted
+from asperity.mesh.generate import build_block
+from asperity.mesh.size_field import FirstContactMap, SizeField
 from asperity.model.material import Material
 from asperity.output.fields import top_facets
 from asperity.quasistatic.solve_contact import MeshSize, make_block, make_contact_solver, make_undistorted
@@ -193,9 +184,9 @@ def test_what_a_coarse_solution_touched_replaces_the_geometry() -> None:
     surface = Flat(L=2.0)
     xy = np.stack(np.meshgrid(np.linspace(0, 2, 41), np.linspace(0, 2, 41)), axis=-1).reshape(-1, 2)
     r = np.hypot(*xy.T)
-    reach = Reach(xy, np.where(r < 0.6, 0.02 * (r / 0.6) ** 2, np.inf))
+    touched = FirstContactMap(xy, np.where(r < 0.6, 0.02 * (r / 0.6) ** 2, np.inf))
     geometry = SizeField.of(surface, 0.02, 0.04, h_max=0.4)
-    solution = SizeField.of(surface, 0.02, 0.04, h_max=0.4, reach=reach)
+    solution = SizeField.of(surface, 0.02, 0.04, h_max=0.4, first_contact=touched)
     assert geometry.at(0.9, 0.9, 0.0) == geometry.at(0.0, 0.0, 0.0) == 0.02  # no small spot anywhere
     assert solution.at(0.0, 0.0, 0.0) == pytest.approx(0.15 * geometry.at(0.0, 0.0, 0.0), rel=0.01)
     assert solution.at(0.0, 0.27, 0.0) == pytest.approx(0.02 * 0.81**0.75, rel=0.2)

@@ -19,7 +19,8 @@ from asperity.curve import Curve
 from asperity.errors import CaseWarning, CheckpointError, InputError
 from asperity.plot import CAPTIONS
 from asperity.run_case import run
-from asperity.runtime.files import agree, replace_file
+from asperity.runtime.files import replace_file
+from asperity.runtime.parallel import agree
 from asperity.runtime.run_folder import PICTURES, PRODUCTS, check, holds_run, is_empty
 
 # a plane: the whole run takes half a second

@@ -11,7 +11,7 @@ from typing import Any
 from asperity.adaptive.mesh_plan import DOFS_ORDER, growth
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.generate import Reach
+from asperity.mesh.size_field import FirstContactMap
 from asperity.model.material import Material
 from asperity.quasistatic.solve_contact import (
     ContactResult,
@@ -91,7 +91,7 @@ class Runner:
 
         self._comm = settings.get("comm") or MPI.COMM_WORLD
         self._start = perf_counter()
-        self._reach: Reach | None = None
+        self._reach: FirstContactMap | None = None
         self._depth: float | None = settings["delta_max"]  # that meshes are made for [length]
         self._h_max: float | None = None  # of the elements away from the contact; smaller on a surface too steep for it
         self._made: tuple[float, BlockMesh | None] | None = None  # the last mesh and its size [length]
@@ -102,7 +102,7 @@ class Runner:
         """Make the meshes from here on for what the guide touched."""
         L = self._surface.L
         xy, touched_at = guide.first_contact.gather(guide.solver)
-        self._reach = Reach(xy * L, touched_at * L) if len(xy) else None  # on rank 0, where meshes are made
+        self._reach = FirstContactMap(xy * L, touched_at * L) if len(xy) else None  # on rank 0, where meshes are made
         self._depth = float(guide.curve.loading().delta[-1])
         self._made, self._guide = None, guide
 

@@ -37,7 +37,8 @@ from asperity.quasistatic.checkpoint_schema import wrong_array, wrong_number
 from asperity.quasistatic.contact_solver import ContactSolver, Counts, SolverState
 from asperity.quasistatic.measures import FirstContact, Snapshot, snapshot
 from asperity.quasistatic.stepping import Position, Record
-from asperity.runtime.files import UNREADABLE, npz_bytes, on_root, read_npz, remove_asides, replace_file
+from asperity.runtime.files import UNREADABLE, npz_bytes, read_npz, remove_asides, replace_file
+from asperity.runtime.parallel import on_root_bcast
 from asperity.runtime.run_folder import MESH, SNAPSHOT, STATE
 
 if TYPE_CHECKING:
@@ -149,7 +150,7 @@ class Saved:
                 if wrong:
                     raise _damaged(self.folder / name, wrong)
 
-        on_root(solver.solid.comm, judge)
+        on_root_bcast(solver.solid.comm, judge)
 
     def _snapshot(self, k: int, name: str) -> Array | None:
         return self.snapshots[k][name] if self.snapshots else None
@@ -187,7 +188,7 @@ class Checkpoint:
                 with suppress(OSError):  # it holds what is somebody else's
                     folder.rmdir()
 
-        on_root(self._comm, remove)
+        on_root_bcast(self._comm, remove)
 
     def found(self) -> bool:
         """Whether there is a state to continue from.
@@ -202,7 +203,7 @@ class Checkpoint:
                 self._read_state(path)
             return bool(states)
 
-        return on_root(self._comm, check)
+        return on_root_bcast(self._comm, check)
 
     def load(self) -> Saved | None:
         """Read the saved state; None when there is none.
@@ -223,7 +224,7 @@ class Checkpoint:
             found.append(Saved(self.folder, meta, arrays, snapshots, block))
             return meta
 
-        meta = on_root(self._comm, read)
+        meta = on_root_bcast(self._comm, read)
         if meta is None:
             return None
         self._mesh, self._snapshots = meta["mesh"], [about["digest"] for about in meta["snapshots"]]
@@ -267,7 +268,7 @@ class Checkpoint:
             replace_file(self.folder / MESH, npz_bytes(block.arrays()))
             return _digest(block.arrays())
 
-        self._mesh = on_root(self._comm, write)
+        self._mesh = on_root_bcast(self._comm, write)
 
     def due(self, steps: int) -> bool:
         """Whether to save after that many accepted steps."""
@@ -307,7 +308,7 @@ class Checkpoint:
                 replace_file(self.folder / STATE, npz_bytes(signed(meta, arrays)))
                 return digests
 
-            self._snapshots = on_root(self._comm, write)
+            self._snapshots = on_root_bcast(self._comm, write)
 
 
 def signed(meta: Mapping[str, Any], arrays: Mapping[str, Array]) -> dict[str, Array]:

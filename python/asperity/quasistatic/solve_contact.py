@@ -16,8 +16,10 @@ from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError, Interrupted, MeshError, ResolutionWarning
 from asperity.fem.solid import Solid
 from asperity.mesh.block import H_CONTACT, H_MAX, BlockMesh
-from asperity.mesh.generate import Reach, SizeField, build_block, check_distortion, distribute, is_distorted, on_root
+from asperity.mesh.distribute import check_distortion, distribute, is_distorted
+from asperity.mesh.generate import build_block
 from asperity.mesh.resolution import doubt_of_waves
+from asperity.mesh.size_field import FirstContactMap, SizeField
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
 from asperity.model.material import Material
 from asperity.quasistatic.balance import Checks
@@ -25,6 +27,7 @@ from asperity.quasistatic.contact_solver import ContactSolver, Counts
 from asperity.quasistatic.measures import FirstContact, Snapshot
 from asperity.quasistatic.newton import SolverOptions
 from asperity.quasistatic.stepping import Callback, Position, Record, follow
+from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.timing import Phases
 
 if TYPE_CHECKING:
@@ -76,7 +79,7 @@ class MeshSize:
     h_contact: float | None = None
     growth: float = 0.25
     h_max: float | None = None
-    reach: Reach | None = None
+    reach: FirstContactMap | None = None
     grading: tuple[float, float] | None = None
 
 
@@ -144,7 +147,7 @@ def make_block(comm: MPI.Comm, surface: Surface, height: float, delta_max: float
     def build() -> BlockMesh:
         h = H_CONTACT * surface.L if size.h_contact is None else size.h_contact
         field = SizeField.of(
-            surface, delta_max, h, growth=size.growth, h_max=size.h_max, reach=size.reach, grading=size.grading
+            surface, delta_max, h, growth=size.growth, h_max=size.h_max, first_contact=size.reach, grading=size.grading
         )
         return build_block(surface, height, field.at)
 
@@ -204,7 +207,7 @@ def make_contact_solver(
         block.check(surface)
         return block.height
 
-    height = comm.bcast(on_root(comm, checked_height), root=0)
+    height = on_root_bcast(comm, checked_height)
     mesh, tags = distribute(comm, block, 1.0 / L)
     check_distortion(mesh, surface)
     solid = Solid(mesh, tags, material.scaled(material.E), sides, kernels, phases)

@@ -8,22 +8,15 @@ import re
 import shutil
 import warnings
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tokenize import TokenError
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
-
-from asperity.errors import AsperityError, OutputError
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-T = TypeVar("T")
 
 #: What numpy and zipfile raise on files that are damaged or hold something else.
 UNREADABLE = (
@@ -152,42 +145,3 @@ def real(values: npt.ArrayLike) -> npt.NDArray[np.float64]:
     if np.iscomplexobj(values):
         raise ValueError("its numbers are complex")
     return np.array(values, dtype=float)
-
-
-def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T:
-    """Do file work on rank 0; every rank gets the result, or the same error; collective.
-
-    Raises:
-        OutputError: for an OSError of `work`
-        AsperityError: what `work` raised
-    """
-    result: tuple[T | None, AsperityError | None] = None, None
-    if comm.rank == 0:
-        try:
-            result = work(), None
-        except AsperityError as error:
-            result = None, error
-        except OSError as error:
-            result = None, OutputError(f"cannot write {error.filename or 'the results'}: {error.strerror or error}")
-    value, failure = comm.bcast(result, root=0)
-    if failure is not None:
-        raise failure
-    return value
-
-
-def agree(comm: MPI.Comm, work: Callable[[], T]) -> T:
-    """Do the same work on every rank; what fails on one of them fails on all; collective.
-
-    Raises:
-        AsperityError: what `work` raised on the first rank where it failed
-    """
-    result: T | None = None
-    failure: AsperityError | None = None
-    try:
-        result = work()
-    except AsperityError as error:
-        failure = error
-    first = next((error for error in comm.allgather(failure) if error is not None), None)
-    if first is not None:
-        raise first
-    return cast(T, result)

@@ -1,4 +1,4 @@
-"""All ranks of a parallel job end together, with one message and one exit code."""
+"""Work on rank 0, agreement between ranks, and a common end of all ranks with one message and one exit code."""
 
 from __future__ import annotations
 
@@ -7,9 +7,14 @@ import sys
 import time
 import traceback
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from asperity.errors import AsperityError
+from asperity.errors import AsperityError, OutputError
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+T = TypeVar("T")
 
 PATIENCE = 30.0  # seconds a failed rank waits for the others before it ends the job
 
@@ -62,22 +67,84 @@ class Ranks:
         self._comm.Abort(1)
 
 
-def on_first_rank(function: Callable[[], Any]) -> Any:
-    """Call a function on the first rank; every rank gets its result, or its error."""
-    if not _launched_in_parallel():
-        return function()
-    from mpi4py import MPI
+def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
+    """Do work on rank 0 and keep its result there; collective.
 
-    result: tuple[Any, Exception | None] = None, None
-    if MPI.COMM_WORLD.rank == 0:
-        try:
-            result = function(), None
-        except (AsperityError, OSError) as error:
-            result = None, error
-    value, failure = MPI.COMM_WORLD.bcast(result)
+    Args:
+        comm: communicator
+        work: called on rank 0 only
+
+    Returns:
+        The result of `work` on rank 0, None elsewhere.
+
+    Raises:
+        AsperityError: what `work` raised, on every rank
+        OutputError: for an OSError of `work`, on every rank
+    """
+    result, error = _attempt(work) if comm.rank == 0 else (None, None)
+    if failure := comm.bcast(error, root=0):
+        raise failure
+    return result
+
+
+def on_root_bcast(comm: MPI.Comm | None, work: Callable[[], T]) -> T:
+    """Do work on rank 0 and broadcast its result; collective.
+
+    Args:
+        comm: communicator; None for all ranks of the job, without starting MPI in a process that runs alone
+        work: called on rank 0 only; its result is pickled
+
+    Returns:
+        The result of `work`, on every rank.
+
+    Raises:
+        AsperityError: what `work` raised, on every rank
+        OutputError: for an OSError of `work`, on every rank
+    """
+    if comm is None and _launched_in_parallel():
+        from mpi4py import MPI
+
+        comm = MPI.COMM_WORLD
+    outcome = _attempt(work) if comm is None or comm.rank == 0 else (None, None)
+    result, failure = outcome if comm is None else comm.bcast(outcome, root=0)
     if failure is not None:
         raise failure
-    return value
+    return cast(T, result)
+
+
+def agree(comm: MPI.Comm, work: Callable[[], T]) -> T:
+    """Do the same work on every rank; if it fails on one rank, it fails on all; collective.
+
+    Args:
+        comm: communicator
+        work: called on every rank
+
+    Returns:
+        The result of `work` on this rank.
+
+    Raises:
+        AsperityError: what `work` raised on the lowest rank where it failed
+    """
+    result: T | None = None
+    failure: AsperityError | None = None
+    try:
+        result = work()
+    except AsperityError as error:
+        failure = error
+    first = next((error for error in comm.allgather(failure) if error is not None), None)
+    if first is not None:
+        raise first
+    return cast(T, result)
+
+
+def _attempt(work: Callable[[], T]) -> tuple[T | None, AsperityError | None]:
+    """Return the result of `work` and None, or None and its error."""
+    try:
+        return work(), None
+    except AsperityError as error:
+        return None, error
+    except OSError as error:
+        return None, OutputError(f"cannot write {error.filename or 'the results'}: {error.strerror or error}")
 
 
 def _complain(message: str) -> None:

@@ -20,7 +20,8 @@ import numpy as np
 
 from asperity.case.validation import doubt_of_edge
 from asperity.errors import AsperityError, AssumptionWarning, InputError
-from asperity.runtime.files import is_aside, on_root, remove_asides, replace_file
+from asperity.runtime.files import is_aside, remove_asides, replace_file
+from asperity.runtime.parallel import on_root
 from asperity.runtime.progress import duration
 from asperity.study.definition import Entry, Study
 from asperity.study.results import ABOUT, DONE, case_folder, case_state, write_tables

@@ -13,7 +13,7 @@ from asperity.arrays import Floats
 from asperity.contact import ActiveSet
 from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.solid import Solid
-from asperity.mesh.generate import distribute
+from asperity.mesh.distribute import distribute
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.quasistatic.newton import SolverOptions

@@ -10,7 +10,8 @@ import numpy as np
 from asperity.arrays import Floats
 from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.solid import Solid
-from asperity.mesh.generate import build_block, distribute
+from asperity.mesh.distribute import distribute
+from asperity.mesh.generate import build_block
 from asperity.model.material import Material
 from asperity.quasistatic.solve_contact import Formulation
 from asperity.surface import Flat

@@ -14,7 +14,7 @@ from asperity.contact import ActiveSet
 from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.kernels import QUADRATURE_DEGREE
 from asperity.fem.solid import Solid
-from asperity.mesh.generate import distribute
+from asperity.mesh.distribute import distribute
 from asperity.model.material import Material
 from asperity.verification.solids import CellRule, eighth_sphere, equilibrium, planes_of_symmetry
 from asperity.verification.table import KINK, LOCAL, Level, Row, on_meshes, rows_along
