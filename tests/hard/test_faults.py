@@ -136,7 +136,7 @@ def test_a_second_signal_ends_at_once(case: Path, tmp_path: Path) -> None:
     wait_for_steps(out, 1)
     process.send_signal(signal.SIGINT)
     assert process.stderr is not None
-    assert "once more" in process.stderr.readline()
+    assert "second signal" in process.stderr.readline()
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=120)
     assert process.returncode in (-signal.SIGINT, 3)  # 3 when the step was over before

@@ -126,7 +126,7 @@ def told(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
 def test_warnings_are_in_summary_log_and_report(told: tuple[Path, list[str]]) -> None:
     folder, shown = told
     assert len(shown) == len(set(shown)) == 3
-    for text, part in zip(shown, ("contact.gamma = 3", "the mean pressure reaches", "the flat has come"), strict=True):
+    for text, part in zip(shown, ("contact.gamma = 3", "the mean pressure reaches", "the flat has moved"), strict=True):
         assert part in text
     assert json.loads((folder / "summary.json").read_text())["warnings"] == shown
     log = (folder / "run.log").read_text()

@@ -105,7 +105,7 @@ def test_the_interface_is_what_the_flat_block_leaves(sides: str) -> None:
 @pytest.mark.parametrize(
     ("sides", "strength", "columns", "said"),
     [
-        ("free", 0.0099, {}, "the block has yielded: mean pressure 1 times that at which it does"),
+        ("free", 0.0099, {}, "the block has yielded: the mean pressure is 1 times its yield pressure"),
         ("free", 0.0101, {}, ""),
         ("rollers", 0.0017, {}, "mean pressure 1.1 times"),  # yields at (1 - nu)/(1 - 2 nu) = 5.5 times the strength
         ("rollers", 0.0019, {}, ""),

@@ -73,7 +73,7 @@ def test_points_go_with_every_grid_value_and_families_share_cases() -> None:
 
 
 def rough_study(**tables: Any) -> Study:
-    """A study of rough surfaces; of its seeds 0 to 9, the flat first touches those of 1, 6 and 7 on an edge."""
+    """A study of rough surfaces; of its seeds 0 to 9, the first contact of 1, 6 and 7 is on an edge."""
     return Study.from_dict({"base": BASE | {"surface": ROUGH}} | tables)
 
 
@@ -89,7 +89,7 @@ def inside(case: Case) -> bool:
 
 @pytest.mark.filterwarnings("ignore:surface")
 def test_cases_that_first_touch_on_an_edge_are_left_out_or_drawn_again() -> None:
-    with pytest.warns(SurfaceWarning, match="1 left out, 6 left out, 7 left out"):
+    with pytest.warns(SurfaceWarning, match="1 omitted, 6 omitted, 7 omitted"):
         skipped = rough_study(grid=SEEDS, edge_summits="skip")
     assert [e.value("surface.seed") for e in skipped.entries] == [0, 2, 3, 4, 5, 8, 9]
     with pytest.warns(SurfaceWarning, match=r"1 replaced by 10, 6 replaced by 11, 7 replaced by"):
@@ -105,7 +105,7 @@ def test_cases_that_first_touch_on_an_edge_are_left_out_or_drawn_again() -> None
 @pytest.mark.filterwarnings("ignore:surface")
 def test_levels_of_a_study_keep_the_same_seeds_when_some_are_replaced() -> None:
     """A trend compares them seed by seed."""
-    with pytest.warns(SurfaceWarning, match="seeds whose flat first touches"):
+    with pytest.warns(SurfaceWarning, match="seeds whose first contact"):
         made = rough_study(grid=SEEDS | {"surface.M": [10, 7]}, edge_summits="redraw")
     seeds: dict[int, list[int]] = {10: [], 7: []}
     for entry in made.entries:
@@ -122,7 +122,7 @@ def test_what_cannot_be_drawn_again_is_named(tmp_path: Path) -> None:
     x = np.linspace(0.0, 1.0, 9)
     np.savez(tmp_path / "tilted.npz", z=0.1 * x[None, :] + 0.0 * x[:, None], L=1.0)
     tilted = {"surface": {"kind": "file", "path": str(tmp_path / "tilted.npz"), "L": 1.0}}
-    with pytest.raises(InputError, match="a surface of kind file has no seed and first touches on an edge"):
+    with pytest.raises(InputError, match="a surface of kind file has no seed and its first contact is on an edge"):
         study(base=BASE | tilted, grid={"block.height": [1.0]}, edge_summits="redraw")
     with pytest.raises(InputError, match="leaves no case"):
         study(base=BASE | tilted, grid={"block.height": [1.0]}, edge_summits="skip")
@@ -152,12 +152,12 @@ def test_the_key_of_a_case_is_its_hash() -> None:
         ({}, "nothing varies"),
         ({"grit": {}}, 'did you mean "grid"'),
         ({"grid": {"surface.amplitud": [0.1]}}, 'did you mean "surface.amplitude"'),
-        ({"grid": {"surface.amplitude": 0.1}}, "is no axis"),
+        ({"grid": {"surface.amplitude": 0.1}}, "is not an axis"),
         ({"grid": {"surface.amplitude": []}}, "empty list"),
         ({"grid": {"surface.amplitude": [0.1, 0.1]}}, "twice"),
-        ({"grid": {"surface.amplitude": {"from": 0, "to": 1, "count": 3, "log": True}}}, "is no axis"),
+        ({"grid": {"surface.amplitude": {"from": 0, "to": 1, "count": 3, "log": True}}}, "is not an axis"),
         ({"grid": {"material.nu": [0.3, 0.7]}}, "material.nu = 0.7"),
-        ({"grid": {"surface.seed": {"first": 0, "count": 10_000_000}}}, "is no axis"),
+        ({"grid": {"surface.seed": {"first": 0, "count": 10_000_000}}}, "is not an axis"),
         ({"grid": {"block.height": list(range(1, 400)), "material.nu": [i / 1000 for i in range(400)]}}, "at most"),
         ({"points": [{"block.height": [1.0]}]}, "block.height"),
         ({"points": []}, "list of tables"),

@@ -349,7 +349,7 @@ def test_maximum_by_waves_is_that_of_the_bound_of_curvature(options):
 def test_too_many_summits_are_said(monkeypatch):
     monkeypatch.setattr(fractal_maximum, "_CELLS", 200)
     surface = fractal(D=2.9, L_s=1e-9)
-    with pytest.warns(SurfaceWarning, match="too many summits compete"):
+    with pytest.warns(SurfaceWarning, match="too many summits of similar height"):
         surface.maximum()
 
 

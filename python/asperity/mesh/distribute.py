@@ -21,15 +21,15 @@ BASE, SIDE_X, SIDE_Y, TOP = 1, 2, 3, 4
 
 
 def distribute(comm: MPI.Comm, block: BlockMesh | None, scale: float) -> tuple[Any, Any]:
-    """Partition a block over the ranks of `comm`.
+    """Partition the mesh of a block over the ranks of `comm`; collective.
 
     Args:
         comm: communicator
-        block: the block on rank 0, ignored elsewhere
+        block: the mesh on rank 0, ignored elsewhere
         scale: factor on the coordinates, 1/L for a block of unit side
 
     Returns:
-        dolfinx mesh and facet tags (BASE, SIDE_X, SIDE_Y, TOP); collective
+        dolfinx mesh and facet tags (BASE, SIDE_X, SIDE_Y, TOP).
     """
     import basix.ufl
     import ufl
@@ -50,7 +50,7 @@ def distribute(comm: MPI.Comm, block: BlockMesh | None, scale: float) -> tuple[A
 
 
 def _tag_facets(mesh: Any) -> Any:
-    """Tag the outer facets by where their midpoints lie; side length is one."""
+    """Tag the outer facets by the position of their midpoints; the side of the block is 1."""
     from dolfinx import mesh as dmesh
 
     tdim = mesh.topology.dim
@@ -65,7 +65,7 @@ def _tag_facets(mesh: Any) -> Any:
 
 
 def is_distorted(comm: MPI.Comm, block: BlockMesh | None) -> bool:
-    """Whether an element of the block on rank 0 is turned inside out; collective."""
+    """Whether the mesh on rank 0 has an element that is turned inside out; the same on all ranks; collective."""
     compat.start()
 
     def worst() -> float:
@@ -77,10 +77,10 @@ def is_distorted(comm: MPI.Comm, block: BlockMesh | None) -> bool:
 
 
 def check_distortion(mesh: Any, surface: Surface) -> None:
-    """Refuse a mesh with an element turned inside out; collective.
+    """Refuse a dolfinx mesh with an element that is turned inside out; collective.
 
     Raises:
-        MeshError: names the steepest slope of the surface there and the size of the element
+        MeshError: gives the position, the slope of the surface there and the size of the element
     """
     x, cells = mesh.geometry.x, compat.geometry_dofmap(mesh)
     worst: tuple[float, Any] = (np.inf, None)
@@ -99,5 +99,5 @@ def check_distortion(mesh: Any, surface: Surface) -> None:
     raise MeshError(
         f"the surface is too steep for its mesh: at x = {cx:.4g}, y = {cy:.4g}, z = {cz:.4g} an element of size "
         f"{size:.3g} is turned inside out (slope {slope:.3g}): reduce mesh.h_contact, mesh.h_max or the roughness, or "
-        "mend mesh.file"
+        "correct mesh.file"
     )

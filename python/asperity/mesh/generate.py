@@ -1,8 +1,8 @@
 """Second-order tetrahedral mesh of a block whose top is the exact rough surface.
 
-The block [0, L]^2 x [0, height] is meshed flat by gmsh, fine only where the surface is reached at the largest
-deflection, and every node is then moved vertically, so that all top nodes, mid-edge nodes included, lie on the
-surface. The vertical map z -> z (1 + f/height), f the height above the mean plane, keeps base and sides plane.
+gmsh meshes the block [0, L]^2 x [0, height] with a flat top. Every node is then moved vertically, so that all top
+nodes, mid-edge nodes included, lie on the surface. The map z -> z (1 + f/height), f being the height of the surface
+above its mean plane, keeps base and sides plane.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ OPTIONS = {
 
 
 def build_block(surface: Surface, height: float, size: Callable[[float, float, float], float]) -> BlockMesh:
-    """Mesh the block under `surface` with gmsh; call it in one process.
+    """Mesh the block under `surface` with gmsh, in one process.
 
     Args:
-        surface: the top
+        surface: top of the block
         height: height of the mean plane above the base [length]
         size: element size at (x, y, depth below the top), all in units of L
 
@@ -53,7 +53,7 @@ def build_block(surface: Surface, height: float, size: Callable[[float, float, f
     compat.require("gmsh", "python3-gmsh")
     L = surface.L
     x, y, _ = surface.maximum()
-    points, tets = _flat_block(rounded(height / L), size, (_on_edge(x / L), _on_edge(y / L)))
+    points, tets = _flat_block(rounded(height / L), size, (_summit_node(x / L), _summit_node(y / L)))
     points *= L
     x, y, z = points.T
     f = surface.height(x, y) - surface.mean()
@@ -71,14 +71,14 @@ def _flat_block(
     size: Callable[[float, float, float], float],
     summit: tuple[float, float],
 ) -> tuple[Floats, npt.NDArray[np.int64]]:
-    """Second-order tetrahedra of a plain box with a node of the top at `summit`, where contact begins.
+    """Nodes (N, 3) and second-order tetrahedra (M, 10) of a box with a node of the top at `summit`, the first contact.
 
-    All lengths are in units of L, where the tolerances of gmsh make sense.
+    All lengths are in units of L, to which the absolute tolerances of gmsh are suited.
     """
     import gmsh
 
     try:
-        with _own_model(OPTIONS):
+        with _separate_model(OPTIONS):
             box = gmsh.model.occ.addBox(0.0, 0.0, 0.0, 1.0, 1.0, height)
             point = gmsh.model.occ.addPoint(*summit, height)
             gmsh.model.occ.fragment([(3, box)], [(0, point)])
@@ -100,11 +100,11 @@ def _flat_block(
 
 
 @contextmanager
-def _own_model(options: Mapping[str, float]) -> Iterator[None]:
-    """A new model of gmsh under these options and no others; a session that the caller has open is left as it was.
+def _separate_model(options: Mapping[str, float]) -> Iterator[None]:
+    """Context with a new gmsh model and these options; an open gmsh session of the caller is restored afterwards.
 
-    Its models, current model and options stay; what is not among `options` has its default meanwhile, so that the mesh
-    does not depend on what the caller has set.
+    The models, the current model and the options of the caller are kept. Inside the context, all options not in
+    `options` have their defaults, so that the mesh does not depend on the settings of the caller.
     """
     import gmsh
 
@@ -119,9 +119,9 @@ def _own_model(options: Mapping[str, float]) -> Iterator[None]:
             gmsh.finalize()
         return
     current = gmsh.model.getCurrent()
-    beside = {name: gmsh.option.getNumber(name) for name in ("General.Terminal", "General.AbortOnError")}
+    not_saved = {name: gmsh.option.getNumber(name) for name in ("General.Terminal", "General.AbortOnError")}
     with TemporaryDirectory(prefix="asperity-") as place:
-        session = str(Path(place) / "session.opt")  # gmsh writes all that differs from its defaults
+        session = str(Path(place) / "session.opt")  # gmsh writes the options that differ from their defaults
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.write(session)
         try:
@@ -137,10 +137,10 @@ def _own_model(options: Mapping[str, float]) -> Iterator[None]:
             gmsh.model.setCurrent(current)
             gmsh.option.restoreDefaults()
             gmsh.merge(session)
-            for option, value in beside.items():
+            for option, value in not_saved.items():
                 gmsh.option.setNumber(option, value)
 
 
-def _on_edge(c: float) -> float:
-    """Where a summit gets its node: to the digits it is known by, and on the edge of the patch if it is near."""
+def _summit_node(c: float) -> float:
+    """Coordinate of the node at a summit [L]: rounded to its accuracy, or on the edge of the patch if near."""
     return 0.0 if c < EDGE else 1.0 if c > 1.0 - EDGE else round(c, 8)

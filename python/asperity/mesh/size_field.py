@@ -16,53 +16,55 @@ from asperity.mesh.block import H_MAX
 if TYPE_CHECKING:
     from asperity.surface import Surface
 
-FLAT = 1e-12  # difference of depths below which a surface counts as touched at once [L]
-#: Exponent of the size in the depth, and least size over h_contact. A spot grows with the root of the depth; where it
-#: is known what was touched when, more makes the errors of the steps of a rough surface alike (docs/accuracy.md).
+FLAT = 1e-12  # difference of depths below which a surface touches the flat everywhere at once [L]
+#: Exponent of the size in the depth, and least size over h_contact. A spot grows with the root of the depth. With a
+#: first-contact map, a larger exponent equalises the errors of the load steps of a rough surface (docs/accuracy.md).
 GRADING, GUIDED = (0.5, 0.2), (0.75, 0.15)
-NEIGHBOURS = 6  # corners and edges of a facet: a margin of an element around what was touched
+NEIGHBOURS = 6  # nodes of a facet: adds a margin of one element around the nodes that were touched
 
 
 @dataclass(frozen=True)
 class FirstContactMap:
-    """What a coarse solution touched: it tells a fine mesh better than the geometry where to be fine.
+    """Approach of first contact at the top nodes of a coarse solution.
+
+    It determines where a fine mesh needs small elements better than the geometry does.
 
     Attributes:
         xy: positions of the top nodes (N, 2) [length]
-        touched_at: deflection that first touched each of them, inf for never (N,) [length]
+        touched_at: approach at which each of them first touched the flat, inf for never (N,) [length]
     """
 
     xy: Floats
     touched_at: Floats
 
     def depth(self, x: Floats, y: Floats) -> Floats:
-        """Deflection that touches each point, the least of its NEIGHBOURS nearest nodes [length]."""
+        """Approach of first contact at points x, y, any shape: the least of the NEIGHBOURS nearest nodes [length]."""
         _, nearest = cKDTree(self.xy).query(np.stack([x.ravel(), y.ravel()], axis=1), k=NEIGHBOURS)
         return self.touched_at[nearest].min(axis=1).reshape(x.shape)
 
 
 @dataclass(frozen=True)
 class SizeField:
-    """Element size around the part of a surface that a flat reaches.
+    """Element size around the part of a surface that touches the flat.
 
-    On the surface the size is h_contact (gap/delta_max)^p, gap being the depth below the summit: a
-    contact spot that has just been touched is small, so the summit needs the finest elements, while what is touched
-    last only has to be as fine as h_contact. It is kept between `h_min` and h_contact there and grows by `growth` per
-    unit of distance elsewhere, up to h_max.
+    On that part the size is h_contact (gap/delta_max)^p, gap being the depth below the summit. A contact spot that
+    has just formed is small, so the summit needs the finest elements, and the points that touch last need h_contact.
+    The size is limited to between `h_min` and h_contact there. Elsewhere it grows by `growth` per unit of distance,
+    up to h_max.
 
-    All lengths are in units of L and free of the round-off of other units: gmsh makes another mesh of a size that
-    differs in the last digit, and the curve of a case shall not depend on whether it is in metres or micrometres.
+    All lengths are in units of L and rounded: gmsh generates a different mesh if a size differs in the last digit, and
+    the curve of a case must not depend on whether its lengths are in metres or micrometres.
 
     Attributes:
-        levels: sizes on the surface, ascending (K,) [L]
-        distances: horizontal distance of each node of a regular grid from where a level applies, row along y,
+        sizes: sizes on the surface, ascending (K,) [L]
+        distances: horizontal distance of each node of a regular grid from the region of each size, row along y,
             column along x (n, n, K) [L]
-        window: x0, y0 and side of the square the grid covers; it holds all that is reached [L]
+        window: x0, y0 and side of the square covered by the grid; it contains all points that touch [L]
         growth: increase of size per unit of distance
         h_max: greatest size [L]
     """
 
-    levels: Floats
+    sizes: Floats
     distances: Floats
     window: tuple[float, float, float]
     growth: float
@@ -81,21 +83,30 @@ class SizeField:
         levels: int = 8,
         grid: int = 257,
     ) -> SizeField:
-        """Build the field for a flat that moves by `delta_max` from first touch.
+        """Build the field for a flat that moves by `delta_max` from first contact.
 
-        The sizes are given as lengths like those of the surface. With a `reach` the deflection that touched a point
-        takes the place of its depth below the summit, which is only the least deflection that can touch it. The
-        `grading` is the power p and the least size over h_contact: GRADING, or GUIDED with a reach.
+        Args:
+            surface: top of the block
+            delta_max: greatest approach [length]
+            h_contact: size at the points that touch last [length]
+            h_min: least size [length]; default from the grading
+            growth: increase of size per unit of distance
+            h_max: greatest size [length]; default H_MAX
+            first_contact: approach of first contact, used in place of the depth below the summit, which is only a
+                lower bound of it
+            grading: power p, and least size over h_contact; default GRADING, or GUIDED with a first-contact map
+            levels: number of different sizes on the surface, K
+            grid: nodes per side of the regular grid, n
         """
         L = surface.L
         delta_max, h_contact = rounded(delta_max / L), rounded(h_contact / L)
-        x0, y0, side, gap = _reached_window(surface, delta_max, grid)
+        x0, y0, side, gap = _contact_window(surface, delta_max, grid)
         if first_contact is not None:
             t = np.linspace(0.0, side, grid)
             gap = np.maximum(gap, first_contact.depth(*np.meshgrid((x0 + t) * L, (y0 + t) * L)) / L)
-        at_once = float(gap.max() - gap.min()) <= FLAT  # there is no small spot
+        at_once = float(gap.max() - gap.min()) <= FLAT  # no small contact spot
         power, least = grading or (GRADING if first_contact is None else GUIDED)
-        if h_min is None:  # what a reach tells of the first spots ends with the first step of the guide
+        if h_min is None:  # the map does not resolve spots smaller than those of the first step of its solution
             h_min = h_contact * (1.0 if at_once else min(max(least, (float(gap.min()) / delta_max) ** power), 1.0))
         else:
             h_min = min(rounded(h_min / L), h_contact)
@@ -109,21 +120,21 @@ class SizeField:
         return SizeField(sizes, distances, (x0, y0, side), growth, greatest)
 
     def at(self, x: float, y: float, depth: float) -> float:
-        """Size at a point `depth` below the mean plane of the top, all in units of L."""
+        """Return the size [L] at a point `depth` below the mean plane of the top, x, y and depth in units of L."""
         x0, y0, side = self.window
         inside_x = min(max(x, x0), x0 + side)
         inside_y = min(max(y, y0), y0 + side)
         scale = (self.distances.shape[0] - 1) / side
         d = self.distances[round((inside_y - y0) * scale), round((inside_x - x0) * scale)]
         d = d + hypot(x - inside_x, y - inside_y)
-        size = float(np.min(self.levels + self.growth * np.sqrt(d * d + depth * depth)))
+        size = float(np.min(self.sizes + self.growth * np.sqrt(d * d + depth * depth)))
         return min(size, self.h_max)
 
 
-def _reached_window(surface: Surface, delta_max: float, grid: int) -> tuple[float, float, float, Floats]:
-    """Square (x0, y0, side) around all that lies less than delta_max below the summit, and gaps on its grid.
+def _contact_window(surface: Surface, delta_max: float, grid: int) -> tuple[float, float, float, Floats]:
+    """Square (x0, y0, side) around all points less than delta_max below the summit, and gaps (grid, grid) on its grid.
 
-    The square shrinks until what is reached spans a good part of it, so that a small spot is resolved too. All
+    The square shrinks until these points span more than a quarter of it, so that a small spot is resolved too. All
     lengths are in units of L.
     """
     L, summit = surface.L, surface.maximum()[2]
@@ -144,10 +155,10 @@ def _reached_window(surface: Surface, delta_max: float, grid: int) -> tuple[floa
 
 
 def rounded(value: float) -> float:
-    """The value without the last digits, where the round-off of a change of units is."""
+    """Round off the last digits, which depend on the unit of length."""
     return float(f"{value:.12g}")
 
 
 def _just_above(limit: float) -> float:
-    """A limit that values equal but for round-off do not exceed."""
+    """Return a limit increased by the round-off of the values compared with it."""
     return limit * (1.0 + 1e-9) + 1e-15

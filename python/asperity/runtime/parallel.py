@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-PATIENCE = 30.0  # seconds a failed rank waits for the others before it ends the job
+PATIENCE = 30.0  # time a failed rank waits for the others before it aborts the job [s]
 
 
 class Ranks:
-    """The processes of this job; start it before any work, on every rank.
+    """The ranks of this job; create it on every rank before any work.
 
-    A communicator of its own keeps its messages apart from those of an interrupted computation.
+    It has its own communicator, so that its messages do not mix with those of an interrupted computation.
     """
 
     def __init__(self) -> None:
@@ -35,13 +35,17 @@ class Ranks:
             sys.excepthook = self._crash
 
     def leave(self, code: int, message: str = "") -> int:
-        """Wait for all ranks and agree on the exit code, the greatest of all.
+        """Wait for all ranks and return the exit code of the job, the greatest of all ranks; collective.
 
-        The first failed rank prints its message. When the others do not come, because they wait for
-        this rank inside the solver, the job is aborted with the code.
+        The lowest failed rank prints its message. If the other ranks do not arrive, because they wait for
+        a failed rank inside the solver, that rank aborts the job with its code.
+
+        Args:
+            code: exit code of this rank
+            message: of its error, empty for none
         """
         if self._comm is None:
-            _complain(message)
+            _print_error(message)
             return code
         import numpy as np
         from mpi4py import MPI
@@ -54,14 +58,14 @@ class Ranks:
         while not request.Test():
             time.sleep(0.02)
             if code and time.monotonic() - since > PATIENCE:
-                _complain(f"{message} (rank {self._comm.rank}; the other ranks were stopped)")
+                _print_error(f"{message} (rank {self._comm.rank}; the other ranks were stopped)")
                 self._comm.Abort(code)
         if code and size - worst[1] == self._comm.rank:
-            _complain(message)
+            _print_error(message)
         return int(worst[0])
 
     def _crash(self, kind: Any, error: Any, trace: Any) -> None:
-        """Show an internal error and end every rank, which could wait for this one forever."""
+        """Print an internal error and end all ranks, which might otherwise wait for this one forever."""
         traceback.print_exception(kind, error, trace)
         sys.stderr.flush()
         self._comm.Abort(1)
@@ -147,7 +151,7 @@ def _attempt(work: Callable[[], T]) -> tuple[T | None, AsperityError | None]:
         return None, OutputError(f"cannot write {error.filename or 'the results'}: {error.strerror or error}")
 
 
-def _complain(message: str) -> None:
+def _print_error(message: str) -> None:
     if message:
         print(f"error: {message}", file=sys.stderr, flush=True)
 
