@@ -118,9 +118,7 @@ def test_killed_runs_continue_without_a_difference() -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_signal_ends_the_run_after_its_step(
-    case: Path, tmp_path: Path, number: signal.Signals
-) -> None:
+def test_a_signal_ends_the_run_after_its_step(case: Path, tmp_path: Path, number: signal.Signals) -> None:
     straight, out = run(case, tmp_path / "straight"), tmp_path / "out"
     process = start(asperity("run", case, "-o", out))
     wait_for_steps(out, 2)

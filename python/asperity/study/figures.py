@@ -116,7 +116,7 @@ def family_figure(results: StudyResults, name: str) -> Figure:
     figure.legend(handles, numbered, loc="outside lower center", ncols=min(4, max(1, len(numbered))))
     title = next(family.title for family in results.families if family.name == name)
     seeds = max((len(level.rows) for level in levels), default=0)
-    figure.suptitle(f"{title} ({seeds} a level; band: one standard deviation)")
+    figure.suptitle(f"{title} ({seeds} per level; band: one standard deviation)")
     style.letters(left, right)
     return figure
 

@@ -30,7 +30,7 @@ TABLE, ABOUT = "results.csv", "study.json"
 DONE = "done.json"  # exit reason and time of a case
 TEXTS = ("case", "families", "exit_reason", "norm", "interface_void")
 #: Columns of results.csv after "case", "families" and the keys that vary.
-FIGURES = (
+RESULT_COLUMNS = (
     "exit_reason", "summit_on_edge", "delta_star_max", "P_star_max", "k", "n", "n_low", "n_high", "norm", "range_low",
     "range_high", "points", "r2", "n_log", "n_interface", "interface_void", "stiffness", "preload", "slope", "n_loc",
     "n_loc_low", "n_loc_high", "kappa_loc", "kappa", "u_loss", "omega_loss", "drive_loss", "slope_unload", "n_unload",
@@ -174,7 +174,7 @@ def tabulate(study: Study, folder: Path) -> list[dict[str, Any]]:
 def write_tables(study: Study, folder: Path) -> list[dict[str, Any]]:
     """Write results.csv and study.json; return the rows."""
     rows = tabulate(study, folder)
-    names = ("case", "families", *study.keys, *FIGURES)
+    names = ("case", "families", *study.keys, *RESULT_COLUMNS)
     text = io.StringIO(newline="")
     table = csv.DictWriter(text, names, restval="", lineterminator="\n")
     table.writeheader()

@@ -30,10 +30,8 @@ from asperity.surface.statistics import (
 EDGE = 1e-3
 
 _SMALLEST, _LARGEST = 1e-50, 1e50  # lengths
-_STEEPNESS, _LONG = (
-    16,
-    1e6,
-)  # exponent in `short_wave_share`; ratio of lengths beyond which the share is zero
+_STEEPNESS = 16  # exponent in `short_wave_share`
+_LONG = 1e6  # ratio of lengths beyond which the share is zero
 
 
 class SurfaceWarning(AsperityWarning):
@@ -142,7 +140,7 @@ class Surface(ABC):
 
         Args:
             wavelength: cut-off (length).
-            depth: depth below the summit (length); a surface with local differences is judged above this depth only.
+            depth: depth below the summit (length); a surface that is not statistically uniform is judged above it.
         """
         return 0.0
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.surface.base import SurfaceWarning
-from asperity.surface.maximum import HeightField, climb
+from asperity.surface.maximum import SmoothSurface, climb
 from asperity.surface.plane_waves import Waves
 
 _START = 32  # cells per side at first
@@ -22,7 +22,7 @@ _TIE = 1e-12  # heights with a smaller relative difference count as equal
 
 
 def highest_point(
-    surface: HeightField, waves: Waves, offset: float, indices: int, random: bool
+    surface: SmoothSurface, waves: Waves, offset: float, indices: int, random: bool
 ) -> tuple[float, float, float]:
     """Return (x, y, z) of the highest point of the closed patch.
 

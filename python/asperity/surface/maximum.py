@@ -13,7 +13,7 @@ _MAX_CELLS = 4_000_000
 _LEVELS = 40
 
 
-class HeightField(Protocol):
+class SmoothSurface(Protocol):
     """Heights over the patch [0, L]^2 with derivatives and a bound of the curvature, see `base.Surface`."""
 
     @property
@@ -33,7 +33,7 @@ class HeightField(Protocol):
     def product(self, x: Array, y: Array) -> tuple[Array, Array, Array]: ...
 
 
-def global_maximum(surface: HeightField) -> tuple[float, float, float]:
+def global_maximum(surface: SmoothSurface) -> tuple[float, float, float]:
     """Return (x, y, z) of the highest point of the closed patch.
 
     In a cell of half-diagonal r about c no height exceeds z(c) + |grad z(c)| r + K r^2/2, K being the
@@ -62,7 +62,7 @@ def global_maximum(surface: HeightField) -> tuple[float, float, float]:
     return best
 
 
-def _first_cells(surface: HeightField, n: int, K: float) -> tuple[Array, Array, Array, tuple[float, float, float]]:
+def _first_cells(surface: SmoothSurface, n: int, K: float) -> tuple[Array, Array, Array, tuple[float, float, float]]:
     """Return the n x n cell centres that may hold the maximum, and the best point known.
 
     Works row by row, so that only promising cells are kept in memory.
@@ -89,7 +89,7 @@ def _first_cells(surface: HeightField, n: int, K: float) -> tuple[Array, Array, 
 
 
 def _improve(
-    surface: HeightField,
+    surface: SmoothSurface,
     x: Array,
     y: Array,
     z: Array,
@@ -104,7 +104,7 @@ def _improve(
     return found if found[2] > best[2] else best
 
 
-def climb(surface: HeightField, x: float, y: float) -> tuple[float, float, float]:
+def climb(surface: SmoothSurface, x: float, y: float) -> tuple[float, float, float]:
     """Return the local maximum (x, y, z) of the closed patch that an ascent from (x, y) ends in.
 
     Newton iteration projected onto the patch; where the Hessian is not negative definite, a gradient
@@ -142,7 +142,7 @@ def climb(surface: HeightField, x: float, y: float) -> tuple[float, float, float
     return float(p[0]), float(p[1]), z
 
 
-def _zero_slope(surface: HeightField, p: Array, free: Array) -> Array:
+def _zero_slope(surface: SmoothSurface, p: Array, free: Array) -> Array:
     """Return the zero of the slope along the free axes next to p, where steps no longer change the height.
 
     Newton steps continue while each halves the slope and is far shorter than the finest feature, so they cannot end
@@ -165,6 +165,6 @@ def _zero_slope(surface: HeightField, p: Array, free: Array) -> Array:
     return p
 
 
-def _hessian(surface: HeightField, p: Array, free: Array) -> Array:
+def _hessian(surface: SmoothSurface, p: Array, free: Array) -> Array:
     xx, xy, yy = (float(h) for h in surface.hessian(*p))
     return np.array([[xx, xy], [xy, yy]])[np.ix_(free, free)]
