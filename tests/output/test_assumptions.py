@@ -114,17 +114,17 @@ def test_all_assumptions_are_checked() -> None:
 
 
 @pytest.fixture(scope="module")
-def told(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
+def warned(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
     """A run beyond two limits, with an unused key; and its warnings."""
-    folder = tmp_path_factory.mktemp("told") / "out"
+    folder = tmp_path_factory.mktemp("warned") / "out"
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         run(Case.from_dict({**YIELDING, "output": {"report": True}}), folder)
     return folder, [str(w.message) for w in caught if issubclass(w.category, AsperityWarning)]
 
 
-def test_warnings_are_in_summary_log_and_report(told: tuple[Path, list[str]]) -> None:
-    folder, shown = told
+def test_warnings_are_in_summary_log_and_report(warned: tuple[Path, list[str]]) -> None:
+    folder, shown = warned
     assert len(shown) == len(set(shown)) == 3
     for text, part in zip(shown, ("contact.gamma = 3", "the mean pressure reaches", "the flat has moved"), strict=True):
         assert part in text
@@ -137,10 +137,10 @@ def test_warnings_are_in_summary_log_and_report(told: tuple[Path, list[str]]) ->
     assert all(html.count(text) == 1 for text in shown)
 
 
-def test_the_report_of_a_finished_run_shows_its_warnings(told: tuple[Path, list[str]]) -> None:
-    page = Page(told[0] / "report.html")
+def test_the_report_of_a_finished_run_shows_its_warnings(warned: tuple[Path, list[str]]) -> None:
+    page = Page(warned[0] / "report.html")
     assert "finished yes" in page.text and "finished no" not in page.text
-    assert json.loads((told[0] / "summary.json").read_text())["finished"] is True
+    assert json.loads((warned[0] / "summary.json").read_text())["finished"] is True
 
 
 def test_the_report_of_a_missed_tolerance_says_so(tmp_path: Path) -> None:
@@ -177,9 +177,9 @@ def test_a_resumed_run_keeps_its_warnings(tmp_path: Path, monkeypatch: pytest.Mo
             warnings.simplefilter("ignore")
             return list(run(Case.from_dict(YIELDING), tmp_path / "out", resume=True).summary["warnings"])
 
-    asked = iter(["", "", "", "", "the test"])
+    answers = iter(["", "", "", "", "the test"])
     with monkeypatch.context() as patch:
-        patch.setattr(interrupt.StopRequest, "agreed", lambda self: next(asked))
+        patch.setattr(interrupt.StopRequest, "agreed", lambda self: next(answers))
         with pytest.raises(Interrupted, match="stopped by the test after step"):
             attempt()
     stopped = json.loads((tmp_path / "out/summary.json").read_text())

@@ -339,13 +339,13 @@ def test_warnings_about_a_case_are_those_of_the_command(tmp_path: Path, capsys: 
     case = Case.from_dict({**case.to_dict(), "units": "SI"})
     with pytest.warns(CaseWarning) as caught:
         run(case, tmp_path / "python")
-    told = [str(w.message) for w in caught]
-    assert len(told) == 2 and "is taken as Pa" in told[0] and "contact.penalty = 20 is not used" in told[1]
+    texts = [str(w.message) for w in caught]
+    assert len(texts) == 2 and "is taken as Pa" in texts[0] and "contact.penalty = 20 is not used" in texts[1]
     code, lines = output_of_the_command(case, tmp_path / "out", capsys)
-    assert code == 0 and lines == told
+    assert code == 0 and lines == texts
     for out in ("python", "out"):
         summary = json.loads((tmp_path / out / "summary.json").read_text())
-        assert summary["warnings"] == told
+        assert summary["warnings"] == texts
 
 
 def test_a_tolerance_with_a_mesh_of_a_file_is_refused_before_anything_is_written(tmp_path: Path) -> None:

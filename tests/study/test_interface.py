@@ -103,7 +103,7 @@ def test_the_approach_of_the_interface_excludes_the_block(sides: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("sides", "strength", "columns", "said"),
+    ("sides", "strength", "columns", "reason"),
     [
         ("free", 0.0099, {}, "the block has yielded: the mean pressure is 1 times its yield pressure"),
         ("free", 0.0101, {}, ""),
@@ -116,16 +116,16 @@ def test_the_approach_of_the_interface_excludes_the_block(sides: str) -> None:
     ],
 )
 def test_the_interface_is_void_if_the_block_yields_or_contact_is_full(
-    sides: str, strength: float | None, columns: dict[str, float], said: str
+    sides: str, strength: float | None, columns: dict[str, float], reason: str
 ) -> None:
     case = case_of(sides, strength)
     block = Block.of(case)
     curve = loading(2.0, 1.0, block.modulus, **columns)
     row = summarise_case(case, curve, {})
-    assert (row["n_interface"] is None) == bool(said)
-    assert re.search(said, row["interface_void"]) if said else row["interface_void"] == ""
+    assert (row["n_interface"] is None) == bool(reason)
+    assert re.search(reason, row["interface_void"]) if reason else row["interface_void"] == ""
     of_block = dict(side=block.side, height=block.height, modulus=block.modulus, yields_at=block.yields_at)
-    assert math.isnan(Condition(interface=True).exponent(curve, **of_block)) == bool(said)
+    assert math.isnan(Condition(interface=True).exponent(curve, **of_block)) == bool(reason)
     # the first half of the range is not void
     assert Condition(share=0.5, interface=True).exponent(curve, **of_block) == pytest.approx(2.5, rel=1e-6)
     assert not math.isnan(Condition().exponent(curve, **of_block))
