@@ -160,7 +160,7 @@ class HeightField:
         If its edges are not on nodes, or the spacings differ, a cubic spline resamples it with the finer spacing.
 
         Raises:
-            InputError: heights are missing, or the square is not inside the map or has fewer than 8 nodes a side.
+            InputError: heights are missing, or the square is not inside the map or has fewer than 8 nodes per side.
         """
         from scipy.interpolate import RectBivariateSpline
 
