@@ -572,6 +572,13 @@ def test_bad_input_is_one_clear_sentence(spec, message):
         Surface.from_spec(**spec)
 
 
+def test_a_derived_surface_without_a_kind_does_not_replace_its_base():
+    class Bowl(Sphere):
+        pass
+
+    assert type(Surface.from_spec("sphere", L=1.0, radius=9.0)) is Sphere is not Bowl
+
+
 def test_surfaces_are_immutable():
     surface = fractal()
     with pytest.raises(AttributeError):

@@ -245,13 +245,13 @@ class Surface(ABC):
 
 
 def surface_kinds() -> dict[str, type[Surface]]:
-    """Return all kinds of surfaces by their name in the case file: the subclasses with a `kind`."""
+    """Return all kinds of surfaces by their name in the case file: the subclasses with a `kind` of their own."""
     found: dict[str, type[Surface]] = {}
     waiting = Surface.__subclasses__()
     while waiting:
         cls = waiting.pop()
         waiting += cls.__subclasses__()
-        if cls.kind:
+        if vars(cls).get("kind"):  # an inherited one is that of the base class
             found[cls.kind] = cls  # type: ignore[type-abstract]
     return found
 
