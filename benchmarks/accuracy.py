@@ -42,7 +42,7 @@ from asperity.adaptive.mesh_plan import (
 from asperity.adaptive.solve_to_tolerance import loading_force, solve_to_tolerance, steady
 from asperity.arrays import Floats
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.generate import GRADING, GUIDED, Reach
+from asperity.mesh.size_field import GRADING, GUIDED, FirstContactMap
 from asperity.model.settings import Goal
 from asperity.quasistatic.solve_contact import make_block
 from asperity.reference import half_space_contact
@@ -163,7 +163,7 @@ def forces(
         if key not in kept:
             if reach is None and h < GUIDE:
                 guide = asp.solve_contact(surface, material, delta_max=delta, size=asp.MeshSize(GUIDE, growth(GUIDE)))
-                reach = Reach(*guide.first_contact.gather(guide.solver))
+                reach = FirstContactMap(*guide.first_contact.gather(guide.solver))
             block = mesh_of(surface, delta, h, reach, grading if reach else GRADING)
             result = asp.solve_contact(surface, material, delta_max=delta, substeps=substeps, block=block)
             kept[key] = loading_force(result.curve, at)
@@ -174,7 +174,7 @@ def forces(
 
 
 def mesh_of(
-    surface: asp.Surface, delta: float, h: float, reach: Reach | None, grading: tuple[float, float]
+    surface: asp.Surface, delta: float, h: float, reach: FirstContactMap | None, grading: tuple[float, float]
 ) -> BlockMesh | None:
     """A mesh as a run with a tolerance makes it, with a given grading."""
     size = asp.MeshSize(h, growth(h), reach=reach, grading=grading)
@@ -350,7 +350,9 @@ def fixed() -> None:
     row("h_contact/L", "growth", "dofs", "rms error %", "greatest %")
     row(*["---"] * 5)
     for h, rate in ((0.05, 0.25), (0.025, 0.25), (0.0177, 0.25), (0.05, 0.125)):
-        reach = Reach(*asp.solve_contact(sphere, UNIT, delta_max=delta, size=asp.MeshSize(GUIDE)).solver.reach())
+        reach = FirstContactMap(
+            *asp.solve_contact(sphere, UNIT, delta_max=delta, size=asp.MeshSize(GUIDE)).solver.reach()
+        )
         result = asp.solve_contact(sphere, UNIT, delta_max=delta, size=asp.MeshSize(h, rate, reach=reach))
         row(f"{h:g}", f"{rate:g}", result.dofs, *per_cent(loading_force(result.curve, at), limit))
 
@@ -366,7 +368,7 @@ def grading() -> None:
             sizes = (*FAMILY[4:], FINEST) if material.plastic else FAMILY[3:]
             limit = _limit(forces(name, top, delta, sizes, material))
             guide = asp.solve_contact(top, material, delta_max=delta, size=asp.MeshSize(GUIDE, growth(GUIDE)))
-            reach = Reach(*guide.first_contact.gather(guide.solver))
+            reach = FirstContactMap(*guide.first_contact.gather(guide.solver))
             for powers in (GRADING, GUIDED):
                 for h in FAMILY[1:4]:
                     block = mesh_of(top, delta, h, reach, powers)

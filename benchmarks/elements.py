@@ -28,7 +28,7 @@ from hexahedra import HEXAHEDRA, Hexahedra, lines
 import asperity as asp
 from asperity.adaptive.solve_to_tolerance import extrapolate, loading_force
 from asperity.arrays import Floats
-from asperity.mesh.generate import Reach
+from asperity.mesh.size_field import FirstContactMap
 from asperity.model.load_path import BACKWARD_EULER
 from asperity.surface import Surface
 from asperity.verification.hertz import CONTACT, RADIUS, SPHERE, layer_force
@@ -55,7 +55,7 @@ class Scene:
         return self.delta * np.arange(1, self.steps + 1) / self.steps
 
 
-def tetrahedra(scene: Scene, h: float, reach: Reach | None = None) -> tuple[Floats, Any]:
+def tetrahedra(scene: Scene, h: float, reach: FirstContactMap | None = None) -> tuple[Floats, Any]:
     """Force of the program at the load steps, and its whole result."""
     result = asp.solve_contact(
         scene.surface, scene.material, delta_max=scene.delta, steps=scene.steps, height=1.0,
@@ -86,7 +86,7 @@ def layer_limit(scene: Scene) -> Floats:
 
 def guided_limit(scene: Scene, fine: float) -> Floats:
     """Limit of two fine tetrahedral meshes that are guided by what a coarse one touches."""
-    reach = Reach(*tetrahedra(scene, 0.1)[1].press.reach())
+    reach = FirstContactMap(*tetrahedra(scene, 0.1)[1].press.reach())
     coarser, finest = (tetrahedra(scene, h, reach)[0] for h in (fine * 2**0.5, fine))
     limit, error = extrapolate(coarser, finest, 2**0.5, 1.8)
     print(f"guided meshes: the limit is {100 * np.max(np.abs(error / limit)):.2g} % from the finer one at most")

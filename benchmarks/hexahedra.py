@@ -21,7 +21,7 @@ from newton import step_length, without
 from asperity.arrays import Floats
 from asperity.linear.petsc_matrix import set_rigid_modes
 from asperity.linear.petsc_options import GAMG, set_defaults
-from asperity.mesh.generate import SizeField
+from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material, return_map_ufl
 from asperity.surface import Surface
 

@@ -18,7 +18,9 @@ from mpi4py import MPI
 
 import asperity as asp
 from asperity.fem.solid import Solid
-from asperity.mesh.generate import SizeField, build_block, distribute
+from asperity.mesh.distribute import distribute
+from asperity.mesh.generate import build_block
+from asperity.mesh.size_field import SizeField
 
 DELTA = 0.03
 REPEATS = 9

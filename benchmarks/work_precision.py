@@ -26,7 +26,7 @@ import asperity as asp
 from asperity.adaptive.mesh_plan import extrapolate
 from asperity.adaptive.solve_to_tolerance import loading_force
 from asperity.arrays import Floats
-from asperity.mesh.generate import Reach
+from asperity.mesh.size_field import FirstContactMap
 from asperity.plot import style
 from asperity.surface import Surface
 from asperity.verification.hertz import CONTACT, RADIUS, SPHERE, layer_force
@@ -95,9 +95,9 @@ def solve(scene: Scene, size: asp.MeshSize, **settings: Any) -> tuple[Floats, An
     return loading_force(result.curve, scene.at), result
 
 
-def reach_of(scene: Scene) -> Reach:
+def reach_of(scene: Scene) -> FirstContactMap:
     """What a coarse solution touches."""
-    return Reach(*solve(scene, asp.MeshSize(0.1))[1].solver.reach())
+    return FirstContactMap(*solve(scene, asp.MeshSize(0.1))[1].solver.reach())
 
 
 def guided_limit(scene: Scene, fine: float, steps: int) -> Floats:

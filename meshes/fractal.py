@@ -6,7 +6,8 @@ import argparse
 from pathlib import Path
 
 import asperity as asp
-from asperity.mesh.generate import SizeField, build_block
+from asperity.mesh.generate import build_block
+from asperity.mesh.size_field import SizeField
 
 L = 1e-6
 DELTA = 0.03 * L  # to which the curves go: the mesh is fine where the flat comes

@@ -14,8 +14,10 @@ from typing import Any
 import pytest
 
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.generate import SizeField, build_block, on_root
+from asperity.mesh.generate import build_block
+from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
+from asperity.runtime.parallel import on_root
 from asperity.surface import Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 
 ELASTIC = Material(1.0, 0.3)

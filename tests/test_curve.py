@@ -1,4 +1,4 @@
-"""The record of a curve and its file."""
+"""Columns of a curve and its file."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_curves_are_immutable():
         curve.force[0] = 1.0
 
 
-def test_a_measured_curve_needs_only_deflection_and_force(tmp_path):
+def test_a_measured_curve_needs_only_approach_and_force(tmp_path):
     path = tmp_path / "measured.csv"
     path.write_text("delta, force\n1e-9,2\n2e-9,5\n")
     curve = Curve.read(path)
@@ -73,8 +73,8 @@ def test_a_measured_curve_needs_only_deflection_and_force(tmp_path):
     assert np.isnan(curve.P_star).all() and not curve.newton.any()
 
 
-def test_a_cell_of_what_is_not_known_is_empty_or_nan(tmp_path):
-    """The second as in curves stored before."""
+def test_an_unknown_value_is_an_empty_cell_or_nan(tmp_path):
+    """NaN occurs in curves stored by earlier versions."""
     path = tmp_path / "curve.csv"
     path.write_text("delta,force,area_fraction,newton,error_P_star\n1,2,,,\n2,5,nan,3, nan\n")
     curve = Curve.read(path)
@@ -134,8 +134,8 @@ def test_a_dimensionless_fit_needs_dimensionless_columns():
 
 
 @pytest.mark.parametrize("first", [1e-320, 1e-13, 1e-3])
-def test_planned_points_of_a_curve_with_a_tiny_first_deflection(first: float):
-    """There cannot be more parts than rows."""
+def test_planned_points_of_a_curve_with_a_tiny_first_approach(first: float):
+    """There cannot be more increments than rows."""
     curve = Curve.from_rows([{"delta": d, "force": d} for d in (first, 1.0, 2.0, 3.0)])
     assert curve.planned().delta.tolist() == [1.0, 2.0, 3.0]
 
@@ -143,7 +143,7 @@ def test_planned_points_of_a_curve_with_a_tiny_first_deflection(first: float):
 @pytest.mark.parametrize("substeps", [1, 2, 4])
 @pytest.mark.parametrize("steps", [3, 4, 5, 6, 10, 50])
 def test_planned_points_of_the_midpoint_rule(steps: int, substeps: int):
-    """Its first steps are divided, which does not add points."""
+    """Its first steps are divided; this adds no planned points."""
     stops = Schedule(delta_max=1.0, steps=steps, integrator=MIDPOINT, substeps=substeps).stops()
     planned = Curve.from_rows([{"delta": 0.03e-6 * x, "force": x} for x in stops]).planned()
     np.testing.assert_allclose(planned.force, np.arange(1, steps * substeps + 1) / (steps * substeps), rtol=1e-12)

@@ -13,13 +13,14 @@ import pytest
 
 from asperity.curve import Curve
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.generate import build_block, on_root
+from asperity.mesh.generate import build_block
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.output.fields import gather_states
 from asperity.quasistatic import measures
 from asperity.quasistatic.solve_contact import ContactResult, make_contact_solver, solve_contact
 from asperity.run_case import run
+from asperity.runtime.parallel import on_root
 from asperity.surface import Sinusoid, Surface
 
 pytestmark = pytest.mark.mpi

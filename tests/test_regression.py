@@ -45,4 +45,4 @@ def test_storing_a_curve(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert call("store", case, out, file, "--rtol", "forces=1e-7") == 2
     assert call("store", case, out, file, "--rtol", "force") == 2
     assert call("store", CURVES / "plastic.toml", out, file) == 2
-    assert "is no run of" in capsys.readouterr().err
+    assert "is not a run of" in capsys.readouterr().err

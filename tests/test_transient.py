@@ -13,13 +13,14 @@ from scipy.optimize import brentq
 from asperity import reference as ref
 from asperity.dynamics import ContactOscillator, TableLaw
 from asperity.errors import ConvergenceError, InputError
-from asperity.mesh.generate import build_block, on_root
+from asperity.mesh.generate import build_block
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.settings import SolverOptions
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.solve_contact import make_contact_solver
 from asperity.quasistatic.stepping import Record, follow
+from asperity.runtime.parallel import on_root
 from asperity.surface import Flat, Sinusoid, Surface
 from asperity.transient import Motion, Scheme, TimeSeries, Transient, consistent_mass
 

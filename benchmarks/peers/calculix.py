@@ -15,7 +15,8 @@ import numpy.typing as npt
 import scene
 
 from asperity.arrays import Floats
-from asperity.mesh.generate import SizeField, build_block
+from asperity.mesh.generate import build_block
+from asperity.mesh.size_field import SizeField
 
 Ints = npt.NDArray[np.int64]
 Faces = list[tuple[int, ...]]

@@ -1,4 +1,4 @@
-"""The force-deflection curve: its record and its file."""
+"""The curve of force over approach: its columns and its file."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from asperity.power_law import PowerLawFit
 
 
-UNRESOLVED = 0.5  # error of the area of contact over the area: fewer than about six facets are touched
+UNRESOLVED = 0.5  # error of the contact area over the area, reached when the contact has fewer than about six facets
 
 COLUMNS = (
     "step",
@@ -48,31 +48,37 @@ _REQUIRED = ("delta", "force")
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Accepted load steps in order, one array a column, all read-only and of one length.
+    """Accepted load steps in order: one read-only array (n,) per column.
 
-    A column that is not known is NaN (0 for counts). `header` is free metadata, stored with the
-    file.
+    Unknown values are NaN (0 for counts). `header` is free metadata, stored in the file.
+
+    >>> import asperity as asp
+    >>> curve = asp.Curve.from_rows([{"delta": d, "force": 2.0 * d, "delta_star": d, "P_star": d} for d in (1, 2, 3)])
+    >>> len(curve), curve.force.tolist()
+    (3, [2.0, 4.0, 6.0])
+    >>> round(curve.fit().n, 6)
+    1.0
 
     Attributes:
         step: number of the step (int).
         branch: "load", "unload" or "reload" (str).
-        delta: approach of the flat from first touch (length).
+        delta: approach of the flat from first contact (length).
         delta_star: delta/L.
         force: normal force (force).
         P_star: force/(A_0 E').
-        area_fraction: true over nominal contact area.
+        area_fraction: true over nominal contact area, A/A_0.
         max_pressure: largest contact pressure (force/length^2).
-        plastic_fraction: share of the volume that has yielded.
+        plastic_fraction: volume that has yielded over the volume of the block.
         max_plastic_strain: largest accumulated plastic strain.
-        error_P_star: error bar of P_star, with a tolerance.
-        error_area_fraction: error bar of area_fraction from where the edge of the contact cuts facets.
+        error_P_star: error bar of P_star, known for runs with a tolerance.
+        error_area_fraction: error bar of area_fraction, from the facets cut by the edge of the contact.
         newton: Newton iterations of the step (int).
         krylov: Krylov iterations of the step (int).
-        seconds: time of the step (s).
-        header: metadata, as JSON in the first line of the file.
+        seconds: wall-clock time of the step (s).
+        header: metadata, stored as JSON in the first line of the file.
 
     Raises:
-        InputError: columns of different length, unknown branch, infinite or missing deflection
+        InputError: columns of different length, unknown branch, infinite or missing approach
             or force.
     """
 
@@ -112,15 +118,15 @@ class Curve:
 
     @staticmethod
     def from_rows(rows: Sequence[Mapping[str, Any]], header: Mapping[str, Any] | None = None) -> Curve:
-        """Build a curve from one mapping a step; keys are column names.
+        """Build a curve from one mapping per step; keys are column names.
 
         Args:
-            rows: at least "delta" and "force" each; "step" defaults to the position, "branch" to
+            rows: each with at least "delta" and "force"; "step" defaults to the position, "branch" to
                 "load", other numbers to NaN, counts to 0.
             header: metadata.
 
         Raises:
-            InputError: a key is unknown or a required one missing.
+            InputError: a key is unknown, or a required one is missing.
         """
         for row in rows:
             _check_names(row, "row of a curve")
@@ -141,15 +147,15 @@ class Curve:
             yield dict(zip(COLUMNS, values, strict=True))
 
     def where(self, mask: Array) -> Curve:
-        """Return the steps that a boolean array (or an index array) picks."""
+        """Return the steps selected by a boolean array (n,) or an index array (m,)."""
         return Curve(**{name: getattr(self, name)[mask] for name in COLUMNS}, header=self.header)
 
     def loading(self) -> Curve:
-        """Return the first loading, branch "load"."""
+        """Return the steps of branch "load", the first loading."""
         return self.where(self.branch == "load")
 
     def unresolved(self) -> str:
-        """Return that the mesh is too coarse for the contact at the greatest load, in words; empty when it is not."""
+        """Return a warning if the mesh is too coarse for the contact at the greatest load, else an empty string."""
         branch = self.loading()
         area, error = branch.area_fraction[-1:], branch.error_area_fraction[-1:]
         if not np.any(error > UNRESOLVED * area):
@@ -160,11 +166,12 @@ class Curve:
         )
 
     def planned(self) -> Curve:
-        """Return the first loading at equal parts of its deflection, the smallest parts whose ends are all there.
+        """Return the steps of the first loading that end at the planned, equal increments of the approach.
 
-        A solver cuts some steps to pieces, more of them for some materials than for others: a fit over all points
-        would weigh light loads the more, the more pieces there are. A path without such parts (driven by force, or
-        measured) keeps all its points.
+        The solver cuts some steps into smaller ones, more often for some materials than for others. A fit over all
+        points would give light loads a weight that grows with the number of cuts. The increment is the smallest one
+        whose multiples are all present. A path without such an increment (driven by force, or measured) keeps all
+        its points.
         """
         load = self.loading()
         return load.where(planned_rows(load.delta))
@@ -178,10 +185,13 @@ class Curve:
         return self.where(self.branch == "reload")
 
     def fit(self, norm: Literal["linear", "log"] = "linear") -> PowerLawFit:
-        """Return the power law of the planned points of the loading branch, those with delta* > 0 and P* > 0.
+        """Return the power law P* = k (delta*)^n of the planned loading points with delta* > 0 and P* > 0.
+
+        Args:
+            norm: "linear" minimises the error of the force, "log" that of its logarithm.
 
         Raises:
-            InputError: fewer than three such points, or delta_star and P_star are not known.
+            InputError: fewer than three such points, or delta_star and P_star are unknown.
         """
         from asperity.power_law import fit_power_law
 
@@ -196,9 +206,9 @@ class Curve:
         return fit_power_law(delta, force, norm)
 
     def write(self, path: str | Path) -> None:
-        """Write a CSV file that reads back to the same bits, with the header as a first line; NaNs are empty cells.
+        """Write a CSV file that is read back to the same bits; the header is its first line, NaNs are empty cells.
 
-        The file appears complete or not at all.
+        The file is written completely or not at all.
         """
         text = io.StringIO()
         if self.header:
@@ -210,13 +220,13 @@ class Curve:
 
     @staticmethod
     def read(path: str | Path) -> Curve:
-        """Read a CSV file: optional "# {json}" line, column names, one line a step.
+        """Read a CSV file: optional "# {json}" line, column names, one line per step.
 
-        Columns "delta" and "force" are required, the other names of COLUMNS optional. An empty cell is not known.
+        Columns "delta" and "force" are required, the other names of COLUMNS are optional. An empty cell is unknown.
 
         Raises:
-            InputError: no such file, no or unknown column names, or a value that is not a number
-                (with its line).
+            InputError: the file does not exist, has no or unknown column names, or a value that is not a number
+                (the message gives its line).
         """
         path = Path(path)
         try:
@@ -238,14 +248,14 @@ class Curve:
 
 
 def planned_rows(delta: Array) -> Array:
-    """Return the rows (m,) of a loading at equal parts of its deflection, see `Curve.planned`."""
+    """Return the indices (m,) of the steps at equal increments of the approach delta (n,), see `Curve.planned`."""
     every = np.arange(len(delta))
     if not len(delta) or np.any(np.diff(delta, prepend=0.0) <= 0):
         return every
     whole = delta / delta[-1]
     for part in whole[:-2]:
         if part * len(whole) < 0.5:
-            continue  # more ends than rows
+            continue  # more increments than rows
         ends = part * np.arange(1, round(1 / part) + 1)
         rows = np.minimum(np.searchsorted(whole, ends - 1e-6 * part), len(whole) - 1)
         if np.all(np.abs(whole[rows] - ends) < 1e-6 * part) and rows[-1] == len(whole) - 1:
@@ -254,9 +264,13 @@ def planned_rows(delta: Array) -> Array:
 
 
 def fitted_rows(delta: Array, force: Array) -> Array:
-    """Return the rows (m,) of a loading that its power law is fitted to: the planned ones in contact.
+    """Return the indices (m,) of the steps to which the power law of a loading is fitted: the planned ones in contact.
 
-    Every power law of a curve takes these, with the columns of a `Curve` or with any other length and force.
+    Every power law of a curve uses these steps.
+
+    Args:
+        delta: approach (n,), in any unit.
+        force: (n,), in any unit.
     """
     rows = planned_rows(delta)
     return rows[(delta[rows] > 0) & (force[rows] > 0)]

@@ -1,60 +1,112 @@
-"""Exceptions, one per kind of failure; each carries the process exit code of the command line."""
+"""Exceptions and warnings, one per kind of failure; each exception has the exit code of the command line."""
 
 from __future__ import annotations
 
 
 class AsperityError(Exception):
-    """Base of every error this package raises on purpose."""
+    """Base class of all errors that this package raises intentionally.
+
+    >>> import asperity as asp
+    >>> asp.AsperityError.exit_code, asp.InputError("...").exit_code
+    (1, 2)
+    """
 
     exit_code = 1
 
 
 class InputError(AsperityError):
-    """A case file, an argument or a data file is wrong; nothing has been written."""
+    """A case file, an argument or a data file is wrong; nothing has been written.
+
+    >>> import asperity as asp
+    >>> asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.1, dims=3)
+    Traceback (most recent call last):
+        ...
+    asperity.errors.InputError: surface.dims = 3 is not legal: it must be 1 or 2.
+    """
 
     exit_code = 2
 
 
 class MeshError(InputError):
-    """The surface cannot be meshed at the requested size."""
+    """The surface cannot be meshed with the requested size.
+
+    >>> from asperity.errors import MeshError
+    >>> from asperity.mesh.block import BlockMesh
+    >>> try:
+    ...     BlockMesh.read("absent.npz")
+    ... except MeshError as error:
+    ...     print(str(error)[:20])
+    mesh.file: absent.np
+    """
 
 
 class RangeError(InputError):
-    """A law or a table is asked for a value outside the range it is known on."""
+    """A law or a table was evaluated outside its range.
+
+    >>> import asperity as asp
+    >>> issubclass(asp.RangeError, asp.InputError)
+    True
+    """
 
 
 class ConvergenceError(AsperityError):
-    """The solver stopped before the end; the part of the curve before it is kept."""
+    """The solver stopped before the end of the load path; the curve up to there is kept.
+
+    >>> import asperity as asp
+    >>> asp.ConvergenceError.exit_code
+    3
+    """
 
     exit_code = 3
 
 
 class Interrupted(ConvergenceError):
-    """The run was asked to stop; the part of the curve before it is kept."""
+    """The run received a request to stop; the curve up to there is kept."""
 
 
 class CheckError(ConvergenceError):
-    """The run ended, but its result violates a balance that every correct result keeps."""
+    """The run ended, but its result violates a balance that every correct result satisfies."""
 
 
 class CheckpointError(InputError):
-    """A checkpoint is missing, damaged, or belongs to another case or mesh."""
+    """A checkpoint is missing, damaged, or belongs to another case or mesh.
+
+    >>> import asperity as asp
+    >>> asp.CheckpointError("...").exit_code
+    2
+    """
 
 
 class CompatError(AsperityError):
-    """A package of the environment is missing or has an unsupported version."""
+    """A package of the environment is missing or has an unsupported version.
+
+    >>> from asperity.runtime.compat import require
+    >>> require("absent", "python3-absent")
+    Traceback (most recent call last):
+        ...
+    asperity.errors.CompatError: the Python module absent is missing: install python3-absent or use ./run
+    """
 
     exit_code = 4
 
 
 class OutputError(AsperityError):
-    """A result cannot be written: no space, no permission, no folder; earlier files are untouched."""
+    """A result cannot be written (no space, no permission, no folder); earlier files are unchanged."""
 
     exit_code = 4
 
 
 class AsperityWarning(UserWarning):
-    """Base of the warnings of this package; a run keeps those given meanwhile in its summary, log and report."""
+    """Base class of the warnings of this package; a run records them in its summary, log and report.
+
+    >>> import warnings
+    >>> import asperity as asp
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always", asp.AsperityWarning)
+    ...     _ = asp.Surface.from_spec("weierstrass-mandelbrot", L=1e-6, D=2.1, G=1e-10)
+    >>> [issubclass(w.category, asp.AsperityWarning) for w in caught]
+    [True]
+    """
 
 
 class CaseWarning(AsperityWarning):
@@ -62,7 +114,7 @@ class CaseWarning(AsperityWarning):
 
 
 class AssumptionWarning(AsperityWarning):
-    """The result lies beyond what the model assumes."""
+    """The result violates an assumption of the model."""
 
 
 class ResolutionWarning(AsperityWarning):

@@ -30,8 +30,9 @@ from asperity.output.assumptions import departures
 from asperity.output.run_files import RunFiles
 from asperity.power_law import PowerLawFit
 from asperity.runtime import run_folder
-from asperity.runtime.files import agree, files_into, on_root
+from asperity.runtime.files import files_into
 from asperity.runtime.notices import Notices, noting
+from asperity.runtime.parallel import agree, on_root_bcast
 from asperity.runtime.progress import Progress, log_file
 from asperity.runtime.run_folder import CASE, CHECKPOINT, FIELDS, LOG, VTKHDF
 
@@ -106,8 +107,8 @@ def run(
         whole, problem = agree(comm, partial(accepted, case, out, resume=resume, force=force))
         job = _Job(whole, problem, out, comm, progress or Progress(), notices)
         if out is not None:
-            on_root(comm, partial(run_folder.check, out, resume=resume, force=force))
-            if resume and (done := on_root(comm, job.writer.finished)) is not None:
+            on_root_bcast(comm, partial(run_folder.check, out, resume=resume, force=force))
+            if resume and (done := on_root_bcast(comm, job.writer.finished)) is not None:
                 return RunResult(done[0], _fit(done[0]), done[1], None)
         resume = job.open(resume, force)
         with log_file(None if out is None or comm.rank > 0 else out / LOG, append=resume):
@@ -176,11 +177,11 @@ class _Job:
         goes_on = resume and self.checkpoint.found()
         if not goes_on:
             if resume:
-                on_root(self.comm, partial(_refuse_run_of_another, self.case, self.folder))
+                on_root_bcast(self.comm, partial(_refuse_run_of_another, self.case, self.folder))
             self.checkpoint.clear()
             if force:
-                on_root(self.comm, partial(run_folder.clear, self.folder))
-        on_root(self.comm, self.writer.begin)
+                on_root_bcast(self.comm, partial(run_folder.clear, self.folder))
+        on_root_bcast(self.comm, self.writer.begin)
         return goes_on
 
     def run(self) -> RunResult:
@@ -227,7 +228,7 @@ class _Job:
             (writer.steps if accurate is None else writer.curve)(contact.curve)
             writer.summary(summary)
 
-        on_root(comm, write)
+        on_root_bcast(comm, write)
         complete = accurate is not None and not doubts  # though perhaps not as accurate as asked for
         if failure is not None and not complete:
             raise failure
@@ -280,7 +281,7 @@ class _Job:
             return dynamics
 
         # the others wait, for a process that ends with an error would end all
-        return replace(result, dynamics=on_root(comm, serial))
+        return replace(result, dynamics=on_root_bcast(comm, serial))
 
 
 def _refuse_run_of_another(case: Case, folder: Path) -> None:
@@ -315,7 +316,7 @@ def _hooks(job: _Job, stop: Callable[[], str] | None) -> Hooks:
         logging.getLogger(__name__).info("%s", name)
 
     def on_step(rows: Sequence[Mapping[str, Any]], fraction: float) -> None:
-        on_root(job.comm, lambda: job.writer.steps(Curve.from_rows(rows)))
+        on_root_bcast(job.comm, lambda: job.writer.steps(Curve.from_rows(rows)))
         job.progress.step(rows[-1], fraction)
 
     output = job.case.output
@@ -341,7 +342,7 @@ def _solve_to_tolerance(job: _Job, hooks: Hooks) -> AccurateResult:
     assert wanted.tolerance is not None
     target = AccuracyTarget(wanted.tolerance, wanted.max_dofs, wanted.max_seconds)
     return refine(
-        job.problem, target, job.comm, hooks, lambda curve: on_root(job.comm, lambda: job.writer.curve(curve))
+        job.problem, target, job.comm, hooks, lambda curve: on_root_bcast(job.comm, lambda: job.writer.curve(curve))
     )
 
 

@@ -296,12 +296,12 @@ def test_one_failed_rank_ends_a_job_that_waits_for_it() -> None:
 
 def test_an_error_of_the_first_rank_reaches_all() -> None:
     done = parallel(
-        "from asperity.runtime.parallel import on_first_rank\n"
+        "from asperity.runtime.parallel import on_root_bcast\n"
         "from asperity.errors import InputError\n"
         "from mpi4py import MPI\n"
         "def work(): raise InputError('no')\n"
         "caught = 0\n"
-        "try: on_first_rank(work)\n"
+        "try: on_root_bcast(None, work)\n"
         "except InputError as error: caught = str(error) == 'no'\n"
         "assert MPI.COMM_WORLD.allreduce(int(caught)) == 2"
     )

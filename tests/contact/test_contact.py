@@ -17,7 +17,9 @@ from asperity.contact.make import make_contact
 from asperity.errors import InputError
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.generate import SizeField, build_block, distribute
+from asperity.mesh.distribute import distribute
+from asperity.mesh.generate import build_block
+from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.solve_contact import make_contact_solver, solve_contact

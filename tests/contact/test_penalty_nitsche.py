@@ -16,7 +16,8 @@ from asperity.contact.contact_surface import ContactSurface, FacetRule
 from asperity.errors import InputError
 from asperity.linear.petsc_matrix import assembled
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.generate import SizeField, build_block
+from asperity.mesh.generate import build_block
+from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.model.settings import COERCIVE, Formulation, MeshSize, SolverOptions, gamma_too_small
 from asperity.quasistatic.solve_contact import make_block, make_contact_solver, solve_contact

@@ -16,7 +16,8 @@ from asperity.errors import InputError
 from asperity.fem.kernels import ElementKernels
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.generate import build_block, distribute
+from asperity.mesh.distribute import distribute
+from asperity.mesh.generate import build_block
 from asperity.model.material import Material
 from asperity.surface import Flat
 

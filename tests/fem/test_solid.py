@@ -18,7 +18,8 @@ from asperity.linear.multigrid import PMultigrid
 from asperity.linear.petsc_matrix import assembled, set_rigid_modes
 from asperity.linear.solver import LinearSolver
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.generate import build_block, distribute, on_root
+from asperity.mesh.distribute import distribute
+from asperity.mesh.generate import build_block
 from asperity.mesh.tet10 import BASIX_EDGES
 from asperity.model.load_path import MIDPOINT, Schedule
 from asperity.model.material import Material
@@ -26,6 +27,7 @@ from asperity.quasistatic import measures
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.solve_contact import make_contact_solver
 from asperity.quasistatic.stepping import Record, follow
+from asperity.runtime.parallel import on_root
 from asperity.surface import Flat, Sinusoid, Surface
 
 Array = npt.NDArray[np.float64]

@@ -28,7 +28,7 @@ def nearly_full(case: Case, curve: Curve) -> tuple[bool, str]:
 def hertz(tolerance: float) -> Claim:
     """A sphere follows Hertz, P = 4/3 E' sqrt(R) delta^1.5, within `tolerance` times the greatest force.
 
-    After unloading the force is zero and no dent is left.
+    After unloading the force and the residual indentation are zero.
     """
 
     def claim(case: Case, curve: Curve) -> tuple[bool, str]:
@@ -68,7 +68,7 @@ def uniaxial_strain(case: Case, curve: Curve) -> tuple[bool, str]:
 
 
 def shakes_down(case: Case, curve: Curve) -> tuple[bool, str]:
-    """Cycles between zero force and one deflection: the change of the peak force decreases from cycle to cycle."""
+    """Cycles between zero force and a fixed approach: the change of the peak force decreases from cycle to cycle."""
     peaks, dents = _peaks(curve), _dents(curve)
     change = np.abs(np.diff(peaks)) / peaks[0]
     creep = np.abs(np.diff(dents)) / curve.delta.max()
@@ -80,7 +80,7 @@ def shakes_down(case: Case, curve: Curve) -> tuple[bool, str]:
 
 
 def closed_loops(case: Case, curve: Curve) -> tuple[bool, str]:
-    """Cycles of an elastic contact are identical and leave no dent."""
+    """Cycles of an elastic contact are identical and leave no residual indentation."""
     peaks, dents = _peaks(curve), _dents(curve)
     change, dent = float(np.ptp(peaks) / peaks[0]), float(np.abs(dents).max() / case.surface.L)
     return change < SHAKEN and dent < 1e-9, f"peak force changes by {change:.0e}, dent {dent:.0e} L"

@@ -130,7 +130,7 @@ def _case(scene: Scene, keys: Keys, folder: Path) -> Case:
 
 
 def _compare(scene: Scene, one: _Run, other: _Run) -> tuple[bool, str]:
-    """Compare two curves at the common deflections of the first loading, and the dents after unloading.
+    """Compare two curves at the common approaches of the first loading, and the residual indentations.
 
     Returns:
         whether the difference is within the tolerance of the twin, and a sentence with the difference

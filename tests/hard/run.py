@@ -28,11 +28,11 @@ CHAIN = ("shortened", "direct", "cutbacks")
 @click.option("--markdown", is_flag=True, help="Print a Markdown table.")
 @options.serial
 def command(names: tuple[str, ...], fast: bool, markdown: bool) -> None:
-    """Run the hard cases: each must end as expected, keep its balances, and agree with its comparisons.
+    """Run the hard cases: each must end as expected, satisfy its balances, and agree with its comparisons.
 
     NAME: a scene or a pattern, for example "units*"; all without one. Columns: difference of the force on the flat
     and the reaction of the base over the force; least plastic work of a step (E L^3); suction over pressure;
-    penetration over L; by how much a step left the bounds of its energy. Exit code 0 when all pass, 3 when not.
+    penetration over L; violation of the energy bounds of a step. Exit code 0 if all pass, else 3.
     """
     start = process_time()
     outcomes = []
@@ -78,7 +78,6 @@ def _words(outcome: Outcome) -> tuple[str, ...]:
 
 
 def _figures(outcome: Outcome) -> tuple[str, ...]:
-
     summary = outcome.summary
     ends = f"{outcome.seconds:.1f}", "NO" if outcome.faults else "yes"
     if not summary:

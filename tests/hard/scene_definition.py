@@ -77,7 +77,7 @@ class Scene:
         name: "group" or "group/variant"
         about: parameters, in words
         keys: dotted keys of the case that differ from BASE; None removes a key
-        ends: expected end: "done", "refused" (exit code 2), "stopped" or "wrong" (exit code 3; with "wrong" the run
+        ends: expected end: "done", "refused" (exit code 2), "stopped" or "wrong" (exit code 3; "wrong": the run
             itself reports a violated balance)
         reason: text that the message of a refusal or stop must contain
         depth: delta_max over the height of the summit above the mean plane

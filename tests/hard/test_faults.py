@@ -1,4 +1,4 @@
-"""Runs that are killed, stopped, starved of disk, or fail on one rank; each in processes of its own."""
+"""Runs that are killed, stopped, out of disk space, or fail on one rank; each in separate processes."""
 
 from __future__ import annotations
 
@@ -112,13 +112,13 @@ def wait_for_steps(out: Path, steps: int) -> None:
 
 
 @pytest.mark.slow
-def test_killed_runs_go_on_as_if_nothing_had_happened() -> None:
+def test_killed_runs_continue_without_a_difference() -> None:
     code, out, err = call([sys.executable, str(ROOT / "benchmarks/kill_resume.py"), "--kills", "5"])
     assert code == 0, out + err
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_signal_ends_the_step_saves_and_says_so(case: Path, tmp_path: Path, number: signal.Signals) -> None:
+def test_a_signal_ends_the_run_after_its_step(case: Path, tmp_path: Path, number: signal.Signals) -> None:
     straight, out = run(case, tmp_path / "straight"), tmp_path / "out"
     process = start(asperity("run", case, "-o", out))
     wait_for_steps(out, 2)
@@ -136,10 +136,10 @@ def test_a_second_signal_ends_at_once(case: Path, tmp_path: Path) -> None:
     wait_for_steps(out, 1)
     process.send_signal(signal.SIGINT)
     assert process.stderr is not None
-    assert "once more" in process.stderr.readline()
+    assert "second signal" in process.stderr.readline()
     process.send_signal(signal.SIGINT)
     process.communicate(timeout=120)
-    assert process.returncode in (-signal.SIGINT, 3)  # 3 when the step was over before
+    assert process.returncode in (-signal.SIGINT, 3)  # 3 if the step had ended before
     run(case, out, "--resume")
 
 
@@ -152,15 +152,15 @@ def test_resuming_a_finished_run_changes_nothing(case: Path, tmp_path: Path) -> 
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
 
 
-def test_a_finished_run_goes_on_to_more_cycles(case: Path, tmp_path: Path) -> None:
+def test_a_finished_run_continues_with_more_cycles(case: Path, tmp_path: Path) -> None:
     run(case, tmp_path / "out")
     more = run(case, tmp_path / "out", "--resume", "--set", "loading.cycles=2")
     assert_same(run(case, tmp_path / "two", "--set", "loading.cycles=2"), more, 0.0)
 
 
-def test_resume_refuses_what_it_cannot_continue(case: Path, tmp_path: Path) -> None:
+def test_resume_refuses_runs_it_cannot_continue(case: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    run(case, out, "--resume")  # starts what is not there
+    run(case, out, "--resume")  # starts a run that does not exist
     code, _, err = call(asperity("run", case, "-o", out, "--resume", "--set", "material.E=2.0"))
     assert code == 2 and "material.E = 1 there, 2 here" in err
     before = (out / "curve.csv").read_bytes()
@@ -174,8 +174,8 @@ def test_resume_refuses_what_it_cannot_continue(case: Path, tmp_path: Path) -> N
     assert code == 2 and "one of them" in err
 
 
-def test_a_full_disk_is_a_clear_error_and_costs_nothing(case: Path, tmp_path: Path) -> None:
-    """The limit on the size of a file stands for a disk with that much space left."""
+def test_a_full_disk_is_a_clear_error_and_loses_no_results(case: Path, tmp_path: Path) -> None:
+    """The limit on the size of a file represents a disk with that much free space."""
     straight, out = run(case, tmp_path / "straight"), tmp_path / "out"
     files = (tmp_path / "straight" / "checkpoint").iterdir()
     sizes = {path.name: path.stat().st_size for path in files}
@@ -211,13 +211,13 @@ def test_any_number_of_ranks_gives_the_same_curve(case: Path, tmp_path: Path) ->
 
 @pytest.mark.slow
 @needs_mpirun
-def test_a_run_goes_on_on_other_ranks(case: Path, tmp_path: Path) -> None:
+def test_a_run_continues_on_another_number_of_ranks(case: Path, tmp_path: Path) -> None:
     """Two ranks, stopped by a signal to one of them, continued by three, stopped again, continued by one."""
     sharp = ("--set", "solver.rtol=1e-10")
     alone, out = run(case, tmp_path / "1", *sharp), tmp_path / "out"
     for ranks, steps in ((2, 1), (3, 3)):
         command = asperity("run", case, "-o", out, "-q", *sharp, *(["--resume"] if steps > 1 else []))
-        # the last rank tells its process number, and is the one that gets the signal
+        # the last rank reports its process number and receives the signal
         note = tmp_path / f"pid{ranks}"
         shell = f'[ "$OMPI_COMM_WORLD_RANK" = {ranks - 1} ] && echo $$ > {note}; exec "$@"'
         process = start([*MPIRUN, str(ranks), "sh", "-c", shell, "sh", *command])
@@ -250,7 +250,7 @@ def test_an_error_on_one_rank_ends_all(
 @pytest.mark.slow
 @needs_mpirun
 def test_ranks_without_contact_or_plastic_cells_take_part(case: Path, tmp_path: Path) -> None:
-    """A small contact spot on many ranks: most of them hold no facet of it and no cell that yields."""
+    """A small contact spot on many ranks: most ranks have no facet of it and no cell that yields."""
     local = ("--set", "mesh.h_contact=0.1", "--set", "loading.delta_max=0.005", "--set", "loading.unload=false")
     assert_same(run(case, tmp_path / "1", *local), run(case, tmp_path / "6", *local, ranks=6), 1e-8)
 
@@ -258,7 +258,7 @@ def test_ranks_without_contact_or_plastic_cells_take_part(case: Path, tmp_path: 
 @pytest.mark.slow
 @needs_mpirun
 def test_ranks_without_facets_of_the_top_take_part(case: Path, tmp_path: Path) -> None:
-    """A high block on many ranks, with a contact that has a history of its own to save and to take up."""
+    """A high block on many ranks, with a contact formulation whose history is saved and restored."""
     sets = ("block.height=3.0", "mesh.h_contact=0.3", "mesh.growth=1.0", "loading.steps=2", "loading.unload=false")
     options = [word for text in (*sets, "contact.method=nitsche") for word in ("--set", text)]
     alone = run(case, tmp_path / "1", *options)
@@ -268,7 +268,7 @@ def test_ranks_without_facets_of_the_top_take_part(case: Path, tmp_path: Path) -
 
 
 def test_nothing_is_written_outside_the_output_folder(case: Path, tmp_path: Path) -> None:
-    """Whatever the file and its texts are called; the folder of the case is read only."""
+    """For any names of the file and its texts; the folder of the case is only read."""
     place = tmp_path / "place"
     place.mkdir()
     odd = place / "..%2F..%2Fevil<b>.toml"
@@ -287,7 +287,7 @@ def test_nothing_is_written_outside_the_output_folder(case: Path, tmp_path: Path
 
 
 def test_a_folder_that_may_not_be_written_is_a_clear_error(case: Path, tmp_path: Path) -> None:
-    """A file where the folder should be, and a folder under a file: refused even to a user who may do anything."""
+    """A file in place of the folder, and a folder below a file: refused even for the superuser."""
     (tmp_path / "file").write_text("mine")
     code, _, err = call(asperity("run", case, "-o", tmp_path / "file"))
     assert code == 2 and "is a file" in err

@@ -34,7 +34,7 @@ RUNS, MANY_RUNS = 3, 100
 
 
 def examples(number: int, derandomize: bool) -> Callable[[Any], Any]:
-    """So many inputs, as slow as they may be; always the same ones or not."""
+    """Settings for a number of inputs without a time limit; always the same inputs, or random ones."""
     return settings(
         max_examples=number,
         derandomize=derandomize,
@@ -53,7 +53,7 @@ def refused(error: AsperityError) -> None:
 
 
 def fuzz(property_: Callable[[Any], None], inputs: st.SearchStrategy[Any], few: int, many: int) -> tuple[Any, Any]:
-    """The same property with a few inputs that never change, and as a slow test with many others each time."""
+    """The same property with a few fixed inputs, and as a slow test with many different ones each time."""
     short = examples(few, True)(given(inputs)(property_))
     long = pytest.mark.slow(examples(many, False)(given(inputs)(property_)))
     return short, long
@@ -64,7 +64,7 @@ def fuzz(property_: Callable[[Any], None], inputs: st.SearchStrategy[Any], few: 
 
 @st.composite
 def mutated(draw: st.DrawFn, texts: tuple[bytes, ...] = TEXTS) -> bytes:
-    """A text with bytes replaced, cut out, repeated, or put in from another one."""
+    """A text with bytes replaced, removed, repeated, or inserted from another text."""
     data = bytearray(draw(st.sampled_from(texts)))
     for _ in range(draw(st.integers(1, 4))):
         at = draw(st.integers(0, max(len(data) - 1, 0)))
@@ -79,7 +79,7 @@ def mutated(draw: st.DrawFn, texts: tuple[bytes, ...] = TEXTS) -> bytes:
 
 
 def accepts(case: Case, folder: Path) -> bool:
-    """Whether a case passes everything `asperity run` asks before it starts."""
+    """Whether a case passes all checks of `asperity run` before its start."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
@@ -109,7 +109,7 @@ test_any_text_is_a_case_or_a_sentence, test_any_of_many_texts = fuzz(
 
 
 def spread(low: float, high: float) -> st.SearchStrategy[float]:
-    """Positive numbers, each power of ten as likely."""
+    """Positive numbers, uniform in their logarithm."""
     return st.floats(math.log(low), math.log(high)).map(math.exp)
 
 
@@ -188,7 +188,7 @@ def any_case_runs_or_says_why_not(tables: dict[str, Any]) -> None:
                 run(case, Path(place) / "out")
             except InputError as error:
                 return refused(error)
-            except CheckError as error:  # of a mesh as coarse as here the contact may be too soft, or nowhere
+            except CheckError as error:  # on such a coarse mesh the contact may be too soft, or missing
                 assert "raise contact.penalty" in str(error) or "no node is touched" in str(error)
                 event("unresolved")
                 return
@@ -296,7 +296,7 @@ test_any_bytes_are_a_curve_or_a_sentence, test_any_of_many_curves = fuzz(
 
 
 def cubes(n: int) -> BlockMesh:
-    """A flat block of unit side of n^3 cubes with six tetrahedra each, the nodes on their edges included."""
+    """A flat block of unit side made of n^3 cubes with six tetrahedra each, with nodes on the edges."""
     corner = np.stack(np.meshgrid(*3 * [np.arange(n + 1)], indexing="ij"), axis=-1).reshape(-1, 3)
     steps = [np.eye(3, dtype=int)[list(order)].cumsum(axis=0) for order in itertools.permutations(range(3))]
     of_cube = np.array([[(0, 0, 0), *path] for path in steps])
@@ -312,7 +312,7 @@ BLOCK = cubes(2)
 
 @st.composite
 def meshes(draw: st.DrawFn) -> bytes:
-    """A mesh with something else in place of one of its arrays, or with a few of its numbers or rows changed."""
+    """A mesh with one of its arrays replaced, or with a few of its numbers or rows changed."""
     arrays: dict[str, Any] = dict(vars(BLOCK))
     name = draw(st.sampled_from(sorted(arrays)))
     if draw(st.booleans()):
@@ -349,7 +349,7 @@ def any_mesh_file_is_a_mesh_or_a_sentence(data: bytes) -> None:
         assert 0 <= block.tets.min() and block.tets.max() < len(block.points)
         a, b, c, d = np.moveaxis(block.points[block.tets[:, :4]], 1, 0)
         volume = np.abs(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a)).sum() / 6.0
-        assert volume >= 1.0 - 1e-9  # whole: tetrahedra inside one another are refused when they are pressed
+        assert volume >= 1.0 - 1e-9  # the block is filled: overlapping tetrahedra are refused by the solver
         event("accepted")
 
 
@@ -362,7 +362,7 @@ test_any_mesh_file_is_a_mesh_or_a_sentence, test_any_of_many_meshes = fuzz(
 
 
 class Bomb:
-    """Unpickling it leaves a mark."""
+    """Unpickling it has a visible side effect."""
 
     def __init__(self, mark: Path) -> None:
         self._mark = mark

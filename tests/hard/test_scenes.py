@@ -1,4 +1,4 @@
-"""The hard cases (the quick ones in the short suite, all in the long one), and that wrong results are recognised."""
+"""The hard cases (the quick ones in the short suite, all in the long one), and the detection of wrong results."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_names_are_unique_and_every_refusal_names_its_reason() -> None:
     assert all(scene.reason for scene in SCENES if scene.ends != "done")
 
 
-def test_what_is_not_as_expected_is_a_fault() -> None:
+def test_unexpected_results_are_faults() -> None:
     flat = next(scene for scene in SCENES if scene.name == "yield/whole-block")
     other = replace(flat, twin=Twin("softer", 1e-6, {"material.E": 100e9}))
     (fault,) = run_scene(other).faults

@@ -15,18 +15,9 @@ from asperity.contact.contact_surface import ContactSurface
 from asperity.errors import MeshError
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.generate import (
-    BASE,
-    SIDE_X,
-    SIDE_Y,
-    TOP,
-    Reach,
-    SizeField,
-    build_block,
-    check_distortion,
-    distribute,
-    is_distorted,
-)
+from asperity.mesh.distribute import BASE, SIDE_X, SIDE_Y, TOP, check_distortion, distribute, is_distorted
+from asperity.mesh.generate import build_block
+from asperity.mesh.size_field import FirstContactMap, SizeField
 from asperity.model.material import Material
 from asperity.model.settings import MeshSize
 from asperity.output.fields import top_facets
@@ -60,7 +51,7 @@ def solid_of(comm: Any, block: BlockMesh | None, material: Material | None = Non
 
 
 def test_every_top_node_lies_on_the_surface(rough: Surface, coarse: BlockMesh) -> None:
-    """Mid-edge nodes too; and no other node does."""
+    """Mid-edge nodes too, and no other nodes."""
     facets = top_facets(coarse)
     nodes = np.unique(facets)
     x, y, z = coarse.points.T
@@ -85,7 +76,7 @@ def test_the_summit_is_a_node(rough: Surface, coarse: BlockMesh) -> None:
 
 @pytest.mark.parametrize("centre", [(0.0, 0.37), (0.61, 1.0), (1.0, 0.0), (0.0004, 0.3), (0.5, 0.9997)])
 def test_a_summit_on_the_edge_of_the_patch_is_a_node(centre: tuple[float, float]) -> None:
-    """Else the first contact comes too late by the sag of an edge."""
+    """Otherwise the sag of an edge would delay the first contact."""
     surface = Sphere(L=1.0, radius=2.0, centre=centre, shape="paraboloid")
     block = build_block(surface, 1.0, SizeField.of(surface, 0.01, 0.1, h_max=0.5).at)
     lost = block.height - surface.mean() - block.points[:, 2].max()
@@ -131,7 +122,7 @@ def test_curved_volume_converges(wave: Surface) -> None:
 
 @pytest.mark.parametrize("kind", ["wave", "fractal"])
 def test_units_do_not_matter(kind: str) -> None:
-    """gmsh makes another mesh of a size that differs in the last digit."""
+    """gmsh generates a different mesh if a size differs in the last digit."""
 
     def block(L: float) -> BlockMesh:
         surface: Surface = Sinusoid(L=L, amplitude=0.05 * L, dims=2)
@@ -181,7 +172,7 @@ def test_mesh_follows_the_size_field(rough: Surface, coarse: BlockMesh) -> None:
 
 
 def test_a_tiny_contact_is_resolved() -> None:
-    """The grid of the field zooms in on what is reached, here a hundred-thousandth of the area."""
+    """The grid of the field shrinks to the points that touch, here a hundred-thousandth of the area."""
     surface = Sphere(L=1.0, radius=100.0, centre=(0.3, 0.6), shape="paraboloid")
     field = SizeField.of(surface, 2e-8, 5e-4, h_min=1e-4, growth=0.4)  # reached up to r = 2e-3
     assert field.at(0.3, 0.6, 0.0) == pytest.approx(1e-4, rel=0.01)
@@ -189,14 +180,14 @@ def test_a_tiny_contact_is_resolved() -> None:
     assert field.at(0.35, 0.6, 0.0) == pytest.approx(5e-4 + 0.4 * 0.048, rel=0.05)
 
 
-def test_what_a_coarse_solution_touched_replaces_the_geometry() -> None:
-    """All of a flat is reached at once by its geometry; a solution may say that only a corner is."""
+def test_a_first_contact_map_replaces_the_geometry() -> None:
+    """By its geometry a flat surface touches everywhere at once; the map restricts the contact to a corner."""
     surface = Flat(L=2.0)
     xy = np.stack(np.meshgrid(np.linspace(0, 2, 41), np.linspace(0, 2, 41)), axis=-1).reshape(-1, 2)
     r = np.hypot(*xy.T)
-    reach = Reach(xy, np.where(r < 0.6, 0.02 * (r / 0.6) ** 2, np.inf))
+    touched = FirstContactMap(xy, np.where(r < 0.6, 0.02 * (r / 0.6) ** 2, np.inf))
     geometry = SizeField.of(surface, 0.02, 0.04, h_max=0.4)
-    solution = SizeField.of(surface, 0.02, 0.04, h_max=0.4, reach=reach)
+    solution = SizeField.of(surface, 0.02, 0.04, h_max=0.4, first_contact=touched)
     assert geometry.at(0.9, 0.9, 0.0) == geometry.at(0.0, 0.0, 0.0) == 0.02  # no small spot anywhere
     assert solution.at(0.0, 0.0, 0.0) == pytest.approx(0.15 * geometry.at(0.0, 0.0, 0.0), rel=0.01)
     assert solution.at(0.0, 0.27, 0.0) == pytest.approx(0.02 * 0.81**0.75, rel=0.2)
@@ -222,8 +213,8 @@ def test_a_surface_too_steep_for_its_mesh_is_refused() -> None:
 
 
 @pytest.mark.mpi
-def test_large_elements_are_made_smaller_where_slopes_turn_them_inside_out() -> None:
-    """Only where no greatest size is given, and what bears the load is as fine as before."""
+def test_large_elements_shrink_where_slopes_turn_them_inside_out() -> None:
+    """Only if no greatest size is given; the elements in the contact keep their size."""
     comm = world()
     surface = Sinusoid(L=1.0, amplitude=0.05, wavelength=0.5, dims=2)  # slopes up to 0.6
     size = MeshSize(0.15, growth=0.6)
@@ -248,7 +239,7 @@ def test_refusals_reach_every_rank() -> None:
 
 
 def test_a_mesh_of_another_surface_is_refused(rough: Surface, wave: Surface, coarse: BlockMesh) -> None:
-    """It would be pressed without a word, with wrong heights."""
+    """It would be used without an error, with wrong heights."""
     with pytest.raises(MeshError, match=r"mesh\.file.* surface"):
         make_contact_solver(here(), wave, coarse, Material(1.0, 0.3))
     larger = Flat(L=2.0)
@@ -258,7 +249,7 @@ def test_a_mesh_of_another_surface_is_refused(rough: Surface, wave: Surface, coa
 
 @pytest.mark.parametrize("change", ["missing", "doubled", "torn face", "torn edge", "sunk edge", "two blocks"])
 def test_a_mesh_that_does_not_fill_its_block_is_refused(rough: Surface, coarse: BlockMesh, change: str) -> None:
-    """A hole inside would be taken for a part of the top that is not touched yet."""
+    """A hole inside would be treated as a part of the top that has not touched yet."""
     tets, points = coarse.tets.copy(), coarse.points
     if change == "missing":
         tets = np.delete(tets, len(tets) // 2, axis=0)
@@ -308,7 +299,7 @@ NO_FILE = "not a whole .npz file of numbers"
     ],
     ids=["missing", "empty", "nonsense", "text", "pickle", "cut off"],
 )
-def test_what_is_no_mesh_is_refused(coarse: BlockMesh, tmp_path: Path, content: Any, reason: str) -> None:
+def test_files_that_are_not_a_mesh_are_refused(coarse: BlockMesh, tmp_path: Path, content: Any, reason: str) -> None:
     path = tmp_path / "block.npz"
     if content is not None:
         coarse.save(path)
@@ -330,7 +321,7 @@ def test_what_is_no_mesh_is_refused(coarse: BlockMesh, tmp_path: Path, content: 
         ({"height": None}, "it has no height"),
     ],
 )
-def test_arrays_that_are_no_mesh_are_refused(
+def test_arrays_that_are_not_a_mesh_are_refused(
     coarse: BlockMesh, tmp_path: Path, change: dict[str, Any], reason: str
 ) -> None:
     arrays = {name: values for name, values in (coarse.arrays() | change).items() if values is not None}
@@ -371,8 +362,8 @@ ODD = {
 
 
 @pytest.mark.parametrize("fails", [False, True])
-def test_a_session_of_the_caller_is_left_alone(wave: Surface, monkeypatch: pytest.MonkeyPatch, fails: bool) -> None:
-    """Its models, its current one and its options; and they do not change the mesh of the block."""
+def test_a_gmsh_session_of_the_caller_is_unchanged(wave: Surface, monkeypatch: pytest.MonkeyPatch, fails: bool) -> None:
+    """Its models, current model and options are restored, and they do not change the mesh of the block."""
     import gmsh
 
     def fail(order: int) -> None:

@@ -1,4 +1,4 @@
-"""What a run tells about the limits of its model: limits in closed form, warnings in every file, each once."""
+"""Warnings of a run about the limits of its model: limits in closed form, each warning once in every file."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ YIELDING: dict[str, Any] = {
 
 
 def curve(**columns: float) -> Curve:
-    """A light step, and one with these values."""
+    """A light step, and one with the given values."""
     return Curve.from_rows([{"delta": 1e-9, "force": 1e-9}, {"delta": 1e-9, "force": 1e-9, **columns}])
 
 
@@ -57,7 +57,7 @@ def test_plastic_strain_beyond_small_strain() -> None:
     assert large_strain(curve(max_plastic_strain=0.999 * SMALL_STRAIN)) == ""
     assert "the plastic strain reaches 0.24, beyond 0.1" in large_strain(curve(max_plastic_strain=0.24))
     assert large_strain(curve(max_plastic_strain=1.001 * SMALL_STRAIN)) != ""
-    assert large_strain(curve()) == ""  # a column that is not known
+    assert large_strain(curve()) == ""  # unknown column
     assert large_strain(Curve.from_rows([])) == ""
 
 
@@ -72,7 +72,7 @@ def test_mean_pressure_beyond_that_of_the_yielding_block(sides: str) -> None:
 
 @pytest.mark.parametrize(("sides", "nu"), [("rollers", 0.1), ("rollers", 0.3), ("free", 0.0)])
 def test_a_plane_block_yields_at_that_pressure(sides: str, nu: float) -> None:
-    """By the solver, which knows nothing of the limit: it is elastic just below, and yields just above.
+    """Computed by the solver, which does not use the limit: it is elastic just below, and yields just above.
 
     With free sides the clamped base leaves the stress uniform without lateral strain only.
     """
@@ -104,7 +104,7 @@ def test_approach_beyond_the_mean_plane() -> None:
     assert beyond_mean_plane(Curve.from_rows([]), wave) == ""
 
 
-def test_all_are_judged() -> None:
+def test_all_assumptions_are_checked() -> None:
     far = curve(delta=1e-7, force=1.0, max_plastic_strain=0.5)
     found = departures(far, STEEL, Sinusoid(L=1e-6, amplitude=1e-8), "rollers")
     assert len(found) == 3 and all("beyond" in text for text in found)
@@ -115,19 +115,19 @@ def test_all_are_judged() -> None:
 
 
 @pytest.fixture(scope="module")
-def told(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
-    """A run beyond two limits, with a key that is not used; and the warnings it gave."""
-    folder = tmp_path_factory.mktemp("told") / "out"
+def warned(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
+    """A run beyond two limits, with an unused key; and its warnings."""
+    folder = tmp_path_factory.mktemp("warned") / "out"
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         run(Case.from_dict({**YIELDING, "output": {"report": True}}), folder)
     return folder, [str(w.message) for w in caught if issubclass(w.category, AsperityWarning)]
 
 
-def test_warnings_are_in_summary_log_and_report(told: tuple[Path, list[str]]) -> None:
-    folder, shown = told
+def test_warnings_are_in_summary_log_and_report(warned: tuple[Path, list[str]]) -> None:
+    folder, shown = warned
     assert len(shown) == len(set(shown)) == 3
-    for text, part in zip(shown, ("contact.gamma = 3", "the mean pressure reaches", "the flat has come"), strict=True):
+    for text, part in zip(shown, ("contact.gamma = 3", "the mean pressure reaches", "the flat has moved"), strict=True):
         assert part in text
     assert json.loads((folder / "summary.json").read_text())["warnings"] == shown
     log = (folder / "run.log").read_text()
@@ -138,10 +138,10 @@ def test_warnings_are_in_summary_log_and_report(told: tuple[Path, list[str]]) ->
     assert all(html.count(text) == 1 for text in shown)
 
 
-def test_the_report_of_a_finished_run_says_so(told: tuple[Path, list[str]]) -> None:
-    page = Page(told[0] / "report.html")
+def test_the_report_of_a_finished_run_shows_its_warnings(warned: tuple[Path, list[str]]) -> None:
+    page = Page(warned[0] / "report.html")
     assert "finished yes" in page.text and "finished no" not in page.text
-    assert json.loads((told[0] / "summary.json").read_text())["finished"] is True
+    assert json.loads((warned[0] / "summary.json").read_text())["finished"] is True
 
 
 def test_the_report_of_a_missed_tolerance_says_so(tmp_path: Path) -> None:
@@ -170,7 +170,7 @@ def test_a_run_without_warnings_has_no_box(tmp_path: Path) -> None:
 
 
 def test_a_resumed_run_keeps_its_warnings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Stopped, continued, and called again when it is finished; its curve is judged at its end, and not before it."""
+    """Stopped, continued, and called again after its end; the curve is checked at the end, not before."""
     from asperity.runtime import interrupt
 
     def attempt() -> list[str]:
@@ -178,9 +178,9 @@ def test_a_resumed_run_keeps_its_warnings(tmp_path: Path, monkeypatch: pytest.Mo
             warnings.simplefilter("ignore")
             return list(run(Case.from_dict(YIELDING), tmp_path / "out", resume=True).summary["warnings"])
 
-    asked = iter(["", "", "", "", "the test"])
+    answers = iter(["", "", "", "", "the test"])
     with monkeypatch.context() as patch:
-        patch.setattr(interrupt.StopRequest, "agreed", lambda self: next(asked))
+        patch.setattr(interrupt.StopRequest, "agreed", lambda self: next(answers))
         with pytest.raises(Interrupted, match="stopped by the test after step"):
             attempt()
     stopped = json.loads((tmp_path / "out/summary.json").read_text())
@@ -192,7 +192,7 @@ def test_a_resumed_run_keeps_its_warnings(tmp_path: Path, monkeypatch: pytest.Mo
     assert went_on == straight == attempt() and len(straight) == 3
 
 
-def test_a_contact_that_is_not_resolved_is_told_once(tmp_path: Path) -> None:
+def test_an_unresolved_contact_warns_once(tmp_path: Path) -> None:
     case = {
         **YIELDING,
         "surface": {"kind": "sphere", "L": 1.0, "radius": 3.0},
@@ -235,7 +235,7 @@ def test_a_warning_of_any_rank_is_known_to_all_and_shown_once() -> None:
 
 
 def test_the_filters_of_the_caller_decide_what_is_shown(caplog: pytest.LogCaptureFixture) -> None:
-    """And not what is kept; warnings of other packages are none of ours."""
+    """They do not decide which warnings are recorded; warnings of other packages are not recorded."""
 
     def warn() -> list[str]:
         with noting(world()) as notices:
@@ -256,7 +256,7 @@ def test_the_filters_of_the_caller_decide_what_is_shown(caplog: pytest.LogCaptur
         warnings.simplefilter("error", AssumptionWarning)
         with pytest.raises(AssumptionWarning, match="ours"):
             warn()
-    with warnings.catch_warnings(record=True) as caught:  # of one place, in every run
+    with warnings.catch_warnings(record=True) as caught:  # one per run, from the same line
         warnings.simplefilter("default")
         for _ in range(3):
             assert warn() == ["ours"]
@@ -270,7 +270,7 @@ def test_the_filters_of_the_caller_decide_what_is_shown(caplog: pytest.LogCaptur
 def test_the_summit_is_searched_once_in_a_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, loading: dict[str, float]
 ) -> None:
-    """By the checks, the mesh, the solver, and the pictures of surface and mesh."""
+    """Checks, mesh, solver and the figures of surface and mesh share the result."""
     searched: list[object] = []
     true_search = fractal_module.highest_point
 

@@ -1,4 +1,4 @@
-"""Fields of a run: what stands in the file for ParaView, by h5py and by VTK's own reader, and the picture of it."""
+"""Fields of a run: contents of the file for ParaView, read by h5py and by VTK, and its rendering."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SOLID = Material(1.0, 0.3, 0.01, 0.05)
 
 @pytest.fixture(scope="module")
 def pressed(wave: Surface, coarse_wave: BlockMesh | None) -> ContactResult:
-    """A crest pressed by the midpoint rule, the history ahead of the displacement between the steps."""
+    """A crest pressed with the midpoint rule, whose history is extrapolated beyond the steps."""
     return solve_contact(wave, SOLID, delta_max=DELTA, steps=4, block=coarse_wave, snapshots=2)
 
 
@@ -32,7 +32,7 @@ def states(pressed: ContactResult) -> list[State]:
 
 @pytest.fixture(scope="module")
 def file(pressed: ContactResult, states: list[State], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The file as a run writes it, where a run writes it."""
+    """The file at the path where a run writes it."""
     folder = tmp_path_factory.mktemp("run")
     (folder / "fields").mkdir()
     pressed.curve.write(folder / "curve.csv")
@@ -53,14 +53,14 @@ def test_stress_is_in_balance_with_the_force(pressed: ContactResult, states: lis
 
 
 def test_stress_of_a_midpoint_step_is_on_the_yield_surface(states: list[State]) -> None:
-    """Where the whole cell flows, at the hardened yield stress of its own history, not of the one carried on."""
+    """If the whole cell yields: at the hardened yield stress of its history, not of the extrapolated one."""
     lam = SOLID.hardening
     for state in states:
         flowing = state.plastic_strain > 1e-3
         assert flowing.any()
         bound = SOLID.parameters[2] + lam * state.plastic_strain[flowing]
         ratio = von_mises(state.stress[flowing]) / bound
-        assert np.all(ratio < 1 + 1e-6) and ratio.max() > 0.95  # a mean of tensors is not larger than the mean size
+        assert np.all(ratio < 1 + 1e-6) and ratio.max() > 0.95  # the norm of a mean is at most the mean of the norms
 
 
 def test_von_mises_of_known_states() -> None:
@@ -96,7 +96,7 @@ def test_vtk_reads_every_step(file: Path, pressed: ContactResult, states: list[S
         sizes = vtkCellSizeFilter()
         sizes.SetInputData(grid)
         sizes.Update()
-        # VTK takes second-order cells in its own order of nodes; a wrong one would turn them over
+        # VTK has its own node order of second-order cells; a wrong one would turn them inside out
         volume = vtk_to_numpy(sizes.GetOutput().GetCellData().GetArray("Volume"))
         assert volume.min() > 0 and volume.sum() == pytest.approx(1.0, rel=1e-2)
 
@@ -114,7 +114,7 @@ def test_plot_3d_draws_the_block(file: Path, capsys: pytest.CaptureFixture[str])
     assert 0.02 < left_half.mean() < 0.8 and 0.005 < right_half.mean() < 0.8
 
 
-def test_plot_3d_says_what_is_missing(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_plot_3d_names_what_is_missing(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from asperity.plot.scene import scene
 
     (tmp_path / "curve.csv").write_bytes((file.parent.parent / "curve.csv").read_bytes())

@@ -1,4 +1,4 @@
-"""Files that are whole or absent: whatever ends a process while it writes one, the old content is there."""
+"""Files are complete or absent: if a process is killed while it writes a file, the old content remains."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from asperity.verification.table import Row, write_csv
 
 
 class Killed(BaseException):
-    """Stands for SIGKILL: nothing of the package handles it."""
+    """Represents SIGKILL: the package does not handle it."""
 
 
 @cache
@@ -84,7 +84,7 @@ WRITERS: dict[Callable[[Path], None], set[str]] = {
 
 @pytest.mark.parametrize("write", WRITERS, ids=lambda write: write.__name__)
 def test_a_file_is_whole_or_absent(tmp_path: Path, write: Callable[[Path], None]) -> None:
-    """A process is killed before the new file takes its place: each file in turn, with an old one there and without."""
+    """A process is killed before it moves the new file into place: each file in turn, with an old file and without."""
     out = tmp_path / "out"
     out.mkdir()
     write(out)
@@ -92,7 +92,7 @@ def test_a_file_is_whole_or_absent(tmp_path: Path, write: Callable[[Path], None]
     assert names >= WRITERS[write]
     whole = {name: (out / name).stat().st_size for name in names}
     for number, victim in enumerate([*sorted(WRITERS[write]), min(WRITERS[write])]):
-        old = b"old" if number < len(WRITERS[write]) else None  # the last time there is none
+        old = b"old" if number < len(WRITERS[write]) else None  # none for the last one
         for name in names:
             (out / name).unlink(missing_ok=True)
             if old is not None:
@@ -108,7 +108,7 @@ def test_a_file_is_whole_or_absent(tmp_path: Path, write: Callable[[Path], None]
 
 
 def killer(victim: str) -> Callable[[Path, Path], Path]:
-    """`Path.replace` of a process that is killed there."""
+    """`Path.replace` of a process that is killed in the call."""
     rename = Path.replace
 
     def replace(path: Path, target: Path) -> Path:
@@ -130,7 +130,7 @@ def test_a_report_and_its_pictures_are_whole_or_absent(tmp_path: Path) -> None:
     assert (folder / "figures/curve.png").read_bytes()[-8:-4] == b"IEND"
 
 
-def test_what_is_saved_as_a_patch_reads_back(tmp_path: Path) -> None:
+def test_a_saved_patch_reads_back(tmp_path: Path) -> None:
     z = np.random.default_rng(1).normal(size=(9, 9))
     path = HeightField(z, 0.125, 0.125).save(tmp_path / "patch")
     stored: dict[str, Any] = read_npz(path)

@@ -1,4 +1,4 @@
-"""What a run may do with a folder: what is refused, what goes on, what is begun anew; `asp.run` as the command."""
+"""Runs in existing folders: refused, continued or started again; `asp.run` behaves like the command."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from asperity.curve import Curve
 from asperity.errors import CaseWarning, CheckpointError, InputError
 from asperity.plot import CAPTIONS
 from asperity.run_case import run
-from asperity.runtime.files import agree, replace_file
+from asperity.runtime.files import replace_file
+from asperity.runtime.parallel import agree
 from asperity.runtime.run_folder import PICTURES, PRODUCTS, check, holds_run, is_empty
 
 # a plane: the whole run takes half a second
@@ -33,7 +34,7 @@ WAVE: dict[str, Any] = {"kind": "sinusoid", "L": 1.0, "amplitude": 0.01}
 
 
 class Killed(BaseException):
-    """Stands for SIGKILL: nothing of the package handles it."""
+    """Represents SIGKILL: the package does not handle it."""
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -58,7 +59,7 @@ def kill_at_removal(monkeypatch: pytest.MonkeyPatch, call: int) -> None:
 
 
 def kill_at(monkeypatch: pytest.MonkeyPatch, call: int) -> list[int]:
-    """Kill a process while it writes its file number `call`, half of which stays aside; returns the count of calls."""
+    """Kill a process while it writes half of its file number `call`; returns the number of calls."""
     sync, calls = os.fsync, [0]
 
     def fsync(descriptor: int) -> None:
@@ -73,7 +74,7 @@ def kill_at(monkeypatch: pytest.MonkeyPatch, call: int) -> list[int]:
 
 @pytest.fixture(scope="module")
 def straight(tmp_path_factory: pytest.TempPathFactory) -> tuple[Curve, Path]:
-    """A run that nothing disturbs."""
+    """An uninterrupted run."""
     folder = tmp_path_factory.mktemp("straight") / "out"
     return run(case_of(), folder).curve, folder
 
@@ -87,7 +88,7 @@ def assert_same(curve: Curve, other: Curve) -> None:
 
 
 def begin(folder: Path) -> None:
-    """What a run has written before it meshes."""
+    """Write the files of a run before its mesh."""
     folder.mkdir()
     replace_file(folder / "case.toml", case_of().to_toml().encode())
 
@@ -141,7 +142,7 @@ def curve_without_checkpoint(folder: Path) -> None:
 
 
 def case_by_another_name(folder: Path) -> None:
-    """A hand has written to the case, and the checkpoint tells that there is a run."""
+    """The case was edited, but the checkpoint shows that the folder contains a run."""
     mesh_only(folder)
     (folder / "case.toml").write_text("# mine\n" + case_of().to_toml())
 
@@ -153,10 +154,10 @@ STATES = [
 
 
 @pytest.mark.parametrize("state", STATES, ids=lambda state: state.__name__)
-def test_resuming_starts_what_has_no_state_yet(
+def test_resuming_starts_a_run_without_a_state(
     tmp_path: Path, straight: tuple[Curve, Path], state: Callable[[Path], None]
 ) -> None:
-    """One line for a job that may have been killed at any moment, or never begun."""
+    """One command for a job that may have been killed at any time, or never started."""
     out = tmp_path / "out"
     state(out)
     result = run(case_of(), out, resume=True)
@@ -165,7 +166,7 @@ def test_resuming_starts_what_has_no_state_yet(
     assert_same(Curve.read(out / "curve.csv"), straight[0])
     assert set(files(out)) == set(files(straight[1]))
     before = files(out)
-    assert run(case_of(), out, resume=True).contact is None  # nothing is left to do
+    assert run(case_of(), out, resume=True).contact is None  # the run is finished
     assert files(out) == before
 
 
@@ -180,7 +181,7 @@ def test_resuming_refuses_the_run_of_another_case(tmp_path: Path, state: Callabl
 
 
 def test_resuming_refuses_a_finished_run_of_another_case(tmp_path: Path) -> None:
-    """Without a checkpoint only its case.toml can tell."""
+    """Without a checkpoint only its case.toml identifies the run."""
     none = {"output": {"checkpoint": 0}}
     run(case_of(**none), tmp_path)
     before = files(tmp_path)
@@ -191,7 +192,7 @@ def test_resuming_refuses_a_finished_run_of_another_case(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("text", [None, "[surface"])
-def test_resuming_refuses_what_does_not_tell_its_case(tmp_path: Path, text: str | None) -> None:
+def test_resuming_refuses_a_folder_without_a_valid_case(tmp_path: Path, text: str | None) -> None:
     mesh_only(tmp_path / "out")
     (tmp_path / "out/case.toml").unlink()
     if text is not None:
@@ -203,10 +204,10 @@ def test_resuming_refuses_what_does_not_tell_its_case(tmp_path: Path, text: str 
     run(case_of(), tmp_path / "out", force=True)
 
 
-def test_killed_while_any_file_is_written_the_same_call_goes_on(
+def test_after_a_kill_during_any_write_the_same_call_continues(
     tmp_path: Path, straight: tuple[Curve, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A call that is killed at its first file, at its second, and so on, and the same call again."""
+    """A call is killed at its first file, at its second, and so on, and then repeated."""
     number, finished = 0, False
     while not finished:
         number += 1
@@ -222,11 +223,11 @@ def test_killed_while_any_file_is_written_the_same_call_goes_on(
             result = run(case_of(), out, resume=True)
             assert_same(result.curve, straight[0])
         assert set(files(out)) == set(files(straight[1]))
-    assert calls[0] == number - 1 > 8  # each file was hit
+    assert calls[0] == number - 1 > 8  # each file was interrupted
 
 
-def test_killed_when_figures_were_to_be_added_the_run_is_not_finished(tmp_path: Path) -> None:
-    """A finished run that goes on is not finished while it does."""
+def test_a_run_killed_while_adding_figures_is_not_finished(tmp_path: Path) -> None:
+    """A finished run that continues is not finished until it ends again."""
     run(case_of(), tmp_path)
     more = case_of(output={"figures": True})
     with pytest.MonkeyPatch.context() as patch:
@@ -242,7 +243,7 @@ def test_killed_when_figures_were_to_be_added_the_run_is_not_finished(tmp_path: 
 # --- folders --------------------------------------------------------------------------------------------------
 
 
-def test_a_second_call_has_to_say_what_it_wants(tmp_path: Path, straight: tuple[Curve, Path]) -> None:
+def test_a_second_call_needs_resume_or_force(tmp_path: Path, straight: tuple[Curve, Path]) -> None:
     run(case_of(output={"fields": True}), tmp_path)
     (tmp_path / "notes.txt").write_text("mine")
     before = files(tmp_path)
@@ -252,11 +253,11 @@ def test_a_second_call_has_to_say_what_it_wants(tmp_path: Path, straight: tuple[
         run(case_of(), tmp_path, resume=True, force=True)
     assert files(tmp_path) == before
     assert_same(run(case_of(), tmp_path, force=True).curve, straight[0])
-    assert set(files(tmp_path)) == {*files(straight[1]), "notes.txt"}  # and no fields, which this case does not ask for
+    assert set(files(tmp_path)) == {*files(straight[1]), "notes.txt"}  # and no fields, which this case does not request
 
 
 @pytest.mark.parametrize("options", [{}, {"resume": True}, {"force": True}])
-def test_what_is_no_run_is_left_alone(tmp_path: Path, options: dict[str, Any]) -> None:
+def test_a_folder_without_a_run_is_unchanged(tmp_path: Path, options: dict[str, Any]) -> None:
     (tmp_path / "thesis.tex").write_text("mine")
     with pytest.raises(InputError, match="not empty and holds no run"):
         run(case_of(), tmp_path, **options)
@@ -265,8 +266,8 @@ def test_what_is_no_run_is_left_alone(tmp_path: Path, options: dict[str, Any]) -
     assert files(tmp_path) == {"thesis.tex": b"mine"}
 
 
-def test_killed_while_a_run_is_replaced_it_can_be_replaced_again(tmp_path: Path) -> None:
-    """At every removal; what is left is a run, however few of its files are there."""
+def test_a_run_killed_while_it_is_replaced_can_be_replaced_again(tmp_path: Path) -> None:
+    """Killed at every removal; the remaining files always count as a run."""
     number, finished = 0, False
     while not finished:
         number += 1
@@ -308,8 +309,8 @@ def test_the_list_names_every_picture_and_each_file_once() -> None:
 # --- cases ----------------------------------------------------------------------------------------------------
 
 
-def told_by_the_command(case: Case, out: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, list[str]]:
-    """Exit code and lines of a run, without what they begin with."""
+def output_of_the_command(case: Case, out: Path, capsys: pytest.CaptureFixture[str]) -> tuple[int, list[str]]:
+    """Exit code and lines of a run, without their prefixes."""
     path = out.with_suffix(".toml")
     path.write_text(case.to_toml(), encoding="utf-8")
     with pytest.raises(SystemExit) as left:
@@ -326,24 +327,24 @@ def test_a_load_that_leaves_no_gap_is_refused_as_by_the_command(
         warnings.simplefilter("ignore")
         run(case, tmp_path / "out")
     assert list(tmp_path.iterdir()) == []
-    code, lines = told_by_the_command(case, tmp_path / "out", capsys)
+    code, lines = output_of_the_command(case, tmp_path / "out", capsys)
     assert code == 2 and lines[-1] == str(refused.value)
     assert not (tmp_path / "out").exists()
 
 
-def test_doubts_about_a_case_are_told_as_by_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """An unused key, and a modulus that is no Pa."""
+def test_warnings_about_a_case_are_those_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An unused key, and a modulus that is not in Pa."""
     case = case_of(contact={"penalty": 20.0}, output={"fields": False})
     case = Case.from_dict({**case.to_dict(), "units": "SI"})
     with pytest.warns(CaseWarning) as caught:
         run(case, tmp_path / "python")
-    told = [str(w.message) for w in caught]
-    assert len(told) == 2 and "is taken as Pa" in told[0] and "contact.penalty = 20 is not used" in told[1]
-    code, lines = told_by_the_command(case, tmp_path / "out", capsys)
-    assert code == 0 and lines == told
+    texts = [str(w.message) for w in caught]
+    assert len(texts) == 2 and "is taken as Pa" in texts[0] and "contact.penalty = 20 is not used" in texts[1]
+    code, lines = output_of_the_command(case, tmp_path / "out", capsys)
+    assert code == 0 and lines == texts
     for out in ("python", "out"):
         summary = json.loads((tmp_path / out / "summary.json").read_text())
-        assert summary["warnings"] == told
+        assert summary["warnings"] == texts
 
 
 def test_a_tolerance_with_a_mesh_of_a_file_is_refused_before_anything_is_written(tmp_path: Path) -> None:
@@ -379,8 +380,8 @@ def test_what_fails_on_one_rank_fails_on_all() -> None:
 
 
 @pytest.mark.mpi
-def test_all_ranks_are_refused_alike(shared_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By a case that only one of them cannot read, and by what only the first looks at."""
+def test_all_ranks_raise_the_same_error(shared_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For a case that only one rank cannot read, and for checks that only rank 0 makes."""
     comm = world()
     with monkeypatch.context() as patch:
         if comm.rank == comm.size - 1:

@@ -1,4 +1,4 @@
-"""The interface without its block: stiffness of the flat block, and when the interface alone means nothing."""
+"""The interface without its block: stiffness of the flat block, and conditions that make the interface void."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def polynomial_block(nu: float, height: float, degree: int) -> float:
     blocks = [[lame * product(i, j, i, j) + shear * product(i, j, j, i) for j in range(3)] for i in range(3)]
     for i in range(3):
         blocks[i][i] = blocks[i][i] + shear * sum(product(i, i, k, k) for k in range(3))
-    # what is given, u_z = z, has the strain 1 along z everywhere
+    # the prescribed part, u_z = z, has the strain 1 along z everywhere
     load = np.concatenate([(lame + 2 * shear * (i == 2)) * mean_strain(i) for i in range(3)])
     return float(lame + 2 * shear - load @ np.linalg.lstsq(np.block(blocks), load, rcond=1e-12)[0])
 
@@ -91,8 +91,8 @@ def case_of(sides: str, yield_strength: float | None = None) -> Case:
 
 
 @pytest.mark.parametrize("sides", ["rollers", "free"])
-def test_the_interface_is_what_the_flat_block_leaves(sides: str) -> None:
-    """With free sides the modulus is not E: taken for it, the exponent would be another."""
+def test_the_approach_of_the_interface_excludes_the_block(sides: str) -> None:
+    """With free sides the modulus is not E; with E the exponent would be different."""
     block = Block.of(case_of(sides))
     polynomials = polynomial_block(0.45, 0.5, 9)
     confined = 0.55 / (1.45 * 0.1)
@@ -103,11 +103,11 @@ def test_the_interface_is_what_the_flat_block_leaves(sides: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("sides", "strength", "columns", "said"),
+    ("sides", "strength", "columns", "reason"),
     [
-        ("free", 0.0099, {}, "the block has yielded: mean pressure 1 times that at which it does"),
+        ("free", 0.0099, {}, "the block has yielded: the mean pressure is 1 times its yield pressure"),
         ("free", 0.0101, {}, ""),
-        ("rollers", 0.0017, {}, "mean pressure 1.1 times"),  # yields at (1 - nu)/(1 - 2 nu) = 5.5 times the strength
+        ("rollers", 0.0017, {}, "mean pressure is 1.1 times"),  # yields at (1 - nu)/(1 - 2 nu) = 5.5 times the strength
         ("rollers", 0.0019, {}, ""),
         ("rollers", 0.1, {"plastic_fraction": 0.7}, "the block has yielded: 70% of it is plastic"),
         ("rollers", None, {"area_fraction": 0.97}, r"contact is nearly full: A/A0 = 0\.97"),
@@ -115,17 +115,17 @@ def test_the_interface_is_what_the_flat_block_leaves(sides: str) -> None:
         ("rollers", None, {"area_fraction": math.nan, "plastic_fraction": math.nan}, ""),
     ],
 )
-def test_the_interface_alone_is_void_once_the_block_yields_or_contact_is_full(
-    sides: str, strength: float | None, columns: dict[str, float], said: str
+def test_the_interface_is_void_if_the_block_yields_or_contact_is_full(
+    sides: str, strength: float | None, columns: dict[str, float], reason: str
 ) -> None:
     case = case_of(sides, strength)
     block = Block.of(case)
     curve = loading(2.0, 1.0, block.modulus, **columns)
     row = summarise_case(case, curve, {})
-    assert (row["n_interface"] is None) == bool(said)
-    assert re.search(said, row["interface_void"]) if said else row["interface_void"] == ""
+    assert (row["n_interface"] is None) == bool(reason)
+    assert re.search(reason, row["interface_void"]) if reason else row["interface_void"] == ""
     of_block = dict(side=block.side, height=block.height, modulus=block.modulus, yields_at=block.yields_at)
-    assert math.isnan(Condition(interface=True).exponent(curve, **of_block)) == bool(said)
-    # the first half of the range is not what is void
+    assert math.isnan(Condition(interface=True).exponent(curve, **of_block)) == bool(reason)
+    # the first half of the range is not void
     assert Condition(share=0.5, interface=True).exponent(curve, **of_block) == pytest.approx(2.5, rel=1e-6)
     assert not math.isnan(Condition().exponent(curve, **of_block))

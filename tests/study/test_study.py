@@ -1,4 +1,4 @@
-"""Studies: what a file means, how its cases are run and continued, and what is made of them."""
+"""Studies: contents of a file, running and continuing its cases, and their evaluation."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_axes_and_unquoted_keys() -> None:
     assert [e.value("surface.seed") for e in seeds.entries] == [3, 4]
 
 
-def test_points_go_with_every_grid_value_and_families_share_cases() -> None:
+def test_points_combine_with_every_grid_value_and_families_share_cases() -> None:
     made = study(
         grid={"block.height": [1.0, 2.0]},
         families={
@@ -66,14 +66,14 @@ def test_points_go_with_every_grid_value_and_families_share_cases() -> None:
             "b": {"points": [{"material.yield_strength": 0.02}, {"material.yield_strength": 0.01}], "title": "B"},
         },
     )
-    # both families hold the two cases of the base material
+    # both families contain the two cases of the base material
     assert len(made.entries) == 6
     assert sorted(e.families for e in made.entries).count(("a", "b")) == 2
     assert [(f.name, f.title) for f in made.families] == [("a", "a"), ("b", "B")]
 
 
 def rough_study(**tables: Any) -> Study:
-    """A study of rough surfaces; of its seeds 0 to 9, the flat first touches those of 1, 6 and 7 on an edge."""
+    """A study of rough surfaces; of its seeds 0 to 9, the first contact of 1, 6 and 7 is on an edge."""
     return Study.from_dict({"base": BASE | {"surface": ROUGH}} | tables)
 
 
@@ -88,8 +88,8 @@ def inside(case: Case) -> bool:
 
 
 @pytest.mark.filterwarnings("ignore:surface")
-def test_cases_that_first_touch_on_an_edge_are_left_out_or_drawn_again() -> None:
-    with pytest.warns(SurfaceWarning, match="1 left out, 6 left out, 7 left out"):
+def test_seeds_with_first_contact_on_an_edge_are_omitted_or_replaced() -> None:
+    with pytest.warns(SurfaceWarning, match="1 omitted, 6 omitted, 7 omitted"):
         skipped = rough_study(grid=SEEDS, edge_summits="skip")
     assert [e.value("surface.seed") for e in skipped.entries] == [0, 2, 3, 4, 5, 8, 9]
     with pytest.warns(SurfaceWarning, match=r"1 replaced by 10, 6 replaced by 11, 7 replaced by"):
@@ -105,7 +105,7 @@ def test_cases_that_first_touch_on_an_edge_are_left_out_or_drawn_again() -> None
 @pytest.mark.filterwarnings("ignore:surface")
 def test_levels_of_a_study_keep_the_same_seeds_when_some_are_replaced() -> None:
     """A trend compares them seed by seed."""
-    with pytest.warns(SurfaceWarning, match="seeds whose flat first touches"):
+    with pytest.warns(SurfaceWarning, match="seeds whose first contact"):
         made = rough_study(grid=SEEDS | {"surface.M": [10, 7]}, edge_summits="redraw")
     seeds: dict[int, list[int]] = {10: [], 7: []}
     for entry in made.entries:
@@ -118,11 +118,11 @@ def test_levels_of_a_study_keep_the_same_seeds_when_some_are_replaced() -> None:
     assert "surface.seed" in single.keys and len({e.value("surface.seed") for e in single.entries}) == 1
 
 
-def test_what_cannot_be_drawn_again_is_named(tmp_path: Path) -> None:
+def test_seeds_that_cannot_be_replaced_are_refused(tmp_path: Path) -> None:
     x = np.linspace(0.0, 1.0, 9)
     np.savez(tmp_path / "tilted.npz", z=0.1 * x[None, :] + 0.0 * x[:, None], L=1.0)
     tilted = {"surface": {"kind": "file", "path": str(tmp_path / "tilted.npz"), "L": 1.0}}
-    with pytest.raises(InputError, match="a surface of kind file has no seed and first touches on an edge"):
+    with pytest.raises(InputError, match="a surface of kind file has no seed and its first contact is on an edge"):
         study(base=BASE | tilted, grid={"block.height": [1.0]}, edge_summits="redraw")
     with pytest.raises(InputError, match="leaves no case"):
         study(base=BASE | tilted, grid={"block.height": [1.0]}, edge_summits="skip")
@@ -131,7 +131,7 @@ def test_what_cannot_be_drawn_again_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.filterwarnings("ignore:surface")
-def test_a_study_of_cut_offs_with_unrelated_surfaces_is_told() -> None:
+def test_a_study_of_cut_offs_with_unrelated_surfaces_warns() -> None:
     with pytest.warns(SurfaceWarning, match='surface.drawing = "nested" adds waves to the same surface'):
         rough_study(grid={"surface.f_max": [4, 5]})
     with warnings.catch_warnings():
@@ -152,12 +152,12 @@ def test_the_key_of_a_case_is_its_hash() -> None:
         ({}, "nothing varies"),
         ({"grit": {}}, 'did you mean "grid"'),
         ({"grid": {"surface.amplitud": [0.1]}}, 'did you mean "surface.amplitude"'),
-        ({"grid": {"surface.amplitude": 0.1}}, "is no axis"),
+        ({"grid": {"surface.amplitude": 0.1}}, "is not an axis"),
         ({"grid": {"surface.amplitude": []}}, "empty list"),
         ({"grid": {"surface.amplitude": [0.1, 0.1]}}, "twice"),
-        ({"grid": {"surface.amplitude": {"from": 0, "to": 1, "count": 3, "log": True}}}, "is no axis"),
+        ({"grid": {"surface.amplitude": {"from": 0, "to": 1, "count": 3, "log": True}}}, "is not an axis"),
         ({"grid": {"material.nu": [0.3, 0.7]}}, "material.nu = 0.7"),
-        ({"grid": {"surface.seed": {"first": 0, "count": 10_000_000}}}, "is no axis"),
+        ({"grid": {"surface.seed": {"first": 0, "count": 10_000_000}}}, "is not an axis"),
         ({"grid": {"block.height": list(range(1, 400)), "material.nu": [i / 1000 for i in range(400)]}}, "at most"),
         ({"points": [{"block.height": [1.0]}]}, "block.height"),
         ({"points": []}, "list of tables"),
@@ -212,7 +212,7 @@ def test_a_study_is_run_continued_and_tabled(tmp_path: Path) -> None:
     made = study(grid=tables)
     lines: list[str] = []
     counts = run_study(made, tmp_path / "out", say=lines.append)
-    # a deflection of 0.9 leaves no gap and is recorded, not fatal
+    # an approach of 0.9 leaves no gap; the failure is recorded and the study continues
     assert (counts.cases, counts.done, counts.failed, counts.run) == (4, 2, 2, 4)
     assert len(lines) == 4 and sum("FAILED" in line for line in lines) == 2
     again = run_study(made, tmp_path / "out", say=lines.append)
@@ -231,15 +231,15 @@ def test_a_study_is_run_continued_and_tabled(tmp_path: Path) -> None:
     assert len(whole) == row["points"] == 6 <= len(curve)
     assert (row["k"], row["n"]) == (whole.fit().k, whole.fit().n)
     assert results.case(row).material.tangent_modulus == 0.01
-    # a shared mesh changes nothing: the case alone, with a mesh of its own, gives the same curve
+    # the shared mesh has no effect: the case alone, with its own mesh, gives the same curve
     from asperity.run_case import run
 
     alone = run(next(e.case for e in made.entries if e.key == row["case"]))
     np.testing.assert_allclose(alone.curve.force, results.curve(row).force, rtol=1e-9)
 
 
-def test_the_table_tells_of_a_first_touch_on_an_edge(tmp_path: Path) -> None:
-    """A crest on an edge is no ridge between rollers, but has no solid beside it at a free side."""
+def test_the_table_marks_a_first_contact_on_an_edge(tmp_path: Path) -> None:
+    """A crest on an edge is not a ridge between rollers, but at a free side there is no solid next to it."""
     crest = {"surface": BASE["surface"] | {"centre": [0.0, 0.5]}, "loading": {"delta_max": 0.01, "steps": 1}}
     made = study(base=BASE | crest, grid={"block.sides": ["rollers", "free"]})
     assert run_study(made, tmp_path).done == 2
@@ -247,7 +247,7 @@ def test_the_table_tells_of_a_first_touch_on_an_edge(tmp_path: Path) -> None:
     assert {row["block.sides"]: row["summit_on_edge"] for row in rows} == {"rollers": 0.0, "free": 1.0}
 
 
-def test_what_a_kill_left_of_a_shared_mesh_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_temporary_files_of_a_killed_run_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made, rename = study(grid={"block.height": [1.0]}), Path.replace
 
     def kill(path: Path, target: Path) -> Path:
@@ -279,7 +279,7 @@ def test_a_mesh_that_cannot_be_written_is_recorded_with_its_case(
     assert list((tmp_path / "meshes").iterdir()) == []
 
 
-def test_a_folder_with_other_things_is_left_alone(tmp_path: Path) -> None:
+def test_a_folder_with_other_files_is_refused(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").write_text("x")
     with pytest.raises(InputError, match="holds no study"):
         run_study(study(grid={"block.height": [1.0]}), tmp_path)
@@ -325,7 +325,7 @@ def test_two_ranks_share_the_cases(tmp_path: Path, ranks_per_case: int) -> None:
 
 
 def power_law_curve(k: float, n: float, steps: int = 12, unload: float = 0.0) -> Curve:
-    """P* = k delta*^n up to delta* = 0.03 in steps that case files plan, and back along (delta* - unload)^1.5."""
+    """P* = k delta*^n up to delta* = 0.03 in equal steps, and unloading along (delta* - unload)^1.5."""
     delta = np.linspace(0, 0.03, steps + 1)[1:]
     rows = [{"delta": d, "delta_star": d, "P_star": k * d**n, "force": k * d**n / 0.91} for d in delta]
     if unload:
@@ -337,7 +337,7 @@ def power_law_curve(k: float, n: float, steps: int = 12, unload: float = 0.0) ->
     return Curve.from_rows([full | row for row in rows])
 
 
-def test_the_figures_of_an_exact_power_law() -> None:
+def test_the_results_of_an_exact_power_law() -> None:
     case = Case.from_dict(BASE | {"loading": {"delta_max": 0.03, "steps": 12, "unload": True}})
     row = summarise_case(case, power_law_curve(2.0, 2.2, unload=0.01), {"dofs": 7})
     assert (row["k"], row["n"], row["n_log"]) == pytest.approx((2.0, 2.2, 2.2))
@@ -363,7 +363,7 @@ def test_the_ensemble_is_the_mean_on_the_common_range() -> None:
         ensemble_curve([])
 
 
-def test_conditions_take_the_exponent_they_say() -> None:
+def test_conditions_select_points_and_norm() -> None:
     curve = power_law_curve(1.5, 1.8)
     for condition in (Condition(), Condition("log"), Condition(share=0.5)):
         assert condition.exponent(curve, side=1, height=1, modulus=1) == pytest.approx(1.8)

@@ -1,4 +1,4 @@
-"""Height maps of instruments, their fractal equivalent, and two rough bodies as one."""
+"""Height maps of instruments, their fractal equivalent, and two rough bodies replaced by one."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ L = 1e-6
 
 
 def field(n: int = 65, **parameters: Any) -> HeightField:
-    """A fractal surface as an instrument would see it."""
+    """A fractal surface as sampled by an instrument."""
     surface = WeierstrassMandelbrot(L=L, **parameters)
     return HeightField(surface.grid(n), L / (n - 1), L / (n - 1))
 
@@ -46,7 +46,7 @@ def test_matrices_need_the_distance_between_heights(tmp_path: Path, name: str) -
     assert read.size == (5.5, 4.5)
 
 
-def test_npz_holds_lengths_in_three_ways(tmp_path: Path) -> None:
+def test_npz_files_store_lengths_in_three_ways(tmp_path: Path) -> None:
     z, path = np.random.default_rng(0).normal(size=(9, 11)), tmp_path / "a.npz"
     for lengths in ({"L": 20.0}, {"dx": 2.0}, {"x": np.arange(11) * 2.0, "y": np.arange(9) * 2.0}):
         np.savez(path, z=z, **lengths)
@@ -72,7 +72,7 @@ def test_unreadable_files_are_named(tmp_path: Path, name: str) -> None:
         ("a.npz", np.zeros((5, 5), dtype=complex), "its numbers are complex"),
     ],
 )
-def test_what_is_wrong_with_a_map_is_said_in_own_words(tmp_path: Path, name: str, content: Any, reason: str) -> None:
+def test_each_defect_of_a_map_has_its_own_message(tmp_path: Path, name: str, content: Any, reason: str) -> None:
     path = tmp_path / name
     if isinstance(content, bytes):
         path.write_bytes(content)
@@ -100,7 +100,7 @@ def test_without_surfacetopography_the_remedy_is_named(tmp_path: Path, monkeypat
         HeightField.read(tmp_path / "scan.sur")
 
 
-def test_instrument_files_come_through_surfacetopography(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_instrument_files_are_read_by_surfacetopography(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A stand-in with the package's interface: first index x, micrometres, masked heights."""
     heights = np.ma.masked_greater(np.arange(80.0).reshape(10, 8), 78.5)
 
@@ -206,16 +206,16 @@ def test_a_saved_patch_is_the_surface_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("D", "G"), [(2.25, 1e-12), (2.4, 1.36e-11), (2.6, 1e-11)])
-def test_generated_surfaces_give_their_D_and_G_back(D: float, G: float) -> None:
+def test_the_fit_recovers_D_and_G_of_generated_surfaces(D: float, G: float) -> None:
     """Nine surfaces each; an interval of 95 % may miss one of nine (chance of two: 7 %)."""
     fits = [fit_fractal(field(65, D=D, G=G, f_max=7, seed=s), shortest=L / 1.5**7, realisations=60) for s in range(9)]
     assert fits[0].f_max == 7
     assert sum(fit.ci_D[0] <= D <= fit.ci_D[1] for fit in fits) >= 8
     assert sum(fit.ci_G[0] <= G <= fit.ci_G[1] for fit in fits) >= 8
-    # not biased: the mean of nine within three of its standard deviations
+    # no bias: the mean of nine is within three of its standard deviations
     spread = np.std([fit.D for fit in fits], ddof=1)
     assert abs(np.mean([fit.D for fit in fits]) - D) < 3 * spread / 3
-    # and not needlessly wide: a half-width is about two standard deviations of the estimates
+    # and no unnecessary width: a half-width is about two standard deviations of the estimates
     half = np.mean([fit.ci_D[1] - fit.ci_D[0] for fit in fits]) / 2
     assert 1.2 * spread < half < 4 * spread
 
@@ -231,13 +231,13 @@ def test_heights_scale_G_and_leave_D() -> None:
     assert (c.D, c.G / a.G) == (pytest.approx(a.D, abs=1e-5), pytest.approx(5.0, rel=1e-3))
 
 
-def test_a_finer_patch_tells_D_better() -> None:
+def test_a_finer_patch_determines_D_more_accurately() -> None:
     coarse = fit_fractal(field(129, f_max=11), shortest=L / 1.5**5, realisations=40)
     fine = fit_fractal(field(129, f_max=11), shortest=L / 1.5**8, realisations=40)
     assert np.ptp(fine.ci_D) < 0.7 * np.ptp(coarse.ci_D)
 
 
-def test_a_surface_of_another_kind_is_told() -> None:
+def test_a_surface_of_another_kind_is_detected() -> None:
     waves = Sinusoid(L=L, amplitude=1e-8, wavelength=L / 4, dims=2)
     fit = fit_fractal(HeightField(waves.grid(65), L / 64, L / 64), realisations=40)
     assert fit.p_value < 1e-6
@@ -261,7 +261,7 @@ def test_the_equivalent_surface_has_the_heights_of_the_patch() -> None:
         (HeightField(np.random.default_rng(0).normal(size=(20, 20)), 1, 1), {"realisations": 5}, "30"),
     ],
 )
-def test_what_cannot_be_fitted_is_refused(patch: HeightField, options: dict[str, Any], words: str) -> None:
+def test_patches_that_cannot_be_fitted_are_refused(patch: HeightField, options: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=words):
         fit_fractal(patch, **options)
 

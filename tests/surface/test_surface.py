@@ -190,13 +190,13 @@ def without_waves_from(surface: WeierstrassMandelbrot, f: int, n: int) -> np.nda
 
 @pytest.mark.parametrize("M", [4, 10])
 def test_nested_drawing_adds_waves_to_the_same_surface(M):
-    """Every wave of a smaller f_max is one of a larger; drawn as one array, they are other surfaces."""
+    """With a larger f_max the waves of a smaller one remain; drawn as one array, the surfaces are unrelated."""
     nested = [fractal(f_max=f, M=M, seed=3, drawing="nested") for f in (4, 5, 6)]
     array = [fractal(f_max=f, M=M, seed=3) for f in (4, 5, 6)]
     coarse = nested[0].grid(65) - nested[0].grid(65).mean()
     for surface in nested:
         np.testing.assert_allclose(without_waves_from(surface, 5, 65), coarse, rtol=0, atol=1e-12 * np.ptp(coarse))
-        assert surface.random  # what the search of the summit builds on
+        assert surface.random  # the search for the summit relies on it
     for drawn, alike in ((nested, True), (array, False)):
         z = [s.grid(65).ravel() for s in drawn]
         correlations = np.corrcoef(z)[np.triu_indices(3, 1)]
@@ -266,7 +266,7 @@ def test_a_summit_on_an_edge_is_found_with_its_slope(seed):
 
 
 def test_a_symmetric_surface_has_no_slope_across_its_edge(tmp_path):
-    """Spheres in a corner, a crest on an edge, and the same sampled; a tilted plane falls from a corner."""
+    """Spheres in a corner and a crest on an edge, exact and sampled; a tilted plane descends from a corner."""
     corner = Sphere(L=1.0, radius=0.7, centre=(0.0, 0.0))
     assert corner.edges_of_summit() == {"x = 0": 0.0, "y = 0": 0.0}
     assert Sinusoid(L=1.0, amplitude=0.01, centre=(0.0, 0.3)).edges_of_summit() == {"x = 0": 0.0}
@@ -285,8 +285,8 @@ def test_short_waves_of_a_map_are_those_of_the_surface_it_samples(tmp_path):
     assert surface.short_waves(0.01, 0.01) < 1e-3 * surface.short_waves(0.05, 0.01) < 1e-3 * surface.exact_rms()[0]
 
 
-def test_short_waves_are_those_that_the_flat_meets(tmp_path):
-    """Not the grid of a smooth map, nor waves of no height; but a rough summit of a smooth map, and noise."""
+def test_short_waves_are_judged_where_the_flat_touches(tmp_path):
+    """The grid of a smooth map and waves of zero height do not count; a rough summit of a smooth map and noise do."""
     s, depth, wavelength = np.linspace(0, 1, 513), 0.02, 0.1
     smooth = Sphere(L=1.0, radius=1.5).grid(513)
     ripple = np.sin(2 * np.pi * 60 * s)
@@ -304,7 +304,7 @@ def test_short_waves_are_those_that_the_flat_meets(tmp_path):
     assert rms(smooth + 1e-4 * ripple) == pytest.approx(1e-4 / np.sqrt(2), rel=0.05)
     assert rms(smooth + 1e-4 * noise) == pytest.approx(1e-4, rel=0.05)
     assert rms(smooth + 1e-4 * ripple * near) > 0.3e-4  # a sixth of the patch
-    assert rms(smooth + 1e-4 * ripple * far) < 0.1e-4  # the flat does not come there
+    assert rms(smooth + 1e-4 * ripple * far) < 0.1e-4  # outside the part that the flat touches
     assert rms(0.0 * smooth) == 0.0
 
 
@@ -337,7 +337,7 @@ def test_maximum_of_many_ridges_and_of_waves_far_below_any_grid(options):
 
 @pytest.mark.parametrize("options", [{}, {"M": 3, "f_max": 7, "D": 2.8}, {"M": 2, "f_max": 3}])
 def test_maximum_by_waves_is_that_of_the_bound_of_curvature(options):
-    """Two searches agree, also where phases are chosen so that waves meet and no chance spreads them."""
+    """Both searches agree, also for phases chosen so that the crests of the waves coincide, which is not random."""
     phases = np.full((options.get("M", 10) + 1, options.get("f_max", 5) + 1), np.pi)
     phases[:, 1:] = 0.3
     drawn, chosen = fractal(**options), fractal(**options, phases=phases)
@@ -346,10 +346,10 @@ def test_maximum_by_waves_is_that_of_the_bound_of_curvature(options):
         assert surface.maximum()[2] == pytest.approx(global_maximum(surface)[2], rel=1e-12)
 
 
-def test_too_many_summits_are_said(monkeypatch):
+def test_too_many_summits_are_reported(monkeypatch):
     monkeypatch.setattr(fractal_maximum, "_CELLS", 200)
     surface = fractal(D=2.9, L_s=1e-9)
-    with pytest.warns(SurfaceWarning, match="too many summits compete"):
+    with pytest.warns(SurfaceWarning, match="too many summits of similar height"):
         surface.maximum()
 
 
@@ -572,6 +572,13 @@ def test_bad_input_is_one_clear_sentence(spec, message):
         Surface.from_spec(**spec)
 
 
+def test_a_derived_surface_without_a_kind_does_not_replace_its_base():
+    class Bowl(Sphere):
+        pass
+
+    assert type(Surface.from_spec("sphere", L=1.0, radius=9.0)) is Sphere is not Bowl
+
+
 def test_surfaces_are_immutable():
     surface = fractal()
     with pytest.raises(AttributeError):
@@ -593,7 +600,7 @@ def exact(x, y):
 
 
 def write(path: Path, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> Path:
-    """Store a map with lengths in the format that the suffix asks for."""
+    """Store a map with lengths in the format of the suffix."""
     if path.suffix == ".npz":
         np.savez(path, x=x + 5, y=y - 2, z=z)
     elif path.suffix == ".npy":
@@ -648,7 +655,7 @@ def test_a_sampled_fractal_has_the_same_summit(tmp_path):
 
 
 def bent(x: np.ndarray) -> np.ndarray:
-    """Return coordinates with one step out of rhythm."""
+    """Return coordinates with one irregular step."""
     return np.where(np.arange(x.size) == 3, x + 0.3 * (x[1] - x[0]), x)
 
 

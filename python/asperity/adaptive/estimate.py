@@ -16,8 +16,8 @@ import numpy as np
 from asperity.adaptive.mesh_plan import FIRST, GUIDE, STEP_ORDERS, cheapest_substeps, growth, meshes, planned_steps
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.generate import GRADING, GUIDED, SizeField
 from asperity.mesh.resolution import resolving_size
+from asperity.mesh.size_field import GRADING, GUIDED, SizeField
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from asperity.adaptive.mesh_plan import DOFS_ORDER, growth
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.generate import Reach
+from asperity.mesh.size_field import FirstContactMap
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget, MeshSize
 from asperity.quasistatic.solve_contact import (
@@ -52,7 +52,7 @@ class Runner:
     def __init__(self, problem: Problem, max_dofs: int, comm: MPI.Comm, hooks: Hooks) -> None:
         self._problem, self._max_dofs, self._comm, self._hooks = problem, max_dofs, comm, hooks
         self._start = perf_counter()
-        self._reach: Reach | None = None
+        self._reach: FirstContactMap | None = None
         self._depth = problem.load_path.delta_max  # that meshes are made for [length]
         self._h_max: float | None = None  # of the elements away from the contact; smaller on a surface too steep for it
         self._made: tuple[float, BlockMesh | None] | None = None  # the last mesh and its size [length]
@@ -63,7 +63,7 @@ class Runner:
         """Make the meshes from here on for what the guide touched."""
         L = self._problem.surface.L
         xy, touched_at = guide.first_contact.gather(guide.solver)
-        self._reach = Reach(xy * L, touched_at * L) if len(xy) else None  # on rank 0, where meshes are made
+        self._reach = FirstContactMap(xy * L, touched_at * L) if len(xy) else None  # on rank 0, where meshes are made
         self._depth = float(guide.curve.loading().delta[-1])
         self._made, self._guide = None, guide
 

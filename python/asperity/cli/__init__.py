@@ -26,7 +26,7 @@ class _Commands(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         modules = {module.name for module in pkgutil.iter_modules(__path__)}
-        return sorted(modules - {"options", "ranks"})
+        return sorted(modules - {"options"})
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in self.list_commands(ctx):

@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from asperity.cli import options
-from asperity.runtime.parallel import on_first_rank
+from asperity.runtime.parallel import on_root_bcast
 from asperity.runtime.progress import world_rank
 
 
@@ -38,7 +38,7 @@ def command(
     """
     from asperity.study import Study
 
-    study = on_first_rank(lambda: Study.load(study_file, overrides))
+    study = on_root_bcast(None, lambda: Study.load(study_file, overrides))
     if dry_run:
         from asperity.study.run import mesh_key
 

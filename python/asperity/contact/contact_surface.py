@@ -12,7 +12,7 @@ from asperity.arrays import Floats, Indices
 from asperity.fem.global_numbering import cell_numbers
 from asperity.fem.solid import Solid
 from asperity.mesh import tet10
-from asperity.mesh.generate import TOP
+from asperity.mesh.distribute import TOP
 from asperity.runtime import compat
 
 FACET_DEGREE = 8  # 16 points: four times closer on cut facets than the 6 of degree 4, at no cost (docs/contact.md)

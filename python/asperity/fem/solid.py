@@ -16,7 +16,7 @@ from asperity.arrays import Floats
 from asperity.fem.ghosts import Ghosts
 from asperity.fem.kernels import ElementKernels
 from asperity.fem.sparsity import SparsityPattern
-from asperity.mesh.generate import BASE, SIDE_X, SIDE_Y
+from asperity.mesh.distribute import BASE, SIDE_X, SIDE_Y
 from asperity.model.material import Material
 from asperity.runtime import compat
 from asperity.runtime.timing import Phases

@@ -1,1 +1,1 @@
-"""Mesh of the block: element, sizes, generation by gmsh, distribution over the ranks."""
+"""Mesh of the block: element, element sizes, generation by gmsh, distribution over the ranks."""

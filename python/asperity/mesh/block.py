@@ -1,4 +1,4 @@
-"""Indices and tetrahedra of a block, on file and checked against the surface they are said to have."""
+"""Nodes and tetrahedra of a block: in memory, in a file, and checked against a surface."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from asperity.surface import Surface
 
 
-NEAR = 1e-9  # what counts as the same place [L]
+NEAR = 1e-9  # points closer than this coincide [L]
 
 
 @dataclass(frozen=True)
 class BlockMesh:
-    """Indices and second-order tetrahedra of a block, in one process and before partitioning.
+    """Nodes and second-order tetrahedra of a block, in one process and before partitioning.
 
     Attributes:
-        points: node coordinates (N, 3) [length], base at z = 0, mean plane of the top at z = `height`
+        points: node coordinates (N, 3), base at z = 0, mean plane of the top at z = `height` [length]
         tets: node numbers (M, 10) in the order of gmsh
         side: length L of the square base [length]
         height: height of the block [length]
@@ -39,16 +39,16 @@ class BlockMesh:
     height: float
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
-        """What a file holds, by name."""
+        """Return the arrays of a mesh file by name."""
         sizes = {"side": np.array(self.side), "height": np.array(self.height)}
         return {"points": self.points, "tets": self.tets, **sizes}
 
     @staticmethod
     def from_arrays(arrays: Mapping[str, npt.NDArray[Any]]) -> BlockMesh:
-        """The mesh that a file holds.
+        """Build a mesh from the arrays of a mesh file.
 
         Raises:
-            ValueError: it holds something else
+            ValueError: an array is missing, or is not part of a mesh
         """
         for name, kind in (("points", np.float64), ("tets", np.int64), ("side", np.float64), ("height", np.float64)):
             if name not in arrays:
@@ -68,16 +68,16 @@ class BlockMesh:
         return BlockMesh(points, tets, float(side), float(height))
 
     def save(self, path: str | Path) -> None:
-        """Write a compressed .npz file; the suffix is added where it is missing."""
+        """Write a compressed .npz file; the suffix is added if it is missing."""
         path = Path(path)
         replace_file(path.with_name(path.name.removesuffix(".npz") + ".npz"), npz_bytes(self.arrays(), compress=True))
 
     @staticmethod
     def read(path: str | Path) -> BlockMesh:
-        """Read what `save` wrote.
+        """Read a file written by `save`.
 
         Raises:
-            MeshError: the file is missing or holds something else
+            MeshError: the file is missing or contains something else
         """
         try:
             return BlockMesh.from_arrays(read_npz(path))
@@ -86,10 +86,10 @@ class BlockMesh:
         raise MeshError(f"mesh.file: {path} is not a mesh written by asperity ({reason}); give one, or leave it out")
 
     def check(self, surface: Surface) -> None:
-        """Make sure that the mesh was built for `surface` and fills the block.
+        """Check that the mesh was built for `surface` and fills the block.
 
         Raises:
-            MeshError: side or heights differ, tetrahedra are missing or doubled, or neighbours do not share their nodes
+            MeshError: side or heights differ, tetrahedra are missing or duplicated, or neighbours do not share nodes
         """
         if abs(self.side - surface.L) > NEAR * surface.L:
             raise MeshError(
@@ -97,7 +97,7 @@ class BlockMesh:
             )
         x, y, z = self.points.T
         below = self.height + surface.height(x, y) - surface.mean() - z
-        # both have the same mean, so where they differ the mesh sticks out somewhere
+        # both have the same mean, so any difference makes the mesh stick out somewhere
         above = -float(below.min())
         if above > NEAR * surface.L:
             raise MeshError(

@@ -1,8 +1,8 @@
-"""Whether the elements in the contact are small enough for the shortest waves of the surface.
+"""Check whether the elements in the contact are small enough for the shortest waves of the surface.
 
-A mesh whose elements are longer than waves takes the heights of its nodes from them at random. The force is then wrong
-by an amount that two such meshes do not show, for both miss the same waves: no bar may be made of them. What waves too
-short for the elements do to the force goes with their height over the approach (docs/accuracy.md has it measured).
+A mesh whose elements are longer than some waves samples these waves at random. The difference of two such meshes does
+not show the resulting error of the force, because both miss the same waves, so it gives no error bar. The error is
+proportional to the height of these waves over the approach (measured in docs/accuracy.md).
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from asperity.surface import Surface
 
-ELEMENTS = 1.5  # a wave needs: with fewer, two meshes do not tell its error
-SHARE = 0.25  # part of the tolerance that heights left out may be of the approach
-ONE_MESH = 0.05  # tolerance of a run on one mesh, for a warning
-_CLOSE = 1.02  # two sizes that are one
+ELEMENTS = 1.5  # per wavelength: with fewer, the difference of two meshes does not show the error
+SHARE = 0.25  # greatest height of unresolved waves, over the approach times the tolerance
+ONE_MESH = 0.05  # tolerance assumed for a run on one mesh, for the warning
+_CLOSE = 1.02  # ratio below which two sizes count as equal
 
 
-def left_out(surface: Surface, h: float, delta: float) -> float:
-    """Rms height, over the approach, of the waves too short for elements of a size.
+def unresolved_height(surface: Surface, h: float, delta: float) -> float:
+    """Rms height of the waves too short for elements of a size, over the approach.
 
     Args:
-        surface: the top
+        surface: top of the block
         h: element size in the contact [length]
         delta: greatest approach [length]
     """
@@ -31,20 +31,20 @@ def left_out(surface: Surface, h: float, delta: float) -> float:
 
 
 def resolving_size(surface: Surface, delta: float, tolerance: float, largest: float) -> float:
-    """Element size in the contact that leaves out no more than a tolerance of the force allows [length].
+    """Largest element size in the contact whose unresolved waves are compatible with a tolerance of the force [length].
 
     Args:
-        surface: the top
+        surface: top of the block
         delta: greatest approach [length]
-        tolerance: relative, of the force
-        largest: size up to which it matters [length]
+        tolerance: relative error allowed for the force
+        largest: upper limit of the search [length]
 
     Returns:
-        the size, found to 2 % from below; inf when `largest` will do
+        The size, up to 2 % too small; inf if `largest` is small enough.
     """
 
     def enough(h: float) -> bool:
-        return left_out(surface, h, delta) <= SHARE * tolerance
+        return unresolved_height(surface, h, delta) <= SHARE * tolerance
 
     if enough(largest):
         return inf
@@ -56,14 +56,14 @@ def resolving_size(surface: Surface, delta: float, tolerance: float, largest: fl
 
 
 def doubt_of_waves(surface: Surface, h: float, delta: float) -> str:
-    """Why the force on one mesh is in doubt: waves too short for its elements; empty when there are none.
+    """Text of a warning that the mesh does not resolve the shortest waves of the surface; empty if it does.
 
     Args:
-        surface: the top
+        surface: top of the block
         h: element size in the contact [length]
         delta: greatest approach [length]
     """
-    part = left_out(surface, h, delta)
+    part = unresolved_height(surface, h, delta)
     if part <= SHARE * ONE_MESH:
         return ""
     size = resolving_size(surface, delta, ONE_MESH, h)
@@ -74,6 +74,6 @@ def doubt_of_waves(surface: Surface, h: float, delta: float) -> str:
 
 
 def advice(h: float) -> str:
-    """How to cut off what elements of size h [length] do not resolve, in words."""
+    """Advice how to cut off the waves that elements of size h [length] do not resolve."""
     keys = "surface.f_max or surface.L_s, asperity measure --cutoff of a map"
     return f"cut off what is shorter than {ELEMENTS * h:.3g} ({keys})"

@@ -1,4 +1,4 @@
-"""The element: a tetrahedron of second order, its nodes in the orders of gmsh and dolfinx, quadrature, Jacobians."""
+"""The second-order tetrahedron: node orders of gmsh and dolfinx, shape functions, quadrature, Jacobians."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 from asperity import _solver
 from asperity.arrays import Floats, Indices, Integers
 
-#: Corners at the ends of the edges on which the nodes 4 to 9 lie, in the order of gmsh.
+#: Corners at the ends of the edges with the nodes 4 to 9, in the order of gmsh.
 EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3))
-#: Nodes of the faces in the order of gmsh: corners, and then the edges 01, 12, 20 of the face.
+#: Nodes of the faces in the order of gmsh: the corners, then the nodes on the edges 01, 12, 20 of the face.
 FACES = ((0, 1, 2, 4, 5, 6), (0, 1, 3, 4, 9, 7), (0, 2, 3, 6, 8, 7), (1, 2, 3, 5, 8, 9))
-#: The same ends of edges in the order of dolfinx (basix).
+#: As EDGES, in the order of dolfinx (basix).
 BASIX_EDGES = ((2, 3), (1, 3), (1, 2), (0, 3), (0, 2), (0, 1))
 
 
@@ -26,7 +26,7 @@ def element() -> Any:
 
 
 def quadrature(degree: int) -> tuple[Floats, Floats]:
-    """Gauss rule of a degree on the reference tetrahedron: points (Q, 3), weights (Q,)."""
+    """Gauss rule of a given degree on the reference tetrahedron: points (Q, 3), weights (Q,)."""
     import basix
 
     points, weights = basix.make_quadrature(basix.CellType.tetrahedron, degree)
@@ -34,7 +34,7 @@ def quadrature(degree: int) -> tuple[Floats, Floats]:
 
 
 def facet_quadrature(degree: int, splits: int = 0) -> tuple[Floats, Floats]:
-    """Gauss rule on each of 4^splits equal parts of the reference triangle: points (Q, 2), weights (Q,)."""
+    """Gauss rule on each of the 4^splits equal parts of the reference triangle: points (Q, 2), weights (Q,)."""
     import basix
 
     points, weights = basix.make_quadrature(basix.CellType.triangle, degree)
@@ -59,13 +59,13 @@ def shape_gradients(points: Floats) -> Floats:
 
 
 def at_facet(facet: int, points: Floats) -> Floats:
-    """Reference points (Q, 3) of a facet from those of the reference triangle (Q, 2)."""
+    """Map points of the reference triangle (Q, 2) to a facet of the reference tetrahedron (Q, 3)."""
     corners = _corners(facet)
     return corners[0] + points @ (corners[1:] - corners[0])
 
 
 def facet_nodes() -> list[list[int]]:
-    """Local nodes of each facet in the order of dolfinx: its corners, then the edges opposite to them."""
+    """Local nodes of each facet in the order of dolfinx: its corners, then the nodes on the edges opposite to them."""
     import basix
 
     topology = basix.topology(basix.CellType.tetrahedron)
@@ -76,7 +76,7 @@ def facet_nodes() -> list[list[int]]:
 
 
 def area_vectors() -> Floats:
-    """Outward normals of the facets of the reference tetrahedron, of twice the length of their area (4, 3)."""
+    """Outward normals of the facets of the reference tetrahedron; their length is twice the area (4, 3)."""
     out = np.empty((4, 3))
     for facet in range(4):
         corners = _corners(facet)
@@ -95,7 +95,7 @@ def _corners(facet: int) -> Floats:
 
 
 def outer_faces(tets: Indices) -> Indices:
-    """Nodes of the faces that do not belong to two tetrahedra (n, 6), as in FACES; in a whole mesh those outside.
+    """Nodes (n, 6), ordered as in FACES, of the faces that do not belong to two tetrahedra: the boundary of the mesh.
 
     Args:
         tets: node numbers (M, 10) in the order of gmsh
@@ -110,11 +110,11 @@ def outer_faces(tets: Indices) -> Indices:
 
 
 def least_jacobians(x: Floats, x_nodes: Integers) -> Floats:
-    """Smallest Jacobian determinant of each curved cell over a lattice of 35 points (cells,).
+    """Smallest Jacobian determinant of each curved cell over a lattice of 35 points (cells,) [length^3].
 
     Args:
-        x: node coordinates (nodes, 3)
-        x_nodes: their numbers in the order of dolfinx (cells, 10)
+        x: node coordinates (nodes, 3) [length]
+        x_nodes: node numbers of the cells in the order of dolfinx (cells, 10)
     """
     import basix
 

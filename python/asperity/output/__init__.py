@@ -1,1 +1,1 @@
-"""Files of a run: folder, fields, results read back, comparison of curves."""
+"""Results of a run: fields, results read from a folder, comparison of curves, assumptions of the model."""

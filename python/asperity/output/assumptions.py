@@ -1,6 +1,6 @@
-"""What the model assumes, judged on a curve: a sentence for each assumption that a run leaves, with the value.
+"""Check the assumptions of the model on the curve of a run.
 
-The functions are pure: a curve, a material, a surface in; a sentence out, empty while the assumption holds.
+Each function returns a sentence with the value that violates an assumption, or an empty string while it holds.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
     from asperity.surface import Surface
 
 FLAT = 1e-12  # depth below which a surface counts as a plane [L]
-#: Plastic strain up to which the solid counts as one of small strain. The change of length over the length before and
-#: the logarithmic strain, e and ln(1 + e), differ by e/2 of themselves to first order: 5 % here.
+#: Plastic strain up to which small-strain theory applies. The engineering strain e and the logarithmic strain
+#: ln(1 + e) have a relative difference of e/2 to first order: 5 % here.
 SMALL_STRAIN = 0.1
 
 
 def large_strain(curve: Curve) -> str:
-    """Judge the greatest accumulated plastic strain by the limit of small strain."""
+    """Compare the greatest accumulated plastic strain with the limit of small strain."""
     greatest = float(np.max(np.nan_to_num(curve.max_plastic_strain), initial=0.0))
     if not greatest > SMALL_STRAIN:
         return ""
@@ -34,12 +34,12 @@ def large_strain(curve: Curve) -> str:
 def yield_pressure(material: Material, sides: str) -> float:
     """Mean pressure at which the block itself yields [force/length^2]; infinite for an elastic material.
 
-    Between rollers it is in uniaxial strain, with the lateral stress nu/(1 - nu) of the pressure p and the equivalent
-    stress p (1 - 2 nu)/(1 - nu); with free sides in uniaxial stress (von Mises' criterion: Johnson, Contact Mechanics,
-    1985, eq. 6.1).
+    Between rollers the block is in uniaxial strain: under the pressure p the lateral stress is p nu/(1 - nu) and the
+    equivalent stress p (1 - 2 nu)/(1 - nu). With free sides it is in uniaxial stress. The criterion is that of von
+    Mises (Johnson, Contact Mechanics, 1985, eq. 6.1).
 
     Args:
-        material: of the block
+        material: material of the block
         sides: "rollers" or "free"
     """
     if material.yield_strength is None:
@@ -50,12 +50,12 @@ def yield_pressure(material: Material, sides: str) -> float:
 
 
 def bulk_yield(curve: Curve, material: Material, side: float, sides: str) -> str:
-    """Judge the greatest mean pressure by that at which the block below the surface yields.
+    """Compare the greatest mean pressure with that at which the block below the surface yields.
 
     Args:
-        curve: of the run
-        material: of the block
-        side: L [length]
+        curve: curve of the run
+        material: material of the block
+        side: side L of the patch [length]
         sides: "rollers" or "free"
     """
     pressure, limit = float(np.max(curve.force, initial=0.0)) / side**2, yield_pressure(material, sides)
@@ -68,31 +68,31 @@ def bulk_yield(curve: Curve, material: Material, side: float, sides: str) -> str
 
 
 def beyond_mean_plane(curve: Curve, surface: Surface) -> str:
-    """Judge the greatest approach by the depth of the mean plane below the summit.
+    """Compare the greatest approach with the depth of the mean plane below the summit.
 
-    A rigid flat reaches the mean plane of a rough solid at full contact, when nothing but the block gives way. A plane
-    is in full contact at once, and not judged.
+    A rigid flat reaches the mean plane of a rough solid at full contact, beyond which only the block deforms. A plane
+    surface is in full contact from the start and is not checked.
 
     Args:
-        curve: of the run
-        surface: that was pressed
+        curve: curve of the run
+        surface: top of the block
     """
     delta, depth = float(np.max(curve.delta, initial=0.0)), surface.maximum()[2] - surface.mean()
     if depth <= FLAT * surface.L or not delta > depth:
         return ""
     return (
-        f"the flat has come {delta:.3g} down, beyond the mean plane of the surface, {depth:.3g} below its summit: the "
+        f"the flat has moved {delta:.3g} down, beyond the mean plane of the surface, {depth:.3g} below its summit: the "
         "compression of the whole block is a large part of the curve"
     )
 
 
 def departures(curve: Curve, material: Material, surface: Surface, sides: str) -> list[str]:
-    """All sentences on a curve.
+    """Return the sentences on all violated assumptions.
 
     Args:
-        curve: of the run
-        material: of the block
-        surface: that was pressed
+        curve: curve of the run
+        material: material of the block
+        surface: top of the block
         sides: "rollers" or "free"
     """
     found = (

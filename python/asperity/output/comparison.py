@@ -1,4 +1,4 @@
-"""Reference curves: kept with what made them, and compared with a tolerance per column."""
+"""Reference curves: stored with case, mesh and versions, and compared with a tolerance per column."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from asperity.curve import COLUMNS, Curve
 from asperity.errors import InputError
 from asperity.output.results import Results
 
-#: Relative tolerances of compare_curves; columns left out are not compared.
+#: Relative tolerances of compare_curves; other columns are not compared.
 TOLERANCES: Mapping[str, float] = {
     "delta": 1e-9,
     "force": 1e-6,
@@ -31,11 +31,11 @@ TOLERANCES: Mapping[str, float] = {
 def store_curve(
     case_file: str | Path, folder: str | Path, file: str | Path, tolerances: Mapping[str, float] | None = None
 ) -> Curve:
-    """Write the curve of a finished run with a header that says what made it, for `compare_curves`.
+    """Write the curve of a finished run as a reference for `compare_curves`; its header records how it was computed.
 
     Args:
-        case_file: the case that was run; the header names it relative to `file`
-        folder: the run directory
+        case_file: case of the run; the header contains its path relative to `file`
+        folder: folder of the run
         file: CSV file to write
         tolerances: relative, by column; default TOLERANCES
 
@@ -43,18 +43,18 @@ def store_curve(
         The curve as written.
 
     Raises:
-        InputError: the folder holds no finished run of this case, or a tolerance is impossible.
+        InputError: the folder contains no finished run of this case, or a tolerance is illegal.
     """
     case, folder, file = Case.load(case_file), Path(folder), Path(file)
     results = Results.read(folder)
     if not results.summary.get("finished"):
         raise InputError(f"{folder}: the run is not finished, a reference must be")
     if results.summary.get("case_hash") != case.hash():
-        raise InputError(f"{folder} is no run of {case_file}: run that case again")
+        raise InputError(f"{folder} is not a run of {case_file}: run that case again")
     chosen = dict(TOLERANCES if tolerances is None else tolerances)
     _check(chosen)
     mesh = {k: v for k, v in case.to_dict()["mesh"].items() if v is not None}
-    if case.mesh.file is not None:  # no size was used
+    if case.mesh.file is not None:  # no element size was used
         mesh = {"file": os.path.relpath(case.mesh.file, file.resolve().parent)}
     name = os.path.relpath(case_file, file.resolve().parent)
     header = {
@@ -73,11 +73,11 @@ def store_curve(
 
 @dataclass(frozen=True)
 class Difference:
-    """One way in which two curves differ.
+    """Greatest difference of two curves in one column.
 
     Attributes:
         column: name of the column, or "rows" when the steps do not correspond.
-        row: where the difference is greatest.
+        row: row of the greatest difference.
         a: value of the first curve there.
         b: value of the second curve there.
         error: |a - b| over the largest magnitude of the column in the second curve.
@@ -108,11 +108,11 @@ def compare_curves(a: Curve, b: Curve, tolerances: Mapping[str, float] | None = 
         a: the curve.
         b: the reference; errors are relative to the largest magnitude of each of its columns.
         tolerances: by column; default the "tolerances" in the header of `b`, else TOLERANCES.
-            Columns left out are not compared.
+            Other columns are not compared.
 
     Returns:
-        One difference a column that exceeds its tolerance, or the first step that has no
-        counterpart; empty when the curves agree. NaN agrees with NaN only.
+        One difference for each column that exceeds its tolerance, or one for the first step without
+        counterpart; empty if the curves agree. NaN agrees with NaN only.
 
     Raises:
         InputError: a tolerance is negative or its column unknown.

@@ -1,4 +1,4 @@
-"""Fields of a run for figures (NumPy files) and for ParaView (VTKHDF with one step per snapshot)."""
+"""Write fields of a run for figures (NumPy files) and for ParaView (VTKHDF with one time step per snapshot)."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from asperity.quasistatic.solve_contact import ContactResult
 from asperity.runtime.run_folder import BLOCK, TOP
 
 VTK_QUADRATIC_TETRA = 24
-GMSH_TO_VTK = (0, 1, 2, 3, 4, 5, 6, 7, 9, 8)  # the last two edges change places
+GMSH_TO_VTK = (0, 1, 2, 3, 4, 5, 6, 7, 9, 8)  # the last two edges are swapped
 TO_VTK_TENSOR = (0, 1, 2, 3, 5, 4)  # xx yy zz xy yz xz
 
 
 @dataclass(frozen=True)
 class State:
-    """A snapshot on the whole mesh, in physical units, rows in the order of the mesh as built.
+    """A snapshot of the whole mesh, in physical units, rows in the order of `BlockMesh`.
 
     Attributes:
-        step, branch, delta: as in the curve [length]
-        displacement: (N, 3) [length]
-        pressure: contact pressure at the nodes, mean of the corners on an edge (N,) [force/length^2]
+        step, branch, delta: as in the curve, delta in [length]
+        displacement: of the nodes (N, 3) [length]
+        pressure: contact pressure at the nodes, on an edge the mean of its corners (N,) [force/length^2]
         gap: distance of the nodes of the top from the flat (N,) [length]
-        stress: mean of the cells, xx yy zz xy xz yz (M, 6) [force/length^2]
-        plastic_strain: mean accumulated plastic strain of the cells (M,); empty for an elastic material
+        stress: mean over each cell, xx yy zz xy xz yz (M, 6) [force/length^2]
+        plastic_strain: mean accumulated plastic strain of each cell (M,); empty for an elastic material
     """
 
     step: int
@@ -46,11 +46,11 @@ class State:
 
 
 def gather_states(result: ContactResult, side: float, E: float) -> list[State]:
-    """Snapshots of all ranks put together on rank 0, an empty list elsewhere; collective.
+    """Gather the snapshots of all ranks on rank 0, an empty list elsewhere; collective.
 
     Args:
-        result: with snapshots
-        side: L [length]
+        result: result with snapshots
+        side: side L of the patch [length]
         E: elastic modulus, the solver's unit of stress [force/length^2]
     """
     solid = result.solver.solid
@@ -59,7 +59,7 @@ def gather_states(result: ContactResult, side: float, E: float) -> list[State]:
     states = []
     for s in result.snapshots:
         u = collect(solid.comm, nodes, s.displacement[owned] * side)
-        p = collect(solid.comm, nodes, _on_edges(result.solver.contact_surface, s)[owned] * E)
+        p = collect(solid.comm, nodes, _edge_means(result.solver.contact_surface, s)[owned] * E)
         gap = collect(solid.comm, nodes, s.gap[owned] * side)
         stress = collect(solid.comm, cells, s.stress * E)
         alpha = None
@@ -71,8 +71,11 @@ def gather_states(result: ContactResult, side: float, E: float) -> list[State]:
     return states
 
 
-def _on_edges(top: ContactSurface, snapshot: Snapshot) -> Array:
-    """Pressure with the mean of the corners on the edge nodes of the top; corners opposite to edge k are k."""
+def _edge_means(top: ContactSurface, snapshot: Snapshot) -> Array:
+    """Nodal pressure of a snapshot with the edge nodes of the top set to the mean of their corners (nodes,).
+
+    Edge k of a facet is opposite to its corner k.
+    """
     p = snapshot.pressure.copy()
     corners = p[top.nodes[:, :3]]
     p[top.nodes[:, 3:]] = 0.5 * (corners.sum(axis=1, keepdims=True) - corners)
@@ -80,7 +83,7 @@ def _on_edges(top: ContactSurface, snapshot: Snapshot) -> Array:
 
 
 def top_facets(block: BlockMesh) -> npt.NDArray[np.int64]:
-    """Facets of the top, corners and then edges 01, 12, 20 (K, 6); found as the outer faces that are not plane."""
+    """Facets of the top: the outer faces on no plane side or base; corners, then edges 01, 12, 20 (K, 6)."""
     outer = outer_faces(block.tets)
     x, L = block.points[outer[:, :3]], block.side
     eps = 1e-9 * L
@@ -91,12 +94,12 @@ def top_facets(block: BlockMesh) -> npt.NDArray[np.int64]:
 
 
 def write_figure_data(folder: Path, block: BlockMesh, states: list[State]) -> None:
-    """Write mesh.npz and top.npz, what the figures are drawn from; rank 0 only."""
+    """Write mesh.npz and top.npz, the data of the figures; rank 0 only."""
     folder.mkdir(exist_ok=True)
     facets = top_facets(block)
     np.savez_compressed(folder / BLOCK, points=block.points, tets=block.tets, triangles=facets)
     corners, edges = facets[:, :3], facets[:, 3:]
-    # four linear triangles a facet, so that the edge nodes count
+    # four linear triangles per facet, so that the edge nodes are used
     triangles = np.concatenate(
         [
             np.stack([corners[:, 0], edges[:, 0], edges[:, 2]], axis=1),
@@ -119,16 +122,16 @@ def write_figure_data(folder: Path, block: BlockMesh, states: list[State]) -> No
 
 
 def von_mises(stress: Array) -> Array:
-    """Equivalent stress of xx yy zz xy xz yz in the last axis."""
+    """Equivalent stress (...,) of stresses xx yy zz xy xz yz (..., 6), in the same unit."""
     normal, shear = stress[..., :3], stress[..., 3:]
     deviator = normal - normal.mean(axis=-1, keepdims=True)
     return np.asarray(np.sqrt(1.5 * (deviator**2).sum(axis=-1) + 3.0 * (shear**2).sum(axis=-1)))
 
 
 def write_vtkhdf(path: Path, block: BlockMesh, states: list[State]) -> None:
-    """Write the snapshots for ParaView (VTKHDF 2.0 unstructured grid, time = deflection); rank 0 only.
+    """Write the snapshots for ParaView (VTKHDF 2.0 unstructured grid, time = approach); rank 0 only.
 
-    Lengths are in units of L, because viewers stumble over coordinates of 1e-6; stresses are physical.
+    Lengths are in units of L, because viewers have problems with coordinates of 1e-6; stresses are physical.
     """
     import h5py
 

@@ -1,4 +1,4 @@
-"""What a finished or partial run left in its folder, read back for figures and the report."""
+"""Read the files of a finished or partial run for figures and the report."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ SI = {"length": "m", "force": "N", "stress": "Pa"}
 
 @dataclass(frozen=True)
 class Results:
-    """Files of a run directory; whatever the run did not write is empty.
+    """Contents of the folder of a run; files that the run did not write give empty values.
 
     Attributes:
-        folder: the run directory.
+        folder: folder of the run.
         curve: the accepted steps.
-        case: completed input, nested tables.
+        case: completed input, as nested tables.
         summary: contents of summary.json.
         free: columns of free.csv.
         response: columns of response.csv.
@@ -40,7 +40,7 @@ class Results:
         band: columns of band.csv.
         top: arrays of fields/top.npz.
         mesh: arrays of fields/mesh.npz.
-        built: the surface of the case where the reader had it, else None.
+        built: the surface of the case if it was passed to `read`, else None.
     """
 
     folder: Path
@@ -57,14 +57,14 @@ class Results:
 
     @classmethod
     def read(cls, folder: str | Path, surface: Surface | None = None) -> Results:
-        """Read a run directory.
+        """Read the folder of a run.
 
         Args:
-            folder: the run directory.
-            surface: of the case, if it is built already: its summit need not be searched again.
+            folder: folder of the run.
+            surface: surface of the case, if it exists already; avoids a second search for its summit.
 
         Raises:
-            InputError: there is no curve.csv, or a file cannot be understood.
+            InputError: curve.csv is missing, or a file cannot be read.
         """
         folder = Path(folder)
         if not (folder / CURVE).is_file():
@@ -90,26 +90,26 @@ class Results:
         return cls(folder=folder, built=surface, **found)
 
     def unit(self, dimension: str) -> str:
-        """SI unit of "length", "force" or "stress"; empty in another system of units."""
+        """Return the SI unit of "length", "force" or "stress"; empty for another system of units."""
         return SI[dimension] if self.case.get("units", "SI") == "SI" else ""
 
     @cached_property
     def surface(self) -> Any:
-        """The surface of the case, None without a case file."""
+        """Surface of the case, None without a case file."""
         if self.built is not None:
             return self.built
         return Surface.from_spec(**self.case["surface"]) if "surface" in self.case else None
 
     @property
     def snapshots(self) -> int:
-        """Number of load levels at which the pressure was kept."""
+        """Number of load steps with stored pressure."""
         return len(self.top.get("pressure", ()))
 
     def branches(self, *names: str) -> list[Curve]:
-        """Pieces of the curve of one branch each, in order; each starts where the one before ended.
+        """Return the parts of the curve with one branch each, in order; each starts at the end of the previous one.
 
         Args:
-            names: branches wanted ("load", "unload", "reload").
+            names: branches to return ("load", "unload", "reload").
         """
         branch = self.curve.branch
         starts = [0, *(np.flatnonzero(branch[1:] != branch[:-1]) + 1)]
@@ -128,7 +128,7 @@ def _read_toml(path: Path) -> Mapping[str, Any]:
 def _read_json(path: Path) -> Mapping[str, Any]:
     data = json.loads(path.read_text(encoding="utf-8"))
     if not isinstance(data, dict):
-        raise ValueError("it holds no table")
+        raise ValueError("it is not a JSON object")
     return data
 
 
@@ -136,13 +136,13 @@ def _read_csv(path: Path) -> Columns:
     with path.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(line for line in file if not line.startswith("#"))
     if any(len(row) != len(header) for row in rows):
-        raise ValueError("a row has not as many values as the header")
+        raise ValueError("a row and the header have different numbers of values")
     columns = zip(*rows, strict=True) if rows else [()] * len(header)
     return {name: _column(values) for name, values in zip(header, columns, strict=True)}
 
 
 def _column(values: tuple[str, ...]) -> NDArray[Any]:
-    """Numbers where every value is one or missing, else texts."""
+    """Convert a column to numbers if every value is a number or missing, else to texts, (n,)."""
     try:
         return np.array([float(value) if value else np.nan for value in values])
     except ValueError:

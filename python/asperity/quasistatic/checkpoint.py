@@ -26,7 +26,8 @@ from asperity.quasistatic.checkpoint_schema import wrong_number
 from asperity.quasistatic.checkpoint_state import Saved, damaged, snapshot_fields, solver_fields, solver_numbers
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.stepping import Position, Record
-from asperity.runtime.files import UNREADABLE, npz_bytes, on_root, read_npz, remove_asides, replace_file
+from asperity.runtime.files import UNREADABLE, npz_bytes, read_npz, remove_asides, replace_file
+from asperity.runtime.parallel import on_root_bcast
 from asperity.runtime.run_folder import MESH, SNAPSHOT, STATE
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ class Checkpoint:
                 with suppress(OSError):  # it holds files of others
                     folder.rmdir()
 
-        on_root(self._comm, remove)
+        on_root_bcast(self._comm, remove)
 
     def found(self) -> bool:
         """Whether there is a state to resume from.
@@ -82,7 +83,7 @@ class Checkpoint:
                 self._read_state(path)
             return bool(states)
 
-        return on_root(self._comm, check)
+        return on_root_bcast(self._comm, check)
 
     def load(self) -> Saved | None:
         """Read the saved state; None when there is none.
@@ -103,7 +104,7 @@ class Checkpoint:
             found.append(Saved(self.folder, meta, arrays, snapshots, block))
             return meta
 
-        meta = on_root(self._comm, read)
+        meta = on_root_bcast(self._comm, read)
         if meta is None:
             return None
         self._mesh, self._snapshots = meta["mesh"], [about["digest"] for about in meta["snapshots"]]
@@ -147,7 +148,7 @@ class Checkpoint:
             replace_file(self.folder / MESH, npz_bytes(block.arrays()))
             return _digest(block.arrays())
 
-        self._mesh = on_root(self._comm, write)
+        self._mesh = on_root_bcast(self._comm, write)
 
     def due(self, steps: int) -> bool:
         """Whether to save after that many accepted steps."""
@@ -187,7 +188,7 @@ class Checkpoint:
                 replace_file(self.folder / STATE, npz_bytes(signed(meta, arrays)))
                 return digests
 
-            self._snapshots = on_root(self._comm, write)
+            self._snapshots = on_root_bcast(self._comm, write)
 
 
 def signed(meta: Mapping[str, Any], arrays: Mapping[str, Array]) -> dict[str, Array]:

@@ -30,7 +30,7 @@ from asperity.quasistatic.checkpoint_schema import wrong_array
 from asperity.quasistatic.contact_solver import ContactSolver, Counts, SolverState
 from asperity.quasistatic.measures import FirstContact, Snapshot, snapshot
 from asperity.quasistatic.stepping import Position, Record
-from asperity.runtime.files import on_root
+from asperity.runtime.parallel import on_root_bcast
 from asperity.runtime.run_folder import SNAPSHOT, STATE
 
 OF_CELLS = ("stress", "plastic_strain")  # fields of a snapshot with a row per cell
@@ -123,7 +123,7 @@ class Saved:
                 if wrong:
                     raise damaged(self.folder / name, wrong)
 
-        on_root(solver.solid.comm, judge)
+        on_root_bcast(solver.solid.comm, judge)
 
     def _snapshot(self, k: int, name: str) -> Array | None:
         return self.snapshots[k][name] if self.snapshots else None

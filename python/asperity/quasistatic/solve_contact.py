@@ -16,8 +16,10 @@ from asperity.curve import Curve
 from asperity.errors import ConvergenceError, Interrupted, MeshError, ResolutionWarning
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.generate import SizeField, build_block, check_distortion, distribute, is_distorted, on_root
+from asperity.mesh.distribute import check_distortion, distribute, is_distorted
+from asperity.mesh.generate import build_block
 from asperity.mesh.resolution import doubt_of_waves
+from asperity.mesh.size_field import SizeField
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.problem import Problem
@@ -26,6 +28,7 @@ from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import ContactSolver, Counts
 from asperity.quasistatic.measures import FirstContact, Snapshot
 from asperity.quasistatic.stepping import Callback, Position, Record, follow
+from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.timing import Phases
 from asperity.surface import Surface
 
@@ -102,7 +105,7 @@ def make_block(comm: MPI.Comm, surface: Surface, height: float, delta_max: float
     def build() -> BlockMesh:
         h = H_CONTACT * surface.L if size.h_contact is None else size.h_contact
         field = SizeField.of(
-            surface, delta_max, h, growth=size.growth, h_max=size.h_max, reach=size.reach, grading=size.grading
+            surface, delta_max, h, growth=size.growth, h_max=size.h_max, first_contact=size.reach, grading=size.grading
         )
         return build_block(surface, height, field.at)
 
@@ -162,7 +165,7 @@ def make_contact_solver(
         block.check(surface)
         return block.height
 
-    height = comm.bcast(on_root(comm, checked_height), root=0)
+    height = on_root_bcast(comm, checked_height)
     mesh, tags = distribute(comm, block, 1.0 / L)
     check_distortion(mesh, surface)
     solid = Solid(mesh, tags, material.scaled(material.E), sides, kernels, phases)

@@ -1,1 +1,1 @@
-"""What every package uses of the machine: files, ranks, progress, timing, signals, versions of dolfinx."""
+"""Files, ranks, progress, timing, signals and versions of dolfinx, for all other packages."""

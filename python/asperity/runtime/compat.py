@@ -1,4 +1,4 @@
-"""Everything that depends on the dolfinx version, found by probing; docs/install.md tells which ones were run."""
+"""All code that depends on the dolfinx version, detected by probing; docs/install.md lists the tested versions."""
 
 from __future__ import annotations
 
@@ -13,15 +13,23 @@ from asperity.errors import CompatError
 
 
 def require(module: str, package: str) -> None:
-    """Raise CompatError when `module` cannot be imported; `package` is the Debian package to install."""
+    """Check that a module can be imported.
+
+    Args:
+        module: its name
+        package: Debian package that contains it, for the message
+
+    Raises:
+        CompatError: it cannot be imported
+    """
     if importlib.util.find_spec(module) is None:
         raise CompatError(f"the Python module {module} is missing: install {package} or use ./run")
 
 
 def start() -> None:
-    """Import dolfinx, which starts PETSc: all ranks have to do that together.
+    """Import dolfinx, which starts PETSc; collective.
 
-    Its form compiler hands all warnings to a logger that nobody hears; here they are shown as before.
+    The form compiler of dolfinx redirects all warnings to a logger without output; this restores their display.
     """
     show = warnings.showwarning
     import dolfinx  # noqa: F401
@@ -30,7 +38,7 @@ def start() -> None:
 
 
 def gmsh_to_dolfinx(nodes_per_tet: int) -> npt.NDArray[np.integer[Any]]:
-    """Permutation p such that gmsh_cells[:, p] is in the node order of dolfinx."""
+    """Permutation p (nodes_per_tet,) such that gmsh_cells[:, p] has the node order of dolfinx."""
     from dolfinx.mesh import CellType
 
     try:
@@ -48,7 +56,7 @@ def geometry_dofmap(mesh: Any) -> npt.NDArray[np.int32]:
 
 
 def assemble_vector_into(b: npt.NDArray[np.float64], form: Any) -> None:
-    """Add the form to the local array `b` (owned and ghost entries)."""
+    """Assemble a form and add it to the array `b` of this rank, (owned and ghost dofs,)."""
     from dolfinx.fem import assemble_vector
 
     assemble_vector(b, form)

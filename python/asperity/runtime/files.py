@@ -1,4 +1,4 @@
-"""Files that are complete or not there at all: written aside, flushed to the disk, renamed."""
+"""Read files, and write them completely or not at all: to a temporary file, flushed to the disk, renamed."""
 
 from __future__ import annotations
 
@@ -8,47 +8,40 @@ import re
 import shutil
 import warnings
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tokenize import TokenError
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import Any
 from zipfile import BadZipFile
 
 import numpy as np
 import numpy.typing as npt
 
-from asperity.errors import AsperityError, OutputError
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-T = TypeVar("T")
-
-#: What numpy and zipfile raise on files that are damaged or hold something else.
+#: Errors that numpy and zipfile raise on files that are damaged or of another kind.
 UNREADABLE = (
     OSError, EOFError, LookupError, ValueError, TypeError, AttributeError, ArithmeticError, RuntimeError,
     MemoryError, SyntaxError, BadZipFile, TokenError, zlib.error,
 )  # fmt: skip
 
 
-def _aside_of(path: Path) -> Path:
-    """Where this process writes what is to become `path`: beside it, hidden, under a name that nobody else uses."""
+def _temporary_for(path: Path) -> Path:
+    """Hidden file or folder in which this process writes the content of `path`; the name is unique to the process."""
     return path.with_name(f".{path.name}.{os.getpid()}.asperity")
 
 
 def is_aside(name: str) -> bool:
-    """Whether a file or folder of that name is what a process was writing aside."""
+    """Whether a file or folder of that name is a temporary one of `replace_file` or `files_into`."""
     return re.fullmatch(r"\..+\.[0-9]+\.asperity", name) is not None
 
 
 def replace_file(path: Path, data: bytes) -> None:
-    """Write a file; whatever happens meanwhile, `path` holds either its old content or the new one.
+    """Write a file so that `path` always has either its old content or the new one, even after a crash.
 
     Raises:
-        OSError: no space, no permission, no such folder; the old content is untouched
+        OSError: no space, no permission, no such folder; the old content is unchanged
     """
-    aside = _aside_of(path)
+    aside = _temporary_for(path)
     try:
         with aside.open("wb") as file:
             file.write(data)
@@ -63,8 +56,8 @@ def replace_file(path: Path, data: bytes) -> None:
 
 @contextmanager
 def files_into(folder: Path) -> Iterator[Path]:
-    """A folder to write files in, which are moved to `folder` when all of them are complete."""
-    aside = _aside_of(folder)
+    """Yield a temporary folder; its files are moved to `folder` when all of them are complete."""
+    aside = _temporary_for(folder)
     aside.mkdir(parents=True)
     try:
         yield aside
@@ -76,7 +69,7 @@ def files_into(folder: Path) -> Iterator[Path]:
 
 
 def remove_asides(folder: Path) -> None:
-    """Remove what a killed process left half-written in a folder; nobody else may be writing there."""
+    """Remove the temporary files of killed processes from a folder; no other process may be writing there."""
     for path in folder.glob(".*.asperity"):
         if not is_aside(path.name):
             continue
@@ -93,7 +86,7 @@ def one_line(error: Exception) -> str:
 
 
 def npz_bytes(arrays: Mapping[str, npt.NDArray[Any]], compress: bool = False) -> bytes:
-    """Content of a .npz file, a checksum for each array included."""
+    """Content of a .npz file, with a checksum per array."""
     buffer, save = io.BytesIO(), np.savez_compressed if compress else np.savez
     save(buffer, **arrays)  # type: ignore[arg-type]
     return buffer.getvalue()
@@ -104,7 +97,7 @@ def read_npz(path: str | Path) -> dict[str, npt.NDArray[Any]]:
 
     Raises:
         OSError: the file cannot be read
-        ValueError: it is damaged, of another kind, or holds Python objects
+        ValueError: it is damaged, of another kind, or contains Python objects
     """
     data = io.BytesIO(Path(path).read_bytes())
     try:
@@ -115,7 +108,12 @@ def read_npz(path: str | Path) -> dict[str, npt.NDArray[Any]]:
 
 
 def read_npy(path: str | Path) -> npt.NDArray[Any]:
-    """Array of a .npy file; errors as those of `read_npz`."""
+    """Array of a .npy file.
+
+    Raises:
+        OSError: the file cannot be read
+        ValueError: it is damaged, of another kind, or contains Python objects
+    """
     data = io.BytesIO(Path(path).read_bytes())
     try:
         return np.asarray(np.lib.format.read_array(data, allow_pickle=False))
@@ -127,16 +125,16 @@ def read_matrix(path: str | Path, delimiter: str | None, skip: int = 0) -> npt.N
     """Numbers of a text file (rows, columns).
 
     Args:
-        path: of the file
+        path: the file
         delimiter: between numbers; None for white space
         skip: lines before the first row
 
     Raises:
         OSError: the file cannot be read
-        ValueError: it holds something else, or nothing
+        ValueError: it contains something else, or nothing
     """
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of an empty file, which is an error here
+        warnings.simplefilter("ignore")  # an empty file is an error below
         table = np.loadtxt(path, delimiter=delimiter, skiprows=skip, ndmin=2, dtype=float)
     if not table.size:
         raise ValueError("there are no numbers in it")
@@ -147,47 +145,8 @@ def real(values: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Values as real numbers.
 
     Raises:
-        ValueError: they are complex, or no numbers
+        ValueError: they are complex or not numbers
     """
     if np.iscomplexobj(values):
         raise ValueError("its numbers are complex")
     return np.array(values, dtype=float)
-
-
-def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T:
-    """Do file work on rank 0; every rank gets the result, or the same error; collective.
-
-    Raises:
-        OutputError: for an OSError of `work`
-        AsperityError: what `work` raised
-    """
-    result: tuple[T | None, AsperityError | None] = None, None
-    if comm.rank == 0:
-        try:
-            result = work(), None
-        except AsperityError as error:
-            result = None, error
-        except OSError as error:
-            result = None, OutputError(f"cannot write {error.filename or 'the results'}: {error.strerror or error}")
-    value, failure = comm.bcast(result, root=0)
-    if failure is not None:
-        raise failure
-    return value
-
-
-def agree(comm: MPI.Comm, work: Callable[[], T]) -> T:
-    """Do the same work on every rank; what fails on one of them fails on all; collective.
-
-    Raises:
-        AsperityError: what `work` raised on the first rank where it failed
-    """
-    result: T | None = None
-    failure: AsperityError | None = None
-    try:
-        result = work()
-    except AsperityError as error:
-        failure = error
-    first = next((error for error in comm.allgather(failure) if error is not None), None)
-    if first is not None:
-        raise first
-    return cast(T, result)

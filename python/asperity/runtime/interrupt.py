@@ -1,4 +1,4 @@
-"""Signals that ask a run to end: it finishes its step, saves its state, and leaves in order on all ranks."""
+"""Signals that end a run: it finishes its step, saves its state, and stops on all ranks together."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ SIGNALS = (signal.SIGTERM, signal.SIGINT)
 
 
 class StopRequest:
-    """While entered, the first SIGTERM or SIGINT is only noted, and the next one ends the process at once.
+    """Context in which the first SIGTERM or SIGINT is only recorded; the next one ends the process at once.
 
-    Outside of the main thread, where Python handles no signals, nothing changes.
+    It has no effect outside the main thread, where Python cannot handle signals.
 
     Args:
         comm: ranks that stop together
@@ -47,11 +47,11 @@ class StopRequest:
         for s in SIGNALS:
             signal.signal(s, signal.SIG_DFL)
         name = signal.Signals(number).name
-        # print() may be what the signal interrupted, and is not re-entrant
-        os.write(2, f"{name}: the run ends after this step; once more ends it at once\n".encode())
+        # the signal may have interrupted print(), which is not re-entrant
+        os.write(2, f"{name}: the run ends after this step; a second signal ends it at once\n".encode())
 
     def agreed(self) -> str:
-        """Name of the signal that any rank has received, empty for none; collective."""
+        """Name of the signal that some rank has received, empty if none; collective."""
         from mpi4py import MPI
 
         number = self._comm.allreduce(self._noted, op=MPI.MAX)

@@ -1,4 +1,4 @@
-"""Warnings of a run: shown as they come, kept for its files, each once, whichever rank gave it."""
+"""Warnings of a run: each is shown once, on whichever rank it was issued, and recorded for the files of the run."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 
 class Notices:
-    """Sentences of the warnings given so far.
+    """Texts of the warnings issued so far.
 
     Attributes:
-        texts: in the order they came in; after `share` those of all ranks
+        texts: in the order of their first occurrence; after `share` those of all ranks
     """
 
     def __init__(self, comm: MPI.Comm) -> None:
@@ -26,14 +26,14 @@ class Notices:
         self.texts: list[str] = []
 
     def share(self) -> None:
-        """Take up the warnings that other ranks have given; collective."""
+        """Add the warnings of the other ranks; collective."""
         everywhere = dict.fromkeys(text for texts in self._comm.allgather(self.texts) for text in texts)
         for text in everywhere:
-            warnings.warn(text, AsperityWarning, stacklevel=2)  # those of this rank are known already
+            warnings.warn(text, AsperityWarning, stacklevel=2)  # has no effect for the warnings this rank already has
         self.texts[:] = everywhere
 
     def log(self) -> None:
-        """Write those so far into a log that has just been opened."""
+        """Write the warnings so far to a log file that has just been opened."""
         for text in self.texts:
             _log(text)
 
@@ -44,9 +44,9 @@ def _log(text: str) -> None:
 
 @contextmanager
 def noting(comm: MPI.Comm) -> Iterator[Notices]:
-    """Note and log each `AsperityWarning`, whatever the filters of the caller are.
+    """Record and log each `AsperityWarning`, regardless of the warning filters of the caller.
 
-    These decide, as ever, whether it is shown, left out or raised; what is shown, the first rank shows.
+    The filters still decide whether a warning is shown, ignored or raised as an error. Rank 0 shows it.
 
     Args:
         comm: ranks of the run
@@ -83,4 +83,4 @@ def noting(comm: MPI.Comm) -> Iterator[Notices]:
 
 
 def _silent(*_: Any) -> None:
-    """Show nothing."""
+    """Discard a warning."""

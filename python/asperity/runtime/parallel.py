@@ -1,4 +1,4 @@
-"""All ranks of a parallel job end together, with one message and one exit code."""
+"""Work on rank 0, agreement between ranks, and a common end of all ranks with one message and one exit code."""
 
 from __future__ import annotations
 
@@ -7,17 +7,22 @@ import sys
 import time
 import traceback
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from asperity.errors import AsperityError
+from asperity.errors import AsperityError, OutputError
 
-PATIENCE = 30.0  # seconds a failed rank waits for the others before it ends the job
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+T = TypeVar("T")
+
+PATIENCE = 30.0  # time a failed rank waits for the others before it aborts the job [s]
 
 
 class Ranks:
-    """The processes of this job; start it before any work, on every rank.
+    """The ranks of this job; create it on every rank before any work.
 
-    A communicator of its own keeps its messages apart from those of an interrupted computation.
+    It has its own communicator, so that its messages do not mix with those of an interrupted computation.
     """
 
     def __init__(self) -> None:
@@ -30,13 +35,17 @@ class Ranks:
             sys.excepthook = self._crash
 
     def leave(self, code: int, message: str = "") -> int:
-        """Wait for all ranks and agree on the exit code, the greatest of all.
+        """Wait for all ranks and return the exit code of the job, the greatest of all ranks; collective.
 
-        The first failed rank prints its message. When the others do not come, because they wait for
-        this rank inside the solver, the job is aborted with the code.
+        The lowest failed rank prints its message. If the other ranks do not arrive, because they wait for
+        a failed rank inside the solver, that rank aborts the job with its code.
+
+        Args:
+            code: exit code of this rank
+            message: of its error, empty for none
         """
         if self._comm is None:
-            _complain(message)
+            _print_error(message)
             return code
         import numpy as np
         from mpi4py import MPI
@@ -49,38 +58,100 @@ class Ranks:
         while not request.Test():
             time.sleep(0.02)
             if code and time.monotonic() - since > PATIENCE:
-                _complain(f"{message} (rank {self._comm.rank}; the other ranks were stopped)")
+                _print_error(f"{message} (rank {self._comm.rank}; the other ranks were stopped)")
                 self._comm.Abort(code)
         if code and size - worst[1] == self._comm.rank:
-            _complain(message)
+            _print_error(message)
         return int(worst[0])
 
     def _crash(self, kind: Any, error: Any, trace: Any) -> None:
-        """Show an internal error and end every rank, which could wait for this one forever."""
+        """Print an internal error and end all ranks, which might otherwise wait for this one forever."""
         traceback.print_exception(kind, error, trace)
         sys.stderr.flush()
         self._comm.Abort(1)
 
 
-def on_first_rank(function: Callable[[], Any]) -> Any:
-    """Call a function on the first rank; every rank gets its result, or its error."""
-    if not _launched_in_parallel():
-        return function()
-    from mpi4py import MPI
+def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
+    """Do work on rank 0 and keep its result there; collective.
 
-    result: tuple[Any, Exception | None] = None, None
-    if MPI.COMM_WORLD.rank == 0:
-        try:
-            result = function(), None
-        except (AsperityError, OSError) as error:
-            result = None, error
-    value, failure = MPI.COMM_WORLD.bcast(result)
+    Args:
+        comm: communicator
+        work: called on rank 0 only
+
+    Returns:
+        The result of `work` on rank 0, None elsewhere.
+
+    Raises:
+        AsperityError: what `work` raised, on every rank
+        OutputError: for an OSError of `work`, on every rank
+    """
+    result, error = _attempt(work) if comm.rank == 0 else (None, None)
+    if failure := comm.bcast(error, root=0):
+        raise failure
+    return result
+
+
+def on_root_bcast(comm: MPI.Comm | None, work: Callable[[], T]) -> T:
+    """Do work on rank 0 and broadcast its result; collective.
+
+    Args:
+        comm: communicator; None for all ranks of the job, without starting MPI in a process that runs alone
+        work: called on rank 0 only; its result is pickled
+
+    Returns:
+        The result of `work`, on every rank.
+
+    Raises:
+        AsperityError: what `work` raised, on every rank
+        OutputError: for an OSError of `work`, on every rank
+    """
+    if comm is None and _launched_in_parallel():
+        from mpi4py import MPI
+
+        comm = MPI.COMM_WORLD
+    outcome = _attempt(work) if comm is None or comm.rank == 0 else (None, None)
+    result, failure = outcome if comm is None else comm.bcast(outcome, root=0)
     if failure is not None:
         raise failure
-    return value
+    return cast(T, result)
 
 
-def _complain(message: str) -> None:
+def agree(comm: MPI.Comm, work: Callable[[], T]) -> T:
+    """Do the same work on every rank; if it fails on one rank, it fails on all; collective.
+
+    Args:
+        comm: communicator
+        work: called on every rank
+
+    Returns:
+        The result of `work` on this rank.
+
+    Raises:
+        AsperityError: what `work` raised on the lowest rank where it failed
+    """
+    result: T | None = None
+    failure: AsperityError | None = None
+    try:
+        result = work()
+    except AsperityError as error:
+        failure = error
+    first = next((error for error in comm.allgather(failure) if error is not None), None)
+    if first is not None:
+        raise first
+    return cast(T, result)
+
+
+def _attempt(work: Callable[[], T]) -> tuple[T | None, AsperityError | None]:
+    """Return the result of `work` and None, or None and its error."""
+    try:
+        return work(), None
+    except AsperityError as error:
+        return None, error
+    except OSError as error:
+        return None, OutputError(f"cannot write {error.filename or 'the results'}: {error.strerror or error}")
+
+
+def _print_error(message: str) -> None:
     if message:
         print(f"error: {message}", file=sys.stderr, flush=True)
 

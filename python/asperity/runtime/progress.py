@@ -1,7 +1,7 @@
-"""What a run tells its user while it works: nothing, one line a step, or a live bar.
+"""Progress display of a run: nothing, one line per step, or a live bar.
 
-The solver calls `stage` when it turns to something new, `step` after each accepted load step and
-`done` at the end; only the first rank shows anything.
+The solver calls `stage` at the start of a phase, `step` after each accepted load step and `done` at
+the end; only rank 0 shows anything.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from typing import Any, TextIO
 
 @contextmanager
 def log_file(path: Path | None, append: bool = False) -> Iterator[None]:
-    """Write what the package logs to a file, a line each with its time; no path writes nothing.
+    """Write the log messages of the package to a file, one line each with its time; None writes nothing.
 
-    What cannot be written is left out: the results, which come after, tell what is wrong with the disk.
+    Errors while writing the log are ignored: if the disk is full, writing the results raises the error.
     """
     if path is None:
         yield
@@ -44,21 +44,21 @@ def log_file(path: Path | None, append: bool = False) -> Iterator[None]:
 
 
 class Progress:
-    """Silent progress, and the protocol of the others."""
+    """Silent progress display; base class of the visible ones."""
 
     def stage(self, name: str) -> None:
-        """Announce a phase, for example "mesh"."""
+        """Show the start of a phase, for example "mesh"."""
 
     def step(self, row: Mapping[str, Any], fraction_done: float) -> None:
         """Show an accepted load step.
 
         Args:
             row: values of the columns of curve.csv.
-            fraction_done: part of the load path behind us, 0 to 1.
+            fraction_done: completed fraction of the load path, 0 to 1.
         """
 
     def done(self) -> None:
-        """Finish; nothing is shown afterwards."""
+        """End the display."""
 
 
 COLUMNS = ("step", "branch", "delta/L", "P*", "area", "Newton", "Krylov", "time", "left")
@@ -66,7 +66,7 @@ _WIDTHS = (5, 7, 11, 11, 7, 6, 6, 8, 8)
 
 
 class StepLines(Progress):
-    """One plain line a step, with the time left; suits log files and batch jobs."""
+    """One plain line per step, with the remaining time; for log files and batch jobs."""
 
     def __init__(self, stream: TextIO | None = None):
         self._stream = stream
@@ -106,12 +106,12 @@ class StepLines(Progress):
         )
 
     def done(self) -> None:
-        if self._begun:  # and was not refused
+        if self._begun:  # the case was not refused
             self._write(f"[{time.monotonic() - self._start:6.1f} s] end")
 
 
 class StepTable(StepLines):
-    """The same lines on a terminal, above a live bar with stage, part done and time left."""
+    """The same lines on a terminal, above a live bar with phase, completed fraction and remaining time."""
 
     def __init__(self) -> None:
         from rich.console import Console
@@ -133,7 +133,7 @@ class StepTable(StepLines):
 
     def stage(self, name: str) -> None:
         if not self._begun:
-            self._bar.start()  # not before: what is said about the case comes first
+            self._bar.start()  # not earlier: messages about the case come first
         super().stage(name)
         self._bar.update(self._task, description=name)
 
@@ -148,20 +148,20 @@ class StepTable(StepLines):
 
 
 def make_progress(quiet: bool = False) -> Progress:
-    """Progress that fits: silent on all ranks but the first, live on a terminal, else lines."""
+    """Return the display for this process: silent on ranks above 0, a live bar on a terminal, else lines."""
     if quiet or world_rank() > 0:
         return Progress()
     return StepTable() if sys.stdout.isatty() else StepLines()
 
 
 def world_rank() -> int:
-    """Rank of this process under mpirun or srun, 0 alone; from the environment, MPI not started."""
+    """Rank of this process under mpirun or srun, 0 without them; read from the environment without starting MPI."""
     names = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "MPI_RANKID", "SLURM_PROCID")
     return next((int(os.environ[n]) for n in names if os.environ.get(n, "").isdigit()), 0)
 
 
 def duration(seconds: float) -> str:
-    """Seconds in words of at most 7 letters: 3.2 s, 4 m 05, 2 h 10."""
+    """Format a time [s] in at most 7 characters: 3.2 s, 4 m 05, 2 h 10."""
     if not seconds < 1e8:
         return "?"
     if seconds < 60:

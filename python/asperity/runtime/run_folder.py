@@ -1,7 +1,7 @@
-"""The folder of a run: the one list of its files, and what a new run may do with a folder that is there.
+"""The folder of a run: the list of its files, and the rules for starting a run in an existing folder.
 
-Nothing of somebody else's is written over: a run is known by its checkpoint, or by a `case.toml` that no hand has
-written.
+A run never overwrites files of other origin. A folder contains a run if it has a checkpoint, or a `case.toml` that was
+generated.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ PICTURES = (
 )  # in figures, .png # fmt: skip
 MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpoint and in the folders in it
 
-#: All that a run writes, folders after what is in them; without those of the checkpoint.
+#: All files and folders that a run writes, folders after their files; without those of the checkpoint.
 PRODUCTS = (
     CURVE, SUMMARY, LOG, FREE, RESPONSE, BAND, THRESHOLDS, REPORT,
     *(f"{FIELDS}/{name}" for name in (BLOCK, TOP, VTKHDF)), FIELDS,
@@ -33,18 +33,18 @@ PRODUCTS = (
 
 
 def check(folder: Path, *, resume: bool = False, force: bool = False) -> None:
-    """Refuse a folder that holds something a new run would write over.
+    """Refuse a folder with files that a new run would overwrite.
 
-    An absent or empty folder may always be used, and so may one in which a process was killed before its first file
-    was whole.
+    A missing or empty folder is always accepted, and so is one in which a process was killed before it had completed
+    its first file.
 
     Args:
         folder: of the new run
-        resume: it continues the run there
-        force: it replaces the run there
+        resume: whether to continue the run in the folder
+        force: whether to replace the run in the folder
 
     Raises:
-        InputError: the folder is a file, holds files but no run, or a run (without `resume` or `force`)
+        InputError: the folder is a file, contains files but no run, or contains a run (without `resume` or `force`)
     """
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder} is a file; give a folder to -o")
@@ -60,7 +60,7 @@ def check(folder: Path, *, resume: bool = False, force: bool = False) -> None:
 
 
 def is_empty(folder: Path) -> bool:
-    """Whether nothing is there but what a killed process was writing, and a checkpoint without files."""
+    """Whether a folder is missing or contains only temporary files and a checkpoint folder without files."""
     if not folder.is_dir():
         return True
     return all(is_aside(path.name) or _is_empty_checkpoint(path) for path in folder.iterdir())
@@ -71,7 +71,7 @@ def _is_empty_checkpoint(path: Path) -> bool:
 
 
 def holds_run(folder: Path) -> bool:
-    """Whether a folder holds a run, or the begin of one."""
+    """Whether a folder contains a run or the beginning of one."""
     import tomli_w
 
     if any(any((folder / CHECKPOINT).glob(f"**/{name}")) for name in (MESH, STATE, SNAPSHOT.format("*"))):
@@ -85,14 +85,15 @@ def holds_run(folder: Path) -> bool:
 
 
 def clear(folder: Path) -> None:
-    """Remove what an earlier run wrote, and nothing else.
+    """Remove the files of an earlier run, and nothing else.
 
-    Its checkpoint is left to the new one, and so is its case.toml, without which what a kill leaves would be no run.
+    The new run replaces the checkpoint and case.toml itself: without case.toml, a folder left by a kill would no longer
+    count as a run.
     """
     for name in PRODUCTS:
         path = folder / name
         if path.is_dir():
-            with suppress(OSError):  # it holds what is somebody else's
+            with suppress(OSError):  # it contains other files
                 path.rmdir()
         elif name != CASE:
             path.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""Where the time goes: seconds of the clock per phase."""
+"""Wall-clock time per phase of a run."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 
 @dataclass
 class Phases:
-    """Seconds per named phase and how often it was entered; phases do not nest."""
+    """Wall-clock time [s] and number of calls of each named phase; phases must not be nested."""
 
     seconds: dict[str, float] = field(default_factory=dict)
     calls: dict[str, int] = field(default_factory=dict)
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:
-        """Count the time of a with-block under `name`."""
+        """Add the time of a with-block to the phase `name`."""
         start = time.perf_counter()
         try:
             yield

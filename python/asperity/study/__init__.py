@@ -1,4 +1,4 @@
-"""Studies: one case with some keys varied, run as independent cases over the ranks of a job.
+"""Studies: one case with some keys varied, run as independent cases distributed over the ranks of a job.
 
 study = Study.load("study.toml")
 run_study(study, "out/study")

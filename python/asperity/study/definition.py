@@ -2,21 +2,21 @@
 
     title = "..."
     base = "base.toml"              # a case file, or a table [base] with the sections of one
-    edge_summits = "redraw"         # of cases that first touch on an edge of the patch; or "skip", or "keep" (default)
+    edge_summits = "redraw"         # replace seeds whose first contact is on an edge; or "skip", or "keep" (default)
 
     [grid]                          # every combination
     "surface.seed" = {first = 0, count = 10}
     "surface.D" = [2.4, 2.5]
     "loading.delta_max" = {from = 1e-9, to = 1e-8, count = 3, log = true}
 
-    [[points]]                      # combinations listed one by one, each with every one of the grid
+    [[points]]                      # listed combinations, each combined with every one of the grid
     "material.yield_strength" = 1e9
 
-    [families.hardening]            # several studies in one: each family has the top-level grid and points
-    title = "..."                   # and its own beside
+    [families.hardening]            # several studies in one: each family combines the top-level grid and points
+    title = "..."                   # with its own
     grid = {"material.tangent_modulus" = [1e9, 1e10]}
 
-An empty text removes a key, as `--set` does. Cases that several families share are run once.
+An empty string removes a key, as with `--set`. Cases that several families share are run once.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ import numpy as np
 from asperity.case.case_file import Case, _override, _read_toml
 from asperity.case.schema import Input, sections, show
 from asperity.errors import InputError
-from asperity.study.edges import RULES, Rule, told, without_edge_summits
+from asperity.study.edges import RULES, Rule, describe_replaced, without_edge_summits
 from asperity.surface import SurfaceWarning
 
-#: Key whose values make an ensemble: levels differ in the other keys.
+#: Key that varies within an ensemble; the levels of a family differ in the other keys.
 ENSEMBLE = "surface.seed"
-#: Keys that add waves to a surface.
+#: Keys of the shortest wave of a surface.
 CUTOFFS = {"surface.f_max", "surface.L_s"}
-#: Families and cases a study may have at most, against slips of the pen.
+#: Greatest number of cases of a study; guards against typing errors.
 MOST_CASES = 100_000
 
 Point = dict[str, Any]
@@ -54,12 +54,16 @@ _FAMILY_KEYS = ("title", "grid", "points")
 
 @dataclass(frozen=True)
 class Family:
-    """A part of a study with a title of its own.
+    """A part of a study with its own title.
+
+    >>> from asperity.study import Family
+    >>> Family("hardening", "Hardening", ("surface.seed", "material.tangent_modulus")).keys[0]
+    'surface.seed'
 
     Attributes:
-        name: as in the file; "study" when the file has no families.
+        name: as in the file; "study" if the file has no families.
         title: for figures.
-        keys: dotted keys it varies, in the order of the file.
+        keys: dotted keys that vary in the family, in the order of the file.
     """
 
     name: str
@@ -71,9 +75,18 @@ class Family:
 class Entry:
     """One case of a study.
 
+    >>> from asperity.study import Study
+    >>> base = {
+    ...     "surface": {"kind": "sphere", "L": 1e-6, "radius": 1e-5}, "material": {"E": 200e9, "nu": 0.3},
+    ...     "loading": {"delta_max": 1e-9},
+    ... }
+    >>> study = Study.from_dict({"base": base, "grid": {"material.nu": [0.2, 0.3]}})
+    >>> study.entries[0].value("material.nu"), len(study.entries[0].key)
+    (0.2, 16)
+
     Attributes:
-        key: "c" (so that no reader of a table takes it for a number) and 15 letters of the hash of the completed
-            case; names its folder.
+        key: "c" (so that table readers do not take it for a number) and 15 digits of the hash of the completed
+            case; also the name of its folder.
         case: the completed case.
         families: names of the families it belongs to.
     """
@@ -83,7 +96,7 @@ class Entry:
     families: tuple[str, ...]
 
     def value(self, key: str) -> Any:
-        """Value of a dotted key in the completed case, None when absent."""
+        """Return the value of a dotted key in the completed case, None if it is absent."""
         section, name = key.split(".")
         return getattr(getattr(self.case, section), name, None)
 
@@ -92,13 +105,22 @@ class Entry:
 class Study:
     """All cases of a study file, validated.
 
+    >>> from asperity.study import Study
+    >>> base = {
+    ...     "surface": {"kind": "sphere", "L": 1e-6, "radius": 1e-5}, "material": {"E": 200e9, "nu": 0.3},
+    ...     "loading": {"delta_max": 1e-9},
+    ... }
+    >>> study = Study.from_dict({"base": base, "grid": {"loading.delta_max": [1e-9, 2e-9], "material.nu": [0.2, 0.3]}})
+    >>> len(study.entries), study.keys
+    (4, ('loading.delta_max', 'material.nu'))
+
     Attributes:
         title: for figures.
         families: parts of the study.
         entries: different cases in the order of the file.
-        keys: every dotted key that some family varies, and the seed where some were replaced.
-        edge_summits: what is done with cases that first touch on an edge of the patch.
-        replaced: new seeds in the place of those of such cases, None where these are left out.
+        keys: all dotted keys that vary in some family, and the seed if some seeds were replaced.
+        edge_summits: treatment of cases whose first contact is on an edge of the patch.
+        replaced: new seed by replaced seed of such cases, None for omitted ones.
     """
 
     title: str
@@ -110,14 +132,14 @@ class Study:
 
     @staticmethod
     def load(path: str | Path, overrides: Iterable[str] = ()) -> Study:
-        """Read a study file; relative paths inside it are taken from its folder.
+        """Read a study file; relative paths in it start from its folder.
 
         Args:
             path: TOML file.
-            overrides: texts "section.key=value" that replace keys of the base case.
+            overrides: strings "section.key=value" that replace keys of the base case.
 
         Raises:
-            InputError: anything wrong, in one sentence.
+            InputError: the study is illegal; the message is one sentence.
         """
         path = Path(path)
         return Study.from_dict(_read_toml(path), folder=path.parent, source=str(path), overrides=overrides)
@@ -126,16 +148,16 @@ class Study:
     def from_dict(
         data: Mapping[str, Any], *, folder: str | Path = ".", source: str = "study", overrides: Iterable[str] = ()
     ) -> Study:
-        """Build from nested tables as in the file; not modified.
+        """Build a study from nested tables as in the file.
 
         Args:
-            data: the tables.
-            folder: where relative paths start.
+            data: the tables; not modified.
+            folder: start of relative paths.
             source: name of the input in messages.
-            overrides: texts "section.key=value" for the base case.
+            overrides: strings "section.key=value" that replace keys of the base case.
 
         Raises:
-            InputError: anything wrong, in one sentence.
+            InputError: the study is illegal; the message is one sentence.
         """
         _check_keys(data, _KEYS, source, "the study file")
         title = _text(data, "title", Path(source).stem, source)
@@ -160,7 +182,7 @@ class Study:
             keys |= varied
         chosen, replaced = without_edge_summits([case for case, _ in made], rule, source)
         if replaced:
-            warnings.warn(told(replaced), SurfaceWarning, stacklevel=2)
+            warnings.warn(describe_replaced(replaced), SurfaceWarning, stacklevel=2)
             keys.setdefault(ENSEMBLE)
         cases: dict[str, tuple[Case, list[str]]] = {}
         for case, (_, name) in zip(chosen, made, strict=True):
@@ -168,8 +190,8 @@ class Study:
                 cases.setdefault("c" + case.hash()[:15], (case, []))[1].append(name)
         if CUTOFFS & keys.keys() and any(getattr(case.surface, "drawing", None) == "array" for case, _ in made):
             warnings.warn(
-                f"{source}: surfaces of one seed with other cut-offs are unrelated, for all phases are drawn at once; "
-                'surface.drawing = "nested" adds waves to the same surface',
+                f"{source}: surfaces of one seed with different cut-offs are unrelated, because all phases are drawn "
+                'at once; surface.drawing = "nested" adds waves to the same surface',
                 SurfaceWarning,
                 stacklevel=2,
             )
@@ -178,7 +200,7 @@ class Study:
 
 
 def _base(data: Mapping[str, Any], folder: Path, source: str) -> tuple[dict[str, Any], Path]:
-    """Tables of the base case and the folder its paths start from."""
+    """Return the tables of the base case and the folder where its relative paths start."""
     base = data.get("base")
     if isinstance(base, str):
         path = folder / base
@@ -193,7 +215,7 @@ def _base(data: Mapping[str, Any], folder: Path, source: str) -> tuple[dict[str,
 
 
 def _families(data: Mapping[str, Any], source: str, title: str) -> Iterator[tuple[str, str, list[Point]]]:
-    """Name, title and own points of each family."""
+    """Yield name, title and own points of each family."""
     tables = data.get("families", {})
     if not isinstance(tables, Mapping):
         raise InputError(f"{source}: families must be tables [families.NAME]")
@@ -203,7 +225,7 @@ def _families(data: Mapping[str, Any], source: str, title: str) -> Iterator[tupl
         yield "study", title, [{}]
     for name, table in tables.items():
         where = f"{source}: families.{name}"
-        if not re.fullmatch(r"[A-Za-z0-9_-]{1,80}", name):  # it names files
+        if not re.fullmatch(r"[A-Za-z0-9_-]{1,80}", name):  # the name becomes a file name
             raise InputError(f"{source}: families.{show(name)} must consist of letters, digits, - and _")
         if not isinstance(table, Mapping):
             raise InputError(f"{where} must be a table")
@@ -212,7 +234,7 @@ def _families(data: Mapping[str, Any], source: str, title: str) -> Iterator[tupl
 
 
 def _points(table: Mapping[str, Any], where: str) -> list[Point]:
-    """Combinations of the points and the grid of a table; one without keys when it has neither."""
+    """Return all combinations of the points and the grid of a table; one without keys if it has neither."""
     grid = _flat(table.get("grid", {}), f"{where} grid")
     axes = {key: _values(value, f"{where} grid: {key}") for key, value in grid.items()}
     count = math.prod(len(values) for values in axes.values())
@@ -226,14 +248,14 @@ def _points(table: Mapping[str, Any], where: str) -> list[Point]:
     for point in points:
         for key in point:
             if key in axes:
-                raise InputError(f"{where} {key} stands in grid and in points; give it once")
+                raise InputError(f"{where} {key} is in grid and in points; give it once")
             if isinstance(point[key], Mapping):
                 raise InputError(f"{where} points: {key} must be one value")
     return [point | combination for point in points for combination in combinations]
 
 
 def _flat(table: Any, where: str) -> Point:
-    """Table with dotted keys; `surface.D = ..` without quotes nests and is the same."""
+    """Return a table with dotted keys; `surface.D = ..` without quotes makes nested tables with the same meaning."""
     if not isinstance(table, Mapping):
         raise InputError(f'{where} must be a table of keys such as "surface.D"')
     flat: Point = {}
@@ -256,12 +278,12 @@ def _check_key(key: str, where: str) -> None:
 
 
 def _values(value: Any, where: str) -> list[Any]:
-    """Values of an axis: a list, {first, count}, or {from, to, count, log}."""
+    """Return the values of an axis: a list, {first, count}, or {from, to, count, log}."""
     if isinstance(value, list):
         if not value:
             raise InputError(f"{where} is an empty list; give at least one value")
         if any(value.count(v) > 1 for v in value):
-            raise InputError(f"{where} = {show(value)} names a value twice")
+            raise InputError(f"{where} = {show(value)} contains a value twice")
         return value
     if isinstance(value, Mapping):
         count = value.get("count")
@@ -276,8 +298,8 @@ def _values(value: Any, where: str) -> list[Any]:
                 if low > 0 and high > 0:
                     return [float(v) for v in np.geomspace(low, high, value["count"])]
     raise InputError(
-        f"{where} = {show(dict(value)) if isinstance(value, Mapping) else show(value)} is no axis; give a list [..], "
-        "{first = 0, count = 10}, or {from = 1.0, to = 2.0, count = 5} with log = true for even ratios"
+        f"{where} = {show(dict(value)) if isinstance(value, Mapping) else show(value)} is not an axis; give a list "
+        "[..], {first = 0, count = 10}, or {from = 1.0, to = 2.0, count = 5} with log = true for equal ratios"
     )
 
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from asperity.plot import style
 from asperity.plot.curves import DELTA, LOAD
-from asperity.study.results import Level, StudyResults, ensemble_curve
+from asperity.study.results import StudyLevel, StudyResults, ensemble_curve
 
 _SYMBOLS = {
     "surface.D": "$D$", "surface.G": "$G$", "material.yield_strength": "$\\sigma_y$",
@@ -24,17 +24,17 @@ _ABSENT = {"material.yield_strength": "elastic", "material.tangent_modulus": ""}
 
 
 def colours(count: int) -> list[Any]:
-    """Colours in the order of the levels, from dark to light, told apart without colour vision."""
+    """Colours in the order of the levels, from dark to light, distinguishable without colour vision."""
     return [mpl.colormaps["viridis"](x) for x in np.linspace(0.0, 0.88, max(count, 1))]
 
 
 def name_of(key: str) -> str:
-    """Symbol of a dotted key where it has one, else its name."""
+    """Symbol of a dotted key if it has one, else its name."""
     return _SYMBOLS.get(key, key.split(".")[-1])
 
 
 def label_of(parameters: Mapping[str, Any], scale: Mapping[str, tuple[float, str]] | None = None) -> str:
-    """Values of a level for a legend.
+    """Text of the values of a level for a legend.
 
     Args:
         parameters: dotted keys and values.
@@ -53,15 +53,15 @@ def label_of(parameters: Mapping[str, Any], scale: Mapping[str, tuple[float, str
 
 
 def draw_curves(
-    axis: Axes, results: StudyResults, levels: Sequence[Level], labels: Sequence[str], over_greatest: bool = False
+    axis: Axes, results: StudyResults, levels: Sequence[StudyLevel], labels: Sequence[str], over_greatest: bool = False
 ) -> None:
-    """Mean load of each level with a band of one standard deviation.
+    """Draw the mean load of each level with a band of one standard deviation.
 
     Args:
-        axis: where to draw.
-        results: the study.
-        levels, labels: what to draw.
-        over_greatest: scale each level's mean by its last value.
+        axis: target axes.
+        results: results of the study.
+        levels, labels: levels to draw, and their labels.
+        over_greatest: whether to divide the curve of each level by its last mean value.
     """
     for level, text, colour in zip(levels, labels, colours(len(levels)), strict=True):
         x, mean, spread = ensemble_curve(results.curve(row) for row in level.rows)
@@ -77,10 +77,10 @@ def draw_curves(
 
 
 def draw_column(
-    axis: Axes, levels: Sequence[Level], labels: Sequence[str], column: str, colour: str, text: str, shift: float = 0.0,
-    marker: str = "o",
+    axis: Axes, levels: Sequence[StudyLevel], labels: Sequence[str], column: str, colour: str, text: str,
+    shift: float = 0.0, marker: str = "o",
 ) -> None:  # fmt: skip
-    """One column against the level: every case a dot, the mean with one standard deviation beside."""
+    """Draw a column over the levels: a dot for each case, and next to them the mean with one standard deviation."""
     for i, level in enumerate(levels):
         values = level.column(column)
         values = values[np.isfinite(values)]
@@ -99,7 +99,7 @@ def draw_column(
 
 @style.styled
 def family_figure(results: StudyResults, name: str) -> Figure:
-    """Curves of a family, and the exponents of its cases."""
+    """Draw the curves of a family and the exponents of its cases."""
     levels = results.levels(name)
     labels = [label_of(level.parameters) for level in levels]
     figure, (left, right) = style.figure(style.DOUBLE, 3.5, columns=2)
@@ -116,13 +116,13 @@ def family_figure(results: StudyResults, name: str) -> Figure:
     figure.legend(handles, numbered, loc="outside lower center", ncols=min(4, max(1, len(numbered))))
     title = next(family.title for family in results.families if family.name == name)
     seeds = max((len(level.rows) for level in levels), default=0)
-    figure.suptitle(f"{title} ({seeds} a level; band: one standard deviation)")
+    figure.suptitle(f"{title} ({seeds} per level; band: one standard deviation)")
     style.letters(left, right)
     return figure
 
 
 def plot_study(folder: str | Path) -> list[Path]:
-    """Draw a figure for each family of a study into its folder figures/; return the pictures."""
+    """Draw a figure for each family of a study in its folder figures/; return the files."""
     results = StudyResults.read(folder)
     target = results.folder / "figures"
     target.mkdir(exist_ok=True)

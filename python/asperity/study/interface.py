@@ -1,4 +1,4 @@
-"""The rough interface without the block below it, while that means something."""
+"""Approach of the rough interface alone: the compression of the block below it is subtracted."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from asperity.curve import Curve
 from asperity.output.assumptions import yield_pressure
 from asperity.power_law import interface_deflection
 
-FULL = 0.9  # contact area over the patch from which on no interface is left to give way
-BULK = 0.5  # part of the volume that is plastic only when the block as a whole yields
-FINEST, COARSEST = 0.03, 0.1  # elements of the flat block [L]
-RATIO, ORDER = 1.4, 1.3  # of two meshes of it, and of its stiffness in their size: the clamped edge is singular
+FULL = 0.9  # contact area over the patch beyond which the interface is practically closed
+BULK = 0.5  # plastic part of the volume that is exceeded only when the block as a whole yields
+FINEST, COARSEST = 0.03, 0.1  # element sizes of the flat block [L]
+RATIO, ORDER = 1.4, 1.3  # of the sizes of its two meshes; of its stiffness in the size: the clamped edge is singular
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,8 @@ class Block:
     Attributes:
         side: L (length).
         height: h_b (length).
-        modulus: mean pressure over the strain of the flat block (force/length^2).
-        yields_at: mean pressure at which it yields (force/length^2), inf when elastic.
+        modulus: mean pressure over mean strain of the flat block (force/length^2).
+        yields_at: mean pressure at which the block yields (force/length^2), inf if it is elastic.
     """
 
     side: float
@@ -40,7 +40,7 @@ class Block:
 
     @staticmethod
     def of(case: Case) -> Block:
-        """The block of a case; with free sides, solves a flat one of its shape, once in a process."""
+        """Return the block of a case; with free sides, solves a flat block of the same shape, once per process."""
         solid, side, height = case.material.solid, case.surface.L, case.block.height
         yields_at = yield_pressure(solid, case.block.sides)
         if case.block.sides == "rollers":
@@ -48,17 +48,17 @@ class Block:
         return Block(side, height, solid.E * free_block_modulus(solid.nu, height / side), yields_at)
 
     def interface(self, curve: Curve) -> NDArray[Any]:
-        """Deflection of the interface alone over L, row by row (n,)."""
+        """Return the approach of the interface alone over L, for each step of the curve (n,)."""
         of_block = dict(height=self.height, area=self.side**2, modulus=self.modulus)
         return interface_deflection(curve.delta, curve.force, **of_block) / self.side
 
     def void(self, curve: Curve) -> str:
-        """Why the deflection of the interface alone means nothing for a loading; empty when it means something."""
+        """Return why the approach of the interface alone is meaningless for a loading; empty if it is meaningful."""
         if not len(curve):
             return ""
         load = float(np.max(curve.force)) / (self.side**2 * self.yields_at)
         if load >= 1:
-            return f"the block has yielded: mean pressure {load:.2g} times that at which it does"
+            return f"the block has yielded: the mean pressure is {load:.2g} times its yield pressure"
         if (plastic := float(np.max(curve.plastic_fraction))) > BULK:
             return f"the block has yielded: {plastic:.0%} of it is plastic"
         if (area := float(np.max(curve.area_fraction))) > FULL:
@@ -68,10 +68,10 @@ class Block:
 
 @lru_cache(maxsize=64)
 def free_block_modulus(nu: float, height: float) -> float:
-    """Mean pressure over strain of a flat block with free sides on a clamped base, over E: more than 1.
+    """Mean pressure over mean strain of a flat block with free sides on a clamped base, over E: greater than 1.
 
-    The base holds the block together, which no closed form tells; finite elements in this process, to some 0.1 % where
-    the height is half the side or more.
+    The base prevents lateral expansion; there is no closed form. Computed by finite elements in this process, with an
+    error of about 0.1 % if the height is at least half the side.
 
     Args:
         nu: Poisson's ratio

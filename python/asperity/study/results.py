@@ -1,4 +1,4 @@
-"""What a study found: a tidy table with one row a case, its levels, and ensembles of curves."""
+"""Results of a study: a table with one row per case, its levels, and ensembles of curves."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from asperity.study.interface import Block
 Row = Mapping[str, Any]
 
 TABLE, ABOUT = "results.csv", "study.json"
-DONE = "done.json"  # how a case ended
+DONE = "done.json"  # exit reason and time of a case
 TEXTS = ("case", "families", "exit_reason", "norm", "interface_void")
 #: Columns of results.csv after "case", "families" and the keys that vary.
-FIGURES = (
+RESULT_COLUMNS = (
     "exit_reason", "summit_on_edge", "delta_star_max", "P_star_max", "k", "n", "n_low", "n_high", "norm", "range_low",
     "range_high", "points", "r2", "n_log", "n_interface", "interface_void", "stiffness", "preload", "slope", "n_loc",
     "n_loc_low", "n_loc_high", "kappa_loc", "kappa", "u_loss", "omega_loss", "drive_loss", "slope_unload", "n_unload",
@@ -40,21 +40,37 @@ FIGURES = (
 
 
 def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict[str, Any]:
-    """Figures of one case; those that its curve cannot give are left out.
+    """Return the results of one case; those that cannot be computed from its curve are missing.
 
-    Fits take the planned deflections only, see `Curve.planned`.
+    Fits use the planned steps only, see `Curve.planned`.
+
+    >>> import asperity as asp
+    >>> from asperity.study import summarise_case
+    >>> case = asp.Case.from_dict({
+    ...     "surface": {"kind": "sphere", "L": 1e-6, "radius": 1e-5}, "material": {"E": 200e9, "nu": 0.3},
+    ...     "loading": {"delta_max": 1e-9},
+    ... })
+    >>> force = case.material.E / (1 - 0.3**2) * 1e-12
+    >>> rows = [{"delta": d * 1e-6, "delta_star": d, "force": d * force, "P_star": d} for d in (0.1, 0.2, 0.3)]
+    >>> round(summarise_case(case, asp.Curve.from_rows(rows), {})["n"], 6)
+    1.0
+
+    Args:
+        case: as it was run.
+        curve: its curve.
+        summary: contents of its summary.json, or an empty mapping.
 
     Returns:
         k, n, ...: linear-scale power law of the loading branch, with norm, range and interval;
-        n_log: exponent of the log-log fit; n_interface: linear-scale exponent of the interface alone, the elastic
-        compression of the flat block taken off the deflection; or interface_void: why that means nothing, the block
-        having yielded or contact being nearly full;
+        n_log: exponent of the log-log fit; n_interface: linear-scale exponent of the interface alone (the elastic
+        compression of the flat block is subtracted from the approach), or interface_void: why it is meaningless
+        (the block has yielded, or the contact is nearly full);
         stiffness: K of F = K delta^n (force/length^n);
         preload: half of the greatest P*; slope: dP*/d(delta*) there; n_loc, kappa_loc: local exponent and backbone
         curvature there, from the points of the loading branch, with the 95 % interval of n_loc;
         kappa, u_loss, omega_loss, drive_loss: of the fitted law as a spring: backbone curvature, amplitude and
-        frequency at which contact is lost, F^/(2 zeta) at which resonance loses contact;
-        ..._unload: the same of the unloading branch about the preload;
+        frequency at which contact is lost, F^/(2 zeta) at which contact is lost in resonance;
+        ..._unload: the same for the unloading branch about the preload;
         block_load: mean pressure over the pressure at which the block itself yields (sigma_y (1-nu)/(1-2nu) between
         rollers, sigma_y with free sides).
     """
@@ -86,15 +102,15 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
         }  # fmt: skip
         points = curve.planned()
         row["interface_void"] = block.void(load)
-        own = None if row["interface_void"] else _fit(block.interface(points), points.P_star)
+        own = None if row["interface_void"] else _fit_or_none(block.interface(points), points.P_star)
         row["n_interface"] = None if own is None else own.n
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # how well the points tell a local slope is in n_loc_low, n_loc_high
+            warnings.simplefilter("ignore")  # n_loc_low and n_loc_high give the uncertainty of the local slope
             row |= _vibration(curve, fit, solid.E_prime * side**2, side)
     return row
 
 
-def _fit(delta_star: Array, P_star: Array) -> PowerLawFit | None:
+def _fit_or_none(delta_star: Array, P_star: Array) -> PowerLawFit | None:
     used = (delta_star > 0) & (P_star > 0)
     try:
         return fit_power_law(delta_star[used], P_star[used])
@@ -103,7 +119,7 @@ def _fit(delta_star: Array, P_star: Array) -> PowerLawFit | None:
 
 
 def _vibration(curve: Curve, fit: PowerLawFit, force: float, side: float) -> dict[str, Any]:
-    """What the laws of a curve say about a mass that loads it to half of its greatest force."""
+    """Results for a mass whose weight is half of the greatest force, with the laws of a curve as its spring."""
     from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw, unload_reload
 
     preload = 0.5 * float(curve.loading().force.max())
@@ -138,7 +154,7 @@ def _vibration(curve: Curve, fit: PowerLawFit, force: float, side: float) -> dic
 
 
 def tabulate(study: Study, folder: Path) -> list[dict[str, Any]]:
-    """Rows of the cases of a study that are in its folder, finished or failed, in the order of the study."""
+    """Return the rows of the finished and failed cases in the folder of a study, in the order of the study."""
     rows = []
     for entry in study.entries:
         done = case_state(folder, entry.key)
@@ -158,7 +174,7 @@ def tabulate(study: Study, folder: Path) -> list[dict[str, Any]]:
 def write_tables(study: Study, folder: Path) -> list[dict[str, Any]]:
     """Write results.csv and study.json; return the rows."""
     rows = tabulate(study, folder)
-    names = ("case", "families", *study.keys, *FIGURES)
+    names = ("case", "families", *study.keys, *RESULT_COLUMNS)
     text = io.StringIO(newline="")
     table = csv.DictWriter(text, names, restval="", lineterminator="\n")
     table.writeheader()
@@ -172,12 +188,12 @@ def write_tables(study: Study, folder: Path) -> list[dict[str, Any]]:
 
 
 def case_folder(folder: Path, key: str) -> Path:
-    """Where the files of a case are."""
+    """Return the folder of a case."""
     return folder / "cases" / key
 
 
 def case_state(folder: Path, key: str) -> dict[str, Any] | None:
-    """How a case ended: exit_reason and seconds; None when it did not."""
+    """Return exit_reason and seconds [s] of a case; None if it has not ended."""
     try:
         state: dict[str, Any] = json.loads((case_folder(folder, key) / DONE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -186,8 +202,13 @@ def case_state(folder: Path, key: str) -> dict[str, Any] | None:
 
 
 @dataclass(frozen=True)
-class Level:
+class StudyLevel:
     """Cases of a family that differ only in the seed.
+
+    >>> from asperity.study import Level
+    >>> level = Level({"surface.D": 2.4}, ({"surface.seed": 0.0, "n": 1.2}, {"surface.seed": 1.0, "n": None}))
+    >>> level.column("n").tolist()
+    [1.2, nan]
 
     Attributes:
         parameters: values of the keys that vary in the family, without the seed.
@@ -198,16 +219,27 @@ class Level:
     rows: tuple[Row, ...]
 
     def column(self, name: str) -> Array:
-        """Values of a column over the ensemble, NaN where missing."""
+        """Return the values of a column for all rows (rows,), NaN where missing."""
         return np.array([math.nan if row.get(name) in (None, "") else float(row[name]) for row in self.rows])
+
+
+#: Public name of `StudyLevel`.
+Level = StudyLevel
 
 
 @dataclass(frozen=True)
 class StudyResults:
-    """The folder of a study.
+    """Contents of the folder of a study.
+
+    >>> from pathlib import Path
+    >>> from asperity.study import Family, StudyResults
+    >>> row = {"case": "c0", "families": "study", "exit_reason": "done", "surface.D": 2.4, "n": 1.2}
+    >>> results = StudyResults(Path("out"), "Title", (Family("study", "Title", ("surface.D",)),), (row,))
+    >>> [level.column("n").tolist() for level in results.levels("study")]
+    [[1.2]]
 
     Attributes:
-        folder: where it is.
+        folder: folder of the study.
         title: of the study.
         families: its parts.
         rows: the table, numbers as floats, missing values None.
@@ -223,7 +255,7 @@ class StudyResults:
         """Read the tables of a study.
 
         Raises:
-            InputError: the folder holds none.
+            InputError: the folder contains no study.
         """
         folder = Path(folder)
         try:
@@ -239,17 +271,17 @@ class StudyResults:
         return StudyResults(folder, about["title"], families, rows)
 
     def family(self, name: str) -> tuple[Row, ...]:
-        """Finished rows of a family.
+        """Return the finished rows of a family.
 
         Raises:
-            InputError: there is no such family.
+            InputError: the family does not exist.
         """
         if name not in {family.name for family in self.families}:
             raise InputError(f"the study has no family {name!r}; it has {', '.join(f.name for f in self.families)}")
         return tuple(r for r in self.rows if name in str(r["families"]).split() and r["exit_reason"] == "done")
 
-    def levels(self, name: str) -> tuple[Level, ...]:
-        """Cases of a family grouped by everything but the seed, in rising order, a missing value last."""
+    def levels(self, name: str) -> tuple[StudyLevel, ...]:
+        """Return the finished cases of a family by level, in rising order of the keys, missing values last."""
         keys = next(family.keys for family in self.families if family.name == name)
         rows = self.family(name)
         varied = [k for k in keys if k != ENSEMBLE and len({row[k] for row in rows}) > 1]
@@ -257,19 +289,32 @@ class StudyResults:
         for row in rows:
             groups.setdefault(tuple(row[k] for k in varied), []).append(row)
         ordered = sorted(groups.items(), key=lambda item: [_rank(value) for value in item[0]])
-        return tuple(Level(dict(zip(varied, values, strict=True)), tuple(group)) for values, group in ordered)
+        return tuple(StudyLevel(dict(zip(varied, values, strict=True)), tuple(group)) for values, group in ordered)
 
     def curve(self, row: Row) -> Curve:
-        """Curve of a row."""
+        """Return the curve of a row."""
         return Curve.read(case_folder(self.folder, str(row["case"])) / CURVE)
 
     def case(self, row: Row) -> Case:
-        """Case of a row, as it was run."""
+        """Return the case of a row, as it was run."""
         return Case.load(case_folder(self.folder, str(row["case"])) / CASE)
 
 
 def ensemble_curve(curves: Iterable[Curve], points: int = 60) -> tuple[Array, Array, Array]:
-    """Mean and standard deviation of P* over the loading branches of curves, on their common range.
+    """Return mean and standard deviation of P* over the loading branches of curves, on their common range.
+
+    >>> import asperity as asp
+    >>> from asperity.study import ensemble_curve
+    >>> curves = [
+    ...     asp.Curve.from_rows([{"delta": 1.0, "force": p, "delta_star": 1.0, "P_star": p}]) for p in (1.0, 3.0)
+    ... ]
+    >>> x, mean, deviation = ensemble_curve(curves, points=3)
+    >>> mean.tolist()
+    [0.0, 1.0, 2.0]
+
+    Args:
+        curves: at least one with a loading branch.
+        points: number of values of delta*.
 
     Returns:
         (delta*, mean, standard deviation), each (points,); the deviation of one curve is 0.
@@ -287,7 +332,7 @@ def ensemble_curve(curves: Iterable[Curve], points: int = 60) -> tuple[Array, Ar
 
 
 def _rank(value: Any) -> tuple[int, float, str]:
-    """Sorting key: numbers, then texts, then nothing."""
+    """Sorting key: numbers, then strings, then missing values."""
     if value is None:
         return 2, 0.0, ""
     return (0, value, "") if isinstance(value, float) else (1, 0.0, str(value))
@@ -303,7 +348,7 @@ def _number(text: str) -> Any:
 
 
 def mean_interval(values: Sequence[float] | Array, confidence: float = 0.95) -> tuple[float, float, float]:
-    """Mean of a sample with its confidence interval, Student's t: (mean, low, high); NaNs left out."""
+    """Return (mean, low, high) of a sample (n,) with its confidence interval by Student's t; NaNs are ignored."""
     from scipy.stats import t as student
 
     sample = np.asarray(values, float)

@@ -1,4 +1,4 @@
-"""Running the cases of a study: groups of ranks pull them, meshes are shared, failures are recorded."""
+"""Run the cases of a study: groups of ranks pull them from a queue, meshes are shared, failures are recorded."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ import numpy as np
 
 from asperity.case.validation import doubt_of_edge
 from asperity.errors import AsperityError, AssumptionWarning, InputError
-from asperity.runtime.files import is_aside, on_root, remove_asides, replace_file
+from asperity.runtime.files import is_aside, remove_asides, replace_file
+from asperity.runtime.parallel import on_root
 from asperity.runtime.progress import duration
 from asperity.study.definition import Entry, Study
 from asperity.study.results import ABOUT, DONE, case_folder, case_state, write_tables
@@ -31,21 +32,21 @@ if TYPE_CHECKING:
     from asperity.case import Case
 
 MESHES = "meshes"  # folder of the meshes that cases share
-ERROR = "error.txt"  # of a case that ended by an unforeseen error
-PORTIONS = 4  # a group gets its cases in about this many portions: fewer leave groups idle, more mesh twice
+ERROR = "error.txt"  # traceback of a case that ended with an unexpected error
+PORTIONS = 4  # portions per group, approximately: with fewer, groups become idle; with more, meshes are built twice
 
 Say = Callable[[str], None]
 
 
 @dataclass(frozen=True)
 class StudyCounts:
-    """How the cases of a study stand after a run.
+    """Numbers of cases of a study after a run.
 
     Attributes:
-        cases: all of the study.
-        done: finished, now or before.
+        cases: all cases of the study.
+        done: finished, in this run or before.
         failed: with a recorded failure.
-        run: worked on now.
+        run: run now.
     """
 
     cases: int
@@ -63,23 +64,28 @@ def run_study(
     comm: MPI.Intracomm | None = None,
     say: Say | None = None,
 ) -> StudyCounts:
-    """Run what is missing of a study and write its tables; collective over `comm`.
+    """Run the missing cases of a study and write its tables; collective over `comm`.
 
-    The ranks are split into groups; the first rank of each pulls the next cases from a common counter. A case that
-    is in the folder already is not repeated: cases are known by the hash of the completed input. An error of the
-    solver is recorded with its case and the next one begins; an unforeseen error is recorded too where a group is a
-    single rank, and otherwise ends the job, which can be started again.
+    The ranks are split into groups; the first rank of each group pulls the next cases from a common counter. A case
+    whose results are in the folder is not repeated; cases are identified by the hash of the completed input. An error
+    of the solver is recorded with its case, and the next case starts. An unexpected error is recorded too if a group is
+    a single rank; otherwise it ends the job, which can be started again.
+
+        run_study(Study.load("study.toml"), "out/study")
 
     Args:
-        study: what to run.
+        study: the study to run.
         folder: receives results.csv, study.json, cases/HASH/ and meshes/.
-        ranks_per_case: size of a group.
-        retry: repeat the cases that failed.
+        ranks_per_case: number of ranks in a group.
+        retry: whether to repeat the cases that failed.
         comm: communicator; default all ranks.
-        say: receives a line for each case, on the first rank of each group.
+        say: called with a line for each case, on the first rank of each group.
+
+    Returns:
+        Numbers of cases, the same on all ranks.
 
     Raises:
-        InputError: the folder holds something else, or the ranks do not divide into groups.
+        InputError: the folder contains other files, or the ranks cannot be divided into groups.
     """
     from mpi4py import MPI
 
@@ -110,7 +116,7 @@ def run_study(
                     say(_line(entry, state, study.keys, old + finished, len(study.entries), left))
     except BaseException:
         if comm.rank == 0:
-            write_tables(study, folder)  # a study that is stopped shows what it has
+            write_tables(study, folder)  # the tables of a stopped study contain its finished cases
         lock.release()
         raise
     queue.close()  # waits for all ranks
@@ -125,7 +131,7 @@ def run_study(
 
 
 def run_portion(entries: Sequence[Entry], folder: Path, comm: MPI.Comm) -> Any:
-    """Run cases that share a mesh; yields each with how it ended; collective."""
+    """Run cases that share a mesh; yields each case with its exit state; collective."""
     mesh: Path | AsperityError | None = None
     for entry in entries:
         start, found = perf_counter(), {}
@@ -135,7 +141,7 @@ def run_portion(entries: Sequence[Entry], folder: Path, comm: MPI.Comm) -> Any:
         try:
             if isinstance(mesh, AsperityError):
                 raise mesh
-            on_root(comm, partial(forget, place))
+            on_root(comm, partial(remove_outcome, place))
             surface = entry.case.build_surface()
             found["summit_on_edge"] = int(bool(doubt_of_edge(entry.case.block.sides, surface)))
             _run(entry.case, place, mesh, comm)
@@ -155,8 +161,8 @@ def run_portion(entries: Sequence[Entry], folder: Path, comm: MPI.Comm) -> Any:
         yield entry, state
 
 
-def forget(place: Path) -> None:
-    """Remove how a case ended before, which is no file of a run."""
+def remove_outcome(place: Path) -> None:
+    """Remove the files that record the end of an earlier run of a case; `run` does not know them."""
     for name in (DONE, ERROR):
         (place / name).unlink(missing_ok=True)
 
@@ -167,17 +173,17 @@ def _run(case: Case, place: Path, mesh: Path | None, comm: MPI.Comm) -> None:
     if mesh is not None:
         case = case.model_copy(update={"mesh": case.mesh.model_copy(update={"file": str(mesh)})})
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", AssumptionWarning)  # one of each case would flood; its summary keeps them
+        warnings.simplefilter("ignore", AssumptionWarning)  # the summary of each case has them
         run(case, place, force=True, comm=comm)
 
 
 def shares_mesh(case: Case) -> bool:
-    """Whether the mesh of a case follows from its surface, block, sizes and deflection alone."""
+    """Whether the mesh of a case depends only on its surface, block, element sizes and greatest approach."""
     return case.accuracy.tolerance is None and case.mesh.file is None and case.loading.delta_max is not None
 
 
 def mesh_key(case: Case) -> str:
-    """Name of the mesh of a case; cases of one name can share it."""
+    """Return the name of the mesh of a case; cases with the same name can share it."""
     data = case.content()
     parts = [data["surface"], data["block"]["height"], data["mesh"], data["loading"].get("delta_max")]
     if not shares_mesh(case):
@@ -186,7 +192,7 @@ def mesh_key(case: Case) -> str:
 
 
 def shared_mesh(case: Case, folder: Path, comm: MPI.Comm) -> Path | AsperityError:
-    """File of the mesh of a case, made when missing; or why it cannot be; collective."""
+    """Return the file of the mesh of a case, built if missing, or the error of building it; collective."""
     from asperity.model.settings import MeshSize
     from asperity.quasistatic.solve_contact import make_block
 
@@ -211,7 +217,7 @@ def shared_mesh(case: Case, folder: Path, comm: MPI.Comm) -> Path | AsperityErro
 
 
 class _Lock:
-    """Keeps a second job out of the folder of a study; the system gives it up when the process ends."""
+    """Lock against a second job in the folder of a study; the system releases it when the process ends."""
 
     def __init__(self, folder: Path) -> None:
         self._path, self._file = folder / ".lock", -1
@@ -220,7 +226,7 @@ class _Lock:
         """Lock the folder.
 
         Raises:
-            InputError: another job has.
+            InputError: another job has locked it.
         """
         self._file = os.open(self._path, os.O_CREAT | os.O_WRONLY, 0o644)
         try:
@@ -233,14 +239,14 @@ class _Lock:
             return  # a file system without locks
 
     def release(self) -> None:
-        """Give the folder free, where it was taken."""
+        """Unlock the folder if it is locked by this process."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1
 
 
 def _prepare(study: Study, folder: Path, lock: _Lock, retry: bool, groups: int) -> tuple[Any, int]:
-    """Portions of case numbers still to be run, and how many are there already; or an error."""
+    """Return portions of the numbers of the cases to run, and the number of those done before; or an error."""
     try:
         if folder.exists() and not folder.is_dir():
             raise InputError(f"{folder} is a file; give a folder to -o")
@@ -262,7 +268,7 @@ def _prepare(study: Study, folder: Path, lock: _Lock, retry: bool, groups: int) 
 
 
 def portions(entries: Sequence[Entry], todo: Sequence[int], groups: int) -> list[list[int]]:
-    """Case numbers in portions of one mesh, small enough that all groups have work to the end."""
+    """Divide case numbers into portions with one mesh each, small enough to keep all groups busy to the end."""
     batches: dict[str, list[int]] = {}
     for i in todo:
         batches.setdefault(mesh_key(entries[i].case), []).append(i)
@@ -271,10 +277,10 @@ def portions(entries: Sequence[Entry], todo: Sequence[int], groups: int) -> list
 
 
 class Queue:
-    """Two counters that all ranks of a communicator share: portions taken and cases finished.
+    """Two counters shared by all ranks of a communicator: portions taken and cases finished.
 
-    They live in the memory of its first rank and are changed by atomic one-sided operations, so that rank can
-    compute meanwhile.
+    They are in the memory of rank 0 and are updated by atomic one-sided operations, so that rank 0 can compute at the
+    same time.
     """
 
     def __init__(self, comm: MPI.Intracomm) -> None:
@@ -288,11 +294,11 @@ class Queue:
         comm.Barrier()
 
     def take(self) -> int:
-        """Number of the next portion."""
+        """Return the number of the next portion and advance the counter."""
         return self._next(0)
 
     def count(self) -> int:
-        """Note a finished case; return how many there are."""
+        """Count a finished case; return the number of finished cases."""
         return self._next(1) + 1
 
     def _next(self, place: int) -> int:
@@ -303,7 +309,7 @@ class Queue:
         return int(before[0])
 
     def close(self) -> None:
-        """Free the counters when all ranks are here; collective."""
+        """Wait for all ranks and free the counters; collective."""
         self._comm.Barrier()
         self._window.Free()
 

@@ -1,4 +1,4 @@
-"""Does a figure rise or fall from level to level of a study? Paired over the seeds, under stated conditions."""
+"""Test whether a quantity rises or falls between the levels of a study, paired by seed, under several conditions."""
 
 from __future__ import annotations
 
@@ -15,19 +15,23 @@ from asperity.errors import InputError
 from asperity.power_law import fit_power_law
 from asperity.study.definition import ENSEMBLE
 from asperity.study.interface import Block
-from asperity.study.results import Level, Row, mean_interval
+from asperity.study.results import Row, StudyLevel, mean_interval
 
 HOLDS, CONDITIONAL, FAILS = "holds", "holds under conditions", "does not hold"
 
 
 @dataclass(frozen=True)
 class Condition:
-    """How an exponent is taken from a curve.
+    """How an exponent is determined from a curve.
+
+    >>> from asperity.study.trend import Condition
+    >>> str(Condition("log", share=0.5))
+    'log fit, first 50% of the range'
 
     Attributes:
         norm: of the fit, "linear" or "log".
-        share: part of the range of deflection that is used, from first touch.
-        interface: take the elastic compression of the block off the deflection, while that means something.
+        share: fraction of the range of approach that is used, from first contact.
+        interface: whether to subtract the elastic compression of the block from the approach.
     """
 
     norm: Literal["linear", "log"] = "linear"
@@ -35,23 +39,23 @@ class Condition:
     interface: bool = False
 
     def __str__(self) -> str:
-        """Words for a table."""
+        """Return the condition as text for a table."""
         part = "whole range" if self.share == 1 else f"first {self.share:.0%} of the range"
         return f"{self.norm} fit, {part}" + (", interface alone" if self.interface else "")
 
     def exponent(
         self, curve: Curve, *, side: float, height: float, modulus: float, yields_at: float = math.inf
     ) -> float:
-        """Exponent n of the planned points of the loading branch.
+        """Return the exponent n of the planned points of the loading branch.
 
-        NaN when fewer than three are left, or where the interface alone is void, see `Block.void`.
+        It is NaN if fewer than three points are left, or if the interface alone is meaningless, see `Block.void`.
 
         Args:
-            curve: of the case.
+            curve: curve of the case.
             side: L (length).
-            height: of the block (length).
-            modulus: of its compression when flat (force/length^2), see `Block.of`.
-            yields_at: mean pressure at which it yields (force/length^2).
+            height: height of the block (length).
+            modulus: compression modulus of the flat block (force/length^2), see `Block.of`.
+            yields_at: mean pressure at which the block yields (force/length^2).
         """
         load = curve.planned()
         used = load.where(load.delta_star <= self.share * load.delta_star.max() * (1 + 1e-9))
@@ -61,9 +65,9 @@ class Condition:
             if block.void(used):
                 return math.nan
             delta = block.interface(used)
-        there = (delta > 0) & (used.P_star > 0)
+        in_contact = (delta > 0) & (used.P_star > 0)
         try:
-            return fit_power_law(delta[there], used.P_star[there], self.norm).n
+            return fit_power_law(delta[in_contact], used.P_star[in_contact], self.norm).n
         except InputError:
             return math.nan
 
@@ -83,11 +87,11 @@ CONDITIONS = (
 
 @dataclass(frozen=True)
 class Trend:
-    """A figure over the levels of a family.
+    """A quantity over the levels of a family.
 
     Attributes:
-        condition: in words.
-        values: per level and seed, (levels, seeds), NaN where missing.
+        condition: as text.
+        values: of each level and seed (levels, seeds), NaN where missing.
     """
 
     condition: str
@@ -95,28 +99,28 @@ class Trend:
 
     @property
     def means(self) -> tuple[tuple[float, float, float], ...]:
-        """Mean of each level with its 95 % interval."""
+        """Mean of each level with its 95 % interval: (mean, low, high)."""
         return tuple(mean_interval(row) for row in self.values)
 
     @property
     def steps(self) -> tuple[tuple[float, float, float], ...]:
-        """Mean change from each level to the next, the same seeds compared, with its 95 % interval."""
+        """Mean change from each level to the next for equal seeds, with its 95 % interval: (mean, low, high)."""
         return tuple(mean_interval(step) for step in np.diff(self.values, axis=0))
 
     @property
     def seeds(self) -> int:
-        """Smallest number of seeds compared in a step, or in a level when there is one only."""
+        """Smallest number of seeds in a step between levels, or in the level if there is only one."""
         rows = np.diff(self.values, axis=0) if len(self.values) > 1 else self.values
         return int(np.isfinite(rows).sum(axis=1).min())
 
     @property
     def rises(self) -> bool:
-        """Whether every step is upwards with 95 % confidence."""
+        """Whether the quantity rises in every step with 95 % confidence."""
         return len(self.values) > 1 and all(low > 0 for _, low, _ in self.steps)
 
     @property
     def falls(self) -> bool:
-        """Whether every step is downwards with 95 % confidence."""
+        """Whether the quantity falls in every step with 95 % confidence."""
         return len(self.values) > 1 and all(high < 0 for _, _, high in self.steps)
 
     @property
@@ -126,24 +130,24 @@ class Trend:
 
     @property
     def agreeing(self) -> tuple[float, float]:
-        """Share of single steps of single seeds that go up, and that go down."""
+        """Fractions of the steps of single seeds that rise, and that fall."""
         steps = np.diff(self.values, axis=0)
         steps = steps[np.isfinite(steps)]
         return (float((steps > 0).mean()), float((steps < 0).mean())) if steps.size else (math.nan, math.nan)
 
 
-def trend(levels: Sequence[Level], figure: Callable[[Row], float], condition: str) -> Trend:
-    """Evaluate `figure` for each level and seed; seeds that a level lacks are NaN there."""
+def trend(levels: Sequence[StudyLevel], quantity: Callable[[Row], float], condition: str) -> Trend:
+    """Evaluate a quantity for each level and seed; it is NaN for seeds that are missing in a level."""
     seeds = sorted({row.get(ENSEMBLE) or 0 for level in levels for row in level.rows})
     values = np.full((len(levels), len(seeds)), np.nan)
     for i, level in enumerate(levels):
         for row in level.rows:
-            values[i, seeds.index(row.get(ENSEMBLE) or 0)] = figure(row)
+            values[i, seeds.index(row.get(ENSEMBLE) or 0)] = quantity(row)
     return Trend(condition, values)
 
 
 def verdict(found: Iterable[bool]) -> str:
-    """One of HOLDS (under all conditions), CONDITIONAL (some), FAILS (none)."""
+    """Return HOLDS (under all conditions), CONDITIONAL (under some) or FAILS (under none)."""
     answers = list(found)
     if not answers:
         raise InputError("a verdict needs at least one condition")

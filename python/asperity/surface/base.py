@@ -1,4 +1,4 @@
-"""What every surface can do, and the construction of one from the [surface] section of a case."""
+"""Base class of all surfaces, and construction of a surface from the [surface] section of a case."""
 
 from __future__ import annotations
 
@@ -26,20 +26,37 @@ from asperity.surface.statistics import (
     surface_statistics,
 )
 
-#: A summit nearer to an edge of the patch counts as on it, and gets its node of the mesh there [L].
+#: A summit closer to an edge of the patch than this counts as on the edge, and its mesh node is placed there [L].
 EDGE = 1e-3
 
 _SMALLEST, _LARGEST = 1e-50, 1e50  # lengths
-_STEEP, _LONG = 16, 1e6  # exponent of the flank of `too_short`, and a ratio beyond which there is nothing left
+_STEEPNESS = 16  # exponent in `short_wave_share`
+_LONG = 1e6  # ratio of lengths beyond which the share is zero
 
 
 class SurfaceWarning(AsperityWarning):
-    """A surface is legal, but probably not what was meant or beyond small-slope theory."""
+    """A surface is legal, but probably not the intended one, or its slopes exceed small-slope theory.
+
+    >>> import warnings
+    >>> from asperity.surface import Sinusoid, SurfaceWarning
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     Sinusoid(L=1.0, amplitude=0.1).check_small_slope()
+    >>> issubclass(caught[0].category, SurfaceWarning)
+    True
+    """
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Surface(ABC):
     """A height field z(x, y) on the closed patch [0, L]^2; immutable.
+
+    >>> from asperity.surface import Surface
+    >>> surface = Surface.from_spec("sphere", L=2.0, radius=5.0, shape="paraboloid")
+    >>> surface.maximum()
+    (1.0, 1.0, 0.0)
+    >>> float(surface.height(2.0, 1.0))
+    -0.1
 
     Attributes:
         L: side of the patch (length).
@@ -49,11 +66,11 @@ class Surface(ABC):
 
     #: Name in the case file.
     kind: ClassVar[str] = ""
-    #: Whether slope statistics over the patch describe the contact (not so for a single bump).
+    #: Whether slope statistics over the patch describe the contact (False for a single bump).
     rough: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        for f in fields(self):  # an integer above 2^63 would make arrays of objects
+        for f in fields(self):  # NumPy turns integers above 2^63 into arrays of objects
             value = getattr(self, f.name)
             if str(f.type).startswith("float") and is_integer(value) and is_number(value):
                 object.__setattr__(self, f.name, float(value))
@@ -64,11 +81,11 @@ class Surface(ABC):
         """Build a surface from the keys of the [surface] section.
 
         Args:
-            kind: name of the kind, "weierstrass-mandelbrot" for example, see `surface_kinds`.
+            kind: name of the kind, for example "weierstrass-mandelbrot"; see `surface_kinds`.
             parameters: the keys of that kind.
 
         Raises:
-            InputError: unknown kind or key (the nearest legal name is offered), missing key, or
+            InputError: unknown kind or key (the message suggests the closest legal name), missing key, or
                 a value outside its legal range.
         """
         kinds = surface_kinds()
@@ -117,21 +134,21 @@ class Surface(ABC):
         return self.L
 
     def short_waves(self, wavelength: float, depth: float) -> float:
-        """Return the rms height (length) of what is shorter than a wavelength, see :func:`too_short`.
+        """Return the rms height (length) of the waves shorter than a cut-off, see :func:`short_wave_share`.
 
-        Smooth surfaces, such as a sphere, have nothing.
+        It is zero for smooth surfaces such as a sphere.
 
         Args:
             wavelength: cut-off (length).
-            depth: below the summit (length) down to which a surface that is not alike everywhere is judged.
+            depth: depth below the summit (length); a surface that is not statistically uniform is judged above it.
         """
         return 0.0
 
     def maximum(self) -> tuple[float, float, float]:
         """Return (x, y, z) of the highest point of the closed patch, edges and corners included.
 
-        The global maximum by branch and bound with :meth:`curvature_bound`, polished by Newton
-        iteration: it does not depend on a grid.
+        The global maximum is found by branch and bound with :meth:`curvature_bound` and refined by
+        Newton iteration, so it does not depend on a grid.
         """
         return self._maximum
 
@@ -142,15 +159,15 @@ class Surface(ABC):
     def edges_of_summit(self, near: float = 0.0) -> dict[str, float]:
         """Return the edges of the patch that the summit lies on, with the slope of the surface away from them.
 
-        Mirrored at an edge, a surface that falls away from it has a ridge there; one that is symmetric about the edge
-        has none, nor has one that rises inwards to a summit close by.
+        When the surface is mirrored at the edge, it has a ridge there if it falls away from the edge. It has no ridge
+        if it is symmetric about the edge, or if it rises inwards to a summit close by.
 
         Args:
             near: distance from an edge below which the summit counts as on it (length), no less than EDGE L.
 
         Returns:
-            "x = 0", "x = L", "y = 0" or "y = L", and the slope across that edge beside the summit, positive where the
-            surface falls away from the edge (dimensionless).
+            For each of "x = 0", "x = L", "y = 0" and "y = L" that applies: the slope across that edge at the
+            summit, positive where the surface falls away from the edge (dimensionless).
         """
         place, found = self.maximum()[:2], {}
         for axis, name in enumerate("xy"):
@@ -179,7 +196,7 @@ class Surface(ABC):
         return xx, xy, yy
 
     def product(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
-        """Return (z, z_x, z_y) at all pairs of x (len nx) and y (len ny), each (ny, nx)."""
+        """Return (z, z_x, z_y) at all pairs of x (nx,) and y (ny,), each (ny, nx) (length, 1, 1)."""
         zx, zy = self.gradient(x[None, :], y[:, None])
         return self.height(x[None, :], y[:, None]), zx, zy
 
@@ -190,18 +207,18 @@ class Surface(ABC):
         return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
     def statistics(self, n: int = 1025) -> SurfaceStatistics:
-        """Return roughness parameters from an n x n grid; see :class:`SurfaceStatistics`."""
+        """Return the roughness parameters of an n x n grid; see :class:`SurfaceStatistics`."""
         return surface_statistics(self.grid(n), self.grid_gradient(n), self.grid_hessian(n))
 
     def bearing_curve(self, n: int = 1025, points: int = 201) -> tuple[Array, Array]:
         """Return the bearing (Abbott-Firestone) curve.
 
         Args:
-            n: nodes a side of the sampling grid.
-            points: points of the curve.
+            n: nodes per side of the sampling grid.
+            points: number of points on the curve.
 
         Returns:
-            (fraction, height): the share of the area that lies above `height` (length), from 0
+            (fraction, height), each (points,): the share of the area above `height` (length), from 0
             at the highest node to 1 at the lowest.
         """
         return bearing_curve(self.grid(n), points)
@@ -228,43 +245,54 @@ class Surface(ABC):
 
 
 def surface_kinds() -> dict[str, type[Surface]]:
-    """Return the kinds of surfaces by their name in the case file: all subclasses that have one."""
+    """Return all kinds of surfaces by their name in the case file: the subclasses with a `kind` of their own."""
     found: dict[str, type[Surface]] = {}
     waiting = Surface.__subclasses__()
     while waiting:
         cls = waiting.pop()
         waiting += cls.__subclasses__()
-        if cls.kind:
+        if vars(cls).get("kind"):  # an inherited one is that of the base class
             found[cls.kind] = cls  # type: ignore[type-abstract]
     return found
 
 
-def too_short(length: Array | float, wavelength: float) -> Array:
-    """Return the part of the amplitude of waves of a length that counts as shorter than `wavelength`: 1/2 there."""
-    return np.asarray(1.0 / (1.0 + (np.minimum(np.asarray(length) / wavelength, _LONG)) ** _STEEP))
+def short_wave_share(length: Array | float, wavelength: float) -> Array:
+    """Return the share of the amplitude of waves of a given length that counts as shorter than `wavelength`.
+
+    The share falls from 1 for short waves to 0 for long ones and is 1/2 at the cut-off.
+
+    Args:
+        length: of the waves, any shape (length).
+        wavelength: cut-off (length).
+    """
+    return np.asarray(1.0 / (1.0 + (np.minimum(np.asarray(length) / wavelength, _LONG)) ** _STEEPNESS))
 
 
 def nodes(L: float, n: int) -> Array:
-    """Return linspace(0, L, n) after checking n."""
+    """Return linspace(0, L, n) (length).
+
+    Raises:
+        InputError: n is not an integer >= 2.
+    """
     if not (is_integer(n) and n >= 2):
-        raise InputError(f"A grid needs an integer number of nodes a side >= 2, not {n!r}.")
+        raise InputError(f"A grid needs an integer number of nodes per side >= 2, not {n!r}.")
     return np.linspace(0.0, L, n)
 
 
 def nearest(name: str, legal: Any) -> str:
-    """Return ' (did you mean ...?)' with the closest legal name, or nothing."""
+    """Return ' (did you mean ...?)' with the closest legal name, or an empty string."""
     close = difflib.get_close_matches(str(name), list(legal), n=1)
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
 def is_number(value: Any) -> bool:
-    """Tell whether value is a finite real number (booleans are not)."""
+    """Return whether the value is a finite real number (booleans are not)."""
     real = isinstance(value, numbers.Real) and not isinstance(value, bool)
     return real and abs(value) <= sys.float_info.max
 
 
 def is_integer(value: Any) -> bool:
-    """Tell whether value is an integer (booleans are not)."""
+    """Return whether the value is an integer (booleans are not)."""
     return isinstance(value, numbers.Integral) and not isinstance(value, bool)
 
 
@@ -275,18 +303,18 @@ def check(legal: bool, key: str, value: Any, rule: str) -> None:
 
 
 def check_positive(key: str, value: Any) -> None:
-    """Raise InputError unless value is a positive length whose square and cube are numbers."""
+    """Raise InputError unless the value is a positive length whose square and cube do not overflow."""
     legal = is_number(value) and _SMALLEST <= value <= _LARGEST
     check(legal, key, value, f"a positive length (SI: metres), {_SMALLEST:g} to {_LARGEST:g}")
 
 
 def check_integer(key: str, value: Any, least: int) -> None:
-    """Raise InputError unless value is an integer >= least."""
+    """Raise InputError unless the value is an integer >= least."""
     check(is_integer(value) and value >= least, key, value, f"an integer >= {least}")
 
 
 def check_point(key: str, value: Any, L: float) -> tuple[float, float]:
-    """Return value as a point (x, y) of the closed patch, or raise InputError."""
+    """Return the value as a point (x, y) of the closed patch (length), or raise InputError."""
     point = tuple(value) if isinstance(value, (tuple, list, np.ndarray)) else ()
     check(
         len(point) == 2 and all(is_number(c) and 0 <= c <= L for c in point),

@@ -21,15 +21,15 @@ from asperity.surface.base import (
     check_positive,
     is_number,
     nodes,
-    too_short,
+    short_wave_share,
 )
 from asperity.surface.fractal_maximum import highest_point
 from asperity.surface.plane_waves import Waves, mean_squares, on_product
 
-_CHUNK = 2**21  # angles evaluated at once: 16 MiB a temporary
-_SHORTEST = 1e-9  # wavelength over L: heights are lost in the round-off of the angles of shorter waves
-_RIDGES = 1000
-_WAVES = 25_000  # more would take minutes
+_CHUNK = 2**21  # angles evaluated at once: 16 MiB per temporary array
+_SHORTEST = 1e-9  # least wavelength over L: for shorter waves the round-off of the angles destroys the heights
+_MAX_RIDGES = 1000
+_MAX_WAVES = 25_000  # more would take minutes
 
 
 def cut_off_index(L: float, L_s: float, gamma: float) -> int:
@@ -39,8 +39,12 @@ def cut_off_index(L: float, L_s: float, gamma: float) -> int:
         L: side of the patch (length).
         L_s: cut-off wavelength (length), 0 < L_s <= L.
         gamma: ratio of successive wave numbers, > 1.
+
+    >>> from asperity.surface import cut_off_index
+    >>> cut_off_index(1e-6, 1e-7, 1.5)
+    5
     """
-    # a cut-off that is exactly L/gamma^f must give f in spite of round-off
+    # for a cut-off of exactly L/gamma^f the result must be f despite round-off
     return math.floor(math.log(L / L_s) / math.log(gamma) + 1e-12)
 
 
@@ -53,20 +57,27 @@ class WeierstrassMandelbrot(Surface):
 
     with one phase phi per (mu, f). z(0, 0) = 0; the surface is not periodic.
 
+    >>> from asperity.surface import WeierstrassMandelbrot
+    >>> surface = WeierstrassMandelbrot(L=1e-6, D=2.4, G=1e-12, L_s=1e-7, seed=1)
+    >>> surface.f_max
+    5
+    >>> float(surface.height(0.0, 0.0))
+    0.0
+
     Attributes:
         D: fractal dimension, 2 < D < 3.
         G: fractal roughness (length), 0 < G < L.
-        M: number that sets the ridge directions pi mu/M, 1 to 1000.
+        M: sets the ridge directions pi mu/M, 1 to 1000.
         gamma: ratio of successive wave numbers, > 1.
         f_max: highest frequency index, >= 0; default from L_s, or 5 without it. The shortest wavelength
             L/gamma^f_max is at least 1e-9 L, and there are at most 25000 waves, (M+1)(f_max+1).
         L_s: cut-off wavelength (length), optional; f_max = cut_off_index(L, L_s, gamma).
-        seed: of the phases.
-        drawing: "array": default_rng(seed).uniform(0, 2 pi, size=(M+1, f_max+1)), so that another f_max makes an
-            unrelated surface; "nested": a stream of its own for each column, default_rng(SeedSequence(seed,
-            spawn_key=(f,))).uniform(0, 2 pi, size=M+1), so that a larger f_max adds waves to the same surface.
+        seed: seed of the random phases.
+        drawing: "array" draws default_rng(seed).uniform(0, 2 pi, size=(M+1, f_max+1)): a different f_max gives an
+            unrelated surface. "nested" draws each column from a separate stream, default_rng(SeedSequence(seed,
+            spawn_key=(f,))).uniform(0, 2 pi, size=M+1): a larger f_max adds waves to the same surface.
         ridges: "0..M" (all M+1 rows of the phases; rows 0 and M are collinear, so the x
-            direction has double power) or "1..M" (row 0 of the same phases is left out).
+            direction has twice the power) or "1..M" (omits row 0 of the same phases).
         phases: explicit phases, shape (M+1, f_max+1), row mu, column f; replaces the seed.
     """
 
@@ -94,12 +105,12 @@ class WeierstrassMandelbrot(Surface):
             f"a length above 0 and below L = {self.L:g} (both in metres)",
         )
         check_integer("M", self.M, 1)
-        check(self.M <= _RIDGES, "M", self.M, f"an integer of at most {_RIDGES}; 10 is usual")
+        check(self.M <= _MAX_RIDGES, "M", self.M, f"an integer of at most {_MAX_RIDGES}; 10 is usual")
         check(is_number(self.gamma) and self.gamma > 1, "gamma", self.gamma, "a number above 1")
         check_integer("seed", self.seed, 0)
         check(self.drawing in ("array", "nested"), "drawing", self.drawing, '"array" or "nested"')
         check(self.ridges in ("0..M", "1..M"), "ridges", self.ridges, '"0..M" or "1..M"')
-        object.__setattr__(self, "f_max", self._checked(self._resolve_f_max()))
+        object.__setattr__(self, "f_max", self._check_f_max(self._resolve_f_max()))
         object.__setattr__(self, "phases", self._resolve_phases())
 
     def _resolve_f_max(self) -> int:
@@ -120,16 +131,16 @@ class WeierstrassMandelbrot(Surface):
         )
         return self.f_max
 
-    def _checked(self, f_max: int) -> int:
+    def _check_f_max(self, f_max: int) -> int:
         most = cut_off_index(1.0, _SHORTEST, self.gamma)
         short = f"wavelengths L/gamma^f of at least {_SHORTEST:g} L"
         check(f_max <= most, "f_max", f_max, f"at most {most} with gamma = {self.gamma:g}, for {short}")
-        most = _WAVES // (self.M + 1) - 1
-        few = f"(M + 1)(f_max + 1) waves of which there are no more than {_WAVES}"
+        most = _MAX_WAVES // (self.M + 1) - 1
+        few = f"(M + 1)(f_max + 1) waves of which there are no more than {_MAX_WAVES}"
         check(f_max <= most, "f_max", f_max, f"at most {most} with M = {self.M}, for {few}")
         return f_max
 
-    def _drawn(self) -> Array:
+    def _draw_phases(self) -> Array:
         assert self.f_max is not None
         if self.drawing == "array":
             return np.random.default_rng(self.seed).uniform(0, 2 * np.pi, size=(self.M + 1, self.f_max + 1))
@@ -138,7 +149,7 @@ class WeierstrassMandelbrot(Surface):
         return np.stack(columns, axis=1)
 
     def _resolve_phases(self) -> Array:
-        drawn = self._drawn()
+        drawn = self._draw_phases()
         if self.phases is None:
             phases = drawn
         else:
@@ -154,8 +165,8 @@ class WeierstrassMandelbrot(Surface):
 
     @cached_property
     def random(self) -> bool:
-        """Whether the phases are those of the seed."""
-        return bool(np.array_equal(self.phases, self._drawn()))  # type: ignore[arg-type]
+        """Whether the phases are the random ones of the seed."""
+        return bool(np.array_equal(self.phases, self._draw_phases()))  # type: ignore[arg-type]
 
     @cached_property
     def _waves(self) -> Waves:
@@ -185,13 +196,13 @@ class WeierstrassMandelbrot(Surface):
 
     def short_waves(self, wavelength: float, depth: float) -> float:
         a, kx, ky, _ = self._waves
-        part = too_short(2 * np.pi / np.hypot(kx, ky), wavelength)
+        part = short_wave_share(2 * np.pi / np.hypot(kx, ky), wavelength)
         return float(np.sqrt(0.5 * np.sum((a * part) ** 2)))
 
     def _at_points(
         self, x: ArrayLike, y: ArrayLike, wave: Callable[[Array], Array], weights: list[Array]
     ) -> tuple[Array, ...]:
-        """Return sum_j weights[i][j] wave(theta_j) at every point, one array for each i."""
+        """Return sum_j weights[i][j] wave(theta_j) at every point: one array in the broadcast shape for each i."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         shape, xs, ys = x.shape, x.ravel(), y.ravel()
         _, kx, ky, phi = self._waves
@@ -244,7 +255,7 @@ class WeierstrassMandelbrot(Surface):
         return self._offset - float((a * np.exp(1j * phi) * self._patch_mean(kx, ky)).real.sum())
 
     def _patch_mean(self, kx: Any, ky: Any) -> Any:
-        """Return the mean of exp(i(kx x + ky y)) over the patch."""
+        """Return the mean of exp(i(kx x + ky y)) over the patch, in the shape of kx and ky (1/length)."""
 
         def side(k: Any) -> Any:
             half = k * self.L / 2

@@ -1,9 +1,9 @@
 """The Weierstrass-Mandelbrot equivalent of a measured patch: D and G with their uncertainty.
 
-The spectrum of the patch is summed in bands, one for each frequency index of the function, and compared with that
-of simulated surfaces which went through the same levelling and the same window. So what levelling, window, finite
-size and the few discrete waves do to a spectrum is in the model, where a straight line through a periodogram would
-be biased by it, and the scatter over the random phases gives the uncertainty.
+The spectrum of the patch is summed in bands, one per frequency index of the function, and compared with the spectra
+of simulated surfaces after the same levelling and window. The model therefore includes the effects of levelling,
+window, finite size and the small number of discrete waves, which would bias a straight line through a periodogram.
+The scatter over the random phases gives the uncertainty.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ from asperity.errors import InputError
 from asperity.surface import WeierstrassMandelbrot, cut_off_index
 from asperity.surface.measured import POWERS, HeightField, Trend
 
-D_RANGE = (2.02, 2.98)
+D_RANGE = (2.02, 2.98)  # of the search
 
 
 @dataclass(frozen=True)
 class FractalFit:
-    """Weierstrass-Mandelbrot equivalent of a patch; intervals hold what the name says with `confidence`.
+    """Weierstrass-Mandelbrot equivalent of a patch.
 
     Attributes:
         D, G: fractal dimension, and fractal roughness (length).
-        ci_D, ci_G: confidence intervals.
+        ci_D, ci_G: confidence intervals of D, and of G (length).
         L: side of the patch (length).
-        M, gamma, f_max, ridges: of the equivalent function.
+        M, gamma, f_max, ridges: parameters of the equivalent function.
         confidence: level of the intervals.
-        wavelength: middle of each band (length).
-        variance: height variance in each band, of the windowed patch (length^2).
-        model: its mean over simulated surfaces with D and G (length^2).
-        p_value: chance of a misfit this large when the patch is of this kind: below 0.01 it is not, and the
-            intervals have been widened by the square root of the reduced chi^2.
+        wavelength: middle of each band (bands,) (length).
+        variance: height variance of the windowed patch in each band (bands,) (length^2).
+        model: mean variance of simulated surfaces with D and G (bands,) (length^2).
+        p_value: probability of a misfit at least this large if the patch is a surface of this kind. A value below
+            0.01 rejects that; the intervals are then widened by the square root of the reduced chi^2.
     """
 
     D: float
@@ -58,13 +58,13 @@ class FractalFit:
     p_value: float
 
     def surface(self, seed: int = 0) -> WeierstrassMandelbrot:
-        """A random surface of the same kind."""
+        """Return a random surface with these parameters."""
         return WeierstrassMandelbrot(
             L=self.L, D=self.D, G=self.G, M=self.M, gamma=self.gamma, f_max=self.f_max, ridges=self.ridges, seed=seed
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Numbers for a file."""
+        """Return the parameters and intervals for a file."""
         return {
             "D": self.D, "G": self.G, "ci_D": list(self.ci_D), "ci_G": list(self.ci_G), "L": self.L, "M": self.M,
             "gamma": self.gamma, "f_max": self.f_max, "ridges": self.ridges, "confidence": self.confidence,
@@ -86,18 +86,26 @@ def fit_fractal(
 ) -> FractalFit:
     """Fit D and G of the modified Weierstrass-Mandelbrot function to a square patch.
 
+    >>> from asperity.surface import WeierstrassMandelbrot
+    >>> from asperity.surface.fractal_fit import fit_fractal
+    >>> from asperity.surface.measured import HeightField
+    >>> patch = HeightField(WeierstrassMandelbrot(L=1.0, D=2.5, G=1e-4, seed=1).grid(33), 1 / 32, 1 / 32)
+    >>> fit = fit_fractal(patch, realisations=30)
+    >>> bool(fit.ci_D[0] < 2.5 < fit.ci_D[1])
+    True
+
     Args:
-        patch: square, without gaps; L of the function is its side.
+        patch: square, without gaps; its side is L of the function.
         shortest: shortest wavelength to use (length); default four pixels. Give the resolution of the instrument
-            when that is coarser.
-        M, gamma, ridges: of the function.
-        trend: taken off patch and simulated surfaces alike.
+            if that is coarser.
+        M, gamma, ridges: parameters of the function.
+        trend: subtracted from the patch and from the simulated surfaces.
         confidence: level of the intervals, between 0 and 1.
-        realisations: simulated surfaces, at least 30.
-        seed: of their phases.
+        realisations: number of simulated surfaces, at least 30.
+        seed: seed of their phases.
 
     Raises:
-        InputError: the patch is not square, flat, has gaps, or holds fewer than three bands.
+        InputError: the patch is not square, is flat, has gaps, or contains fewer than three bands.
     """
     z, L, n = patch.z, patch.size[0], len(patch.z)
     if z.shape != (n, n) or not math.isclose(*patch.size, rel_tol=1e-9):
@@ -114,7 +122,7 @@ def fit_fractal(
     f_max = cut_off_index(L, shortest, gamma)
     spectrum = _Spectrum(n, f_max, gamma, trend)
     if len(spectrum.indices) < 3:
-        raise InputError(f"the patch holds {len(spectrum.indices)} bands between {shortest:g} and {L:g}, a fit needs 3")
+        raise InputError(f"the patch has {len(spectrum.indices)} bands between {shortest:g} and {L:g}, a fit needs 3")
     simulated = _simulate(spectrum, f_max, M, gamma, ridges, realisations, seed)
     return _Fit(spectrum, simulated, spectrum.of(z)[0, 0], L, M, gamma).result(f_max, ridges, confidence)
 
@@ -122,8 +130,8 @@ def fit_fractal(
 class _Spectrum:
     """Band powers of windowed, levelled maps of n x n nodes.
 
-    Band f holds the wave numbers within a factor sqrt(gamma) of gamma^f 2 pi/L; bands without a grid point of the
-    transform are left out.
+    Band f contains the wave numbers within a factor sqrt(gamma) of gamma^f 2 pi/L; bands without a grid point of the
+    transform are omitted.
     """
 
     def __init__(self, n: int, f_max: int, gamma: float, trend: Trend) -> None:
@@ -144,7 +152,7 @@ class _Spectrum:
         self.indices = np.array([f for f, pick in enumerate(self._picks) if pick.size])
 
     def of(self, *maps: Array) -> Array:
-        """Co-variance of maps in each band, (maps, maps, bands); sums to the variance over all bands."""
+        """Covariance of maps (n, n) in each band, (maps, maps, bands); their sum is the total covariance."""
         parts = []
         for z in maps:
             level = z - (self._trend @ (self._trend.T @ z.ravel())).reshape(z.shape)
@@ -159,9 +167,9 @@ class _Spectrum:
 
 
 def _simulate(spectrum: _Spectrum, f_max: int, M: int, gamma: float, ridges: str, count: int, seed: int) -> Array:
-    """Band co-variances of the sums of unit waves of each frequency index, (count, f, f, bands).
+    """Band covariances of the sums of unit waves of each frequency index, (count, f, f, bands).
 
-    A surface is a weighted sum of these, so its band powers follow for every D and G without another simulation.
+    A surface is a weighted sum of these, so its band powers follow for all D and G without another simulation.
     """
     rng = np.random.default_rng(seed)
     s = np.linspace(0.0, 1.0, spectrum.n)
@@ -188,11 +196,11 @@ class _Fit:
         self._L, self._M, self._gamma = L, M, gamma
 
     def _at(self, D: float) -> tuple[float, float, float, float, Array]:
-        """For D: chi^2, -2 ln likelihood, best ln of the height squared and its weight, mean logs at unit height."""
+        """For D: chi^2, -2 ln likelihood, best ln of the height squared and its weight, mean logs (bands,)."""
         weight = self._gamma ** ((D - 3.0) * np.arange(self._simulated.shape[1]))
         logs = np.log(np.einsum("f,rfgk,g->rk", weight, self._simulated, weight))
         mean = logs.mean(axis=0)
-        # the mean over simulations is uncertain as well
+        # the mean over the simulations is uncertain too
         scatter = np.cov(logs.T) * (1 + 1 / len(logs))
         inverse = np.linalg.inv(scatter)
         d = np.log(self._power) - mean
@@ -201,12 +209,12 @@ class _Fit:
         return misfit, misfit + float(np.linalg.slogdet(scatter)[1]), height, float(inverse.sum()), mean
 
     def _ln_G(self, D: float, height: float) -> float:
-        """ln G of the height: amplitude^2 = L^2 (G/L)^(2 D - 4) ln(gamma)/M."""
+        """ln G from the ln of the height squared: amplitude^2 = L^2 (G/L)^(2 D - 4) ln(gamma)/M."""
         bare = height - 2 * math.log(self._L) - math.log(math.log(self._gamma) / self._M)
         return math.log(self._L) + bare / (2 * D - 4)
 
     def result(self, f_max: int, ridges: Literal["0..M", "1..M"], confidence: float) -> FractalFit:
-        """The estimate; intervals are where the likelihood ratio allows, widened where the misfit is large."""
+        """The estimate, with intervals from the likelihood ratio that are widened if the misfit is large."""
         grid = np.linspace(*D_RANGE, 200)
         values = np.array([self._at(D)[1] for D in grid])
         i = int(np.argmin(values))
@@ -214,7 +222,7 @@ class _Fit:
         D = float(minimize_scalar(lambda D: self._at(D)[1], bounds=bounds, method="bounded").x)
         misfit, least, height, _, mean = self._at(D)
         freedom = mean.size - 2
-        # a patch that is not of this kind, or a chance misfit: never narrower than the simulation says
+        # a large misfit widens the intervals, a small one never narrows them
         widening = max(1.0, misfit / freedom)
         allowed = widening * float(student.ppf((1 + confidence) / 2, len(self._simulated) - 1 - mean.size)) ** 2
         inside = [(x, self._at(x)) for x in np.linspace(*D_RANGE, 1000)]

@@ -1,4 +1,4 @@
-"""The highest point of a sum of plane waves: branch and bound that meets ever shorter waves in ever smaller cells."""
+"""The highest point of a sum of plane waves: branch and bound that adds shorter waves as the cells get smaller."""
 
 from __future__ import annotations
 
@@ -8,35 +8,38 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.surface.base import SurfaceWarning
-from asperity.surface.maximum import HeightField, climb
+from asperity.surface.maximum import SmoothSurface, climb
 from asperity.surface.plane_waves import Waves
 
-_START = 32  # cells a side at first
-_SPLIT = 4  # parts a side of each cell that may hold the summit
+_START = 32  # cells per side at first
+_SPLIT = 4  # parts per side of each cell that may hold the summit
 _LEVELS = 40
-_SURE = 10.0  # standard deviations: waves of random phases pass them with a probability below exp(-50) (Chernoff)
-_ANGLES = 2**26  # evaluated a level: what more cells would need is left out, with a warning
-_CELLS = 2**17  # divided a level
-_CHUNK = 2**20  # of them at once
-_TIE = 1e-12  # heights closer than this, relatively, are one
+_DEVIATIONS = 10.0  # waves of random phases exceed this many with a probability below exp(-50) (Chernoff)
+_ANGLES = 2**26  # evaluated per level; cells beyond that are dropped, with a warning
+_CELLS = 2**17  # divided per level
+_CHUNK = 2**20  # angles evaluated at once
+_TIE = 1e-12  # heights with a smaller relative difference count as equal
 
 
 def highest_point(
-    surface: HeightField, waves: Waves, offset: float, indices: int, random: bool
+    surface: SmoothSurface, waves: Waves, offset: float, indices: int, random: bool
 ) -> tuple[float, float, float]:
     """Return (x, y, z) of the highest point of the closed patch.
 
-    In a cell of half-diagonal r no height exceeds that of the waves up to an index f by the quadratic
-    about its centre, plus a bound of their third derivative times r^3/6, plus a bound of all shorter waves;
-    f makes the sum of the two least. Cells that cannot hold a higher point than the best one known are
-    dropped, the others are divided, and a Newton climb starts at the best centre.
+    The height in a cell of half-diagonal r is bounded by three terms: the quadratic about the centre of the
+    waves below an index f, a bound of their third derivative times r^3/6, and a bound of all shorter waves.
+    The index f minimises the sum of the last two. Cells that cannot hold a higher point than the best one
+    known are dropped, the others are divided, and a Newton ascent starts at the best centre.
 
     Args:
         surface: the height field offset - sum a cos(theta).
-        waves: row by row, each row by rising index f.
+        waves: row by row, the index f rising within each row.
         offset: height without the waves (length).
         indices: number of the indices f.
-        random: whether the phases are random, so that a bound of their sum may rely on chance.
+        random: whether the phases are random; the bound of their sum is then a statistical one.
+
+    Returns:
+        Position and height (length).
     """
     L = surface.L
     # rows by index, lengths over L
@@ -46,7 +49,7 @@ def highest_point(
     half = 0.5 / _START
     centres: Array = np.arange(1, 2 * _START, 2) * half
     x, y = np.tile(centres, _START), np.repeat(centres, _START)
-    reach: Array = np.full(x.size, np.inf)
+    bound: Array = np.full(x.size, np.inf)
     missed = -np.inf
     for _ in range(_LEVELS):
         r = np.sqrt(2) * half / _SPLIT
@@ -54,25 +57,25 @@ def highest_point(
         f = int(beyond.argmin())
         most = min(_CELLS, _ANGLES // max(1, f * a.shape[1]))
         if x.size > most:
-            order = np.argpartition(reach, -most)
-            missed = max(missed, float(reach[order[:-most]].max()))
+            order = np.argpartition(bound, -most)
+            missed = max(missed, float(bound[order[:-most]].max()))
             x, y = x[order[-most:]], y[order[-most:]]
-        x, y, z, reach = _divided(x, y, half, *(w[:f].ravel() for w in (a, kx, ky, phi)))
+        x, y, z, bound = _divide(x, y, half, *(w[:f].ravel() for w in (a, kx, ky, phi)))
         half /= _SPLIT
-        reach += beyond[f] + offset / L
+        bound += beyond[f] + offset / L
         top = np.argsort(z)[-4:]
         heights = surface.height(x[top] * L, y[top] * L)
         start = top[int(heights.argmax())]
         best = max(best, climb(surface, float(x[start] * L), float(y[start] * L)), key=lambda p: p[2])
         slack = _TIE * max(abs(best[2]) / L, float(np.abs(z).max()))
-        keep = reach > best[2] / L + slack
+        keep = bound > best[2] / L + slack
         if not keep.any() or beyond[f] <= slack:
             break
-        x, y, reach = x[keep], y[keep], reach[keep]
+        x, y, bound = x[keep], y[keep], bound[keep]
     if missed * L > best[2]:
         warnings.warn(
-            f"surface: too many summits compete: the highest point, at {best[2]:.6g}, may be low by up to "
-            f"{missed * L - best[2]:.2g} (a smaller D or f_max has fewer).",
+            f"surface: too many summits of similar height: the highest one found, {best[2]:.6g}, may be too low by "
+            f"up to {missed * L - best[2]:.2g} (a smaller D or f_max gives fewer).",
             SurfaceWarning,
             stacklevel=2,
         )
@@ -80,23 +83,28 @@ def highest_point(
 
 
 def _bounds(a: Array, k: Array, random: bool) -> tuple[Array, Array]:
-    """Return bounds for f = 0, 1, ...: of the third derivative of the waves below index f, of the sum of the others."""
+    """Return bounds for f = 0, 1, ...: of the third derivative of the waves below index f, of the sum of the others.
+
+    Args:
+        a, k: amplitudes and wave numbers, row per index f (indices, ridges).
+        random: whether the bounds may be statistical ones.
+    """
 
     def bound(w: Array) -> Array:
         total = np.cumsum(w.sum(axis=1))
-        spread = _SURE * np.sqrt(0.5 * np.cumsum((w**2).sum(axis=1)))
+        spread = _DEVIATIONS * np.sqrt(0.5 * np.cumsum((w**2).sum(axis=1)))
         return np.append(0.0, np.minimum(total, spread) if random else total)
 
     return bound(a * k**3), bound(a[::-1])[::-1]
 
 
-def _divided(
+def _divide(
     x: Array, y: Array, half: float, a: Array, kx: Array, ky: Array, phi: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """Return the centres of the parts of cells, and there -sum a cos(theta) and the most that its quadratic reaches.
+    """Divide cells; return the centres x, y of the parts, -sum a cos(theta) there, and the bound of its quadratic.
 
-    Centres of parts lie alike in each cell, so that one matrix product turns the waves in the centres of cells into
-    heights, slopes and curvatures in those of their parts.
+    The parts have the same positions in every cell, so one matrix product turns the waves at the centres of the cells
+    into heights, slopes and curvatures at the centres of the parts.
     """
     d = half * ((2 * np.arange(_SPLIT) + 1) / _SPLIT - 1)
     dx, dy = (c.ravel() for c in np.meshgrid(d, d))
@@ -113,5 +121,5 @@ def _divided(
     z, zx, zy, xx, xy, yy = (q.ravel() for q in values.reshape(x.size, len(weights), dx.size).swapaxes(0, 1))
     h = half / _SPLIT
     bend = np.maximum(0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy), 0.0)
-    reach = z + (np.abs(zx) + np.abs(zy)) * h + bend * h**2
-    return (x[:, None] + dx).ravel(), (y[:, None] + dy).ravel(), z, reach
+    bound = z + (np.abs(zx) + np.abs(zy)) * h + bend * h**2
+    return (x[:, None] + dx).ravel(), (y[:, None] + dy).ravel(), z, bound

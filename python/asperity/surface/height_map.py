@@ -1,4 +1,4 @@
-"""A measured or computed regular height map, interpolated by a spline."""
+"""A measured or computed height map on a regular grid, interpolated by a spline."""
 
 from __future__ import annotations
 
@@ -13,28 +13,39 @@ from numpy.typing import ArrayLike
 from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.runtime.files import UNREADABLE, one_line, read_matrix, read_npy, read_npz, real
-from asperity.surface.base import Surface, check, check_positive, is_integer, nodes, too_short
+from asperity.surface.base import Surface, check, check_positive, is_integer, nodes, short_wave_share
 
 if TYPE_CHECKING:
     from scipy.interpolate import RectBivariateSpline
 
 
-_TREND = 8  # degree of the trend that is taken off before waves are told apart
-DEEPEST, FARTHEST = 10.0, 1e6  # peak to valley and distance from zero of heights that make sense [L]
+_TREND = 8  # degree of the polynomial trend removed before the waves are separated by length
+DEEPEST, FARTHEST = 10.0, 1e6  # greatest plausible peak-to-valley height and distance of heights from zero [L]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class HeightMap(Surface):
-    """Heights on a regular grid over a square patch, joined by a tensor-product spline.
+    """Heights on a regular grid over a square patch, interpolated by a tensor-product spline.
 
     Files: .npz with z and either x, y or L; .npy with z; .csv with rows of z, or with a header
-    x,y,z and one point a line. z has the index order [iy, ix]; its first and last rows and
-    columns lie on the edges of the patch. Spacings in x and y may differ, the patch must be
+    x,y,z and one point per line. z has the index order [iy, ix]; its first and last rows and
+    columns lie on the edges of the patch. Spacings in x and y may differ, but the patch must be
     square; the origin is shifted to (0, 0). All lengths in metres.
+
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from asperity.surface import HeightMap
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "map.npz"
+    ...     np.savez(path, z=np.tile(np.linspace(0.0, 1e-8, 9), (9, 1)), L=1e-6)
+    ...     surface = HeightMap(path=path)
+    >>> surface.L, round(float(surface.height(5e-7, 5e-7)) * 1e9, 6)
+    (1e-06, 5.0)
 
     Attributes:
         path: the file.
-        L: side of the patch (length); needed when the file has no coordinates, else checked.
+        L: side of the patch (length); required if the file has no coordinates, checked against them otherwise.
         order: degree of the spline, 3 (default) to 5.
     """
 
@@ -63,8 +74,8 @@ class HeightMap(Surface):
         depth, level = float(z.max() / L - z.min() / L), float(np.abs(z).max() / L)
         if not (depth <= DEEPEST and level <= FARTHEST):
             raise InputError(
-                f"{self.path}: heights from {z.min():.3g} to {z.max():.3g} on a patch of side {L:.3g} are no surface; "
-                "give heights and surface.L in the same unit (m)."
+                f"{self.path}: heights from {z.min():.3g} to {z.max():.3g} on a patch of side {L:.3g} are not "
+                "plausible; give heights and surface.L in the same unit (m)."
             )
         z.flags.writeable = False
         object.__setattr__(self, "L", float(L))
@@ -72,7 +83,7 @@ class HeightMap(Surface):
 
     @property
     def heights(self) -> Array:
-        """The map as read (length), index [iy, ix]."""
+        """Heights as read, (ny, nx), index [iy, ix] (length)."""
         z: Array = self.__dict__["_z"]
         return z
 
@@ -82,7 +93,7 @@ class HeightMap(Surface):
 
         ny, nx = self.heights.shape
         x, y = np.linspace(0, self.L, nx), np.linspace(0, self.L, ny)
-        # the spline's first axis is x
+        # the first axis of the spline is x
         return RectBivariateSpline(x, y, self.heights.T, kx=self.order, ky=self.order, s=0)
 
     @property
@@ -92,10 +103,10 @@ class HeightMap(Surface):
 
     @cached_property
     def _waves(self) -> tuple[list[Array], Array]:
-        """Cosine transforms of the heights without a smooth trend, continued by a margin, and wavelengths (length).
+        """Cosine transforms of the heights without a smooth trend, extended by a margin, and the wavelengths (length).
 
-        Beyond the edges they are continued with their slope, and as a mirror does: where an edge looks like short waves
-        in one of the two, it does not in the other.
+        Each of the two transforms extends the heights in another way beyond the edges: by odd reflection, which keeps
+        the slope, and by even reflection. An edge that causes short waves in one of them causes none in the other.
         """
         from scipy.fft import dctn
 
@@ -108,7 +119,7 @@ class HeightMap(Surface):
         margins = [(m, m) for m in self._margins]
         straight = np.pad(z, margins, mode="reflect", reflect_type="odd")
         mirrored = np.pad(z, margins, mode="reflect", reflect_type="even")
-        halves = [  # of a wave a side
+        halves = [  # half waves per side
             np.arange(n) * (m - 1) / (n - 1) for n, m in zip(straight.shape, z.shape, strict=True)
         ]
         lengths = 2 * self.L / np.maximum(np.hypot(halves[0][:, None], halves[1]), 0.5)
@@ -119,16 +130,16 @@ class HeightMap(Surface):
         return tuple(n // 8 for n in self.heights.shape)
 
     def short_waves(self, wavelength: float, depth: float) -> float:
-        """Return the rms height (length) of what is shorter than a wavelength; see :meth:`Surface.short_waves`.
+        """Return the rms height (length) of the waves shorter than a cut-off; see :meth:`Surface.short_waves`.
 
-        The greater one of the places less than `depth`, and less than a quarter of it, below the highest sample: what
-        is smooth elsewhere does not make up for a rough summit.
+        It is evaluated over the samples less than `depth` below the highest one, and over those less than a quarter of
+        it; the greater value counts, so that smooth parts elsewhere do not hide a rough summit.
         """
         from scipy.fft import idctn
 
         transforms, lengths = self._waves
         gap = self.heights.max() - self.heights
-        part = too_short(lengths, wavelength)
+        part = short_wave_share(lengths, wavelength)
         found = []
         for waves in transforms:
             rest = idctn(waves * part, type=1)
@@ -137,7 +148,7 @@ class HeightMap(Surface):
             inner = tuple(slice(m, n - m) for n, m in zip(rest.shape, edge, strict=True))
             places = []
             for reached in (gap <= depth, gap <= 0.25 * depth):
-                inside = rest[inner][reached[inner]]  # at the edges the transform rings
+                inside = rest[inner][reached[inner]]  # the transform rings at the edges
                 places.append(inside if inside.size else rest[reached])
             found.append(max(float(np.sqrt(np.mean(heights**2))) for heights in places))
         return min(found)
@@ -156,7 +167,7 @@ class HeightMap(Surface):
     def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
         return self._at(x, y, 2, 0), self._at(x, y, 1, 1), self._at(x, y, 0, 2)
 
-    # on a grid a tensor-product spline costs far less than at scattered points
+    # a tensor-product spline costs far less on a grid than at scattered points
 
     def product(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
         z, zx, zy = (self._spline(x, y, dx, dy).T for dx, dy in ((0, 0), (1, 0), (0, 1)))
@@ -175,11 +186,11 @@ class HeightMap(Surface):
         return xx, xy, yy
 
     def mean(self) -> float:
-        """Return the mean of the spline over the patch (length), exact."""
+        """Return the exact mean of the spline over the patch (length)."""
         return float(self._spline.integral(0, self.L, 0, self.L)) / self.L**2
 
     def curvature_bound(self) -> float:
-        """Return a bound of the Hessian (1/length) from the hull of the spline coefficients."""
+        """Return a bound of the Hessian (1/length) from the convex hull of the spline coefficients."""
         bounds = [
             float(np.abs(self._spline.partial_derivative(dx, dy).tck[2]).max()) for dx, dy in ((2, 0), (1, 1), (0, 2))
         ]
@@ -201,7 +212,7 @@ def _check_heights(z: Array, order: int, path: str | Path) -> None:
 
 
 def _read(path: Path) -> tuple[Array, float | None]:
-    """Return heights [iy, ix] and the side of the patch (None when the file does not tell)."""
+    """Return heights (ny, nx) and the side of the patch (length), None if the file does not contain it."""
     readers = {".npz": _read_npz, ".npy": _read_npy, ".csv": _read_csv}
     if path.suffix not in readers:
         raise InputError(f"surface.path = {str(path)!r}: unknown type {path.suffix!r}; legal: .npz, .npy, .csv.")
@@ -256,7 +267,11 @@ def _read_csv(path: Path) -> tuple[Array, float | None]:
 
 
 def _side(x: Array, y: Array, path: Path) -> float:
-    """Return the side of the patch, refusing irregular spacing and patches that are not square."""
+    """Return the side of the patch (length).
+
+    Raises:
+        InputError: the spacing is irregular, or the patch is not square.
+    """
     for name, values in (("x", x), ("y", y)):
         steps = np.diff(values)
         if values.ndim != 1 or values.size < 2 or not np.all(steps > 0):

@@ -1,4 +1,4 @@
-"""The global maximum of a surface: branch and bound over cells, Newton polish."""
+"""The global maximum of a surface: branch and bound over cells, refined by Newton iteration."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _MAX_CELLS = 4_000_000
 _LEVELS = 40
 
 
-class HeightField(Protocol):
+class SmoothSurface(Protocol):
     """Heights over the patch [0, L]^2 with derivatives and a bound of the curvature, see `base.Surface`."""
 
     @property
@@ -33,12 +33,12 @@ class HeightField(Protocol):
     def product(self, x: Array, y: Array) -> tuple[Array, Array, Array]: ...
 
 
-def global_maximum(surface: HeightField) -> tuple[float, float, float]:
+def global_maximum(surface: SmoothSurface) -> tuple[float, float, float]:
     """Return (x, y, z) of the highest point of the closed patch.
 
-    In a cell of half-diagonal r about c no height exceeds z(c) + |grad z(c)| r + K r^2/2, K the
+    In a cell of half-diagonal r about c no height exceeds z(c) + |grad z(c)| r + K r^2/2, K being the
     curvature bound. Cells that cannot hold a higher point than the best one known are dropped,
-    the others are quartered; a centre above the best known height starts a Newton climb.
+    the others are quartered; a Newton ascent starts at each centre above the best known height.
     """
     L, K = surface.L, surface.curvature_bound()
     n = int(np.clip(np.ceil(8 * L / surface.feature_size), 64, 4096))
@@ -48,12 +48,12 @@ def global_maximum(surface: HeightField) -> tuple[float, float, float]:
         slack = 1e-14 * max(abs(best[2]), float(np.abs(z).max(initial=0.0)))
         zx, zy = surface.gradient(x, y)
         r = np.sqrt(2) * half
-        reach = z + np.hypot(zx, zy) * r + 0.5 * K * r**2
-        keep = reach > best[2] + slack
+        bound = z + np.hypot(zx, zy) * r + 0.5 * K * r**2
+        keep = bound > best[2] + slack
         if not keep.any() or 0.5 * K * r**2 <= slack:
             break
         if np.count_nonzero(keep) > _MAX_CELLS // 4:
-            keep = np.argpartition(reach, -_MAX_CELLS // 4)[-_MAX_CELLS // 4 :]
+            keep = np.argpartition(bound, -_MAX_CELLS // 4)[-_MAX_CELLS // 4 :]
         half /= 2
         x = (x[keep][:, None] + half * np.array([-1, 1, -1, 1])).ravel()
         y = (y[keep][:, None] + half * np.array([-1, -1, 1, 1])).ravel()
@@ -62,10 +62,10 @@ def global_maximum(surface: HeightField) -> tuple[float, float, float]:
     return best
 
 
-def _first_cells(surface: HeightField, n: int, K: float) -> tuple[Array, Array, Array, tuple[float, float, float]]:
+def _first_cells(surface: SmoothSurface, n: int, K: float) -> tuple[Array, Array, Array, tuple[float, float, float]]:
     """Return the n x n cell centres that may hold the maximum, and the best point known.
 
-    Row by row, so that only promising cells are held in memory.
+    Works row by row, so that only promising cells are kept in memory.
     """
     L = surface.L
     centres = (np.arange(n) + 0.5) * (L / n)
@@ -81,22 +81,22 @@ def _first_cells(surface: HeightField, n: int, K: float) -> tuple[Array, Array, 
         x, y = (c.ravel() for c in np.meshgrid(centres, centres[i : i + rows]))
         z, zx, zy = (f.ravel() for f in surface.product(centres, centres[i : i + rows]))
         best = _improve(surface, x, y, z, best, 0.0)
-        reach = z + np.hypot(zx, zy) * r + 0.5 * K * r**2
-        kept.append(np.stack([x, y, z, reach])[:, reach > best[2]])
-    x, y, z, reach = np.concatenate(kept, axis=1)
-    keep = reach > best[2]
+        bound = z + np.hypot(zx, zy) * r + 0.5 * K * r**2
+        kept.append(np.stack([x, y, z, bound])[:, bound > best[2]])
+    x, y, z, bound = np.concatenate(kept, axis=1)
+    keep = bound > best[2]
     return x[keep], y[keep], z[keep], best
 
 
 def _improve(
-    surface: HeightField,
+    surface: SmoothSurface,
     x: Array,
     y: Array,
     z: Array,
     best: tuple[float, float, float],
     slack: float,
 ) -> tuple[float, float, float]:
-    """Climb from the highest of the given points if it beats the best point."""
+    """Climb from the highest of the given points if it is above the best point; return the better one."""
     top = int(np.argmax(z))
     if z[top] <= best[2] + slack:
         return best
@@ -104,12 +104,12 @@ def _improve(
     return found if found[2] > best[2] else best
 
 
-def climb(surface: HeightField, x: float, y: float) -> tuple[float, float, float]:
-    """Return the local maximum (x, y, z) of the closed patch reached from (x, y).
+def climb(surface: SmoothSurface, x: float, y: float) -> tuple[float, float, float]:
+    """Return the local maximum (x, y, z) of the closed patch that an ascent from (x, y) ends in.
 
-    Newton iteration projected on the patch; where the Hessian is not negative definite, a
-    gradient step that the curvature bound makes safe. Heights tell the place to the root of the
-    rounding unit only; from there on the slope decides.
+    Newton iteration projected onto the patch; where the Hessian is not negative definite, a gradient
+    step whose length the curvature bound makes safe. Heights determine the position only to the square
+    root of the rounding unit; beyond that the slope decides.
     """
     L, K = surface.L, surface.curvature_bound()
     p = np.array([x, y], dtype=float)
@@ -127,12 +127,12 @@ def climb(surface: HeightField, x: float, y: float) -> tuple[float, float, float
             step[free] = g[free] / K if K > 0 else np.sign(g[free]) * L
         new = np.clip(p + step, 0.0, L)
         z_new = float(surface.height(*new))
-        if z_new < z:  # overshoot: the safe step always climbs, up to round-off
+        if z_new < z:  # overshoot: the safe step always climbs, except for round-off
             safe = g / K if K > 0 else np.sign(g) * L
             new = np.clip(p + np.where(free, safe, 0.0), 0.0, L)
             z_new = float(surface.height(*new))
             if z_new <= z:
-                p = _settled(surface, p, free)
+                p = _zero_slope(surface, p, free)
                 z = float(surface.height(*p))
                 break
         moved = float(np.abs(new - p).max())
@@ -142,10 +142,11 @@ def climb(surface: HeightField, x: float, y: float) -> tuple[float, float, float
     return float(p[0]), float(p[1]), z
 
 
-def _settled(surface: HeightField, p: Array, free: Array) -> Array:
-    """Return the zero of the slope along the free axes next to p, where steps change no height any more.
+def _zero_slope(surface: SmoothSurface, p: Array, free: Array) -> Array:
+    """Return the zero of the slope along the free axes next to p, where steps no longer change the height.
 
-    Newton steps as long as they halve the slope, each far below the finest feature: to no other summit.
+    Newton steps continue while each halves the slope and is far shorter than the finest feature, so they cannot end
+    at another summit.
     """
     slope = np.where(free, surface.gradient(*p), 0.0)
     for _ in range(10):
@@ -164,6 +165,6 @@ def _settled(surface: HeightField, p: Array, free: Array) -> Array:
     return p
 
 
-def _hessian(surface: HeightField, p: Array, free: Array) -> Array:
+def _hessian(surface: SmoothSurface, p: Array, free: Array) -> Array:
     xx, xy, yy = (float(h) for h in surface.hessian(*p))
     return np.array([[xx, xy], [xy, yy]])[np.ix_(free, free)]

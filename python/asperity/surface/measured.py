@@ -1,4 +1,4 @@
-"""Height maps of instruments: reading, gaps, levelling, filtering, and the square patch that contact needs.
+"""Height maps of instruments: reading, filling gaps, levelling, filtering, and cutting the square patch for a contact.
 
 field = HeightField.read("scan.sur").filled().levelled("plane")
 field.window(5e-6, 5e-6, 20e-6).save("patch.npz")          # kind = "file", path = "patch.npz" in a case
@@ -31,8 +31,8 @@ from asperity.runtime.files import (
 Trend = Literal["mean", "plane", "curvature"]
 
 PLAIN = (".npz", ".npy", ".csv", ".txt")  # read by NumPy
-MOST_MISSING = 0.2  # share of heights that may be filled: more is invention
-ALPHA = math.sqrt(math.log(2) / math.pi)  # of the Gaussian filter, ISO 16610-61
+MOST_MISSING = 0.2  # share of heights that may be filled; more would be guesswork
+ALPHA = math.sqrt(math.log(2) / math.pi)  # constant of the Gaussian filter, ISO 16610-61
 
 POWERS: dict[str, tuple[tuple[int, int], ...]] = {
     "mean": ((0, 0),),
@@ -45,8 +45,16 @@ POWERS: dict[str, tuple[tuple[int, int], ...]] = {
 class HeightField:
     """Heights at the nodes of a regular grid; immutable.
 
+    >>> import numpy as np
+    >>> from asperity.surface.measured import HeightField
+    >>> tilted = HeightField(np.add.outer(np.arange(9.0), np.arange(17.0)), dx=0.5, dy=0.5)
+    >>> tilted.size
+    (8.0, 4.0)
+    >>> bool(abs(tilted.levelled("plane").z).max() < 1e-12), tilted.square().size
+    (True, (4.0, 4.0))
+
     Attributes:
-        z: heights (length), shape (ny, nx), index [iy, ix]; NaN where the instrument saw nothing.
+        z: heights (ny, nx), index [iy, ix] (length); NaN where the instrument measured nothing.
         dx, dy: distance between neighbouring nodes (length).
     """
 
@@ -61,14 +69,14 @@ class HeightField:
         for name in ("dx", "dy"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
-                raise InputError(f"{name} = {value} is no distance between heights; give a positive length")
+                raise InputError(f"{name} = {value} is not a distance between heights; give a positive length")
         z[~np.isfinite(z)] = np.nan
         z.flags.writeable = False
         object.__setattr__(self, "z", z)
 
     @property
     def size(self) -> tuple[float, float]:
-        """Extent from the first to the last node along x and y (length)."""
+        """Distance of the first and the last node along x and along y (length)."""
         ny, nx = self.z.shape
         return (nx - 1) * self.dx, (ny - 1) * self.dy
 
@@ -81,16 +89,16 @@ class HeightField:
     def read(path: str | Path, *, pixel: float | None = None) -> HeightField:
         """Read a file of heights.
 
-        NumPy reads .npz (z with x and y, with dx, or with L, the extent along x), .npy and .csv or .txt matrices;
-        anything else goes to SurfaceTopography, which knows the formats of some forty instruments.
+        NumPy reads .npz (z with x and y, with dx, or with L, the extent along x), .npy and .csv or .txt matrices.
+        Other files are passed to SurfaceTopography, which reads the formats of some forty instruments.
 
         Args:
             path: the file.
-            pixel: distance between heights (length), for files that do not hold it.
+            pixel: distance between heights (length), for files that do not contain it.
 
         Raises:
-            InputError: the file cannot be read, or holds no lengths and `pixel` is missing.
-            CompatError: the file needs SurfaceTopography and it is not installed.
+            InputError: the file cannot be read, or it has no lengths and `pixel` is missing.
+            CompatError: the file requires SurfaceTopography, which is not installed.
         """
         path = Path(path)
         if not path.is_file():
@@ -104,14 +112,14 @@ class HeightField:
         if pixel is not None:
             dx = dy = pixel
         if dx is None or dy is None:
-            raise InputError(f"{path} holds heights without lengths; give the distance between heights (--pixel)")
+            raise InputError(f"{path} contains heights without lengths; give the distance between heights (--pixel)")
         return HeightField(z, dx, dy)
 
     def filled(self) -> HeightField:
-        """Fill missing heights by the harmonic function (a soap film) through their neighbours.
+        """Fill missing heights by the harmonic function through their neighbours.
 
         Raises:
-            InputError: more than a fifth is missing.
+            InputError: more than a fifth of the heights is missing.
         """
         gaps = np.isnan(self.z)
         if not gaps.any():
@@ -121,25 +129,25 @@ class HeightField:
                 f"{self.missing:.0%} of the heights are missing, at most {MOST_MISSING:.0%} can be filled; "
                 "choose a window with fewer gaps"
             )
-        return replace(self, z=_soap_film(self.z, gaps))
+        return replace(self, z=_harmonic_fill(self.z, gaps))
 
     def levelled(self, trend: Trend = "plane") -> HeightField:
-        """Take off the least-squares polynomial: "mean", "plane", or "curvature" (second order)."""
+        """Subtract the least-squares polynomial: "mean", "plane", or "curvature" (second order)."""
         if trend not in POWERS:
             raise InputError(f'trend = "{trend}" is unknown; choose mean, plane or curvature')
         return replace(self, z=self.z - _trend(self.z, trend))
 
     def filtered(self, cutoff: float) -> HeightField:
-        """Gaussian low-pass filter with 50 % transmission at the wavelength `cutoff` (length), ISO 16610-61.
+        """Apply a Gaussian low-pass filter with 50 % transmission at the wavelength `cutoff` (length), ISO 16610-61.
 
-        A contact computation needs it when the mesh is coarser than the map. The edges are mirrored.
+        Filter a map that is finer than the mesh of the contact. The heights are mirrored at the edges.
 
         Raises:
             InputError: heights are missing, or the cut-off is below two pixels.
         """
         from scipy.ndimage import gaussian_filter
 
-        self._need_all("filtered")
+        self._require_complete("filtered")
         if not cutoff >= 2 * max(self.dx, self.dy):
             raise InputError(f"cutoff = {cutoff:g} is below two pixels, {2 * max(self.dx, self.dy):g}")
         sigma = ALPHA * cutoff / math.sqrt(2 * math.pi)
@@ -149,15 +157,14 @@ class HeightField:
     def window(self, x: float, y: float, side: float) -> HeightField:
         """Cut the square [x, x + side] x [y, y + side] (lengths from the first node).
 
-        Where its edges do not fall on nodes, or the spacings differ, a cubic spline resamples it at the finer
-        spacing.
+        If its edges are not on nodes, or the spacings differ, a cubic spline resamples it with the finer spacing.
 
         Raises:
-            InputError: heights are missing, or the square is not inside the map or has fewer than 8 nodes a side.
+            InputError: heights are missing, or the square is not inside the map or has fewer than 8 nodes per side.
         """
         from scipy.interpolate import RectBivariateSpline
 
-        self._need_all("cut")
+        self._require_complete("cut")
         width, depth = self.size
         slack = 1e-9 * max(width, depth)
         if not (side > 0 and x >= -slack and y >= -slack and x + side <= width + slack and y + side <= depth + slack):
@@ -175,7 +182,7 @@ class HeightField:
         return HeightField(spline(y + s, x + s), s[1], s[1])
 
     def square(self) -> HeightField:
-        """The largest square in the middle of the map."""
+        """Cut the largest square in the middle of the map."""
         side = min(self.size)
         x, y = ((extent - side) / 2 for extent in self.size)
         if self.dx == self.dy:
@@ -188,7 +195,7 @@ class HeightField:
         Raises:
             InputError: the patch is not square, or heights are missing.
         """
-        self._need_all("saved as a surface")
+        self._require_complete("saved as a surface")
         width, depth = self.size
         if not math.isclose(width, depth, rel_tol=1e-9):
             raise InputError(f"the map of {width:g} x {depth:g} is not square; cut a window first")
@@ -196,13 +203,13 @@ class HeightField:
         replace_file(path, npz_bytes({"z": self.z, "L": np.array(width)}, compress=True))
         return path
 
-    def _need_all(self, what: str) -> None:
+    def _require_complete(self, what: str) -> None:
         if self.missing:
             raise InputError(f"{self.missing:.2%} of the heights are missing; fill them before the map is {what}")
 
 
 def _read_plain(path: Path) -> tuple[Array, float | None, float | None]:
-    """Heights and spacings by NumPy; None where the file does not tell."""
+    """Heights (ny, nx) and spacings (length) by NumPy; None for a spacing that the file does not contain."""
     if path.suffix == ".npy":
         return real(read_npy(path)), None, None
     if path.suffix in (".csv", ".txt"):
@@ -212,7 +219,7 @@ def _read_plain(path: Path) -> tuple[Array, float | None, float | None]:
     if "x" in data and "y" in data:
         x, y = (np.unique(data[name]) for name in ("x", "y"))
         if z.shape != (y.size, x.size) or any(np.ptp(np.diff(v)) > 1e-6 * v[-1] for v in (x, y)):
-            raise ValueError(f"x and y are no regular grid for z of shape {z.shape}")
+            raise ValueError(f"x and y are not a regular grid for z of shape {z.shape}")
         return z, float(np.ptp(x)) / (x.size - 1), float(np.ptp(y)) / (y.size - 1)
     if "dx" in data:
         return z, float(data["dx"]), float(data["dy"] if "dy" in data else data["dx"])
@@ -223,7 +230,7 @@ def _read_plain(path: Path) -> tuple[Array, float | None, float | None]:
 
 
 def _read_instrument(path: Path, pixel: float | None) -> HeightField:
-    """Heights in metres by SurfaceTopography; its first index is x."""
+    """Heights in metres by SurfaceTopography, whose first index is x."""
     try:
         import SurfaceTopography  # type: ignore[import-not-found, unused-ignore]
     except ImportError:
@@ -235,7 +242,7 @@ def _read_instrument(path: Path, pixel: float | None) -> HeightField:
         ReadFileError,
     )
 
-    unmeasured = InputError(f"{path} holds heights without lengths; give the distance between heights (--pixel)")
+    unmeasured = InputError(f"{path} contains heights without lengths; give the distance between heights (--pixel)")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -254,7 +261,7 @@ def _read_instrument(path: Path, pixel: float | None) -> HeightField:
     if topography.dim != 2 or not topography.is_uniform:
         raise InputError(f"{path} holds a line scan; contact needs a map of heights")
     if topography.unit is None:
-        raise InputError(f"{path} does not tell the unit of its lengths; export it with units, or as .npz in metres")
+        raise InputError(f"{path} does not give the unit of its lengths; export it with units, or as .npz in metres")
     in_metres = topography.to_unit("m")
     dx, dy = (float(p) for p in in_metres.pixel_size)
     z = np.ma.filled(np.ma.masked_invalid(np.ma.asarray(in_metres.heights(), dtype=float)), np.nan)
@@ -262,19 +269,19 @@ def _read_instrument(path: Path, pixel: float | None) -> HeightField:
 
 
 def _trend(z: Array, trend: str) -> Array:
-    """Least-squares polynomial of the heights that are there, at every node."""
+    """Least-squares polynomial of the known heights, evaluated at every node, (ny, nx) (length)."""
     ny, nx = z.shape
     y, x = np.meshgrid(np.linspace(-1, 1, ny), np.linspace(-1, 1, nx), indexing="ij")
     basis = np.stack([x**i * y**j for i, j in POWERS[trend]], axis=-1)
-    there = np.isfinite(z)
-    if there.sum() < basis.shape[-1]:
+    known = np.isfinite(z)
+    if known.sum() < basis.shape[-1]:
         raise InputError("there are too few heights to level; choose another window")
-    coefficients = np.linalg.lstsq(basis[there], z[there], rcond=None)[0]
+    coefficients = np.linalg.lstsq(basis[known], z[known], rcond=None)[0]
     return np.asarray(basis @ coefficients)
 
 
-def _soap_film(z: Array, gaps: NDArray[np.bool_]) -> Array:
-    """Heights whose missing values equal the mean of their neighbours on the grid."""
+def _harmonic_fill(z: Array, gaps: NDArray[np.bool_]) -> Array:
+    """Heights (ny, nx) in which each missing value is the mean of its neighbours on the grid (length)."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.linalg import spsolve
 

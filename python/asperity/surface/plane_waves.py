@@ -8,12 +8,12 @@ import numpy as np
 
 from asperity.arrays import Array
 
-_BLOCK = 2**20  # pairs, or waves times nodes, evaluated at once: 8 MiB a temporary
-_NEAR = 1e-3  # below it sin(h)/h is summed, not divided
+_BLOCK = 2**20  # pairs, or waves times nodes, evaluated at once: 8 MiB per temporary array
+_NEAR = 1e-3  # below it sin(h)/h is taken from its series
 
 
 class Waves(NamedTuple):
-    """Plane waves a cos(kx x + ky y + phi), one entry a wave."""
+    """Plane waves a cos(kx x + ky y + phi), one entry per wave, each (n,)."""
 
     a: Array  # amplitude (length)
     kx: Array  # wave vector (1/length)
@@ -22,7 +22,7 @@ class Waves(NamedTuple):
 
 
 def on_product(waves: Waves, x: Array, y: Array, *weights: Array) -> tuple[Array, ...]:
-    """Return Re sum_j w_j exp(i theta_j) at all (x[i], y[j]) for each complex weight array w.
+    """Return Re sum_j w_j exp(i theta_j) at all (x[i], y[j]), (len(y), len(x)), for each complex weight array w (n,).
 
     A plane wave separates, exp(i(kx x + ky y)) = exp(i kx x) exp(i ky y), so the sum over
     all waves is one real matrix product (len(y) x 2 waves)(2 waves x len(x)).
@@ -42,11 +42,11 @@ def on_product(waves: Waves, x: Array, y: Array, *weights: Array) -> tuple[Array
 
 
 def mean_squares(waves: Waves, L: float) -> tuple[float, float, float]:
-    """Return the means of s^2, |grad s|^2 and (laplacian s)^2 over [0, L]^2, s the sum of the waves.
+    """Return the means of s^2, |grad s|^2 and (laplacian s)^2 over [0, L]^2, s being the sum of the waves.
 
-    Products of two waves are waves of the sum and of the difference of their vectors, whose mean
-    over the patch is the value in its middle times sin(h)/h in x and y, h = k L/2. Sines of sums are
-    products of sines and cosines; the pairs are met in blocks, each pair once.
+    The product of two waves is the sum of two waves, with the sum and the difference of the wave vectors. The mean
+    of a wave over the patch is its value in the middle times sin(h)/h in x and y, h = k L/2. Sines of sums are
+    expanded into products of sines and cosines. The pairs are evaluated in blocks, each pair once.
     """
     a, kx, ky, phi = waves
     k2 = kx**2 + ky**2
@@ -57,7 +57,7 @@ def mean_squares(waves: Waves, L: float) -> tuple[float, float, float]:
     rows = max(1, _BLOCK // a.size)
     for i in range(0, a.size, rows):
         one, other = slice(i, i + rows), slice(i, None)
-        twice = np.where(np.arange(a.size - i) < rows, 1.0, 2.0)  # the pairs that come once stand for two
+        twice = np.where(np.arange(a.size - i) < rows, 1.0, 2.0)  # a pair of different waves occurs twice in the square
         uu, vv = np.multiply.outer(u[one], u[other]), np.multiply.outer(v[one], v[other])
         plus, minus = uu - vv, uu + vv
         for h in (hx, hy):

@@ -1,4 +1,4 @@
-"""Surfaces with a textbook solution: sphere, sinusoid, flat."""
+"""Surfaces with a textbook contact solution: sphere, sinusoid, flat."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
-from asperity.surface.base import Surface, check, check_point, check_positive, too_short
+from asperity.surface.base import Surface, check, check_point, check_positive, short_wave_share
 
 
 def _points(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
@@ -21,7 +21,12 @@ def _points(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Flat(Surface):
-    """The plane z = 0."""
+    """The plane z = 0.
+
+    >>> from asperity.surface import Flat
+    >>> Flat(L=2.0).maximum()
+    (1.0, 1.0, 0.0)
+    """
 
     kind: ClassVar[str] = "flat"
 
@@ -43,7 +48,7 @@ class Flat(Surface):
         return 0.0
 
     def maximum(self) -> tuple[float, float, float]:
-        """Return the middle of the patch; every point is a highest one."""
+        """Return the middle of the patch (x, y, z) (length); every point is a highest one."""
         return self.L / 2, self.L / 2, 0.0
 
 
@@ -51,10 +56,15 @@ class Flat(Surface):
 class Sphere(Surface):
     """One spherical bump with its apex at height 0.
 
-    shape "sphere": z = sqrt(R^2 - r^2) - R up to r = 0.8 R (slope 4/3), beyond it the tangent
-    cone, so that the surface is C1 and single-valued on any patch; "paraboloid": z = -r^2/(2R),
+    The shape "sphere" is z = sqrt(R^2 - r^2) - R up to r = 0.8 R (slope 4/3) and the tangent cone
+    beyond, so that the surface is C1 and single-valued on any patch; "paraboloid" is z = -r^2/(2R),
     the profile of Hertz theory. With the centre in a corner the patch is a quarter of the bump
-    (sides u.n = 0 are then its planes of symmetry).
+    (the sides u.n = 0 are then its planes of symmetry).
+
+    >>> from asperity.surface import Sphere
+    >>> sphere = Sphere(L=1.0, radius=10.0, centre=(0.0, 0.0), shape="paraboloid")
+    >>> float(sphere.height(1.0, 0.0))
+    -0.05
 
     Attributes:
         radius: R (length).
@@ -67,7 +77,7 @@ class Sphere(Surface):
     shape: Literal["sphere", "paraboloid"] = "sphere"
 
     kind: ClassVar[str] = "sphere"
-    cap: ClassVar[float] = 0.8  # r/R where the cap hands over to the cone
+    cap: ClassVar[float] = 0.8  # r/R of the circle where cap and cone meet
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -77,7 +87,7 @@ class Sphere(Surface):
         check(self.shape in ("sphere", "paraboloid"), "shape", self.shape, '"sphere" or "paraboloid"')
 
     def _profile(self, r: Array) -> tuple[Array, Array, Array]:
-        """Return z, z'/r and (z'' - z'/r)/r^2 of the radial profile; all finite at r = 0."""
+        """Return z, z'/r and (z'' - z'/r)/r^2 of the radial profile in the shape of r; all are finite at r = 0."""
         R = self.radius
         if self.shape == "paraboloid":
             return -(r**2) / (2 * R), np.full(r.shape, -1 / R), np.zeros(r.shape)
@@ -118,11 +128,11 @@ class Sphere(Surface):
         return total / self.L**2
 
     def _triangle(self, a: float, b: float) -> float:
-        """Return the integral of z over the triangle (0,0), (a,0), (a,b) seen from the apex."""
+        """Return the integral of z (length^3) over the triangle (0,0), (a,0), (a,b), the apex being the origin."""
         if a == 0 or b == 0:
             return 0.0
         top = math.atan2(b, a)
-        rim = math.acos(min(1.0, a / (self.cap * self.radius)))  # beyond it the cone is crossed
+        rim = math.acos(min(1.0, a / (self.cap * self.radius)))  # larger angles cross the cone
         cuts = sorted({0.0, min(rim, top), top})
         t, w = np.polynomial.legendre.leggauss(40)
         total = 0.0
@@ -132,7 +142,7 @@ class Sphere(Surface):
         return total
 
     def _sector(self, r: Array) -> Array:
-        """Return the integral of z(s) s ds from 0 to r."""
+        """Return the integral of z(s) s ds from 0 to r (length^3), in the shape of r."""
         R = self.radius
         if self.shape == "paraboloid":
             return -(r**4) / (8 * R)
@@ -151,7 +161,7 @@ class Sphere(Surface):
         return R**2 / (R**2 * (1 - self.cap**2)) ** 1.5  # meridian, at the rim of the cap
 
     def maximum(self) -> tuple[float, float, float]:
-        """Return the apex."""
+        """Return the apex (x, y, z) (length)."""
         assert self.centre is not None
         return (*self.centre, 0.0)
 
@@ -159,6 +169,11 @@ class Sphere(Surface):
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Sinusoid(Surface):
     """z = A cos(k (x - x0)), or A cos(k (x - x0)) cos(k (y - y0)) with dims = 2; k = 2 pi/lambda.
+
+    >>> from asperity.surface import Sinusoid
+    >>> wave = Sinusoid(L=1.0, amplitude=0.01, wavelength=0.5, centre=(0.0, 0.0))
+    >>> float(wave.height(0.25, 0.7))
+    -0.01
 
     Attributes:
         amplitude: A (length), half the peak-to-valley height.
@@ -197,7 +212,7 @@ class Sinusoid(Surface):
 
     def short_waves(self, wavelength: float, depth: float) -> float:
         rms = self.amplitude * math.sqrt(0.5**self.dims)
-        return rms * float(too_short(2 * math.pi / math.hypot(*self._k), wavelength))
+        return rms * float(short_wave_share(2 * math.pi / math.hypot(*self._k), wavelength))
 
     def _angles(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
         assert self.centre is not None
@@ -235,6 +250,6 @@ class Sinusoid(Surface):
         return self.amplitude * self._k[0] ** 2
 
     def maximum(self) -> tuple[float, float, float]:
-        """Return the crest at the centre."""
+        """Return the crest (x, y, z) at the centre (length)."""
         assert self.centre is not None
         return (*self.centre, self.amplitude)

@@ -9,21 +9,26 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.errors import InputError
 
-#: Beyond this rms slope small-strain, small-slope contact theory loses its footing.
+#: rms slope up to which small-strain, small-slope contact theory is accurate.
 SMALL_SLOPE = 0.1
 
 
 @dataclass(frozen=True)
 class SurfaceStatistics:
-    """Roughness over the patch from a regular grid; heights are taken about their mean.
+    """Roughness parameters of the patch from a regular grid; heights are taken about their mean.
+
+    >>> from asperity.surface import Sinusoid, SurfaceStatistics
+    >>> found = Sinusoid(L=1.0, amplitude=0.01).statistics(n=257)
+    >>> isinstance(found, SurfaceStatistics), round(found.Sz, 6), found.small_slope
+    (True, 0.02, True)
 
     Attributes:
-        n: nodes a side of the grid.
+        n: nodes per side of the grid.
         mean: mean height of the nodes (length).
         Sq: rms height (length).
         Sa: mean absolute height (length).
-        Sz: highest minus lowest node (length).
-        Sp: highest node above the mean (length).
+        Sz: height of the highest above the lowest node (length).
+        Sp: height of the highest node above the mean (length).
         skewness: <z^3>/Sq^3 (dimensionless; 0 for a flat).
         kurtosis: <z^4>/Sq^4 (dimensionless; 3 for Gaussian heights; 0 for a flat).
         rms_slope: sqrt(<|grad z|^2>) (dimensionless).
@@ -51,11 +56,16 @@ class SurfaceStatistics:
 class Spectrum:
     """A power spectral density.
 
+    >>> from asperity.surface import Sinusoid
+    >>> spectrum = Sinusoid(L=1.0, amplitude=0.01, wavelength=0.1).psd(n=128, direction="x", window="none")
+    >>> round(float(spectrum.q[spectrum.density.argmax()] / 6.283185), 6)
+    10.0
+
     Attributes:
-        q: angular wave number 2 pi/wavelength (1/length), rising, without 0.
-        density: length^4 (radial) or length^3 (along x or y).
+        q: angular wave number 2 pi/wavelength (1/length), rising, without 0, (m,).
+        density: at q, (m,) (length^4 for radial, length^3 for x or y).
         direction: "radial", "x" or "y".
-        window: the taper used.
+        window: the taper, "hann" or "none".
     """
 
     q: Array
@@ -67,7 +77,7 @@ class Spectrum:
 def surface_statistics(
     z: Array, gradient: tuple[Array, Array], hessian: tuple[Array, Array, Array]
 ) -> SurfaceStatistics:
-    """Return the statistics of a regular grid, whose nodes weigh equally.
+    """Return the statistics of a regular grid; all nodes have the same weight.
 
     Args:
         z: heights (n, n) (length).
@@ -106,18 +116,18 @@ def bearing_curve(z: Array, points: int = 201) -> tuple[Array, Array]:
 
 
 def psd(z: Array, L: float, direction: str = "radial", window: str = "hann") -> Spectrum:
-    """Return the power spectral density, conventions of Jacobs, Junge and Pastewka (2017).
+    """Return the power spectral density, in the conventions of Jacobs, Junge and Pastewka (2017).
 
-    Surf. Topogr.: Metrol. Prop. 5 013001. The discrete transform carries dx dy, so that
+    Surf. Topogr.: Metrol. Prop. 5 013001. The discrete transform includes the factor dx dy, so that
     <z^2> = sum of C(q)/L^2 over all wave vectors (2D), or of C(q)/L over positive and negative
     q (1D). The windowed heights are rescaled to the power of the unwindowed ones.
 
     Args:
-        z: heights (n, n) at i L/n, the period of the transform being L (length); their mean is subtracted.
+        z: heights (n, n) at i L/n (length); the period of the transform is L; the mean is subtracted.
         L: side of the patch (length).
         direction: "radial" (mean over rings of width 2 pi/L of the 2D density, length^4) or
             "x", "y" (mean over profiles along that direction, length^3).
-        window: "hann" (against the jump at the edges of a patch that is not periodic) or "none".
+        window: "hann" (suppresses the jump at the edges of a patch that is not periodic) or "none".
 
     Raises:
         InputError: unknown direction or window.

@@ -1,8 +1,8 @@
 """Verification: computed cases against the references of `asperity.reference`, each row with an error bar.
 
-A row passes when its error is within the bar, and the bar is computed: the error of the discretisation estimated from
-meshes of three sizes, and that of the reference for this problem (scatter of a fit, grid of a numerical one, slopes
-and sides that a theory does not know). The cases run on one process.
+A row passes if its error is within its bar. The bar is computed: it is the error of the discretisation, estimated from
+three meshes, plus the error of the reference for this problem (scatter of a fit, grid of a numerical solution, slopes
+and sides that a theory neglects). The cases run on one rank.
 """
 
 from __future__ import annotations
@@ -40,7 +40,10 @@ def validate(
     Args:
         names: of NAMES; all when empty
         level: "quick" (under two minutes) or "full" (finer meshes, all loads, materials and formulations)
-        on_case: called with the name and the rows of each case when it is done
+        on_case: called after each case with its name and rows
+
+    Returns:
+        The rows of all cases.
 
     Raises:
         InputError: unknown name or level

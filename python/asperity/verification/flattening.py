@@ -1,4 +1,4 @@
-"""An elastic-plastic hemisphere flattened far beyond yield: fits to finite elements from the literature."""
+"""An elastic-plastic hemisphere flattened far beyond yield, against fits of finite elements from the literature."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from asperity.arrays import Floats
 from asperity.contact import ActiveSet
 from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.solid import Solid
-from asperity.mesh.generate import distribute
+from asperity.mesh.distribute import distribute
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.settings import SolverOptions
 from asperity.quasistatic.stepping import ContactSolver, Record, follow
 from asperity.verification.solids import eighth_sphere, planes_of_symmetry
-from asperity.verification.table import KINK, RATIO, Level, Row, rows_along
+from asperity.verification.table import KINK, RATIO, Row, VerificationLevel, rows_along
 
 E, NU, Y = 200e9, 0.3, 1e9
 HERTZ = reference.Hertz(1.0, reference.reduced_modulus(1.0, NU))  # R = E = 1
 ONSET = float((0.5 * np.pi * 1.295 * np.exp(0.736 * NU) * Y / reference.reduced_modulus(E, NU)) ** 2)
-LAST = 105.0  # greatest w = deflection over that of the onset of yield, Jackson & Green
-FIT = 0.06  # of the fits, which agree with each other to 6 %
+LAST = 105.0  # greatest w = approach over that at the onset of yield, Jackson & Green
+FIT = 0.06  # relative error of the fits, which agree with each other to 6 %
 FIT_HARDENING = 0.08  # Ghaednia et al. give 5 to 8 %
-PLANE, PLANE_PERFECT = 0.004, 0.02  # of the plane solution: what another mesh changes, with and without hardening
+PLANE, PLANE_PERFECT = 0.004, 0.02  # relative error of the plane solution, with and without hardening: change by mesh
 
 
-def flattened_sphere(level: Level) -> Iterator[Row]:
-    """Force over that of the onset at w times its deflection, without and with hardening.
+def flattened_sphere(level: VerificationLevel) -> Iterator[Row]:
+    """Force over that at the onset of yield, at w times the approach there, without and with hardening.
 
-    Jackson & Green (2005); Kogut & Etsion (2002), with nearly the same onset; Ghaednia et al. (2019); and a solution
-    in the plane of r and z for the same hemisphere on a sliding base (benchmarks/sphere.py). The fit with hardening
-    is up to 12 % from that solution: where it is more than the authors' 8 %, that is its bar. The error of the load
-    steps, of first order, is extrapolated on the coarsest mesh.
+    References: Jackson & Green (2005); Kogut & Etsion (2002), with nearly the same onset; Ghaednia et al. (2019); and
+    a solution in the plane of r and z for the same hemisphere on a sliding base (benchmarks/sphere.py). The fit with
+    hardening differs by up to 12 % from that solution. Its bar is this difference where it exceeds the authors' 8 %.
+    The error of the load steps, of first order, is extrapolated on the coarsest mesh.
     """
     w = np.array(reference.FLATTENED_DEPTHS if level.full else reference.FLATTENED_DEPTHS[1:3])
     steps = 42 if level.full else 21
@@ -63,11 +63,11 @@ def flattened_sphere(level: Level) -> Iterator[Row]:
 
 
 def _force(refinement: float, material: Material, steps: int, delta: Floats) -> Floats:
-    """Force of the whole sphere at some deflections; R = E = 1."""
+    """Force of the whole sphere at the approaches delta (n,): (n,); R = E = 1."""
     from mpi4py import MPI
 
     def size(x: float, y: float, z: float) -> float:
-        """In proportion to the distance from the pole, so that each contact radius has as many elements."""
+        """Proportional to the distance from the pole, so that all contact radii have the same number of elements."""
         return min(max(0.004, 0.3 * hypot(x, y, z - 1.0)), 0.3) / refinement
 
     mesh, tags = distribute(MPI.COMM_SELF, eighth_sphere(1.0, 0.0, size), 1.0)

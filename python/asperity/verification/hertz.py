@@ -1,4 +1,4 @@
-"""A quarter of a sphere pressed by the flat, its centre in a corner of the block: Hertz."""
+"""A quarter of a sphere with its centre in a corner of the block, pressed by the flat, against Hertz theory."""
 
 from __future__ import annotations
 
@@ -15,10 +15,19 @@ from asperity.model.settings import Formulation
 from asperity.quasistatic.solve_contact import ContactResult
 from asperity.surface import Sphere
 from asperity.verification.patch import METHODS
-from asperity.verification.table import LOCAL, Level, Row, counting_error, on_meshes, press, rows_along, sizes
+from asperity.verification.table import (
+    LOCAL,
+    Row,
+    VerificationLevel,
+    counting_error,
+    on_meshes,
+    rows_along,
+    sizes,
+    solve_on_one_rank,
+)
 
-RADIUS = 100.0  # of the sphere [L]: slopes of 5e-4, so that those of theory are as good as zero
-CONTACT = 0.05  # radius of the contact at the last load [L]
+RADIUS = 100.0  # of the sphere [L]: slopes of 5e-4, so that the effect of finite slopes is negligible
+CONTACT = 0.05  # contact radius at the last load [L]
 STEPS = 2
 MATERIAL = Material(1.0, 0.3)
 SPHERE = Sphere(L=1.0, radius=RADIUS, centre=(0.0, 0.0), shape="paraboloid")
@@ -27,17 +36,22 @@ SOURCE = "Hertz"
 
 
 def press_sphere(refinement: float, formulation: Formulation | None = None) -> ContactResult:
-    """The quarter sphere at `STEPS` equal steps of the deflection; L = E = 1."""
-    return press(
+    """Solve the quarter sphere in `STEPS` equal steps of the approach; L = E = 1."""
+    return solve_on_one_rank(
         SPHERE, MATERIAL, delta_max=CONTACT**2 / RADIUS, steps=STEPS, snapshots=1,
         size=sizes(0.25 * CONTACT, refinement), formulation=formulation,
     )  # fmt: skip
 
 
 def layer_force(delta: npt.ArrayLike, n: int) -> tuple[Floats, Floats]:
-    """P* of the small-slope theory of the whole block, whose base and sides stiffen it, and its relative error.
+    """P* of small-slope theory for the whole block, whose base and sides stiffen it, and its relative error, each (m,).
 
-    Hertz theory knows no block: its force is exceeded by about 0.9 a/L. Of second order in the n cells a side.
+    Hertz theory neglects base and sides; the force is greater by about 0.9 a/L. The error is of second order in the
+    cell size.
+
+    Args:
+        delta: approach (m,) [L]
+        n: cells per side
     """
     coarse, fine = (
         np.array([
@@ -48,11 +62,11 @@ def layer_force(delta: npt.ArrayLike, n: int) -> tuple[Floats, Floats]:
     return fine, np.abs(fine - coarse) / fine
 
 
-def hertz(level: Level) -> Iterator[Row]:
+def hertz(level: VerificationLevel) -> Iterator[Row]:
     """Force, contact radius and pressure; Johnson, Contact Mechanics (1985), 4.2; first yield, 4.1.
 
-    Force and deflection are those of the whole block. The radius and the pressure under a given force hardly feel
-    the block: its sides curve the surface by (a/L)^3 of the curvature, and stress it by (a/L)^2 of the pressure.
+    Force and approach are those of the whole block. The block hardly affects radius and pressure under a given force:
+    its sides change the curvature of the surface by a relative (a/L)^3, and its stress by (a/L)^2 of the pressure.
     """
     expected, grid = layer_force([CONTACT**2 / RADIUS * (k + 1) / STEPS for k in range(STEPS)], 1024)
     for method in METHODS if level.full else METHODS[:1]:
@@ -84,7 +98,7 @@ def hertz(level: Level) -> Iterator[Row]:
 
 
 def _pressure_error(result: ContactResult) -> float:
-    """Rms difference from the pressure of Hertz under the same force, over the contact, relative to its peak."""
+    """Rms difference from the Hertz pressure under the same force over the contact area, relative to its peak."""
     from scipy.interpolate import LinearNDInterpolator
 
     it = result.solver
@@ -98,7 +112,7 @@ def _pressure_error(result: ContactResult) -> float:
 
 
 def _first_yield(result: ContactResult) -> float:
-    """Peak pressure of Hertz under the same force over the greatest stress of von Mises."""
+    """Peak Hertz pressure under the same force over the greatest von Mises stress."""
     solid = result.solver.solid
     s = solid.kernels.stress(solid.u.x.array.reshape(-1, 3))
     xx, yy, zz, xy, xz, yz = np.moveaxis(s, -1, 0)

@@ -1,4 +1,4 @@
-"""Uniform states of a flat block: what every mesh must reproduce to the tolerance of the solver."""
+"""Uniform states of a flat block, which every mesh must reproduce to the tolerance of the solver."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from asperity.quasistatic.solve_contact import make_block, make_contact_solver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.surface import Flat
 from asperity.verification.solids import planes_of_symmetry
-from asperity.verification.table import Level, Row, press
+from asperity.verification.table import Row, VerificationLevel, solve_on_one_rank
 
 METHODS: tuple[str, ...] = get_args(ContactSection.model_fields["method"].annotation)
 SIZE = MeshSize(0.5, h_max=0.5)
-ROUND_OFF = 10.0 * SolverOptions().rtol  # forces balance to rtol; a derived quantity may lose a digit
+ROUND_OFF = 10.0 * SolverOptions().rtol  # forces balance to rtol; a derived quantity may be less accurate
 
 
-def patch(level: Level) -> Iterator[Row]:
+def patch(level: VerificationLevel) -> Iterator[Row]:
     """A flat block in full contact: stiffness and uniform pressure; Johnson, Contact Mechanics (1985), 1.3."""
     nu, delta = 0.3, 0.01
     material = Material(1.0, nu)
     for method in METHODS:
         for height in (1.0, 0.5):
-            result = press(
+            result = solve_on_one_rank(
                 Flat(L=1.0), material, height=height, delta_max=delta, steps=1, size=SIZE,
                 formulation=Formulation(method),
             )  # fmt: skip
             slope = result.curve.P_star[0] / result.curve.delta_star[0]
-            # a spring 4 beta E/h in series with the block
+            # the penalty acts as a spring 4 beta E/h in series with the block
             penalty = Formulation(method).penalty * 4.0 / result.solver.contact_surface.diameter.max()
             soft = reference.block_modulus(1.0, nu) / height / penalty if method == "penalty" else 0.0
             yield Row(
@@ -47,7 +47,7 @@ def patch(level: Level) -> Iterator[Row]:
             corners = pressure[np.unique(result.solver.contact_surface.nodes[:, :3])]
             spread = float(np.ptp(corners) / corners.mean())
             yield Row("patch", f"spread of the pressure, {method}", "uniform", 0.0, spread, ROUND_OFF)
-    result = press(Flat(L=1.0), Material(1.0, 0.0), sides="free", delta_max=delta, steps=1, size=SIZE)
+    result = solve_on_one_rank(Flat(L=1.0), Material(1.0, 0.0), sides="free", delta_max=delta, steps=1, size=SIZE)
     slope = result.curve.P_star[0] / result.curve.delta_star[0]
     yield Row("patch", "slope, free sides, nu = 0", "E/E' L/h_b", 1.0, slope, ROUND_OFF)
     P, strain = _uniaxial(material, Schedule(delta_max=delta, steps=1))
@@ -57,13 +57,13 @@ def patch(level: Level) -> Iterator[Row]:
     )  # fmt: skip
 
 
-def material_point(level: Level) -> Iterator[Row]:
+def material_point(level: VerificationLevel) -> Iterator[Row]:
     """Bilinear hardening along uniform stress histories of a flat block, loaded and unloaded twice."""
     E, nu, Y = 1.0, 0.3, 0.005
     schedule = Schedule(delta_max=0.03, steps=6, unload_steps=4, cycles=2)
     for tangent in (0.0, 0.1):
         material = Material(E, nu, Y, tangent)
-        result = press(Flat(L=1.0), material, size=SIZE, **vars(schedule) | {"force_max": None})
+        result = solve_on_one_rank(Flat(L=1.0), material, size=SIZE, **vars(schedule) | {"force_max": None})
         confined, _, flow = reference.confined_stress(result.curve.delta_star, E, nu, Y, tangent)
         stress = result.curve.P_star * material.reduced_modulus
         histories = {"confined": (stress, confined)}
@@ -83,7 +83,7 @@ def material_point(level: Level) -> Iterator[Row]:
 
 
 def _uniaxial(material: Material, schedule: Schedule) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """P* and axial strain of a flat block with free sides whose base may slide."""
+    """P* and axial strain of a flat block with free sides and a sliding base, each (n,)."""
     from mpi4py import MPI
 
     comm, surface = MPI.COMM_SELF, Flat(L=1.0)

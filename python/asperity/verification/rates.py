@@ -11,17 +11,18 @@ from asperity.arrays import Floats
 from asperity.contact.contact_surface import ContactSurface
 from asperity.contact.make import make_contact
 from asperity.fem.solid import Solid
-from asperity.mesh.generate import build_block, distribute
+from asperity.mesh.distribute import distribute
+from asperity.mesh.generate import build_block
 from asperity.model.material import Material
 from asperity.model.settings import Formulation
 from asperity.surface import Flat
 from asperity.verification.hertz import CONTACT, RADIUS, layer_force, press_sphere
 from asperity.verification.solids import CellRule, equilibrium
-from asperity.verification.table import RATIO, Level, Row
+from asperity.verification.table import RATIO, Row, VerificationLevel
 
 NU = 0.3
 LAM, MU = Material(1.0, NU).lame
-WAVE, DEFLECTION = 0.01, 0.03  # size of the manufactured wave and of the uniform compression under it [L]
+WAVE, APPROACH = 0.01, 0.03  # size of the manufactured wave and of the uniform compression added to it [L]
 EXACT = "active-set"
 FORMULATIONS = {
     EXACT: Formulation(),
@@ -32,12 +33,12 @@ FORMULATIONS = {
 }
 
 
-def rates(level: Level) -> Iterator[Row]:
+def rates(level: VerificationLevel) -> Iterator[Row]:
     """Orders in the element size: a manufactured smooth solution in full contact, and Hertz.
 
-    On Hertz all of the mesh is refined with the contact; its finest force is still far from the accuracy of theory.
-    The penalty method is not consistent: the flat is entered by p h/(4 beta E), of first order, which in the end
-    governs every error; on Hertz that part is what its force lacks on the same mesh.
+    For Hertz the whole mesh is refined with the contact; the error of the finest force is still far above the error of
+    theory. The penalty method is not consistent: its penetration p h/(4 beta E) is of first order and finally dominates
+    all errors. For Hertz this part is the difference of its force from that of exact contact on the same mesh.
     """
     smooth = 0.25 * RATIO ** -np.arange(1, 5)
     refinements = 0.5 * RATIO ** np.arange(1, 6)
@@ -59,7 +60,7 @@ def rates(level: Level) -> Iterator[Row]:
 
 
 def _order(name: str, expected: float, sizes: Floats, errors: Floats) -> Row:
-    """Slope of the error in the element size, with the 95 % confidence interval of the fit as its bar."""
+    """Order of the errors (n,) in the element sizes (n,), with the 95 % confidence interval of the fit as its bar."""
     from scipy.stats import linregress, t
 
     fit = linregress(np.log(sizes), np.log(np.abs(errors)))
@@ -68,7 +69,7 @@ def _order(name: str, expected: float, sizes: Floats, errors: Floats) -> Row:
 
 
 class Manufactured:
-    """A smooth displacement with the boundary conditions of the block under a flat in full contact.
+    """A smooth displacement that satisfies the boundary conditions of the block under a flat in full contact.
 
     u = w (sin pi x cos pi y f, cos pi x sin pi y f, cos pi x cos pi y g) - (0, 0, d z), f = z^2 (3 - 2 z) and
     g = z^2 (1 - z): clamped at z = 0, no normal displacement and no shear on the sides, and at z = 1 no shear and
@@ -76,13 +77,13 @@ class Manufactured:
     """
 
     def displacement(self, x: Floats) -> Floats:
-        """At points (..., 3)."""
+        """Displacement at points (..., 3): (..., 3) [L]."""
         (sx, sy), (cx, cy), z = _waves(x)
         f, g = z**2 * (3 - 2 * z), z**2 * (1 - z)
-        return np.stack([WAVE * sx * cy * f, WAVE * cx * sy * f, WAVE * cx * cy * g - DEFLECTION * z], axis=-1)
+        return np.stack([WAVE * sx * cy * f, WAVE * cx * sy * f, WAVE * cx * cy * g - APPROACH * z], axis=-1)
 
     def gradient(self, x: Floats) -> Floats:
-        """du_i/dx_j at points (..., 3): (..., 3, 3)."""
+        """Gradient du_i/dx_j at points (..., 3): (..., 3, 3)."""
         (sx, sy), (cx, cy), z = _waves(x)
         f, df, g, dg = z**2 * (3 - 2 * z), 6 * z * (1 - z), z**2 * (1 - z), z * (2 - 3 * z)
         rows = (
@@ -91,11 +92,11 @@ class Manufactured:
             (-pi * sx * cy * g, -pi * cx * sy * g, cx * cy * dg),
         )
         out = WAVE * np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-        out[..., 2, 2] -= DEFLECTION
+        out[..., 2, 2] -= APPROACH
         return out
 
     def body_force(self, x: Floats) -> Floats:
-        """-div sigma at points (..., 3) [force/length^3]."""
+        """Body force -div sigma at points (..., 3): (..., 3) [force/length^3]."""
         (sx, sy), (cx, cy), z = _waves(x)
         f, ddf, g, ddg = z**2 * (3 - 2 * z), 6 - 12 * z, z**2 * (1 - z), 2 - 6 * z
         dilatation = 2 * pi * f + z * (2 - 3 * z)
@@ -112,7 +113,7 @@ def _waves(x: Floats) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats], Flo
 
 
 def manufactured(h: float, formulation: Formulation) -> tuple[float, float, float]:
-    """Mean element size, and relative errors of the displacement in L2 and of the strain in the energy norm."""
+    """Mean element size [L], and relative errors of the displacement in L2 and of the strain in the energy norm."""
     from mpi4py import MPI
 
     exact = Manufactured()
@@ -125,7 +126,7 @@ def manufactured(h: float, formulation: Formulation) -> tuple[float, float, floa
         load, solid.cell_nodes, np.einsum("cq,qa,cqi->cai", rule.weights, rule.shape, exact.body_force(rule.points))
     )
     contact = make_contact(formulation, solid, top)
-    u = equilibrium(solid, contact, load, 1.0 - DEFLECTION, np.zeros_like(load), rtol=1e-10)[solid.cell_nodes]
+    u = equilibrium(solid, contact, load, 1.0 - APPROACH, np.zeros_like(load), rtol=1e-10)[solid.cell_nodes]
     found = np.einsum("qa,cai->cqi", rule.shape, u)
     strain = np.einsum("cqaj,cai->cqij", rule.gradients, u)
 

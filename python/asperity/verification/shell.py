@@ -1,4 +1,4 @@
-"""An eighth of a thick sphere under internal pressure: Hill."""
+"""An eighth of a thick hollow sphere under internal pressure, against the solution of Hill."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from asperity.contact import ActiveSet
 from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.kernels import QUADRATURE_DEGREE
 from asperity.fem.solid import Solid
-from asperity.mesh.generate import distribute
+from asperity.mesh.distribute import distribute
 from asperity.model.material import Material
 from asperity.verification.solids import CellRule, eighth_sphere, equilibrium, planes_of_symmetry
-from asperity.verification.table import KINK, LOCAL, Level, Row, on_meshes, rows_along
+from asperity.verification.table import KINK, LOCAL, Row, VerificationLevel, on_meshes, rows_along
 
-INNER, OUTER, PLASTIC = 0.5, 1.0, 0.75  # radii, the last that of the plastic zone
+INNER, OUTER, PLASTIC = 0.5, 1.0, 0.75  # radii of the faces and of the plastic zone
 E, NU, Y = 1.0, 0.3, 0.002
-STEPS = 4  # the stress of each point keeps its direction, so the path has no error of its own
+STEPS = 4  # the stress of each point keeps its direction, so the load steps cause no error
 SIZE = 0.17
 
 
 @dataclass(frozen=True)
 class _State:
-    """Mean radial displacement of both faces, rms errors of the stresses over Y, integral of the plastic strain."""
+    """Mean radial displacements of the faces, rms errors of the stresses over Y, integral of the plastic strain."""
 
     inner: float
     outer: float
@@ -36,7 +36,7 @@ class _State:
     flow: float
 
 
-def pressurised_sphere(level: Level) -> Iterator[Row]:
+def pressurised_sphere(level: VerificationLevel) -> Iterator[Row]:
     """Elastic-plastic displacement, stress and plastic zone; Hill, Plasticity (1950), V.2, and with hardening."""
     for tangent in (0.0, 0.1):
         theory = reference.PressurisedSphere(INNER, OUTER, E, NU, Y, tangent)
@@ -55,7 +55,7 @@ def pressurised_sphere(level: Level) -> Iterator[Row]:
 
 
 def _inflate(theory: reference.PressurisedSphere, refinement: float) -> _State:
-    """Raise the pressure until the plastic zone has reached PLASTIC."""
+    """Solve for the pressure at which the plastic zone has the radius PLASTIC."""
     from mpi4py import MPI
 
     mesh, tags = distribute(MPI.COMM_SELF, eighth_sphere(OUTER, INNER, lambda *_: SIZE / refinement), 1.0)
@@ -108,7 +108,7 @@ def _unit_load(solid: Solid, top: ContactSurface) -> Floats:
     shape, along, across = element.tabulate(1, points)[..., 0]
     x = solid.points[nodes]
     normal = np.cross(np.einsum("qa,fai->fqi", along, x), np.einsum("qa,fai->fqi", across, x))
-    outward = np.sign(np.einsum("fqi,fai->fq", normal, x))[..., None]  # from the centre, as the pressure pushes
+    outward = np.sign(np.einsum("fqi,fai->fq", normal, x))[..., None]  # away from the centre
     out = np.zeros((solid.owned, 3))
     np.add.at(out, nodes, np.einsum("q,qa,fqi->fai", weights, shape, normal * outward))
     return out

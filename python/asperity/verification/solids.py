@@ -1,4 +1,4 @@
-"""What cases outside the block need: mesh of a sphere, planes of symmetry, quadrature over cells, dead loads."""
+"""Tools for solids other than the block: mesh of a sphere, planes of symmetry, quadrature over cells, dead loads."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from asperity.runtime import compat
 def eighth_sphere(outer: float, inner: float, size: Callable[[float, float, float], float]) -> BlockMesh:
     """Second-order mesh of the part of a sphere or shell with x, y, z >= 0.
 
-    Its curved faces become the top and its plane ones sides and base in `mesh.distribute`.
+    `mesh.distribute` tags its curved faces as the top and its plane faces as sides and base.
 
     Args:
-        outer: radius [length]
+        outer: outer radius [length]
         inner: radius of the hole, 0 for none [length]
         size: element size at (x, y, z) [length]
     """
@@ -56,7 +56,7 @@ def eighth_sphere(outer: float, inner: float, size: Callable[[float, float, floa
 
 
 def planes_of_symmetry(solid: Solid) -> npt.NDArray[np.int32]:
-    """Dofs without displacement when x = 0, y = 0 and z = 0 are planes of symmetry."""
+    """Local numbers of the dofs fixed by the planes of symmetry x = 0, y = 0 and z = 0, (m,)."""
     x = solid.points[: solid.owned]
     return np.flatnonzero(np.abs(x.ravel()) < 1e-12).astype(np.int32)
 
@@ -82,11 +82,11 @@ class CellRule:
 
 
 class Loaded:
-    """A formulation of contact with dead loads on the nodes besides.
+    """A contact formulation with additional dead loads on the nodes.
 
     Args:
-        contact: the formulation
-        load: (owned, 3) [force]
+        contact: the contact formulation
+        load: on the owned nodes (owned, 3) [force]
     """
 
     def __init__(self, contact: Contact, load: Floats) -> None:
@@ -105,14 +105,18 @@ class Loaded:
 
 
 def equilibrium(solid: Solid, contact: Contact, load: Floats, z: float, start: Floats, rtol: float = 1e-8) -> Floats:
-    """Commit the equilibrium under dead loads and a flat at height z, and return its displacement (nodes, 3).
+    """Solve for the equilibrium under dead loads and a flat at height z, and commit it.
 
     Args:
-        solid, contact: what is loaded, and how the flat touches it
-        load: on the nodes (owned, 3) [force]
-        z: of the flat, inf for none [length]
+        solid: the loaded solid
+        contact: formulation of its contact with the flat
+        load: on the owned nodes (owned, 3) [force]
+        z: height of the flat, inf for none [length]
         start: displacement to start from (owned, 3) [length]
-        rtol: see `solve.SolverOptions`
+        rtol: see `newton.SolverOptions`
+
+    Returns:
+        Displacement (nodes, 3) [length].
 
     Raises:
         ConvergenceError: Newton's method fails

@@ -21,21 +21,21 @@ from asperity.surface import Surface
 
 T = TypeVar("T")
 
-RATIO = 2.0**0.5  # between the element sizes of successive meshes
-FORCE = 3.0  # greatest order in the element size of a force: the edge of contact halves that of the strains to 3/2
-KINK = 2.0  # with plasticity, for the strain has a kink where its zone ends
-LOCAL = 1.0  # of areas, and of stresses and pressures next to the edge of contact, where they have no slope
-SAFETY = 1.25  # on an extrapolated error with an observed order: Roache (1994)
+RATIO = 2.0**0.5  # of the element sizes of successive meshes
+FORCE = 3.0  # greatest order of a force in the element size: the edge of contact limits that of the strains to 3/2
+KINK = 2.0  # the same with plasticity, because the strain has a kink at the edge of the plastic zone
+LOCAL = 1.0  # of areas, and of stresses and pressures at the edge of contact, where their slope is infinite
+SAFETY = 1.25  # safety factor of an extrapolated error with an observed order: Roache (1994)
 
 
 @dataclass(frozen=True)
-class Level:
-    """How much is computed.
+class VerificationLevel:
+    """Extent of a verification.
 
     Attributes:
         name: "quick" or "full"
-        finest: factor by which the finest of the three meshes divides the element sizes of a case
-        full: whether the cases take all their loads and variants
+        finest: factor that divides the element sizes of a case for the finest of the three meshes
+        full: whether the cases compute all their loads and variants
     """
 
     name: str
@@ -48,7 +48,7 @@ class Level:
         return self.finest / RATIO**2, self.finest / RATIO, self.finest
 
 
-LEVELS = {"quick": Level("quick", RATIO, False), "full": Level("full", 2.0, True)}
+LEVELS = {"quick": VerificationLevel("quick", RATIO, False), "full": VerificationLevel("full", 2.0, True)}
 
 
 @dataclass(frozen=True)
@@ -56,14 +56,14 @@ class Row:
     """One comparison with a reference.
 
     Attributes:
-        case: name of the family
-        quantity: what is compared, and where
-        source: the reference, in words
-        reference, value: the two numbers
-        mesh: error that the discretisation allows, relative to `scale`
-        theory: error that the reference allows for this problem (its own accuracy, finite slope), likewise
-        scale: what errors are relative to; None for the reference, or one if that is zero
-        at_least: whether only a value below the reference is an error
+        case: name of the verification case
+        quantity: the compared quantity and its load
+        source: origin of the reference
+        reference, value: reference and computed value
+        mesh: error of the discretisation, relative to `scale`
+        theory: error of the reference for this problem (its accuracy, finite slope), relative to `scale`
+        scale: unit of the errors; None for the reference, or 1 if the reference is zero
+        at_least: whether only values below the reference are errors
     """
 
     case: str
@@ -85,7 +85,7 @@ class Row:
 
     @property
     def bar(self) -> float:
-        """The greatest error that is no contradiction."""
+        """Greatest error that is compatible with the reference."""
         return self.mesh + self.theory
 
     @property
@@ -98,7 +98,7 @@ COLUMNS = ("case", "quantity", "source", "reference", "value", "error", "bar", "
 
 
 def write_csv(rows: Iterable[Row], path: Path) -> None:
-    """Write a table of all columns at full precision."""
+    """Write a table of all columns with full precision."""
     text = io.StringIO(newline="")
     writer = csv.writer(text)
     writer.writerow(COLUMNS)
@@ -107,43 +107,43 @@ def write_csv(rows: Iterable[Row], path: Path) -> None:
 
 
 def sizes(h: float, refinement: float, L: float = 1.0) -> MeshSize:
-    """Element sizes of a case, all of them divided by a factor.
+    """Element sizes of a case, all divided by the same factor.
 
-    Growth and greatest size shrink with the size in the contact: else the error of the elements around it stays.
+    Growth and greatest size are divided too; otherwise the error of the elements around the contact would remain.
 
     Args:
-        h: size in the contact at refinement one [length]
+        h: size in the contact at refinement 1 [length]
         refinement: factor
         L: side of the block [length]
     """
     return MeshSize(h / refinement, growth=0.6 / refinement, h_max=0.25 * L / refinement)
 
 
-def press(surface: Surface, *args: Any, **settings: Any) -> ContactResult:
-    """`solve_contact` on this process alone."""
+def solve_on_one_rank(surface: Surface, *args: Any, **settings: Any) -> ContactResult:
+    """Call `solve_contact` on this rank alone."""
     from mpi4py import MPI
 
     return solve_contact(surface, *args, comm=MPI.COMM_SELF, **settings)
 
 
-def on_meshes(level: Level, solve: Callable[[float], T]) -> list[T]:
-    """What `solve` gives at the refinements of a level."""
+def on_meshes(level: VerificationLevel, solve: Callable[[float], T]) -> list[T]:
+    """Results of `solve` for the three refinements of a level."""
     return [solve(refinement) for refinement in level.refinements]
 
 
 def counting_error(result: ContactResult) -> float:
-    """Relative error of the area of contact in the last state, see `top.Top.area_of`."""
+    """Relative error of the contact area in the last state, from the facets cut by its edge."""
     area = result.solver.contact.area()
     return area.error / area.value
 
 
 def convergence_bar(values: Sequence[npt.ArrayLike], order: float = FORCE, ratio: float = RATIO) -> Floats:
-    """Error bars of the last of three values at sizes that fall by `ratio`; loads along the first axis.
+    """Error bars (n,) of the last of three values (n,) at n loads, for element sizes that decrease by `ratio`.
 
-    The grid convergence index (Roache, J. Fluids Eng. 116 (1994) 405) with the observed order, between one and the
-    greatest that theory allows. Where the differences do not fall that fast, scatter from mesh to mesh hides the
-    order, and the first one is assumed between the outer two. A difference that happens to vanish is replaced by the
-    rms over its neighbours.
+    The grid convergence index (Roache, J. Fluids Eng. 116 (1994) 405) with the observed order, limited to between 1
+    and the greatest order of theory. If the differences do not decrease that fast, scatter from mesh to mesh hides the
+    order, and order 1 is assumed between the first and the last value. Differences that vanish by chance are replaced
+    by the rms over their neighbours.
     """
     first, second, third = (np.atleast_1d(np.asarray(v, dtype=float)) for v in values)
     scale = np.maximum(np.abs(third), np.finfo(float).tiny)
@@ -156,9 +156,9 @@ def convergence_bar(values: Sequence[npt.ArrayLike], order: float = FORCE, ratio
 
 
 def norm_bar(values: Sequence[npt.ArrayLike], order: float, ratio: float = RATIO) -> Floats:
-    """Greatest last one of three error norms at sizes that fall by `ratio`: the norms must fall at least with `order`.
+    """Upper bounds (n,) of the last of three error norms (n,) that decrease at least with `order`.
 
-    A norm scatters with where the edge of contact cuts the elements, so the coarser two are both asked.
+    A norm scatters with the position of the edge of contact in the elements, so both coarser norms are used.
     """
     first, second, _ = (np.atleast_1d(np.asarray(v, dtype=float)) for v in values)
     return SAFETY * np.maximum(first / ratio ** (2.0 * order), second / ratio**order)
@@ -182,10 +182,10 @@ def rows_along(
         quantities: a name for each load
         values: three arrays (n,), the finest mesh last
         references: (n,); zero for the norm of an error
-        theory: relative to the references or the scale, (n,) or one for all
-        order: greatest order in the element size, FORCE or LOCAL
-        counted: error of the finest values from counting facets, see `counting_error`, likewise; the bar is no less,
-            for areas on unrelated meshes may agree by chance
+        theory: error of the references, relative to them or to the scale, (n,) or scalar
+        order: greatest order in the element size: FORCE, KINK or LOCAL
+        counted: counting error of the finest values, see `counting_error`, (n,) or scalar; a lower limit of the bar,
+            because areas on unrelated meshes may agree by chance
     """
     references = np.atleast_1d(np.asarray(references, dtype=float))
     finest = np.atleast_1d(np.asarray(values[-1], dtype=float))

@@ -12,24 +12,36 @@ from asperity import reference
 from asperity.model.material import Material
 from asperity.quasistatic.solve_contact import ContactResult
 from asperity.surface import Sinusoid
-from asperity.verification.table import FORCE, LOCAL, Level, Row, counting_error, on_meshes, press, rows_along, sizes
+from asperity.verification.table import (
+    FORCE,
+    LOCAL,
+    Row,
+    VerificationLevel,
+    counting_error,
+    on_meshes,
+    rows_along,
+    sizes,
+    solve_on_one_rank,
+)
 
 WAVELENGTH = 2.0  # [L]: crest and valley are planes of symmetry
-AMPLITUDE = 1e-4  # [L]: slopes of 4e-4, so that those of theory are as good as zero
-HEIGHT = 3.0  # of the block [L]: at the base the waves have died away to 1e-5
+AMPLITUDE = 1e-4  # [L]: slopes of 4e-4, so that the effect of finite slopes is negligible
+HEIGHT = 3.0  # of the block [L]: the waves have decayed to 1e-5 at the base
 MATERIAL = Material(1.0, 0.3)
 STIFFNESS = reference.block_modulus(MATERIAL.E, MATERIAL.nu) / HEIGHT
-TABLE = 3e-4  # accuracy of A/A0 in the table of the double wave: what half the grid changes at most, at p/p* = 0.3
+TABLE = 3e-4  # accuracy of A/A0 in the table of the double wave: greatest change by half the grid, at p/p* = 0.3
 
 
 def press_wave(dims: Literal[1, 2], delta: float, refinement: float) -> ContactResult:
-    """One step to a deflection; the quarter of a wave whose crest is in the corner; L = E = 1."""
+    """Solve one step to an approach for a quarter of a wave with its crest in the corner; L = E = 1."""
     wave = Sinusoid(L=1.0, amplitude=AMPLITUDE, wavelength=WAVELENGTH, dims=dims, centre=(0.0, 0.0))
     h = 0.12 * min(1.0, (delta / AMPLITUDE) ** 0.5)
-    return press(wave, MATERIAL, height=HEIGHT, delta_max=delta, steps=1, snapshots=1, size=sizes(h, refinement))
+    return solve_on_one_rank(
+        wave, MATERIAL, height=HEIGHT, delta_max=delta, steps=1, snapshots=1, size=sizes(h, refinement)
+    )
 
 
-def westergaard(level: Level) -> Iterator[Row]:
+def westergaard(level: VerificationLevel) -> Iterator[Row]:
     """Force, width, gap and pressure of a wave in plane strain; Westergaard (1939), Johnson (1985) 13.2."""
     theory = reference.Westergaard(AMPLITUDE, WAVELENGTH, MATERIAL.reduced_modulus)
     slope = 2.0 * np.pi * AMPLITUDE / WAVELENGTH
@@ -52,7 +64,7 @@ def westergaard(level: Level) -> Iterator[Row]:
 
 
 def _mean_gap(result: ContactResult) -> float:
-    """Mean distance between top and flat, by the midpoint rule of second-order facets [L]."""
+    """Mean gap between top and flat, by the midpoint rule of second-order facets [L]."""
     top = result.solver.contact_surface
     return float(np.sum(top.area[:, None] / 3.0 * result.snapshots[-1].gap[top.nodes[:, 3:]]))
 
@@ -66,7 +78,7 @@ def _pressure_error(result: ContactResult, theory: reference.Westergaard, mean: 
     return float(np.sqrt(np.mean(difference**2)) / theory.full_pressure)
 
 
-def double_sinusoid(level: Level) -> Iterator[Row]:
+def double_sinusoid(level: VerificationLevel) -> Iterator[Row]:
     """Force and area from light to full contact; Johnson, Greenwood & Higginson (1985)."""
     theory = reference.DoubleSinusoid(AMPLITUDE, WAVELENGTH, MATERIAL.reduced_modulus)
     slope = 2.0 * np.pi * AMPLITUDE / WAVELENGTH

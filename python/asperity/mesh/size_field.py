@@ -1,0 +1,164 @@
+"""Element sizes of the block: fine where the flat touches the surface, growing with the distance from there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import hypot
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.ndimage import distance_transform_edt
+from scipy.spatial import cKDTree
+
+from asperity.arrays import Floats
+from asperity.model.settings import H_MAX, ApproachMap
+
+if TYPE_CHECKING:
+    from asperity.surface import Surface
+
+FLAT = 1e-12  # difference of depths below which a surface touches the flat everywhere at once [L]
+#: Exponent of the size in the depth, and least size over h_contact. A spot grows with the root of the depth. With a
+#: first-contact map, a larger exponent equalises the errors of the load steps of a rough surface (docs/accuracy.md).
+GRADING, GUIDED = (0.5, 0.2), (0.75, 0.15)
+NEIGHBOURS = 6  # nodes of a facet: adds a margin of one element around the nodes that were touched
+
+
+@dataclass(frozen=True)
+class FirstContactMap:
+    """Approach of first contact at the top nodes of a coarse solution.
+
+    It determines where a fine mesh needs small elements better than the geometry does.
+
+    Attributes:
+        xy: positions of the top nodes (N, 2) [length]
+        touched_at: approach at which each of them first touched the flat, inf for never (N,) [length]
+    """
+
+    xy: Floats
+    touched_at: Floats
+
+    def depth(self, x: Floats, y: Floats) -> Floats:
+        """Approach of first contact at points x, y, any shape: the least of the NEIGHBOURS nearest nodes [length]."""
+        _, nearest = cKDTree(self.xy).query(np.stack([x.ravel(), y.ravel()], axis=1), k=NEIGHBOURS)
+        return self.touched_at[nearest].min(axis=1).reshape(x.shape)
+
+
+@dataclass(frozen=True)
+class SizeField:
+    """Element size around the part of a surface that touches the flat.
+
+    On that part the size is h_contact (gap/delta_max)^p, gap being the depth below the summit. A contact spot that
+    has just formed is small, so the summit needs the finest elements, and the points that touch last need h_contact.
+    The size is limited to between `h_min` and h_contact there. Elsewhere it grows by `growth` per unit of distance,
+    up to h_max.
+
+    All lengths are in units of L and rounded: gmsh generates a different mesh if a size differs in the last digit, and
+    the curve of a case must not depend on whether its lengths are in metres or micrometres.
+
+    Attributes:
+        sizes: sizes on the surface, ascending (K,) [L]
+        distances: horizontal distance of each node of a regular grid from the region of each size, row along y,
+            column along x (n, n, K) [L]
+        window: x0, y0 and side of the square covered by the grid; it contains all points that touch [L]
+        growth: increase of size per unit of distance
+        h_max: greatest size [L]
+    """
+
+    sizes: Floats
+    distances: Floats
+    window: tuple[float, float, float]
+    growth: float
+    h_max: float
+
+    @staticmethod
+    def of(
+        surface: Surface,
+        delta_max: float,
+        h_contact: float,
+        h_min: float | None = None,
+        growth: float = 0.25,
+        h_max: float | None = None,
+        first_contact: ApproachMap | None = None,
+        grading: tuple[float, float] | None = None,
+        levels: int = 8,
+        grid: int = 257,
+    ) -> SizeField:
+        """Build the field for a flat that moves by `delta_max` from first contact.
+
+        Args:
+            surface: top of the block
+            delta_max: greatest approach [length]
+            h_contact: size at the points that touch last [length]
+            h_min: least size [length]; default from the grading
+            growth: increase of size per unit of distance
+            h_max: greatest size [length]; default H_MAX
+            first_contact: approach of first contact, used in place of the depth below the summit, which is only a
+                lower bound of it
+            grading: power p, and least size over h_contact; default GRADING, or GUIDED with a first-contact map
+            levels: number of different sizes on the surface, K
+            grid: nodes per side of the regular grid, n
+        """
+        L = surface.L
+        delta_max, h_contact = rounded(delta_max / L), rounded(h_contact / L)
+        x0, y0, side, gap = _contact_window(surface, delta_max, grid)
+        if first_contact is not None:
+            t = np.linspace(0.0, side, grid)
+            gap = np.maximum(gap, first_contact.depth(*np.meshgrid((x0 + t) * L, (y0 + t) * L)) / L)
+        at_once = float(gap.max() - gap.min()) <= FLAT  # no small contact spot
+        power, least = grading or (GRADING if first_contact is None else GUIDED)
+        if h_min is None:  # the map does not resolve spots smaller than those of the first step of its solution
+            h_min = h_contact * (1.0 if at_once else min(max(least, (float(gap.min()) / delta_max) ** power), 1.0))
+        else:
+            h_min = min(rounded(h_min / L), h_contact)
+        sizes = np.linspace(h_min ** (1.0 / power), h_contact ** (1.0 / power), levels) ** power
+        spacing = side / (grid - 1)
+        distances = np.empty((grid, grid, levels))
+        for k, size in enumerate(sizes):
+            reached = gap <= _just_above(max((size / h_contact) ** (1.0 / power) * delta_max, float(gap.min())))
+            distances[:, :, k] = distance_transform_edt(~reached) * spacing
+        greatest = H_MAX if h_max is None else rounded(h_max / L)
+        return SizeField(sizes, distances, (x0, y0, side), growth, greatest)
+
+    def at(self, x: float, y: float, depth: float) -> float:
+        """Return the size [L] at a point `depth` below the mean plane of the top, x, y and depth in units of L."""
+        x0, y0, side = self.window
+        inside_x = min(max(x, x0), x0 + side)
+        inside_y = min(max(y, y0), y0 + side)
+        scale = (self.distances.shape[0] - 1) / side
+        d = self.distances[round((inside_y - y0) * scale), round((inside_x - x0) * scale)]
+        d = d + hypot(x - inside_x, y - inside_y)
+        size = float(np.min(self.sizes + self.growth * np.sqrt(d * d + depth * depth)))
+        return min(size, self.h_max)
+
+
+def _contact_window(surface: Surface, delta_max: float, grid: int) -> tuple[float, float, float, Floats]:
+    """Square (x0, y0, side) around all points less than delta_max below the summit, and gaps (grid, grid) on its grid.
+
+    The square shrinks until these points span more than a quarter of it, so that a small spot is resolved too. All
+    lengths are in units of L.
+    """
+    L, summit = surface.L, surface.maximum()[2]
+    x0, y0, side = 0.0, 0.0, 1.0
+    while True:
+        t = np.linspace(0.0, side, grid)
+        height = surface.height((x0 + t[None, :]) * L, (y0 + t[:, None]) * L)
+        gap: Floats = np.asarray((summit - height) / L, dtype=np.float64)
+        rows, columns = np.nonzero(gap <= _just_above(max(delta_max, float(gap.min()))))
+        low = np.maximum(np.array([columns.min(), rows.min()]) - 2, 0)
+        high = np.minimum(np.array([columns.max(), rows.max()]) + 2, grid - 1)
+        width = int(np.max(high - low))
+        if width > grid // 4:
+            return x0, y0, side, gap
+        spacing = side / (grid - 1)
+        low = np.minimum(low, grid - 1 - width)
+        x0, y0, side = x0 + low[0] * spacing, y0 + low[1] * spacing, width * spacing
+
+
+def rounded(value: float) -> float:
+    """Round off the last digits, which depend on the unit of length."""
+    return float(f"{value:.12g}")
+
+
+def _just_above(limit: float) -> float:
+    """Return a limit increased by the round-off of the values compared with it."""
+    return limit * (1.0 + 1e-9) + 1e-15
