@@ -35,7 +35,6 @@ KNOWN = {
     ("case.case_file", "mesh.block"),
     ("case.validation", "adaptive.mesh_plan"),
     ("case.validation", "mesh.block"),
-    ("dynamics.run", "plot.oscillator"),
 }
 KNOWN_CIRCLES: set[str] = set()
 

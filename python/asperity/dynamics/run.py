@@ -181,7 +181,6 @@ def run_dynamics(
     detached: bool = False,
     bands: bool = True,
     tol: float = 1e-5,
-    figures: bool = False,
     gravity: float | None = None,
     units: str | None = None,
 ) -> Dynamics:
@@ -196,12 +195,12 @@ def run_dynamics(
         omega: lowest and highest Omega = omega/omega_s, 0.01 to 100.
         load: preload W = m g (force); default half of the greatest force of the curve.
         law: "paper", "unload-reload" or "table", see `law_from`; ignored when `source` is a `Law`.
-        out_dir: where free.csv, response.csv and thresholds.json go (and *.png with `figures`); None: nowhere.
+        out_dir: directory for free.csv, response.csv, thresholds.json and band.csv; None writes nothing. For figures
+            see `asperity.plot.oscillator.plot_dynamics`.
         sweeps: also run Runge-Kutta sweeps up and down (a few seconds; not for zeta = 0).
         detached: also search for branches that no other reaches (some seconds).
         bands: also carry the confidence of the law, where it has one, to the response (a second or so a forcing).
         tol: relative truncation error of the response.
-        figures: also draw the figures, see `asperity.plot.oscillator`.
         gravity: acceleration that makes the mass heavy, in the units of the source (length/time^2), for mass and
             omega_s alone; default that of the case of a run directory, or 9.80665 with SI units.
         units: of the source, "SI" or "other", where without `gravity` mass and omega_s are left out; default those of
@@ -265,10 +264,6 @@ def run_dynamics(
     result = Dynamics(oscillators, free, responses, swept, onset, spread, tuple(enveloped), tuple(notes), gravity)
     if out_dir is not None:
         result.write(out_dir)
-        if figures:
-            from asperity.plot.oscillator import plot_dynamics
-
-            plot_dynamics(result, out_dir)
     return result
 
 
