@@ -303,7 +303,7 @@ def test_steps_cut_to_pieces_do_not_change_the_paper_law() -> None:
         (lambda: TableLaw(np.array([]), np.array([])), "empty"),
         (lambda: TableLaw(Z[:2], Z[:2]), "at least 5"),
         (lambda: TableLaw(Z, Z[::-1]), "force does not rise"),
-        (lambda: TableLaw(Z[::-1], Z[::-1]), "deflection does not rise"),
+        (lambda: TableLaw(Z[::-1], Z[::-1]), "approach does not rise"),
         (lambda: TableLaw(Z, np.where(Z > 0.5, np.nan, Z)), "not finite"),
         (lambda: TableLaw(Z - 0.3, Z**1.5), "offset"),
         (lambda: TableLaw(Z, np.maximum(Z - 0.3, 0.0) ** 1.5), "offset"),
