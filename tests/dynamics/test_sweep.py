@@ -199,7 +199,7 @@ def test_gravity_of_the_case_is_taken(tmp_path: Path) -> None:
 def test_a_curve_without_units_says_what_was_assumed(tmp_path: Path) -> None:
     bare = _curve_in(tmp_path / "bare", 1.0, 1.0) / "curve.csv"
     result = run_dynamics(bare, **QUICK)
-    assert result.gravity == 9.80665 and result.notes[0].startswith("mass and omega_s are those of a curve in SI units")
+    assert result.gravity == 9.80665 and result.notes[0].startswith("mass and omega_s assume a curve in SI units")
     assert run_dynamics(bare, units="SI", **QUICK).notes == ()
     assert run_dynamics(bare, units="other", **QUICK).gravity is None
     assert run_dynamics(PowerLaw(1.5), **QUICK).notes == ()
@@ -246,7 +246,7 @@ def test_bad_curves_are_refused_as_a_paper_law(force, load, error, words) -> Non
 def test_response_beyond_the_fitted_curve_says_so() -> None:
     z = np.linspace(0.1, 1.0, 10)
     result = run_dynamics({"delta": z, "force": z**1.5}, zeta=0.05, forcing=0.15, models=["exact"], sweeps=False)
-    assert any("rests on the fit alone" in note for note in result.notes)
+    assert any("beyond it the law is extrapolated" in note for note in result.notes)
 
 
 @pytest.mark.parametrize(

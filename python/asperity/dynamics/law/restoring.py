@@ -55,8 +55,8 @@ class Restoring:
         z = self.law.deflection(self.load)
         if not all(_SMALLEST < value < 1.0 / _SMALLEST for value in (z, self.load)):
             raise InputError(
-                f"the static deflection is {z:g} under load = {self.load:g}, beyond the range of floating-point numbers: both must lie "
-                f"between {_SMALLEST:g} and {1.0 / _SMALLEST:g}; choose another load or other units"
+                f"the static deflection is {z:g} under load = {self.load:g}, beyond floating-point range: both must "
+                f"lie between {_SMALLEST:g} and {1.0 / _SMALLEST:g}; choose another load or other units"
             )
         p1, p2, p3 = self.law.derivatives(z)
         if not p1 > 0:
