@@ -19,7 +19,7 @@ import asperity
 OPTIONS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
 
 # Packages whose public classes and functions all have an example.
-COMPLETE: tuple[str, ...] = ("asperity.dynamics",)
+COMPLETE = ("asperity.dynamics", "asperity.reference")
 
 
 def docstrings(source: str) -> Iterator[tuple[str, int, str]]:
