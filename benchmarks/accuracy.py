@@ -350,9 +350,8 @@ def fixed() -> None:
     row("h_contact/L", "growth", "dofs", "rms error %", "greatest %")
     row(*["---"] * 5)
     for h, rate in ((0.05, 0.25), (0.025, 0.25), (0.0177, 0.25), (0.05, 0.125)):
-        reach = FirstContactMap(
-            *asp.solve_contact(sphere, UNIT, delta_max=delta, size=asp.MeshSize(GUIDE)).solver.reach()
-        )
+        guide = asp.solve_contact(sphere, UNIT, delta_max=delta, size=asp.MeshSize(GUIDE))
+        reach = FirstContactMap(*guide.touched_at())
         result = asp.solve_contact(sphere, UNIT, delta_max=delta, size=asp.MeshSize(h, rate, reach=reach))
         row(f"{h:g}", f"{rate:g}", result.dofs, *per_cent(loading_force(result.curve, at), limit))
 

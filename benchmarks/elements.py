@@ -86,7 +86,7 @@ def layer_limit(scene: Scene) -> Floats:
 
 def guided_limit(scene: Scene, fine: float) -> Floats:
     """Limit of two fine tetrahedral meshes that are guided by what a coarse one touches."""
-    reach = FirstContactMap(*tetrahedra(scene, 0.1)[1].press.reach())
+    reach = FirstContactMap(*tetrahedra(scene, 0.1)[1].touched_at())
     coarser, finest = (tetrahedra(scene, h, reach)[0] for h in (fine * 2**0.5, fine))
     limit, error = extrapolate(coarser, finest, 2**0.5, 1.8)
     print(f"guided meshes: the limit is {100 * np.max(np.abs(error / limit)):.2g} % from the finer one at most")

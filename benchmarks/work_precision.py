@@ -97,7 +97,7 @@ def solve(scene: Scene, size: asp.MeshSize, **settings: Any) -> tuple[Floats, An
 
 def reach_of(scene: Scene) -> FirstContactMap:
     """What a coarse solution touches."""
-    return FirstContactMap(*solve(scene, asp.MeshSize(0.1))[1].solver.reach())
+    return FirstContactMap(*solve(scene, asp.MeshSize(0.1))[1].touched_at())
 
 
 def guided_limit(scene: Scene, fine: float, steps: int) -> Floats:

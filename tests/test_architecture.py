@@ -30,12 +30,6 @@ ORDER = (
     ("__main__",),
 )
 
-# Violations that are still to be repaired. These two sets may only shrink, until they are empty and go.
-KNOWN = {
-    ("dynamics.run", "plot.oscillator"),
-}
-KNOWN_CIRCLES: set[str] = set()
-
 
 def name_of(path: Path) -> str:
     """Dotted name of a module in the package, "" for the package itself."""
@@ -74,7 +68,7 @@ def test_no_package_imports_a_higher_one() -> None:
     row = {name: i for i, names in enumerate(ORDER) for name in names}
     pairs = [(name, other) for name, others in IMPORTS.items() for other in others if root(name) != root(other)]
     assert {root(name) for pair in pairs for name in pair} <= set(row), "give the new ones a place in ORDER"
-    assert {pair for pair in pairs if row[root(pair[0])] <= row[root(pair[1])]} == KNOWN
+    assert {pair for pair in pairs if row[root(pair[0])] <= row[root(pair[1])]} == set()
 
 
 @pytest.mark.parametrize("package", sorted({root(name) for name in IMPORTS}))
@@ -83,9 +77,7 @@ def test_no_circle_inside_a_package(package: str) -> None:
     try:
         TopologicalSorter({name: IMPORTS[name] & inside for name in inside}).prepare()
     except CycleError as error:
-        assert package in KNOWN_CIRCLES, " <- ".join(error.args[1])
-    else:
-        assert package not in KNOWN_CIRCLES, "repaired: take it out of KNOWN_CIRCLES"
+        pytest.fail(" <- ".join(error.args[1]))
 
 
 def test_few_modules_stand_outside_the_packages() -> None:

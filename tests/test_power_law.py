@@ -1,4 +1,4 @@
-"""The power-law fit and its intervals."""
+"""Power-law fit and its confidence intervals."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_fit_recovers_an_exact_law(norm, k, n):
 
 
 def bent_law() -> tuple[np.ndarray, np.ndarray]:
-    """Return a curve that no power law follows: cubic at first, then stiff and straight."""
+    """Return a curve that is not a power law: cubic at first, then stiff and straight."""
     d = np.linspace(0.002, 0.04, 25)
     return d, d**3 / (0.01 + d) ** 2 * (1 + 0.02 * np.sin(900 * d))
 
@@ -67,7 +67,7 @@ def test_norms_differ_on_a_bent_curve():
     assert fit_power_law(d, p, "log").n - fit_power_law(d, p, "linear").n > 0.1
 
 
-def test_intervals_cover_the_truth_as_often_as_they_say():
+def test_intervals_cover_the_true_values_at_their_confidence():
     rng, hits = np.random.default_rng(0), 0
     d = np.linspace(0.002, 0.02, 8)
     for _ in range(400):
@@ -100,12 +100,12 @@ def test_stiffness_has_units():
 @pytest.mark.parametrize(
     ("d", "p", "options", "message"),
     [
-        ([1, 2], [1, 2], {}, "2 different deflections: a power law needs at least 3"),
-        ([1, 1, 1, 2], [1, 1, 1, 2], {}, "2 different deflections"),
+        ([1, 2], [1, 2], {}, "2 different approaches: a power law needs at least 3"),
+        ([1, 1, 1, 2], [1, 1, 1, 2], {}, "2 different approaches"),
         ([0, 1, 2], [0, 1, 2], {}, r"delta\* = 0 at point 0"),
         ([1, 2, 3], [1, -2, 3], {}, r"P\* = -2 at point 1"),
         ([1, 2, 3], [1, 2, math.nan], {}, r"P\* = nan at point 2"),
-        ([1, 2, 3], [1, 2], {}, "two lists of one length"),
+        ([1, 2, 3], [1, 2], {}, "two lists of equal length"),
         ([1, 2, 3], [1, 2, 3], {"norm": "cubic"}, "norm must be"),
         ([1, 2, 3], [1, 2, 3], {"confidence": 1.0}, "confidence must lie between 0 and 1"),
     ],
@@ -115,7 +115,7 @@ def test_impossible_fits_are_refused(d, p, options, message):
         fit_power_law(d, p, **options)
 
 
-def test_interface_deflection_of_a_flat_block_is_zero():
+def test_interface_approach_of_a_flat_block_is_zero():
     strain, M, L, height = np.array([0.001, 0.01]), 3.0, 2.0, 0.5
     force = M * strain * L**2
     rest = interface_deflection(strain * height, force, height=height, area=L**2, modulus=M)

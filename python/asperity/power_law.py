@@ -1,4 +1,4 @@
-"""The power law P* = k (delta*)^n of a curve, with its confidence intervals."""
+"""Power law P* = k (delta*)^n of a curve, with confidence intervals."""
 
 from __future__ import annotations
 
@@ -15,19 +15,24 @@ from asperity.errors import InputError
 
 @dataclass(frozen=True)
 class PowerLawFit:
-    """P* = k (delta*)^n by least squares; meaningless without norm and range.
+    """Least-squares fit P* = k (delta*)^n; it depends on norm and range.
 
     Attributes:
         k: dimensionless coefficient.
         n: exponent.
         norm: "linear" (least squares of P*) or "log" (of ln P*).
-        range: smallest and largest delta* used.
+        range: smallest and largest delta* of the fit.
         points: number of points.
         r2: coefficient of determination, on the scale of the norm.
         ci_k: confidence interval of k (symmetric in ln k, so always positive).
         ci_n: confidence interval of n.
-        correlation: of the estimates of ln k and n.
+        correlation: correlation of the estimates of ln k and n.
         confidence: level of the intervals.
+
+    Examples:
+        >>> fit = asp.fit_power_law([0.01, 0.02, 0.04], [0.001, 0.0028, 0.008])
+        >>> print(f"P*(0.03) = {fit(0.03):.5f}, K = {fit.stiffness(E_prime=200e9, L=1e-6):.3e} N/m^n")
+        P*(0.03) = 0.00518, K = 2.350e+08 N/m^n
     """
 
     k: float
@@ -42,7 +47,7 @@ class PowerLawFit:
     confidence: float
 
     def __call__(self, delta_star: ArrayLike) -> Array:
-        """Return P* at delta*; 0 where delta* is not positive."""
+        """Return P* at delta*, same shape; 0 where delta* is not positive."""
         return self.k * np.maximum(np.asarray(delta_star, dtype=float), 0.0) ** self.n
 
     def stiffness(self, E_prime: float, L: float) -> float:
@@ -71,11 +76,11 @@ def fit_power_law(
 ) -> PowerLawFit:
     """Fit P* = k (delta*)^n.
 
-    The log-log regression is closed form; it also starts the linear-scale least squares (Levenberg-
-    Marquardt in ln k and n, ended by Newton steps). Intervals come from the residual variance and Student's t with
-    points - 2 degrees of freedom (Seber and Wild, Nonlinear Regression, 1989, section 5.1): they
-    assume scatter that is independent from point to point, which the points of one smooth curve
-    do not have, so they measure misfit rather than chance.
+    The log-log regression has a closed form; it is also the initial guess of least squares on the linear scale
+    (Levenberg-Marquardt in ln k and n, then Newton steps). The intervals come from the residual variance and Student's
+    t with points - 2 degrees of freedom (Seber and Wild, Nonlinear Regression, 1989, section 5.1). They assume
+    independent scatter of the points. The points of one smooth curve do not scatter independently, so for them the
+    intervals measure the misfit of the law rather than chance.
 
     Args:
         delta_star: delta/L, positive, at least 3 different values, shape (m,).
@@ -84,8 +89,14 @@ def fit_power_law(
         confidence: level of the intervals, between 0 and 1.
 
     Raises:
-        InputError: fewer than 3 points, values that are not positive and finite, fewer than 3
-            different deflections, or an unknown norm.
+        InputError: values that are not positive and finite, fewer than 3 different approaches, an unknown norm, or
+            an illegal confidence.
+
+    Examples:
+        >>> delta = np.array([0.01, 0.02, 0.03, 0.04])
+        >>> fit = asp.fit_power_law(delta, 2.0 * delta**1.5 * [1.01, 0.99, 1.0, 1.0])
+        >>> print(f"n = {fit.n:.3f} ({fit.ci_n[0]:.2f} to {fit.ci_n[1]:.2f})")
+        n = 1.505 (1.47 to 1.54)
     """
     from scipy.optimize import least_squares
     from scipy.stats import t as student
@@ -95,7 +106,7 @@ def fit_power_law(
         raise InputError(f'norm must be "linear" or "log", not {norm!r}.')
     if not 0 < confidence < 1:
         raise InputError(f"confidence must lie between 0 and 1, not {confidence!r}.")
-    # scaled by the largest values, so that neither units nor a steep law spoil the conditioning
+    # scaled by the largest values for good conditioning in any units and for steep laws
     x, y = np.log(d / d.max()), p / p.max()
     design = np.stack([np.ones_like(x), x], axis=1)
     solution = np.linalg.lstsq(design, np.log(y), rcond=None)[0]
@@ -109,7 +120,7 @@ def fit_power_law(
             ftol=1e-15,
             gtol=1e-15,
         ).x
-        solution = _settled(solution, design, y)
+        solution = _polished(solution, design, y)
         model = np.exp(design @ solution)
         jacobian, target = model[:, None] * design, y
     else:
@@ -137,13 +148,13 @@ def fit_power_law(
     )
 
 
-def _settled(solution: Array, design: Array, y: Array) -> Array:
-    """Newton's method from close by, to rounding: the same points in other units give the same exponent."""
+def _polished(solution: Array, design: Array, y: Array) -> Array:
+    """Converge to rounding by Newton's method, so that the same points in other units give the same exponent."""
     for _ in range(3):
         model = np.exp(design @ solution)
         curvature = design.T @ ((model * (2.0 * model - y))[:, None] * design)
         if not np.linalg.det(curvature) > 0.0 or not curvature[0, 0] > 0.0:
-            break  # no minimum
+            break  # not a minimum
         solution = solution - np.linalg.solve(curvature, design.T @ (model * (model - y)))
     return solution
 
@@ -151,7 +162,7 @@ def _settled(solution: Array, design: Array, y: Array) -> Array:
 def _fit_data(delta_star: ArrayLike, P_star: ArrayLike) -> tuple[Array, Array]:
     d, p = (np.asarray(values, dtype=float) for values in (delta_star, P_star))
     if d.ndim != 1 or d.shape != p.shape:
-        raise InputError(f"A fit needs two lists of one length, not shapes {d.shape}, {p.shape}.")
+        raise InputError(f"A fit needs two lists of equal length, not shapes {d.shape}, {p.shape}.")
     for name, values in (("delta*", d), ("P*", p)):
         bad = np.flatnonzero(~((values > 0) & np.isfinite(values)))
         if bad.size:
@@ -161,22 +172,26 @@ def _fit_data(delta_star: ArrayLike, P_star: ArrayLike) -> tuple[Array, Array]:
             )
     if np.unique(d).size < 3:
         raise InputError(
-            f"{np.unique(d).size} different deflections: a power law needs at least 3; use more load steps."
+            f"{np.unique(d).size} different approaches: a power law needs at least 3; use more load steps."
         )
     return d, p
 
 
 def interface_deflection(delta: ArrayLike, force: ArrayLike, *, height: float, area: float, modulus: float) -> Array:
-    """Return the deflection of the rough interface alone, delta - P h_b/(A_0 M) (length).
+    """Return the approach of the rough interface alone, delta - P h_b/(A_0 M) (length).
 
-    The flat-to-base deflection contains the elastic compression of the block as a whole.
+    The approach of flat and base contains the elastic compression of the whole block.
 
     Args:
-        delta: deflection (length).
+        delta: approach of flat and base (length).
         force: P (force), same shape.
         height: h_b of the block (length).
         area: A_0 (length^2).
         modulus: M (force/length^2): E (1-nu)/((1+nu)(1-2 nu)) with sides u.n = 0, E with free
             sides.
+
+    Examples:
+        >>> interface_deflection([2e-8, 4e-8], [1e-3, 4e-3], height=1e-6, area=1e-12, modulus=2e11).round(11)
+        array([1.5e-08, 2.0e-08])
     """
     return np.asarray(delta, float) - np.asarray(force, float) * height / (area * modulus)

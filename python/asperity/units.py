@@ -8,14 +8,18 @@ _PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "
 
 
 def prefix(value: float, unit: str) -> tuple[float, str]:
-    """Factor and unit that show a value as a number from 1 to 1000.
+    """Return factor and unit that show a value as a number from 1 to 1000.
 
     Args:
         value: a representative size, in `unit`.
-        unit: "m", "N", "Pa" ...; "" when the system of units is not known.
+        unit: "m", "N", "Pa" ...; "" if the system of units is unknown.
 
     Returns:
-        factor to multiply values with, and the name of the unit they then have.
+        Factor for the values, and the name of their unit.
+
+    Examples:
+        >>> prefix(4.5e-8, "m")
+        (1000000000.0, 'nm')
     """
     if not unit or not math.isfinite(value) or value == 0:
         return 1.0, unit
@@ -25,6 +29,11 @@ def prefix(value: float, unit: str) -> tuple[float, str]:
 
 
 def quantity(value: float, unit: str, digits: int = 4) -> str:
-    """A value with its unit, for example "44.55 nm"."""
+    """Return a value with its unit.
+
+    Examples:
+        >>> quantity(4.455e-8, "m")
+        '44.55 nm'
+    """
     factor, name = prefix(value, unit)
     return f"{value * factor:.{digits}g} {name}".rstrip()

@@ -1,4 +1,4 @@
-"""Which orbits a response holds, found again by other means, and the rows drawn between its points."""
+"""Completeness of the orbits of a response, checked independently, and dense rows between its points."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from asperity.plot import vibration
 
 
 def periods(n: float, zeta: float, forcing: float, omega: Any, state: Any, count: int = 1) -> Any:
-    """End states of many motions (2, lanes) after whole forcing periods: Runge-Kutta 4 for u'' itself."""
+    """Return end states (2, lanes) of many motions after whole forcing periods, by Runge-Kutta 4 for u''."""
     steps = int(2 * np.pi / np.min(omega) / 0.05) * count
     h = 2 * np.pi * count / omega / steps
 
@@ -36,7 +36,7 @@ def periods(n: float, zeta: float, forcing: float, omega: Any, state: Any, count
 
 
 def orbits(n: float, zeta: float, forcing: float, omega: float, order: int, radius: float) -> list[Any]:
-    """States of periodic orbits at forcing phase 0, by Newton's method on the period map from 80 of them."""
+    """Return states of periodic orbits at forcing phase 0, by Newton's method on the period map from 80 states."""
     i = np.arange(80)
     y = radius * (i / 79) * np.array([np.cos(2.4 * i), np.sin(2.4 * i)])
     for _ in range(14):
@@ -59,7 +59,7 @@ def orbits(n: float, zeta: float, forcing: float, omega: float, order: int, radi
 
 
 def starts(found: tuple[Solution, ...]) -> list[Any]:
-    """States at forcing phase 0 of all orbits, those of period 2 also a period later."""
+    """Return states at forcing phase 0 of all orbits, those of period 2 also one period later."""
     out = []
     for s in found:
         k = np.arange(s.coefficients.size)
@@ -93,7 +93,7 @@ def test_no_orbit_is_missing(n, zeta, forcing, window, omega, order, radius) -> 
 
 @pytest.mark.parametrize("omega", [0.45, 0.5])
 def test_orbits_on_a_long_narrow_resonance(omega: float) -> None:
-    """Small, large unstable and large stable: each closes when u'' itself is integrated and separates as it must."""
+    """Small, large unstable and large stable orbit: each closes under integration of u'' and has its stability."""
     found = ContactOscillator(PowerLaw(3.0), zeta=0.005).response(0.02, (0.3, 1.3)).at(omega)
     assert [s.stable for s in found] == [True, False, True]
     for s in found:
@@ -138,7 +138,7 @@ def test_a_crossing_that_cannot_be_corrected_is_an_error(monkeypatch: pytest.Mon
 
 
 def test_start_from_rest_ends_on_a_branch() -> None:
-    """Strong forcing and light damping cut the branch from rest in pieces."""
+    """Strong forcing and light damping cut the branch from rest into pieces."""
     n, zeta, forcing = 2.4, 0.005, 0.2
     r = ContactOscillator(PowerLaw(n), zeta=zeta).response(forcing, (0.28, 1.5))
     assert "detached" in {b.kind for b in r.branches}
@@ -149,7 +149,7 @@ def test_start_from_rest_ends_on_a_branch() -> None:
         assert np.abs(stable - rest).max(axis=1).min() < 1e-3
 
 
-def test_period_2_branch_ends_where_it_dies() -> None:
+def test_period_2_branch_ends_at_a_period_doubling() -> None:
     r = ContactOscillator(PowerLaw(2.0), zeta=0.05).response(0.9, (0.3, 2.4))
     (b,) = (b for b in r.branches if b.end == "period doubling")
     flips = [e for e in r["period doubling"] if e.branch == 0]
@@ -187,7 +187,7 @@ ROWS = [
 
 @pytest.mark.parametrize(("n", "zeta", "forcing", "window"), ROWS)
 def test_straight_lines_between_rows(n, zeta, forcing, window) -> None:
-    """Against corrected orbits, at random frequencies and beside folds: u_max at Omega and Omega at u_max."""
+    """Against corrected orbits, at random frequencies and near folds: u_max at Omega and Omega at u_max."""
     r = ContactOscillator(PowerLaw(n), zeta=zeta).response(forcing, window)
     rows = [row for row in r.rows() if row["branch"] == "main"]
     assert 50 < len(rows) < 3000
@@ -220,7 +220,7 @@ def test_stability_of_rows_changes_at_events() -> None:
 
 
 def test_a_branch_is_drawn_without_gaps() -> None:
-    """Stable, unstable, stable: three lines that share their ends, whatever the distance of the rows."""
+    """Stable, unstable, stable: three lines that share their ends, for any distance of the rows."""
     r = ContactOscillator(PowerLaw(3.0), zeta=0.005).response(0.02, (0.3, 1.3))
     figure = vibration.amplitude_frequency([r])
     lines = [line for line in figure.axes[0].lines if line.get_marker() == "None"]

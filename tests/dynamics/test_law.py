@@ -92,12 +92,12 @@ def test_below_its_first_point_a_table_is_a_power_law(load: float) -> None:
     assert r.n_loc == pytest.approx(1.5, rel=1e-9) and r.kappa == pytest.approx(-1 / 24, rel=1e-6)
 
 
-def test_nothing_vibrates_at_the_end_of_a_table() -> None:
+def test_a_load_at_the_end_of_a_table_is_refused() -> None:
     with pytest.raises(RangeError, match="lies at the end of the law"):
         ContactOscillator(TableLaw(Z, Z**1.5), load=float(Z[-1] ** 1.5))
 
 
-def test_noise_widens_the_interval_and_keeps_the_truth_inside() -> None:
+def test_noise_widens_the_interval_which_still_covers_the_true_value() -> None:
     inside = 0
     for seed in range(20):
         noise = 1 + 0.005 * np.random.default_rng(seed).standard_normal(Z.size)
@@ -115,7 +115,7 @@ def test_noise_widens_the_interval_and_keeps_the_truth_inside() -> None:
     assert inside >= 17  # 95 % of 20 is 19
 
 
-def test_derivatives_never_come_from_the_interpolant() -> None:
+def test_derivatives_are_not_those_of_the_interpolant() -> None:
     noise = 1 + 0.003 * (-1.0) ** np.arange(Z.size)
     with pytest.warns(UserWarning, match="noisy"):
         r = ContactOscillator(TableLaw(Z, Z**1.5 * noise), load=0.9).restoring
@@ -123,7 +123,7 @@ def test_derivatives_never_come_from_the_interpolant() -> None:
 
 
 def _own_curve(name: str) -> dict[str, np.ndarray]:
-    """Smooth curves whose logarithm no polynomial follows, as those of a rough surface."""
+    """Smooth curves that no polynomial fits in logarithms, like those of a rough surface."""
     z = {"even": np.linspace(0, 1, 33)[1:], "pieces": np.sort(np.r_[np.linspace(0, 1, 21)[1:], 0.0125, 0.025, 0.075])}
     points = z.get(name, np.linspace(0, 1, 121)[1:])
     second = np.maximum(points - 0.26, 0.0)  # the next summit is touched, then the block alone gives way
@@ -146,7 +146,7 @@ def _noisy(seed: int) -> TableLaw:
     return TableLaw(Z, np.sort(Z**1.5 * (1 + 0.005 * np.random.default_rng(seed).standard_normal(Z.size))))
 
 
-def test_noise_is_told_from_a_curve() -> None:
+def test_noise_is_distinguished_from_curvature() -> None:
     warned = 0
     for seed in range(20):
         with warnings.catch_warnings(record=True) as caught:
@@ -157,8 +157,8 @@ def test_noise_is_told_from_a_curve() -> None:
     assert warned >= 18
 
 
-def test_noise_is_warned_of_once() -> None:
-    """Laws on the edge of the confidence region are made of the same points."""
+def test_the_warning_of_noise_appears_once() -> None:
+    """Laws on the boundary of the confidence region share the points, so they do not warn again."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         oscillator = ContactOscillator(_noisy(0))
@@ -193,7 +193,7 @@ def _hysteretic() -> dict[str, np.ndarray]:
     }
 
 
-def test_unload_branch_is_measured_from_separation() -> None:
+def test_approach_of_the_unloading_is_measured_from_separation() -> None:
     law = unload_reload(_hysteretic(), 0.5)
     assert law.origin == pytest.approx(0.4, abs=1e-6)
     r = ContactOscillator(law, load=0.5).restoring
@@ -202,7 +202,7 @@ def test_unload_branch_is_measured_from_separation() -> None:
 
 
 def _cycled(cycles: int, plastic: float) -> dict[str, np.ndarray]:
-    """Loads to 1 and lifts to separation, again and again; each reloading ends on a branch a little further right."""
+    """Cycles between load 1 and separation; each reloading ends at a slightly larger approach."""
     rows: list[tuple[float, float, str]] = [(d, d**1.2, "load") for d in np.linspace(0, 1, 11)[1:]]
     for k in range(cycles):
         left = plastic * (0.4 + 0.02 * k)
@@ -218,7 +218,7 @@ def _cycled(cycles: int, plastic: float) -> dict[str, np.ndarray]:
 @pytest.mark.parametrize("plastic", [1.0, 0.0])
 @pytest.mark.parametrize("cycles", [2, 3, 4, 7])
 def test_the_last_closed_loop_is_the_law(cycles: int, plastic: float) -> None:
-    """Each loop has a law of its own; rows of two would not rise."""
+    """Each loop has its own law; the rows of two loops together would not rise."""
     law = unload_reload(_cycled(cycles, plastic), 0.5)
     n, left = 1.55 + 0.1 * (cycles - 2), plastic * (0.4 + 0.02 * (cycles - 2) + 0.01)
     assert law.origin == pytest.approx(left, abs=1e-6)
@@ -228,7 +228,7 @@ def test_the_last_closed_loop_is_the_law(cycles: int, plastic: float) -> None:
 
 
 def test_a_loop_that_is_not_closed_is_not_the_law() -> None:
-    """The last reloading was stopped on its way, with rows enough and above the preload."""
+    """The last reloading stopped early, although it has enough rows and exceeds the preload."""
     whole = _cycled(4, 1.0)
     begins = np.flatnonzero(whole["branch"] == "reload")[-10]
     stopped = {name: column[: begins + 8] for name, column in whole.items()}
@@ -238,7 +238,7 @@ def test_a_loop_that_is_not_closed_is_not_the_law() -> None:
         unload_reload(whole, 1.2)
 
 
-def test_the_last_unloading_stands_in_for_reloadings_of_few_rows() -> None:
+def test_the_last_unloading_replaces_reloadings_with_few_rows() -> None:
     whole = _cycled(3, 1.0)
     few = np.ones(len(whole["delta"]), bool)
     reload = np.flatnonzero(whole["branch"] == "reload")
@@ -264,8 +264,7 @@ def test_paper_law_is_the_fit_of_the_loading_branch(tmp_path) -> None:
     assert float(scaled.force(0.5e-8)) == pytest.approx(1e-3 * 0.5**1.2, rel=1e-8)
 
 
-def test_steps_cut_to_pieces_do_not_change_the_paper_law() -> None:
-    """Nor do rows before contact."""
+def test_substeps_and_rows_before_contact_do_not_change_the_paper_law() -> None:
     planned = np.linspace(0.0, 1.0, 9)[1:]
     pieces = np.array([0.01, 0.02, 0.04, 0.06, 0.6, 0.7])
 
@@ -303,7 +302,7 @@ def test_steps_cut_to_pieces_do_not_change_the_paper_law() -> None:
         (lambda: TableLaw(np.array([]), np.array([])), "empty"),
         (lambda: TableLaw(Z[:2], Z[:2]), "at least 5"),
         (lambda: TableLaw(Z, Z[::-1]), "force does not rise"),
-        (lambda: TableLaw(Z[::-1], Z[::-1]), "deflection does not rise"),
+        (lambda: TableLaw(Z[::-1], Z[::-1]), "approach does not rise"),
         (lambda: TableLaw(Z, np.where(Z > 0.5, np.nan, Z)), "not finite"),
         (lambda: TableLaw(Z - 0.3, Z**1.5), "offset"),
         (lambda: TableLaw(Z, np.maximum(Z - 0.3, 0.0) ** 1.5), "offset"),
@@ -315,14 +314,14 @@ def test_steps_cut_to_pieces_do_not_change_the_paper_law() -> None:
         (lambda: law_from({"delta": Z, "force": Z}, law="hertz"), "hertz"),
     ],
 )
-def test_bad_input_is_one_clear_sentence(build: Any, words: str) -> None:
+def test_bad_input_is_reported_in_one_sentence(build: Any, words: str) -> None:
     with pytest.raises(InputError) as error:
         build()
     assert words in str(error.value)
     assert "\n" not in str(error.value)
 
 
-def test_range_is_refused_unless_asked_for() -> None:
+def test_extrapolation_must_be_requested() -> None:
     law = TableLaw(Z, Z**1.5)
     with pytest.raises(RangeError, match="outside the law"):
         law.force(1.2)
@@ -333,24 +332,24 @@ def test_range_is_refused_unless_asked_for() -> None:
         ContactOscillator(law).free([0.9])
 
 
-def test_offset_can_be_fitted() -> None:
+def test_the_offset_of_the_approach_can_be_fitted() -> None:
     law = TableLaw.from_curve({"delta": Z, "force": np.maximum(Z - 0.3, 0.0) ** 1.5}, origin="fit")
     assert law.origin == pytest.approx(0.3, abs=1e-6)
     with pytest.raises(InputError, match="origin"):
         TableLaw.from_curve({"delta": Z, "force": Z}, origin="guess")
 
 
-def test_what_is_no_table_is_refused(tmp_path) -> None:
+def test_a_file_that_is_not_a_table_is_refused(tmp_path) -> None:
     path = tmp_path / "curve.csv"
     path.write_bytes(bytes(range(256)))
-    with pytest.raises(InputError, match="no table of text"):
+    with pytest.raises(InputError, match="not a table of text"):
         TableLaw.from_curve(path)
     with pytest.raises(InputError, match="not a number"):
         TableLaw("deflection", "force")  # type: ignore[arg-type]
 
 
-def test_scales_beyond_the_arithmetic_are_refused() -> None:
-    with pytest.raises(InputError, match="beyond the arithmetic"):
+def test_values_beyond_floating_point_range_are_refused() -> None:
+    with pytest.raises(InputError, match="beyond floating-point range"):
         Restoring(PowerLaw(1.5, 1e100), 1e-20)
-    with pytest.raises(InputError, match="beyond the arithmetic"):
+    with pytest.raises(InputError, match="beyond floating-point range"):
         Restoring(PowerLaw(0.25), 1e300)

@@ -1,4 +1,4 @@
-"""Forced response: orbits checked by an independent time integration, known onsets, hard cases, refusals."""
+"""Forced response: orbits against independent time integration, known onsets, hard cases, refusals."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from asperity.errors import ConvergenceError, InputError, RangeError
 
 
 def one_period(n: float, zeta: float, forcing: float, omega: float, u: float, v: float, periods: int = 1):
-    """End state and extremes over whole forcing periods, by plain event-split integration of u'' itself."""
+    """Return end state and extremes over whole forcing periods, by event-split integration of u''."""
 
     def field(t, y, contact):
         force = (max(1 + y[0], 0.0) ** n if contact else 0.0) - 1
@@ -77,7 +77,7 @@ def test_orbits_close_under_independent_integration(n, zeta, forcing, window) ->
 
 
 def test_reference_curve() -> None:
-    """The reference case: peak, folds and grazing by the balance at two tolerances, and by shooting."""
+    """Reference case: peak, folds and grazing by the balance at two tolerances, and by shooting."""
     o = ContactOscillator(PowerLaw(1.5), zeta=0.01)
     loose, fine = o.response(0.05, tol=1e-4), o.response(0.05, tol=1e-7)
     assert len(fine.branches) == 1 and fine.branches[0].end == "window"
@@ -247,7 +247,7 @@ def test_light_damping_traces_the_narrow_peak() -> None:
     assert r.branches[0].Omega[r.branches[0].a1.argmax()] == pytest.approx(peak["Omega"], rel=1e-5)
 
 
-def test_narrow_superharmonic_folds_are_not_stepped_over() -> None:
+def test_narrow_superharmonic_folds_are_found() -> None:
     r = ContactOscillator(PowerLaw(1.5), zeta=5e-4).response(0.1, (0.4, 0.55), tol=1e-6)
     lower = [b for b in r.branches if (b.u_max < 0.6).any()]
     folds = [e for e in r["fold"] if 0.45 < e.Omega < 0.5 and e.u_max < 1.5]
@@ -316,7 +316,7 @@ def test_bad_windows() -> None:
         o.response(0.05, (0.9, 1.1)).at(2.0)
 
 
-def test_shooting_refuses_what_is_not_periodic() -> None:
+def test_shooting_fails_where_no_orbit_is_periodic() -> None:
     balance = ContactOscillator(PowerLaw(1.5), zeta=0.01).response(0.01, (0.9, 1.1)).balance
     with pytest.raises((ConvergenceError, np.linalg.LinAlgError)):
         shoot(balance, 0.95, 5.0, 40.0, -7.0, rtol=1e-7)
@@ -339,7 +339,7 @@ def test_rows_of_response_csv() -> None:
 
 
 def test_peak_of_the_linear_contact() -> None:
-    """The greatest deflection is a point of the branch, not only near one."""
+    """The largest displacement is a point of the branch, not only near one."""
     zeta, forcing = 0.05, 0.02
     omega, top = ContactOscillator(PowerLaw(1.0), zeta=zeta).response(forcing, (0.5, 1.5), tol=1e-9).peak
     assert top == pytest.approx(forcing / (2 * zeta * np.sqrt(1 - zeta**2)), rel=1e-9)
@@ -352,7 +352,7 @@ def test_peak_is_no_lower_than_its_surroundings() -> None:
     assert all(s.u_max <= top * (1 + 1e-9) for d in np.linspace(-3e-3, 3e-3, 41) for s in r.at(omega + float(d)))
 
 
-def test_period_2_branch_that_dies_among_other_doublings() -> None:
+def test_period_2_branch_that_ends_among_other_doublings() -> None:
     r = ContactOscillator(PowerLaw(2.0), zeta=0.05).response(0.9, (0.3, 2.4))
     births = [e for e in r["period doubling"] if r.branches[e.branch].order == 1]
     assert len(births) == 4 and sum(b.kind == "sub2" for b in r.branches) == 3
@@ -373,7 +373,7 @@ def linear(forcing: float, zeta: float, omega: Any) -> Any:
 @pytest.mark.parametrize("zeta", [1e-3, 0.05, 0.5, 0.99])
 @pytest.mark.parametrize("window", [(0.01, 1.3), (0.5, 100.0), (0.01, 0.02)])
 def test_slowest_and_fastest_forcing(zeta: float, window: tuple[float, float]) -> None:
-    """Small motion has its closed form and its multipliers at both ends of the legal frequencies, for any damping."""
+    """Small motion has the closed form and multipliers at both ends of the legal frequencies, for any damping."""
     forcing = 1e-6
     r = ContactOscillator(PowerLaw(1.5), zeta=zeta).response(forcing, window, subharmonics=False)
     assert r.det_error <= 2e-6 and not r.notes
@@ -382,22 +382,22 @@ def test_slowest_and_fastest_forcing(zeta: float, window: tuple[float, float]) -
         np.testing.assert_allclose(b.radius, np.exp(-2 * np.pi * zeta / b.Omega), atol=1e-4)
 
 
-def test_round_off_is_in_the_tolerance() -> None:
+def test_the_tolerance_includes_round_off() -> None:
     r = ContactOscillator(PowerLaw(1.5)).response(1e-9, (50.0, 100.0))
     b = r.branches[0]
     miss = np.abs(b.u_max / linear(1e-9, 0.01, b.Omega) - 1)
     assert 1e-4 < miss.max() < r.tolerance < 0.1 and (miss < b.error).all()
 
 
-def test_steps_too_long_tell_no_stability() -> None:
+def test_stability_from_steps_too_long_is_unreliable() -> None:
     r = ContactOscillator(PowerLaw(1.5)).response(0.01, (0.01, 0.02), subharmonics=False)
     b = r.branches[0]
     long = floquet(r.balance, b.coefficients, b.Omega, 256)
     assert (long.error == 1.0).all() and b.stable.all() and (b.det_error < 1e-6).all()
 
 
-def test_multipliers_beyond_the_arithmetic() -> None:
-    """An orbit beside the rim of the Taylor well leaves it exponentially over a long period."""
+def test_multipliers_beyond_floating_point_range() -> None:
+    """An orbit near the rim of the Taylor well leaves it exponentially over a long period."""
     balance = ContactOscillator(PowerLaw(1.5)).taylor().response(0.01, (0.9, 1.0)).balance
     data = floquet(balance, np.array([[-3.0 + 0j, 1e-3, 0.0]]), np.array([0.01]))
     assert data.radius[0] > 1e100 and not data.stable[0]
@@ -410,8 +410,8 @@ def test_work_is_bounded() -> None:
     assert any("ends early: too much work" in note for note in r.notes)
 
 
-def test_many_harmonics_are_solved_as_few() -> None:
-    """The iteration for high harmonics agrees with the plain solution, and so do two tolerances of the orbit."""
+def test_the_iterative_solution_for_many_harmonics() -> None:
+    """The iteration for high harmonics agrees with the direct solution, and so do two tolerances of the orbit."""
     o = ContactOscillator(PowerLaw(1.0), zeta=0.05)
     fine, loose = (o.response(0.3, (0.7, 0.8), tol=tol) for tol in (1e-9, 1e-6))
     assert max(b.harmonics.max() for b in fine.branches) > 128

@@ -67,7 +67,7 @@ def test_sweep_reports_period_two() -> None:
     assert any(s == "period 2" for s in down.status)
 
 
-def test_sweep_reports_what_has_not_settled() -> None:
+def test_sweep_reports_points_that_have_not_settled() -> None:
     (up,) = ContactOscillator(PowerLaw(1.5), zeta=1e-3).sweep(
         0.02, (0.95, 1.0), points=3, directions=("up",), max_periods=5
     )
@@ -75,7 +75,7 @@ def test_sweep_reports_what_has_not_settled() -> None:
     assert not all(row["stable"] for row in up.rows())
 
 
-def test_taylor_sweep_escapes_and_says_so() -> None:
+def test_taylor_sweep_reports_its_escape() -> None:
     o = ContactOscillator(PowerLaw(1.5), zeta=0.02).taylor()
     (down,) = o.sweep(0.2, (0.5, 1.2), points=15, directions=("down",))
     assert "escaped" in down.status and not down.valid.all()
@@ -105,7 +105,7 @@ def test_onset_of_contact_loss(n: float, drive: float) -> None:
     assert t.hysteresis == pytest.approx(np.sqrt(32e-6 / (3 * np.sqrt(3) * abs(t.kappa))), rel=1e-12)
 
 
-def test_damping_decides_whether_resonance_closes() -> None:
+def test_the_damping_model_determines_whether_resonance_is_limited() -> None:
     always, contact, force = (
         ContactOscillator(PowerLaw(1.5), damping=d).thresholds(0.05) for d in ("always", "contact", "hunt-crossley")
     )
@@ -147,7 +147,7 @@ def test_run_writes_its_files(tmp_path) -> None:
 
 
 def _curve_in(folder: Path, length: float, force: float, case: str = "") -> Path:
-    """A run directory with the same Hertzian curve in other units of length and force, and its completed case."""
+    """Write a run directory with the same Hertzian curve in other units, and its completed case."""
     folder.mkdir()
     delta = np.linspace(0, 20e-9, 21)[1:]
     rows = "".join(f"{length * d:.17g},{force * 3e8 * d**1.5:.17g}\n" for d in delta)
@@ -161,7 +161,7 @@ QUICK: dict[str, Any] = {"models": ["exact"], "omega": (0.9, 0.91), "sweeps": Fa
 
 
 def test_gravity_belongs_to_the_units(tmp_path: Path) -> None:
-    """um, mN and s: mN s^2/um is 1000 kg, and an acceleration is a million times more."""
+    """In um, mN and s the unit of mass is 1000 kg, and the number of an acceleration is 1e6 times larger."""
     si = _curve_in(tmp_path / "si", 1.0, 1.0, 'units = "SI"\n')
     other = _curve_in(tmp_path / "other", 1e6, 1e3, 'units = "other"\n')
     first = run_dynamics(si, **QUICK).to_dict()
@@ -186,8 +186,8 @@ def test_gravity_belongs_to_the_units(tmp_path: Path) -> None:
     assert written["exact"]["responses"][0]["peak"] == pytest.approx(first["exact"]["responses"][0]["peak"], rel=1e-6)
 
 
-def test_gravity_of_the_case_is_taken(tmp_path: Path) -> None:
-    """By the folder or by its curve.csv; what is given goes before it."""
+def test_gravity_of_the_case_is_the_default(tmp_path: Path) -> None:
+    """From the folder or its curve.csv; an argument has priority."""
     folder = _curve_in(tmp_path / "run", 1e6, 1e3, 'units = "other"\n[dynamics]\ngravity = 9.80665e6\n')
     for source in (folder, folder / "curve.csv"):
         assert run_dynamics(source, **QUICK).gravity == 9.80665e6
@@ -196,10 +196,10 @@ def test_gravity_of_the_case_is_taken(tmp_path: Path) -> None:
         run_dynamics(folder, gravity=0.0, **QUICK)
 
 
-def test_a_curve_without_units_says_what_was_assumed(tmp_path: Path) -> None:
+def test_units_assumed_for_a_curve_are_reported(tmp_path: Path) -> None:
     bare = _curve_in(tmp_path / "bare", 1.0, 1.0) / "curve.csv"
     result = run_dynamics(bare, **QUICK)
-    assert result.gravity == 9.80665 and result.notes[0].startswith("mass and omega_s are those of a curve in SI units")
+    assert result.gravity == 9.80665 and result.notes[0].startswith("mass and omega_s assume a curve in SI units")
     assert run_dynamics(bare, units="SI", **QUICK).notes == ()
     assert run_dynamics(bare, units="other", **QUICK).gravity is None
     assert run_dynamics(PowerLaw(1.5), **QUICK).notes == ()
@@ -243,10 +243,10 @@ def test_bad_curves_are_refused_as_a_paper_law(force, load, error, words) -> Non
         run_dynamics(curve, load=load)
 
 
-def test_response_beyond_the_fitted_curve_says_so() -> None:
+def test_response_beyond_the_fitted_curve_is_reported() -> None:
     z = np.linspace(0.1, 1.0, 10)
     result = run_dynamics({"delta": z, "force": z**1.5}, zeta=0.05, forcing=0.15, models=["exact"], sweeps=False)
-    assert any("rests on the fit alone" in note for note in result.notes)
+    assert any("beyond it the law is extrapolated" in note for note in result.notes)
 
 
 @pytest.mark.parametrize(
@@ -266,12 +266,12 @@ def test_response_beyond_the_fitted_curve_says_so() -> None:
         (lambda o: replace(o, zeta=0.0).attractors(1.0, 0.1), "zeta = 0"),
     ],
 )
-def test_bad_calls_are_one_sentence(call, words) -> None:
+def test_bad_calls_are_refused_in_one_sentence(call, words) -> None:
     with pytest.raises(InputError, match=words):
         call(ContactOscillator(PowerLaw(1.5)))
 
 
-def test_light_damping_leaves_out_the_sweep_and_says_so() -> None:
+def test_a_sweep_left_out_for_light_damping_is_reported() -> None:
     result = run_dynamics(PowerLaw(1.5), zeta=1e-6, forcing=1e-5, omega=(0.7, 0.8), models=["exact"])
     assert result.sweeps["exact"] == () and any("no sweep: zeta = 1e-06" in note for note in result.notes)
 
@@ -293,7 +293,7 @@ TEN_TO = st.floats(-320, 308).map(lambda e: 10.0**e)
         optional={"load": TEN_TO, "damping": st.sampled_from(["always", "contact", "hunt-crossley"])},
     ),
 )
-def test_any_numbers_give_finite_results_or_a_sentence(n: float, K: float, options: dict[str, Any]) -> None:
+def test_any_input_gives_finite_results_or_an_error_message(n: float, K: float, options: dict[str, Any]) -> None:
     try:
         result = run_dynamics(PowerLaw(n, K), sweeps=False, omega=(0.9, 1.1), **options)
     except AsperityError as error:
@@ -308,7 +308,7 @@ def test_any_numbers_give_finite_results_or_a_sentence(n: float, K: float, optio
     st.lists(st.one_of(st.floats(), TEN_TO), min_size=2, max_size=2),
     st.lists(st.one_of(st.floats(), TEN_TO), min_size=1, max_size=3),
 )
-def test_a_case_allows_what_can_be_computed(omega: list[float], forcing: list[float]) -> None:
+def test_a_case_accepts_the_legal_frequencies_and_forcings(omega: list[float], forcing: list[float]) -> None:
     for key, value, allow in (("omega", omega, window), ("forcing", forcing, forcings)):
         try:
             allow(value)
@@ -329,8 +329,8 @@ def test_a_preload_beyond_the_run_is_refused_before_it(preload: float) -> None:
         Case.from_dict(case)
 
 
-def test_every_result_states_what_it_holds_for() -> None:
-    """Law, damping, F^ and F/(m g), tolerance reached and validity stand on every result."""
+def test_every_result_contains_its_setting() -> None:
+    """Law, damping, F^ and F/(m g), tolerance and validity."""
     o = ContactOscillator(PowerLaw(1.5), zeta=0.05).taylor()
     forced: list[Any] = [
         o.response(0.03, (0.9, 1.1)),
@@ -350,7 +350,7 @@ def test_every_result_states_what_it_holds_for() -> None:
     assert not o.simulate(0.9, 0.3, periods=1.0, u=1.2).valid
 
 
-def test_band_holds_the_central_response() -> None:
+def test_band_contains_the_central_response() -> None:
     o = ContactOscillator(PowerLaw(1.5, 1.0, (1.47, 1.53), (0.97, 1.03)), zeta=0.05)
     band = response_band(o, 0.02, (0.9, 1.1), points=11)
     centre = o.response(0.02, (0.9, 1.1))

@@ -1,4 +1,4 @@
-"""Figures of a run: which are drawn, what stands on them, and the geometry of the mesh cut."""
+"""Figures of a run: which are drawn, their content, and the geometry of the section of the mesh."""
 
 from __future__ import annotations
 
@@ -48,14 +48,14 @@ def area(polygon: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("y", [0.0, 0.31e-6, 0.5e-6, 1e-6])
-def test_the_cut_of_a_plain_block_covers_its_side(y: float) -> None:
+def test_the_section_of_a_plain_block_covers_its_side(y: float) -> None:
     points, tets, _ = block(Surface.from_spec(kind="flat", L=1e-6), 4)
     polygons, sizes = cut(points, tets, y)
     assert sum(map(area, polygons)) == pytest.approx(1e-12, rel=1e-6)
     assert len(sizes) == len(polygons)
 
 
-def test_the_cut_follows_a_curved_top() -> None:
+def test_the_section_follows_a_curved_top() -> None:
     L, A, y = 1e-6, 5e-8, 0.37e-6
     wave = Surface.from_spec(kind="sinusoid", L=L, amplitude=A, wavelength=L)
     points, tets, _ = block(wave, 8)
@@ -74,13 +74,13 @@ def test_size_of_an_element_is_the_edge_of_a_regular_one() -> None:
     assert area(polygons[0]) == pytest.approx(2.0, rel=1e-5)  # the square half way up
 
 
-def test_a_run_gets_every_figure(folder: Path) -> None:
+def test_all_figures_of_a_run_are_drawn(folder: Path) -> None:
     written = plot_run(folder)
     assert {path.stem for path in written} >= set(CAPTIONS) - {"frequency", "response"}
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
 
 
-def test_an_elastic_run_without_fields_gets_what_it_has(tmp_path: Path) -> None:
+def test_figures_without_data_are_left_out(tmp_path: Path) -> None:
     write_run(tmp_path, n=2, material={"E": 200e9, "nu": 0.3})
     shutil.rmtree(tmp_path / "fields")
     assert {path.stem for path in plot_run(tmp_path)} == {"surface", "area", "curve"}
@@ -102,7 +102,7 @@ def test_every_axis_has_quantity_and_unit(results: Results) -> None:
         assert all(axis.get_xlabel() and axis.get_ylabel() for axis in figure.axes)
 
 
-def test_other_units_are_not_called_metres(results: Results) -> None:
+def test_lengths_in_other_units_are_not_labelled_metres(results: Results) -> None:
     unknown = Results(folder=results.folder, curve=results.curve, case={"units": "other"})
     assert unknown.unit("length") == "" and results.unit("length") == "m"
     surface = results.surface
@@ -134,7 +134,7 @@ def test_pressure_maps_share_one_scale_and_skip_empty_levels(results: Results) -
     assert titles[-1].startswith("unloading")
 
 
-def test_the_style_is_not_the_users(results: Results, tmp_path: Path) -> None:
+def test_the_style_is_independent_of_user_settings(results: Results, tmp_path: Path) -> None:
     plain = save(force_curve(results), tmp_path / "a.png").read_bytes()
     with mpl.rc_context({"font.size": 30, "lines.linewidth": 9}):
         assert save(force_curve(results), tmp_path / "b.png").read_bytes() == plain

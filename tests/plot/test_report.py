@@ -1,4 +1,4 @@
-"""The report: self-contained, complete, and safe whatever the input says."""
+"""The report: self-contained, complete, and safe for any input."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def folder(tmp_path: Path) -> Path:
     return write_run(tmp_path / "run", n=3)
 
 
-def test_the_page_holds_law_outcome_input_run_and_citations(folder: Path) -> None:
+def test_the_page_contains_law_outcome_input_run_and_citations(folder: Path) -> None:
     page = Page(write_report(folder))
     for part in (
         "0.42 (95 % interval 0.4 to 0.44)", "1.55 (95 % interval 1.52 to 1.58)", "R² = 0.99870",
@@ -39,7 +39,7 @@ def test_nothing_is_loaded_from_elsewhere(folder: Path) -> None:
     assert "script" not in page.tags and "link" not in page.tags
 
 
-def test_what_came_from_input_is_escaped(tmp_path: Path) -> None:
+def test_text_from_the_input_is_escaped(tmp_path: Path) -> None:
     evil = "<script>alert('x')</script>"
     folder = write_run(tmp_path / "<b>run", n=2)
     summary = json.loads((folder / "summary.json").read_text())
@@ -75,7 +75,7 @@ def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_only_what_was_used_is_cited() -> None:
+def test_only_models_and_programs_in_use_are_cited() -> None:
     elastic = {"surface": {"kind": "sphere"}, "material": {}, "contact": {"method": "penalty"}}
     plastic = {**elastic, "material": {"yield_strength": 1.0}, "dynamics": {}}
     assert set(publications(plastic)) > set(publications(elastic))

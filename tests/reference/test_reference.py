@@ -1,4 +1,4 @@
-"""Reference solutions against identities they do not contain, textbook numbers and each other."""
+"""Reference solutions against independent identities, textbook values and each other."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_hertz_is_consistent():
     assert hertz.pressure(1.01 * a, delta) == 0
 
 
-def test_first_yield_of_the_textbooks():
+def test_first_yield_agrees_with_textbooks():
     ratio, depth = ref.first_yield(0.3)
     assert ratio == pytest.approx(1.60, rel=0.01)
     assert depth == pytest.approx(0.48, abs=0.005)
@@ -74,8 +74,8 @@ def test_double_sinusoid_table():
     np.testing.assert_allclose(wave.deflection(r * wave.full_pressure) / 0.01, delta, atol=3e-4)
 
 
-def test_double_sinusoid_meets_hertz_at_light_load():
-    """Two crests a period, radius of curvature 1/(k^2 A)."""
+def test_double_sinusoid_agrees_with_hertz_at_light_load():
+    """Two crests per period, radius of curvature 1/(k^2 A)."""
     wave = ref.DoubleSinusoid(A=0.01, lam=1.0, E_prime=1.0)
     hertz = ref.Hertz(R=1 / ((2 * math.pi) ** 2 * 0.01), E_prime=1.0)
     pressure = 0.0005 * wave.full_pressure
@@ -94,7 +94,7 @@ def test_double_sinusoid_between_its_nodes():
 
 
 def test_similarity_law_against_computation():
-    """Heights times s at loads times s: deflection times s, the same area."""
+    """Heights times s at loads times s: approach times s, the same area."""
     low, high = (WeierstrassMandelbrot(L=1e-6, G=G, D=2.5, seed=2) for G in (1e-12, 4e-12))
     s = 4**0.5
     a = ref.half_space_contact(low, 64, P_star=1e-4)
@@ -221,7 +221,7 @@ def test_pressurised_sphere_limits():
 
 
 def critical_deflection(R: float) -> float:
-    """Return Jackson and Green's delta_c for STEEL."""
+    """Return delta_c of Jackson and Green for STEEL."""
     C = 1.295 * math.exp(0.736 * 0.3)
     return (math.pi * C * 1e9 / (2 * 200e9 / 0.91)) ** 2 * R
 
@@ -286,7 +286,7 @@ def test_half_space_on_westergaard():
 
 
 def test_half_space_on_hertz():
-    """Contact radius 5 % of the patch, so that the images hardly matter for the peak."""
+    """The contact radius is 5 % of the patch, so the images hardly change the peak."""
     surface = Sphere(L=1.0, radius=1.0, centre=(0.0, 0.0), shape="paraboloid")
     hertz = ref.Hertz(R=1.0, E_prime=1.0)
     delta = 0.1**2
@@ -354,7 +354,7 @@ def test_layer_compliance_against_its_differential_equation(nu, height):
     assert table[0, 0] == pytest.approx(height / ref.patch_test_slope(nu))
 
 
-def test_layer_under_deflection_and_load_control():
+def test_layer_under_approach_and_load_control():
     surface = WeierstrassMandelbrot(L=1e-6, D=2.5)
     load = ref.half_space_contact(surface, 64, P_star=0.004, height=1e-6)
     deflection = ref.half_space_contact(surface, 64, delta_star=load.delta_star, height=1e-6)

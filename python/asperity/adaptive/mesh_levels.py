@@ -62,7 +62,7 @@ class Runner:
     def aim(self, guide: ContactResult) -> None:
         """Make the meshes from here on for what the guide touched."""
         L = self._problem.surface.L
-        xy, touched_at = guide.first_contact.gather(guide.solver)
+        xy, touched_at = guide.touched_at()
         self._reach = FirstContactMap(xy * L, touched_at * L) if len(xy) else None  # on rank 0, where meshes are made
         self._depth = float(guide.curve.loading().delta[-1])
         self._made, self._guide = None, guide

@@ -64,7 +64,11 @@ def command(
     if (source is None) == (exponent is None):
         raise InputError("give either a run directory or curve, or --power-law N")
     law = PowerLaw(exponent, k_fit) if exponent is not None else source
-    result = run_dynamics(law, load=preload, out_dir=output, figures=bool(output), **settings)
+    result = run_dynamics(law, load=preload, out_dir=output, **settings)
+    if output:
+        from asperity.plot.oscillator import plot_dynamics
+
+        plot_dynamics(result, output)
     _show(result)
     if output:
         options.say(f"written to {Path(output)}")

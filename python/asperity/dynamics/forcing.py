@@ -1,4 +1,4 @@
-"""What a forced result was computed for, and which frequencies and forcings are legal."""
+"""Setting of a forced result, and the legal frequencies and forcings."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Any
 from asperity.dynamics.law.law import positives, within
 from asperity.errors import InputError
 
-OMEGA = (0.01, 100.0)  # slower, the deflection follows the force; faster, the mass stays where it is
-FORCING = (1e-9, 1e6)  # fainter motion is linear in the forcing, and lost in the round-off of the force
-LIGHTEST = 1e-4  # damping ratio of motion that settles in 20000 periods
+OMEGA = (0.01, 100.0)  # below, motion is quasi-static; above, the mass hardly moves
+FORCING = (1e-9, 1e6)  # below, motion is linear in the forcing and lost in the round-off of the force
+MIN_ZETA = 1e-4  # smallest damping ratio with which motion settles in 20000 periods
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What a forced result was computed for.
+    """Law, damping and forcing of a forced result.
 
     Attributes:
         model: "exact" or "taylor".
@@ -24,7 +24,11 @@ class Setting:
         n_loc: local exponent at the operating point.
         zeta, damping: damping ratio and model.
         F_hat: forcing F/(n_loc m g).
-        F_over_mg: forcing over the preload, n_loc F_hat (the sigma of the Hertz literature).
+        F_over_mg: forcing over the preload, n_loc F_hat (sigma in the Hertz literature).
+
+    Examples:
+        >>> print(asp.ContactOscillator(asp.PowerLaw(1.5)).setting(0.02).describe())
+        exact: power law n = 1.5, K = 1, zeta = 0.01 (always), F^ = 0.02, F/(m g) = 0.03
     """
 
     model: str
@@ -40,7 +44,7 @@ class Setting:
         return self.n_loc * self.F_hat
 
     def describe(self) -> str:
-        """One line for titles and logs."""
+        """Return one line for titles and logs."""
         return (
             f"{self.model}: {self.law}, zeta = {self.zeta:g} ({self.damping}), F^ = {self.F_hat:g}, "
             f"F/(m g) = {self.F_over_mg:g}"
@@ -48,17 +52,17 @@ class Setting:
 
 
 def frequencies(values: Any) -> tuple[float, ...]:
-    """Return one Omega or several, or raise `InputError` unless all are legal."""
+    """Return one Omega or several as a tuple; raise `InputError` unless all are legal."""
     return tuple(within("omega", value, OMEGA) for value in positives("omega", values))
 
 
 def forcings(values: Any) -> tuple[float, ...]:
-    """Return one F^ or several, or raise `InputError` unless all are legal."""
+    """Return one F^ or several as a tuple; raise `InputError` unless all are legal."""
     return tuple(within("forcing", value, FORCING) for value in positives("forcing", values))
 
 
 def window(omega: Sequence[float]) -> tuple[float, float]:
-    """Return lowest and highest Omega, or raise `InputError`."""
+    """Return lowest and highest Omega; raise `InputError` unless they are a legal window."""
     values = frequencies(omega)
     if len(values) != 2 or values[0] >= values[1]:
         raise InputError(f"omega = {list(values)} is not legal: give two frequencies 0 < low < high")

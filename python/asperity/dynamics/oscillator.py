@@ -1,4 +1,4 @@
-"""A mass on a contact: the entry to all of the dynamics."""
+"""A mass on a contact: entry point of the vibration analysis."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
-from asperity.dynamics.forcing import LIGHTEST, Setting, forcings, frequencies, window
+from asperity.dynamics.forcing import MIN_ZETA, Setting, forcings, frequencies, window
 from asperity.dynamics.law.damping import check_damping
 from asperity.dynamics.law.law import Law, TaylorLaw, positive
 from asperity.dynamics.law.restoring import Restoring
@@ -26,32 +26,45 @@ from asperity.dynamics.orbits.response import FrequencyResponse, frequency_respo
 from asperity.dynamics.orbits.thresholds import Backbone, Thresholds
 from asperity.errors import AsperityWarning, InputError, RangeError
 
-GRAVITY = 9.80665
+GRAVITY = 9.80665  # m/s^2
 
 
 @dataclass(frozen=True)
 class ContactOscillator:
     """A rigid mass pressed on a contact by its weight, with damping, under harmonic forcing.
 
-    In units of the static deflection z_s and of 1/omega_s, with u = (z - z_s)/z_s > 0 in compression:
+    In units of the static deflection z_s and of 1/omega_s, with the displacement u = (z - z_s)/z_s > 0 in compression:
 
         u'' + 2 zeta g(u) u' + f(u) = F^ cos(Omega tau),   F^ = F/(n_loc m g);
 
-    contact is lost at u = -1. Every result states F^ and F/(m g), the damping, the law and its accuracy.
+    contact is lost at u = -1. Every result contains F^ and F/(m g), the damping, the law and an error estimate.
 
     Attributes:
-        law: static force-deflection law.
-        load: preload W = m g (force); by default half of the greatest force of a table, or K (z_s = 1) for
-            a law without end.
+        law: static law, force over approach.
+        load: preload W = m g (force); by default half of the largest force of a table, or the force at z = 1 of
+            another law.
         zeta: damping ratio of small motion, >= 0.
         damping: "always", "contact" or "hunt-crossley" (see `asperity.dynamics.law.damping`).
-        gravity: acceleration that makes the mass heavy (length/time^2), in the units of the law; default that of SI.
-            None where it is not known: mass and omega_s are NaN then.
+        gravity: gravitational acceleration (length/time^2) in the units of the law; default 9.80665 (SI). None if
+            unknown: mass and omega_s are then NaN.
         restoring: normal form of the law (derived).
 
     Raises:
         InputError: a parameter is out of range.
         RangeError: the law does not reach the load.
+
+    Examples:
+        >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5, K=1e9), load=10.0, zeta=0.02)
+        >>> print(f"m = {oscillator.mass:.4f} kg, omega_s = {oscillator.omega_s:.1f} rad/s")
+        m = 1.0197 kg, omega_s = 1780.2 rad/s
+        >>> print(f"contact is kept up to u = {oscillator.u_max:.4f}")
+        contact is kept up to u = 0.8420
+        >>> onset = oscillator.thresholds(0.05)
+        >>> print(onset.softening, f"{onset.contact_loss:.4f}", f"{onset.peaks[0]['Omega']:.4f}")
+        softening 0.0355 0.8559
+        >>> path = oscillator.simulate(0.9, 0.05, u=0.1, periods=2)
+        >>> print(f"{path.u.max():.4f}")
+        0.1914
     """
 
     law: Law
@@ -63,9 +76,7 @@ class ContactOscillator:
 
     def __post_init__(self) -> None:
         if not isinstance(self.law, Law):
-            raise InputError(
-                f"law must be a force-deflection law (PowerLaw, TableLaw, ...), got {type(self.law).__name__}"
-            )
+            raise InputError(f"law must be a contact law (PowerLaw, TableLaw, ...), got {type(self.law).__name__}")
         positive("zeta", self.zeta, zero=True)
         if self.zeta >= 1:
             raise InputError(f"zeta = {self.zeta:g} is not legal: it must be below 1")
@@ -77,8 +88,8 @@ class ContactOscillator:
         object.__setattr__(self, "restoring", Restoring(self.law, float(load)))
         if self.restoring.u_range[1] < 1e-9:
             raise RangeError(
-                f"load = {load:g} lies at the end of the law, where nothing can vibrate; lower the load, or compute "
-                "the curve further"
+                f"load = {load:g} lies at the end of the law, where no vibration is possible; lower the load, "
+                "or compute the curve further"
             )
         for doubt in self.law.doubts(self.restoring.load):
             warnings.warn(doubt, AsperityWarning, stacklevel=3)
@@ -95,7 +106,7 @@ class ContactOscillator:
 
     @property
     def omega_s(self) -> float:
-        """Small-amplitude frequency sqrt(n_loc g/z_s) (rad/time); NaN without gravity."""
+        """Natural frequency of small motion sqrt(n_loc g/z_s) (rad/time); NaN without gravity."""
         gravity = np.nan if self.gravity is None else self.gravity
         return float(np.sqrt(self.restoring.n_loc * gravity / self.restoring.z_s))
 
@@ -105,30 +116,31 @@ class ContactOscillator:
         return contact_limit(self.restoring)
 
     def taylor(self) -> ContactOscillator:
-        """The same oscillator with its law truncated after the cubic term."""
+        """Return the same oscillator with its law truncated after the cubic term."""
         law = TaylorLaw.about(self.law, self.restoring.load)
         return replace(self, law=law, load=self.restoring.load)
 
     def free(self, u0: ArrayLike | None = None) -> FreeVibration:
-        """Natural frequency against release amplitude, to 1e-12 for smooth laws.
+        """Compute the natural frequency over the release amplitude, to 1e-12 for smooth laws.
 
         Args:
-            u0: release deflections over z_s, > 0; by default 120 up to 1.5 u_max (or as far as the law goes).
+            u0: release displacements over z_s, > 0; by default 120 up to 1.5 u_max (or to the end of the law).
 
         Raises:
+            InputError: an amplitude is not positive.
             RangeError: an orbit leaves the table, or passes the rim of the Taylor well.
         """
         if u0 is None:
             limit = contact_limit(self.restoring)
-            top = min(1.5 * limit if np.isfinite(limit) else 1.5, _thresholds.reach(self.restoring))
+            top = min(1.5 * limit if np.isfinite(limit) else 1.5, _thresholds.largest_amplitude(self.restoring))
             u0 = np.linspace(top / 120, top, 120)
         return free_vibration(self.restoring, u0, model=self.model, omega_s=self.omega_s, damping=self.damping)
 
     def backbone(self, u_max: float | None = None, points: int = 60) -> Backbone:
-        """Backbone curve with the forcing that sustains each amplitude at resonance.
+        """Compute the backbone curve and the forcing that sustains each amplitude at resonance.
 
         Args:
-            u_max: largest amplitude; default 3 u_max of contact.
+            u_max: largest amplitude; default 3 times the largest that keeps contact.
             points: number of amplitudes.
         """
         limit = contact_limit(self.restoring)
@@ -138,7 +150,7 @@ class ContactOscillator:
         return _thresholds.backbone(self.restoring, model=self.model, damping=self.damping, u_max=top, points=points)
 
     def thresholds(self, forcing: float | Iterable[float] = ()) -> Thresholds:
-        """Onsets of contact loss, hysteresis and period doubling, and resonance peaks for `forcing` (F^)."""
+        """Compute the onsets of contact loss, hysteresis and period doubling, and the peak for each F^ in `forcing`."""
         none = isinstance(forcing, Sequence) and not forcing
         return _thresholds.thresholds(
             self.restoring,
@@ -158,15 +170,15 @@ class ContactOscillator:
         detached: bool = False,
         polish: bool = False,
     ) -> FrequencyResponse:
-        """All periodic orbits over a window of frequencies, stable and unstable, with their bifurcations.
+        """Compute all periodic orbits in a window of frequencies, stable and unstable, with their bifurcations.
 
         Args:
             forcing: F^ = F/(n_loc m g), 1e-9 to 1e6.
             omega: lowest and highest Omega, 0.01 to 100.
-            tol: truncation error allowed, relative to the amplitude.
+            tol: allowed truncation error, relative to the amplitude.
             subharmonics: follow period-2 branches from period doublings.
-            detached: search for loops that no branch reaches, by integrating many initial states first.
-            polish: correct every point by event-accurate shooting to 1e-9 (some 20 ms a point).
+            detached: first integrate many initial states, to find loops that no branch reaches.
+            polish: correct every point by event-accurate shooting to 1e-9 (about 20 ms per point).
 
         Raises:
             InputError: forcing or window is not legal.
@@ -191,21 +203,22 @@ class ContactOscillator:
         max_periods: int | None = None,
         steps: int | None = None,
     ) -> tuple[Sweep, ...]:
-        """Runge-Kutta sweeps with carried state, all forcings and directions at once.
+        """Integrate frequency sweeps with carried state, all forcings and directions at once.
 
         Args:
             forcing: F^, or several.
             omega: lowest and highest Omega.
-            points: frequencies.
+            points: number of frequencies.
             directions: "up", "down" or both.
-            tol: distance from the steady state allowed, relative to the orbit.
-            max_periods: forcing periods per frequency at most; default 4/zeta (100 to 20000).
-            steps: Runge-Kutta steps per period; default from the stiffness met.
+            tol: allowed distance from the steady state, relative to the orbit.
+            max_periods: largest number of forcing periods per frequency; default 4/zeta (100 to 20000).
+            steps: Runge-Kutta steps per period; default from the largest stiffness reached.
 
         Returns:
             One `Sweep` per forcing and direction.
 
         Raises:
+            InputError: an argument is not legal, or zeta is below 1e-4.
             RangeError: the motion leaves a table.
         """
         values = forcings(forcing)
@@ -236,7 +249,7 @@ class ContactOscillator:
         tol: float = 1e-4,
         max_periods: int | None = None,
     ) -> tuple[Attractor, ...]:
-        """Steady motions reached from a grid of initial states (u, v), with the share of each.
+        """Find the steady motions reached from a grid of initial states (u, v), with the share of each.
 
         Args:
             omega: Omega, or several.
@@ -274,7 +287,7 @@ class ContactOscillator:
         samples: int = 64,
         rtol: float = 1e-10,
     ) -> Trajectory:
-        """Integrate in time with located separations and landings.
+        """Integrate in time, locating each separation and landing.
 
         Args:
             omega: Omega (with forcing = 0: the unit of `periods` only).
@@ -310,26 +323,26 @@ class ContactOscillator:
         return replace(path, setting=self.setting(f), tolerance=rtol, valid=self.restoring.contact or low >= -1.0)
 
     def _check_settles(self) -> None:
-        if self.zeta < LIGHTEST:
+        if self.zeta < MIN_ZETA:
             raise InputError(
-                f"zeta = {self.zeta:g} is not legal for motion that must settle: it must be at least {LIGHTEST:g}; "
-                "response takes any"
+                f"zeta = {self.zeta:g} is not legal for motion that must settle: it must be at least {MIN_ZETA:g}; "
+                "response accepts any"
             )
 
     def balance(self) -> Balance:
-        """Equations of the harmonic balance."""
+        """Return the equations of the harmonic balance."""
         return Balance(self.restoring, self.zeta, self.damping)
 
     def setting(self, forcing: float) -> Setting:
-        """What a result for F^ = `forcing` holds for."""
+        """Return law, damping and forcing of a result for F^ = `forcing`."""
         return Setting(self.model, self.law.describe(), self.restoring.n_loc, self.zeta, self.damping, float(forcing))
 
     def _seeds(self, forcing: float, window: tuple[float, float], tol: float) -> tuple[tuple[int, Array, float], ...]:
-        """Periodic orbits met from many initial states, as starting points of detached branches."""
+        """Periodic orbits reached from many initial states, as starting points of detached branches."""
         from asperity.dynamics.motion.shooting_correction import coefficients
 
-        if self.zeta < LIGHTEST:
-            text = "with so little damping no motion settles: detached loops are not searched"
+        if self.zeta < MIN_ZETA:
+            text = f"zeta is below {MIN_ZETA:g}, so no motion settles: detached loops are not searched"
             warnings.warn(text, AsperityWarning, stacklevel=3)
             return ()
         omega = np.linspace(*window, 14)[1:-1]

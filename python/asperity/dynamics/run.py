@@ -1,4 +1,4 @@
-"""All dynamics of one law, and the files free.csv, response.csv and thresholds.json."""
+"""Complete vibration analysis of one law, and the files free.csv, response.csv and thresholds.json."""
 
 from __future__ import annotations
 
@@ -35,23 +35,29 @@ RESPONSE_COLUMNS = ("model", "F_hat", "zeta", "Omega", "u_max", "u_min", "a1", "
 MODELS = ("exact", "taylor")
 LAWS = ("paper", "unload-reload", "table")
 _SWEEP_POINTS = 41
-_NOISE = 0.05  # of the greatest force, by which the force of a measured curve may fall
+_NOISE = 0.05  # share of the largest force by which the force of a measured curve may fall
 
 
 @dataclass(frozen=True)
 class Dynamics:
-    """Everything computed for one law; mappings are by model ("exact", "taylor").
+    """Results of `run_dynamics` for one law; the keys of mappings are models ("exact", "taylor").
 
     Attributes:
         oscillators: the oscillators.
-        free: natural frequency against amplitude.
+        free: natural frequency over amplitude.
         responses: one per forcing.
-        sweeps: one per forcing and direction (empty when not asked for).
+        sweeps: one per forcing and direction (empty if not requested).
         thresholds: onsets and resonance peaks.
-        uncertainty: confidence carried from the law, None when the law has none.
-        bands: confidence of the exact response, one per forcing, where the law has one and it was asked for.
-        notes: what a reader must know.
-        gravity: with which mass and omega_s are computed (length/time^2), None where it is not known.
+        uncertainty: confidence intervals that follow from those of the law, None if the law has none.
+        bands: confidence bands of the exact response, one per forcing, if requested and the law has intervals.
+        notes: limits and assumptions of the results, one sentence each.
+        gravity: gravitational acceleration for mass and omega_s (length/time^2), None if unknown.
+
+    Examples:
+        >>> result = asp.run_dynamics(asp.PowerLaw(1.5), models=["exact"], omega=(0.9, 1.1), tol=1e-3, sweeps=False)
+        >>> result.write("out")
+        >>> sorted(os.listdir("out"))
+        ['free.csv', 'response.csv', 'thresholds.json']
     """
 
     oscillators: dict[str, ContactOscillator]
@@ -65,7 +71,7 @@ class Dynamics:
     gravity: float | None = None
 
     def write(self, out_dir: str | os.PathLike[str]) -> None:
-        """Write free.csv, response.csv, thresholds.json, and band.csv if there are bands, into a directory."""
+        """Write free.csv, response.csv and thresholds.json, and band.csv if there are bands, into `out_dir`."""
         path = Path(out_dir)
         path.mkdir(parents=True, exist_ok=True)
         _write(path / FREE, FREE_COLUMNS, (row for f in self.free.values() for row in f.rows()))
@@ -77,7 +83,7 @@ class Dynamics:
         replace_file(path / THRESHOLDS, f"{text}\n".encode())
 
     def to_dict(self) -> dict[str, Any]:
-        """Content of thresholds.json."""
+        """Return the content of thresholds.json."""
         first = next(iter(self.oscillators.values()))
         out: dict[str, Any] = {
             "normalisation": "u = (z - z_s)/z_s, Omega = omega/omega_s, F_hat = F/(n_loc m g)",
@@ -106,17 +112,24 @@ class Dynamics:
 
 
 def law_from(source: Any, law: str = "paper", load: float | None = None) -> tuple[Law, float]:
-    """Static law and preload of a curve.
+    """Return the static law and the preload (force) of a curve.
 
     Args:
         source: a `Law`, a `Curve`, a CSV file with columns delta and force, or a directory with curve.csv.
         law: "paper" (power law of `Curve.fit`, as a reversible spring), "unload-reload" (the
             branch computed about the preload), or "table" (the points of the loading branch).
-        load: preload (force); default half of the greatest force of the curve.
+        load: preload (force); default half of the largest force of the curve.
 
     Raises:
-        InputError: an unknown law, or a curve that cannot give it.
+        InputError: the law is unknown, or the curve does not contain what it needs.
         RangeError: the curve does not reach the load.
+
+    Examples:
+        >>> from asperity.dynamics import law_from
+        >>> delta = np.linspace(0.0, 1.0, 11)
+        >>> law, load = law_from({"delta": delta, "force": 2.0 * delta**1.5})
+        >>> print(law.describe(), "preload", load)
+        power law n = 1.5, K = 2 preload 1.0
     """
     if isinstance(source, Law):
         return source, load if load is not None else ContactOscillator(source).restoring.load
@@ -131,7 +144,7 @@ def law_from(source: Any, law: str = "paper", load: float | None = None) -> tupl
         source = path
     delta, force, branches = columns(source)
     if delta.size == 0:
-        raise InputError("the curve is empty: it needs a row per deflection")
+        raise InputError("the curve is empty: it needs one row per approach")
     if load is None:
         load = 0.5 * float(np.max(force))
     if law == "unload-reload":
@@ -155,14 +168,14 @@ def law_from(source: Any, law: str = "paper", load: float | None = None) -> tupl
 
 
 def _check_rising(delta: Array, force: Array) -> None:
-    """Refuse a curve whose force falls by more than noise: no power law describes it."""
+    """Refuse a curve whose force falls by more than noise: a power law cannot describe it."""
     f = force[np.argsort(delta, kind="stable")]
     fall = np.maximum.accumulate(f) - f
     if fall.max() > _NOISE * f.max():
         row = int(fall.argmax())
         raise InputError(
-            f"the force of the curve does not rise with the deflection: it falls from {f[:row].max():g} to {f[row]:g}, "
-            f"more than the {100 * _NOISE:g} % of its greatest value that noise may make: smooth it"
+            f"the force of the curve does not rise with the approach: it falls from {f[:row].max():g} to {f[row]:g}, "
+            f"by more than {100 * _NOISE:g} % of its largest value, the limit for noise: smooth it"
         )
 
 
@@ -181,7 +194,6 @@ def run_dynamics(
     detached: bool = False,
     bands: bool = True,
     tol: float = 1e-5,
-    figures: bool = False,
     gravity: float | None = None,
     units: str | None = None,
 ) -> Dynamics:
@@ -194,26 +206,35 @@ def run_dynamics(
         forcing: F^ = F/(n_loc m g), one or several, each 1e-9 to 1e6.
         models: "exact" and/or "taylor".
         omega: lowest and highest Omega = omega/omega_s, 0.01 to 100.
-        load: preload W = m g (force); default half of the greatest force of the curve.
+        load: preload W = m g (force); default half of the largest force of the curve.
         law: "paper", "unload-reload" or "table", see `law_from`; ignored when `source` is a `Law`.
-        out_dir: where free.csv, response.csv and thresholds.json go (and *.png with `figures`); None: nowhere.
-        sweeps: also run Runge-Kutta sweeps up and down (a few seconds; not for zeta = 0).
-        detached: also search for branches that no other reaches (some seconds).
-        bands: also carry the confidence of the law, where it has one, to the response (a second or so a forcing).
+        out_dir: directory for free.csv, response.csv, thresholds.json and band.csv; None writes nothing. For figures
+            see `asperity.plot.oscillator.plot_dynamics`.
+        sweeps: also integrate sweeps up and down (a few seconds; not for zeta = 0).
+        detached: also search for branches that no other branch reaches (several seconds).
+        bands: also propagate the confidence of the law, if it has any, to the response (about 1 s per forcing).
         tol: relative truncation error of the response.
-        figures: also draw the figures, see `asperity.plot.oscillator`.
-        gravity: acceleration that makes the mass heavy, in the units of the source (length/time^2), for mass and
-            omega_s alone; default that of the case of a run directory, or 9.80665 with SI units.
-        units: of the source, "SI" or "other", where without `gravity` mass and omega_s are left out; default those of
-            the case of a run directory, else SI is assumed, which the notes say.
+        gravity: gravitational acceleration in the units of the source (length/time^2), used for mass and omega_s
+            only; default that of the case of a run directory, or 9.80665 with SI units.
+        units: units of the source, "SI" or "other"; with "other" and no `gravity`, mass and omega_s are left out.
+            Default those of the case of a run directory, otherwise SI, which a note reports.
 
     Returns:
-        The results; nothing is written before all input is checked.
+        The results. Files are written only after all input has been checked.
 
     Raises:
         InputError: an argument or the curve is wrong.
         RangeError: the law does not reach the preload, or an orbit leaves a table at once.
         ConvergenceError: no orbit can be found.
+
+    Examples:
+        >>> delta = np.linspace(0.0, 1e-8, 11)
+        >>> curve = {"delta": delta, "force": 2e9 * delta**1.5}
+        >>> result = asp.run_dynamics(curve, units="SI", forcing=0.005, models=["exact"], omega=(0.9, 1.1), tol=1e-3,
+        ...                           sweeps=False, bands=False)
+        >>> omega, u_max = result.responses["exact"][0].peak
+        >>> print(f"peak u = {u_max:.3f} at Omega = {omega:.3f}")
+        peak u = 0.245 at Omega = 0.997
     """
     values, omega = forcings(forcing), window(omega)
     names = tuple(models)
@@ -265,36 +286,32 @@ def run_dynamics(
     result = Dynamics(oscillators, free, responses, swept, onset, spread, tuple(enveloped), tuple(notes), gravity)
     if out_dir is not None:
         result.write(out_dir)
-        if figures:
-            from asperity.plot.oscillator import plot_dynamics
-
-            plot_dynamics(result, out_dir)
     return result
 
 
 def _gravity(source: Any, gravity: float | None, units: str | None) -> tuple[float | None, str]:
-    """Gravity in the units of a source, None where it is not known, and what has to be said of it."""
+    """Return gravity in the units of a source, None if unknown, and a note on it ("" if none is needed)."""
     if units not in (None, "SI", "other"):
         raise InputError(f'units = "{units}" is unknown: choose SI or other')
     if gravity is not None:
         return positive("gravity", gravity), ""
     if units is None and isinstance(source, (str, os.PathLike)):
-        case = _case_beside(Path(source))
+        case = _case_of(Path(source))
         units, gravity = case.get("units"), case.get("dynamics", {}).get("gravity")
     if gravity is not None:
         return float(gravity), ""
     if units == "other":
-        return None, 'mass and omega_s are left out: units = "other" needs gravity, in its length over its time squared'
+        return None, 'mass and omega_s are left out: units = "other" needs gravity (length over time squared)'
     if units is None and not isinstance(source, Law):
         return GRAVITY, (
-            f"mass and omega_s are those of a curve in SI units, gravity = {GRAVITY:g}: for other units give the "
-            "gravity in them"
+            f"mass and omega_s assume a curve in SI units, gravity = {GRAVITY:g}: for other units give the "
+            "gravity in those units"
         )
     return GRAVITY, ""
 
 
-def _case_beside(path: Path) -> dict[str, Any]:
-    """The completed case of a run directory, or of the curve.csv in one; empty without."""
+def _case_of(path: Path) -> dict[str, Any]:
+    """Read the completed case of a run directory, or of the curve.csv in one; empty if there is none."""
     folder = path if path.is_dir() else path.parent
     if folder != path and path.name != "curve.csv":
         return {}
@@ -305,14 +322,14 @@ def _case_beside(path: Path) -> dict[str, Any]:
 
 
 def _beyond_fit(name: str, oscillator: ContactOscillator, r: FrequencyResponse) -> list[str]:
-    """Note that a fitted power law is used beyond the points it was fitted to."""
+    """Return a note if the response goes beyond the points that a power law was fitted to."""
     known = getattr(oscillator.law, "fitted_to", np.inf) / oscillator.restoring.z_s - 1.0
     top = max(float(b.u_max.max()) for b in r.branches)
     if top <= known:
         return []
     return [
         f"{name}, F^ = {r.setting.F_hat:g}: the response reaches u = {top:.4g}, the curve that the law was fitted to "
-        f"ends at u = {known:.4g}: what lies above rests on the fit alone"
+        f"ends at u = {known:.4g}: beyond it the law is extrapolated"
     ]
 
 

@@ -1,4 +1,4 @@
-"""Confidence of the static law, carried to the vibration."""
+"""Propagation of the confidence intervals of the static law to the vibration."""
 
 from __future__ import annotations
 
@@ -23,27 +23,33 @@ BAND_COLUMNS = ("F_hat", "Omega", "upper_low", "upper_high", "lower_low", "lower
 
 @dataclass(frozen=True)
 class Interval:
-    """A value with its 95 % confidence interval."""
+    """Value with its 95 % confidence interval."""
 
     value: float
     low: float
     high: float
 
     def to_list(self) -> list[float]:
-        """Value, low, high."""
+        """Return [value, low, high]."""
         return [self.value, self.low, self.high]
 
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """What the confidence of the law means for the oscillator at its preload.
+    """Confidence intervals of the oscillator at its preload, from those of the law.
 
     Attributes:
         n_loc, kappa: local exponent, backbone curvature.
-        omega_s: small-amplitude frequency (rad/time), NaN without gravity.
+        omega_s: natural frequency of small motion (rad/time), NaN without gravity.
         z_s: static deflection (length).
-        softening: "softening", "hardening", or "undecided" when the interval of kappa holds 0.
-        members: laws on the edge of the confidence region.
+        softening: "softening", "hardening", or "undecided" if the interval of kappa contains 0.
+        members: laws on the boundary of the confidence region.
+
+    Examples:
+        >>> law = asp.PowerLaw(1.5, ci_n=(1.45, 1.55), ci_K=(0.97, 1.03))
+        >>> result = asp.uncertainty(asp.ContactOscillator(law))
+        >>> [round(x, 4) for x in result.n_loc.to_list()], result.softening
+        ([1.5, 1.45, 1.55], 'softening')
     """
 
     n_loc: Interval
@@ -54,7 +60,7 @@ class Uncertainty:
     members: tuple[Law, ...]
 
     def to_dict(self) -> dict[str, Any]:
-        """Section "uncertainty" of thresholds.json."""
+        """Return the section "uncertainty" of thresholds.json."""
         out: dict[str, Any] = {name: getattr(self, name).to_list() for name in ("n_loc", "kappa", "omega_s", "z_s")}
         if np.isnan(self.omega_s.value):
             out["omega_s"] = None
@@ -67,9 +73,16 @@ class Band:
 
     Attributes:
         F_hat: forcing of the central law.
-        Omega: frequency over the omega_s of the central law.
-        upper: lowest and highest u_max (2, frequencies) of the greatest stable orbit; nan where there is none.
-        lower: the same of the smallest stable orbit.
+        Omega: frequencies over omega_s of the central law, shape (frequencies,).
+        upper: lowest and highest u_max of the largest stable orbit, shape (2, frequencies); NaN where there is none.
+        lower: the same for the smallest stable orbit.
+
+    Examples:
+        >>> law = asp.PowerLaw(1.5, ci_n=(1.45, 1.55), ci_K=(0.97, 1.03))
+        >>> oscillator = asp.ContactOscillator(law, zeta=0.1)
+        >>> band = asp.response_band(oscillator, 0.01, (0.9, 1.1), members=[law], points=3, tol=1e-2)
+        >>> band.Omega, band.upper.shape, next(band.rows())["F_hat"]
+        (array([0.9, 1. , 1.1]), (2, 3), 0.01)
     """
 
     F_hat: float
@@ -78,23 +91,31 @@ class Band:
     lower: Array
 
     def rows(self) -> Iterator[dict[str, float]]:
-        """Rows of band.csv."""
+        """Yield the rows of band.csv."""
         for values in zip(self.Omega, *self.upper, *self.lower, strict=True):
             yield dict(zip(BAND_COLUMNS, (self.F_hat, *(float(x) for x in values)), strict=True))
 
 
 def ensemble(law: Law) -> tuple[Law, ...]:
-    """Laws on the edge of the confidence region, so that their extremes bound every smooth result at 95 %.
+    """Return 12 laws on the boundary of the confidence region.
+
+    Their extremes bound every smooth result at 95 %.
 
     Args:
-        law: a `PowerLaw` with ci_n and ci_K, or a `TableLaw` (whose scatter about its power-law fit is used).
+        law: a `PowerLaw` with ci_n and ci_K, or a `TableLaw`, for which its scatter about the power-law fit counts.
 
     Raises:
-        InputError: the law carries no confidence interval.
+        InputError: the law has no confidence interval.
+
+    Examples:
+        >>> from asperity.dynamics import ensemble
+        >>> members = ensemble(asp.PowerLaw(1.5, ci_n=(1.45, 1.55), ci_K=(0.97, 1.03)))
+        >>> len(members), round(min(law.n for law in members), 6)
+        (12, 1.45)
     """
     centre = law.fit() if isinstance(law, TableLaw) else law
     if not isinstance(centre, PowerLaw) or centre.ci_n is None or centre.ci_K is None:
-        raise InputError("the law carries no confidence interval: give ci_n and ci_K, or a fitted law")
+        raise InputError("the law has no confidence interval: give ci_n and ci_K, or a fitted law")
     half_n = 0.5 * (centre.ci_n[1] - centre.ci_n[0])
     half_k = 0.5 * float(np.log(centre.ci_K[1] / centre.ci_K[0]))
     r = centre.correlation
@@ -109,11 +130,22 @@ def ensemble(law: Law) -> tuple[Law, ...]:
 
 
 def uncertainty(oscillator: ContactOscillator, members: Iterable[Law] | None = None) -> Uncertainty:
-    """Carry the confidence of the law, or an ensemble of laws (seeds), to omega_s, n_loc and kappa.
+    """Propagate the confidence of the law, or an ensemble of laws (seeds), to omega_s, n_loc, kappa and z_s.
 
     Args:
-        oscillator: the oscillator with the central law.
-        members: laws to bound over; default `ensemble` of the law.
+        oscillator: oscillator with the central law.
+        members: laws whose extremes are the bounds; default `ensemble` of the law.
+
+    Raises:
+        InputError: the law has no confidence interval and `members` is not given.
+
+    Examples:
+        Two laws, for example of two seeds:
+
+        >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), load=1.0)
+        >>> result = asp.uncertainty(oscillator, members=[asp.PowerLaw(1.4), asp.PowerLaw(1.6)])
+        >>> print(f"omega_s = {result.omega_s.low:.3f} to {result.omega_s.high:.3f} rad/s")
+        omega_s = 3.705 to 3.961 rad/s
     """
     laws = tuple(members) if members is not None else ensemble(oscillator.law)
     others = [_with_law(oscillator, law) for law in laws]
@@ -146,15 +178,25 @@ def response_band(
     points: int = 161,
     tol: float = 1e-4,
 ) -> Band:
-    """Envelope of the stable response over the confidence region of the law.
+    """Compute the envelope of the stable response over the confidence region of the law.
 
     Args:
-        oscillator: the oscillator with the central law.
-        forcing: F^ of the central oscillator; the members feel the same physical force and frequency.
-        omega: window in units of the central omega_s.
-        members: laws to bound over; default `ensemble` of the law.
-        points: frequencies of the envelope.
+        oscillator: oscillator with the central law.
+        forcing: F^ of the central oscillator; the physical force and frequency are the same for all members.
+        omega: lowest and highest frequency over the central omega_s.
+        members: laws of the envelope; default `ensemble` of the law.
+        points: number of frequencies.
         tol: see `ContactOscillator.response`.
+
+    Raises:
+        InputError: an argument is not legal, or the law has no confidence interval.
+
+    Examples:
+        >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.1)
+        >>> laws = [asp.PowerLaw(1.45), asp.PowerLaw(1.55)]
+        >>> band = asp.response_band(oscillator, 0.01, (0.9, 1.1), members=laws, points=3, tol=1e-2)
+        >>> band.upper[:, 1].round(3)
+        array([0.048, 0.05 ])
     """
     laws = tuple(members) if members is not None else ensemble(oscillator.law)
     (f,), (low, high) = forcings(forcing), window(omega)
@@ -163,13 +205,13 @@ def response_band(
     upper, lower = [], []
     for law in (oscillator.law, *laws):
         other = _with_law(oscillator, law)
-        # of the omega_s, which have gravity in common
+        # ratio of the omega_s, at the same gravity
         ratio = float(np.sqrt(centre.n_loc / centre.z_s * other.restoring.z_s / other.restoring.n_loc))
         setting = other.setting(f * centre.scale / other.restoring.scale)
         found = frequency_response(other.balance(), setting, (low * ratio, high * ratio), tol=tol, subharmonics=False)
         greatest, smallest = stable_range(found, grid * ratio)
         size = other.restoring.z_s / centre.z_s
-        shift = size - 1.0  # deflection is counted from the central static one
+        shift = size - 1.0  # displacement is measured from the static deflection of the central law
         upper.append(greatest * size + shift)
         lower.append(smallest * size + shift)
     with np.errstate(all="ignore"):
@@ -178,14 +220,14 @@ def response_band(
 
 
 def _with_law(oscillator: ContactOscillator, law: Law) -> ContactOscillator:
-    """The oscillator on another law of its confidence region; doubts were told of its own one."""
+    """Return the oscillator with another law of its confidence region, without repeating its warnings."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return replace(oscillator, law=law, load=oscillator.restoring.load)
 
 
 def stable_range(response: FrequencyResponse, omega: Array) -> tuple[Array, Array]:
-    """Greatest and smallest stable u_max at each Omega, by linear interpolation; nan where there is none."""
+    """Return the largest and smallest stable u_max at each Omega, linearly interpolated; NaN where there is none."""
     high, low = np.full(omega.size, np.nan), np.full(omega.size, np.nan)
     for b in response.lines():
         for i in range(b.Omega.size - 1):

@@ -1,4 +1,4 @@
-"""Figures of a run, from the files in its folder; each function returns a matplotlib Figure."""
+"""Figures of a run, from the files in its folder; most functions return a matplotlib Figure."""
 
 from __future__ import annotations
 
@@ -34,35 +34,35 @@ __all__ = [
 ]
 
 
-# name of a picture -> what it shows, in the order of a report
+# name of a figure -> caption, in the order of a report
 CAPTIONS = {
     "surface": "Heights of the surface; the ring marks the first touch.",
     "mesh": "Vertical section of the mesh through the highest point, and the same at the summit; "
     "colour is the element size.",
-    "curve": "Load against deflection with the fitted power law, on linear and logarithmic axes.",
-    "area": "(a) Regions in contact at rising deflection. (b) Contact area against load.",
-    "pressure": "Contact pressure at chosen deflections; grey is out of contact.",
-    "plasticity": "(a) Yielded share of the volume. (b) Greatest equivalent plastic strain.",
-    "frequency": "Natural frequency against the amplitude of free vibration about the static "
-    "deflection; beyond the dot the motion leaves contact (exact law) or the Taylor expansion "
-    "pulls where there is no contact.",
-    "response": "Forced vibration: greatest deflection against the frequency of excitation. Where the motion "
-    "loses contact, diamonds joined by a dotted line mark the onset.",
+    "curve": "Load over approach with the fitted power law, on linear and logarithmic axes.",
+    "area": "(a) Regions in contact at increasing approach. (b) Contact area over load.",
+    "pressure": "Contact pressure at selected approaches; grey: no contact.",
+    "plasticity": "(a) Yielded share of the volume. (b) Largest equivalent plastic strain.",
+    "frequency": "Natural frequency over the amplitude of free vibration about the static "
+    "deflection. Beyond the dot contact is lost (exact law), or the Taylor law pulls although there is "
+    "no contact.",
+    "response": "Forced vibration: largest displacement over the excitation frequency. Diamonds joined by a "
+    "dotted line mark the onset of contact loss.",
 }
 
 
 def plot_run(folder: str | Path, surface: Surface | None = None) -> list[Path]:
-    """Draw every figure that the files of a run allow, into its folder figures/.
+    """Draw all figures that the files of a run allow, into its folder figures/.
 
     Args:
         folder: the run directory.
-        surface: of the case, if it is built already.
+        surface: surface of the case, if already built.
 
     Returns:
-        The pictures written.
+        The files written.
 
     Raises:
-        InputError: the folder holds no run.
+        InputError: the folder contains no run.
     """
     results = Results.read(folder, surface)
     target = results.folder / FIGURES
@@ -71,7 +71,7 @@ def plot_run(folder: str | Path, surface: Surface | None = None) -> list[Path]:
 
 
 def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
-    """Name and function of each figure there are data for."""
+    """Return name and function of each figure for which there are data."""
     rows = len(results.curve)
     plastic = np.any(results.curve.max_plastic_strain > 0)
     wanted: dict[str, tuple[bool, Callable[[Results], Figure]]] = {

@@ -1,4 +1,4 @@
-"""What to cite for a computation."""
+"""References to cite for a computation."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _DYNAMICS = (
 
 
 def publications(case: Mapping[str, Any]) -> list[str]:
-    """References of the models and programs that a case uses.
+    """Return the references for the models and programs that a case uses.
 
     Args:
         case: the completed input as nested tables, for example `Case.to_dict()`.

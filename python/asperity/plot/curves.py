@@ -1,4 +1,4 @@
-"""Force against deflection with its power law, and the plastic part."""
+"""Figures of load over approach with its power law, and of plasticity."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from matplotlib.figure import Figure
 from asperity.output.results import Results
 from asperity.plot import style
 
-DELTA, LOAD = "deflection $\\delta^{*}{=}\\,\\delta/L$", "load $P^{*}{=}\\,P/(A_0E')$"
+DELTA, LOAD = "approach $\\delta^{*}{=}\\,\\delta/L$", "load $P^{*}{=}\\,P/(A_0E')$"
 
 
 @style.styled
 def force_curve(results: Results) -> Figure:
-    """P* against delta* with the fit over the range it was made of, on linear and on logarithmic axes.
+    """Draw P* over delta* with the fit over its range, on linear and on logarithmic axes.
 
-    The band is the error bar of each step, where the run computed one.
+    The band is the error bar of each step, if the run computed one.
     """
     figure, (linear, logarithmic) = style.figure(style.DOUBLE, 3.3, columns=2)
     for axis in (linear, logarithmic):
@@ -46,7 +46,7 @@ def _branch(axis: Any, results: Results, name: str, mark: str, line: str, colour
         )  # fmt: skip
         band = np.nan_to_num(piece.error_P_star)
         if np.any(band > 0):
-            # a logarithmic axis cannot show a band down to nothing
+            # a logarithmic axis cannot show a band down to zero
             axis.fill_between(
                 x, np.maximum(y - band, 1e-3 * y), y + band, color=colour, alpha=0.2, lw=0,
                 label="error bar" if first and name == "load" else None,
@@ -66,18 +66,18 @@ def _fit(axis: Any, results: Results) -> None:
 
 
 def tex(value: float, digits: int = 4) -> str:
-    """A number for mathematical text, with a power of ten where it is far from 1."""
+    """Return a number as mathematical text, with a power of ten if it is far from 1."""
     mantissa, _, exponent = f"{value:.{digits}g}".partition("e")
     return f"{mantissa}\\times 10^{{{int(exponent)}}}" if exponent else mantissa
 
 
 @style.styled
 def plasticity(results: Results) -> Figure:
-    """Share of the volume that has yielded, and the greatest plastic strain."""
+    """Draw the yielded share of the volume and the largest plastic strain over the approach."""
     figure, (share, strain) = style.figure(style.DOUBLE, 3.0, columns=2)
     panels = (
         (share, "plastic_fraction", 100.0, "yielded share of the volume (%)"),
-        (strain, "max_plastic_strain", 1.0, "greatest equivalent plastic strain"),
+        (strain, "max_plastic_strain", 1.0, "largest equivalent plastic strain"),
     )
     looks = {
         "load": ("o-", style.BLUE, "loading"),

@@ -1,4 +1,4 @@
-"""Pictures of the geometry and of the contact: surface, mesh cut, pressure, contact area."""
+"""Figures of geometry and contact: surface, section of the mesh, pressure, contact area."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from asperity.units import prefix
 
 @style.styled
 def surface_map(heights: Array, side: float, touch: tuple[float, float, float], unit: str = "m") -> Figure:
-    """Heights of a surface with the point of first touch.
+    """Draw the heights of a surface and the point of first touch.
 
     Args:
-        heights: (n, n) at the nodes of a regular grid over the patch, index [iy, ix] (length).
+        heights: heights at the nodes of a regular grid over the patch (length), shape (n, n), index [iy, ix].
         side: side of the patch (length).
         touch: x, y, z of the highest point (length).
-        unit: unit of length, empty when unknown.
+        unit: unit of length, "" if unknown.
     """
     figure, axis = style.figure(style.SINGLE, 3.5)
     across, across_unit = prefix(side / 2, unit)
@@ -54,7 +54,7 @@ def surface_map(heights: Array, side: float, touch: tuple[float, float, float], 
 
 @style.styled
 def mesh_cut(results: Results) -> Figure:
-    """Vertical section of the mesh through the highest point, whole and at the contact."""
+    """Draw a vertical section of the mesh through the highest point, as a whole and at the contact."""
     mesh = results.mesh
     x0, y0, top = _summit(results)
     polygons, sizes = cut(mesh["points"], mesh["tets"], y0)
@@ -92,7 +92,7 @@ def mesh_cut(results: Results) -> Figure:
 
 
 def _summit(results: Results) -> tuple[float, float, float]:
-    """Highest point; its place is the surface's, its height the mesh's, whose origin may differ."""
+    """Return the highest point: x, y of the surface, z of the mesh, whose origin may differ."""
     x, y, z = results.mesh["points"][np.argmax(results.mesh["points"][:, 2])]
     if results.surface is not None:
         x, y, _ = results.surface.maximum()
@@ -100,7 +100,7 @@ def _summit(results: Results) -> tuple[float, float, float]:
 
 
 def _zoom_width(polygons: list[Array], sizes: Array, x0: float, top: float) -> float:
-    """Half width of a window that shows about a dozen of the elements at the summit."""
+    """Return the half width of a window that shows about a dozen of the elements at the summit."""
     middles = np.array([polygon.mean(axis=0) for polygon in polygons])
     near = np.argsort(np.hypot(middles[:, 0] - x0, middles[:, 1] - top))[:20]
     return 6 * float(np.median(sizes[near]))
@@ -108,7 +108,7 @@ def _zoom_width(polygons: list[Array], sizes: Array, x0: float, top: float) -> f
 
 @style.styled
 def pressure_maps(results: Results, count: int = 4) -> Figure:
-    """Contact pressure at up to `count` load levels, one colour scale for all."""
+    """Draw the contact pressure at up to `count` load levels, with one colour scale."""
     top = results.top
     chosen = _levels(top, count)
     unit = results.unit("stress")
@@ -118,7 +118,7 @@ def pressure_maps(results: Results, count: int = 4) -> Figure:
     mesh = Triangulation(x, y, top["triangles"])
     highest = float(top["pressure"][chosen].max()) * scale or 1.0
     levels = np.linspace(0, highest, 65)
-    levels[0] = highest * 1e-3  # what is below carries no load and stays blank
+    levels[0] = highest * 1e-3  # smaller pressures are negligible and stay blank
     columns = min(len(chosen), 4)
     figure, axes = style.figure(0.6 + 1.9 * columns, 2.5, columns=columns)
     image: Any = None
@@ -139,7 +139,7 @@ def pressure_maps(results: Results, count: int = 4) -> Figure:
 
 @style.styled
 def contact_area(results: Results, count: int = 6) -> Figure:
-    """Where the surface is in contact at chosen load levels, and how much of it."""
+    """Draw the regions in contact at selected load levels, and the contact area over the load."""
     figure, (plan, share) = style.figure(style.DOUBLE, 3.3, columns=2)
     if results.snapshots:
         _patches(plan, results, count)
@@ -151,7 +151,7 @@ def contact_area(results: Results, count: int = 6) -> Figure:
 
 
 def _patches(axis: Any, results: Results, count: int) -> None:
-    """Contact patches of the loading, the earliest on top and darkest."""
+    """Draw the contact patches of the loading, the earliest on top and darkest."""
     top = results.top
     loads = [i for i in _levels(top, count) if str(top["branch"][i]) == "load"]
     across, across_unit = prefix(float(top["points"].max()) / 2, results.unit("length"))
@@ -193,7 +193,7 @@ def _area_curve(axis: Any, results: Results) -> None:
 
 
 def _levels(top: Any, count: int) -> list[int]:
-    """At most `count` snapshots, evenly spread, the first one without load left out."""
+    """Return at most `count` snapshots at equal steps, without those that have no load."""
     loaded = np.flatnonzero(top["pressure"].max(axis=1) > 0)
     if not len(loaded):
         loaded = np.arange(len(top["pressure"]))

@@ -12,12 +12,12 @@ from asperity.surface.fractal_fit import FractalFit
 
 @style.styled
 def spectrum_figure(spectrum: Spectrum, fit: FractalFit | None = None, unit: str = "") -> Figure:
-    """Power spectral density, and the band variances with those of the Weierstrass-Mandelbrot equivalent.
+    """Draw the power spectral density, and the band variances with those of the Weierstrass-Mandelbrot equivalent.
 
     Args:
         spectrum: radial spectrum of the patch.
-        fit: its equivalent.
-        unit: of lengths.
+        fit: its Weierstrass-Mandelbrot equivalent.
+        unit: unit of length.
     """
     columns = 1 if fit is None else 2
     figure, axes = style.figure(style.SINGLE if fit is None else style.DOUBLE, 3.2, columns=columns)

@@ -1,7 +1,7 @@
-"""An oscillator in pictures: operating point, backbone, phase portrait and time history, stability chart.
+"""Figures of an oscillator: operating point, backbone, phase portrait and time history, stability chart.
 
-Every function returns a matplotlib Figure, but `plot_dynamics`, which writes all there are. The damping model stands on
-every figure of a damped motion, for it decides the physics.
+Each function returns a matplotlib Figure, except `plot_dynamics`, which writes all figures. Figures of damped motion
+show the damping model, because it determines whether a resonance is limited.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from asperity.plot.vibration import amplitude_frequency, natural_frequency
 if TYPE_CHECKING:
     from asperity.dynamics import ContactOscillator, Dynamics, FrequencyResponse, Trajectory
 
-_CHART = 21  # forcings of a stability chart
+_CHART = 21  # number of forcings in a stability chart
 
 
 @style.styled
 def operating_point(oscillator: ContactOscillator) -> Figure:
-    """Force against deflection: the law, the operating point, its tangent and the Taylor series."""
+    """Draw the law (force over approach), the operating point, the tangent and the Taylor series."""
     r = oscillator.restoring
     series = oscillator.taylor()
     top = min(2.2, 1.0 + r.u_range[1])
@@ -47,7 +47,7 @@ def operating_point(oscillator: ContactOscillator) -> Figure:
     axis.annotate("flight", (0.5 * s[0], 0.5), xycoords=("data", "axes fraction"), ha="center", color=style.GREY)
     axis.set_xlim(s[0], top)
     axis.set_ylim(-0.6, 1.05 * float(force.max()))
-    axis.set_xlabel("deflection $z/z_s$")
+    axis.set_xlabel("approach $z/z_s$")
     axis.set_ylabel("force $F_s/(m g)$")
     axis.legend(loc="upper left", framealpha=0.9, frameon=True, edgecolor="none")
     style.grid(axis)
@@ -58,7 +58,7 @@ def operating_point(oscillator: ContactOscillator) -> Figure:
 def backbone(
     oscillator: ContactOscillator, responses: Sequence[FrequencyResponse] = (), u_max: float | None = None
 ) -> Figure:
-    """Backbone with the resonance peak of each forcing, found by energy balance without any sweep."""
+    """Draw the backbone and the resonance peak of each forcing, computed by energy balance."""
     curve = oscillator.backbone(u_max)
     figure, axis = style.figure(style.SINGLE + 0.6, 3.6)
     for r, colour in zip(responses, (style.SKY, style.ORANGE, style.GREEN, style.PURPLE) * 8, strict=False):
@@ -95,13 +95,13 @@ def backbone(
 
 @style.styled
 def phase_portrait(oscillator: ContactOscillator, path: Trajectory, omega: float, last: float = 3.0) -> Figure:
-    """Phase portrait and time history of the last forcing periods, flight shaded.
+    """Draw phase portrait and time history of the last forcing periods, with flight shaded.
 
     Args:
-        oscillator: where the motion comes from.
+        oscillator: oscillator of the motion.
         path: result of `ContactOscillator.simulate`.
         omega: its Omega.
-        last: forcing periods shown.
+        last: number of forcing periods shown.
     """
     period = 2.0 * np.pi / omega
     begin = max(path.tau[-1] - last * period, path.tau[0])
@@ -127,10 +127,10 @@ def phase_portrait(oscillator: ContactOscillator, path: Trajectory, omega: float
         color=style.GREY,
     )
     history.set_xlim(0.0, float(tau[-1]))
-    portrait.set_xlabel("deflection $u$")
+    portrait.set_xlabel("displacement $u$")
     portrait.set_ylabel("speed $du/d\\tau$")
     history.set_xlabel("time / forcing period")
-    history.set_ylabel("deflection $u$")
+    history.set_ylabel("displacement $u$")
     style.grid(portrait, history)
     style.letters(portrait, history)
     figure.suptitle(
@@ -143,12 +143,12 @@ def phase_portrait(oscillator: ContactOscillator, path: Trajectory, omega: float
 def stability_chart(
     oscillator: ContactOscillator, forcing: ArrayLike, omega: Sequence[float] = (0.4, 2.3), *, tol: float = 1e-4
 ) -> Figure:
-    """Where folds, period doublings and grazing lie in the plane of frequency and forcing.
+    """Draw folds, period doublings and grazing in the plane of frequency and forcing.
 
     Args:
         oscillator: the oscillator.
         forcing: values of F^, one response each.
-        omega: window of Omega.
+        omega: lowest and highest Omega.
         tol: see `ContactOscillator.response`.
     """
     marks = {
@@ -200,7 +200,7 @@ def stability_chart(
 
 
 def plot_dynamics(result: Dynamics, directory: str | os.PathLike[str]) -> list[Path]:
-    """Draw the figures of `dynamics.run_dynamics` into a directory; returns the files written."""
+    """Draw the figures of a result of `run_dynamics` into a directory; return the files written."""
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
     first = next(iter(result.oscillators.values()))

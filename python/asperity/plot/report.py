@@ -1,4 +1,4 @@
-"""One self-contained HTML page of a run: pictures inside, nothing loaded from elsewhere."""
+"""Self-contained HTML page of a run: figures are embedded, nothing is loaded from elsewhere."""
 
 from __future__ import annotations
 
@@ -21,21 +21,20 @@ Rows = list[tuple[str, str]]
 
 
 def write_report(folder: str | Path, finished: bool | None = None) -> Path:
-    """Write report.html into a run directory, from the files there.
+    """Write report.html into a run directory, from its files.
 
-    Figures are drawn first where they are missing or older than the curve. All that came from
-    the input is escaped.
+    Figures are drawn first if they are missing or older than the curve. All text from the input is escaped.
 
     Args:
         folder: the run directory.
-        finished: what the page says of it; by default what summary.json does. A run that ends is not marked there
-            before its report is written.
+        finished: whether the page reports a finished run; default as in summary.json, which a run updates only after
+            it has written its report.
 
     Returns:
-        The page.
+        The file written.
 
     Raises:
-        InputError: the folder holds no run.
+        InputError: the folder contains no run.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -66,7 +65,7 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
 
 
 def _law(results: Results) -> Rows:
-    """The power law in words, with confidence intervals where they are known."""
+    """Return the parameters of the power law, with confidence intervals if known."""
     fit = results.summary.get("fit") or {}
     if not {"k", "n"} <= set(fit):
         return []
@@ -84,24 +83,24 @@ def _law(results: Results) -> Rows:
 
 
 def _outcome(results: Results) -> Rows:
-    """The curve in a few numbers, at its greatest force."""
+    """Return the main values of the curve, at its largest force."""
     curve = results.curve
     if not len(curve):
         return []
     top = int(curve.force.argmax())
     return [
         ("steps", f"{len(curve)}"),
-        ("greatest force", quantity(curve.force[top], results.unit("force"))),
-        ("at the deflection", quantity(curve.delta[top], results.unit("length"))),
+        ("largest force", quantity(curve.force[top], results.unit("force"))),
+        ("at the approach", quantity(curve.delta[top], results.unit("length"))),
         ("contact area", f"{100 * curve.area_fraction[top]:.3g} % of the nominal"),
-        ("greatest pressure", quantity(curve.max_pressure[top], results.unit("stress"))),
-        ("greatest plastic strain", f"{curve.max_plastic_strain[top]:.3g}"),
+        ("largest pressure", quantity(curve.max_pressure[top], results.unit("stress"))),
+        ("largest plastic strain", f"{curve.max_plastic_strain[top]:.3g}"),
         ("yielded volume", f"{100 * curve.plastic_fraction[top]:.3g} %"),
     ]
 
 
 def _figures(results: Results) -> list[Path]:
-    """Pictures of the run, drawn now unless all are there and newer than the curve."""
+    """Return the figures of the run, drawn again unless all exist and are newer than the curve."""
     folder, curve = results.folder / FIGURES, results.folder / CURVE
     found = sorted(folder.glob("*.png"))
     missing = figures_of(results).keys() - {path.stem for path in found}
@@ -114,16 +113,16 @@ def _figures(results: Results) -> list[Path]:
 
 def _figure(path: Path) -> dict[str, str]:
     picture = path.read_bytes()
-    width = int.from_bytes(picture[16:20])  # of the PNG header, in pixels
+    width = int.from_bytes(picture[16:20])  # from the PNG header, in pixels
     return {
         "caption": CAPTIONS.get(path.stem, _words(path.stem)),
-        "width": f"{width * 110 / DPI:.0f}",  # so that letters are as large as those of the page
+        "width": f"{width * 110 / DPI:.0f}",  # so that text has the size of that on the page
         "data": base64.b64encode(picture).decode(),
     }
 
 
 def _tables(title: str, data: Mapping[str, Any]) -> list[tuple[str, Rows]]:
-    """One table for the plain values of a JSON file, and one for each of its sections."""
+    """Return one table for the plain values of a JSON file, and one for each of its sections."""
     plain = {name: value for name, value in data.items() if not isinstance(value, Mapping)}
     nested = [(n, v) for n, v in data.items() if isinstance(v, Mapping) and n != "fit"]
     tables = [(title, plain), *nested] if plain else nested
@@ -140,7 +139,7 @@ def _sections(case: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]
 
 
 def _flat(table: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str]]:
-    """Names and values of nested tables and lists of tables, inner names with a dot."""
+    """Yield names and values of nested tables and lists of tables, joined by dots."""
     for name, value in table.items():
         if isinstance(value, Mapping):
             yield from _flat(value, f"{above}{name}.")

@@ -1,4 +1,4 @@
-"""Picture of the loaded block in three dimensions, by PyVista, without a screen."""
+"""Three-dimensional picture of the loaded block by PyVista, off screen."""
 
 from __future__ import annotations
 
@@ -16,20 +16,23 @@ from asperity.runtime.run_folder import FIELDS, FIGURES, VTKHDF
 from asperity.units import prefix
 
 SIZE = (1500, 640)  # pixels
-DEPTH = 0.5  # part of the height that is shown
+DEPTH = 0.5  # share of the height that is shown
 FIELD_FILE = f"{FIELDS}/{VTKHDF}"
-_NOTHING = 1e-3  # part of the greatest pressure below which the top carries no load
+_NEGLIGIBLE = 1e-3  # share of the largest pressure below which the contact surface is shown without load
 
 
 def scene(folder: str | Path, path: str | Path | None = None) -> Path:
-    """Draw the block at its greatest load: stress inside, with a quarter cut away, and pressure on the top.
+    """Draw the block at its last saved step: stress inside, with a quarter cut away, and contact pressure.
 
     Args:
-        folder: of a run with `output.fields = true`.
-        path: of the picture; default figures/scene.png in the folder.
+        folder: folder of a run with `output.fields = true`.
+        path: file of the picture; default figures/scene.png in the folder.
+
+    Returns:
+        The file written.
 
     Raises:
-        InputError: the run holds no fields.
+        InputError: the run contains no fields.
         CompatError: PyVista is not installed.
     """
     if importlib.util.find_spec("pyvista") is None:
@@ -49,7 +52,7 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
     pressure = np.asarray(grid.point_data["pressure"])
     scale, unit = prefix(float(pressure.max()) or float(stress.max()), results.unit("stress"))
     block = _linear(grid, {"stress shown": stress * scale}, {"pressure shown": pressure * scale})
-    # a spot of high stress would leave the rest without colour
+    # a small region of high stress must not determine the colour scale
     highest = float(np.quantile(stress, 0.999)) * scale
     plotter = pv.Plotter(off_screen=True, shape=(1, 2), window_size=list(SIZE), border=False)
     plotter.subplot(0, 0)
@@ -58,7 +61,7 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
     _view(plotter, block)
     plotter.subplot(0, 1)
     loaded = block.point_data["pressure shown"]
-    loaded[loaded < _NOTHING * loaded.max()] = np.nan
+    loaded[loaded < _NEGLIGIBLE * loaded.max()] = np.nan
     plotter.add_mesh(_cut(block).extract_surface(algorithm="dataset_surface"), scalars="pressure shown",
                      cmap="inferno_r", nan_color="#B8B8B8", clim=_limits(float(pressure.max()) * scale), ambient=0.2,
                      scalar_bar_args=_bar("contact pressure", unit))  # fmt: skip
@@ -72,7 +75,7 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
 
 
 def read_step(path: Path, step: int = -1) -> Any:
-    """One step of a time series of fields, with all its arrays, as a PyVista grid; lengths in units of L."""
+    """Read one step of a time series of fields, with all arrays, as a PyVista grid; lengths in units of L."""
     import pyvista as pv
     from vtkmodules.vtkIOHDF import vtkHDFReader
 
@@ -85,7 +88,7 @@ def read_step(path: Path, step: int = -1) -> Any:
     return pv.wrap(reader.GetOutput())
 
 
-# a second-order tetrahedron in VTK's order as eight linear ones
+# eight linear tetrahedra of a second-order one, in VTK's node order
 _PARTS = (
     (0, 4, 6, 7),
     (4, 1, 5, 8),
@@ -99,7 +102,7 @@ _PARTS = (
 
 
 def _linear(grid: Any, cell_data: dict[str, Any], point_data: dict[str, Any]) -> Any:
-    """The deformed block in linear tetrahedra through all its nodes, which can be clipped."""
+    """Return the deformed block as linear tetrahedra through all nodes, which can be clipped."""
     import pyvista as pv
 
     tets = grid.cells_dict[pv.CellType.QUADRATIC_TETRA]
@@ -113,23 +116,23 @@ def _linear(grid: Any, cell_data: dict[str, Any], point_data: dict[str, Any]) ->
 
 
 def _cut(block: Any) -> Any:
-    """The upper part of the block."""
+    """Return the upper part of the block."""
     x0, x1, y0, y1, z0, z1 = block.bounds
     return block.clip_box((x0 - 1, x1 + 1, y0 - 1, y1 + 1, z0 - 1, z1 - DEPTH * (z1 - z0)), invert=True)
 
 
 def _open(block: Any) -> Any:
-    """The upper part of the block without the quarter in front of its most stressed place."""
+    """Return the upper part of the block without the quarter in front of its point of largest stress."""
     centres = block.cell_centers().points
     x, y, _ = centres[int(np.argmax(block.cell_data["stress shown"]))]
     x0, x1, y0, y1, z0, z1 = block.bounds
-    # a cut too near a side would show nothing
+    # a cut too close to a side would show nothing
     x, y = (float(np.clip(c, a + 0.2 * (b - a), b - 0.2 * (b - a))) for c, a, b in ((x, x0, x1), (y, y0, y1)))
     return _cut(block).clip_box((x, x1 + 1, y0 - 1, y, z0 - 1, z1 + 1), invert=True)
 
 
 def _limits(highest: float) -> tuple[float, float]:
-    """From zero to the highest value, rounded up to two digits."""
+    """Return zero and the largest value, rounded up to two digits."""
     if not highest > 0.0:
         return 0.0, 1.0
     digit = 10.0 ** (np.floor(np.log10(highest)) - 1)

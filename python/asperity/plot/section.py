@@ -1,4 +1,4 @@
-"""Cut of a second-order tetrahedral mesh by a vertical plane."""
+"""Section of a second-order tetrahedral mesh by a vertical plane."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from asperity.mesh.tet10 import FACES
 
 
 def cut(points: Array, tets: NDArray[np.integer], y: float, parts: int = 3) -> tuple[list[Array], Array]:
-    """Section of curved tetrahedra by the plane of constant y.
+    """Cut curved tetrahedra by the plane of constant y.
 
-    Each curved face is divided into parts^2 plane triangles, whose lines of intersection are
-    collected cell by cell and put in order around their middle.
+    Each curved face is divided into parts^2 plane triangles. Their intersections with the plane are
+    collected for each cell and sorted around their centre.
 
     Args:
-        points: (N, 3) nodes.
-        tets: (M, 10) second-order tetrahedra, gmsh's node order.
+        points: nodes (length), shape (N, 3).
+        tets: second-order tetrahedra in gmsh's node order, shape (M, 10).
         y: position of the plane (length).
         parts: divisions of each edge.
 
     Returns:
-        polygons, each (k, 2) in x and z; and the size of each one's element, the edge of a regular
+        Polygons, each (k, 2) in x and z; and the size of each element, the edge of a regular
         tetrahedron of the same volume.
     """
-    # a little inwards, so that the plane neither touches a side nor holds whole faces
+    # shifted slightly inwards, so that the plane neither touches a side nor contains whole faces
     y += 1e-7 * (points[:, 1].max() + points[:, 1].min() - 2 * y + 0.1 * np.ptp(points[:, 1]))
     height = points[tets, 1]
     crossing = np.flatnonzero((height.min(axis=1) < y) & (height.max(axis=1) > y))
@@ -42,7 +42,7 @@ def cut(points: Array, tets: NDArray[np.integer], y: float, parts: int = 3) -> t
 
 
 def _divided(parts: int) -> tuple[Array, NDArray[np.int64]]:
-    """Quadratic shape functions at the nodes of a divided triangle, and the small triangles."""
+    """Return quadratic shape functions at the nodes of a divided triangle, and the small triangles."""
     nodes = [(i, j) for j in range(parts + 1) for i in range(parts + 1 - j)]
     number = {node: n for n, node in enumerate(nodes)}
     u, v = np.array(nodes).T / parts
@@ -58,7 +58,7 @@ def _divided(parts: int) -> tuple[Array, NDArray[np.int64]]:
 
 
 def _crossings(pieces: Array, y: float) -> list[Array]:
-    """Points (x, z) where the edges of each cell's small triangles (c, t, 3, 3) cross the plane."""
+    """Return the points (x, z) where edges of the small triangles (c, t, 3, 3) of each cell cross the plane."""
     start, stop = pieces, np.roll(pieces, -1, axis=2)
     a, b = start[..., 1] - y, stop[..., 1] - y
     crossed = (a < 0) != (b < 0)
@@ -68,7 +68,7 @@ def _crossings(pieces: Array, y: float) -> list[Array]:
 
 
 def _ordered(ends: Array) -> Array:
-    """Points in order of their angle about the middle."""
+    """Sort points by their angle about the centre."""
     return ends[np.argsort(np.arctan2(*(ends - ends.mean(axis=0)).T))]
 
 

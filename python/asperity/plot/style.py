@@ -1,4 +1,4 @@
-"""The look of all figures: sizes, colours, labels."""
+"""Style of all figures: sizes, colours, labels."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from asperity.runtime.files import replace_file
 
 P = ParamSpec("P")
 
-# Okabe and Ito's colours, told apart by colour-blind readers
+# Okabe and Ito's colours, distinguishable for colour-blind readers
 BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 YELLOW, BLUE, VERMILION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
 GREY, PALE = "#7F7F7F", "#EDEDED"
@@ -49,7 +49,7 @@ _RC: dict[str, Any] = {
 
 
 def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Let a function draw its figure in this style, whatever the user's settings are."""
+    """Make a function draw its figure in this style, regardless of the user's settings."""
 
     @functools.wraps(draw)
     def in_style(*args: P.args, **kwargs: P.kwargs) -> Figure:
@@ -60,13 +60,13 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
 
 def figure(width: float, height: float, columns: int = 1, rows: int = 1) -> tuple[Figure, Any]:
-    """New figure and its axes (an array when there are several), sizes in inches."""
+    """Return a new figure and its axes (an array if there are several); sizes in inches."""
     result = Figure(figsize=(width, height), layout="constrained")
     return result, result.subplots(rows, columns)
 
 
 def save(figure: Figure, path: str | Path) -> Path:
-    """Write a figure, of the kind its suffix tells, and return its path; it is there as a whole or not at all."""
+    """Write a figure in the format of the suffix and return its path; the file is complete or absent."""
     path, picture = Path(path), io.BytesIO()
     with mpl.rc_context(_RC):
         figure.savefig(picture, dpi=DPI, format=path.suffix[1:] or "png")
@@ -75,18 +75,18 @@ def save(figure: Figure, path: str | Path) -> Path:
 
 
 def grid(*axes: Axes) -> None:
-    """Faint lines at the major ticks."""
+    """Draw faint lines at the major ticks."""
     for axis in axes:
         axis.grid(color="#E2E2E2", linewidth=0.6)
 
 
 def label(quantity: str, unit: str) -> str:
-    """Text of an axis: "name (unit)"."""
+    """Return the label of an axis: "name (unit)"."""
     return f"{quantity} ({unit})" if unit else quantity
 
 
 def letters(*axes: Axes) -> None:
-    """Mark panels (a), (b), ..."""
+    """Label panels (a), (b), ..."""
     for axis, letter in zip(axes, "abcdefgh", strict=False):
         axis.annotate(
             f"({letter})", (0, 1), (-30, 5), xycoords="axes fraction", textcoords="offset points",
@@ -95,7 +95,7 @@ def letters(*axes: Axes) -> None:
 
 
 def logarithmic(axis: Axes) -> None:
-    """Both scales logarithmic; the lower one labelled at 1, 2 and 5."""
+    """Make both scales logarithmic, with x labelled at 1, 2 and 5."""
     axis.set_xscale("log")
     axis.set_yscale("log")
     axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))

@@ -1,6 +1,6 @@
-"""Vibration over frequency: natural frequency against amplitude, amplitude against the frequency of excitation.
+"""Figures of natural frequency over amplitude, and of amplitude over excitation frequency.
 
-Both are drawn from rows as in free.csv and response.csv, whether these come from a run's folder or from memory.
+Both are drawn from rows as in free.csv and response.csv, from the folder of a run or from memory.
 """
 
 from __future__ import annotations
@@ -28,27 +28,27 @@ _SWEEPS = {"sweep-up": ("^", "sweep up"), "sweep-down": ("v", "sweep down")}
 _MARKS = {"fold": ("o", "fold, with jump"), "period doubling": ("s", "period doubling")}
 _ACTS = {"always": "always", "contact": "in contact", "hunt-crossley": "after Hunt and Crossley"}
 _FAINT = 0.35
-_CLOSE = 0.03  # of the extent of a curve: rows nearer than this are drawn as one
+_CLOSE = 0.03  # share of the extent of a curve within which consecutive rows are always joined
 
 
 def heading(zeta: Iterable[float], damping: str | None, n_loc: float | None) -> str:
-    """What decides the physics, for the title: local exponent, damping ratio, where the damper acts."""
+    """Return the title: local exponent, damping ratio, damping model."""
     exponent = f"$n_{{loc}}$ = {n_loc:.4g}, " if n_loc else ""
     ratios = ", ".join(f"{value:g}" for value in zeta)
     return f"{exponent}damping ratio $\\zeta$ = {ratios}" + (f", acting {_ACTS[damping]}" if damping else "")
 
 
-# -- natural frequency against amplitude ----------------------------------------------------------------------------
+# -- natural frequency over amplitude ----------------------------------------------------------------------------
 
 
 def frequency(results: Results) -> Figure:
-    """Natural frequency against the amplitude of release, from the folder of a run."""
+    """Draw the natural frequency over the release amplitude, from the folder of a run."""
     present = [model for model in MODELS if (results.free["model"] == model).any()]
     return _frequency([(*MODELS[m], m, _where(results.free, results.free["model"] == m)) for m in present])
 
 
 def natural_frequency(oscillators: Sequence[ContactOscillator]) -> Figure:
-    """Natural frequency against the amplitude of release: the models of one law, or a family of laws."""
+    """Draw the natural frequency over the release amplitude, for the models of one law or for a family of laws."""
     family = len(oscillators) > 2
     curves = []
     for oscillator, colour in zip(oscillators, np.resize(COLOURS, len(oscillators)), strict=True):
@@ -60,7 +60,7 @@ def natural_frequency(oscillators: Sequence[ContactOscillator]) -> Figure:
 
 @style.styled
 def _frequency(curves: Sequence[tuple[str, str, str, str, Columns]]) -> Figure:
-    """Colour, line, label, model and rows of each curve."""
+    """Draw natural frequencies from colour, line style, label, model and rows of each curve."""
     figure, axis = style.figure(style.SINGLE + 0.4, 3.2)
     named: set[str] = set()
     for colour, line, text, model, rows in curves:
@@ -86,12 +86,12 @@ def _frequency(curves: Sequence[tuple[str, str, str, str, Columns]]) -> Figure:
     return figure
 
 
-# -- amplitude against the frequency of excitation ------------------------------------------------------------------
+# -- amplitude over excitation frequency ------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class _Event:
-    """A special orbit of the response of a model at a forcing."""
+    """Special orbit of the response of a model at a forcing."""
 
     model: str
     F_hat: float
@@ -102,7 +102,7 @@ class _Event:
 
 
 def response(results: Results) -> Figure:
-    """Greatest deflection against the frequency of excitation, from the folder of a run."""
+    """Draw the largest displacement over the excitation frequency, from the folder of a run."""
     t = results.thresholds
     events = [
         _Event(model, r["F_hat"], e["kind"], e["Omega"], e["u_max"], e.get("u_min", np.nan))
@@ -118,7 +118,7 @@ def response(results: Results) -> Figure:
 def amplitude_frequency(
     responses: Sequence[FrequencyResponse], sweeps: Sequence[Sweep] = (), bands: Sequence[Band] = ()
 ) -> Figure:
-    """Greatest deflection against the frequency of excitation: a panel for each model, a colour for each forcing.
+    """Draw the largest displacement over the excitation frequency: one panel per model, one colour per forcing.
 
     Args:
         responses: of any models and forcings.
@@ -154,7 +154,7 @@ def _response(rows: Columns, events: Sequence[_Event], title: str, n_loc: float 
                     axis.fill_between(of["Omega"], low, high, color=colour, alpha=0.5 * _FAINT, lw=0)
         axis.set_title(MODELS[model][2])
         axis.set_xlabel("frequency $\\Omega = \\omega/\\omega_s$")
-        axis.set_ylabel("greatest deflection $u_{\\max}$")
+        axis.set_ylabel("largest displacement $u_{\\max}$")
         axis.set_xlim(rows["Omega"].min(), rows["Omega"].max())
         axis.set_ylim(0, 1.1 * np.nanmax(rows["u_max"][physical]))
         style.grid(axis)
@@ -166,7 +166,7 @@ def _response(rows: Columns, events: Sequence[_Event], title: str, n_loc: float 
 
 
 def _branch(axis: Any, rows: Columns, name: str, model: str, colour: str) -> None:
-    """One branch: solid where stable, dashed where not, faint where unphysical; triangles for a sweep."""
+    """Draw one branch: solid where stable, otherwise dashed, faint where unphysical; triangles for a sweep."""
     omega, u = rows["Omega"], rows["u_max"]
     if name in _SWEEPS:
         settled = _true(rows["stable"])
@@ -182,9 +182,9 @@ def _branch(axis: Any, rows: Columns, name: str, model: str, colour: str) -> Non
 
 
 def _pieces(omega: Array, u: Array, state: NDArray[Any]) -> Iterator[tuple[int, int]]:
-    """Ranges of one state; pieces of one curve share a point, separate curves do not."""
+    """Yield ranges of rows of one state; pieces of one curve share a point, separate curves do not."""
     reach = np.hypot(np.diff(omega) / (np.ptp(omega) or 1.0), np.diff(u) / (np.ptp(u) or 1.0))
-    # rows of one curve lie close and change their distance gradually: a sudden long one leads to another curve
+    # distances between rows of one curve are small and change gradually: a sudden long one separates two curves
     around = np.maximum(np.r_[reach[:1], reach[:-1]], np.r_[reach[1:], reach[-1:]])
     jump = reach > np.maximum(8 * around, _CLOSE)
     cuts = np.flatnonzero((state[1:] != state[:-1]) | jump)
@@ -196,7 +196,7 @@ def _pieces(omega: Array, u: Array, state: NDArray[Any]) -> Iterator[tuple[int, 
 
 
 def _events(axis: Any, events: Sequence[_Event], rows: Columns) -> None:
-    """Folds with their jumps, period doublings, and the line through the points where contact loss begins."""
+    """Draw folds with their jumps, period doublings, and the line through the onsets of contact loss."""
     for e in events:
         if not _is_physical(e):
             continue
@@ -218,7 +218,7 @@ def _is_physical(e: _Event) -> bool:
 
 
 def _stable_at(omega: float, rows: Columns) -> list[float]:
-    """Greatest deflection of the stable orbits at a frequency, by linear interpolation."""
+    """Return the largest displacement of each stable orbit at a frequency, linearly interpolated."""
     lines = ~np.isin(rows["branch"], list(_SWEEPS))
     w, u, stable = rows["Omega"][lines], rows["u_max"][lines], _true(rows["stable"][lines])
     i = np.flatnonzero(((w[:-1] < omega) != (w[1:] < omega)) & stable[:-1] & stable[1:])
@@ -226,7 +226,7 @@ def _stable_at(omega: float, rows: Columns) -> list[float]:
 
 
 def _forcing_keys(forcings: Array, n_loc: float | None) -> list[Line2D]:
-    """Legend entries of the forcings, in both conventions where the local exponent is known."""
+    """Return legend entries of the forcings, in both conventions if the local exponent is known."""
     keys = []
     for forcing, colour in zip(forcings, np.resize(COLOURS, len(forcings)), strict=True):
         weight = f", $F/(mg)$ = {n_loc * forcing:.3g}" if n_loc else ""
@@ -235,7 +235,7 @@ def _forcing_keys(forcings: Array, n_loc: float | None) -> list[Line2D]:
 
 
 def _line_keys(shown: set[str], physical: bool, band: bool) -> list[Line2D]:
-    """Legend entries of the styles of lines and marks that are shown."""
+    """Return legend entries of the line styles and marks in the figure."""
     mark: dict[str, Any] = {"ls": "", "mfc": "white", "ms": 4}
     keys = [
         Line2D([], [], color=style.GREY, label="stable"),
@@ -255,7 +255,7 @@ def _line_keys(shown: set[str], physical: bool, band: bool) -> list[Line2D]:
 
 
 def _columns(rows: Iterable[Mapping[str, Any]]) -> Columns:
-    """Rows as columns."""
+    """Return rows as columns."""
     listed = list(rows)
     return {name: np.array([row[name] for row in listed]) for name in listed[0]} if listed else {}
 
@@ -265,5 +265,5 @@ def _where(columns: Columns, mask: NDArray[np.bool_]) -> Columns:
 
 
 def _true(column: NDArray[Any]) -> NDArray[np.bool_]:
-    """Truth values of a column, written as True, true or 1."""
+    """Return the truth values of a column, written as True, true or 1."""
     return np.isin(np.char.lower(column.astype(str)), ("true", "1", "1.0"))

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from asperity.arrays import Floats
 from asperity.contact.contact_surface import ContactSurface
 from asperity.contact.make import make_contact
 from asperity.curve import Curve
@@ -76,6 +77,10 @@ class ContactResult:
     def checks(self) -> Checks:
         """Worst figures of the balances that every step has to keep."""
         return self.solver.checks
+
+    def touched_at(self) -> tuple[Floats, Floats]:
+        """Position of each node of the top and the approach that first touched it [L], see `FirstContact.gather`."""
+        return self.first_contact.gather(self.solver)
 
 
 class PartialResult(ConvergenceError):

@@ -1,6 +1,11 @@
-"""Reference solutions, each with its source: what the solver is held to.
+"""Reference solutions, each with its source, for the verification of the solver.
 
 Lengths, forces and stresses in any consistent system of units.
+
+Examples:
+    >>> hertz = asp.reference.Hertz(R=1e-3, E_prime=asp.reference.reduced_modulus(200e9, 0.3))
+    >>> print(f"{hertz.force(1e-6):.3f} N")
+    9.267 N
 """
 
 from __future__ import annotations

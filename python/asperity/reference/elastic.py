@@ -1,4 +1,4 @@
-"""Elastic contact in closed form: Hertz, sinusoids, patch test, light-load area, similarity."""
+"""Closed forms of elastic contact: Hertz, sinusoids, patch test, area at light load, similarity."""
 
 from __future__ import annotations
 
@@ -14,7 +14,12 @@ from asperity.errors import InputError
 
 
 def reduced_modulus(E: float, nu: float) -> float:
-    """Return E' = E/(1-nu^2) of contact with a rigid body (force/length^2)."""
+    """Return E' = E/(1-nu^2) of contact with a rigid body (force/length^2).
+
+    Examples:
+        >>> round(asp.reference.reduced_modulus(200.0, 0.3), 3)
+        219.78
+    """
     return E / (1 - nu**2)
 
 
@@ -25,7 +30,14 @@ def block_modulus(E: float, nu: float, sides: Literal["rollers", "free"] = "roll
         E: Young's modulus (force/length^2).
         nu: Poisson's ratio.
         sides: "rollers" (u.n = 0, confined: E(1-nu)/((1+nu)(1-2 nu))) or "free" (E; the base
-            must then be free to spread too).
+            must then be free to expand laterally).
+
+    Raises:
+        InputError: unknown sides.
+
+    Examples:
+        >>> round(asp.reference.block_modulus(200.0, 0.3), 3), asp.reference.block_modulus(200.0, 0.3, "free")
+        (269.231, 200.0)
     """
     if sides not in ("rollers", "free"):
         raise InputError(f'sides must be "rollers" or "free", not {sides!r}.')
@@ -38,18 +50,27 @@ def patch_test_slope(nu: float, aspect: float = 1.0, sides: Literal["rollers", "
     Args:
         nu: Poisson's ratio.
         aspect: h_b/L.
-        sides: as for :func:`block_modulus`.
+        sides: as for `block_modulus`.
+
+    Examples:
+        >>> round(asp.reference.patch_test_slope(0.3), 6)
+        1.225
     """
     return block_modulus(1.0, nu, sides) / reduced_modulus(1.0, nu) / aspect
 
 
 @dataclass(frozen=True)
 class Hertz:
-    """A sphere of radius R on a half-space: Johnson, Contact Mechanics (1985), section 4.2.
+    """Sphere of radius R on a half-space: Johnson, Contact Mechanics (1985), section 4.2.
 
     Attributes:
         R: radius (length).
         E_prime: E/(1-nu^2) (force/length^2).
+
+    Examples:
+        >>> hertz = asp.reference.Hertz(R=1.0, E_prime=3.0)
+        >>> hertz.force([0.01, 0.04]).round(6), hertz.radius([0.01, 0.04]).round(6)
+        (array([0.004, 0.032]), array([0.1, 0.2]))
     """
 
     R: float
@@ -60,7 +81,7 @@ class Hertz:
         return 4 / 3 * self.E_prime * math.sqrt(self.R) * np.asarray(delta, float) ** 1.5
 
     def deflection(self, force: ArrayLike) -> Array:
-        """Return delta (length), the inverse of :meth:`force`."""
+        """Return the approach delta (length), the inverse of `force`."""
         return (0.75 * np.asarray(force, float) / (self.E_prime * math.sqrt(self.R))) ** (2 / 3)
 
     def radius(self, delta: ArrayLike) -> Array:
@@ -72,7 +93,7 @@ class Hertz:
         return 2 * self.E_prime / math.pi * np.sqrt(np.asarray(delta, float) / self.R)
 
     def pressure(self, r: ArrayLike, delta: float) -> Array:
-        """Return p0 sqrt(1 - r^2/a^2) at the distance r from the axis; 0 outside."""
+        """Return p0 sqrt(1 - r^2/a^2) (force/length^2) at distance r from the axis; 0 outside."""
         inside = 1 - np.asarray(r, float) ** 2 / (self.R * delta)
         return self.peak_pressure(delta) * np.sqrt(np.maximum(inside, 0.0))
 
@@ -80,7 +101,11 @@ class Hertz:
 def first_yield(nu: float) -> tuple[float, float]:
     """Return (p0/sigma_y, depth/a) of the first yield under a Hertz contact.
 
-    The greatest von Mises stress lies on the axis: Johnson (1985), eq. 3.45 for the stresses.
+    The largest von Mises stress is on the axis: Johnson (1985), eq. 3.45 for the stresses.
+
+    Examples:
+        >>> np.round(asp.reference.first_yield(0.3), 3)
+        array([1.613, 0.481])
     """
     from scipy.optimize import minimize_scalar
 
@@ -95,12 +120,17 @@ def first_yield(nu: float) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Westergaard:
-    """A wave z = A cos(2 pi x/lam) in plane strain: Westergaard (1939), Johnson (1985) 13.2.
+    """Wave z = A cos(2 pi x/lam) in plane strain: Westergaard (1939), Johnson (1985) 13.2.
 
     Attributes:
         A: amplitude (length).
         lam: wavelength (length).
         E_prime: E/(1-nu^2) (force/length^2).
+
+    Examples:
+        >>> wave = asp.reference.Westergaard(A=0.01, lam=1.0, E_prime=1.0)
+        >>> print(f"{wave.full_pressure:.5f}, {wave.area_fraction(0.5 * wave.full_pressure):.3f}")
+        0.03142, 0.500
     """
 
     A: float
@@ -113,19 +143,19 @@ class Westergaard:
         return math.pi * self.E_prime * self.A / self.lam
 
     def mean_pressure(self, area_fraction: ArrayLike) -> Array:
-        """Return p = p* sin^2(pi a/lam), area fraction 2a/lam (force/length^2)."""
+        """Return p = p* sin^2(pi a/lam) (force/length^2) at the area fraction 2a/lam."""
         return self.full_pressure * np.sin(np.pi / 2 * np.asarray(area_fraction, float)) ** 2
 
     def area_fraction(self, pressure: ArrayLike) -> Array:
-        """Return the area fraction 2a/lam at the mean pressure; 1 from p* on."""
+        """Return the area fraction 2a/lam at the mean pressure; 1 at p* and above."""
         r = np.minimum(np.asarray(pressure, float) / self.full_pressure, 1.0)
         return 2 / np.pi * np.arcsin(np.sqrt(r))
 
     def deflection(self, pressure: ArrayLike) -> Array:
         """Return the approach of the mean planes A r (1 - ln r), r = p/p* <= 1 (length).
 
-        The compression p h_b/M of a block below is to be added. Obtained from the pressure
-        below by integrating d(gap)/dp (Johnson 13.10).
+        The compression p h_b/M of a block must be added. The formula follows from the pressure by integrating
+        d(gap)/dp (Johnson 13.10).
         """
         r = np.minimum(np.asarray(pressure, float) / self.full_pressure, 1.0)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -168,14 +198,19 @@ _DOUBLE = np.array(
 class DoubleSinusoid:
     """z = A cos(2 pi x/lam) cos(2 pi y/lam): Johnson, Greenwood and Higginson (1985).
 
-    Int. J. Mech. Sci. 27, 383. Between no and full contact there is no closed form: a computed
-    table, interpolated by monotone cubics in (p/p*)^(2/3), in which the Hertz limit is linear;
-    good to 0.002 in A/A_0 and in delta/A.
+    Int. J. Mech. Sci. 27, 383. Between no and full contact there is no closed form. The values come from a computed
+    table, interpolated by monotone cubics in (p/p*)^(2/3), in which the Hertz limit is linear. The error is below
+    0.002 in A/A_0 and in delta/A.
 
     Attributes:
         A: amplitude (length).
         lam: wavelength (length).
         E_prime: E/(1-nu^2) (force/length^2).
+
+    Examples:
+        >>> wave = asp.reference.DoubleSinusoid(A=0.01, lam=1.0, E_prime=1.0)
+        >>> print(f"{wave.full_pressure:.5f}, {wave.area_fraction(0.5 * wave.full_pressure):.3f}")
+        0.04443, 0.704
     """
 
     A: float
@@ -195,7 +230,7 @@ class DoubleSinusoid:
         return np.asarray(curve(r ** (2 / 3)))
 
     def area_fraction(self, pressure: ArrayLike) -> Array:
-        """Return A/A_0 at the mean pressure."""
+        """Return A/A_0 at the mean pressure (force/length^2)."""
         return self._table(pressure, 1)
 
     def deflection(self, pressure: ArrayLike) -> Array:
@@ -207,7 +242,14 @@ def area_coefficient(theory: Literal["persson", "bush-gibson-thomas"]) -> float:
     """Return kappa of A/A_0 = kappa p/(E' rms slope) at light load on random roughness.
 
     Persson, J. Chem. Phys. 115 (2001) 3840: sqrt(8/pi) = 1.60; Bush, Gibson and Thomas, Wear 35
-    (1975) 87: sqrt(2 pi) = 2.51. Computations lie between.
+    (1975) 87: sqrt(2 pi) = 2.51. Computed values lie between them.
+
+    Raises:
+        InputError: unknown theory.
+
+    Examples:
+        >>> round(asp.reference.area_coefficient("persson"), 3)
+        1.596
     """
     values = {"persson": math.sqrt(8 / math.pi), "bush-gibson-thomas": math.sqrt(2 * math.pi)}
     if theory not in values:
@@ -216,9 +258,13 @@ def area_coefficient(theory: Literal["persson", "bush-gibson-thomas"]) -> float:
 
 
 def similar_coefficient(k: float, n: float, G: float, G_new: float, D: float) -> float:
-    """Return the coefficient k of the interface's power law P* = k (delta*)^n for another G.
+    """Return the coefficient k of the power law P* = k (delta*)^n of the interface for another G.
 
     Heights times s = (G_new/G)^(D-2) give P* times s at delta* times s (small slopes, elastic,
     without the compression of the block), so k(G_new) = k(G) s^(1-n).
+
+    Examples:
+        >>> round(asp.reference.similar_coefficient(k=1.0, n=2.0, G=1e-12, G_new=1e-11, D=2.5), 6)
+        0.316228
     """
     return k * (G_new / G) ** ((D - 2) * (1 - n))

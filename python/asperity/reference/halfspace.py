@@ -1,8 +1,8 @@
-"""An independent solver for elastic rough contact in small-slope theory (boundary elements).
+"""Independent solver for elastic rough contact in small-slope theory (boundary elements).
 
-The patch [0, L]^2 with sides u.n = 0 is one quarter of the period of its even mirror image: on
-the sides both the normal displacement and the shear vanish by symmetry. So the surface displaces
-by a cosine series, with the compliance of a half-space, or of a layer on a fixed base, per wave.
+The patch [0, L]^2 with sides u.n = 0 is one quarter of the period of its even mirror image: on the sides both the
+normal displacement and the shear stress vanish by symmetry. The surface displacement is therefore a cosine series,
+and each wave has the compliance of a half-space, or of a layer on a fixed base.
 """
 
 from __future__ import annotations
@@ -24,11 +24,16 @@ class HalfSpaceContact:
 
     Attributes:
         P_star: mean pressure over E'.
-        delta_star: approach from first touch over L: the interface only for a half-space, the
-            whole block for a layer of given height.
+        delta_star: approach from first touch over L: of the interface alone for a half-space, of the whole
+            block for a layer.
         area_fraction: true over nominal contact area, corrected for the perimeter.
         pressure: pressure over E' at the cell centres ((i + 1/2) L/n), shape (n, n), [iy, ix].
         iterations: conjugate gradient steps.
+
+    Examples:
+        >>> contact = asp.reference.half_space_contact(asp.reference.rough_elastic_surface(), 32, P_star=0.01)
+        >>> contact.pressure.shape, round(contact.P_star, 6)
+        ((32, 32), 0.01)
     """
 
     P_star: float
@@ -50,25 +55,32 @@ def half_space_contact(
     max_iterations: int = 5000,
     start: Array | None = None,
 ) -> HalfSpaceContact:
-    """ContactSolver a rigid flat on an elastic rough surface with sides u.n = 0.
+    """Press a rigid flat on an elastic rough surface with sides u.n = 0.
 
     Conjugate gradients on the contact set (Polonsky and Keer, Wear 231 (1999) 206) with a cosine
-    transform. Second order in L/n for force and deflection.
+    transform. Second order in L/n for force and approach.
 
     Args:
         surface: the surface; its exact maximum is the point of first touch.
-        n: cells a side.
+        n: cells per side.
         P_star: mean pressure over E' (either this or delta_star).
-        delta_star: approach over L; needs height, for a half-space cannot bear a mean pressure.
+        delta_star: approach over L; requires `height`, because the approach of a half-space to a mean pressure is
+            infinite.
         height: thickness h_b of the layer on a fixed base (length); None for a half-space.
         nu: Poisson's ratio, only used with height.
-        tolerance: of the gap in contact and the penetration elsewhere, over the height range.
-        max_iterations: limit of the iterations.
-        start: pressure over E' to start from, (n, n).
+        tolerance: largest gap in contact and penetration elsewhere, over the range of heights.
+        max_iterations: largest number of iterations.
+        start: initial pressure over E', shape (n, n).
 
     Raises:
-        InputError: not exactly one load given, or out of range.
-        ConvergenceError: the limit of iterations is reached.
+        InputError: not exactly one load is given, or a value is out of range.
+        ConvergenceError: the largest number of iterations is reached.
+
+    Examples:
+        >>> surface = asp.reference.rough_elastic_surface()
+        >>> light = asp.reference.half_space_contact(surface, 64, P_star=0.01)
+        >>> print(f"delta* = {light.delta_star:.4f}, A/A_0 = {light.area_fraction:.3f}")
+        delta* = 0.0193, A/A_0 = 0.154
     """
     from scipy.fft import dctn, idctn
 
@@ -88,14 +100,14 @@ def half_space_contact(
     for iteration in range(max_iterations + 1):
         g = displace(p) - z
         contact = p > 0
-        # the gap; load control leaves the height of the flat open
+        # the gap; under load control the height of the flat is unknown
         g -= g[contact].mean() if delta_star is None else delta_star - summit
         error = max(float(np.abs(g[contact]).max(initial=0.0)), -float(g.min())) / scale
         if error <= tolerance:
             break
         if iteration == max_iterations:
             raise ConvergenceError(
-                f"Half-space contact: error {error:.2g} of the height range after "
+                f"Half-space contact: error {error:.2g} of the range of heights after "
                 f"{max_iterations} iterations, tolerance {tolerance:g}; allow more iterations."
             )
         square = float(np.sum(g[contact] ** 2))
@@ -129,7 +141,7 @@ def _check_load(P_star: float | None, delta_star: float | None, height: float | 
 
 
 def _compliance(n: int, height: float | None, nu: float) -> Array:
-    """Return displacement over pressure for each cosine wave, in units of L and 1/E'.
+    """Return displacement over pressure of each cosine wave (n, n), in units of L and 1/E'.
 
     Half-space: 2/q, and 0 for the mean. Layer bonded to a rigid base, frictionless top (Carbone
     and Mangialardi, J. Mech. Phys. Solids 56 (2008) 684): times S(q h), which tends to the
@@ -159,7 +171,7 @@ def _start(
     compliance: Array,
     summit: float,
 ) -> Array:
-    """Return a non-negative pressure to start from, with the right mean under load control."""
+    """Return a non-negative initial pressure (n, n), with the prescribed mean under load control."""
     if start is not None:
         p = np.array(start, dtype=float)
     elif delta_star is not None:
@@ -175,7 +187,7 @@ def _area(contact: Array) -> float:
     """Return the contact fraction corrected for the perimeter.
 
     Yastrebov, Anciaux and Molinari, Tribol. Int. 114 (2017) 161: a cell counts when its centre
-    touches, which overestimates by (pi - 1 + ln 2)/24 of a cell for each face of the boundary.
+    touches, which overestimates the area by (pi - 1 + ln 2)/24 of a cell per face of the boundary.
     """
     faces = np.count_nonzero(np.diff(contact, axis=0)) + np.count_nonzero(np.diff(contact, axis=1))
     correction = (math.pi - 1 + math.log(2)) / 24 * faces / contact.size

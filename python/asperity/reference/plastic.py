@@ -18,7 +18,15 @@ from asperity.reference.elastic import Hertz, reduced_modulus
 
 
 def hardening_modulus(E: float, E_t: float) -> float:
-    """Return the plastic modulus H = E E_t/(E - E_t) (force/length^2), 0 <= E_t < E."""
+    """Return the plastic modulus H = E E_t/(E - E_t) (force/length^2).
+
+    Raises:
+        InputError: unless 0 <= E_t < E.
+
+    Examples:
+        >>> asp.reference.hardening_modulus(200.0, 100.0)
+        200.0
+    """
     if not 0 <= E_t < E:
         raise InputError(f"tangent modulus {E_t:g} must lie between 0 and E = {E:g}.")
     return E * E_t / (E - E_t)
@@ -27,8 +35,8 @@ def hardening_modulus(E: float, E_t: float) -> float:
 def _piecewise(strain: ArrayLike, elastic: float, plastic: float, Y: float, H: float) -> tuple[Array, Array]:
     """Return (stress, accumulated plastic strain) of sigma = elastic e - plastic e_p.
 
-    Exact for strain that varies monotonically between the given values, because stress and
-    plastic flow keep one direction: |sigma| <= Y + H p.
+    Exact for strain that varies monotonically between the given values, because then stress and
+    plastic flow have a constant direction: |sigma| <= Y + H p.
     """
     stress, accumulated = [], []
     e_p = p = 0.0
@@ -46,26 +54,36 @@ def uniaxial_stress(strain: ArrayLike, E: float, Y: float, E_t: float) -> tuple[
     """Return (stress, accumulated plastic strain) of a bar along a history of axial strains.
 
     Args:
-        strain: axial strain, starting from rest; monotonic between entries, shape (m,).
+        strain: axial strain, starting from zero; monotonic between entries, shape (m,).
         E: Young's modulus (force/length^2).
         Y: yield strength (force/length^2).
         E_t: tangent modulus (force/length^2).
+
+    Examples:
+        >>> stress, p = asp.reference.uniaxial_stress([0.001, 0.003, 0.0], E=200.0, Y=0.2, E_t=0.0)
+        >>> stress.round(6), p.round(6)
+        (array([ 0.2,  0.2, -0.2]), array([0.   , 0.002, 0.003]))
     """
     return _piecewise(strain, E, E, Y, hardening_modulus(E, E_t))
 
 
 def confined_stress(strain: ArrayLike, E: float, nu: float, Y: float, E_t: float) -> tuple[Array, Array, Array]:
-    """Return (axial stress, lateral stress, accumulated plastic strain), no lateral strain.
+    """Return (axial stress, lateral stress, accumulated plastic strain) without lateral strain.
 
     The stress difference is q = 2 mu e - 3 mu e_p, the mean stress K e: yield at |e| = Y/(2 mu),
     and p = (2 mu |e| - Y)/(3 mu + H) on the first loading.
 
     Args:
-        strain: axial strain, starting from rest; monotonic between entries, shape (m,).
+        strain: axial strain, starting from zero; monotonic between entries, shape (m,).
         E: Young's modulus (force/length^2).
         nu: Poisson's ratio.
         Y: yield strength (force/length^2).
         E_t: tangent modulus (force/length^2).
+
+    Examples:
+        >>> axial, lateral, p = asp.reference.confined_stress([-0.01], E=200.0, nu=0.3, Y=0.2, E_t=0.0)
+        >>> print(f"{axial[0]:.4f}, {lateral[0]:.4f}, {p[0]:.6f}")
+        -1.8000, -1.6000, 0.005800
     """
     mu, bulk = E / (2 * (1 + nu)), E / (3 * (1 - 2 * nu))
     q, p = _piecewise(strain, 2 * mu, 3 * mu, Y, hardening_modulus(E, E_t))
@@ -77,11 +95,11 @@ def j2_path(strain: ArrayLike, E: float, nu: float, Y: float, E_t: float, rtol: 
     """Integrate the J2 rate equations along straight segments of strain, without a return map.
 
     s' = 2 mu (e' - lambda' n), n = s/|s|, lambda' = n:e' 2 mu/(2 mu + 2H/3) once |s| =
-    sqrt(2/3)(Y + H p). On a straight segment n turns towards e', so flow once begun goes on; the
-    point where it begins solves a quadratic, the rest is an ODE (Dormand-Prince 8(5,3)).
+    sqrt(2/3)(Y + H p). On a straight segment n turns towards e', so flow continues once it has begun. The point
+    where it begins solves a quadratic equation; the rest is an ODE (Dormand-Prince 8(5,3)).
 
     Args:
-        strain: symmetric strains at the corners of the path, starting from rest, (m, 3, 3).
+        strain: symmetric strains at the corners of the path, starting from zero, (m, 3, 3).
         E: Young's modulus (force/length^2).
         nu: Poisson's ratio.
         Y: yield strength (force/length^2).
@@ -90,6 +108,13 @@ def j2_path(strain: ArrayLike, E: float, nu: float, Y: float, E_t: float, rtol: 
 
     Returns:
         stress (m, 3, 3) (force/length^2) and accumulated plastic strain (m,).
+
+    Examples:
+        >>> shear = np.zeros((1, 3, 3))
+        >>> shear[0, 0, 1] = shear[0, 1, 0] = 0.01
+        >>> stress, p = asp.reference.j2_path(shear, E=200.0, nu=0.3, Y=0.3, E_t=0.0)
+        >>> print(f"{stress[0, 0, 1]:.6f}")  # Y/sqrt(3)
+        0.173205
     """
     from scipy.integrate import solve_ivp
 
@@ -132,9 +157,9 @@ def _elastic_share(s: Array, ds: Array, radius: float) -> float:
 
 @dataclass(frozen=True)
 class PressurisedSphere:
-    """A thick sphere under internal pressure: Hill, Plasticity (1950), chapter V.2.
+    """Thick sphere under internal pressure: Hill, Plasticity (1950), chapter V.2.
 
-    With linear hardening added: compatibility, equilibrium and elastic volume change give
+    Linear hardening is added: compatibility, equilibrium and elastic volume change give
     3 (1-nu) S/E + 3/2 e_p = 3 (1-nu) (Y/E) c^3/r^3 for the stress difference S, so that
     S = Y (1 + h (c^3/r^3 - 1)) in the plastic zone a <= r <= c, h = t/(1+t), t = 2 (1-nu) H/E.
 
@@ -145,6 +170,11 @@ class PressurisedSphere:
         nu: Poisson's ratio.
         Y: yield strength (force/length^2).
         E_t: tangent modulus (force/length^2).
+
+    Examples:
+        >>> sphere = asp.reference.PressurisedSphere(a=1.0, b=2.0, E=200.0, nu=0.3, Y=0.2)
+        >>> print(f"{sphere.pressure(1.0):.4f} to {sphere.pressure(2.0):.4f}")  # first yield to collapse
+        0.1167 to 0.2773
     """
 
     a: float
@@ -160,13 +190,17 @@ class PressurisedSphere:
         return t / (1 + t)
 
     def pressure(self, c: float) -> float:
-        """Return the pressure (force/length^2) that brings the plastic zone to the radius c."""
+        """Return the pressure (force/length^2) at which the plastic zone has the outer radius c.
+
+        Raises:
+            InputError: c does not lie between a and b.
+        """
         if not self.a <= c <= self.b:
             raise InputError(f"plastic radius {c:g} must lie between {self.a:g} and {self.b:g}.")
         return -float(self.radial_stress(self.a, c))
 
     def radial_stress(self, r: ArrayLike, c: float) -> Array:
-        """Return sigma_r (force/length^2) at radius r with the plastic zone up to c."""
+        """Return sigma_r (force/length^2) at radius r for a plastic zone up to c."""
         r, h, Y = np.asarray(r, float), self._h, self.Y
         inner = np.minimum(r, c)  # plastic part of the integral of 2 S/r
         outer = np.maximum(r, c)
@@ -174,14 +208,14 @@ class PressurisedSphere:
         return -plastic - 2 / 3 * Y * c**3 * (outer**-3 - self.b**-3)
 
     def hoop_stress(self, r: ArrayLike, c: float) -> Array:
-        """Return sigma_theta (force/length^2) at radius r."""
+        """Return sigma_theta (force/length^2) at radius r for a plastic zone up to c."""
         r = np.asarray(r, float)
         ratio = (c / r) ** 3
         difference = np.where(r < c, 1 + self._h * (ratio - 1), ratio)
         return self.radial_stress(r, c) + self.Y * difference
 
     def displacement(self, r: ArrayLike, c: float) -> Array:
-        """Return u_r (length) at radius r; one formula on both sides of c."""
+        """Return u_r (length) at radius r; the formula is the same on both sides of c."""
         r = np.asarray(r, float)
         deviator = (1 - self.nu) * self.Y * c**3 / (self.E * r**2)
         return deviator + (1 - 2 * self.nu) / self.E * r * self.radial_stress(r, c)
@@ -226,15 +260,20 @@ class _Yield:
 def jackson_green(delta: ArrayLike, R: float, E: float, nu: float, Y: float) -> tuple[Array, Array]:
     """Return (force, contact area) of an elastic-perfectly plastic sphere pressed by a rigid flat.
 
-    Jackson and Green, J. Tribol. 127 (2005) 343; a fit to finite elements, good to a few per
+    Jackson and Green, J. Tribol. 127 (2005) 343; a fit to finite elements with errors of a few per
     cent. Hertz below 1.9 delta_c.
 
     Args:
-        delta: deflection (length).
+        delta: approach (length).
         R: radius (length).
         E: Young's modulus (force/length^2).
         nu: Poisson's ratio.
         Y: yield strength (force/length^2).
+
+    Examples:
+        >>> force, area = asp.reference.jackson_green(1e-5, R=1e-3, E=200e9, nu=0.3, Y=1e9)
+        >>> print(f"{force:.2f} N, {1e6 * area:.4f} mm^2")
+        146.49 N, 0.0556 mm^2
     """
     delta = np.asarray(delta, float)
     onset = _Yield(reduced_modulus(E, nu), nu, Y, R)
@@ -252,7 +291,12 @@ def kogut_etsion(delta: ArrayLike, R: float, E: float, nu: float, Y: float) -> t
     """Return (force, contact area) of an elastic-perfectly plastic sphere pressed by a rigid flat.
 
     Kogut and Etsion, J. Appl. Mech. 69 (2002) 657, hardness 2.8 Y; fits for delta up to
-    110 delta_c, NaN beyond. Arguments as for :func:`jackson_green`.
+    110 delta_c, NaN beyond. Arguments as for `jackson_green`.
+
+    Examples:
+        >>> force, area = asp.reference.kogut_etsion(1e-5, R=1e-3, E=200e9, nu=0.3, Y=1e9)
+        >>> print(f"{force:.2f} N, {1e6 * area:.4f} mm^2")
+        147.46 N, 0.0555 mm^2
     """
     delta = np.asarray(delta, float)
     E_prime = reduced_modulus(E, nu)
@@ -268,8 +312,16 @@ def ghaednia(delta: ArrayLike, R: float, E: float, nu: float, Y: float, E_t: flo
     """Return (force, contact area) of a bilinearly hardening sphere pressed by a rigid flat.
 
     Ghaednia, Brake, Berryhill and Jackson, J. Tribol. 141 (2019) 031402, eqs. 21-30, eq. 26 as
-    corrected by the authors' own implementation; a fit to finite elements, good to 5-8 %.
-    Arguments as for :func:`jackson_green`, and the tangent modulus E_t (0 <= E_t < E).
+    corrected in the authors' own implementation; a fit to finite elements with errors of 5 to 8 %.
+    Arguments as for `jackson_green`, and the tangent modulus E_t (force/length^2), 0 <= E_t < E.
+
+    Raises:
+        InputError: E_t is out of range.
+
+    Examples:
+        >>> force, area = asp.reference.ghaednia(1e-5, R=1e-3, E=200e9, nu=0.3, Y=1e9, E_t=20e9)
+        >>> print(f"{force:.2f} N, {1e6 * area:.4f} mm^2")
+        188.53 N, 0.0410 mm^2
     """
     hardening_modulus(E, E_t)
     delta = np.asarray(delta, float)

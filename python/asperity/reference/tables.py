@@ -1,4 +1,4 @@
-"""Computed figures: rough elastic surfaces by a half-space FFT solver, a flattened sphere by plane finite elements."""
+"""Computed reference values: rough elastic surfaces (half-space FFT), flattened sphere (finite elements)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class RoughPoint:
 
     Attributes:
         P_star: P/(A_0 E').
-        delta_star: deflection of the interface over L; the block adds P* (h_b/L) E'/M.
+        delta_star: approach of the interface over L; the block adds P* (h_b/L) E'/M.
         area_fraction: true over nominal contact area.
     """
 
@@ -24,8 +24,8 @@ class RoughPoint:
     area_fraction: float
 
 
-#: Sides u.n = 0, nu = 0.3, the surface of rough_elastic_surface(); rms slope 0.137, so that
-#: half-space theory is good to a few per cent.
+#: Sides u.n = 0, nu = 0.3, the surface of rough_elastic_surface(). The rms slope is 0.137, so
+#: half-space theory has errors of a few per cent.
 ROUGH_ELASTIC = (
     RoughPoint(0.001367, 0.010038, 0.0267),
     RoughPoint(0.004102, 0.015552, 0.0668),
@@ -35,7 +35,7 @@ ROUGH_ELASTIC = (
 
 #: (D, G in m) -> (mean, standard deviation) of the exponent n of the whole block over
 #: rough_elastic_surface(D, G, seed), seeds 0 to 5; h_b = L, delta*_max = 0.02, elastic, nu = 0.3,
-#: linear norm. The points of a fit move n by a few hundredths, other seeds by the deviation.
+#: linear norm. The choice of the points changes n by a few hundredths, other seeds by the deviation.
 ROUGH_ELASTIC_FITS = {
     (2.4, 1e-13): (1.36, 0.04),
     (2.4, 1e-12): (1.79, 0.10),
@@ -46,14 +46,20 @@ ROUGH_ELASTIC_FITS = {
 
 
 def rough_elastic_surface(D: float = 2.4, G: float = 1.36e-11, seed: int = 0) -> WeierstrassMandelbrot:
-    """Return a surface of the tables, L = 1 um, with phases of their own layout."""
+    """Return a surface of the tables, L = 1 um; the layout of its random phases is fixed.
+
+    Examples:
+        >>> surface = asp.reference.rough_elastic_surface()
+        >>> surface.L, surface.D
+        (1e-06, 2.4)
+    """
     phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, size=(64, 11)).T[:, :6]
     return WeierstrassMandelbrot(L=1e-6, D=D, G=G, phases=phases)
 
 
 #: E_t/E -> force over that at the onset of yield, of a hemisphere on a sliding base pressed by a rigid flat to
-#: FLATTENED_DEPTHS times that deflection (Jackson and Green's); E = 200 GPa, nu = 0.3, Y = 1 GPa, small strains.
-#: Second-order triangles in the plane of r and z (benchmarks/sphere.py); another mesh moves the forces by at most
+#: FLATTENED_DEPTHS times that approach (Jackson and Green's); E = 200 GPa, nu = 0.3, Y = 1 GPa, small strains.
+#: Second-order triangles in the plane of r and z (benchmarks/sphere.py); another mesh changes the forces by at most
 #: 0.4 %, for E_t = 0 by 2 %.
 FLATTENED_SPHERE = {
     0.0: (12.99, 25.78, 195.82, 444.63),

@@ -1,1 +1,1 @@
-"""Static laws of the contact and the damping: force over approach, and its restoring force about a preload."""
+"""Static contact laws (force over approach), restoring force about a preload, damping models."""

@@ -1,8 +1,8 @@
-"""Static laws of a contact: force against deflection, as a reversible spring.
+"""Static laws of a contact: force over approach, as a reversible spring.
 
-A law gives force, stiffness and potential at a deflection `z` (length), measured from the point where
-contact is made: a contact law is zero for ``z <= 0``. Vibration only ever sees a law through its normal
-form about a preload, `Restoring`:
+A law gives force, stiffness and potential at an approach `z` (length), measured from first contact: a contact
+law is zero for ``z <= 0``. The equations of vibration use a law only in its normal form about a preload,
+`Restoring`:
 
     f(u) = [F_s(z_s (1 + u)) - W] / (z_s F_s'(z_s)),    F_s(z_s) = W,    free flight f = -1/n_loc,
 
@@ -24,13 +24,13 @@ from asperity.arrays import Array
 from asperity.errors import InputError, RangeError
 
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(16)
-EXPONENT = (0.25, 100.0)  # softer and stiffer contacts have orbits that no number of harmonics describes
+EXPONENT = (0.25, 100.0)  # outside, no practical number of harmonics describes the orbits
 COEFFICIENT = (1e-100, 1e100)
-_SMALL = 0.05  # below this |u| the potential is summed, not subtracted
+_SMALL = 0.05  # below this |u| the potential is integrated or summed: differences of potentials cancel
 
 
 def positive(name: str, value: float, *, zero: bool = False) -> float:
-    """Return `value` as a float, or raise `InputError` unless it is finite and positive (or zero)."""
+    """Return `value` as a float; raise `InputError` unless it is finite and positive (or zero)."""
     try:
         number = float(value)
     except (TypeError, ValueError):
@@ -42,7 +42,7 @@ def positive(name: str, value: float, *, zero: bool = False) -> float:
 
 
 def within(name: str, value: float, legal: tuple[float, float]) -> float:
-    """Return `value` as a float, or raise `InputError` unless it is a number in the legal range."""
+    """Return `value` as a float; raise `InputError` unless it is in the legal range."""
     number, (low, high) = positive(name, value), legal
     if not low <= number <= high:
         raise InputError(f"{name} = {number:g} is not legal: it must lie between {low:g} and {high:g}")
@@ -50,7 +50,7 @@ def within(name: str, value: float, legal: tuple[float, float]) -> float:
 
 
 def positives(name: str, values: Any) -> tuple[float, ...]:
-    """Return one number or several as a tuple, or raise `InputError` unless there is one and all are positive."""
+    """Return one number or several as a tuple; raise `InputError` if there is none or one is not positive."""
     several = isinstance(values, Iterable) and not isinstance(values, str)
     if isinstance(values, np.ndarray):
         several = values.ndim > 0
@@ -61,57 +61,92 @@ def positives(name: str, values: Any) -> tuple[float, ...]:
 
 
 class Law(ABC):
-    """Force-deflection law; subclasses are immutable."""
+    """Force over approach of a contact; subclasses are immutable.
+
+    A subclass defines `both`, `potential`, `derivatives` and `describe`, and a finite `z_range` unless it also
+    defines `deflection`.
+
+    Examples:
+        A linear spring of 2 N/m that pushes only:
+
+        >>> class Spring(Law):
+        ...     z_range = (0.0, 1e3)
+        ...
+        ...     def both(self, z):
+        ...         return 2.0 * np.maximum(z, 0.0), np.where(np.asarray(z) > 0, 2.0, 0.0)
+        ...
+        ...     def potential(self, z):
+        ...         return np.maximum(z, 0.0) ** 2
+        ...
+        ...     def derivatives(self, z):
+        ...         return 2.0, 0.0, 0.0
+        ...
+        ...     def describe(self):
+        ...         return "spring"
+        >>> spring = Spring()
+        >>> spring.force([-1.0, 0.5])
+        array([0., 1.])
+        >>> asp.ContactOscillator(spring, load=3.0).restoring.z_s
+        1.5
+    """
 
     contact = True
     """Whether the force vanishes for ``z <= 0`` (False for a truncated series)."""
 
     extrapolate = True
-    """Whether deflections outside `z_range` are allowed."""
+    """Whether approaches outside `z_range` are allowed."""
 
     scalar = False
-    """Whether `at` works on plain numbers, many times faster than `both` on an array of one."""
+    """Whether `at` works on plain floats, many times faster than `both` on an array of one element."""
 
     @abstractmethod
     def both(self, z: Array) -> tuple[Array, Array]:
-        """Force and stiffness (force/length) at deflections `z` (length, any shape)."""
+        """Return force and stiffness (force/length) at approaches `z` (length, any shape)."""
 
     def push(self, z: Array) -> Array:
-        """Force alone at `z`, unchecked."""
+        """Return the force alone at `z`, without range check."""
         return self.both(z)[0]
 
     def at(self, z: float) -> tuple[float, float]:
-        """Force and stiffness at one deflection, unchecked: the inner loop of event-accurate integration."""
+        """Return force and stiffness at one approach, without range check, for the inner loop of integration."""
         force, slope = self.both(np.array([z]))
         return float(force[0]), float(slope[0])
 
     @abstractmethod
     def potential(self, z: ArrayLike) -> Array:
-        """Energy stored at `z`, the integral of the force from 0 (force * length)."""
+        """Return the energy stored at `z`, the integral of the force from 0 (force * length)."""
 
     @abstractmethod
     def derivatives(self, z: float) -> tuple[float, float, float]:
-        """First three derivatives of the force at `z` (force/length, /length^2, /length^3)."""
+        """Return the first three derivatives of the force at `z` (force/length, /length^2, /length^3)."""
 
     @abstractmethod
     def describe(self) -> str:
-        """One line that names the law and its parameters."""
+        """Return one line that names the law and its parameters."""
 
     @property
     def z_range(self) -> tuple[float, float]:
-        """Deflections the law is known on (length)."""
+        """Smallest and largest approach at which the law is known (length)."""
         return (0.0, np.inf)
 
     def force(self, z: ArrayLike) -> Array:
-        """Force at `z` (length); refuses deflections outside `z_range`."""
+        """Return the force at `z` (length, any shape).
+
+        Raises:
+            RangeError: an approach lies outside `z_range` of a law that does not extrapolate.
+        """
         return self.both(self._checked(z))[0]
 
     def stiffness(self, z: ArrayLike) -> Array:
-        """Tangent stiffness (force/length) at `z`; refuses deflections outside `z_range`."""
+        """Return the tangent stiffness (force/length) at `z` (length, any shape).
+
+        Raises:
+            RangeError: as for `force`.
+        """
         return self.both(self._checked(z))[1]
 
     def deflection(self, load: float) -> float:
-        """Static deflection (length) under `load` (force).
+        """Return the static deflection (length) under `load` (force), the approach at rest.
 
         Raises:
             RangeError: the law does not reach the load.
@@ -129,15 +164,15 @@ class Law(ABC):
         )
 
     def doubts(self, load: float) -> tuple[str, ...]:
-        """What makes the law doubtful about a load (force), a sentence each."""
+        """Return reasons to doubt the law near a load (force), one sentence each."""
         return ()
 
     def n_loc(self, z: float) -> float:
-        """Local exponent ``z F'(z) / F(z)``; it equals n for a power law."""
+        """Return the local exponent ``z F'(z) / F(z)``; it equals n for a power law."""
         return z * self.derivatives(z)[0] / float(self.both(np.array([z]))[0][0])
 
     def kappa(self, z: float) -> float:
-        """Backbone curvature: omega/omega_s = 1 + kappa a^2 (a: amplitude over z).
+        """Return the backbone curvature: omega/omega_s = 1 + kappa a^2 (a: amplitude over z).
 
         ``kappa = (z^2/48) [3 P'''/P' - 5 (P''/P')^2]`` (multiple scales; Nayfeh & Mook 1979, section 2.3).
         """
@@ -145,7 +180,7 @@ class Law(ABC):
         return z**2 / 48.0 * (3.0 * p3 / p1 - 5.0 * (p2 / p1) ** 2)
 
     def well(self, u: Array, z_s: float, load: float, scale: float) -> Array:
-        """Normalised potential ``V(u)``, the integral of f from 0 to u."""
+        """Return the normalised potential ``V(u)``, the integral of f from 0 to u."""
         u = np.asarray(u, float)
         inside = np.maximum(u, -1.0) if self.contact else u
         value = (self.potential(z_s * (1 + inside)) - self.potential(z_s) - load * z_s * inside) / (scale * z_s)
@@ -165,8 +200,8 @@ class Law(ABC):
             if z.size and (z.max() > high * (1 + 1e-12) or (not self.contact and z.min() < low)):
                 worst = z.max() if z.max() > high else z.min()
                 raise RangeError(
-                    f"deflection {worst:g} lies outside the law, known from {low:g} to {high:g}; "
-                    "compute the curve further or ask for extrapolate=True"
+                    f"approach {worst:g} lies outside the law, known from {low:g} to {high:g}; "
+                    "compute the curve further or use extrapolate=True"
                 )
         return z
 
@@ -180,11 +215,18 @@ class PowerLaw(Law):
         K: coefficient (force/length^n), 1e-100 to 1e100.
         ci_n: 95 % confidence interval of n, or None.
         ci_K: 95 % confidence interval of K, or None.
-        correlation: of the estimates of ln K and n.
-        fitted_to: greatest deflection of the points it was fitted to (length); results say where they pass it.
+        correlation: correlation of the estimates of ln K and n.
+        fitted_to: largest approach of the fitted points (length); notes report results beyond it.
 
     Raises:
-        InputError: n or K is out of range.
+        InputError: n or K is out of range, or an interval does not contain its value.
+
+    Examples:
+        >>> law = asp.PowerLaw(1.5, K=2.0)
+        >>> law.force([0.0, 1.0, 4.0])
+        array([ 0.,  2., 16.])
+        >>> round(law.deflection(16.0), 6), law.n_loc(1.0), round(law.kappa(1.0), 6)
+        (4.0, 1.5, -0.041667)
     """
 
     n: float
@@ -205,11 +247,11 @@ class PowerLaw(Law):
 
     @classmethod
     def from_fit(cls, fit: Any, length: float = 1.0, force: float = 1.0) -> PowerLaw:
-        """Law ``F = force * k (z/length)^n`` of a `PowerLawFit`, with its confidence.
+        """Return the law ``F = force * k (z/length)^n`` of a `PowerLawFit`, with its confidence intervals.
 
         Args:
-            fit: k, n, ci_k, ci_n and correlation of a fit in dimensionless variables.
-            length: unit of the deflection (L for delta*).
+            fit: fit in dimensionless variables, with k, n, ci_k, ci_n, correlation and range.
+            length: unit of the approach (L for delta*).
             force: unit of the force (A_0 E' for P*).
         """
         shift = np.log(length)
@@ -231,7 +273,7 @@ class PowerLaw(Law):
 
     def both(self, z: Array) -> tuple[Array, Array]:
         s = np.maximum(z, 0.0)
-        if self.n < 1:  # the stiffness is infinite at the very point of separation
+        if self.n < 1:  # the stiffness is infinite at the point of separation
             with np.errstate(divide="ignore"):
                 slope = np.where(s > 0, s ** (self.n - 1.0), 0.0)
         else:
@@ -282,12 +324,21 @@ class PowerLaw(Law):
 
 @dataclass(frozen=True)
 class TaylorLaw(Law):
-    """Cubic Taylor series of a law about a static deflection; it knows no contact loss.
+    """Cubic Taylor series of a law about a static deflection, without contact loss.
 
     Attributes:
         z_s: static deflection (length).
         load: force at `z_s`.
-        p: first three derivatives of the force at `z_s`.
+        p: first three derivatives of the force at `z_s` (force/length, /length^2, /length^3).
+
+    Examples:
+        The force of the series stays positive where the contact has opened:
+
+        >>> series = asp.TaylorLaw.about(asp.PowerLaw(1.5), load=1.0)
+        >>> series.p
+        (1.5, 0.75, -0.375)
+        >>> series.force([1.0, 1.1, 0.0]).round(6)
+        array([ 1.      ,  1.153688, -0.0625  ])
     """
 
     z_s: float
@@ -345,9 +396,9 @@ class TaylorLaw(Law):
         return f"cubic Taylor series about z_s = {self.z_s:g}"
 
     def rim(self) -> float:
-        """Deflection u of the saddle nearest below the well, -inf when there is none.
+        """Return the displacement u of the nearest saddle below the well, -inf if there is none.
 
-        Motion that passes it escapes, a property of the truncation and not of the contact.
+        Motion beyond it escapes: a property of the truncated series, not of the contact.
         """
         p1, p2, p3 = self.p
         z = self.z_s
@@ -357,7 +408,7 @@ class TaylorLaw(Law):
         return float(below.max()) if below.size else -np.inf
 
     def rim_above(self) -> float:
-        """Deflection u of the saddle nearest above the well, +inf when there is none."""
+        """Return the displacement u of the nearest saddle above the well, +inf if there is none."""
         p1, p2, p3 = self.p
         z = self.z_s
         roots = np.roots([p3 * z * z / (6 * p1), p2 * z / (2 * p1), 1.0])

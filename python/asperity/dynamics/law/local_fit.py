@@ -9,8 +9,8 @@ from scipy.stats import t as student
 
 from asperity.arrays import Array
 
-_NEAR = 9  # least number of points that tell the scatter
-_AROUND = float(np.log(1.5))  # in ln z, within which all do
+_NEAR = 9  # smallest number of points from which the scatter is estimated
+_AROUND = float(np.log(1.5))  # distance in ln z within which all points are used
 _OF_MEDIAN = 1.4826  # standard deviation of a normal distribution over the median of its magnitude
 
 
@@ -21,10 +21,16 @@ class LocalFit:
     Attributes:
         z: the point (length).
         coefficients: ln F = c_0 + c_1 x + c_2 x^2 + ..., x = ln(z'/z).
-        covariance: of the coefficients.
+        covariance: covariance of the coefficients.
         freedom: degrees of freedom of the residual.
         scatter: standard deviation of ln F about the fit.
         spacing: mean distance of the points in ln z.
+
+    Examples:
+        >>> z = np.geomspace(0.1, 1.0, 20)
+        >>> fit = asp.TableLaw(z, 3.0 * z**1.5).local_fit(0.5)
+        >>> [round(float(d), 4) for d in fit.derivatives()]
+        [3.182, 3.182, -3.182]
     """
 
     z: float
@@ -35,17 +41,17 @@ class LocalFit:
     spacing: float
 
     def logarithmic(self) -> Array:
-        """First three derivatives of ln F with respect to ln z."""
+        """Return the first three derivatives of ln F with respect to ln z."""
         c = np.zeros(4)
         c[: self.coefficients.size] = self.coefficients
         return c[1:] * np.array([1.0, 2.0, 6.0])
 
     def derivatives(self) -> tuple[float, float, float]:
-        """First three derivatives of F at z."""
+        """Return the first three derivatives of F at z (force/length, /length^2, /length^3)."""
         return log_derivatives(self.logarithmic(), float(np.exp(self.coefficients[0])), self.z)
 
     def interval(self, quantity: str, confidence: float = 0.95) -> tuple[float, float]:
-        """Confidence interval of "n_loc" or "kappa" by linear propagation of the covariance."""
+        """Return the confidence interval of "n_loc" or "kappa" by linear propagation of the covariance."""
         functions = {"n_loc": lambda y: y[0], "kappa": _kappa}
         function = functions[quantity]
         y = self.logarithmic()
@@ -63,7 +69,7 @@ class LocalFit:
 
 
 def log_derivatives(y: Array, force: float, z: float) -> tuple[float, float, float]:
-    """Derivatives of F from those of ln F with respect to ln z."""
+    """Return the derivatives of F from those of ln F with respect to ln z."""
     a, b, c = y
     q1 = a
     q2 = a * a - a + b
@@ -77,7 +83,7 @@ def _kappa(y: Array) -> float:
 
 
 def regress(x: Array, y: Array, degree: int) -> tuple[Array, Array, int]:
-    """Least-squares polynomial: coefficients (rising powers), covariance, degrees of freedom."""
+    """Fit a polynomial: coefficients (rising powers), their covariance, degrees of freedom."""
     basis = np.vander(x, degree + 1, increasing=True)
     c, *_ = np.linalg.lstsq(basis, y, rcond=None)
     freedom = max(x.size - degree - 1, 1)
@@ -87,12 +93,12 @@ def regress(x: Array, y: Array, degree: int) -> tuple[Array, Array, int]:
 
 
 def roughness(x: Array, y: Array) -> float:
-    """Relative uncertainty at x = 0 of the slope dy/dx through points that scatter.
+    """Return the relative uncertainty at x = 0 of the slope dy/dx through points that scatter.
 
-    The scatter is that of the points about the cubic through their four neighbours, from the median of those near 0
-    (after Gasser, Sroka & Jennen-Steinmetz, Biometrika 73 (1986) 625, who take the line through two). No smooth curve
-    leaves a trace in it, nor a few corners, as where the next summit is touched; a polynomial fitted to many points
-    would miss both and call the curve noisy.
+    Scatter is the distance of a point from the cubic through its four neighbours; the median near 0 counts
+    (after Gasser, Sroka & Jennen-Steinmetz, Biometrika 73 (1986) 625, who take the line through two neighbours).
+    A smooth curve has no such scatter, and a few corners, as where the next summit touches, do not change the
+    median. A polynomial fitted to many points would misread both as noise.
 
     Args:
         x, y: at least 5 points in rising order, shape (m,).

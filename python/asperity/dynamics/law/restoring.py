@@ -1,4 +1,4 @@
-"""Normal form of a law about a preload: the restoring force that all of the dynamics sees."""
+"""Normal form of a law about a preload: the restoring force of the equations of motion."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from asperity.arrays import Array
 from asperity.dynamics.law.law import Law
 from asperity.errors import InputError, RangeError
 
-_LEAST = 1e-75  # its cube must remain a number
+_SMALLEST = 1e-75  # its cube must not underflow
 
 
 @dataclass(frozen=True)
@@ -24,10 +24,21 @@ class Restoring:
         load: preload W (force).
         z_s: static deflection (length).
         scale: z_s F'(z_s) (force); F^ = F / scale.
-        n_loc: scale / W.
-        a2, a3: f = u + a2 u^2 + a3 u^3 + ...
+        n_loc: local exponent, scale / W.
+        a2, a3: coefficients of f = u + a2 u^2 + a3 u^3 + ...
         kappa: backbone curvature, omega/omega_s = 1 + kappa a^2.
-        u_range: deflections u the law is known on.
+        u_range: smallest and largest displacement u at which the law is known.
+
+    Raises:
+        InputError: load or static deflection beyond floating-point range, or stiffness not positive.
+        RangeError: the law does not reach the load.
+
+    Examples:
+        >>> r = asp.ContactOscillator(asp.PowerLaw(2.0), load=4.0).restoring
+        >>> r.z_s, r.n_loc, r.a2
+        (2.0, 2.0, 0.5)
+        >>> r.f([-2.0, -1.0, 0.0, 1.0])  # contact is lost below u = -1
+        array([-0.5, -0.5,  0. ,  1.5])
     """
 
     law: Law
@@ -42,10 +53,10 @@ class Restoring:
 
     def __post_init__(self) -> None:
         z = self.law.deflection(self.load)
-        if not all(_LEAST < value < 1.0 / _LEAST for value in (z, self.load)):
+        if not all(_SMALLEST < value < 1.0 / _SMALLEST for value in (z, self.load)):
             raise InputError(
-                f"the static deflection is {z:g} under load = {self.load:g}, beyond the arithmetic: both must lie "
-                f"between {_LEAST:g} and {1.0 / _LEAST:g}; choose another load or other units"
+                f"the static deflection is {z:g} under load = {self.load:g}, beyond floating-point range: both must "
+                f"lie between {_SMALLEST:g} and {1.0 / _SMALLEST:g}; choose another load or other units"
             )
         p1, p2, p3 = self.law.derivatives(z)
         if not p1 > 0:
@@ -76,38 +87,38 @@ class Restoring:
         return self.law.contact
 
     def pull(self, u: Array) -> tuple[Array, Array]:
-        """Contact force over `scale`, zero in flight, and its derivative with respect to u."""
+        """Return the contact force over `scale`, zero in flight, and its derivative with respect to u."""
         force, slope = self.law.both(self.z_s * (1.0 + u))
         return force / self.scale, slope * (self.z_s / self.scale)
 
     def pull_at(self, u: float) -> tuple[float, float]:
-        """`pull` at one deflection."""
+        """Return `pull` at one displacement."""
         force, slope = self.law.at(self.z_s * (1.0 + u))
         return force / self.scale, slope * (self.z_s / self.scale)
 
     def pull_only(self, u: Array) -> Array:
-        """Contact force over `scale` without its derivative: the inner loop of time integration."""
+        """Return the contact force over `scale` alone, for the inner loop of time integration."""
         return self.law.push(self.z_s * (1.0 + u)) / self.scale
 
     def f(self, u: ArrayLike) -> Array:
-        """Restoring force f(u)."""
+        """Return the restoring force f(u), same shape as `u`."""
         return self.pull(np.asarray(u, float))[0] - 1.0 / self.n_loc
 
     def df(self, u: ArrayLike) -> Array:
-        """Derivative f'(u)."""
+        """Return the derivative f'(u), same shape as `u`."""
         return self.pull(np.asarray(u, float))[1]
 
     def potential(self, u: ArrayLike) -> Array:
-        """Potential V(u), V(0) = 0."""
+        """Return the potential V(u) with V(0) = 0, same shape as `u`."""
         return self.law.well(np.asarray(u, float), self.z_s, self.load, self.scale)
 
     def pulled(self, u: ArrayLike) -> Array:
-        """Energy stored in the contact since it was made at u = -1: the integral of `pull`."""
+        """Return the energy stored in the contact, the integral of `pull` from u = -1."""
         z = self.z_s * (1.0 + np.asarray(u, float))
         return self.law.potential(z) / (self.scale * self.z_s)
 
     def check_range(self, u_min: float, u_max: float) -> None:
-        """Raise `RangeError` when an orbit leaves the range the law is known on."""
+        """Raise `RangeError` if an orbit leaves the range of the law."""
         low, high = self.u_range
         if u_max > high * (1 + 1e-9) or u_min < low:
             worst = u_max if u_max > high else u_min

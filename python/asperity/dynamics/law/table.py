@@ -1,8 +1,8 @@
 """Laws from computed or measured points: loading curves and unload-reload branches.
 
 Values come from a shape-preserving cubic through the points in (ln z, ln F), where every power law is a
-straight line. Derivatives never do (half a percent of noise would ruin the second): they come from a
-local polynomial fit in (ln z, ln F), with its confidence interval.
+straight line. Derivatives come from a local polynomial fit in (ln z, ln F), with its confidence interval: those
+of the interpolant would be useless, because half a percent of noise ruins the second one.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from asperity.dynamics.law.law import Law, PowerLaw, positive
 from asperity.dynamics.law.local_fit import LocalFit, log_derivatives, regress, roughness
 from asperity.errors import InputError, RangeError
 
-_POINTS = 5  # least number of points of a table
-_TOUCH = 1e-9  # of the greatest force, above which a row is in contact
-_CLOSED = 1e-3  # of the deflection or force at the top of a loop, by which its reloading may end below
+_POINTS = 5  # smallest number of points of a table
+_TOUCH = 1e-9  # share of the largest force above which a row is in contact
+_CLOSED = 1e-3  # a reloading closes its loop if it ends within this share below the top, in approach or force
 _NOISY = 0.1  # relative uncertainty of the stiffness through the points
 _CELL_X, _CELL_W = np.polynomial.legendre.leggauss(10)
 
@@ -37,18 +37,26 @@ class TableLaw(Law):
     """Law through points (z_i, F_i).
 
     Attributes:
-        z: deflections from the point of contact (length), rising; not positive ones are dropped.
-        F: forces, rising with z.
-        origin: deflection of the curve at which contact is made; subtracted from the deflections given.
-        values: "interpolant" (through the points) or "fit" (the power law fitted to all points: for noise).
-        degree: degree of the local fit for the derivatives (1 to 3); lowered when points are few.
+        z: approaches from first contact (length), rising, shape (m,); rows with z <= 0 are dropped.
+        F: forces, rising with z, shape (m,).
+        origin: approach of the curve at first contact (length), subtracted from `z`.
+        values: "interpolant" (through the points) or "fit" (power law fitted to all points, for noisy data).
+        degree: degree of the local fit for the derivatives (1 to 3); lowered if points are few.
         extrapolate: continue beyond the last point along the last slope in (ln z, ln F).
-        name: what the law is, for descriptions.
+        name: name of the law in descriptions.
 
     Below the first point the law runs to the origin as a power of z, with the slope at the first point.
 
     Raises:
         InputError: the table is empty, too short, not finite, or not rising.
+
+    Examples:
+        >>> z = np.linspace(0.1, 2.0, 20)
+        >>> law = asp.TableLaw(z, z**1.5)
+        >>> law.describe(), law.z_range
+        ('table, 20 points, interpolated', (0.0, 2.0))
+        >>> f"{law.n_loc(1.0):.4f}, {law.force(1.05):.4f}"
+        '1.5000, 1.0759'
     """
 
     z: Array
@@ -64,11 +72,11 @@ class TableLaw(Law):
         try:
             z, F = np.asarray(self.z, float), np.asarray(self.F, float)
         except (TypeError, ValueError) as error:
-            raise InputError(f"the table holds something that is not a number: {error}") from None
+            raise InputError(f"the table contains something that is not a number: {error}") from None
         if z.ndim != 1 or z.shape != F.shape:
             raise InputError(f"a table needs two columns of one length, got shapes {z.shape} and {F.shape}")
         if z.size == 0:
-            raise InputError("the table is empty: it needs a row per deflection")
+            raise InputError("the table is empty: it needs one row per approach")
         if not (np.isfinite(z).all() and np.isfinite(F).all()):
             raise InputError(f"row {int(np.argmin(np.isfinite(z) & np.isfinite(F)))} of the table is not finite")
         if self.values not in ("interpolant", "fit"):
@@ -82,23 +90,23 @@ class TableLaw(Law):
             raise InputError(f"row {int(stray[0])} of the table has force {F[stray[0]]:g} <= 0 inside the contact")
         if ((z <= 0) & (F > 1e-6 * F.max())).any():
             raise InputError(
-                f"the table has force {F[z <= 0].max():g} at or below zero deflection: its origin is offset; "
-                'pass the deflection of first contact as origin, or use from_curve(..., origin="fit")'
+                f"the table has force {F[z <= 0].max():g} at or below zero approach: its origin is offset; "
+                'pass the approach of first contact as origin, or use from_curve(..., origin="fit")'
             )
         gap = np.flatnonzero((z > 0) & (F <= 0))
         if gap.size and z[gap[-1]] > 1e-9 * z.max():
             raise InputError(
-                f"the force is zero up to deflection {z[gap[-1]]:g}: the origin is offset; pass origin = "
+                f"the force is zero up to approach {z[gap[-1]]:g}: the origin is offset; pass origin = "
                 f'{z[gap[-1]] + self.origin:g}, or use from_curve(..., origin="fit")'
             )
         rows = np.flatnonzero(keep)
         z, F = z[keep], F[keep]
         if z.size < _POINTS:
             raise InputError(f"the table has {z.size} usable rows, at least {_POINTS} are needed")
-        for label, column in (("deflection", z), ("force", F)):
+        for label, column in (("approach", z), ("force", F)):
             bad = np.flatnonzero(np.diff(column) <= 0)
             if bad.size and not (label == "force" and self.values == "fit"):
-                remedy = "sort it" if label == "deflection" else 'smooth it, or use values="fit"'
+                remedy = "sort it" if label == "approach" else 'smooth it, or use values="fit"'
                 raise InputError(
                     f"the {label} does not rise after row {int(rows[bad[0]])} of the table "
                     f"({column[bad[0]]:g} to {column[bad[0] + 1]:g}): {remedy}"
@@ -109,35 +117,38 @@ class TableLaw(Law):
 
     @classmethod
     def from_curve(cls, curve: Any, *, branch: str = "load", origin: float | str = 0.0, **options: Any) -> TableLaw:
-        """Build from a `Curve`, a CSV file or a mapping with the columns delta and force.
+        """Build a table from a `Curve`, a CSV file or a mapping with the columns delta and force.
 
         Args:
-            curve: where the columns come from.
-            branch: rows used when there is a column "branch".
-            origin: deflection of first contact (length), or "fit" to find it with the power law.
-            **options: `values`, `degree`, `extrapolate`.
+            curve: source of the columns.
+            branch: branch to use if there is a column "branch".
+            origin: approach of first contact (length), or "fit" to find it with the power law.
+            **options: `values`, `degree`, `extrapolate`, `name`.
+
+        Raises:
+            InputError: as for `TableLaw`, or the columns cannot be read.
         """
         delta, force, branches = columns(curve)
         if branches is not None:
             delta, force = delta[branches == branch], force[branches == branch]
         if isinstance(origin, str):
             if origin != "fit":
-                raise InputError(f'origin = "{origin}" is unknown: give a deflection or "fit"')
+                raise InputError(f'origin = "{origin}" is unknown: give an approach or "fit"')
             origin = _fit_origin(delta, force)
         return cls(delta, force, origin=float(origin), **options)
 
     @property
     def z_range(self) -> tuple[float, float]:
-        """From contact to the last point (length); the table itself unless extrapolated."""
+        """Approach from first contact to the last point (length), 1e6 times as far if extrapolated."""
         return (0.0, 1e6 * float(self.z[-1]) if self.extrapolate else float(self.z[-1]))
 
     @property
     def knots(self) -> Array:
-        """Deflections where the law is not smooth (length)."""
+        """Approaches at which the law is not smooth (length)."""
         return self.z if self.values == "interpolant" else np.empty(0)
 
     def fit(self) -> PowerLaw:
-        """Power law fitted to all points in (ln z, ln F), with 95 % confidence intervals."""
+        """Fit a power law to all points in (ln z, ln F), with 95 % confidence intervals."""
         c, covariance, freedom = regress(np.log(self.z), np.log(self.F), 1)
         half = np.sqrt(np.diag(covariance)) * float(student.ppf(0.975, freedom))
         n, K = float(c[1]), float(np.exp(c[0]))
@@ -151,7 +162,7 @@ class TableLaw(Law):
         )
 
     def local_fit(self, z: float) -> LocalFit:
-        """Fit of ln F against ln z over the points within a factor 4 of `z` (at least 2 degree + 2)."""
+        """Fit ln F over ln z to the points within a factor 4 of `z` (length), at least 2 degree + 2 of them."""
         x = np.log(self.z / z)
         near = np.flatnonzero(np.abs(x) <= np.log(4.0))
         if near.size < min(2 * self.degree + 2, x.size):
@@ -208,7 +219,7 @@ class TableLaw(Law):
         if load < self.F[0]:
             return (
                 f"load {load:g} lies below the first point of the table (force {self.F[0]:g}): the law "
-                "there is a guess",
+                "there is extrapolated",
             )
         z = self.deflection(load)
         rough = roughness(np.log(self.z / z), np.log(self.F))
@@ -234,7 +245,7 @@ class TableLaw(Law):
 
     @cached_property
     def _ends(self) -> tuple[Array, float, float]:
-        """Logarithms of the end points, and the log-log slopes there (first by the fit of three points)."""
+        """Logarithms of the end points (x, y of both), and the log-log slopes there."""
         x, y = np.log(self.z), np.log(self.F)
         first = float(self._curve[1](x[0]))
         last = float(self._curve[1](x[-1]))
@@ -242,7 +253,7 @@ class TableLaw(Law):
 
     @cached_property
     def _energy(self) -> tuple[Array, Array]:
-        """Knots, and energy stored up to each."""
+        """Knots (length), and the energy stored up to each (force * length)."""
         z = self.z
         half = 0.5 * np.diff(z)[:, None]
         cells = (half[:, 0]) * (self.both(z[:-1, None] + half * (1.0 + _CELL_X))[0] @ _CELL_W)
@@ -259,20 +270,33 @@ class TableLaw(Law):
 
 
 def unload_reload(curve: Any, load: float | None = None, **options: Any) -> TableLaw:
-    """Physical law of a plastic contact about a preload: the last unload-reload loop of a curve.
+    """Return the physical law of a plastic contact about a preload: the last unload-reload loop of a curve.
 
-    It is the reloading of the last loop that was closed, up to where its unloading began; the last unloading with that
-    point where there is none. The deflection is measured from the point where the unloading flat separates, found from
-    the rows.
+    The law is the reloading of the last closed loop, up to the point where its unloading began. Without a closed
+    loop it is the last unloading, including that point. The approach is measured from the point where the
+    unloading flat separates, found by fitting a power law to the rows.
 
     Args:
         curve: a `Curve`, CSV file or mapping with delta, force and branch.
-        load: preload the loop must reach (force), or None.
+        load: preload that the loop must reach (force), or None.
         **options: see `TableLaw`.
 
     Raises:
         InputError: the curve has no unloading rows, or no branch with enough of them in contact.
         RangeError: no branch reaches the preload.
+
+    Examples:
+        A contact that separates at a residual indentation of 0.3:
+
+        >>> up, down = np.linspace(0.0, 1.0, 21), np.linspace(0.95, 0.3, 14)
+        >>> curve = {
+        ...     "delta": [*up, *down],
+        ...     "force": [*up**1.5, *((down - 0.3) / 0.7) ** 1.5],
+        ...     "branch": ["load"] * 21 + ["unload"] * 14,
+        ... }
+        >>> law = asp.unload_reload(curve, load=0.5)
+        >>> round(law.origin, 4), round(law.deflection(0.5), 4)
+        (0.3, 0.441)
     """
     delta, force, branches = columns(curve)
     found = [] if branches is None else _loops(delta, force, branches)
@@ -290,10 +314,10 @@ def unload_reload(curve: Any, load: float | None = None, **options: Any) -> Tabl
 
 
 def _loops(delta: Array, force: Array, branches: Array) -> list[Array]:
-    """Rows of each reloading that closes its loop, then of each unloading with the row before it, the last first."""
+    """Return the rows of closing reloadings, then of unloadings with the row before, each the last one first."""
     legs = np.split(np.arange(len(delta)), np.flatnonzero(branches[1:] != branches[:-1]) + 1)
     up, down = [], []
-    top = None  # row where the last unloading began
+    top = None  # row at which the last unloading began
     for leg in legs:
         if branches[leg[0]] == "unload":
             top = leg[0] - 1 if leg[0] > 0 else None
@@ -308,7 +332,7 @@ def _loops(delta: Array, force: Array, branches: Array) -> list[Array]:
 
 
 def columns(curve: Any) -> tuple[Array, Array, Array | None]:
-    """Columns delta (length), force and branch (or None) of a `Curve`, CSV file or mapping."""
+    """Read the columns delta (length), force and branch (or None) of a `Curve`, CSV file or mapping."""
     if isinstance(curve, (str, os.PathLike)):
         table: dict[str, list[str]] = {}
         try:
@@ -321,7 +345,7 @@ def columns(curve: Any) -> tuple[Array, Array, Array | None]:
         except OSError as error:
             raise InputError(f"cannot read the curve {os.fspath(curve)}: {error.strerror}") from error
         except (UnicodeDecodeError, csv.Error) as error:
-            raise InputError(f"the curve {os.fspath(curve)} is no table of text: {error}") from error
+            raise InputError(f"the curve {os.fspath(curve)} is not a table of text: {error}") from error
         curve = table
     get = curve.get if isinstance(curve, Mapping) else lambda name: getattr(curve, name, None)
     for name in ("delta", "force"):
@@ -330,13 +354,13 @@ def columns(curve: Any) -> tuple[Array, Array, Array | None]:
     try:
         delta, force = np.array(get("delta"), float), np.array(get("force"), float)
     except (TypeError, ValueError) as error:
-        raise InputError(f"the curve holds something that is not a number: {error}") from error
+        raise InputError(f"the curve contains something that is not a number: {error}") from error
     branches = get("branch")
     return delta, force, None if branches is None else np.asarray(branches)
 
 
 def _fit_origin(delta: Array, force: Array) -> float:
-    """Deflection of first contact: the best offset of a power law in (ln z, ln F)."""
+    """Return the approach of first contact: the best offset of a power law in (ln z, ln F)."""
     order = np.argsort(delta, kind="stable")
     z, f = delta[order], force[order]
     touching = f > _TOUCH * f.max()

@@ -1,6 +1,7 @@
-"""One period of the forcing, for many oscillators side by side.
+"""One forcing period of many oscillators in parallel.
 
-Fixed-step Runge-Kutta 4 in Lienard's variable (see `asperity.dynamics.law.damping`), one lane per oscillator.
+Runge-Kutta method of order 4 with fixed steps in Lienard's variable (see `asperity.dynamics.law.damping`), one lane
+of the arrays per oscillator.
 """
 
 from __future__ import annotations
@@ -14,21 +15,21 @@ from asperity.dynamics.law.damping import primitive
 from asperity.dynamics.law.law import TaylorLaw
 from asperity.dynamics.orbits.harmonic_balance import Balance
 
-STEP = 0.14  # longest step in units of the shortest local time scale
-FAR = 1e4  # displacement from which a lane has escaped
-FEW = 16  # lanes that are faster in plain numbers
+STEP = 0.14  # longest step over the shortest local time scale
+ESCAPE = 1e4  # displacement beyond which a lane has escaped
+FEW = 16  # largest number of lanes for which plain floats are faster
 
 
 def steps_for(balance: Balance, omega: Array, u: Array) -> int:
-    """Runge-Kutta steps per period that resolve the stiffest contact met."""
+    """Return the number of steps per period that resolve the stiffest contact at displacements `u`."""
     stiff = balance.restoring.df(np.maximum(u, 0.0))
     rate = np.sqrt(np.maximum(1.0, np.where(np.isfinite(stiff), stiff, 1.0)))
     return int(np.clip(2 * np.ceil(np.max(np.pi / omega * rate / STEP)), 64, 4096))
 
 
-def has_left(balance: Balance, u: Array, low: Array) -> Array:
-    """Lanes whose motion has left the Taylor well for good."""
-    bad = ~np.isfinite(u) | (np.abs(u) > FAR)
+def has_escaped(balance: Balance, u: Array, low: Array) -> Array:
+    """Return which lanes have left the Taylor well and cannot return."""
+    bad = ~np.isfinite(u) | (np.abs(u) > ESCAPE)
     law = balance.restoring.law
     if isinstance(law, TaylorLaw) and np.isfinite(law.rim()):
         bad |= ~(low > law.rim() - 2.0)
@@ -38,7 +39,16 @@ def has_left(balance: Balance, u: Array, low: Array) -> Array:
 def advance(
     balance: Balance, u: Array, w: Array, omega: Array, forcing: Array, steps: int
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """Advance one forcing period; returns the state, the extremes of u and the first harmonic."""
+    """Advance all lanes by one forcing period.
+
+    Args:
+        balance: the oscillator.
+        u, w, omega, forcing: state, Omega and F^ of each lane, shape (lanes,).
+        steps: Runge-Kutta steps.
+
+    Returns:
+        u, w, largest u, smallest u and amplitude at the forcing frequency, shape (lanes,) each.
+    """
     us, vs, w = path_of(balance, u, w, omega, forcing, steps)
     with np.errstate(over="ignore", invalid="ignore"):
         low, high = _turning_values(us, vs * (2.0 * np.pi / omega / steps))
@@ -50,13 +60,13 @@ def advance(
 def path_of(
     balance: Balance, u: Array, w: Array, omega: Array, forcing: Array, steps: int
 ) -> tuple[Array, Array, Array]:
-    """Positions and speeds (steps + 1, lanes) over one forcing period, and w at its end."""
+    """Return displacements and speeds (steps + 1, lanes) over one forcing period, and w at its end."""
     few = u.size <= FEW and balance.restoring.law.scalar and balance.damping == "always"
-    return (_path_of_each if few else _path)(balance, u, w, omega, forcing, steps)
+    return (_path_scalar if few else _path)(balance, u, w, omega, forcing, steps)
 
 
 def _path(balance: Balance, u: Array, w: Array, omega: Array, forcing: Array, steps: int) -> tuple[Array, Array, Array]:
-    """All lanes at once."""
+    """Integrate all lanes at once in arrays; see `path_of`."""
     r, damping = balance.restoring, balance.damping
     rest, twice = 1.0 / r.n_loc, 2.0 * balance.zeta
     always = damping == "always"
@@ -85,10 +95,10 @@ def _path(balance: Balance, u: Array, w: Array, omega: Array, forcing: Array, st
     return us, vs, w
 
 
-def _path_of_each(
+def _path_scalar(
     balance: Balance, u: Array, w: Array, omega: Array, forcing: Array, steps: int
 ) -> tuple[Array, Array, Array]:
-    """Lane by lane in plain numbers, faster where lanes are few; for damping "always"."""
+    """Integrate lane by lane in plain floats, faster for few lanes; for damping "always" only."""
     r, twice = balance.restoring, 2.0 * balance.zeta
     at, scale, z_s, rest = r.law.at, 1.0 / r.scale, r.z_s, 1.0 / r.n_loc
     us, vs, ends = np.full((steps + 1, u.size), np.nan), np.full((steps + 1, u.size), np.nan), np.full(u.size, np.nan)
@@ -116,26 +126,26 @@ def _path_of_each(
                 l4 = drive[j + 1] - scale * at(z_s * (1.0 + xc))[0]
                 x += sixth * (k1 + 2.0 * (k2 + k3) + k4)
                 y += sixth * (l1 + 2.0 * (l2 + l3) + l4)
-                if not -FAR < x < FAR:  # escaped: what is left stays nan
+                if not -ESCAPE < x < ESCAPE:  # escaped: the remaining samples stay NaN
                     break
             else:
                 xs.append(x)
                 ss.append(y - twice * x)
                 ends[lane] = y
-        except OverflowError:  # on the way out, too
+        except OverflowError:  # escaped as well
             pass
         us[: len(xs), lane], vs[: len(ss), lane] = xs, ss
     return us, vs, ends
 
 
 def _angles(steps: int) -> tuple[Array, Array]:
-    """Angles of the forcing at the ends and in the middle of the steps of a period."""
+    """Return the angles of the forcing at the ends and in the middle of the steps of a period."""
     ends = 2.0 * np.pi / steps * np.arange(steps + 1)
     return ends, ends[:-1] + np.pi / steps
 
 
 def _turning_values(u: Array, v: Array) -> tuple[Array, Array]:
-    """Extremes over the samples and the roots of u' of the cubic Hermite path (v: slope times step)."""
+    """Return the extremes of the cubic Hermite path through samples u with slopes v (times the step)."""
     low, high = u.min(axis=0), u.max(axis=0)
     i, lane = np.nonzero((v[:-1] > 0) != (v[1:] > 0))
     if i.size == 0:

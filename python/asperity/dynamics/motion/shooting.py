@@ -1,4 +1,4 @@
-"""Shooting: periodic orbits corrected by Newton's method on the event-accurate flow."""
+"""Shooting: periodic orbits by Newton's method on the event-accurate flow."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.motion.trajectory import initial, integrate_arc, loss
+from asperity.dynamics.motion.trajectory import augmented_state, damping_term, integrate_arc
 from asperity.dynamics.orbits.harmonic_balance import Balance
 from asperity.errors import ConvergenceError
 
 
 @dataclass(frozen=True)
 class Shot:
-    """A periodic orbit found by shooting.
+    """Periodic orbit found by shooting.
 
     Attributes:
         omega: Omega of the orbit.
         u, v: state at forcing phase 0.
-        u_max, u_min, a1: extremes, and amplitude at the forcing frequency.
+        u_max, u_min, a1: extreme displacements, amplitude at the forcing frequency.
         multipliers: Floquet multipliers.
         residual: largest defect of periodicity.
     """
@@ -51,14 +51,14 @@ def shoot(
         balance: the oscillator; its order sets the period.
         omega, forcing: Omega and F^.
         u, v: guess of the state at forcing phase 0.
-        tol: defect of periodicity allowed, relative to the orbit.
+        tol: allowed defect of periodicity, relative to the orbit.
         rtol: tolerance of the integrator.
-        hold: keep Omega; otherwise the nearest orbit in (u, u', Omega) is found, which also works at a fold.
+        hold: keep Omega fixed; otherwise find the nearest orbit in (u, u', Omega), which also works at a fold.
 
     Raises:
         ConvergenceError: no convergence in 12 iterations.
     """
-    y = initial(balance, u, v)
+    y = augmented_state(balance, u, v)
     singular = balance.restoring.singular
     for _ in range(12):
         period = 2.0 * np.pi * balance.order / omega
@@ -83,7 +83,7 @@ def shoot(
             return Shot(
                 omega,
                 float(y[0]),
-                float(y[1] - loss(balance, y[0])),
+                float(y[1] - damping_term(balance, y[0])),
                 arc.high,
                 arc.low,
                 float(2.0 / period * np.hypot(arc.state[6], arc.state[7])),
@@ -98,13 +98,13 @@ def shoot(
 
 
 def state_at_phase_zero(c: Array, omega: float, order: int = 1) -> tuple[float, float]:
-    """(u, v) at forcing phase 0 of an orbit with complex coefficients `c`."""
+    """Return (u, v) at forcing phase 0 of an orbit with complex coefficients `c` (K + 1,)."""
     k = np.arange(c.size)
     return float(c.sum().real), float((1j * k * c).sum().real) * omega / order
 
 
 def _differences(balance: Balance, omega: float, forcing: float, y: Array, period: float, rtol: float) -> Array:
-    """Derivative of the flow over a period with respect to (u, w), by central differences."""
+    """Return the derivative (2, 2) of the flow over a period with respect to (u, w), by central differences."""
     flow = np.empty((2, 2))
     h = 1e-5
     for j in range(2):

@@ -1,4 +1,4 @@
-"""Shooting as a check and as a polish of harmonic-balance orbits."""
+"""Correction of harmonic-balance orbits by shooting, and the reverse."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from asperity.errors import AsperityError, ConvergenceError
 
 
 def polish(response: FrequencyResponse) -> FrequencyResponse:
-    """Correct the extremes, a1 and stability of every point by shooting; coefficients are kept.
+    """Correct extremes, a1 and stability of every point by shooting; coefficients stay.
 
-    At a fold the frequency is corrected along with the orbit. A point where shooting fails keeps its values and
-    error.
+    At a fold the frequency is corrected together with the orbit. A point at which shooting fails keeps its values
+    and its error estimate.
     """
     branches = tuple(_polish_branch(response, b) for b in response.branches)
     return replace(response, branches=branches, tolerance=max(float(b.error.max()) for b in branches))
 
 
 def coefficients(balance: Balance, omega: float, forcing: float, state: tuple[float, float]) -> Array | None:
-    """Harmonic-balance solution near the periodic orbit through `state`, or None."""
+    """Return the harmonic-balance solution (2 K + 1) near the periodic orbit through `state`, or None."""
     duration = 2.0 * np.pi * balance.order / omega
     count = 24 * balance.order
     try:

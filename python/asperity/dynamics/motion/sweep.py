@@ -1,8 +1,8 @@
-"""Time integration of many oscillators at once: frequency sweeps up and down, and attractors.
+"""Time integration of many oscillators in parallel: frequency sweeps and attractors.
 
-One lane per forcing, direction or initial state, integrated period by period
-(`asperity.dynamics.motion.runge_kutta`). The state is carried from one frequency to the next at forcing phase 0; a
-frequency is left when the Poincare map has come to rest.
+Each forcing, direction or initial state is a lane, integrated period by period
+(`asperity.dynamics.motion.runge_kutta`). The state is passed from one frequency to the next at forcing phase 0, as
+soon as the Poincare map has converged.
 """
 
 from __future__ import annotations
@@ -16,27 +16,33 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.dynamics.forcing import Setting
 from asperity.dynamics.law.damping import primitive
-from asperity.dynamics.motion.runge_kutta import advance, has_left, steps_for
+from asperity.dynamics.motion.runge_kutta import advance, has_escaped, steps_for
 from asperity.dynamics.orbits.harmonic_balance import Balance
 from asperity.errors import RangeError
 
 SETTLED, NOT_SETTLED, ESCAPED = "settled", "not settled", "escaped"
-_LONGEST = 4  # longest period told from chaos, in periods of the forcing
+_LONGEST = 4  # longest period distinguished from chaos, in forcing periods
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """Steady states met in a sweep with carried state (arrays of shape (frequencies,), in order of Omega met).
+    """Steady states of a sweep with carried state (arrays of shape (frequencies,), in the order of the sweep).
 
     Attributes:
         setting: law, damping and forcing.
         direction: "up" or "down".
         Omega: frequencies.
-        u_max, u_min, a1: extremes and amplitude at the forcing frequency; nan after an escape.
-        status: "settled", "period k", "not settled" or "escaped" per point.
-        periods: forcing periods spent at each point.
-        tolerance: residual of the settle test, the largest of the settled points.
-        valid: False where a Taylor law passes u = -1, or has escaped.
+        u_max, u_min, a1: extreme displacements and amplitude at the forcing frequency; NaN after an escape.
+        status: "settled", "period k", "not settled" or "escaped" for each point.
+        periods: forcing periods integrated at each point.
+        tolerance: largest estimated distance from the steady state among the settled points, relative to the orbit.
+        valid: False where a Taylor law passes u = -1 or the motion has escaped.
+
+    Examples:
+        >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.1)
+        >>> up, down = oscillator.sweep(0.05, (0.8, 1.2), points=3)
+        >>> up.direction, up.status, up.u_max.round(3)
+        ('up', ('settled', 'settled', 'settled'), array([0.126, 0.245, 0.099]))
     """
 
     setting: Setting
@@ -51,7 +57,7 @@ class Sweep:
     valid: Array
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """Rows of response.csv; escaped points have no amplitude and are left out."""
+        """Yield the rows of response.csv, without escaped points, which have no amplitude."""
         s = self.setting
         for i, status in enumerate(self.status):
             if status != ESCAPED:
@@ -71,17 +77,23 @@ class Sweep:
 
 @dataclass(frozen=True)
 class Attractor:
-    """A steady motion and the share of the initial states that lead to it.
+    """Steady motion, with the share of the initial states that lead to it.
 
     Attributes:
         setting: law, damping and forcing.
         Omega: frequency of the forcing.
-        period: in forcing periods; 0 when the motion did not repeat (long period, chaos or slow settling).
-        u_max, u_min: extremes.
-        share: part of the initial states tried.
+        period: in forcing periods; 0 if the motion did not repeat (long period, chaos or slow settling).
+        u_max, u_min: extreme displacements.
+        share: share of the initial states that lead to it.
         state: (u, v) at forcing phase 0.
-        tolerance: distance from the steady state that was allowed, relative to the orbit.
-        valid: False where a Taylor law passes u = -1.
+        tolerance: allowed distance from the steady state, relative to the orbit.
+        valid: False if a Taylor law passes u = -1.
+
+    Examples:
+        >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.1)
+        >>> (motion,) = oscillator.attractors(0.9, 0.02, starts=2)
+        >>> motion.period, motion.share, round(motion.u_max, 3)
+        (1, 1.0, 0.076)
     """
 
     setting: Setting
@@ -97,7 +109,7 @@ class Attractor:
 
 @dataclass
 class _Lanes:
-    """States of all lanes, and what the last settling run saw."""
+    """States (u, w) of all lanes, and whether each has escaped."""
 
     u: Array
     w: Array
@@ -114,7 +126,7 @@ def sweep(
     max_periods: int | None,
     steps: int | None,
 ) -> tuple[Sweep, ...]:
-    """Sweep all forcings and directions together.
+    """Sweep all forcings and directions in parallel.
 
     Args:
         balance: the oscillator.
@@ -122,11 +134,14 @@ def sweep(
         omega: rising frequencies (frequencies,).
         directions: "up", "down" or both.
         tol: largest distance from the steady state, relative to the orbit.
-        max_periods: forcing periods per frequency at most; default 4/zeta, between 100 and 20000.
-        steps: Runge-Kutta steps per period; default from the stiffness met.
+        max_periods: largest number of forcing periods per frequency; default 4/zeta, between 100 and 20000.
+        steps: Runge-Kutta steps per period; default from the largest stiffness reached.
 
     Returns:
         One `Sweep` per forcing and direction.
+
+    Raises:
+        RangeError: the motion leaves a table.
     """
     lanes = [(s, d) for s in settings for d in directions]
     forcing = np.array([s.F_hat for s, _ in lanes])
@@ -163,7 +178,7 @@ def sweep(
             worst = float(u_max[seen].max())
             raise RangeError(
                 f"the sweep reaches u = {worst:.6g}, beyond the law (known up to {high:.6g}): lower the "
-                "forcing, compute the curve further, or ask for extrapolate=True"
+                "forcing, compute the curve further, or use extrapolate=True"
             )
     return tuple(out)
 
@@ -171,11 +186,11 @@ def sweep(
 def attractors(
     balance: Balance, omega: Array, setting: Setting, *, starts: int, spread: float, tol: float, max_periods: int | None
 ) -> tuple[Attractor, ...]:
-    """Steady motions reached from a grid of initial states at each frequency.
+    """Find the steady motions reached from a grid of initial states at each frequency.
 
     Args:
         balance: the oscillator.
-        omega: frequencies (any number).
+        omega: frequencies, shape (frequencies,).
         setting: law, damping and forcing.
         starts: initial states per side of a square grid in (u, v).
         spread: half-width of that grid.
@@ -196,7 +211,7 @@ def attractors(
     for block, om in enumerate(omega):
         rows = np.arange(block * per, (block + 1) * per)
         rows = rows[~state.escaped[rows]]
-        order = sorted(rows.tolist(), key=lambda i: int(kind[i] == 0))  # the unsettled last: they may join
+        order = sorted(rows.tolist(), key=lambda i: int(kind[i] == 0))  # unsettled motions last: they may join a group
         groups: list[list[int]] = []
         for i in order:
             for g in groups:
@@ -236,11 +251,14 @@ def _name(kind: int) -> str:
 def _settle(
     balance: Balance, state: _Lanes, omega: Array, forcing: Array, tol: float, limit: int, steps: int | None
 ) -> tuple[Array, ...]:
-    """Run every lane to its steady state; returns u_max, u_min, a1, residual, kind and periods.
+    """Integrate every lane to its steady state.
 
-    The settle test is the change of the Poincare map over a period, divided by ``1 - exp(-2 pi zeta / Omega)``:
-    an estimate of the distance that is left. Slow approaches are shortened by extrapolating the map, which is
-    nearly affine there (Aitken), as long as the extrapolation stays close to the motion.
+    The change of the Poincare map over a period, divided by ``1 - exp(-2 pi zeta / Omega)``, estimates the remaining
+    distance from the steady state. Slow convergence is accelerated by extrapolating the map, which is nearly affine
+    there (Aitken), if the extrapolated state is close to the motion.
+
+    Returns:
+        u_max, u_min, a1, residual, kind (period, 0 not settled, -1 escaped) and periods, shape (lanes,) each.
     """
     lanes = omega.size
     shrink = 1.0 - np.exp(-2.0 * np.pi * balance.zeta / omega)
@@ -248,7 +266,7 @@ def _settle(
     residual = np.full(lanes, np.inf)
     periods = np.zeros(lanes, int)
     highest, lowest, a1 = np.full((_LONGEST, lanes), np.nan), np.full((_LONGEST, lanes), np.nan), np.zeros(lanes)
-    # a kick well above the tolerance: an unstable orbit must not look settled because it was met exactly
+    # perturb by more than the tolerance: a start exactly on an unstable orbit must not look settled
     state.u = state.u + 10.0 * tol * np.hypot(state.u, state.w)
     history = [np.stack([state.u, state.w], axis=1)]
     count = steps or steps_for(balance, omega, state.u)
@@ -259,7 +277,7 @@ def _settle(
             break
         u, w = state.u[active], state.w[active]
         u, w, high, low, first = advance(balance, u, w, omega[active], forcing[active], count)
-        gone = has_left(balance, u, low)
+        gone = has_escaped(balance, u, low)
         state.escaped[active[gone]] = True
         kind[active[gone]] = -1
         state.u[active], state.w[active] = u, w
@@ -284,7 +302,7 @@ def _settle(
             done = (np.maximum(gap, before) < tol) & (kind[active] == 0) & ~gone
             gaps[m] = gap * m
             for divisor in (d for d in gaps if m % d == 0 and d < m):
-                # a decaying spiral also returns after a few periods, but not so much closer
+                # a decaying spiral also comes close after a few periods, but not by so much
                 done &= gaps[m] < 0.05 * shrink[active] * gaps[divisor]
             kind[active[done]] = m
             residual[active[done]] = gap[done]
@@ -311,7 +329,7 @@ def _settle(
 
 
 def _extrapolate(history: list[Array], active: Array) -> Array:
-    """Distance from the state to the fixed point of the affine map through the last Poincare points."""
+    """Return the step from the state to the fixed point of the affine map through the last Poincare points."""
     y = np.stack([h[active] for h in history[-5:]], axis=0)
     d = np.diff(y, axis=0)
     # d[k+1] = M d[k]: fit the 2 x 2 matrix M to three pairs, then sum the geometric series

@@ -1,9 +1,8 @@
 """Event-accurate time integration.
 
-Contact is integrated by an explicit Runge-Kutta method of order 8 (DOP853) up to the instant of separation,
-flight in closed form up to the instant of landing, so no step ever straddles contact loss. In Lienard's
-variable (see `asperity.dynamics.law.damping`) the vector field is continuous there, and the perturbations need
-no jump condition.
+Contact is integrated by an explicit Runge-Kutta method of order 8 (DOP853) up to the instant of separation, flight
+in closed form up to the instant of landing, so no step contains a contact loss. In Lienard's variable (see
+`asperity.dynamics.law.damping`) the vector field is continuous there, and perturbations need no jump condition.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from asperity.dynamics.law.damping import in_flight, primitive, rate
 from asperity.dynamics.orbits.harmonic_balance import Balance
 from asperity.errors import ConvergenceError, RangeError
 
-ESCAPED = 1e3
+_ESCAPE = 1e3  # displacement beyond which motion has left a Taylor well
 
 
 @dataclass(frozen=True)
@@ -30,12 +29,17 @@ class Trajectory:
     """Motion in time, in units of 1/omega_s.
 
     Attributes:
-        tau: times, including every separation and landing.
-        u, v: deflection and speed at these times.
-        flight: intervals (k, 2) of time without contact.
-        setting: law, damping and forcing, where it comes from an oscillator.
-        tolerance: of the integrator, relative.
-        valid: False where a Taylor law passes u = -1.
+        tau: times, including every separation and landing, shape (times,).
+        u, v: displacement and speed at these times, shape (times,).
+        flight: time intervals without contact, shape (flights, 2).
+        setting: law, damping and forcing, if the motion is that of an oscillator.
+        tolerance: relative tolerance of the integrator.
+        valid: False if a Taylor law passes u = -1.
+
+    Examples:
+        >>> path = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.0).simulate(1.0, 0.0, u=1.0, periods=1)
+        >>> len(path.flight), path.flight.round(4)
+        (1, array([[2.5587, 4.3343]]))
     """
 
     tau: Array
@@ -49,7 +53,7 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Arc:
-    """End state (u, w, 4 sensitivities, 2 Fourier integrals) and what was met on the way."""
+    """End state (u, w, 4 sensitivities, 2 Fourier integrals), extremes, samples and flights of an integration."""
 
     state: Array
     low: float
@@ -89,24 +93,39 @@ def integrate(
     Raises:
         RangeError: the motion escapes from a Taylor well.
     """
-    arc = integrate_arc(balance, omega, forcing, initial(balance, u, v), start, start + duration, rtol, samples)
-    final = np.array([arc.state[0], arc.state[1] - loss(balance, arc.state[0])])
+    arc = integrate_arc(balance, omega, forcing, augmented_state(balance, u, v), start, start + duration, rtol, samples)
+    final = np.array([arc.state[0], arc.state[1] - damping_term(balance, arc.state[0])])
     return Trajectory(arc.tau, arc.u, arc.v, np.array(arc.flight).reshape(-1, 2)), final
 
 
-def loss(balance: Balance, u: float) -> float:
+def damping_term(balance: Balance, u: float) -> float:
+    """Return 2 zeta G(u), the difference between w and the speed."""
     return 2.0 * balance.zeta * float(primitive(balance.restoring, balance.damping, np.array([u]))[0])
 
 
-def initial(balance: Balance, u: float, v: float) -> Array:
-    """Augmented state; the sensitivities are with respect to (u, w)."""
-    return np.array([u, v + loss(balance, u), 1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
+def augmented_state(balance: Balance, u: float, v: float) -> Array:
+    """Return the augmented state (8,) of (u, v); sensitivities are with respect to (u, w)."""
+    return np.array([u, v + damping_term(balance, u), 1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
 
 
 def integrate_arc(
     balance: Balance, omega: float, forcing: float, y: Array, start: float, stop: float, rtol: float, samples: int
 ) -> Arc:
-    tau, u, v, flights = [np.array([start])], [y[:1]], [np.array([y[1] - loss(balance, y[0])])], []
+    """Integrate the augmented state from `start` to `stop`, alternating between contact and flight.
+
+    Args:
+        balance: the oscillator.
+        omega, forcing: Omega and F^.
+        y: augmented state, see `augmented_state`; sensitivities and Fourier integrals start again.
+        start, stop: times.
+        rtol: tolerance of the integrator.
+        samples: output points per unit of time.
+
+    Raises:
+        ConvergenceError: the integrator fails.
+        RangeError: the motion escapes from a Taylor well.
+    """
+    tau, u, v, flights = [np.array([start])], [y[:1]], [np.array([y[1] - damping_term(balance, y[0])])], []
     low = high = float(y[0])
     t = start
     y = y.copy()
@@ -114,13 +133,13 @@ def integrate_arc(
     for _ in range(100000):
         if t >= stop:
             break
-        speed = y[1] - loss(balance, y[0])
+        speed = y[1] - damping_term(balance, y[0])
         flying = balance.restoring.contact and (y[0] < -1.0 - 1e-13 or (y[0] <= -1.0 + 1e-13 and speed < 0))
         if flying:
-            end, y, path = _fly(balance, omega, forcing, y, t, stop, samples)
+            end, y, path = _in_flight(balance, omega, forcing, y, t, stop, samples)
             flights.append((t, end))
         else:
-            end, y, path = _touch(balance, omega, forcing, y, t, stop, rtol, samples)
+            end, y, path = _in_contact(balance, omega, forcing, y, t, stop, rtol, samples)
         for part, whole in zip(path, (tau, u, v), strict=True):
             whole.append(part)
         low, high = min(low, float(path[1].min())), max(high, float(path[1].max()))
@@ -128,10 +147,10 @@ def integrate_arc(
     return Arc(y, low, high, np.concatenate(tau), np.concatenate(u), np.concatenate(v), flights)
 
 
-def _touch(
+def _in_contact(
     balance: Balance, omega: float, forcing: float, y: Array, start: float, stop: float, rtol: float, samples: int
 ) -> tuple[float, Array, tuple[Array, Array, Array]]:
-    """Integrate in contact until separation or `stop`; path holds extremes and samples."""
+    """Integrate in contact until separation or `stop`: end time, state there, and samples with the extremes."""
     r, zeta, damping = balance.restoring, balance.zeta, balance.damping
     soft = not balance.restoring.singular
 
@@ -164,7 +183,7 @@ def _touch(
     def separation(t: float, s: Array) -> float:
         if r.contact:
             return float(s[0]) + 1.0
-        return float(ESCAPED - abs(s[0]))
+        return float(_ESCAPE - abs(s[0]))
 
     def turning(t: float, s: Array) -> float:
         return float(s[1]) - 2.0 * zeta * float(primitive(r, damping, np.array([s[0]]))[0])
@@ -188,7 +207,7 @@ def _touch(
         if not run.success:
             raise ConvergenceError(f"time integration failed at tau = {run.t[-1]:g}: {run.message}")
         turns, states = run.t_events[1], run.y_events[1]
-        # a step may jump through a grazing contact loss: stop at the minimum that shows it
+        # a step may pass over a grazing contact loss: integrate only to the minimum that reveals it
         missed = [
             t for t, s in zip(turns, states, strict=True) if r.contact and s[0] < -1.0 - 1e-14 and t > start + 1e-12
         ]
@@ -217,21 +236,21 @@ def _touch(
     return t, state, (tau[order], u, table[order, 1] - 2.0 * zeta * primitive(r, damping, u))
 
 
-def _fly(
+def _in_flight(
     balance: Balance, omega: float, forcing: float, y: Array, start: float, stop: float, samples: int
 ) -> tuple[float, Array, tuple[Array, Array, Array]]:
-    """Closed-form flight until landing or `stop`."""
+    """Compute the flight in closed form until landing or `stop`: as `_in_contact`."""
     n = balance.restoring.n_loc
     zeta = balance.zeta if in_flight(balance.damping) else 0.0
     c = 2.0 * zeta
-    speed = y[1] - loss(balance, y[0])
+    speed = y[1] - damping_term(balance, y[0])
     # u'' + c u' = 1/n + F cos(Omega tau): particular solution and free part
     response = forcing / complex(-omega * omega, c * omega)
     wave0 = response * np.exp(1j * omega * start)
     v0 = speed - (1j * omega * wave0).real
 
     def phi(s: Array) -> tuple[Array, Array]:
-        """Integrals of exp(-c s): first and second."""
+        """Return the first and second integral of exp(-c s)."""
         x = c * s
         small = np.abs(x) < 1e-3
         safe = np.where(small, 1.0, x)
@@ -265,7 +284,7 @@ def _fly(
         values = position(grid) + 1.0
         rates = velocity(grid)
         up = values > 0
-        # a short contact between samples shows as a maximum of u above -1
+        # a short contact between samples is a maximum of u above -1
         hump = np.flatnonzero((rates[:-1] > 0) & (rates[1:] < 0) & ~up[:-1] & ~up[1:])
         crossing = int(np.argmax(up)) if up.any() else grid.size
         hit = None
@@ -296,7 +315,7 @@ def _fly(
     out = y.copy()
     landed = landing < length
     out[0] = -1.0 if landed else float(u[-1])
-    out[1] = float(v[-1]) + loss(balance, out[0])
+    out[1] = float(v[-1]) + damping_term(balance, out[0])
     if zeta:
         decay, p1 = np.exp(-c * landing), float(phi(np.array(landing))[0])
     else:

@@ -1,4 +1,4 @@
-"""A branch of periodic orbits, measured point by point, and its special orbits."""
+"""Branches of periodic orbits with their extremes, stability and events."""
 
 from __future__ import annotations
 
@@ -13,12 +13,25 @@ from asperity.dynamics.orbits.continuation import Point
 from asperity.dynamics.orbits.harmonic_balance import Balance
 from asperity.dynamics.orbits.stability import Floquet, extrema, floquet, stack, unstack
 
-_ROUND_OFF = 1e-15  # of the contact force
+_ROUND_OFF = 1e-15  # relative round-off of the contact force
 
 
 @dataclass(frozen=True)
 class Event:
-    """A special orbit on a branch: "fold", "period doubling" or "grazing" (u_min = -1)."""
+    """Special orbit on a branch: "fold", "period doubling" or "grazing" (u_min = -1).
+
+    Attributes:
+        kind: one of the three.
+        branch: index of its branch in the response.
+        Omega: forcing frequency over omega_s.
+        u_max, u_min: extreme displacements.
+        a1: amplitude at the forcing frequency.
+
+    Examples:
+        >>> response = asp.ContactOscillator(asp.PowerLaw(1.5)).response(0.02, (0.85, 1.05), tol=1e-3)
+        >>> [(event.kind, round(event.Omega, 3)) for event in response.events]
+        [('grazing', 0.958), ('fold', 0.926), ('grazing', 0.948), ('fold', 0.971)]
+    """
 
     kind: str
     branch: int
@@ -33,21 +46,27 @@ class Branch:
     """Periodic orbits in order along a branch (arrays of shape (points,)).
 
     Attributes:
-        kind: "main", "sub2" (grown from a period doubling) or "detached".
-        order: periods of the forcing per period of the orbit.
+        kind: "main", "sub2" (from a period doubling) or "detached".
+        order: forcing periods per period of the orbit.
         Omega: forcing frequency over omega_s.
-        u_max, u_min: extreme deflections; contact is lost where u_min < -1.
-        a1: amplitude of the harmonic at the forcing frequency.
+        u_max, u_min: extreme displacements; contact is lost where u_min < -1.
+        a1: amplitude at the forcing frequency.
         stable: linear stability.
         radius: largest modulus of a Floquet multiplier.
-        error: truncation estimate, or what the round-off of the force leaves, relative to the amplitude.
-        det_error: deviation of the monodromy determinant from Liouville's; 1 where the stability is a guess.
-        harmonics: harmonics in use at each point.
+        error: estimate of the truncation error, or of the round-off error if larger, relative to the amplitude.
+        det_error: deviation of the monodromy determinant from Liouville's; 1 where the stability is unreliable.
+        harmonics: number of harmonics at each point.
         coefficients: complex Fourier coefficients (points, K + 1) in the angle Omega tau / order.
         tangent: derivative of the coefficients along the branch (points, K + 1).
         tangent_omega: derivative of Omega along the branch; with `tangent` it has length 1.
-        valid: False where the law means nothing physically (a Taylor law with u_min < -1).
-        end: why the branch ends.
+        valid: False where the law is unphysical (a Taylor law with u_min < -1).
+        end: reason why the branch ends.
+
+    Examples:
+        >>> response = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.1).response(0.01, (0.9, 1.1), tol=1e-3)
+        >>> branch = response.branches[0]
+        >>> branch.kind, branch.end, bool(branch.stable.all())
+        ('main', 'window', True)
     """
 
     kind: str
@@ -71,20 +90,27 @@ class Branch:
         return self.Omega.size
 
     def points(self) -> Iterator[Point]:
-        """The points as the continuation left them."""
+        """Yield the points of the continuation."""
         for i, count in enumerate(self.harmonics):
             x, t = (unstack(c[i], int(count)) for c in (self.coefficients, self.tangent))
             yield Point(x, float(self.Omega[i]), t, float(self.tangent_omega[i]), float(self.error[i]))
 
     @property
     def contact_loss(self) -> Array:
-        """Whether the orbit leaves contact (for a Taylor law: passes u = -1)."""
+        """Whether each orbit leaves contact (for a Taylor law: passes u = -1)."""
         return self.u_min < -1.0
 
 
 @dataclass(frozen=True)
 class Solution:
-    """One periodic orbit at a given frequency; attributes as in `Branch`."""
+    """One periodic orbit at a given frequency; attributes as in `Branch`.
+
+    Examples:
+        >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.1)
+        >>> (orbit,) = oscillator.response(0.01, (0.9, 1.1), tol=1e-3).at(1.0)
+        >>> orbit.kind, orbit.stable, round(orbit.u_max, 3)
+        ('main', True, 0.05)
+    """
 
     branch: int
     kind: str
@@ -99,13 +125,21 @@ class Solution:
 
     @property
     def start(self) -> tuple[float, float]:
-        """(u, v) at forcing phase 0, to hand to `ContactOscillator.simulate`."""
+        """State (u, v) at forcing phase 0, for `ContactOscillator.simulate`."""
         return state_at_phase_zero(self.coefficients, self.Omega, self.order)
 
 
 def measure(
     balance: Balance, points: Sequence[Point], kind: str, end: str, multipliers: Floquet | None = None
 ) -> Branch:
+    """Compute extremes, stability and errors of the points of a branch.
+
+    Args:
+        balance: equations, with the order of the branch.
+        points: corrected points.
+        kind, end: see `Branch`.
+        multipliers: Floquet data of the points, if already known.
+    """
     c = stack([p.x for p in points])
     omega = np.array([p.parameter for p in points])
     u_min, u_max = extrema(c)
@@ -135,7 +169,14 @@ def measure(
 def within_law(
     balance: Balance, branches: list[Branch], events: list[Event]
 ) -> tuple[list[Branch], list[Event], list[str]]:
-    """Cut the branches where the orbit leaves the range the law is known on."""
+    """Cut the branches where the orbit leaves the range of the law.
+
+    Returns:
+        The remaining branches, their events, and notes on the cuts.
+
+    Raises:
+        RangeError: no part of any branch lies within the law.
+    """
     low, high = balance.restoring.u_range
     if np.isinf(low) and np.isinf(high):
         return branches, events, []
@@ -149,7 +190,7 @@ def within_law(
         else:
             notes.append(
                 f"branch {number} ({b.kind}) is cut where it leaves the law (known up to u = "
-                f"{high:.6g}); compute the curve further or ask for extrapolate=True"
+                f"{high:.6g}); compute the curve further or use extrapolate=True"
             )
             edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
             pieces = [slice(int(a), int(e)) for a, e in edges.reshape(-1, 2) if e - a > 1]

@@ -1,4 +1,4 @@
-"""Branches beside the main one: period-2 branches, detached loops, and which are already known."""
+"""Branch switching: period-2 branches and detached loops, each traced once."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from asperity.arrays import Array
 from asperity.dynamics.orbits.continuation import Equations, Path, Point, in_omega, locate, start, trace
 from asperity.dynamics.orbits.crossing import crossings
 from asperity.dynamics.orbits.harmonic_balance import Balance, resize, tail
-from asperity.dynamics.orbits.initial_orbits import LEAST
+from asperity.dynamics.orbits.initial_orbits import MIN_HARMONICS
 from asperity.dynamics.orbits.stability import stack, unstack
 from asperity.errors import ConvergenceError
 
-_SAME = 1e-4  # two orbits closer than this, relatively, are one
+_SAME = 1e-4  # relative distance below which two orbits are identical
 
 
 def subharmonic(
@@ -27,7 +27,19 @@ def subharmonic(
     options: dict[str, Any],
     others: Sequence[Point],
 ) -> Path | None:
-    """Follow the period-2 branch born at a period doubling until it leaves the window or dies at one of the others."""
+    """Trace the period-2 branch from a period doubling until it leaves the window or ends at another doubling.
+
+    Args:
+        balance: equations of order 1.
+        forcing: F^.
+        flip: the period doubling, a point of order 1.
+        window: lowest and highest Omega.
+        options: keyword arguments of `trace`.
+        others: the other period doublings.
+
+    Returns:
+        The path of order 2; None if it has fewer than 3 points.
+    """
     double = replace(balance, order=2)
     equations = in_omega(double, forcing)
     count = flip.x.size // 2
@@ -48,7 +60,7 @@ def subharmonic(
 
         if len(points) < 3 or side(b) > 0:
             return None
-        points.pop()  # it is a copy, later by a period of the forcing, of an orbit of the branch
+        points.pop()  # it repeats an orbit of the branch, shifted by one forcing period
         try:
             points.append(_single(locate(equations, a, b, side, side(a), side(b)), odd_a))
         except ConvergenceError:
@@ -56,7 +68,7 @@ def subharmonic(
         return "period doubling"
 
     first = Point(x, flip.parameter, null, 0.0, tail(x))
-    path = trace(equations, first, window, stop=returns, **{**options, "least": 2 * LEAST})
+    path = trace(equations, first, window, stop=returns, **{**options, "min_harmonics": 2 * MIN_HARMONICS})
     if len(path.points) < 3:
         return None
     if path.end == "period doubling" and others:
@@ -70,7 +82,7 @@ def subharmonic(
 
 
 def _doubled(x: Array) -> Array:
-    """An orbit of order 1 as one of order 2."""
+    """Return an orbit of order 1 as one of order 2."""
     count = x.size // 2
     out = np.zeros(4 * count + 1)
     out[0] = x[0]
@@ -85,7 +97,7 @@ def _gap(a: Point, b: Point) -> float:
 
 
 def _odd(x: Array) -> Array:
-    """The harmonics of an orbit of order 2 that one of order 1 lacks, the others 0."""
+    """Return the odd harmonics of an orbit of order 2, which one of order 1 lacks; the others are 0."""
     out = x.copy()
     m = x.size // 2
     out[0] = out[2 : m + 1 : 2] = out[m + 2 :: 2] = 0.0
@@ -93,7 +105,7 @@ def _odd(x: Array) -> Array:
 
 
 def _single(p: Point, odd: Array) -> Point:
-    """The orbit of order 1 at the end of a branch of order 2, which arrives there along -odd."""
+    """Return the orbit of order 1 at the end of a branch of order 2, whose tangent there is -odd."""
     odd = resize(odd, p.x.size // 2)
     return Point(p.x - _odd(p.x), p.parameter, -odd / np.linalg.norm(odd), 0.0, p.error)
 
@@ -108,17 +120,30 @@ def detached(
     options: dict[str, Any],
     paths: list[tuple[str, int, Path]],
 ) -> Path | None:
-    """Branch near a given orbit, followed both ways, unless one of the paths already holds it.
+    """Trace the branch through a given orbit in both directions, unless one of the paths contains it.
+
+    Args:
+        balance: equations, with the order of the orbit.
+        forcing: F^.
+        order: forcing periods per period of the orbit.
+        x: its coefficients (2 K + 1).
+        omega: its Omega.
+        window: lowest and highest Omega.
+        options: keyword arguments of `trace`.
+        paths: kind, order and path of each branch traced so far.
+
+    Returns:
+        The path; None if it is already known or its true period is shorter.
 
     Raises:
         ConvergenceError: the balance has no orbit near the given one.
     """
     equations = in_omega(balance, forcing)
-    options = {**options, "least": order * LEAST}
-    first = start(equations, balance.correct(x, omega, forcing), omega, 1.0, options["tol"], order * LEAST)
+    options = {**options, "min_harmonics": order * MIN_HARMONICS}
+    first = start(equations, balance.correct(x, omega, forcing), omega, 1.0, options["tol"], order * MIN_HARMONICS)
     c = stack([first.x])[0]
     if order > 1 and np.abs(np.delete(c, slice(None, None, order))).max() < 1e-3 * np.abs(c).max():
-        return None  # it repeats sooner
+        return None  # its true period is shorter
     for _, other, path in paths:
         if other == order and _on_path(equations, path, first, order):
             return None
@@ -151,8 +176,8 @@ def detached(
     return Path(turned + forward.points, forward.end if backward.end == "window" else backward.end)
 
 
-def known(paths: list[tuple[str, int, Path]], order: int, x: Array, omega: float) -> bool:
-    """Whether the orbit already stands at an end of one of the paths."""
+def is_traced(paths: list[tuple[str, int, Path]], order: int, x: Array, omega: float) -> bool:
+    """Return whether the orbit is an end point of one of the paths."""
     for _, other, path in paths:
         if other != order:
             continue
@@ -166,7 +191,7 @@ def known(paths: list[tuple[str, int, Path]], order: int, x: Array, omega: float
 
 
 def _on_path(equations: Equations, path: Path, point: Point, order: int) -> bool:
-    """Whether an orbit, or its copy shifted by whole forcing periods, lies on a path."""
+    """Return whether an orbit, or its copy shifted by whole forcing periods, lies on a path."""
     for q in crossings(equations, path.points, point.parameter):
         m = q.x.size // 2
         a, b = stack([q.x])[0], stack([resize(point.x, m)])[0]
@@ -176,5 +201,5 @@ def _on_path(equations: Equations, path: Path, point: Point, order: int) -> bool
 
 
 def shifts(c: Array, order: int) -> Array:
-    """Complex coefficients (order, K + 1) of an orbit and its copies later by whole forcing periods."""
+    """Return complex coefficients (order, K + 1) of an orbit and of its copies shifted by forcing periods."""
     return c * np.exp(2j * np.pi / order * np.outer(np.arange(order), np.arange(c.size)))

@@ -1,8 +1,8 @@
 """Pseudo-arclength continuation of harmonic-balance solutions, with adaptive harmonics.
 
-The step length is chosen from the error of the (second-order) predictor in every harmonic, relative to that
-harmonic: a superharmonic resonance, however narrow, announces itself by the growth of its harmonic, and the
-step shrinks geometrically towards it instead of jumping over it (Seydel 2010, chapter 4; Krack & Gross 2019).
+The step length follows the error of the cubic predictor in each harmonic, relative to that harmonic. Near a
+superharmonic resonance, however narrow, its harmonic grows: the step then shrinks geometrically instead of
+jumping over the resonance (Seydel 2010, chapter 4; Krack & Gross 2019).
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from asperity.arrays import Array
 from asperity.dynamics.orbits.harmonic_balance import MAX_HARMONICS, Balance, resize, tail
 from asperity.errors import ConvergenceError
 
-_NEWTON = 8
-_NEWTON_RTOL = 3e-6  # the last step taken; what remains is its square
-_HMIN = 1e-9
-_LOW = 64  # harmonics that are solved for together, where there are more than twice as many
+_NEWTON = 8  # iterations of the corrector
+_NEWTON_RTOL = 3e-6  # relative size of its last step; the remaining error is of the order of the square
+_HMIN = 1e-9  # smallest step along the branch
+_LOW = 64  # harmonics solved directly, if there are more than twice as many
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Point:
         parameter: Omega (or F^ while the forcing is raised).
         t: unit tangent in x.
         t_parameter: tangent in the parameter; it changes sign at a fold.
-        error: relative truncation estimate, see `hbm.tail`.
+        error: relative truncation estimate, see `harmonic_balance.tail`.
     """
 
     x: Array
@@ -41,7 +41,7 @@ class Point:
     error: float
 
     def resized(self, count: int) -> Point:
-        """The same point with `count` harmonics."""
+        """Return the same point with `count` harmonics."""
         if self.x.size == 2 * count + 1:
             return self
         return replace(self, x=resize(self.x, count), t=resize(self.t, count))
@@ -49,7 +49,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Path:
-    """Points in order along a branch, and why it ends."""
+    """Points in order along a branch, and the reason why it ends."""
 
     points: tuple[Point, ...]
     end: str
@@ -59,12 +59,12 @@ Equations = Callable[[Array, float], tuple[Array, Array, Array]]
 
 
 def in_omega(balance: Balance, forcing: float) -> Equations:
-    """Balance at fixed forcing as a function of (x, Omega)."""
+    """Return the balance at fixed forcing as a function of (x, Omega)."""
     return lambda x, omega: balance.evaluate(x, omega, forcing)
 
 
 def in_forcing(balance: Balance, omega: float) -> Equations:
-    """Balance at fixed Omega as a function of (x, F^)."""
+    """Return the balance at fixed Omega as a function of (x, F^)."""
 
     def equations(x: Array, forcing: float) -> tuple[Array, Array, Array]:
         residual, jacobian, _ = balance.evaluate(x, omega, forcing)
@@ -85,15 +85,22 @@ def correct(
     limit: float = np.inf,
     rtol: float = _NEWTON_RTOL,
 ) -> tuple[Array, float, Array, float]:
-    """Newton iteration in the plane through (x, parameter) with the given normal.
+    """Correct a point by Newton's method in the plane through it with the given normal.
 
-    It ends with a step below `rtol`, relative to x; the error left is of the order of the square of that step.
+    The iteration ends with a step below `rtol`, relative to x; the remaining error is of the order of its square.
+
+    Args:
+        equations: see `in_omega`.
+        x, parameter: guess.
+        normal, normal_p: normal of the plane, in x and in the parameter.
+        limit: largest sum of all steps.
+        rtol: relative size of the last step.
 
     Returns:
-        x, parameter, and the unit tangent of the branch there, oriented along the normal.
+        x, parameter, and the unit tangent of the branch in both, oriented along the normal.
 
     Raises:
-        ConvergenceError: the iteration does not converge, or wanders further than `limit`.
+        ConvergenceError: the iteration does not converge, or moves further than `limit`.
     """
     size = x.size
     matrix = np.empty((size + 1, size + 1))
@@ -109,7 +116,7 @@ def correct(
         matrix[size, size] = normal_p
         rhs[:size, 0] = residual
         try:
-            both = _solved(matrix, rhs)
+            both = _solve_bordered(matrix, rhs)
         except np.linalg.LinAlgError as error:
             raise ConvergenceError("singular Jacobian") from error
         step = both[:, 0]
@@ -127,8 +134,8 @@ def correct(
     raise ConvergenceError("no convergence in the corrector")
 
 
-def _solved(matrix: Array, rhs: Array) -> Array:
-    """Solution of the bordered balance; with many harmonics the inertia of the high ones leads, and one iterates."""
+def _solve_bordered(matrix: Array, rhs: Array) -> Array:
+    """Solve the bordered system, iteratively if many high harmonics are dominated by their inertia."""
     count = matrix.shape[0] // 2 - 1
     if count <= 2 * _LOW:
         return np.linalg.solve(matrix, rhs)
@@ -147,15 +154,15 @@ def _solved(matrix: Array, rhs: Array) -> Array:
     return np.linalg.solve(matrix, rhs)
 
 
-def adapt(equations: Equations, point: Point, normal: Array, normal_p: float, tol: float, least: int) -> Point:
+def adapt(equations: Equations, point: Point, normal: Array, normal_p: float, tol: float, min_harmonics: int) -> Point:
     """Raise the number of harmonics of a corrected point until its truncation estimate is below `tol`.
 
     Args:
         equations: see `in_omega`.
         point: a corrected point.
         normal, normal_p: plane in which the point is corrected again.
-        tol: relative truncation wanted.
-        least: the count is lowered again, not below this, when the estimate allows.
+        tol: relative truncation error allowed.
+        min_harmonics: smallest number of harmonics, used again where the estimate allows.
     """
     count = point.x.size // 2
     while point.error > tol and count < MAX_HARMONICS:
@@ -164,18 +171,18 @@ def adapt(equations: Equations, point: Point, normal: Array, normal_p: float, to
             equations, resize(point.x, count), point.parameter, resize(normal, count), normal_p
         )
         point = Point(x, parameter, t, tp, tail(x))
-    if count > least:
-        lower = max(least, 4 * (count // 5))
+    if count > min_harmonics:
+        lower = max(min_harmonics, 4 * (count // 5))
         if tail(resize(point.x, lower)) < 0.03 * tol:
             point = point.resized(lower)
     return point
 
 
-def start(equations: Equations, x: Array, parameter: float, direction: float, tol: float, least: int) -> Point:
-    """Turn a solution into the first point of a path that sets out with the sign of `direction`."""
+def start(equations: Equations, x: Array, parameter: float, direction: float, tol: float, min_harmonics: int) -> Point:
+    """Turn a solution into the first point of a path; the parameter first changes with the sign of `direction`."""
     normal = np.zeros(x.size)
     x, parameter, t, tp = correct(equations, x, parameter, normal, 1.0)
-    point = adapt(equations, Point(x, parameter, t, tp, tail(x)), normal, 1.0, tol, least)
+    point = adapt(equations, Point(x, parameter, t, tp, tail(x)), normal, 1.0, tol, min_harmonics)
     if point.t_parameter * direction < 0:
         point = replace(point, t=-point.t, t_parameter=-point.t_parameter)
     return point
@@ -187,26 +194,26 @@ def trace(
     window: tuple[float, float],
     *,
     tol: float,
-    least: int,
+    min_harmonics: int,
     zeta: float,
     max_step: float,
     max_points: int = 3000,
     smooth: bool = True,
     stop: Callable[[list[Point]], str | None] | None = None,
 ) -> Path:
-    """Follow the branch through `first` until it leaves the window of the parameter.
+    """Trace the branch through `first` until it leaves the window of the parameter.
 
     Args:
         equations: see `in_omega`.
         first: starting point; its tangent gives the direction.
         window: lowest and highest parameter.
         tol: relative truncation error allowed.
-        least: smallest number of harmonics.
-        zeta: damping ratio, which sets how small a harmonic may still hide a resonance.
+        min_harmonics: smallest number of harmonics.
+        zeta: damping ratio; it determines how small a harmonic may be and still indicate a resonance.
         max_step: longest step in the parameter.
-        max_points: the path ends with "too much work" beyond this; many harmonics make a point count for more.
+        max_points: work after which the path ends with "too much work"; points of many harmonics count more.
         smooth: whether Newton's method converges quadratically (the stiffness is bounded).
-        stop: called with the points so far; a string ends the path for that reason.
+        stop: called with the points so far after each step; a non-empty string ends the path for that reason.
     """
     low, high = window
     rtol = newton_rtol(tol, smooth)
@@ -239,7 +246,7 @@ def trace(
             break
         point = Point(x, parameter, t, tp, tail(x))
         try:
-            point = adapt(equations, point, here.t, here.t_parameter, tol, least)
+            point = adapt(equations, point, here.t, here.t_parameter, tol, min_harmonics)
         except ConvergenceError:
             if h > 1e-6:
                 h *= 0.35
@@ -247,7 +254,7 @@ def trace(
         if not low <= point.parameter <= high:
             edge = low if point.parameter < low else high
             try:
-                points.append(_at_edge(equations, here, point, edge, tol, least))
+                points.append(_at_edge(equations, here, point, edge, tol, min_harmonics))
             except ConvergenceError:
                 if h > 1e-6:
                     h *= 0.35
@@ -261,19 +268,19 @@ def trace(
 
 
 def newton_rtol(tol: float, smooth: bool = True) -> float:
-    """Last Newton step that leaves an error well below the truncation error `tol`."""
+    """Return the size of the last Newton step whose remaining error is well below the truncation error `tol`."""
     return max(_NEWTON_RTOL, float(np.sqrt(1e-2 * tol))) if smooth else _NEWTON_RTOL
 
 
 def between(equations: Equations, a: Point, b: Point, fraction: float, rtol: float = _NEWTON_RTOL) -> Point:
-    """Point of the branch between two neighbours, by cubic Hermite prediction and correction."""
+    """Return the point of the branch at a fraction of the way from a to b: cubic Hermite prediction, corrected."""
     y, chord = _hermite(a, b, fraction)
     x, p, t, tp = correct(equations, y[:-1], float(y[-1]), chord[:-1], float(chord[-1]), rtol=rtol)
     return Point(x, p, t, tp, tail(x))
 
 
 def _hermite(a: Point, b: Point, s: float) -> tuple[Array, Array]:
-    """Point (x, parameter) of the cubic through two points with their tangents, and the unit chord."""
+    """Return the point (x, parameter) of the Hermite cubic at fraction s, and the unit chord."""
     count = max(a.x.size, b.x.size) // 2
     a, b = a.resized(count), b.resized(count)
     start, stop = np.append(a.x, a.parameter), np.append(b.x, b.parameter)
@@ -297,15 +304,15 @@ def locate(
     xtol: float = 1e-6,
     rtol: float = _NEWTON_RTOL,
 ) -> Point:
-    """Point between two neighbours where `value` vanishes (bracketed secant method).
+    """Find the point between two neighbours where `value` vanishes, by a bracketed secant method.
 
     Args:
         equations: see `in_omega`.
         a, b: neighbours on the branch.
-        value: function of a point, of opposite signs at a and b.
-        fa, fb: its values there.
-        xtol: change of the fraction of the step that ends the search; the method is superlinear, so the error left
-            is far smaller.
+        value: function of a point, with opposite signs at a and b.
+        fa, fb: its values at a and b.
+        xtol: change of the fraction that ends the search; convergence is superlinear, so the remaining error is far
+            smaller.
         rtol: see `correct`.
     """
     left, right = 0.0, 1.0
@@ -328,7 +335,7 @@ def locate(
 
 
 def predictor(points: Sequence[Point]) -> Callable[[float], tuple[Array, float]]:
-    """Extrapolation from the last point by the cubic through the last two points and their tangents."""
+    """Return the extrapolation by arc length with the cubic through the last two points and their tangents."""
     here = points[-1]
     x, t = np.append(here.x, here.parameter), np.append(here.t, here.t_parameter)
     second, third = np.zeros(x.size), np.zeros(x.size)
@@ -349,7 +356,7 @@ def predictor(points: Sequence[Point]) -> Callable[[float], tuple[Array, float]]
 
 
 def _prediction_error(guess: Array, x: Array, before: Array, watch: float) -> float:
-    """Largest error of the predictor in any harmonic, in units of a sixth of that harmonic."""
+    """Return the largest error of the predictor in any harmonic, in units of a sixth of that harmonic."""
     count = x.size // 2
     miss = guess - x
     miss_k = np.sqrt(miss[1 : count + 1] ** 2 + miss[count + 1 :] ** 2)
@@ -360,15 +367,15 @@ def _prediction_error(guess: Array, x: Array, before: Array, watch: float) -> fl
     return 6.0 * float((miss_k / (size + floor)).max())
 
 
-def _at_edge(equations: Equations, inside: Point, outside: Point, edge: float, tol: float, least: int) -> Point:
-    """Solution exactly at the edge of the window, between two points."""
+def _at_edge(equations: Equations, inside: Point, outside: Point, edge: float, tol: float, min_harmonics: int) -> Point:
+    """Return the solution exactly at the edge of the window, between two points."""
     s = (edge - inside.parameter) / (outside.parameter - inside.parameter)
-    for _ in range(4):  # where the cubic through both points meets the edge
+    for _ in range(4):  # Newton's method for the crossing of the cubic with the edge
         slope = (_hermite(inside, outside, s + 1e-4)[0][-1] - _hermite(inside, outside, s - 1e-4)[0][-1]) / 2e-4
         s = min(max(s + (edge - _hermite(inside, outside, s)[0][-1]) / (slope or 1.0), 0.0), 1.0)
     guess = _hermite(inside, outside, s)[0][:-1]
     x, p, t, tp = correct(equations, guess, edge, np.zeros(guess.size), 1.0)
-    point = adapt(equations, Point(x, p, t, tp, tail(x)), np.zeros(x.size), 1.0, tol, least)
+    point = adapt(equations, Point(x, p, t, tp, tail(x)), np.zeros(x.size), 1.0, tol, min_harmonics)
     if float(resize(point.t, inside.t.size // 2) @ inside.t) + point.t_parameter * inside.t_parameter < 0:
         point = replace(point, t=-point.t, t_parameter=-point.t_parameter)
     return point

@@ -1,8 +1,9 @@
-"""Every orbit of a path at one value of the parameter.
+"""All orbits of a path at one value of the parameter.
 
-Between two points of a path the branch is the cubic through both and their tangents. Where the cubic turns in the
-parameter the segment is split, so that each piece is crossed once at most; the crossing is then found along the
-branch (each trial corrected across it), which a fold does not disturb as it disturbs a correction at fixed parameter.
+Between two points the branch is approximated by the cubic through both and their tangents. Where the cubic turns
+back in the parameter the segment is split, so that each piece has at most one crossing. The crossing is then
+located along the branch, with each trial corrected perpendicular to it: unlike a correction at fixed parameter,
+this also works near a fold.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from asperity.dynamics.orbits.continuation import Equations, Point, between, cor
 from asperity.dynamics.orbits.harmonic_balance import tail
 from asperity.errors import ConvergenceError
 
-_RTOL = 1e-14  # of the fraction of a segment
-_NEAR = 1e-4  # the last correction, at fixed parameter, moves an orbit by less than this, relatively
+_RTOL = 1e-14  # tolerance of the fraction of a segment
+_NEAR = 1e-4  # largest relative change of an orbit by the last correction, at fixed parameter
 
 
 def crossings(equations: Equations, points: Iterable[Point], parameter: float) -> Iterator[Point]:
@@ -25,29 +26,29 @@ def crossings(equations: Equations, points: Iterable[Point], parameter: float) -
 
     Args:
         equations: see `continuation.in_omega`.
-        points: neighbours on a branch, with tangents that all point along it.
-        parameter: where the path is crossed.
+        points: consecutive points of a branch, with tangents oriented along it.
+        parameter: value at which the path is crossed.
 
     Raises:
-        ConvergenceError: a crossing of the cubic cannot be corrected.
+        ConvergenceError: the correction at a crossing of the cubic fails.
     """
     last = None
     for a, b in pairwise(points):
         last = b
         if a.parameter == parameter:
             yield a
-        pieces = [a, *(between(equations, a, b, s) for s in turns(a, b)), b] if _reaches(a, b, parameter) else []
+        pieces = [a, *(between(equations, a, b, s) for s in turns(a, b)), b] if _may_cross(a, b, parameter) else []
         for left, right in pairwise(pieces):
             f_left, f_right = left.parameter - parameter, right.parameter - parameter
             if f_left * f_right < 0:
                 p = locate(equations, left, right, lambda p: p.parameter - parameter, f_left, f_right, xtol=_RTOL)
-                yield _settled(equations, p, parameter)
+                yield _at_parameter(equations, p, parameter)
     if last is not None and last.parameter == parameter:
         yield last
 
 
 def turns(a: Point, b: Point) -> list[float]:
-    """Fractions of the segment, in order, at which the parameter of the cubic turns back."""
+    """Return the fractions of the segment, in order, at which the parameter of the cubic turns back."""
     third, second, first, _ = _cubic(a, b)
     root = second * second - 3.0 * third * first
     if root < 0:
@@ -58,7 +59,7 @@ def turns(a: Point, b: Point) -> list[float]:
 
 
 def _cubic(a: Point, b: Point) -> tuple[float, float, float, float]:
-    """Coefficients of the parameter along the segment, highest power first."""
+    """Return the coefficients of the parameter along the segment, highest power first."""
     count = max(a.x.size, b.x.size) // 2
     rise, gap = b.parameter - a.parameter, b.resized(count).x - a.resized(count).x
     length = float(np.sqrt(gap @ gap + rise * rise))
@@ -66,15 +67,15 @@ def _cubic(a: Point, b: Point) -> tuple[float, float, float, float]:
     return p + q - 2.0 * rise, 3.0 * rise - 2.0 * p - q, p, a.parameter
 
 
-def _reaches(a: Point, b: Point, parameter: float) -> bool:
-    """Whether the cubic may meet the parameter: its control polygon lies on both sides of it."""
+def _may_cross(a: Point, b: Point, parameter: float) -> bool:
+    """Return whether the cubic may cross the parameter: its control polygon lies on both sides."""
     third, second, first, start = _cubic(a, b)
     polygon = (start, start + first / 3.0, b.parameter - (3.0 * third + 2.0 * second + first) / 3.0, b.parameter)
     return min(polygon) <= parameter <= max(polygon)
 
 
-def _settled(equations: Equations, p: Point, parameter: float) -> Point:
-    """The orbit at exactly the parameter; beside a fold, where that is singular, it stays as it was found."""
+def _at_parameter(equations: Equations, p: Point, parameter: float) -> Point:
+    """Correct the orbit to exactly the parameter, except at a fold, where that system is singular."""
     try:
         near = _NEAR * float(np.linalg.norm(p.x))
         x, _, t, tp = correct(equations, p.x, parameter, np.zeros(p.x.size), 1.0, limit=near)

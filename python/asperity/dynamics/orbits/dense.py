@@ -1,8 +1,8 @@
-"""The curve of a branch between its points: dense rows for files and figures.
+"""Dense rows along a branch, for files and figures.
 
-Between two neighbours the orbits are the cubic through their coefficients and tangents, which is what the continuation
-predicts with. Rows are added until a straight line between two of them is good enough, both in the deflection at a
-frequency and in the frequency at a deflection: beside a fold and on the top of a resonance they stand closer.
+Between two points the orbits follow the cubic through coefficients and tangents, the predictor of the continuation.
+Rows are added until straight lines between them are accurate, in displacement at fixed frequency and in frequency
+at fixed displacement. They are closer near folds and at the top of a resonance.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from asperity.dynamics.orbits.branch import Branch
 from asperity.dynamics.orbits.harmonic_balance import Balance
 from asperity.dynamics.orbits.stability import extrema, floquet
 
-_RTOL = 3e-4  # of a straight line between rows; the cubic itself adds to it
-_FLAT = (1e-9, 1e-4)  # smaller relative changes of Omega, or of u_max, tell nothing about the other
-_DEPTH = 12  # halvings of a segment at most
-_NEUTRAL = 1e-4  # closer than this to 1, the largest multiplier does not tell the stability beside the point
+_RTOL = 3e-4  # relative error of a straight line between rows; the error of the cubic adds to it
+_FLAT = (1e-9, 1e-4)  # relative changes of Omega and of u_max below which the other is not checked
+_DEPTH = 12  # largest number of halvings of a segment
+_NEUTRAL = 1e-4  # largest multipliers this close to 1 do not determine the stability next to the point
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Line:
     """Rows along a branch, in order; arrays of shape (rows,) as in `Branch`.
 
     Attributes:
-        place: number of the point before the row, and the part of the way to the next one.
+        place: index of the point before the row plus the fraction of the way to the next point.
         Omega, u_max, u_min, a1, stable: see `Branch`.
     """
 
@@ -41,7 +41,7 @@ class Line:
 
 
 def on_cubic(branch: Branch, place: Array) -> tuple[Array, Array]:
-    """Omega (rows,) and complex coefficients (rows, K + 1) of the cubics at the places, see `Line`."""
+    """Return Omega (rows,) and complex coefficients (rows, K + 1) of the cubics at `place`, see `Line`."""
     i = np.minimum(place.astype(int), len(branch) - 2)
     s = place - i
     rise = branch.Omega[i + 1] - branch.Omega[i]
@@ -55,12 +55,12 @@ def on_cubic(branch: Branch, place: Array) -> tuple[Array, Array]:
 
 
 def dense(balance: Balance, branch: Branch, rtol: float = _RTOL) -> Line:
-    """Rows along a branch, so close that straight lines between them err by `rtol`, relatively.
+    """Compute rows along a branch, so close that straight lines between them have a relative error of `rtol`.
 
     Args:
-        balance: the equations of the response.
+        balance: equations of the response.
         branch: the branch.
-        rtol: largest deviation of the cubic from straight lines.
+        rtol: largest relative deviation of the cubic from straight lines.
     """
     places: Array = np.arange(len(branch), dtype=float)
     values: Array = np.array([branch.Omega, branch.u_max, branch.u_min, branch.a1])
@@ -71,7 +71,7 @@ def dense(balance: Balance, branch: Branch, rtol: float = _RTOL) -> Line:
             break
         middle = 0.5 * (places[left] + places[left + 1])
         between = _measured(branch, middle)
-        # a cubic may cross its chord half-way: the first halves are always kept
+        # a cubic may cross its chord in the middle: the first halves are always kept
         off = (_deviation(values[:, left], values[:, left + 1], between) > rtol) | (depth == 0)
         done[left[~off]] = True
         done = np.insert(done, left[off], False)
@@ -82,14 +82,14 @@ def dense(balance: Balance, branch: Branch, rtol: float = _RTOL) -> Line:
 
 
 def _measured(branch: Branch, places: Array) -> Array:
-    """Omega, u_max, u_min and a1 (4, rows) of the cubics at the places."""
+    """Return Omega, u_max, u_min and a1 (4, rows) of the cubics at the places."""
     omega, c = on_cubic(branch, places)
     u_min, u_max = extrema(c)
     return np.array([omega, u_max, u_min, np.abs(c[:, branch.order])])
 
 
 def _deviation(a: Array, b: Array, middle: Array) -> Array:
-    """Relative distance of rows from the straight line between their neighbours, along u_max and along Omega."""
+    """Return the relative distance of rows from the line between their neighbours, along u_max and Omega."""
     worst = np.zeros(middle.shape[1])
     for x, y, flat in ((0, 1, _FLAT[0]), (1, 0, _FLAT[1])):
         gap = b[x] - a[x]
@@ -100,7 +100,7 @@ def _deviation(a: Array, b: Array, middle: Array) -> Array:
 
 
 def _stability(balance: Balance, branch: Branch, places: Array) -> NDArray[np.bool_]:
-    """Stability of the rows: it changes at special orbits, which are points, and is one between two points."""
+    """Return the stability of the rows: it changes at points only, because special orbits are points."""
     if len(branch) == 1:
         return branch.stable
     neutral = np.abs(branch.radius - 1.0) < _NEUTRAL

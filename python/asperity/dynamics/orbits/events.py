@@ -1,4 +1,4 @@
-"""Special orbits along a path: folds, grazing, period doublings and greatest deflections, located and inserted."""
+"""Events along a path: folds, grazing, period doublings and largest displacements, located and inserted."""
 
 from __future__ import annotations
 
@@ -20,19 +20,31 @@ from asperity.dynamics.orbits.continuation import (
 )
 from asperity.dynamics.orbits.crossing import turns
 from asperity.dynamics.orbits.harmonic_balance import Balance, resize
-from asperity.dynamics.orbits.stability import NOTHING, Floquet, extrema, floquet, rise, stack
+from asperity.dynamics.orbits.stability import NEGLIGIBLE, Floquet, extrema, floquet, rise, stack
 from asperity.errors import ConvergenceError
 
-_TOP, _LIMIT, _CHANGE = "greatest u_max", "limit of the law", "change of stability"  # points, but no events
-_INSIDE = 1e-7  # how far inside the limit of the law its point lies, relative to it
-_STEEP = 0.03  # least rate of the parameter along the branch: an error at a fold counts as one across the branch
-_CUBIC = 1e-4  # error of the cubic between neighbours that rows between them may carry, relative to the orbit
+_TOP, _LIMIT, _CHANGE = "largest u_max", "limit of the law", "change of stability"  # points, but not events
+_INSIDE = 1e-7  # relative distance of the last point from the limit of the law
+_STEEP = 0.03  # smallest rate of the parameter along the branch used in errors, which would diverge at a fold
+_CUBIC = 1e-4  # allowed error of the cubic between neighbours, relative to the orbit
 
 
-def finish(
+def locate_events(
     balance: Balance, equations: Equations, path: Path, kind: str, number: int, tol: float
 ) -> tuple[Branch, list[Event], list[Point]]:
-    """Locate the events and the tops of a path, insert them and measure every point."""
+    """Insert the events and the maxima of u_max into a path and measure every point.
+
+    Args:
+        balance: equations, with the order of the path.
+        equations: the same at fixed forcing, see `in_omega`.
+        path: the traced path.
+        kind: see `Branch`.
+        number: index of the branch in the response.
+        tol: relative truncation error allowed.
+
+    Returns:
+        The branch, its events, and its period doublings as points.
+    """
     points = _refined(equations, path.points, tol)
     search = {"rtol": newton_rtol(tol, not balance.restoring.singular), "xtol": 0.03 * float(np.sqrt(tol))}
     low, high = balance.restoring.u_range
@@ -44,7 +56,7 @@ def finish(
     omega = np.array([p.parameter for p in points])
     u_min, u_max = extrema(c)
     fold = np.array([p.t_parameter for p in points])
-    if len(points) > 1:  # it vanishes where a period-2 branch is born or dies, which is no fold
+    if len(points) > 1:  # it also vanishes at the ends of a period-2 branch, which are not folds
         fold[0], fold[-1] = fold[0] or fold[1], fold[-1] or fold[-2]
 
     def graze(p: Point) -> float:
@@ -70,7 +82,7 @@ def finish(
     inserted: list[tuple[int, float, str, Point]] = []
     for name, values, function in tests:
         for i in np.flatnonzero((values[:-1] > 0) != (values[1:] > 0)):
-            if name == _TOP and values[i] < 0:  # a least u_max
+            if name == _TOP and values[i] < 0:  # a minimum of u_max
                 continue
             try:
                 p = locate(equations, points[i], points[i + 1], function, values[i], values[i + 1], **search)
@@ -105,7 +117,7 @@ def finish(
 
 
 def _refined(equations: Equations, points: tuple[Point, ...], tol: float) -> list[Point]:
-    """Add points where the cubic between neighbours is not yet good enough for the rows drawn from it."""
+    """Add points where the cubic between neighbours is not accurate enough for dense rows."""
     out = [points[0]]
     for i, (a, b) in enumerate(pairwise(points)):
         beside = points[i - 1] if i else points[2] if len(points) > 2 else None
@@ -113,7 +125,7 @@ def _refined(equations: Equations, points: tuple[Point, ...], tol: float) -> lis
         pieces = min(4, int(np.ceil((error / _CUBIC) ** 0.25)))
         inner = [j / pieces for j in range(1, pieces)]
         back = turns(a, b)
-        if len(back) == 2:  # there and back between two points: the folds need one between them
+        if len(back) == 2:  # two folds between two points: they need a point between them
             inner = sorted({*inner, 0.5 * sum(back)})
         for s in inner:
             try:
@@ -126,10 +138,10 @@ def _refined(equations: Equations, points: tuple[Point, ...], tol: float) -> lis
 
 
 def _cubic_error(before: Point, a: Point, b: Point) -> float:
-    """Error of the cubic from a to b half-way at a value of the parameter, relative to the orbit.
+    """Estimate the error of the cubic from a to b in the middle, at fixed parameter, relative to the orbit.
 
-    It is told from the error of the cubic through `before` and a, extrapolated to b: with the fourth derivative D of
-    the branch the two are h^4 D / 384 and h^2 (h + g)^2 D / 24, where g is the step before.
+    The estimate comes from the error at b of the cubic through `before` and a: with the fourth derivative D of the
+    branch the two errors are h^4 D / 384 and h^2 (h + g)^2 D / 24, where g is the previous step.
     """
     count = max(a.x.size, b.x.size) // 2
     first, start, stop = (p.resized(count) for p in (before, a, b))
@@ -150,10 +162,10 @@ def _multipliers(balance: Balance, points: list[Point]) -> Floquet:
 
 
 def _open_tongues(balance: Balance, equations: Equations, points: list[Point], data: Floquet) -> bool:
-    """Insert a point inside each period-doubling tongue narrower than a step; True when there is one.
+    """Insert a point inside each period-doubling tongue narrower than a step; return whether there is one.
 
-    Multipliers near -1 are -rho exp(+-i psi); psi^2 is smooth along the branch, vanishes where they meet on
-    the real axis and is negative in a tongue, so its minimum is found by parabolic interpolation.
+    Multipliers near -1 are -rho exp(+-i psi). psi^2 is smooth along the branch, vanishes where they meet on the
+    real axis and is negative in a tongue; its minimum is found by parabolic interpolation.
     """
     square = _phase_square(data)
     omega = np.array([p.parameter for p in points])
@@ -193,7 +205,7 @@ def _open_tongues(balance: Balance, equations: Equations, points: list[Point], d
 
 
 def _phase_square(data: Floquet) -> Array:
-    """psi^2 with multipliers -rho exp(+-i psi); negative where they are real and below zero."""
-    h = -data.trace / (2.0 * np.sqrt(np.maximum(data.determinant, NOTHING)))
+    """Return psi^2 of multipliers -rho exp(+-i psi); negative where they are real and negative."""
+    h = -data.trace / (2.0 * np.sqrt(np.maximum(data.determinant, NEGLIGIBLE)))
     inside = np.arccos(np.clip(h, -1.0, 1.0)) ** 2
     return np.where(h > 1.0, -(np.arccosh(np.maximum(h, 1.0)) ** 2), inside)

@@ -1,8 +1,8 @@
-"""Free vibration by quadrature: exact period, first harmonic and dissipation of an undamped orbit.
+"""Free vibration by quadrature: period, first harmonic and dissipation of undamped orbits.
 
-The period of motion between the turning points is ``T = 2 INT du / sqrt(2 [V(u_0) - V(u)])``; the
-substitution ``u = mid + half sin(theta)`` removes both end singularities, Gauss panels are split where the
-law has a knot and where contact is lost, and free flight (``u'' = 1/n_loc``) is added in closed form.
+The period of motion between the turning points is ``T = 2 INT du / sqrt(2 [V(u_0) - V(u)])``. The substitution
+``u = mid + half sin(theta)`` removes both end singularities, Gauss panels are split at knots of the law and at
+contact loss, and free flight (``u'' = 1/n_loc``) is added in closed form.
 """
 
 from __future__ import annotations
@@ -29,16 +29,21 @@ _TINY = 1e-9
 
 @dataclass(frozen=True)
 class FreeOrbit:
-    """One undamped free orbit released from rest at u_0 > 0.
+    """Undamped free orbit released from rest at u_0 > 0.
 
     Attributes:
         u0, u_min: turning points (u > 0 is compression).
         omega: frequency over omega_s.
-        a1: first harmonic of u.
-        v_s: speed at separation (0 when contact is kept).
-        flight: part of the period spent out of contact.
-        dissipation: INT g u'^2 over a period, for the damping model asked for.
+        a1: amplitude of the first harmonic of u.
+        v_s: speed at separation (0 if contact is kept).
+        flight: share of the period out of contact.
+        dissipation: INT g u'^2 over a period, for the requested damping model.
         error: estimated relative error of `omega`.
+
+    Examples:
+        >>> orbit = asp.ContactOscillator(asp.PowerLaw(1.5)).free(1.2).orbits[0]
+        >>> orbit.contact_loss, round(orbit.omega, 6), round(orbit.flight, 6)
+        (True, 0.850525, 0.384271)
     """
 
     u0: float
@@ -57,22 +62,27 @@ class FreeOrbit:
 
     @property
     def drive(self) -> float:
-        """F^/(2 zeta) that sustains this orbit at phase resonance, by energy balance."""
+        """Forcing F^/(2 zeta) that sustains this orbit at phase resonance, by energy balance."""
         return self.dissipation / (np.pi * self.a1)
 
 
 @dataclass(frozen=True)
 class FreeVibration:
-    """Natural frequency against amplitude.
+    """Natural frequency over amplitude.
 
     Attributes:
         model: "exact" or "taylor".
         law: description of the law.
         n_loc, kappa: local exponent and backbone curvature at the operating point.
-        omega_s: small-amplitude frequency (rad/time), NaN without gravity.
+        omega_s: natural frequency of small motion (rad/time), NaN without gravity.
         orbits: one `FreeOrbit` per amplitude.
-        valid: False where a Taylor orbit has u_min < -1 and so means nothing physically.
+        valid: False where a Taylor orbit has u_min < -1, which is unphysical.
         tolerance: largest estimated relative error of the frequencies.
+
+    Examples:
+        >>> free = asp.ContactOscillator(asp.PowerLaw(1.5)).free([0.2, 0.5])
+        >>> free.omega_ratio.round(6), free.valid
+        (array([0.998259, 0.987785]), (True, True))
     """
 
     model: str
@@ -86,29 +96,29 @@ class FreeVibration:
 
     @property
     def u0(self) -> Array:
-        """Amplitudes u_0."""
+        """Amplitudes u_0, shape (orbits,)."""
         return np.array([o.u0 for o in self.orbits])
 
     @property
     def omega_ratio(self) -> Array:
-        """Frequencies over omega_s."""
+        """Frequencies over omega_s, shape (orbits,)."""
         return np.array([o.omega for o in self.orbits])
 
     @property
     def u_min(self) -> Array:
-        """Lower turning points."""
+        """Lower turning points, shape (orbits,)."""
         return np.array([o.u_min for o in self.orbits])
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """Rows of free.csv."""
+        """Yield the rows of free.csv."""
         for o in self.orbits:
             yield {"model": self.model, "u0": o.u0, "omega_ratio": o.omega, "u_min": o.u_min}
 
 
 def contact_limit(restoring: Restoring) -> float:
-    """Largest release u_max that keeps contact, V(u_max) = V(-1); (n+1)^(1/n) - 1 for a power law.
+    """Return the largest release that keeps contact, V(u_max) = V(-1); (n+1)^(1/n) - 1 for a power law.
 
-    Returns inf for a law without contact loss, and when the table ends before that amplitude.
+    It is inf for a law without contact loss, and for a table that ends before that amplitude.
     """
     if not restoring.contact:
         return np.inf
@@ -122,17 +132,17 @@ def contact_limit(restoring: Restoring) -> float:
 
 
 def free_orbit(restoring: Restoring, u0: float, damping: str = "always") -> FreeOrbit:
-    """Orbit released from rest at `u0`, accurate to 1e-12 where the law is smooth.
+    """Compute the orbit released from rest at `u0`, to 1e-12 where the law is smooth.
 
     Args:
         restoring: normal form of the law.
-        u0: release deflection over z_s, > 0 (compression).
-        damping: model whose dissipation is integrated along the orbit.
+        u0: release displacement over z_s, > 0 (compression).
+        damping: damping model of the dissipation.
 
     Raises:
         InputError: u0 is not positive.
         RangeError: the orbit leaves a table, or passes the rim of a Taylor well.
-        ConvergenceError: the quadrature does not settle (a law too rough between its knots).
+        ConvergenceError: the quadrature does not converge (the law is too rough between its knots).
     """
     u0 = positive("u0", u0)
     half = _half_period(restoring, u0)
@@ -140,10 +150,10 @@ def free_orbit(restoring: Restoring, u0: float, damping: str = "always") -> Free
     if not half.error < 1e-6:
         if u0 < _TINY:
             raise ConvergenceError(
-                f"u0 = {u0:g} is lost in round-off beside the static deflection: the frequency is that of small motion"
+                f"u0 = {u0:g} is lost in round-off next to the static deflection: the frequency is that of small motion"
             )
         raise ConvergenceError(
-            f'the period at u0 = {u0:g} settles only to {half.error:.1e}: the law is too rough; use values="fit"'
+            f'the period at u0 = {u0:g} converges only to {half.error:.1e}: the law is too rough; use values="fit"'
         )
     a1 = float(_harmonics(half, np.array([1]))[0])
     return FreeOrbit(
@@ -159,14 +169,14 @@ def free_orbit(restoring: Restoring, u0: float, damping: str = "always") -> Free
 
 
 def rough_orbit(restoring: Restoring, u0: float, damping: str) -> tuple[float, float]:
-    """Frequency and `FreeOrbit.drive` to some 1e-4, for starting values."""
+    """Return frequency and `FreeOrbit.drive` to about 1e-4, for starting values."""
     half = _half_period(restoring, u0, orders=_ORDERS[:1])
     a1 = float(_harmonics(half, np.array([1]))[0])
     return 2.0 * np.pi / half.period, _dissipation(restoring, half, damping) / (np.pi * a1)
 
 
 def orbit_coefficients(restoring: Restoring, u0: float, count: int) -> Array:
-    """Fourier coefficients (mean, cosines, zero sines; 2 count + 1) of the orbit, released at phase 0."""
+    """Return the Fourier coefficients (mean, cosines, zero sines; 2 count + 1) of the orbit released at phase 0."""
     half = _half_period(restoring, u0, 3 * count)
     out = np.zeros(2 * count + 1)
     out[: count + 1] = _harmonics(half, np.arange(count + 1))
@@ -175,7 +185,7 @@ def orbit_coefficients(restoring: Restoring, u0: float, count: int) -> Array:
 
 @dataclass(frozen=True)
 class _HalfPeriod:
-    """Samples of the contact part from u0 downwards: positions, time weights, times, speeds."""
+    """Samples of the contact part from u0 downwards: displacements, time weights, times, speeds."""
 
     u: Array
     dt: Array
@@ -214,7 +224,7 @@ def _half_period(restoring: Restoring, u0: float, least: int = 0, orders: tuple[
 
 
 def _dissipation(restoring: Restoring, half: _HalfPeriod, damping: str) -> float:
-    """INT g u'^2 over the period."""
+    """Return INT g u'^2 over the period."""
     loss = 2.0 * float((rate(restoring, damping, half.u) * half.speed**2) @ half.dt)
     if half.v_s > 0 and in_flight(damping):
         loss += 2.0 * restoring.n_loc * half.v_s**3 / 3.0
@@ -222,7 +232,7 @@ def _dissipation(restoring: Restoring, half: _HalfPeriod, damping: str) -> float
 
 
 def _harmonics(half: _HalfPeriod, k: Array) -> Array:
-    """Cosine coefficients of the orbit for the harmonics `k`."""
+    """Return the cosine coefficients of the orbit for the harmonics `k`."""
     omega = 2.0 * np.pi / half.period
     out = np.cos(omega * np.outer(k, half.t)) @ (half.u * half.dt)
     if half.v_s > 0:
@@ -237,7 +247,7 @@ def _harmonics(half: _HalfPeriod, k: Array) -> Array:
 def free_vibration(
     restoring: Restoring, amplitudes: ArrayLike, *, model: str, omega_s: float, damping: str = "always"
 ) -> FreeVibration:
-    """Natural frequency at each release amplitude; see `free_orbit`."""
+    """Compute the natural frequency at each release amplitude; see `free_orbit`."""
     orbits = tuple(free_orbit(restoring, u, damping) for u in positives("u0", amplitudes))
     valid = tuple(restoring.contact or o.u_min >= -1.0 for o in orbits)
     return FreeVibration(
@@ -253,7 +263,7 @@ def free_vibration(
 
 
 def _turning_point(restoring: Restoring, u0: float) -> tuple[float, float]:
-    """Lower turning point and speed at separation."""
+    """Return the lower turning point and the speed at separation (0 if contact is kept)."""
     law = restoring.law
     energy = float(restoring.potential(u0))
     if restoring.contact:
@@ -279,7 +289,7 @@ def _turning_point(restoring: Restoring, u0: float) -> tuple[float, float]:
 
 
 def _knots(restoring: Restoring, u_min: float, u0: float, flight: bool) -> Array:
-    """Ends of the contact part and the knots of the law between them."""
+    """Return the ends of the contact part and the knots of the law between them."""
     low = -1.0 if flight else u_min
     inner: Sequence[float] = getattr(restoring.law, "knots", ())
     u = np.asarray(inner, float) / restoring.z_s - 1.0
@@ -289,14 +299,14 @@ def _knots(restoring: Restoring, u_min: float, u0: float, flight: bool) -> Array
 def _contact_part(
     restoring: Restoring, theta: Array, u_min: float, u0: float, v0: float, order: int
 ) -> tuple[Array, Array, Array, Array]:
-    """Positions, time weights, times from the compressed end and speeds over half a period."""
+    """Return displacements, time weights, times from the compressed end and speeds over half a period."""
     mid, half = 0.5 * (u0 + u_min), 0.5 * (u0 - u_min)
     x, w = _gauss(order)
     width = 0.5 * np.diff(theta)[:, None]
     angle = 0.5 * (theta[1:] + theta[:-1])[:, None] + width * x
     u = mid + half * np.sin(angle)
     gain = v0 - restoring.potential(u)
-    # close to an end the difference of potentials cancels: integrate the force instead
+    # near an end the difference of potentials cancels: integrate the force instead
     below = 2.0 * half * np.sin(0.25 * np.pi - 0.5 * angle) ** 2
     near = below < 0.02 * half
     gain[near] = below[near] * _mean_force(restoring, u0 - below[near], below[near])
@@ -309,7 +319,7 @@ def _contact_part(
         near = above < 0.02 * half
         gain[near] = -above[near] * _mean_force(restoring, np.full(near.sum(), u_min), above[near])
     if not gain.min() > 0:
-        raise ConvergenceError("the amplitude is too small for the arithmetic: V(u) is lost in round-off")
+        raise ConvergenceError("the amplitude is too small: V(u) is lost in round-off")
     speed = np.sqrt(2.0 * gain)
     slope = half * np.cos(angle) / speed  # dt / dtheta
     panels = (slope * w) * width
@@ -319,7 +329,7 @@ def _contact_part(
 
 
 def _mean_force(restoring: Restoring, start: Array, length: Array) -> Array:
-    """Mean of f over [start, start + length]."""
+    """Return the mean of f over [start, start + length]."""
     x, w = _gauss(12)
     return 0.5 * (restoring.f(start[:, None] + 0.5 * length[:, None] * (1.0 + x)) @ w)
 
@@ -331,7 +341,7 @@ def _gauss(order: int) -> tuple[Array, Array]:
 
 @lru_cache(maxsize=16)
 def _integration(order: int) -> Array:
-    """Matrix that integrates values at the Gauss points from -1 to each of them."""
+    """Return the matrix that integrates values at the Gauss points from -1 to each of them."""
     x, w = _gauss(order)
     basis = np.polynomial.legendre.legvander(x, order)
     k = np.arange(order)

@@ -2,10 +2,10 @@
 
 The orbit is ``u(theta) = x_0 + SUM a_k cos(k theta) + b_k sin(k theta)``, ``theta = Omega tau / p`` (p = 1, or 2
 for a subharmonic of order 2). The contact force vanishes in flight and is smooth in contact, so its
-Fourier integrals are taken by Gauss quadrature between the contact-loss angles, found on the current orbit;
-an orbit that keeps clear of contact loss uses the (then spectrally accurate) uniform grid. The balance is
-thereby a true Galerkin projection: no aliasing, and no spurious work of the conservative force however
-light the damping (alternating frequency-time method: Cameron & Griffin 1989).
+Fourier integrals are computed by Gauss quadrature between the contact-loss angles of the current orbit. An orbit
+that stays away from contact loss uses the uniform grid, which is then spectrally accurate. The balance is
+therefore a true Galerkin projection: there is no aliasing, and the conservative force does no spurious work,
+however light the damping (compare the alternating frequency-time method, Cameron & Griffin 1989).
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from asperity.errors import ConvergenceError
 
 MAX_HARMONICS = 640
 _GRID = 8  # uniform samples per harmonic
-_TABULATED = 64  # up to so many harmonics the basis on the uniform grid is kept
-_ROUND_OFF = 1e-11  # steps of u below this that no longer shrink are noise of the force
-_NEAR = 0.02  # closer than this to contact loss the integrals are split there
+_TABULATED = 64  # largest number of harmonics whose basis on the uniform grid is cached
+_ROUND_OFF = 1e-11  # Newton steps of u below this that no longer shrink are round-off of the force
+_NEAR = 0.02  # distance from contact loss within which the integrals are split there
 
 
 @dataclass(frozen=True)
@@ -45,12 +45,15 @@ class Balance:
     order: int = 1
 
     def evaluate(self, x: Array, omega: float, forcing: float) -> tuple[Array, Array, Array]:
-        """Residual, its Jacobian and its derivative with respect to Omega.
+        """Return the residual, its Jacobian and its derivative with respect to Omega.
 
         Args:
             x: coefficients (2 K + 1): mean, K cosines, K sines.
             omega: Omega.
             forcing: F^.
+
+        Returns:
+            Arrays of shapes (2 K + 1,), (2 K + 1, 2 K + 1) and (2 K + 1,).
         """
         size = x.size
         count = size // 2
@@ -88,7 +91,7 @@ class Balance:
         return residual, jacobian, d_omega
 
     def correct(self, x: Array, omega: float, forcing: float, *, rtol: float = 1e-10, steps: int = 25) -> Array:
-        """Solve the balance at fixed Omega by damped Newton iteration from `x`.
+        """Solve the balance at fixed Omega by a damped Newton iteration from `x` (2 K + 1).
 
         Raises:
             ConvergenceError: no convergence in `steps` iterations.
@@ -100,7 +103,7 @@ class Balance:
             factor, norm = 1.0, np.abs(residual).max()
             size = np.abs(step).max()
             scale = np.abs(x).max() + 1e-12
-            if size > scale:  # limit wild steps
+            if size > scale:  # limit the step to the size of the orbit
                 factor = scale / size
             while True:
                 trial = x - factor * step
@@ -115,13 +118,13 @@ class Balance:
         raise ConvergenceError(f"harmonic balance did not converge at Omega = {omega:g}, F^ = {forcing:g}")
 
     def _rest(self) -> float:
-        """Value of the damping primitive in flight."""
+        """Return the damping primitive in flight."""
         if not self.restoring.contact:
             return 0.0
         return float(primitive(self.restoring, self.damping, np.array([-1.0]))[0])
 
     def _quadrature(self, x: Array) -> tuple[Array, Array]:
-        """Basis (points, 2K+1) and weights that integrate the contact force along the orbit."""
+        """Return basis (points, 2 K + 1) and weights (points,) that integrate the contact force along the orbit."""
         count = x.size // 2
         points = _GRID * max(count, 8)
         if self.restoring.contact:
@@ -136,10 +139,10 @@ class Balance:
 
 
 def _projected(basis: Array, weight: Array, force: Array, slope: Array) -> tuple[Array, Array]:
-    """Fourier coefficients of a force along the orbit, and their derivatives with respect to those of u.
+    """Return the Fourier coefficients of a force along the orbit, and their derivatives with respect to those of u.
 
-    A product of two waves is half the sum of the waves of sum and difference, so the derivatives are sums of
-    the coefficients of the slope up to twice the harmonics of u: no matrix product is needed.
+    A product of two waves is half the sum of the waves of sum and difference. The derivatives are therefore sums of
+    the coefficients of the slope, up to twice the harmonics of u, and no matrix product is needed.
     """
     size = basis.shape[1]
     count = size // 2
@@ -149,7 +152,7 @@ def _projected(basis: Array, weight: Array, force: Array, slope: Array) -> tuple
     columns[2] = columns[1] * basis[:, count]
     columns[3] = columns[1] * basis[:, -1]
     project, low, cos, sin = columns @ basis
-    double = np.zeros((4, size))  # cosines, the same negative, sines, the same negative
+    double = np.zeros((4, size))  # cosines, negative cosines, sines, negative sines
     double[0, : count + 1] = low[: count + 1]
     double[0, count + 1 :] = cos[1 : count + 1] - sin[count + 1 :]
     double[2, 1 : count + 1] = low[count + 1 :]
@@ -167,7 +170,7 @@ def _projected(basis: Array, weight: Array, force: Array, slope: Array) -> tuple
 
 @lru_cache(maxsize=64)
 def _numbers(count: int) -> Array:
-    """Number of the harmonic of each cosine and each sine."""
+    """Return the harmonic number of each cosine and each sine."""
     k = np.tile(np.arange(1.0, count + 1.0), 2)
     k.flags.writeable = False
     return k
@@ -175,7 +178,7 @@ def _numbers(count: int) -> Array:
 
 @lru_cache(maxsize=16)
 def _pairs(count: int) -> tuple[Array, Array]:
-    """Where the two terms of each product of waves stand in the table of `_projected` (2 count + 1 square each)."""
+    """Return the indices of both terms of each product of waves in the table of `_projected`, two square arrays."""
     size = 2 * count + 1
     k = np.concatenate([np.arange(count + 1), np.arange(1, count + 1)])
     sine = np.arange(size) > count
@@ -188,7 +191,7 @@ def _pairs(count: int) -> tuple[Array, Array]:
 
 
 def basis_at(theta: Array, count: int) -> Array:
-    """Fourier basis (len(theta), 2 count + 1): 1, cosines, sines."""
+    """Return the Fourier basis (len(theta), 2 count + 1): 1, cosines, sines."""
     powers = np.empty((theta.size, count), complex)
     powers[:] = np.exp(1j * theta)[:, None]
     np.multiply.accumulate(powers, axis=1, out=powers)
@@ -201,7 +204,7 @@ def basis_at(theta: Array, count: int) -> Array:
 
 @lru_cache(maxsize=32)
 def uniform_basis(count: int, points: int) -> Array:
-    """Fourier basis on ``points`` equidistant angles from 0."""
+    """Return the Fourier basis at ``points`` equidistant angles from 0."""
     turn = np.outer(np.arange(points), np.arange(count + 1)) % points
     angle = 2.0 * np.pi / points * np.arange(points)
     out = np.concatenate([np.cos(angle)[turn], np.sin(angle)[turn[:, 1:]]], axis=1)
@@ -210,14 +213,14 @@ def uniform_basis(count: int, points: int) -> Array:
 
 
 def _sampled(x: Array, points: int) -> Array:
-    """Values on ``points`` equidistant angles from 0, as the uniform basis gives them."""
+    """Return the values of an orbit at ``points`` equidistant angles from 0, by FFT."""
     c = (0.5 * points) * _waves(x)[1][:, 0]
     c[0] *= 2.0
     return np.fft.irfft(c, points)
 
 
 def resize(x: Array, count: int) -> Array:
-    """Pad with zeros, or truncate, to `count` harmonics."""
+    """Pad coefficients with zeros, or truncate them, to `count` harmonics."""
     old = x.size // 2
     keep = min(old, count)
     out = np.zeros(2 * count + 1)
@@ -227,7 +230,7 @@ def resize(x: Array, count: int) -> Array:
 
 
 def tail(x: Array) -> float:
-    """Relative size of the last quarter of the spectrum: the truncation error estimate of the orbit."""
+    """Return the relative size of the last quarter of the spectrum, the truncation error estimate."""
     count = x.size // 2
     power = x[1 : count + 1] ** 2 + x[count + 1 :] ** 2
     total = power.sum()
@@ -235,14 +238,14 @@ def tail(x: Array) -> float:
 
 
 def _cuts(x: Array, s: Array, near: float) -> Array:
-    """Contact intervals (m, 2) in angle, also split where the orbit only just keeps contact."""
+    """Return the contact intervals (m, 2) in angle, also split where the orbit just keeps contact."""
     points = s.size
     h = 2.0 * np.pi / points
     angle: Array = h * np.arange(points + 1)
     value: Array = np.append(s, s[0])
     marks: Array = np.empty(0)
     low = np.flatnonzero(np.abs(s) < 4.0 * near)
-    if low.size:  # a grazing arc may hide between samples: look at the minima themselves
+    if low.size:  # a short grazing arc may lie between samples: locate the minima themselves
         dips = low[(s[low] <= s[low - 1]) & (s[low] < value[low + 1])]
         if dips.size:
             marks, depth = _minima(x, s, dips, h)
@@ -255,7 +258,7 @@ def _cuts(x: Array, s: Array, near: float) -> Array:
     if change.size == 0:
         if not touching[0]:
             return np.empty((0, 2))
-        ends = marks if marks.size else angle[:1]  # never leaves contact: cut at the near minima
+        ends = marks if marks.size else angle[:1]  # contact is never lost: cut at the near minima
         return np.stack([ends, np.append(ends[1:], ends[0] + 2.0 * np.pi)], axis=1)
     roots = _roots(x, angle[change], angle[change + 1], value[change], value[change + 1])
     opening = ~touching[change]  # contact begins after this root
@@ -274,7 +277,7 @@ def _cuts(x: Array, s: Array, near: float) -> Array:
 
 
 def _waves(x: Array) -> tuple[Array, Array]:
-    """Harmonic numbers times i, and complex coefficients of u, u' and u'' (K + 1, 3)."""
+    """Return harmonic numbers times i, and complex coefficients of u, u' and u'' (K + 1, 3)."""
     count = x.size // 2
     ik = 1j * np.arange(count + 1)
     c = x[: count + 1].astype(complex)
@@ -283,7 +286,7 @@ def _waves(x: Array) -> tuple[Array, Array]:
 
 
 def _minima(x: Array, s: Array, dips: Array, h: float) -> tuple[Array, Array]:
-    """Angles of the minima near the samples `dips`, and 1 + u there."""
+    """Return the angles of the minima near the samples `dips`, and 1 + u there."""
     ik, c = _waves(x)
     right = s[(dips + 1) % s.size]
     curvature = s[dips - 1] - 2.0 * s[dips] + right
@@ -297,7 +300,7 @@ def _minima(x: Array, s: Array, dips: Array, h: float) -> tuple[Array, Array]:
 
 
 def _roots(x: Array, a: Array, b: Array, fa: Array, fb: Array) -> Array:
-    """Angles in the brackets [a, b] where 1 + u = 0, by Newton iteration, safeguarded where it leaves them."""
+    """Return the angles in the brackets [a, b] where 1 + u = 0, by a safeguarded Newton iteration."""
     ik, c = _waves(x)
     c = c[:, :2]
     theta = a + (b - a) * fa / (fa - fb)
@@ -319,26 +322,26 @@ def _roots(x: Array, a: Array, b: Array, fa: Array, fb: Array) -> Array:
                 new = np.where(inside, new, 0.5 * (a + b))
             moved = float(np.abs(new - theta).max())
             theta = new
-            if (moved < 1e-8 and clean) or moved < 1e-14:  # what remains is the square of the step
+            if (moved < 1e-8 and clean) or moved < 1e-14:  # the remaining error is the square of the step
                 break
     return theta
 
 
 @lru_cache(maxsize=256)
 def _clustered(points: int) -> tuple[Array, Array]:
-    """Gauss rule on [0, 1] clustered at both ends, where the force is only (distance)^n smooth."""
+    """Return a Gauss rule on [0, 1] clustered at both ends, where the force behaves like (distance)^n."""
     x, w = roots_legendre(points)
     y = 0.5 * (1.0 + x)
     return y * y * (3.0 - 2.0 * y), 0.5 * w * 6.0 * y * (1.0 - y)
 
 
 def _panels(cuts: Array, count: int) -> tuple[Array, Array]:
-    """Quadrature points and weights over the intervals `cuts`."""
+    """Return quadrature points and weights over the intervals `cuts`."""
     nodes, weights = [], []
     for begin, end in cuts:
         width = end - begin
         points = 24 + int(1.2 * count * width)
-        unit = max(4, 1 << points.bit_length() - 4)  # few different rules: each is kept
+        unit = max(4, 1 << points.bit_length() - 4)  # few different rules, which are cached
         points = unit * -(-points // unit)
         x, w = _clustered(points)
         nodes.append(begin + width * x)

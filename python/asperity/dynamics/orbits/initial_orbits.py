@@ -1,4 +1,4 @@
-"""Where branches start: orbits from rest and from the backbone at the ends of a window of frequencies."""
+"""Initial orbits of branches: from rest and from the backbone, at the ends of a window of frequencies."""
 
 from __future__ import annotations
 
@@ -14,40 +14,52 @@ from asperity.dynamics.orbits.free import orbit_coefficients, rough_orbit
 from asperity.dynamics.orbits.harmonic_balance import Balance, resize
 from asperity.errors import ConvergenceError
 
-LEAST = 8  # harmonics per period of the forcing
-_BACKBONE = 16  # amplitudes at which subharmonic orbits are looked for
-_LEAST = 0.1  # the smallest of them: below, the share of the loss hardly changes
-_AT_REST = 1e-9  # impedance below which any forcing moves the mass far
+MIN_HARMONICS = 8  # per forcing period
+_BACKBONE = 16  # number of amplitudes at which subharmonic orbits are searched
+_SMALLEST = 0.1  # smallest of them: below, the share of the loss hardly changes
+_SINGULAR = 1e-9  # impedance below which there is no linear response to start from
 
 
 def orbit_from_rest(balance: Balance, omega: float, forcing: float, tol: float) -> Array:
-    """Coefficients of the orbit reached at fixed Omega by raising the forcing from zero."""
+    """Return the coefficients (2 K + 1) of the orbit reached at fixed Omega by raising the forcing from zero.
+
+    Raises:
+        ConvergenceError: no orbit is found.
+    """
     impedance = complex(1.0 - omega * omega, 2.0 * balance.zeta * omega)
-    if abs(impedance) < _AT_REST:
+    if abs(impedance) < _SINGULAR:
         raise ConvergenceError(f"no orbit found from rest at Omega = {omega:g}, the resonance without damping")
     transfer = 1.0 / impedance
     first = min(forcing, 0.02 / abs(transfer))
-    x: Array = np.zeros(2 * LEAST + 1)
-    x[1], x[LEAST + 1] = first * transfer.real, -first * transfer.imag
+    x: Array = np.zeros(2 * MIN_HARMONICS + 1)
+    x[1], x[MIN_HARMONICS + 1] = first * transfer.real, -first * transfer.imag
     x = balance.correct(x, omega, first)
     if first == forcing:
         return x
-    if forcing * abs(transfer) < 0.3:  # nearly linear: Newton's method finds it at once
+    if forcing * abs(transfer) < 0.3:  # nearly linear: Newton's method needs no continuation
         direct = balance.correct(x * (forcing / first), omega, forcing)
         if np.linalg.norm(direct - x * (forcing / first)) < 0.2 * np.linalg.norm(direct):
             return direct
     equations = in_forcing(balance, omega)
-    point = start(equations, x, first, 1.0, tol, LEAST)
-    path = trace(equations, point, (0.0, forcing), tol=tol, least=LEAST, zeta=balance.zeta, max_step=0.5 * forcing)
+    point = start(equations, x, first, 1.0, tol, MIN_HARMONICS)
+    path = trace(
+        equations,
+        point,
+        (0.0, forcing),
+        tol=tol,
+        min_harmonics=MIN_HARMONICS,
+        zeta=balance.zeta,
+        max_step=0.5 * forcing,
+    )
     if path.end != "window" or path.points[-1].parameter < 0.5 * forcing:
         raise ConvergenceError(f"no orbit found from rest at Omega = {omega:g}, F^ = {forcing:g}")
     return path.points[-1].x
 
 
 def backbone_chart(balance: Balance, forcing: float) -> tuple[Array, Array]:
-    """Amplitudes and frequencies of a few free orbits, up to the first that the forcing cannot sustain.
+    """Return amplitudes and frequencies of a few free orbits, up to the first that the forcing cannot sustain.
 
-    Empty where the backbone gives no starting values.
+    Both are empty where the backbone provides no starting values.
     """
     if not balance.restoring.contact or balance.zeta == 0:
         return np.empty(0), np.empty(0)
@@ -56,7 +68,7 @@ def backbone_chart(balance: Balance, forcing: float) -> tuple[Array, Array]:
     for u in grid[grid < balance.restoring.u_range[1]]:
         try:
             frequency, drive = rough_orbit(balance.restoring, float(u), balance.damping)
-        except ConvergenceError:  # too stiff a law for the arithmetic, far beyond any resonance
+        except ConvergenceError:  # the law is too stiff at amplitudes far beyond any resonance
             break
         chart.append((float(u), frequency))
         if 2.0 * balance.zeta * drive > forcing and balance.damping != "contact":
@@ -66,7 +78,7 @@ def backbone_chart(balance: Balance, forcing: float) -> tuple[Array, Array]:
 
 
 def backbone_orbits(balance: Balance, omega: float, forcing: float, chart: tuple[Array, Array]) -> list[Array]:
-    """Guesses of the orbits near the backbone at Omega, their phase set by the energy balance."""
+    """Return guesses of the orbits near the backbone at Omega, with the phase of the energy balance."""
     restoring = balance.restoring
     grid, frequency = chart
     guesses = []
@@ -91,19 +103,20 @@ def backbone_orbits(balance: Balance, omega: float, forcing: float, chart: tuple
 def subharmonic_orbits(
     balance: Balance, window: tuple[float, float], forcing: float, chart: tuple[Array, Array]
 ) -> Iterator[tuple[Array, float]]:
-    """Orbits of period 2, with their Omega, near the backbone at Omega / 2.
+    """Yield orbits of period 2, with their Omega, near the backbone at Omega / 2.
 
-    The forcing works on the second harmonic of the free orbit. Where that balances the loss with most to spare, an
-    orbit is guessed for both phases that do; it may lie on a loop that no period doubling leads to.
+    The forcing does work on the second harmonic of the free orbit. At the amplitudes where the loss takes the
+    smallest share of that work, an orbit is guessed for both phases that balance the loss. It may lie on a loop that
+    no period doubling leads to.
     """
     restoring, double = balance.restoring, replace(balance, order=2)
     inside = (2.0 * chart[1] > window[0]) & (2.0 * chart[1] < window[1])
     beside = inside | np.append(inside[1:], False) | np.append(False, inside[:-1])
     if beside.sum() < 2:
         return
-    found: list[tuple[float, float, Array]] = []  # share of the work that the loss takes, Omega, free orbit
+    found: list[tuple[float, float, Array]] = []  # share of the work lost, Omega, free orbit
     top = chart[0][beside][-1]
-    for u0 in np.geomspace(max(min(_LEAST, 0.1 * top), chart[0][beside][0]), top, _BACKBONE):
+    for u0 in np.geomspace(max(min(_SMALLEST, 0.1 * top), chart[0][beside][0]), top, _BACKBONE):
         frequency, drive = rough_orbit(restoring, float(u0), balance.damping)
         if window[0] < 2.0 * frequency < window[1]:
             x = orbit_coefficients(restoring, float(u0), 24)
@@ -124,7 +137,7 @@ def subharmonic_orbits(
 def edge_orbits(
     balance: Balance, edge: float, forcing: float, tol: float, chart: tuple[Array, Array]
 ) -> Iterator[Array]:
-    """Orbits at an end of the window from which branches enter it."""
+    """Yield orbits at an end of the window, from which branches enter it."""
     try:
         yield orbit_from_rest(balance, edge, forcing, tol)
     except ConvergenceError:
@@ -136,7 +149,7 @@ def edge_orbits(
 
 
 def _corrected(balance: Balance, guess: Array, omega: float, forcing: float) -> Array | None:
-    """The orbit near a guess, None where the balance finds none or one far away."""
+    """Return the corrected orbit near a guess, None if there is none or it is far away."""
     try:
         x = balance.correct(guess, omega, forcing)
     except (ConvergenceError, np.linalg.LinAlgError):

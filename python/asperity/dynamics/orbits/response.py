@@ -1,8 +1,8 @@
-"""Frequency response: all periodic orbits under harmonic forcing over a window of frequencies."""
+"""Frequency response: all periodic orbits under harmonic forcing in a window of frequencies."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -11,34 +11,42 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.dynamics.forcing import Setting
 from asperity.dynamics.orbits.branch import Branch, Event, Solution, measure, within_law
-from asperity.dynamics.orbits.branch_switching import detached, known, shifts, subharmonic
+from asperity.dynamics.orbits.branch_switching import detached, is_traced, shifts, subharmonic
 from asperity.dynamics.orbits.continuation import Path, Point, in_omega, start, trace
 from asperity.dynamics.orbits.crossing import crossings
 from asperity.dynamics.orbits.dense import Line, dense
-from asperity.dynamics.orbits.events import finish
+from asperity.dynamics.orbits.events import locate_events
 from asperity.dynamics.orbits.harmonic_balance import Balance
-from asperity.dynamics.orbits.initial_orbits import LEAST, backbone_chart, edge_orbits, subharmonic_orbits
-from asperity.dynamics.orbits.search import orbits_elsewhere
+from asperity.dynamics.orbits.initial_orbits import MIN_HARMONICS, backbone_chart, edge_orbits, subharmonic_orbits
+from asperity.dynamics.orbits.search import orbits_on_no_branch
 from asperity.dynamics.orbits.stability import floquet, stack
 from asperity.errors import ConvergenceError, InputError
 
-_SAME = 1e-6  # two orbits closer than this, relatively, beside their errors, may be one
-_GUESS = 1e-3  # deviation of the determinant from Liouville's
+_SAME = 1e-6  # relative distance, in addition to their errors, within which two orbits may be identical
+_UNRELIABLE = 1e-3  # deviation of the determinant from Liouville's above which stability is unreliable
 
 
 @dataclass(frozen=True)
 class FrequencyResponse:
-    """Branches, special points and accuracy of a frequency response.
+    """Branches, events and accuracy of a frequency response.
 
     Attributes:
         setting: law, damping and forcing.
-        omega: window of Omega.
+        omega: lowest and highest Omega.
         branches: see `Branch`.
         events: see `Event`.
         tolerance: largest truncation estimate on any branch, relative to the amplitude.
         det_error: largest deviation from Liouville's determinant.
         valid: whether every orbit is physical.
-        notes: what a reader must know (unphysical parts, ends of branches, table limits).
+        notes: limits of the result (unphysical parts, ends of branches, table limits), one sentence each.
+        balance: equations of the orbits.
+
+    Examples:
+        >>> response = asp.ContactOscillator(asp.PowerLaw(1.5)).response(0.02, (0.85, 1.05), tol=1e-3)
+        >>> len(response["fold"])
+        2
+        >>> [(round(orbit.u_max, 2), orbit.stable) for orbit in response.at(0.95)]
+        [(0.21, True), (0.83, False), (0.87, True)]
     """
 
     setting: Setting
@@ -52,21 +60,21 @@ class FrequencyResponse:
     balance: Balance = field(repr=False)
 
     def __getitem__(self, kind: str) -> tuple[Event, ...]:
-        """Events of one kind."""
+        """Return the events of one kind: "fold", "period doubling" or "grazing"."""
         return tuple(e for e in self.events if e.kind == kind)
 
     @property
     def peak(self) -> tuple[float, float]:
-        """Omega and u_max of the greatest deflection on any branch."""
+        """Omega and u_max of the largest displacement on any branch."""
         best = max(self.branches, key=lambda b: float(b.u_max.max()))
         j = int(best.u_max.argmax())
         return float(best.Omega[j]), float(best.u_max[j])
 
     def at(self, omega: float) -> tuple[Solution, ...]:
-        """Every orbit of the branches at exactly this Omega, lowest u_max first.
+        """Return every orbit of the branches at exactly this Omega, lowest u_max first.
 
         Raises:
-            ConvergenceError: a crossing of a branch with this Omega cannot be corrected.
+            ConvergenceError: the correction of an orbit at this Omega fails.
             InputError: omega lies outside the window.
         """
         if not self.omega[0] <= omega <= self.omega[1]:
@@ -80,7 +88,7 @@ class FrequencyResponse:
             except ConvergenceError as error:
                 raise ConvergenceError(
                     f"an orbit at Omega = {omega:g} on branch {number} ({branch.kind}) could not be corrected: "
-                    f"{error}; ask for a smaller tol"
+                    f"{error}; use a smaller tol"
                 ) from error
             if not points:
                 continue
@@ -99,18 +107,18 @@ class FrequencyResponse:
                     point.error,
                     data.coefficients[i],
                 )
-                sense = bool(multipliers.fold[i] > 0)  # the two sides of a fold differ in it, however close
+                sense = bool(multipliers.fold[i] > 0)  # differs on the two sides of a fold, however close
                 if not any(sense == other and _same(s, o) for other, o in zip(senses, found, strict=True)):
                     found.append(s)
                     senses.append(sense)
         return tuple(sorted(found, key=lambda solution: solution.u_max))
 
     def lines(self) -> tuple[Line, ...]:
-        """Each branch as a curve for files and figures: straight lines between its rows err by less than 1e-3."""
+        """Return each branch as dense rows; straight lines between them have errors below 1e-3."""
         return tuple(dense(self.balance, b) for b in self.branches)
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """Rows of response.csv, those of a branch in order along it, as close as in `lines`."""
+        """Yield the rows of response.csv, in order along each branch, as dense as in `lines`."""
         s = self.setting
         for branch, line in zip(self.branches, self.lines(), strict=True):
             for omega, u_max, u_min, a1, stable in zip(
@@ -131,7 +139,7 @@ class FrequencyResponse:
 
 
 def _same(a: Solution, b: Solution) -> bool:
-    """Whether two orbits are one, met again where branches overlap, perhaps later by whole forcing periods."""
+    """Return whether two orbits are identical up to a shift by whole forcing periods."""
     if a.order != b.order:
         return False
     count = min(a.coefficients.size, b.coefficients.size)
@@ -152,43 +160,29 @@ def frequency_response(
     """Trace every branch reached from rest, from the backbone and from given orbits.
 
     Args:
-        balance: the equations (order 1).
-        setting: law, damping and forcing of the run.
+        balance: equations of order 1.
+        setting: law, damping and forcing.
         omega: lowest and highest Omega.
-        tol: truncation error allowed, relative to the amplitude.
-        subharmonics: also follow the period-2 branches born at period doublings.
-        extra: further orbits (order, coefficients, Omega) whose branches are traced when new ("detached").
-        max_points: longest branch, see `continuation.trace`.
+        tol: allowed truncation error, relative to the amplitude.
+        subharmonics: also trace period-2 branches from period doublings.
+        extra: further orbits (order, coefficients, Omega) whose branches are traced if new ("detached").
+        max_points: limit of the work per branch, see `continuation.trace`.
 
     Raises:
         ConvergenceError: no orbit can be found at either end of the window.
     """
     forcing = setting.F_hat
-    equations = in_omega(balance, forcing)
     low, high = omega
     options: dict[str, Any] = {
         "tol": tol,
-        "least": LEAST,
+        "min_harmonics": MIN_HARMONICS,
         "zeta": balance.zeta,
         "max_step": (high - low) / 25.0,
         "max_points": max_points,
         "smooth": not balance.restoring.singular,
     }
-    paths: list[tuple[str, int, Path]] = []
     chart = backbone_chart(balance, forcing)
-    for edge, direction in ((high, -1.0), (low, 1.0)):
-        for x in edge_orbits(balance, edge, forcing, tol, chart):
-            try:
-                first = start(equations, x, edge, direction, tol, LEAST)
-                if known(paths, 1, first.x, edge):
-                    continue
-                paths.append(("main", 1, trace(equations, first, omega, **options)))
-            except ConvergenceError:
-                continue
-    if not paths:
-        raise ConvergenceError(
-            f"no periodic orbit found at Omega = {low:g} or {high:g} with F^ = {forcing:g}: widen the window"
-        )
+    paths = _paths_from_edges(balance, forcing, omega, options, chart)
     branches: list[Branch] = []
     events: list[Event] = []
     notes: list[str] = []
@@ -200,7 +194,7 @@ def frequency_response(
         if pending:
             kind, order, path = pending.pop(0)
             eqs = in_omega(replace(balance, order=order), forcing)
-            branch, found, flips = finish(replace(balance, order=order), eqs, path, kind, len(branches), tol)
+            branch, found, flips = locate_events(replace(balance, order=order), eqs, path, kind, len(branches), tol)
             branches.append(branch)
             events.extend(found)
             if subharmonics and order == 1:
@@ -210,7 +204,7 @@ def frequency_response(
             if sub is not None:
                 paths.append(("sub2", 2, sub))
                 pending.append(paths[-1])
-                if sub.end == "period doubling" and doublings:  # it was born there just as well
+                if sub.end == "period doubling" and doublings:  # the branch must not be traced from its other end
                     death = sub.points[-1].parameter
                     del doublings[min(range(len(doublings)), key=lambda i: abs(doublings[i].parameter - death))]
         elif seeds:
@@ -218,7 +212,7 @@ def frequency_response(
             try:
                 loop = detached(replace(balance, order=order), forcing, order, x, where, omega, options, paths)
             except ConvergenceError as error:
-                notes.append(f"an orbit met at Omega = {where:.6g} is on no branch and could not be followed: {error}")
+                notes.append(f"an orbit at Omega = {where:.6g} is on no branch and could not be continued: {error}")
                 continue
             if loop is not None:
                 paths.append(("detached", order, loop))
@@ -226,21 +220,11 @@ def frequency_response(
         else:
             if subharmonics:
                 seeds.extend((2, x, where) for x, where in subharmonic_orbits(balance, omega, forcing, chart))
-            seeds.extend((1, x, where) for where, x in orbits_elsewhere(balance, forcing, omega, branches))
+            seeds.extend((1, x, where) for where, x in orbits_on_no_branch(balance, forcing, omega, branches))
             searched = True
     branches, events, limits = within_law(balance, branches, events)
     notes.extend(limits)
-    for number, b in enumerate(branches):
-        if b.end not in ("window", "closed", "period doubling"):
-            notes.append(f"branch {number} ({b.kind}) ends early: {b.end}")
-    guesses = sum(int((b.det_error > _GUESS).sum()) for b in branches)
-    if guesses:
-        notes.append(
-            f"the stability of {guesses} orbits is a guess: their multipliers are known to {_GUESS:g} or worse"
-        )
-    valid = all(bool(b.valid.all()) for b in branches)
-    if not valid:
-        notes.append("the Taylor law is unphysical where u_min < -1: contact is lost there")
+    notes.extend(_limitations(branches))
     return FrequencyResponse(
         setting,
         (low, high),
@@ -248,7 +232,49 @@ def frequency_response(
         tuple(events),
         max(float(b.error.max()) for b in branches),
         max(float(b.det_error.max()) for b in branches),
-        valid,
+        all(bool(b.valid.all()) for b in branches),
         tuple(notes),
         balance,
     )
+
+
+def _paths_from_edges(
+    balance: Balance,
+    forcing: float,
+    omega: tuple[float, float],
+    options: dict[str, Any],
+    chart: tuple[Array, Array],
+) -> list[tuple[str, int, Path]]:
+    """Trace the main branches that enter the window at its ends: kind, order and path of each."""
+    equations, tol = in_omega(balance, forcing), options["tol"]
+    low, high = omega
+    paths: list[tuple[str, int, Path]] = []
+    for edge, direction in ((high, -1.0), (low, 1.0)):
+        for x in edge_orbits(balance, edge, forcing, tol, chart):
+            try:
+                first = start(equations, x, edge, direction, tol, MIN_HARMONICS)
+                if is_traced(paths, 1, first.x, edge):
+                    continue
+                paths.append(("main", 1, trace(equations, first, omega, **options)))
+            except ConvergenceError:
+                continue
+    if not paths:
+        raise ConvergenceError(
+            f"no periodic orbit found at Omega = {low:g} or {high:g} with F^ = {forcing:g}: widen the window"
+        )
+    return paths
+
+
+def _limitations(branches: Sequence[Branch]) -> Iterator[str]:
+    """Yield notes on branches that end early, on unreliable stability and on unphysical orbits."""
+    for number, b in enumerate(branches):
+        if b.end not in ("window", "closed", "period doubling"):
+            yield f"branch {number} ({b.kind}) ends early: {b.end}"
+    unreliable = sum(int((b.det_error > _UNRELIABLE).sum()) for b in branches)
+    if unreliable:
+        yield (
+            f"the stability of {unreliable} orbits is unreliable: the relative error of their multipliers is "
+            f"{_UNRELIABLE:g} or more"
+        )
+    if not all(bool(b.valid.all()) for b in branches):
+        yield "the Taylor law is unphysical where u_min < -1: contact is lost there"

@@ -1,8 +1,8 @@
-"""Orbits on no branch from the ends of a window: a look from rest, and from other states, at a few frequencies.
+"""Search for orbits that are on no branch, from rest and other initial states at a few frequencies.
 
-Where the forcing is strong and the damping light, superharmonic resonances cut the branch from rest in pieces that
-connect outside the window, or nowhere. Some motions run side by side for a few periods; Newton's method on the
-period map then takes each to an orbit near by, stable or not.
+Where the forcing is strong and the damping light, superharmonic resonances cut the branch from rest into pieces
+that connect outside the window, or nowhere. Many motions are integrated in parallel for a few periods; Newton's
+method on the period map then finds a periodic orbit near each, stable or unstable.
 """
 
 from __future__ import annotations
@@ -12,45 +12,45 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.forcing import LIGHTEST
+from asperity.dynamics.forcing import MIN_ZETA
 from asperity.dynamics.law.damping import primitive
-from asperity.dynamics.motion.runge_kutta import has_left, path_of, steps_for
+from asperity.dynamics.motion.runge_kutta import has_escaped, path_of, steps_for
 from asperity.dynamics.orbits.branch import Branch
 from asperity.dynamics.orbits.dense import on_cubic
 from asperity.dynamics.orbits.harmonic_balance import Balance
 from asperity.dynamics.orbits.stability import unstack
 
-_DRIVE = 0.5  # F^^2/(2 zeta), which drives superharmonics, below which every orbit was met from the ends
+_DRIVE = 0.5  # F^^2/(2 zeta), the strength of superharmonics; below this the ends of the window reach all orbits
 _FREQUENCIES, _STARTS = 12, 24
-_HIGH = 1.0  # Omega above which no superharmonic lies
+_HIGH = 1.0  # Omega above which there are no superharmonics
 _SETTLE, _NEWTON = 2, 10  # periods, iterations
-_FARTHEST = 8.0  # largest start, in static deflections
-_TYPICAL = 2.0  # deflection whose stiffness sets the time step: Newton's method on the balance follows
+_FARTHEST = 8.0  # largest initial amplitude, over the static deflection
+_TYPICAL = 2.0  # displacement whose stiffness sets the time step: rough, because the balance corrects the orbits
 _CLOSE = 1e-4  # Newton step that ends the search, relative to the state
-_KNOWN = 3e-3  # distance from the state of a known orbit, relative to the state
+_KNOWN = 3e-3  # distance within which an orbit is identical to a known one, relative to the state
 _HARMONICS = 24
 
 
-def orbits_elsewhere(
+def orbits_on_no_branch(
     balance: Balance, forcing: float, window: tuple[float, float], branches: Sequence[Branch]
 ) -> Iterator[tuple[float, Array]]:
-    """Yield Omega and rough coefficients of the orbits met that are on no branch.
+    """Yield Omega and rough coefficients of the orbits found that are on no branch.
 
-    None where the drive is weak, or the damping so light that motion does not settle.
+    There are none where the drive is weak, or the damping so light that motion does not settle.
 
     Args:
-        balance: the equations (order 1).
+        balance: equations of order 1.
         forcing: F^.
         window: lowest and highest Omega.
-        branches: what is known.
+        branches: known branches.
     """
-    if balance.zeta < LIGHTEST or forcing**2 < 2.0 * balance.zeta * _DRIVE or window[0] > _HIGH:
+    if balance.zeta < MIN_ZETA or forcing**2 < 2.0 * balance.zeta * _DRIVE or window[0] > _HIGH:
         return
     omega, u, w = _starts(balance, forcing, window)
     steps = max(64, steps_for(balance, omega, np.array([_TYPICAL])) // 2)
 
     def mapped(omega: Array, u: Array, w: Array) -> tuple[Array, Array]:
-        """Deflections (steps + 1, lanes) over one period, and w at its end."""
+        """Return displacements (steps + 1, lanes) over one period, and w at its end."""
         path, _, end = path_of(balance, u, w, omega, np.full(u.size, forcing), steps)
         return path, end
 
@@ -59,7 +59,7 @@ def orbits_elsewhere(
         u = path[-1]
     found: list[tuple[float, float, float]] = []
     for _ in range(_NEWTON):
-        kept = np.isfinite(u) & np.isfinite(w) & ~has_left(balance, u, u)
+        kept = np.isfinite(u) & np.isfinite(w) & ~has_escaped(balance, u, u)
         omega, u, w = omega[kept], u[kept], w[kept]
         if not u.size:
             return
@@ -91,7 +91,7 @@ def orbits_elsewhere(
 
 
 def _starts(balance: Balance, forcing: float, window: tuple[float, float]) -> tuple[Array, Array, Array]:
-    """Omega, u and w of the lanes: rest, and states on a spiral, at frequencies even in the length of the period."""
+    """Return Omega, u and w of the lanes: rest and states on a spiral, at periods of equal spacing."""
     omega = 1.0 / np.linspace(1.0 / window[0], 1.0 / min(window[1], _HIGH), _FREQUENCIES + 1)[:-1]
     i = np.arange(_STARTS)
     radius = min(forcing / (2.0 * balance.zeta), _FARTHEST) * i / (_STARTS - 1)
@@ -101,7 +101,7 @@ def _starts(balance: Balance, forcing: float, window: tuple[float, float]) -> tu
 
 
 def _newton_step(defect: Array, flow: Array) -> Array:
-    """Steps (2, lanes) that remove the defects (2, lanes), with the derivatives (2, 2, lanes) of the period map."""
+    """Return the Newton steps (2, lanes) for defects (2, lanes) and derivatives (2, 2, lanes) of the period map."""
     (a, b), (c, d) = flow
     a, d = a - 1.0, d - 1.0
     with np.errstate(all="ignore"):
@@ -113,7 +113,7 @@ def _near(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
 
 
 def _states(branches: Sequence[Branch], omega: float) -> Iterator[tuple[float, float]]:
-    """(u, v) at forcing phase 0 of the orbits of order 1 at a frequency, as the cubics give them."""
+    """Yield (u, v) at forcing phase 0 of the orbits of order 1 at a frequency, from the cubics."""
     for b in branches:
         above = b.Omega > omega
         left = np.flatnonzero(above[:-1] != above[1:]).astype(float)

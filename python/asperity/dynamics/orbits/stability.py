@@ -4,9 +4,9 @@ The perturbation of an orbit obeys, in Lienard's variable (see `asperity.dynamic
 
     delta' = w - 2 zeta g(u) delta,    w' = -f'(u) delta,
 
-whose coefficients jump at most (never a delta function) where contact is lost. The monodromy matrix is a
-product of fourth-order Runge-Kutta steps; its determinant must be ``exp(-2 zeta INT g dtau)`` (Liouville),
-for "always" exp(-4 pi zeta p / Omega), and the deviation is the accuracy check of every point.
+whose coefficients have jumps but no delta functions at contact loss. The monodromy matrix is a product of
+fourth-order Runge-Kutta steps. Its determinant must be ``exp(-2 zeta INT g dtau)`` (Liouville), for "always"
+exp(-4 pi zeta p / Omega); the deviation measures the accuracy at each point.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from asperity.dynamics.orbits.harmonic_balance import Balance
 _SAMPLES = 512
 _SAMPLES_LOSS = 1024
 _MAX_SAMPLES = 65536
-_TOGETHER = 2**21  # samples of all orbits at once: 16 MiB an array
+_TOGETHER = 2**21  # samples of all orbits processed at once: 16 MiB per array
 _DET_RTOL = 1e-6
-NOTHING = 1e-200  # of a motion that has decayed
-_HUGE = 300.0  # logarithm of a multiplier beyond which only its sign counts
+NEGLIGIBLE = 1e-200  # determinant of a motion that has decayed completely
+_HUGE = 300.0  # logarithm of a multiplier beyond which only its sign is kept
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Floquet:
     Attributes:
         trace, determinant: of the monodromy matrix over one period of the orbit.
         radius: largest modulus of a multiplier.
-        error: relative deviation of the computed determinant from Liouville's; 1 where steps are too long to tell.
+        error: relative deviation of the computed determinant from Liouville's; 1 where the steps are too long.
     """
 
     trace: Array
@@ -44,7 +44,7 @@ class Floquet:
     error: Array
 
     def insert(self, at: list[int], other: Floquet) -> Floquet:
-        """Put the orbits of another batch before the positions `at`."""
+        """Return the batch with the orbits of another one inserted before the positions `at`."""
         return Floquet(
             *(
                 np.insert(getattr(self, name), at, getattr(other, name))
@@ -54,7 +54,7 @@ class Floquet:
 
     @property
     def stable(self) -> Array:
-        """Whether no multiplier leaves the unit circle (by more than round-off)."""
+        """Whether all multipliers lie in the unit circle (up to round-off)."""
         return self.radius <= 1.0 + 1e-7
 
     @property
@@ -69,7 +69,7 @@ class Floquet:
 
 
 def stack(orbits: list[Array]) -> Array:
-    """Coefficient vectors of different length as complex rows c, u = Re SUM c_k exp(i k theta)."""
+    """Return coefficient vectors of any lengths as complex rows c, u = Re SUM c_k exp(i k theta)."""
     count = max(x.size for x in orbits) // 2
     out = np.zeros((len(orbits), count + 1), complex)
     for row, x in zip(out, orbits, strict=True):
@@ -80,25 +80,25 @@ def stack(orbits: list[Array]) -> Array:
 
 
 def unstack(c: Array, count: int) -> Array:
-    """One row of `stack` as a coefficient vector of `count` harmonics."""
+    """Return one row of `stack` as a coefficient vector of `count` harmonics."""
     return np.concatenate([c[: count + 1].real, -c[1 : count + 1].imag])
 
 
 def samples(c: Array, points: int) -> Array:
-    """Values (orbits, points) of the orbits at equidistant angles."""
+    """Return the values (orbits, points) of the orbits at equidistant angles."""
     half = c * (0.5 * points)
     half[:, 0] *= 2.0
     return np.fft.irfft(half, points, axis=1)
 
 
 def extrema(c: Array) -> tuple[Array, Array]:
-    """Smallest and largest value of each orbit, from the roots of u' (shape (orbits,) each)."""
+    """Return the smallest and largest value of each orbit, from the roots of u' (shape (orbits,) each)."""
     u = _densely(c)
     return _turn(c, u, 1.0)[1], _turn(c, u, -1.0)[1]
 
 
 def rise(c: Array, t: Array) -> Array:
-    """Rate of the largest value of each orbit `c` as its coefficients change by `t` (both as in `stack`)."""
+    """Return the rate of the largest value of each orbit `c` along the change `t` (both as in `stack`)."""
     theta, _ = _turn(c, _densely(c), -1.0)
     return (t * np.exp(1j * theta[:, None] * np.arange(t.shape[1]))).sum(1).real
 
@@ -108,7 +108,7 @@ def _densely(c: Array) -> Array:
 
 
 def _turn(c: Array, u: Array, sign: float) -> tuple[Array, Array]:
-    """Angle and value of the lowest (sign 1) or highest (-1) point of each orbit, sampled as `u`."""
+    """Return angle and value of the lowest (sign 1) or highest (-1) point of each orbit, sampled as `u`."""
     points = u.shape[1]
     k = np.arange(c.shape[1])
     first, second = 1j * k * c, -(k * k) * c
@@ -125,20 +125,20 @@ def _turn(c: Array, u: Array, sign: float) -> tuple[Array, Array]:
 
 
 def floquet(balance: Balance, c: Array, omega: Array, points: int | None = None) -> Floquet:
-    """Floquet multipliers of the orbits with coefficients `c` at frequencies `omega`.
+    """Compute the Floquet multipliers of the orbits with coefficients `c` at frequencies `omega`.
 
     Args:
-        balance: the equations the orbits solve.
+        balance: equations that the orbits solve.
         c: complex coefficients (orbits, harmonics + 1), see `stack`.
         omega: Omega of each orbit (orbits,).
-        points: samples per period; by default doubled until Liouville's determinant is met.
+        points: samples per period; by default doubled until the determinant agrees with Liouville's.
     """
     omega = np.asarray(omega, float)
     if points is not None:
         return _floquet(balance, c, omega, points)
     count = c.shape[1] - 1
     least = 1 << int(np.ceil(np.log2(8 * max(count, 1))))
-    # the determinant does not see the kink of the stiffness: contact loss asks for more samples by itself
+    # the determinant is insensitive to the kink of the stiffness: contact loss needs more samples anyway
     kinked = np.full(omega.size, balance.restoring.contact) & (np.abs(c).sum(axis=1) > 1.0)
     result = Floquet(*(np.empty(omega.size) for _ in range(4)))
     for group, samples_wanted in ((~kinked, _SAMPLES), (kinked, _SAMPLES_LOSS)):
@@ -165,10 +165,10 @@ def _floquet(balance: Balance, c: Array, omega: Array, points: int) -> Floquet:
     resolved = np.max([np.abs(x).max(axis=1) for x in k], axis=0) < 1.0
     m, log = _multiplied(_runge_kutta(*k, *_ends_and_middle(d)))
     decay = -0.5 * points * d.mean(axis=1)
-    # cancellation in the determinant of a wildly unstable orbit is not an error of the steps
+    # cancellation in the determinant of a strongly unstable orbit is not an error of the steps
     expected, found = np.exp(decay - 2.0 * log), m[0] * m[3] - m[1] * m[2]
     noise = 1e-14 * points * (np.abs(m[0] * m[3]) + np.abs(m[1] * m[2]))
-    error = np.maximum(np.abs(found - expected) - noise, 0.0) / np.maximum(expected, NOTHING)
+    error = np.maximum(np.abs(found - expected) - noise, 0.0) / np.maximum(expected, NEGLIGIBLE)
     error = np.where(resolved, np.minimum(error, 1.0), 1.0)
     trace, determinant = (m[0] + m[3]) * np.exp(np.clip(log, -_HUGE, _HUGE)), np.exp(decay)
     root = np.sqrt((0.25 * trace * trace - determinant).astype(complex))
@@ -177,7 +177,7 @@ def _floquet(balance: Balance, c: Array, omega: Array, points: int) -> Floquet:
 
 
 def _multiplied(m: tuple[Array, ...]) -> tuple[tuple[Array, ...], Array]:
-    """Products of the matrices of all steps, their largest entries 1, and the logarithms of what that took away."""
+    """Return the products of the matrices of all steps, scaled to a largest entry of 1, and the logarithms of scale."""
     log = np.zeros(m[0].shape)
     while m[0].shape[1] > 1:  # product tree, later factors on the left
         a, b = tuple(x[:, 1::2] for x in m), tuple(x[:, ::2] for x in m)
@@ -189,7 +189,7 @@ def _multiplied(m: tuple[Array, ...]) -> tuple[tuple[Array, ...], Array]:
 
 
 def _ends_and_middle(x: Array) -> tuple[Array, ...]:
-    """Samples at the start, the middle and the end of each step; one that is constant stays one number an orbit."""
+    """Return the samples at start, middle and end of each step; a constant stays one number per orbit."""
     if x.shape[1] == 1:
         return x, x, x
     start = np.ascontiguousarray(x[:, ::2])
@@ -199,8 +199,8 @@ def _ends_and_middle(x: Array) -> tuple[Array, ...]:
 def _averaged(balance: Balance, u: Array, h: Array, *k: Array) -> tuple[Array, ...]:
     """Replace the stiffness by its mean over each step that crosses contact loss.
 
-    The mean is the divided difference of the force: exact at the jump of a linear contact, and finite
-    where the stiffness of a law with n < 1 is not.
+    The mean is the divided difference of the force: exact at the jump of a linear contact, and finite for a law
+    with n < 1, whose stiffness is infinite at contact loss.
     """
     a, _, b = _ends_and_middle(u)
     gap = b - a
@@ -217,7 +217,7 @@ def _averaged(balance: Balance, u: Array, h: Array, *k: Array) -> tuple[Array, .
 
 
 def _runge_kutta(k0: Array, km: Array, k1: Array, d0: Array, dm: Array, d1: Array) -> tuple[Array, ...]:
-    """Transition matrices (rows m11, m12, m21, m22) of one step for delta' = w - d delta, w' = -k delta."""
+    """Return the transition matrices (m11, m12, m21, m22) of one step for delta' = w - d delta, w' = -k delta."""
 
     def slope(k: Array, d: Array, y: tuple[Array, ...]) -> tuple[Array, ...]:
         return (y[2] - d * y[0], y[3] - d * y[1], k * y[0], k * y[1])

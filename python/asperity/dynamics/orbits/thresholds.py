@@ -1,7 +1,7 @@
-"""Backbone, resonance peak by energy balance, and the onset of every nonlinear phenomenon.
+"""Backbone, resonance peak by energy balance, and onsets of nonlinear phenomena.
 
-At phase resonance the forcing replaces exactly what the damper takes from a free orbit, so one quadrature
-per amplitude gives the resonance peak for every damping level:
+At phase resonance the forcing supplies exactly the energy that the damper takes from a free orbit, so one
+quadrature per amplitude gives the resonance peak for every damping ratio:
 
     F^ / (2 zeta) = INT g(u) u'^2 dtau / (pi a_1)   (error O(zeta^2)).
 """
@@ -21,7 +21,7 @@ from asperity.dynamics.law.restoring import Restoring
 from asperity.dynamics.orbits.free import FreeOrbit, contact_limit, free_orbit
 from asperity.errors import RangeError
 
-_LARGEST = 1e6
+_LARGEST = 1e6  # amplitude at which the search for a peak ends
 
 
 @dataclass(frozen=True)
@@ -29,11 +29,16 @@ class Backbone:
     """Free orbits in order of amplitude, and the forcing that sustains each at resonance.
 
     Attributes:
-        model, law, damping: what it was computed for.
+        model, law, damping: model, law and damping of the orbits.
         n_loc: local exponent.
         orbits: the free orbits.
         tolerance: largest estimated relative error of a frequency.
-        valid: False for the orbits of a Taylor law that pass u = -1.
+        valid: False for orbits of a Taylor law that pass u = -1.
+
+    Examples:
+        >>> backbone = asp.ContactOscillator(asp.PowerLaw(0.7)).backbone(u_max=4.0, points=40)
+        >>> [(round(u, 2), round(omega, 3)) for u, omega in backbone.turns]  # hardening turns to softening
+        [(1.2, 1.031)]
     """
 
     model: str
@@ -46,33 +51,33 @@ class Backbone:
 
     @property
     def u_max(self) -> Array:
-        """Amplitude of release."""
+        """Release amplitudes, shape (orbits,)."""
         return np.array([o.u0 for o in self.orbits])
 
     @property
     def omega(self) -> Array:
-        """Frequency over omega_s."""
+        """Frequencies over omega_s, shape (orbits,)."""
         return np.array([o.omega for o in self.orbits])
 
     @property
     def a1(self) -> Array:
-        """First harmonic."""
+        """Amplitudes of the first harmonic, shape (orbits,)."""
         return np.array([o.a1 for o in self.orbits])
 
     @property
     def drive(self) -> Array:
-        """F^/(2 zeta) that sustains the orbit at phase resonance."""
+        """Forcing F^/(2 zeta) that sustains each orbit at phase resonance, shape (orbits,)."""
         return np.array([o.drive for o in self.orbits])
 
     @property
     def turns(self) -> tuple[tuple[float, float], ...]:
-        """(u_max, omega) where softening turns to hardening or back, from the numerical backbone."""
+        """Points (u_max, omega) at which softening turns to hardening or back."""
         w, u = self.omega, self.u_max
         i = np.flatnonzero((np.diff(w)[:-1] > 0) != (np.diff(w)[1:] > 0)) + 1
         return tuple((float(u[j]), float(w[j])) for j in i if abs(w[j] - 1.0) > 1e-12)
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """One mapping per orbit."""
+        """Yield one mapping per orbit."""
         for o in self.orbits:
             yield {
                 "model": self.model,
@@ -87,23 +92,30 @@ class Backbone:
 
 @dataclass(frozen=True)
 class Thresholds:
-    """Onsets of the nonlinear phenomena of one oscillator; forcing as F^, None where there is no onset.
+    """Onsets of nonlinear phenomena of one oscillator, as F^; None where there is no onset.
 
     Attributes:
-        model, law, zeta, damping: what they hold for.
+        model, law, zeta, damping: model, law and damping of the oscillator.
         n_loc, kappa: local exponent; backbone curvature (negative: softening).
-        softening: sign of kappa in words.
+        softening: sign of kappa in words: "softening", "hardening" or "linear".
         u_max, omega_loss: largest release that keeps contact, and its frequency over omega_s.
         drive_loss: F^/(2 zeta) at which resonance begins to lose contact.
         contact_loss: the same as F^.
         hysteresis: F^ of the first vertical tangent (multiple scales, small zeta).
-        period_doubling: F^ of the first period doubling near Omega = 2 (small zeta, about 0.5 % for 0.01).
-        closing: largest F^ whose resonance the damping still closes (None: it closes every resonance).
-        peaks: per forcing asked for: F_hat, Omega, u_max, u_min, a1 of the resonance peak, or None where
-            the damping does not close it.
-        F_over_mg: factor from F^ to F/(m g), which is n_loc.
-        tolerance: relative error of the onsets and peaks, which are first terms in zeta: zeta^2.
-        valid: False where a peak of a Taylor law passes u = -1.
+        period_doubling: F^ of the first period doubling near Omega = 2 (small zeta; error about 0.5 % for 0.01).
+        closing: largest F^ whose resonance the damping still limits (None: it limits every resonance).
+        peaks: for each requested forcing F_hat, F_over_mg, and Omega, u_max, u_min, a1 of the resonance peak; None
+            where the damping does not limit it.
+        F_over_mg: factor from F^ to F/(m g), equal to n_loc.
+        tolerance: relative error zeta^2 of onsets and peaks, which are leading terms in zeta.
+        valid: False if a peak of a Taylor law passes u = -1.
+
+    Examples:
+        >>> onset = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.01).thresholds(0.005)
+        >>> print(f"contact loss from F^ = {onset.contact_loss:.4f}, hysteresis from {onset.hysteresis:.4f}")
+        contact loss from F^ = 0.0177, hysteresis from 0.0122
+        >>> round(onset.peaks[0]["u_max"], 3)
+        0.245
     """
 
     model: str
@@ -126,16 +138,16 @@ class Thresholds:
     valid: bool
 
     def to_dict(self) -> dict[str, Any]:
-        """Section of thresholds.json."""
+        """Return the section of thresholds.json."""
         return {**asdict(self), "peaks": [dict(p) for p in self.peaks]}
 
 
 def backbone(restoring: Restoring, *, model: str, damping: str, u_max: float, points: int) -> Backbone:
-    """Free orbits up to `u_max`, evenly spaced in amplitude with the contact-loss orbit among them.
+    """Compute free orbits up to `u_max`, at equal steps of amplitude and at contact loss.
 
-    The end is drawn in where the law ends: the rim of a Taylor well, or the last point of a table.
+    They end earlier where the law ends: at the rim of a Taylor well, or at the last point of a table.
     """
-    top = min(u_max, reach(restoring))
+    top = min(u_max, largest_amplitude(restoring))
     amplitude = np.linspace(top / points, top, points)
     limit = contact_limit(restoring)
     if limit < top:
@@ -146,8 +158,8 @@ def backbone(restoring: Restoring, *, model: str, damping: str, u_max: float, po
     return Backbone(model, restoring.law.describe(), damping, restoring.n_loc, orbits, tolerance, valid)
 
 
-def reach(restoring: Restoring) -> float:
-    """Largest release amplitude the law allows: inf, the end of a table, or just inside a Taylor rim."""
+def largest_amplitude(restoring: Restoring) -> float:
+    """Return the largest release amplitude: inf, the end of a table, or just inside a Taylor rim."""
     law = restoring.law
     if isinstance(law, TaylorLaw):
         low, high = law.rim(), law.rim_above()
@@ -162,12 +174,12 @@ def reach(restoring: Restoring) -> float:
 
 
 def resonance_peak(restoring: Restoring, drive: float, damping: str = "always") -> FreeOrbit | None:
-    """Free orbit that a forcing F^ = 2 zeta drive sustains at phase resonance; None when there is none.
+    """Return the free orbit that a forcing F^ = 2 zeta drive sustains at phase resonance; None if there is none.
 
     Raises:
         RangeError: the peak lies beyond the end of the law.
     """
-    top = reach(restoring)
+    top = largest_amplitude(restoring)
     limit = min(top, _LARGEST)
 
     def surplus(u: float) -> float:
@@ -194,7 +206,7 @@ def resonance_peak(restoring: Restoring, drive: float, damping: str = "always") 
 def thresholds(
     restoring: Restoring, *, model: str, zeta: float, damping: str, forcing: tuple[float, ...] = ()
 ) -> Thresholds:
-    """All thresholds of `Thresholds`, and the resonance peak of each F^ in `forcing`."""
+    """Compute the onsets of `Thresholds` and the resonance peak of each F^ in `forcing`."""
     limit = contact_limit(restoring)
     inside = limit <= restoring.u_range[1]
     orbit = free_orbit(restoring, limit, damping) if np.isfinite(limit) and inside else None
@@ -240,7 +252,7 @@ def thresholds(
 
 
 def _closing(restoring: Restoring, zeta: float, damping: str) -> float | None:
-    """Largest F^ that the damping in contact alone still balances."""
+    """Return the largest F^ whose resonance damping in contact alone still limits."""
     if damping != "contact" or not restoring.contact or np.isfinite(restoring.u_range[1]) or zeta == 0:
         return None
     grid = np.geomspace(0.1, 1e4, 26)
