@@ -7,6 +7,7 @@
     python3 benchmarks/accuracy.py plastic       the same for elastic-plastic material
     python3 benchmarks/accuracy.py few           the same in fewer planned steps
     python3 benchmarks/accuracy.py waves         bars where waves are shorter than elements, and runs that resolve them
+    python3 benchmarks/accuracy.py light         bars of light loads, without the floor of scatter and with it
     python3 benchmarks/accuracy.py demo          the demo surface to 1 % and to 0.1 %, also under mpirun
     python3 benchmarks/accuracy.py fixed         what the growth of a family of meshes is for
     python3 benchmarks/accuracy.py grading       what finer elements at the spots touched first are for
@@ -24,11 +25,15 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter, process_time
+from typing import ClassVar
 
 import numpy as np
 from mpi4py import MPI
 
 import asperity as asp
+from asperity.adaptive import mesh_plan
+from asperity.adaptive import solve_to_tolerance as module
+from asperity.adaptive.mesh_levels import Level, Runner
 from asperity.adaptive.mesh_plan import (
     GUIDE,
     LARGEST_RATIO,
@@ -44,7 +49,7 @@ from asperity.arrays import Floats
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.size_field import GRADING, GUIDED, FirstContactMap
 from asperity.model.settings import Goal
-from asperity.quasistatic.solve_contact import make_block
+from asperity.quasistatic.solve_contact import ContactResult, make_block
 from asperity.reference import half_space_contact
 
 Judged = tuple[Floats, Floats]  # relative error and bar at some deflections
@@ -288,11 +293,19 @@ def few() -> None:
     summary(judged)
 
 
-def short_waves(f_max: int, seed: int) -> asp.Surface:
-    """A surface of rms slope 0.05 whose shortest waves are 1.5^-f_max L long; L = 1."""
-    kind = dict(kind="weierstrass-mandelbrot", L=1.0, D=2.4, f_max=f_max, seed=seed)
+def short_waves(f_max: int, seed: int, D: float = 2.4, slope: float = 0.05) -> asp.Surface:
+    """A surface of a given rms slope whose shortest waves are 1.5^-f_max L long; L = 1."""
+    kind = dict(kind="weierstrass-mandelbrot", L=1.0, D=D, f_max=f_max, seed=seed)
     guess = asp.Surface.from_spec(G=1e-8, **kind)
-    return asp.Surface.from_spec(G=1e-8 * (0.05 / guess.rms_slope()) ** 2.5, **kind)
+    return asp.Surface.from_spec(G=1e-8 * (slope / guess.rms_slope()) ** (1.0 / (D - 2.0)), **kind)
+
+
+def boundary_elements(top: asp.Surface, at: Floats) -> Floats:
+    """Force at deflections [length], extrapolated from 256 and 512 cells a side; L = 1."""
+    half, whole = (
+        np.array([half_space_contact(top, n, delta_star=float(d), height=1.0).P_star for d in at]) for n in (256, 512)
+    )
+    return extrapolate(half, whole, 2.0, 2.0)[0]
 
 
 def waves() -> None:
@@ -304,11 +317,7 @@ def waves() -> None:
     row(*["---"] * 5)
     for f_max, seed in ((5, 0), (8, 0), (8, 2), (9, 2), (10, 0)):
         top = short_waves(f_max, seed)
-        half, whole = (
-            np.array([half_space_contact(top, n, delta_star=float(d), height=1.0).P_star for d in at])
-            for n in (256, 512)
-        )
-        limits[f_max, seed] = limit = extrapolate(half, whole, 2.0, 2.0)[0]
+        limits[f_max, seed] = limit = boundary_elements(top, at)
         found = forces(f"waves {f_max} {seed}", top, delta, (GUIDE, *sizes), grading=GUIDED)
         for coarse, fine in ((sizes[0], sizes[2]), (sizes[0], sizes[3]), (sizes[1], sizes[3])):
             value, _, bar = extrapolate_mesh(found[coarse], found[fine], coarse / fine)
@@ -319,6 +328,70 @@ def waves() -> None:
     header("f_max, seed")
     for (f_max, seed), limit in limits.items():
         driven(f"{f_max}, {seed}", short_waves(f_max, seed), UNIT, 0.05, at, limit)
+
+
+# f_max, seed, D, greatest approach [L] at a slope of LIGHT_SLOPE: none of them was in view when SCATTER was chosen
+LIGHT = (
+    (5, 10, 2.4, 0.006), (4, 11, 2.3, 0.003), (6, 12, 2.5, 0.01), (7, 13, 2.4, 0.02),
+    (5, 14, 2.6, 0.004), (4, 15, 2.5, 0.015), (6, 16, 2.3, 0.006), (5, 17, 2.4, 0.01),
+)  # fmt: skip
+LIGHT_SLOPE, FLATTER = 0.05, 0.2  # heights and approach are scaled by the latter: boundary elements know no slopes
+
+
+class Remembering(Runner):
+    """A runner that does not solve a level twice, for runs on one surface that share meshes.
+
+    Attributes:
+        kept: result and CPU seconds by element size, of all runs
+        seconds: of this run as if it had solved all of its levels
+    """
+
+    kept: ClassVar[dict[float, tuple[ContactResult, Level, float]]] = {}
+    seconds: ClassVar[float] = 0.0
+
+    def __call__(self, h: float, substeps: int = 1) -> ContactResult:
+        """See Runner; elastic material only."""
+        if h not in self.kept:
+            start = process_time()
+            result = super().__call__(h, substeps)
+            self.kept[h] = result, self.levels.pop(), process_time() - start
+        result, level, seconds = self.kept[h]
+        self.levels.append(level)
+        Remembering.seconds += seconds
+        return result
+
+
+def light() -> None:
+    """Bars of light loads, whose spots have few elements, without the floor of scatter and with it."""
+    pairs = ("met", "bar %", "true error %", "steps inside", "greatest error over bar", "finest dofs", "CPU s")
+    row("f_max, seed, D, delta/L", "tolerance %", *(f"{name}: without, with" for name in pairs))
+    row(*["---"] * 9)
+    shares = (0.0, mesh_plan.SCATTER)
+    module.Runner = Remembering  # type: ignore[misc]
+    judged: dict[float, list[Judged]] = {share: [] for share in shares}
+    for f_max, seed, D, depth in LIGHT:
+        top, at = short_waves(f_max, seed, D, FLATTER * LIGHT_SLOPE), FLATTER * depth * np.arange(1, 11) / 10
+        limit = boundary_elements(top, at)
+        Remembering.kept.clear()
+        for goal in (0.05, 0.02, 0.01):
+            cells: list[tuple[str, ...]] = []
+            for share in shares:
+                mesh_plan.SCATTER, Remembering.seconds = share, 0.0
+                result = solve_to_tolerance(top, UNIT, Goal(goal, max_dofs=150_000), delta_max=float(at[-1]))
+                branch = result.curve.planned()
+                error, bar = np.abs(branch.P_star / limit - 1.0), branch.error_P_star / branch.P_star
+                numbers = (100 * np.median(bar), 100 * np.median(error), np.max(error / bar), Remembering.seconds)
+                of_bar, of_error, worst, seconds = (f"{number:.2f}" for number in numbers)
+                inside, dofs = f"{int(np.sum(error <= bar))}/{len(bar)}", str(result.levels[-1].dofs)
+                cells.append((str(result.met), of_bar, of_error, inside, worst, dofs, seconds))
+                if np.isfinite(result.worst):
+                    judged[share].append((error, bar))
+            both = (", ".join(two) for two in zip(*cells, strict=True))
+            row(f"{f_max}, {seed}, {D}, {depth}", f"{100 * goal:g}", *both)
+    for share in shares:
+        summary(judged[share])
+    mesh_plan.SCATTER = shares[1]
+    module.Runner = Runner  # type: ignore[misc]
 
 
 def demo() -> None:
@@ -435,7 +508,8 @@ def summary(judged: Sequence[Judged]) -> None:
 
 if __name__ == "__main__":
     jobs = {"mesh": mesh, "steps": steps, "orders": orders, "tolerance": tolerance, "plastic": plastic, "waves": waves,
-            "demo": demo, "fixed": fixed, "grading": grading, "equations": equations, "few": few}  # fmt: skip
+            "light": light, "few": few, "demo": demo, "fixed": fixed, "grading": grading,
+            "equations": equations}  # fmt: skip
     for job in sys.argv[1:] or jobs:
         if MPI.COMM_WORLD.rank == 0:
             print(f"\n## {job}\n")

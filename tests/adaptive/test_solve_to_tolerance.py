@@ -19,6 +19,7 @@ from asperity.adaptive.mesh_plan import (
     GUIDE,
     GUIDE_EXCESS,
     MESH_ORDER,
+    SCATTER,
     SMALLEST_RATIO,
     bar_share,
     cheapest_substeps,
@@ -29,6 +30,7 @@ from asperity.adaptive.mesh_plan import (
     planned_steps,
     ratio_for,
     safety_of,
+    scatter,
 )
 from asperity.adaptive.solve_to_tolerance import loading_force, solve_to_tolerance, steady
 from asperity.case import Case
@@ -368,6 +370,30 @@ def test_a_run_that_may_be_fine_enough_resolves_the_waves_before_it_has_a_bar() 
     reference = [half_space_contact(surface, 256, delta_star=float(d), height=1.0).P_star for d in curves[-1].delta]
     # 0.5 %: slopes of 0.05 are not small to the last digit
     assert np.all(np.abs(result.curve.P_star / np.array(reference) - 1.0) <= curves[-1].error_P_star / reference + 5e-3)
+
+
+def test_light_contact_of_a_smooth_surface_has_a_bar_that_holds_its_error() -> None:
+    """Spots of a few facets: two meshes agree by chance in the middle of the loading, both 2 % too stiff."""
+    surface = rough(5, 0, slope=0.01)  # heights and approach scaled by 0.2: the reference knows no slopes
+    result = solve_to_tolerance(surface, ELASTIC, Goal(0.05), delta_max=0.0012, steps=10)
+    branch = result.curve.loading()
+    reference = [half_space_contact(surface, 256, delta_star=float(d), height=1.0).P_star for d in branch.delta_star]
+    error = np.abs(branch.P_star / np.array(reference) - 1.0)
+    bar = branch.error_P_star / branch.P_star
+    assert result.met and len(branch) == 10 and np.max(error) > 0.01
+    assert np.all(error <= bar + 1e-3)  # of the reference
+    assert np.median(bar) < 5.0 * np.median(error)
+
+
+def test_scatter_is_the_deviation_of_the_limit_of_two_meshes_that_scatter() -> None:
+    """Forces drawn at random, extrapolated as in a run; equal forces leave a bar."""
+    rng, draws, ratio = np.random.default_rng(1), 100_000, 1.7
+    of_area = np.array([0.2, 0.1])  # error of the area on the two meshes, over the area
+    coarse, fine = 1.0 + SCATTER * of_area[:, None] * rng.standard_normal((2, draws))
+    bar = scatter(of_area[:1], of_area[1:], ratio)
+    assert np.std(extrapolate_mesh(coarse, fine, ratio)[0]) == pytest.approx(bar[0], rel=0.02)
+    assert scatter(0.5 * of_area[:1], 0.5 * of_area[1:], ratio) == pytest.approx(0.5 * bar)
+    assert extrapolate_mesh(np.ones(1), np.ones(1), ratio)[2][0] == 0.0 < bar[0]
 
 
 @pytest.mark.parametrize(("delta", "tolerance"), [(0.03, 0.01), (0.03, 0.05)])

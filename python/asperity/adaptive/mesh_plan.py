@@ -18,6 +18,7 @@ from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
 MESH_ORDERS = (1.3, 3.5)  # range of the order of the force in the element size, measured by benchmarks/accuracy.py
 MESH_ORDER = 2.0  # typical one, to plan with
 SAFETY = 1.3  # on half the range of limits
+SCATTER = 0.15  # error of the force over that of the area of contact, both relative, which facets cut at random leave
 OF_GUIDE = 1.6  # times that where the coarser mesh is the guiding one, on which small spots hardly have an element
 GUIDE_EXCESS = 2.0  # what the guide makes errors look larger than they are, by its own grading (docs/accuracy.md)
 GUIDE = 0.1  # size of the guiding mesh [L]
@@ -88,6 +89,20 @@ def bar_share(ratio: float, safety: float = SAFETY) -> float:
     """Error bar of `extrapolate_mesh` over the difference of the two forces."""
     low, high = (1.0 / (ratio**p - 1.0) for p in MESH_ORDERS)
     return 0.5 * safety * (low - high)
+
+
+def scatter(coarse: Floats, fine: Floats, ratio: float) -> Floats:
+    """Error bar of the limit from where the edges of the contact happen to cut the facets of two meshes, relative.
+
+    A spot of a few facets is larger or smaller by chance from mesh to mesh, and its force with it. Two such meshes may
+    agree by chance, and their difference shows nothing; the area that cut facets leave open shows it.
+
+    Args:
+        coarse, fine: error of the area of contact over the area, on two meshes (n,)
+        ratio: coarse over fine element size, above 1
+    """
+    weight = float(np.mean([1.0 / (ratio**p - 1.0) for p in MESH_ORDERS]))  # of the coarse force in the limit
+    return SCATTER * np.hypot((1.0 + weight) * fine, weight * coarse)
 
 
 def error_of(bar: float, ratio: float, guide: bool) -> float:

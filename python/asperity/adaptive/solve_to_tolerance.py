@@ -33,6 +33,7 @@ from asperity.adaptive.mesh_plan import (
     plan_next,
     planned_steps,
     safety_of,
+    scatter,
 )
 from asperity.arrays import Floats
 from asperity.curve import Curve
@@ -422,6 +423,14 @@ def _scaled(curve: Curve, factor: Floats) -> Curve:
     return replace(curve, force=curve.force * of_row, P_star=curve.P_star * of_row)
 
 
+def _area_error(curve: Curve, delta_star: Floats) -> Floats:
+    """Error of the area of contact over the area along the first loading, no more than 1, at given deflections."""
+    branch = curve.loading()
+    area, error = branch.area_fraction, branch.error_area_fraction
+    share = np.divide(error, area, out=np.ones(len(branch)), where=area > error)
+    return np.interp(delta_star, branch.delta_star, share)
+
+
 def _correct(
     fine: Curve,
     coarse: Curve,
@@ -452,6 +461,7 @@ def _correct(
     bar = spread / touching
     mesh_bar = steady(bar)
     mesh_bar[judged[loading]] = steady(bar[judged[loading]])
+    mesh_bar = np.maximum(mesh_bar, scatter(_area_error(coarse, at), _area_error(fine, at), ratio))
     path_bar = np.zeros(len(raw)) if path is None else path.at(at)
     rows = _rows_of_loading(loading)
     P = curve.P_star
