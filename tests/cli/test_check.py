@@ -39,7 +39,10 @@ REFUSED = {
 DOUBTFUL = {
     "a key that is not used": (COARSE, ["accuracy.max_dofs=5000"]),
     "deeper than the valleys": (COARSE, ["loading.delta_max=0.045", "block.height=4.0"]),
-    "steep": (COARSE.replace("sinusoid", "weierstrass-mandelbrot").replace("amplitude = 0.02", "D = 2.4, G = 3e-5"), []),
+    "steep": (
+        COARSE.replace("sinusoid", "weierstrass-mandelbrot").replace("amplitude = 0.02", "D = 2.4, G = 3e-5"),
+        [],
+    ),
     "short waves": (COARSE, ["surface.wavelength=0.1", "surface.amplitude=0.005", "mesh.growth=10.0"]),
 }
 
