@@ -30,7 +30,7 @@ def init(*arguments: str | Path) -> int:
 
 def test_every_kind_of_surface_has_values() -> None:
     """Except for the measured one, of which `import-map` makes a case."""
-    assert {*SURFACES, "file"} == set(map(kind_of, MODELS))
+    assert {*SURFACES, "file"} == {kind_of(model) for model in MODELS}
 
 
 @pytest.mark.parametrize(("kind", "solid"), ALL)

@@ -22,7 +22,6 @@ from asperity.errors import AsperityError
 from asperity.runtime.parallel import Ranks
 from asperity.runtime.progress import world_rank
 
-
 OLD_NAMES = {"measure": "import-map", "store": "baseline", "validate": "verify"}
 
 
