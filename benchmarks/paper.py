@@ -323,7 +323,7 @@ def resolution(results: StudyResults) -> str:
                 name.split("_")[1], plain(label_of(level.parameters, SCALE)), f"{row['dofs']:.0f}", f"{row['n']:.4f}",
                 f"{row['n_log']:.4f}", f"{row['P_star_max']:.6f}", f"{change:+.2%}",
             ))  # fmt: skip
-    return table(("solid", "mesh and steps", "unknowns", "n", "n, log fit", "P*max", "against the last line"), rows)
+    return table(("solid", "mesh and steps", "dofs", "n", "n, log fit", "P*max", "against the last line"), rows)
 
 
 def failures(results: StudyResults) -> str:

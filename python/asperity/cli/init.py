@@ -64,7 +64,7 @@ def starting_case(kind: str, solid: str) -> str:
     }
     lines = [
         f"# A case of asperity: {solid} solid, surface of kind {kind}, in SI units.",
-        "# A comment gives the meaning of a key, its unit and legal values, and the default if other keys determine it.",
+        "# A comment gives the meaning of a key, its unit, legal values, the default if other keys determine it.",
         "# Remove the # before a key to set it. Check the case by: asperity check FILE",
         "",
         *_keys(Input, {}, skip=tuple(name for name in Input.model_fields if sections(name))),
