@@ -28,10 +28,7 @@ QUICK = [
 def test_the_last_mesh_of_a_tolerance_resolves_the_shortest_waves() -> None:
     """As a run does: the demo surface has enough with the meshes of its tolerance, one with shorter waves has not."""
     demo, fine = (
-        [
-            level.h_contact
-            for level in estimate(Case.load(Path(__file__).parent.parent / "cases/elastic.toml", keys)).levels
-        ]
+        [level.h_contact for level in estimate(Case.load(ROOT / "cases/elastic.toml", keys)).levels]
         for keys in (["accuracy.tolerance=0.05"], ["accuracy.tolerance=0.05", "surface.f_max=8"])
     )
     assert demo[0] == fine[0] and demo[-1] > 0.04e-6
