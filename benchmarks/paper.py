@@ -91,7 +91,7 @@ def figures(results: StudyResults) -> Iterable[tuple[str, Figure]]:
 
 @style.styled
 def curve_families(results: StudyResults) -> Figure:
-    """Force against deflection over D, G, E_t and sigma_y."""
+    """Force against approach over D, G, E_t and sigma_y."""
     figure, axes = style.figure(style.DOUBLE, 6.2, columns=2, rows=2)
     for axis, name in zip(axes.ravel(), ("D", "G", "E_t", "sigma_y"), strict=True):
         levels = results.levels(name)
@@ -323,7 +323,7 @@ def resolution(results: StudyResults) -> str:
                 name.split("_")[1], plain(label_of(level.parameters, SCALE)), f"{row['dofs']:.0f}", f"{row['n']:.4f}",
                 f"{row['n_log']:.4f}", f"{row['P_star_max']:.6f}", f"{change:+.2%}",
             ))  # fmt: skip
-    return table(("solid", "mesh and steps", "unknowns", "n", "n, log fit", "P*max", "against the last line"), rows)
+    return table(("solid", "mesh and steps", "dofs", "n", "n, log fit", "P*max", "against the last line"), rows)
 
 
 def failures(results: StudyResults) -> str:
@@ -407,7 +407,7 @@ where it was stopped.
 
 n is the exponent of P* = k (δ*)ⁿ. As a spring, the law softens when n > 1 and hardens when n < 1 (κ =
 -(n-1)(2n+1)/48 is the curvature of its backbone). Each statement about n is tested under {ways} conditions:
-least squares on linear and on logarithmic scales, over the whole range of deflection and over its first half,
+least squares on linear and on logarithmic scales, over the whole range of approach and over its first half,
 for the whole block and for the interface alone (the elastic compression of the block taken off; left out where the
 block has yielded or contact is nearly full, A/A₀ > 0.9, for then it means nothing). The rule was
 fixed beforehand: a statement *holds* when it passes under all conditions tested, *holds under conditions*
@@ -419,20 +419,20 @@ seeds).
 {under}
 
 What n measures here. The surface alone stiffens under load (n well above 1: more summits come into contact),
-the block below it is nearly linear (n = 1), and the two act in series. Over one range of deflection a
+the block below it is nearly linear (n = 1), and the two act in series. Over one range of approach a
 smoother surface is flattened earlier, the block makes up more of the curve, and n falls towards 1: that is
 the effect of roughness in T2. When the range is scaled with the heights, the whole elastic problem is similar
 and n stays, whatever G is.
 
-## Force against deflection
+## Force against approach
 
 Mean over the seeds; the band is one standard deviation.
 
-![Force against deflection over D, G, tangent modulus and yield strength](paper/curves.png)
+![Force against approach over D, G, tangent modulus and yield strength](paper/curves.png)
 
 Mean (standard deviation over the seeds); k and n by least squares on the linear scale, over (0, δ*max]. The
 last columns are the contact area and the mean pressure over that at which the block as a whole yields,
-σ_y(1-ν)/(1-2ν) between rollers and σ_y with free sides, at the greatest deflection: above 1 the bulk has yielded,
+σ_y(1-ν)/(1-2ν) between rollers and σ_y with free sides, at the greatest approach: above 1 the bulk has yielded,
 not only the asperities.
 
 {fits}
@@ -469,7 +469,7 @@ Solid: stable, dashed: unstable, by continuation; triangles: Runge-Kutta sweeps 
 Exact law with the mean exponent of a level at F̂ = {family_forcing} (dotted white where unstable) and its
 Taylor law (thin).
 
-## The physical law beside the paper's
+## The physical law compared with the paper's
 
 A plastic contact does not unload along its loading curve. Its vibration about a preload follows the
 unload-reload branch, here from the greatest load, about half of it. n_loc = z F'/F there, with z counted from

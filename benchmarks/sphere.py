@@ -2,7 +2,7 @@
 
     ./run python3 benchmarks/sphere.py
 
-A hemisphere on a sliding base under a rigid flat, as in the case "flattened-sphere" of `asperity validate`, but in the
+A hemisphere on a sliding base under a rigid flat, as in the case "flattened-sphere" of `asperity verify`, but in the
 plane: second-order triangles on a quarter of a disk, the return map in UFL, exact contact at the nodes, systems by LU.
 It shares the material law with the program, which closed forms verify, and neither mesh, elements, contact nor solver.
 Prints the force over that at the onset of yield on two meshes and in two numbers of steps, and the limit of both.

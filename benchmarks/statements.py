@@ -138,7 +138,7 @@ def rougher_softens_more(exponents: Exponents) -> Statement:
     scaled = findings(exponents, ("similar",), lambda t: t.rises, CONDITIONS[:2])
     found = by_D + by_G + scaled
     note = (
-        f"At one range of deflection for all surfaces: D {count(by_D)}, G {count(by_G)}. With the range in proportion "
+        f"At one range of approach for all surfaces: D {count(by_D)}, G {count(by_G)}. With the range in proportion "
         f"to the heights: {count(scaled)}; "
     )
     if scaled:

@@ -22,7 +22,7 @@ from asperity.cli import group, main
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-MUST_RUN = {"keys", "estimate", "surface", "compare"}  # commands that take no time
+MUST_RUN = {"keys", "check", "estimate", "init", "surface", "compare"}  # commands that take no time
 
 
 # stands for the study file of docs/studies.md
@@ -75,7 +75,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 @pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, "python")], ids=lambda p: str(p.relative_to(ROOT)))
 def test_python_runs(page: Path, place: Path) -> None:
     """The blocks of a page one after the other, as a reader types them."""
-    names: dict[str, object] = {"__name__": "page"}
+    names: dict[str, object] = {"__name__": "__main__"}  # where dataclasses look for their module
     for code in blocks(page, "python"):
         exec(compile(code, f"{page.name}: {code[:40]}", "exec"), names)
 
@@ -101,6 +101,21 @@ def test_command_is_legal(line: str, place: Path, capsys: pytest.CaptureFixture[
         assert not left.value.code, capsys.readouterr().err
     else:
         command.make_context(arguments[0], arguments[1:], parent=context)
+
+
+def test_the_files_of_the_architecture_exist() -> None:
+    page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    names = set(re.findall(r"`([\w/]+\.(?:py|cpp|hpp))`", page))
+    assert len(names) > 30
+    assert not [name for name in names if not ((ROOT / name).exists() or (ROOT / "python/asperity" / name).exists())]
+
+
+def test_the_architecture_counts_its_files() -> None:
+    page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| .* \| (\d+) \| (.*) \|$", page, re.MULTILINE)
+    assert len(rows) >= 10
+    for count, files in rows:
+        assert len(files.partition(";")[0].split(", ")) == int(count), files
 
 
 @pytest.mark.parametrize("page", [p for p in PAGES if blocks(p, "toml")], ids=lambda p: p.name)

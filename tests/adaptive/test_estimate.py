@@ -83,7 +83,7 @@ def test_command(capsys: pytest.CaptureFixture[str]) -> None:
         main(["estimate", str(ROOT / "cases/demo.toml"), "--ranks", "2"])
     assert not left.value.code
     out = capsys.readouterr().out
-    assert "unknowns" in out and "memory of 2 ranks" in out
+    assert "dofs" in out and "memory of 2 ranks" in out
 
 
 def test_no_solver_is_loaded() -> None:

@@ -11,12 +11,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 import pytest
 from made_up_run import write_run
 
-from asperity.cli import main
-from asperity.cli.measure import CASE
+from asperity.cli import OLD_NAMES, group, main
+from asperity.cli.import_map import CASE
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError
 from asperity.plot import CAPTIONS
@@ -133,13 +134,13 @@ def test_a_run_killed_at_its_begin_can_be_replaced(cli: Cli, calls: list[Any], t
     assert cli("run", DEMO, "-o", tmp_path, "--force")[0] == 0
 
 
-@pytest.mark.parametrize("command", ["run", "surface", "measure", "study", "dynamics", "validate"])
+@pytest.mark.parametrize("command", ["run", "surface", "import-map", "study", "dynamics", "verify"])
 def test_an_empty_name_is_refused(
     cli: Cli, calls: list[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for name in ("", " "):
-        code, _, err = cli(command, *([] if command in ("dynamics", "validate") else [DEMO]), "-o", name)
+        code, _, err = cli(command, *([] if command in ("dynamics", "verify") else [DEMO]), "-o", name)
         assert code == 2 and "the name is empty" in err and len(err.splitlines()) == 1 and not calls
 
 
@@ -260,8 +261,18 @@ def test_keys_lists_the_case_file(cli: Cli) -> None:
 def test_help_names_every_command(cli: Cli) -> None:
     code, out, _ = cli("--help")
     assert code == 0
-    assert all(name in out for name in ("run", "surface", "plot", "report", "compare", "keys"))
+    listed = {line.split()[0] for line in out.partition("Commands:\n")[2].splitlines()}
+    assert listed >= {"baseline", "check", "compare", "import-map", "init", "keys", "plot", "run", "surface", "verify"}
+    assert not listed & {*OLD_NAMES, "options", "import_map"}
+    assert "..." not in out.partition("Commands:\n")[2]  # each summary fits into its line
     assert cli("--version")[0] == 0
+
+
+@pytest.mark.parametrize(("old", "new"), OLD_NAMES.items())
+def test_an_old_name_is_the_new_command(cli: Cli, old: str, new: str) -> None:
+    context = click.Context(group)
+    assert group.get_command(context, old) is group.get_command(context, new) is not None
+    assert cli(old, "--help")[1].replace(old, new, 1).split() == cli(new, "--help")[1].split()
 
 
 def test_importing_the_command_line_is_light() -> None:

@@ -1,5 +1,7 @@
 """The command line: `asperity COMMAND ...`, one module a command, its function named `command`.
 
+The module `import_map` is the command `import-map`. Old names of commands work, and no help lists them.
+
 Exit codes: 0 done; 1 compared curves differ, or an internal error; 2 bad input; 3 not converged,
 partial curve saved; 4 environment. An error is one line on stderr, from one rank.
 """
@@ -20,18 +22,21 @@ from asperity.errors import AsperityError
 from asperity.runtime.parallel import Ranks
 from asperity.runtime.progress import world_rank
 
+OLD_NAMES = {"measure": "import-map", "store": "baseline", "validate": "verify"}
+
 
 class _Commands(click.Group):
     """The modules of this package with a `command`, imported when they are used."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        modules = {module.name for module in pkgutil.iter_modules(__path__)}
+        modules = {module.name.replace("_", "-") for module in pkgutil.iter_modules(__path__)}
         return sorted(modules - {"options"})
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        name = OLD_NAMES.get(name, name)
         if name not in self.list_commands(ctx):
             return None
-        command: click.Command = importlib.import_module(f"asperity.cli.{name}").command
+        command: click.Command = importlib.import_module(f"asperity.cli.{name.replace('-', '_')}").command
         return command
 
 

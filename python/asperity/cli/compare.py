@@ -16,9 +16,9 @@ from asperity.runtime.run_folder import CURVE
 @options.tolerances
 @options.serial
 def command(first: Path, second: Path, tolerances: dict[str, float] | None) -> int:
-    """Compare the curve of run A with the reference B; each a run directory or a curve.csv.
+    """Compare two curves, column by column.
 
-    Exit code 0 when they agree, 1 when not.
+    A is the run, B the reference; each is a run directory or a curve.csv. Exit code 0 when they agree, 1 when not.
     """
     from asperity.curve import Curve
     from asperity.output.comparison import compare_curves

@@ -54,10 +54,11 @@ def command(
     preload: float | None,
     **settings: Any,
 ) -> None:
-    """Free and forced vibration about the static deflection, with thresholds and stability.
+    """Compute the vibration of a mass on a contact.
 
-    The law comes from a run directory, from a CSV file with columns delta and force, or from
-    --power-law. Lengths and forces have the units of the curve.
+    Free and forced vibration about the equilibrium under the weight, with thresholds and stability. The law comes from
+    a run directory, from a CSV file with columns delta and force, or from --power-law. Lengths and forces have the
+    units of the curve.
     """
     from asperity.dynamics import PowerLaw, run_dynamics
 

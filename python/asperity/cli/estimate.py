@@ -1,40 +1,60 @@
-"""`asperity estimate`: unknowns, memory and time of a case before it is run."""
+"""`asperity estimate`: degrees of freedom, memory and time of a case before it is run."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import click
 
 from asperity.cli import options
 from asperity.runtime.progress import duration
 
+if TYPE_CHECKING:
+    from asperity.case import Case
+
 
 @click.command()
 @options.case_file
-@click.option("--ranks", type=click.IntRange(min=1), default=1, show_default=True, help="Ranks that share the work.")
+@options.ranks
 @options.overrides
 @options.serial
 def command(case_file: str, ranks: int, overrides: tuple[str, ...]) -> None:
-    """Say how many unknowns a case has, and what memory and time it takes, without solving it.
+    """Estimate dofs, memory and time of a case.
 
-    From the size field of the mesh, and rates measured on one machine: expect a factor of two.
+    Solves nothing: the size field of the mesh gives the degrees of freedom (dofs), rates measured on one machine give
+    memory and time. Expect a factor of two.
     """
-    from asperity.adaptive.estimate import estimate
     from asperity.case import Case
 
-    case = Case.load(case_file, overrides)
+    show_estimate(case_file, Case.load(case_file, overrides), ranks)
+
+
+def show_estimate(title: str, case: Case, ranks: int) -> None:
+    """Print the estimate of a case.
+
+    Args:
+        title: of the table
+        case: the input
+        ranks: that share the work
+
+    Raises:
+        InputError: the case is driven by a force, or its first mesh is too large
+    """
+    from asperity.adaptive.estimate import estimate
+
     found = estimate(case, ranks)
     rows = [
         (f"mesh of h_contact = {level.h_contact:.3g}, {level.steps} steps", f"{level.dofs}", duration(level.seconds))
         for level in found.levels
     ]
-    options.table(case_file, rows, ("", "unknowns", "one core"))
+    options.table(title, rows, ("", "dofs", "one core"))
     options.say(f"memory of {ranks} rank{'s' if ranks > 1 else ''}: about {found.memory / 2**30:.1f} GiB")
     if ranks > 1:
-        options.say(f"time on {ranks} ranks: {duration(found.seconds / ranks)} if they share it evenly, more in truth")
+        options.say(f"time on {ranks} ranks: at least {duration(found.seconds / ranks)}, if they share the work evenly")
     if case.accuracy.tolerance is not None:
         options.say(
-            "finer meshes follow where the error bar is not met by the last one"
+            "finer meshes follow where the error bar of the last one is above the tolerance"
             if found.enough
             else f"the next mesh has more than the {case.accuracy.max_dofs} dofs of accuracy.max_dofs: "
-            "the tolerance is not expected to be met"
+            "the tolerance will probably not be met"
         )

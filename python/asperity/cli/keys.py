@@ -13,7 +13,10 @@ HEADER = ("section", "key", "default", "legal", "unit", "meaning")
 @click.option("--markdown", is_flag=True, help="As a Markdown table.")
 @options.serial
 def command(markdown: bool) -> None:
-    """List every key of the case file with default, legal values, unit and meaning."""
+    """List every key of the case file.
+
+    Each with its default, legal values, unit and meaning.
+    """
     from asperity.case.schema import input_reference
 
     rows = input_reference()

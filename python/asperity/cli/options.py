@@ -1,4 +1,4 @@
-"""Arguments and habits that commands share."""
+"""Arguments, options and output that the commands share."""
 
 from __future__ import annotations
 
@@ -18,6 +18,9 @@ overrides = click.option(
     multiple=True,
     metavar="SECTION.KEY=VALUE",
     help="Replace a key of the case file; an empty value removes it. Repeatable.",
+)
+ranks = click.option(
+    "--ranks", type=click.IntRange(min=1), default=1, show_default=True, help="Ranks that share the work."
 )
 
 

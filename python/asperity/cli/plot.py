@@ -12,7 +12,10 @@ from asperity.cli import options
 @click.option("--3d", "solid", is_flag=True, help="Draw figures/scene.png, the block in three dimensions, instead.")
 @options.serial
 def command(folder: str, solid: bool) -> None:
-    """Draw OUT/figures/*.png from the files of a run."""
+    """Draw the figures of a run.
+
+    From the files of the run in OUT, into OUT/figures/*.png.
+    """
     if solid:
         from asperity.plot.scene import scene
 

@@ -11,7 +11,10 @@ from asperity.cli import options
 @options.run_folder
 @options.serial
 def command(folder: str) -> None:
-    """Write OUT/report.html, self-contained, from the files of a run."""
+    """Write the report of a run.
+
+    One self-contained page, OUT/report.html, from the files of the run.
+    """
     from asperity.plot.report import write_report
 
     options.say(f"written {write_report(folder)}")

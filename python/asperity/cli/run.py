@@ -29,10 +29,10 @@ def command(
     quiet: bool,
     overrides: tuple[str, ...],
 ) -> None:
-    """Compute the force-deflection law of a case, and what its file asks for beside.
+    """Solve a case and write its results.
 
-    OUT receives case.toml (the completed input), curve.csv, summary.json and, when asked for,
-    dynamics, figures, fields and report.html.
+    OUT receives case.toml (the completed input), curve.csv (force against approach), summary.json and, if the case
+    requests them, dynamics, figures, fields and report.html.
     """
     from asperity import run_case
     from asperity.case import Case

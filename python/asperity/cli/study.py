@@ -30,11 +30,11 @@ def command(
     quiet: bool,
     overrides: tuple[str, ...],
 ) -> None:
-    """Run a case over a grid of parameters, as many at a time as there are ranks (mpirun).
+    """Run a case over a grid of parameters.
 
-    OUT receives results.csv (one row a case), cases/, meshes/ and figures/. Cases that are in OUT already are not
-    repeated, so the same command continues a study that was stopped. A case that fails is recorded in the table and
-    does not stop the others.
+    As many cases at a time as there are ranks (mpirun). OUT receives results.csv (one row a case), cases/, meshes/ and
+    figures/. Cases that are in OUT already are not repeated, so the same command continues a study that was stopped. A
+    case that fails is recorded in the table and does not stop the others.
     """
     from asperity.study import Study
 

@@ -17,7 +17,10 @@ from asperity.units import quantity
 @options.overrides
 @options.serial
 def command(case_file: str, output: str | None, overrides: tuple[str, ...]) -> None:
-    """Show the statistics of the surface, and its first point of touch."""
+    """Show the roughness of a case's surface.
+
+    Its statistics, shortest wavelength and point of first contact; with -o also a picture.
+    """
     from asperity.case import Case
 
     case = Case.load(case_file, overrides)

@@ -14,9 +14,15 @@ from asperity.model.settings import Formulation
 def make_contact(formulation: Formulation, solid: Solid, surface: ContactSurface) -> Contact:
     """Make the contact of a solid by a formulation.
 
+    A subclass of `Formulation` may bring a contact of its own: by a method build(solid, surface) that returns it.
+
     Raises:
         InputError: unknown method, theta = +-1 for a material that yields, or gamma too small for theta
     """
+    build = getattr(formulation, "build", None)
+    if build is not None:
+        contact: Contact = build(solid, surface)
+        return contact
     if formulation.method == "active-set":
         return ActiveSet(solid, surface)
     if formulation.method == "penalty":

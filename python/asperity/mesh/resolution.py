@@ -75,5 +75,5 @@ def doubt_of_waves(surface: Surface, h: float, delta: float) -> str:
 
 def advice(h: float) -> str:
     """Advice how to cut off the waves that elements of size h [length] do not resolve."""
-    keys = "surface.f_max or surface.L_s, asperity measure --cutoff of a map"
+    keys = "surface.f_max or surface.L_s, asperity import-map --cutoff of a map"
     return f"cut off what is shorter than {ELEMENTS * h:.3g} ({keys})"

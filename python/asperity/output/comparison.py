@@ -59,7 +59,7 @@ def store_curve(
     name = os.path.relpath(case_file, file.resolve().parent)
     header = {
         "case": name,
-        "command": f"asperity run {name} -o OUT && asperity store {name} OUT {file.name}",
+        "command": f"asperity run {name} -o OUT && asperity baseline {name} OUT {file.name}",
         "mesh": {key: results.summary[key] for key in ("cells", "dofs")} | mesh,
         "seed": results.summary["seed"],
         "steps": len(results.curve),

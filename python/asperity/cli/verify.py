@@ -1,4 +1,4 @@
-"""`asperity validate`: the verification suite, as a table."""
+"""`asperity verify`: the verification suite, as a table."""
 
 from __future__ import annotations
 
@@ -26,11 +26,12 @@ HEADER = ("case", "quantity", "reference", "its value", "computed", "error", "ba
 @click.option("--markdown", is_flag=True, help="Print a Markdown table.")
 @options.serial
 def command(names: tuple[str, ...], level: str, output: str | None, markdown: bool) -> int:
-    """Compare the solver with reference solutions: closed forms, tables and fits of the literature.
+    """Compare the solver with reference solutions.
 
-    NAME: patch, material, hertz, westergaard, double-sinusoid, thick-sphere, flattened-sphere, rough, rates; all
-    without one. A row passes when its error is within its bar, what the meshes and the reference leave open. Errors
-    and bars are relative. Exit code 0 when all rows pass, 3 when not.
+    The references are closed forms, tables and fits of the literature. NAME: patch, material, hertz, westergaard,
+    double-sinusoid, thick-sphere, flattened-sphere, rough, rates; all if none is given. A row passes when its error is
+    within its bar, the uncertainty of the meshes and of the reference. Errors and bars are relative. Exit code 0 when
+    all rows pass, 3 when not.
     """
     from asperity.verification import validate
     from asperity.verification.table import write_csv

@@ -1,4 +1,4 @@
-"""`asperity store`: keep the curve of a run as a reference for later ones."""
+"""`asperity baseline`: write the curve of a run as the reference of later runs."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ from asperity.cli import options
 @options.tolerances
 @options.serial
 def command(case_file: str, folder: str, file: Path, tolerances: dict[str, float] | None) -> int:
-    """Write the curve of the finished run OUT of CASE.toml to FILE, a reference for `asperity compare`.
+    """Store the curve of a run as a reference.
 
-    A JSON header says what made it: case, mesh, seed, steps, versions, the tolerance of each column, the command.
+    FILE receives the curve of the finished run OUT of CASE.toml, for `asperity compare`.
+    A JSON header holds case, mesh, seed, steps, versions, the tolerance of each column, and the commands that made it.
     """
     from asperity.output.comparison import store_curve
 

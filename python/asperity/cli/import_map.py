@@ -1,4 +1,4 @@
-"""`asperity measure`: from the height map of an instrument to a surface for a case."""
+"""`asperity import-map`: from the height map of an instrument to a surface and a case."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import click
 from asperity.cli import options
 from asperity.errors import InputError
 
-CASE = """# The measured patch of patch.npz pressed by a rigid flat: set the material and the deflection. SI units.
+CASE = """# The measured patch of patch.npz pressed by a rigid flat: set material and approach. SI units.
 
 [surface]
 kind = "file"
@@ -32,7 +32,7 @@ steps = 10
 @options.output("OUT", "Folder; default out/<name of the file>.")
 @click.option("--pixel", type=float, metavar="LENGTH", help="Distance between heights, where the file has none.")
 @click.option("--level", type=click.Choice(["mean", "plane", "curvature"]), default="plane", show_default=True,
-              help="Trend to take off.")  # fmt: skip
+              help="Trend to remove.")  # fmt: skip
 @click.option("--window", type=float, nargs=3, metavar="X Y SIDE", help="Square to cut; default the largest.")
 @click.option("--cutoff", type=float, metavar="LENGTH", help="Wavelength of a Gaussian low-pass filter.")
 @click.option("--shortest", type=float, metavar="LENGTH", help="Shortest wavelength for D and G; default 4 pixels.")
@@ -46,10 +46,11 @@ def command(
     cutoff: float | None,
     shortest: float | None,
 ) -> None:
-    """Level a measured height map, cut a patch, and find its statistics and its D and G.
+    """Make a case from a measured height map.
 
-    MAP is a file of NumPy (.npz, .npy, .csv, .txt), or of an instrument that SurfaceTopography reads. Lengths in
-    metres. OUT receives patch.npz, case.toml to start from, measured.json, surface.png and spectrum.png.
+    Levels the map, cuts a square patch, and computes its statistics and its D and G. MAP is a .npz, .npy, .csv or .txt
+    file, or a file of an instrument that SurfaceTopography reads. Lengths in metres. OUT receives patch.npz, case.toml
+    to start from, measured.json, surface.png and spectrum.png.
     """
     from asperity.plot import save, surface_map
     from asperity.plot.measured import spectrum_figure

@@ -1,0 +1,108 @@
+"""`asperity init`: a case file to start from, with every key explained."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+
+from asperity.cli import options
+from asperity.errors import InputError
+
+#: Values of the keys that have no default, in SI units; "file" is left to `asperity import-map`.
+SURFACES: Mapping[str, Mapping[str, Any]] = {
+    "weierstrass-mandelbrot": {"L": 1e-6, "D": 2.4, "G": 5e-12},
+    "sphere": {"L": 1e-6, "radius": 2e-6},
+    "sinusoid": {"L": 1e-6, "amplitude": 1e-8, "dims": 2},
+    "flat": {"L": 1e-6},
+}
+SOLIDS: Mapping[str, Mapping[str, Any]] = {
+    "elastic": {"E": 200e9, "nu": 0.3},
+    "plastic": {"E": 200e9, "nu": 0.3, "yield_strength": 1e9, "tangent_modulus": 10e9},
+}
+SI = {"length": "m", "force": "N", "force/length^2": "Pa", "length/time^2": "m/s^2"}
+WIDTH = 34  # of "key = value"
+
+
+@click.command()
+@click.argument("file", metavar="[FILE]", default="case.toml", type=click.Path(dir_okay=False, path_type=Path))
+@click.option("--surface", "kind", type=click.Choice(list(SURFACES)), default="weierstrass-mandelbrot",
+              show_default=True, help="Kind of surface; import-map makes a case of a measured one.")  # fmt: skip
+@click.option("--elastic/--plastic", default=False, show_default=True, help="Solid.")
+@options.serial
+def command(file: Path, kind: str, elastic: bool) -> None:
+    """Write a commented case, ready to run.
+
+    FILE (case.toml) receives every key with its unit, legal values and meaning. Keys that may be left out are
+    commented out, with their defaults. FILE must not exist yet.
+    """
+    from asperity.runtime.files import replace_file
+
+    if file.exists():
+        raise InputError(f"{file} exists: give another name, or remove it")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    replace_file(file, starting_case(kind, "elastic" if elastic else "plastic").encode())
+    options.say(f"written {file}; next: asperity check {file}")
+
+
+def starting_case(kind: str, solid: str) -> str:
+    """Return the text of a case file made from the schema.
+
+    Args:
+        kind: of surface, one of SURFACES
+        solid: one of SOLIDS
+    """
+    from asperity.case.schema import Input, kind_of, sections
+
+    chosen: dict[str, Mapping[str, Any]] = {
+        "surface": SURFACES[kind],
+        "material": SOLIDS[solid],
+        "mesh": {"h_contact": 6e-8},
+        "loading": {"delta_max": 1e-9 if kind == "flat" else 1e-8},
+    }
+    lines = [
+        f"# A case of asperity: {solid} solid, surface of kind {kind}, in SI units.",
+        "# A comment gives the meaning of a key, its unit, legal values, the default if other keys determine it.",
+        "# Remove the # before a key to set it. Check the case by: asperity check FILE",
+        "",
+        *_keys(Input, {}, skip=tuple(name for name in Input.model_fields if sections(name))),
+    ]
+    for name, field in Input.model_fields.items():
+        models = sections(name)
+        if not models:
+            continue
+        model = next((m for m in models if name == "surface" and kind_of(m) == kind), models[0])
+        optional = field.default is None
+        lines += ["", f"# {_first_line(model)}", f"# [{name}]" if optional else f"[{name}]"]
+        if name == "surface":
+            lines.append(_line(f'kind = "{kind}"', "kind of surface; " + ", ".join(map(kind_of, models))))
+        lines += _keys(model, chosen.get(name, {}), skip=("kind",))
+    return "\n".join(lines) + "\n"
+
+
+def _first_line(model: Any) -> str:
+    return str(model.__doc__).partition("\n")[0].removesuffix(".")
+
+
+def _keys(model: Any, values: Mapping[str, Any], skip: tuple[str, ...]) -> Iterator[str]:
+    """One line a key: set where `values` has it, commented with its default elsewhere."""
+    from asperity.case.schema import legal, properties, show
+
+    for key, about in properties(model).items():
+        if key in skip:
+            continue
+        unit = SI.get(about["unit"], about["unit"])
+        words = [about["description"] + (f" ({unit})" if unit else ""), legal(about)]
+        if key in values:
+            yield _line(f"{key} = {show(values[key])}", "; ".join(words))
+            continue
+        default = about.get("default")
+        if about["shown"] or default is None:
+            words.append(f"default: {about['shown'] or 'none'}")
+        yield _line(f"# {key} = {'' if default is None else show(default)}".rstrip(), "; ".join(words))
+
+
+def _line(text: str, comment: str) -> str:
+    return f"{text:<{WIDTH}} # {comment}"

@@ -1,0 +1,125 @@
+"""`asperity check`: refuses and warns as a run does, estimates, and solves nothing."""
+
+from __future__ import annotations
+
+import shutil
+import warnings
+from pathlib import Path
+
+import pytest
+
+import asperity as asp
+from asperity.case import Case
+from asperity.cli import main
+from asperity.cli.check import judge
+from asperity.errors import AsperityError, AsperityWarning
+
+ROOT = Path(__file__).parents[2]
+COARSE = """
+units = "other"
+surface = {kind = "sinusoid", L = 1.0, amplitude = 0.02}
+material = {E = 1.0, nu = 0.3}
+mesh = {h_contact = 0.4, h_max = 1.0, growth = 1.0}
+loading = {delta_max = 0.02, steps = 2}
+"""
+FRACTAL = f"""
+units = "other"
+surface = {{kind = "weierstrass-mandelbrot", L = 1e-6, D = 2.5, G = 1e-11}}
+material = {{E = 1.0, nu = 0.3}}
+mesh = {{file = "{ROOT / "meshes/fractal.npz"}"}}
+loading = {{delta_max = 1e-8}}
+"""
+REFUSED = {
+    "no gap": (COARSE, ["loading.delta_max=0.9"]),
+    "a key": (COARSE, ["material.mu=0.3"]),
+    "two masters of the mesh": (FRACTAL, ["accuracy.tolerance=0.1"]),
+    "the mesh of another surface": (FRACTAL, []),
+    "too few dofs": (COARSE, ["accuracy.tolerance=0.1", "accuracy.max_dofs=1000"]),
+}
+DOUBTFUL = {
+    "a key that is not used": (COARSE, ["accuracy.max_dofs=5000"]),
+    "deeper than the valleys": (COARSE, ["loading.delta_max=0.045", "block.height=4.0"]),
+    "steep": (
+        COARSE.replace("sinusoid", "weierstrass-mandelbrot").replace("amplitude = 0.02", "D = 2.4, G = 3e-5"),
+        [],
+    ),
+    "short waves": (COARSE, ["surface.wavelength=0.1", "surface.amplitude=0.005", "mesh.growth=10.0"]),
+}
+
+
+@pytest.fixture
+def case_file(tmp_path: Path) -> Path:
+    return tmp_path / "case.toml"
+
+
+def check(path: Path, capsys: pytest.CaptureFixture[str], *options: str) -> tuple[int, str, str]:
+    """Exit code, output and errors of the command."""
+    with pytest.raises(SystemExit) as left:
+        main(["check", str(path), *options])
+    out, err = capsys.readouterr()
+    return int(left.value.code or 0), out, err
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_a_run_refuses_is_refused_in_the_same_words(
+    name: str, case_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, changes = REFUSED[name]
+    case_file.write_text(text, encoding="utf-8")
+    code, _, err = check(case_file, capsys, *(f"--set={change}" for change in changes))
+    assert code == 2
+    with warnings.catch_warnings(), pytest.raises(AsperityError) as refused:
+        warnings.simplefilter("ignore")
+        asp.run(Case.load(case_file, changes))
+    assert refused.value.exit_code == 2
+    expected = str(refused.value)
+    if name == "too few dofs":  # the estimate counts the nodes that the run has
+        expected, err = "accuracy.max_dofs", err.splitlines()[-1]
+    assert expected in err
+
+
+@pytest.mark.parametrize("name", DOUBTFUL)
+def test_what_a_run_warns_of_before_it_solves_is_warned_of(
+    name: str, case_file: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text, changes = DOUBTFUL[name]
+    case_file.write_text(text, encoding="utf-8")
+
+    class SetUp(Exception):
+        """The run has come to its solid."""
+
+    def stop(*_: object, **__: object) -> None:
+        raise SetUp
+
+    monkeypatch.setattr("asperity.quasistatic.solve_contact.make_contact_solver", stop)
+    with warnings.catch_warnings(record=True) as given, pytest.raises(SetUp):
+        warnings.simplefilter("always")
+        asp.run(Case.load(case_file, changes))
+    expected = {str(w.message) for w in given if issubclass(w.category, AsperityWarning)}
+    code, out, err = check(case_file, capsys, *(f"--set={change}" for change in changes))
+    assert code == 0 and expected and "a run accepts" in out
+    assert {line.removeprefix("warning: ") for line in err.splitlines()} == expected
+
+
+def test_it_solves_and_writes_nothing(
+    case_file: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(case_file.parent)
+    monkeypatch.setattr("asperity.mesh.generate.build_block", None)
+    shutil.copy(ROOT / "cases/elastic.toml", case_file)
+    code, out, _ = check(case_file, capsys, "--ranks", "4")
+    assert code == 0 and "dofs" in out and "GiB" in out and "4 ranks" in out
+    assert list(case_file.parent.iterdir()) == [case_file]
+
+
+def test_a_case_driven_by_a_force_has_no_estimate(case_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    case_file.write_text(COARSE.replace("delta_max = 0.02", "force_max = 1e-3"), encoding="utf-8")
+    code, out, err = check(case_file, capsys)
+    assert (code, err) == (0, "") and "no estimate" in out and "a run accepts" in out
+
+
+def test_every_case_of_the_project_is_accepted() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for path in (ROOT / "cases").glob("*.toml"):
+            judge(Case.load(path))

@@ -1,0 +1,88 @@
+"""`asperity init`: the case it writes is legal, complete, and runs."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from itertools import product
+from pathlib import Path
+
+import pytest
+
+import asperity as asp
+from asperity.case import Case
+from asperity.case.schema import SURFACES as MODELS
+from asperity.case.schema import Input, kind_of, properties, sections
+from asperity.cli import main
+from asperity.cli.check import judge
+from asperity.cli.init import SOLIDS, SURFACES, starting_case
+
+ALL = list(product(SURFACES, SOLIDS))
+COMMENTED = re.compile(r"^# (\[\w+\]|\w+ = \S.*)$", re.MULTILINE)
+ADVICE = re.compile(r"^# (\w+) = +#", re.MULTILINE)  # a key without a plain default
+
+
+def init(*arguments: str | Path) -> int:
+    with pytest.raises(SystemExit) as left:
+        main(["init", *map(str, arguments)])
+    return int(left.value.code or 0)
+
+
+def test_every_kind_of_surface_has_values() -> None:
+    """Except for the measured one, of which `import-map` makes a case."""
+    assert {*SURFACES, "file"} == {kind_of(model) for model in MODELS}
+
+
+@pytest.mark.parametrize(("kind", "solid"), ALL)
+def test_the_case_is_accepted_without_a_warning(kind: str, solid: str, tmp_path: Path) -> None:
+    path = tmp_path / "new/case.toml"
+    assert init(path, "--surface", kind, f"--{solid}") == 0
+    case = Case.load(path)
+    assert case.surface.kind == kind and (case.material.yield_strength is not None) == (solid == "plastic")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        judge(case)
+
+
+@pytest.mark.parametrize(("kind", "solid"), ALL)
+def test_the_commented_defaults_are_the_defaults(kind: str, solid: str, tmp_path: Path) -> None:
+    """Every key of the schema is in the file; setting those that are commented out changes nothing."""
+    text = starting_case(kind, solid)
+    keys = {name: {key for m in sections(name) for key in properties(m)} for name in Input.model_fields}
+    keys["surface"] = next(set(properties(m)) for m in MODELS if kind_of(m) == kind)
+    found: dict[str, set[str]] = {}
+    section = ""
+    for line in text.splitlines():
+        if header := re.match(r"(?:# )?\[(\w+)\]$", line):
+            section = header[1]
+        elif key := re.match(r"(?:# )?(\w+) = ", line):
+            found.setdefault(section, set()).add(key[1])
+    assert found.pop("") == {"units"}
+    assert found == {name: some for name, some in keys.items() if some}
+
+    plain, full = tmp_path / "plain.toml", tmp_path / "full.toml"
+    plain.write_text(text.replace("# [dynamics]", "[dynamics]"), encoding="utf-8")
+    full.write_text(COMMENTED.sub(r"\1", ADVICE.sub(r"## \1", text)), encoding="utf-8")
+    assert COMMENTED.search(text) and not COMMENTED.search(full.read_text())
+    assert Case.load(full) == Case.load(plain)
+
+
+@pytest.mark.parametrize(("kind", "solid"), [("weierstrass-mandelbrot", "plastic"), ("flat", "elastic")])
+def test_the_case_runs(kind: str, solid: str, tmp_path: Path) -> None:
+    """Here with large elements and few steps."""
+    path = tmp_path / "case.toml"
+    path.write_text(starting_case(kind, solid), encoding="utf-8")
+    quick = ["mesh.h_contact=0.24e-6", "mesh.growth=1.0", "loading.steps=3"]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        curve = asp.run(Case.load(path, quick)).curve
+    assert curve.delta[-1] == pytest.approx(Case.load(path).loading.delta_max) and curve.force[-1] > 0
+
+
+def test_a_file_is_never_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert init() == 0
+    before = (tmp_path / "case.toml").read_bytes()
+    assert init("--surface", "flat") == 2
+    assert (tmp_path / "case.toml").read_bytes() == before
+    assert init(tmp_path) == 2  # a folder
