@@ -1,4 +1,4 @@
-"""The whole job of a case: curve, law, dynamics, and the files a run leaves in its folder."""
+"""The whole job of a case: curve, law, dynamics, and the files of the run in its folder."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class RunResult:
         fit: power law of the loading branch; None when it has fewer than three points
         summary: what summary.json holds
         contact: the solved contact, with mesh and last state; None when a resumed run had nothing left to do
-        dynamics: what `dynamics.run_dynamics` returned, None when not asked for
+        dynamics: what `dynamics.run_dynamics` returned, None when not requested
     """
 
     curve: Curve
@@ -79,13 +79,13 @@ def run(
     the run in an absent or empty folder, or where nothing was saved yet, continues one that was stopped, and returns
     the results of a finished one.
 
-    What is legal but doubtful is told by an `AsperityWarning`, by Python's `warnings` and in the summary, log and
+    What is legal but doubtful is reported by an `AsperityWarning`, by Python's `warnings` and in the summary, log and
     report of the run.
 
     Args:
         case: the input, or the path of a case file
         folder: receives the files; None writes nothing
-        progress: told of stages and steps
+        progress: receives stages and steps
         resume: continue the run of this case in `folder`
         force: replace the run in `folder`; files that no run has written stay
         comm: communicator; default all ranks
@@ -122,7 +122,7 @@ def accepted(
     """A case that may be run, and its problem; warns of what is doubtful.
 
     Raises:
-        InputError: anything that can be told without solving
+        InputError: anything that can be found without solving
     """
     if resume and force:
         raise InputError("--resume continues the run in OUT and --force replaces it: give one of them")
@@ -229,7 +229,7 @@ class _Job:
             writer.summary(summary)
 
         on_root_bcast(comm, write)
-        complete = accurate is not None and not doubts  # though perhaps not as accurate as asked for
+        complete = accurate is not None and not doubts  # though perhaps not as accurate as requested
         if failure is not None and not complete:
             raise failure
         result = self._after(RunResult(contact.curve, fit, summary, contact), finished=failure is None)
@@ -238,7 +238,7 @@ class _Job:
         return result
 
     def _after(self, result: RunResult, finished: bool) -> RunResult:
-        """What follows a complete curve: fields, dynamics, figures, report; on rank 0 but for the gathering."""
+        """What follows a complete curve: fields, dynamics, figures, report; on rank 0 except for the gathering."""
         from asperity.output.fields import gather_states, write_figure_data, write_vtkhdf
 
         case, comm, folder, progress, writer = self.case, self.comm, self.folder, self.progress, self.writer
@@ -299,7 +299,7 @@ def _refuse_run_of_another(case: Case, folder: Path) -> None:
         there = Case.load(path)
     except InputError as error:
         raise CheckpointError(
-            f"{folder} holds no state to resume from, and no case to start again: {error}; start anew with --force"
+            f"{folder} holds no state to resume from, and no case to start again: {error}; start again with --force"
         ) from None
     refuse_another(path, identity(there), identity(case))
 

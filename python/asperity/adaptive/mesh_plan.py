@@ -25,7 +25,7 @@ GUIDE = 0.1  # size of the guiding mesh [L]
 FIRST = 0.5**0.5  # of the next one, over that of the guide
 SMALLEST_RATIO, LARGEST_RATIO = 1.6, 4.0  # of two sizes; below, scatter from mesh to mesh hides the order
 LEAST_STEP = 1.2  # from one size to the next
-FIRST_STEP = 2.5  # greatest one after the second mesh, for the guide only tells roughly how large errors are
+FIRST_STEP = 2.5  # greatest one after the second mesh, for the guide only shows roughly how large errors are
 MARGIN = 0.9  # part of the tolerance that is planned for
 COST_ORDER = 2.6  # time grows as h^-COST_ORDER
 DOFS_ORDER = 2.0  # dofs grow as h^-DOFS_ORDER: refinement is nearly confined to the contact
@@ -36,7 +36,7 @@ GROWTH = 0.25, 0.04  # growth of the element size around the contact, and the si
 
 
 def planned_steps(steps: int) -> int:
-    """Planned load steps of a run with a tolerance: the least multiple of those asked for that tells of the bar."""
+    """Planned load steps of a run with a tolerance: the smallest multiple of those requested that gives a sound bar."""
     return steps * ceil(LEAST_STEPS / steps)
 
 
@@ -131,7 +131,7 @@ def plan_next(sizes: Sequence[float], error: float, wanted: float) -> float:
     Args:
         sizes: of the meshes so far, the guide first [L]
         error: relative, of the force on the last one
-        wanted: relative error bar asked for
+        wanted: relative error bar requested
     """
     last, third = sizes[-1], len(sizes) == 2
     # the third mesh is not extrapolated from the guide, which is graded in another way
@@ -163,7 +163,7 @@ def meshes(bar: float, wanted: float) -> Iterator[float]:
 
     Args:
         bar: relative error bar on the second mesh, the first to have one
-        wanted: relative error bar asked for
+        wanted: relative error bar requested
     """
     sizes = [GUIDE, FIRST * GUIDE]
     yield from sizes
@@ -183,7 +183,7 @@ def cheapest_substeps(bars: Mapping[int, Floats], mesh: Floats, tolerance: float
         bars: relative error bars of the load steps at some deflections (n,), by their parts; of more parts than the
             last, they are taken to fall with the order
         mesh: relative error bars of the last mesh there (n,)
-        tolerance: relative error bar asked for
+        tolerance: relative error bar requested
         order: of the error in the step
 
     Returns:

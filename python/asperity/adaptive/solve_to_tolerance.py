@@ -1,7 +1,7 @@
-"""Accuracy as an input: meshes and load steps refined until the force has the error bar asked for.
+"""Accuracy as an input: meshes and load steps refined until the force has the requested error bar.
 
 A coarse mesh shows where the surface is touched, which guides the finer meshes. The first of these measures the error
-of the load steps, which depends little on the mesh: the finer ones need no more steps than it told, and all forces are
+of the load steps, which depends little on the mesh: the finer ones need no more steps than it found, and all forces are
 corrected for their steps; a part of the correction is its bar. The error of the mesh follows from two of them
 (`refinement`).
 """
@@ -169,7 +169,7 @@ def solve_to_tolerance(
     stop: Callable[[], str] | None = None,
     **problem: Any,
 ) -> AccurateResult:
-    """Refine mesh and load steps until the force along the first loading has the error bar requested; collective.
+    """Refine mesh and load steps until the force along the first loading has the requested error bar; collective.
 
     The call for scripts: `refine` of `Problem.of(surface, material, **problem)`.
 
@@ -201,7 +201,7 @@ def refine(
     hooks: Hooks | None = None,
     on_curve: Callable[[Curve], None] | None = None,
 ) -> AccurateResult:
-    """Refine mesh and load steps until the force along the first loading has the error bar requested; collective.
+    """Refine mesh and load steps until the force along the first loading has the requested error bar; collective.
 
     Args:
         problem: what to solve; the element sizes and the substeps are chosen here, the steps are a multiple of its own
@@ -304,7 +304,7 @@ def _beside_the_mesh(algebraic: float, of_steps: float, tolerance: float, stoppe
 
     Args:
         algebraic, of_steps: relative error bars of the equations and of the load steps
-        tolerance: asked for
+        tolerance: requested
         stopped: what limited the parts of the load steps
     """
     if algebraic + of_steps <= 0.9 * tolerance:
@@ -373,7 +373,7 @@ def _choose_substeps(
         guide: curve of the guiding mesh with whole steps
         steps: planned ones
         integrator: of plasticity
-        goal: what is asked for
+        goal: tolerance and limits
 
     Returns:
         the result with the most parts, at least two; the error; the parts chosen, no more than these; and what limited

@@ -222,7 +222,7 @@ class SolverSection(Section):
 
 
 class OutputSection(Section):
-    """What is written beside the curve and the summary."""
+    """What is written in addition to the curve and the summary."""
 
     figures: Flag = _key("figures/*.png", False)
     fields: Flag = _key("fields/ for ParaView", False)

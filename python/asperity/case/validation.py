@@ -242,7 +242,7 @@ def doubt_of_edge(sides: str, surface: Surface) -> str:
     )
 
 
-_FALLS = 0.01  # slope across an edge beside the summit that makes a ridge, over the rms slope
+_FALLS = 0.01  # slope across an edge next to the summit that makes a ridge, over the rms slope
 _NEAR_FREE = 0.1  # distance of a summit from a free side that is near, over the shortest wavelength
 _SAMPLES = 257  # heights along each side
 _MARGIN = 1.2  # on the compression of the block, whose surface answers a little stiffer than a

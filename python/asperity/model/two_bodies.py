@@ -52,7 +52,7 @@ class EquivalentBlock:
 def equivalent_block(
     first: Material, second: Material, heights: tuple[float, float], *, sides: str = "rollers", nu: float = 0.3
 ) -> EquivalentBlock:
-    """Material and height of the block that stands for two.
+    """Material and height of the block that represents two.
 
     Args:
         first, second: the bodies; elastic.
