@@ -221,7 +221,7 @@ def test_factor_too_small_to_be_stable_is_refused(rough: Surface, coarse: BlockM
 
 def test_indefinite_system_is_a_failed_step(rough: Surface, coarse: BlockMesh, monkeypatch: pytest.MonkeyPatch) -> None:
     """The symmetric variant far below its trace constant does not converge, and the state is as before."""
-    monkeypatch.setattr("asperity.contact.penalty_nitsche.COERCIVE", 0.0)
+    monkeypatch.setattr("asperity.model.settings.COERCIVE", 0.0)
     formulation = Formulation("nitsche", gamma=0.01, theta=1)
     solver = make_contact_solver(here(), rough, coarse, ELASTIC, formulation=formulation)
     assert not solver.step(0.01).converged
