@@ -154,7 +154,7 @@ def main() -> None:
             steps = saved
         print(f"kills             {sum(killed_at.values())}, ranks {options.ranks}, straight run {duration:.1f} s")
         print(f"steps saved then  {' '.join(f'{k}:{n}' for k, n in sorted(killed_at.items()))} of {len(straight)}")
-        print(f"runs completed    {completed}, begun anew for want of a saved step {unsaved}")
+        print(f"runs completed    {completed}, started again without a saved step {unsaved}")
         print(f"half-written files 0, greatest difference of the curves {worst:.1e}")
         sys.exit(worst > (1e-10 if options.ranks == 1 else 1e-8))
 

@@ -25,6 +25,7 @@ from asperity.linear import multigrid
 from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.multigrid import PMultigrid
 from asperity.linear.petsc_matrix import assembled
+from asperity.quasistatic.solve_contact import ContactResult
 
 L = 1e-6
 STEEL = asp.Material(200e9, 0.3, 1e9, 10e9)
@@ -93,7 +94,7 @@ def pieces(sizes: tuple[float, ...]) -> None:
             print(f"| {solid.dofs} | {name} | {theirs:.2f} | {ours:.2f} | {theirs / ours:.1f} |", flush=True)
 
 
-def demo(material: asp.Material, h: float, **options: float) -> tuple[asp.ContactResult, float]:
+def demo(material: asp.Material, h: float, **options: float) -> tuple[ContactResult, float]:
     """The demo surface to 0.03 L in ten planned steps, and its CPU seconds."""
     warnings.simplefilter("ignore")
     surface = asp.Surface.from_spec(kind="weierstrass-mandelbrot", L=L, D=2.4, G=1.36e-11)

@@ -23,7 +23,6 @@ from asperity.verification.flattening import HERTZ, NU, ONSET, E, Y
 DEPTHS = np.array([6.0, 10.0, 50.0, 100.0])  # deflection over that at the onset of yield
 TANGENTS = (0.0, 0.1, 0.3, 0.5)  # E_t/E
 STEPS = 40  # uniform in the square root of the deflection
-REFINEMENTS = (1.0, 1.5)
 
 
 def quarter_disk(refinement: float) -> Any:

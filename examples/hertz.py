@@ -12,7 +12,7 @@ RADIUS, DELTA = 10e-3, 2.5e-9
 
 def main() -> float:
     """Return the greatest relative difference of the force over the second half of the loading."""
-    # a quarter of a sphere on a block that is large beside the contact, (R delta)^(1/2) = 5 um
+    # a quarter of a sphere on a block that is large compared with the contact, (R delta)^(1/2) = 5 um
     steel = asp.Material(E=200e9, nu=0.3)
     surface = asp.Surface.from_spec(kind="sphere", L=1e-3, radius=RADIUS, centre=(0.0, 0.0), shape="paraboloid")
     size = asp.MeshSize(h_contact=2e-6, growth=0.6)

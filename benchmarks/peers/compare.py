@@ -26,7 +26,7 @@ from programs import Job, Run
 from asperity.plot import style
 
 TARGETS = (0.05, 0.02, 0.01, 0.005)
-FARTHEST = 100.0  # times the CPU time of the dearest run, up to which its line is carried on
+FARTHEST = 100.0  # times the CPU time of the most expensive run, up to which its line is carried on
 COLOURS = {
     "asperity": style.BLACK,
     "asperity, by tolerance": style.GREY,
@@ -117,9 +117,9 @@ def number(value: float) -> str:
 def cost(points: list[Point], target: float) -> Cost | None:
     """CPU time and memory from which on the error stays below a target, on the line through a program's runs.
 
-    The line is straight in logarithms between two runs; a run with a small error does not count where a dearer one
-    has a larger one again: nobody knows beforehand which mesh is lucky. Beyond the dearest run the line is that of
-    the last two. None where it does not fall, or too slowly to tell.
+    The line is straight in logarithms between two runs; a run with a small error does not count where a more expensive
+    one has a larger one again: nobody knows beforehand which mesh is lucky. Beyond the most expensive run the line is
+    that of the last two. None where it does not fall, or too slowly to tell.
     """
     done = sorted((p for p in points if np.isfinite(p.error)), key=lambda p: p.run.cpu)
     if len(done) < 2:

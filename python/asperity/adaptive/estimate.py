@@ -41,8 +41,8 @@ class Rates:
 
     Attributes:
         mesh: seconds of meshing and set-up per unknown.
-        step: seconds of a load step per unknown at 10,000 unknowns.
-        growth: exponent of the unknowns in the seconds of a step.
+        step: seconds of a load step per dof at 10,000 dofs.
+        growth: exponent of the dofs in the seconds of a step.
         base: memory of a rank without a mesh [bytes].
         per_dof: memory per unknown [bytes].
     """
@@ -64,7 +64,7 @@ class Level:
 
     Attributes:
         h_contact: element size where the surface is reached last [length].
-        dofs: unknowns.
+        dofs: degrees of freedom.
         steps: load steps, those of unloadings too.
         seconds: of one core.
     """
@@ -113,7 +113,7 @@ def estimate(case: Case, ranks: int = 1) -> Estimate:
     """
     if case.loading.delta_max is None:
         raise InputError(
-            "an estimate needs loading.delta_max: the deflection at loading.force_max is only known after a run; "
+            "an estimate needs loading.delta_max: the approach at loading.force_max is only known after a run; "
             "replace it, for example --set loading.force_max= --set loading.delta_max=2e-8"
         )
     surface, rates = case.build_surface(), PLASTIC if case.material.yield_strength is not None else ELASTIC

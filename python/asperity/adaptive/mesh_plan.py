@@ -31,7 +31,7 @@ COST_ORDER = 2.6  # time grows as h^-COST_ORDER
 DOFS_ORDER = 2.0  # dofs grow as h^-DOFS_ORDER: refinement is nearly confined to the contact
 STEP_ORDERS = {MIDPOINT: 2.0, BACKWARD_EULER: 1.0}  # of the force in the load step
 MOST_SUBSTEPS = 32
-LEAST_STEPS = 5  # planned ones, for the difference of two meshes at one or two deflections may vanish by chance
+LEAST_STEPS = 5  # planned ones, for the difference of two meshes at one or two approaches may vanish by chance
 GROWTH = 0.25, 0.04  # growth of the element size around the contact, and the size in it that this belongs to [L]
 
 
@@ -180,7 +180,7 @@ def cheapest_substeps(bars: Mapping[int, Floats], mesh: Floats, tolerance: float
     """Equal parts of each load step with which the tolerance is met at the least cost: more leave more to the mesh.
 
     Args:
-        bars: relative error bars of the load steps at some deflections (n,), by their parts; of more parts than the
+        bars: relative error bars of the load steps at some approaches (n,), by their parts; of more parts than the
             last, they are taken to fall with the order
         mesh: relative error bars of the last mesh there (n,)
         tolerance: relative error bar requested

@@ -138,7 +138,7 @@ def steady(relative: Floats, reach: int = 2) -> Floats:
 
 
 def loading_force(curve: Curve, delta_star: Floats) -> Floats:
-    """P* of the first loading at given deflections, by shape-preserving interpolation of its logarithms.
+    """P* of the first loading at given approaches, by shape-preserving interpolation of its logarithms.
 
     One step with a force is continued as that of a single contact, (delta*)^(3/2).
 
@@ -263,7 +263,7 @@ def refine(
         if sizes[-1] > 1.01 * finest:  # two meshes that miss the same waves agree with each other
             meshes_left = ceil(log(sizes[-1] / finest) / log(LARGEST_RATIO))
             wanted = min(wanted, sizes[-1] * (finest / sizes[-1]) ** (1.0 / meshes_left))
-            unresolved = f"elements of {level.h:.3g} miss waves of the surface, which a smaller tolerance does not mend"
+            unresolved = f"elements of {level.h:.3g} miss waves of the surface, which a smaller tolerance does not fix"
             limit = run.limit(goal, sizes[-1], min(finest, sizes[-1] / LEAST_STEP), substeps)
             if limit:
                 limit = (
@@ -336,13 +336,13 @@ def worst_error(curve: Curve, steps: int) -> float:
 
 @dataclass(frozen=True)
 class _Along:
-    """A relative error along the loading: values at deflections (n,), constant before the first and after the last."""
+    """A relative error along the loading: values at approaches (n,), constant before the first and after the last."""
 
     delta_star: Floats
     value: Floats
 
     def at(self, delta_star: Floats) -> Floats:
-        """Value at other deflections."""
+        """Value at other approaches."""
         return np.interp(delta_star, self.delta_star, self.value)
 
 
@@ -424,7 +424,7 @@ def _scaled(curve: Curve, factor: Floats) -> Curve:
 
 
 def _area_error(curve: Curve, delta_star: Floats) -> Floats:
-    """Error of the area of contact over the area along the first loading, no more than 1, at given deflections."""
+    """Error of the area of contact over the area along the first loading, no more than 1, at given approaches."""
     branch = curve.loading()
     area, error = branch.area_fraction, branch.error_area_fraction
     share = np.divide(error, area, out=np.ones(len(branch)), where=area > error)

@@ -178,7 +178,7 @@ class AccuracySection(Section):
         "relative error of the force", None, shown="one mesh", ge=1e-6, lt=1,
         hint="0.01 for one per cent",
     )  # fmt: skip
-    max_dofs: Whole = _key("limit of unknowns", 1_000_000, ge=1000)
+    max_dofs: Whole = _key("limit of the dofs", 1_000_000, ge=1000)
     max_seconds: Real | None = _key("limit of time", None, shown="none", unit="s", gt=0)
 
 

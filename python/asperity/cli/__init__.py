@@ -71,7 +71,7 @@ def _outcome(arguments: Sequence[str] | None) -> tuple[int, str]:
             raise
         return 4, f"the environment lacks the Python package {error.name}; start by ./run"
     except MemoryError:
-        return 3, "out of memory; use fewer unknowns (larger mesh.h_contact), more ranks, or solver.linear = auto"
+        return 3, "out of memory; use fewer dofs (larger mesh.h_contact), more ranks, or solver.linear = auto"
     except OSError as error:
         where = f" {error.filename}" if error.filename else ""
         return 4, f"cannot read or write{where}: {error.strerror or error}"

@@ -61,10 +61,10 @@ def serial(function: Callable[..., Any]) -> Callable[..., Any]:
     """Run a command on the first rank only."""
 
     @functools.wraps(function)
-    def on_first_rank(*args: Any, **kwargs: Any) -> Any:
+    def on_root(*args: Any, **kwargs: Any) -> Any:
         return function(*args, **kwargs) if world_rank() == 0 else 0
 
-    return on_first_rank
+    return on_root
 
 
 def say(text: str = "") -> None:

@@ -186,7 +186,7 @@ class ContactOscillator:
         """
         (f,) = forcings(positive("forcing", forcing))
         ends, tol = window(omega), positive("tol", tol)
-        extra = self._seeds(f, ends, tol) if detached else ()
+        extra = self._seeds(f, ends) if detached else ()
         result = frequency_response(
             self.balance(), self.setting(f), ends, tol=tol, subharmonics=subharmonics, extra=extra
         )
@@ -337,7 +337,7 @@ class ContactOscillator:
         """Return law, damping and forcing of a result for F^ = `forcing`."""
         return Setting(self.model, self.law.describe(), self.restoring.n_loc, self.zeta, self.damping, float(forcing))
 
-    def _seeds(self, forcing: float, window: tuple[float, float], tol: float) -> tuple[tuple[int, Array, float], ...]:
+    def _seeds(self, forcing: float, window: tuple[float, float]) -> tuple[tuple[int, Array, float], ...]:
         """Periodic orbits reached from many initial states, as starting points of detached branches."""
         from asperity.dynamics.motion.shooting_correction import coefficients
 

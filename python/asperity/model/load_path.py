@@ -16,7 +16,7 @@ class Schedule:
     """What the flat does; lengths in units of L, forces in units of A_0 E'.
 
     Attributes:
-        delta_max: greatest deflection, or None when `force_max` is given
+        delta_max: greatest approach, or None when `force_max` is given
         force_max: greatest force, found to 1e-6
         steps: planned steps of a loading
         unload_steps: planned steps of an unloading, 0 for none
@@ -47,7 +47,7 @@ class Schedule:
         """Where the steps of a loading end, as parts of the way; the planned steps are among them.
 
         The midpoint rule starts with half a step, and its first steps are divided: its error goes with the square of
-        the step over the deflection.
+        the step over the approach.
         """
         midpoint = self.integrator == MIDPOINT
         stops: list[float] = []

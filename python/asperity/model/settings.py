@@ -139,4 +139,4 @@ class AccuracyTarget:
             raise InputError(f"accuracy.max_seconds = {self.max_seconds!r} must be positive")
 
 
-Goal = AccuracyTarget  # name of before
+Goal = AccuracyTarget  # former name

@@ -21,7 +21,7 @@ class RunFiles:
         self._whole = False
 
     def begin(self) -> None:
-        """Make the folder and write the completed input; a finished run there, which now goes on, is so no more."""
+        """Make the folder and write the completed input; a finished run that continues is marked unfinished."""
         if self._folder is not None:
             self._folder.mkdir(parents=True, exist_ok=True)
             remove_asides(self._folder)
@@ -40,7 +40,7 @@ class RunFiles:
         return found if isinstance(found, dict) else {}
 
     def finished(self) -> tuple[Curve, dict[str, Any]] | None:
-        """Curve and summary when the folder holds all that the case asks for, else None."""
+        """Curve and summary when the folder holds everything the case requests, else None."""
         assert self._folder is not None
         summary = self._summary()
         if summary.get("finished") is not True or summary.get("case_hash") != self._case.hash():

@@ -1,4 +1,4 @@
-"""From a surface and a material to the force-deflection curve: mesh, solid, contact, load path in one call."""
+"""From a surface and a material to the force-approach curve: mesh, solid, contact, load path in one call."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from asperity.quasistatic.checkpoint import Checkpoint
 
 SMALLEST_H_MAX = 0.05  # to which the largest elements are made smaller for the slopes [L]
-ESTIMATE_STEPS = 40  # after which the deflection at a given force is only guessed
+ESTIMATE_STEPS = 40  # after which the approach at a given force is only guessed
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def make_block(comm: MPI.Comm, surface: Surface, height: float, delta_max: float
         comm: communicator
         surface: the top
         height: mean height of the block [length]
-        delta_max: deflection the mesh is made for [length]
+        delta_max: approach the mesh is made for [length]
         size: element sizes; without h_max, the largest elements are as small as slopes need, see `make_undistorted`
 
     Raises:
