@@ -15,11 +15,11 @@ import pytest
 from conftest import ELASTIC, PLASTIC
 
 from asperity.case import Case
-from asperity.errors import CheckpointError, Interrupted, OutputError
+from asperity.errors import CheckpointError, Interrupted, OutputError, ResolutionWarning
 from asperity.mesh.block import BlockMesh
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
-from asperity.model.settings import Formulation
+from asperity.model.settings import Formulation, MeshSize
 from asperity.output.fields import gather_states
 from asperity.quasistatic.checkpoint import FORMAT, Checkpoint, signed
 from asperity.quasistatic.checkpoint_identity import differences, identity
@@ -74,6 +74,15 @@ def assert_same(one: ContactResult, two: ContactResult, rtol: float) -> None:
         assert one.counts == two.counts
         assert one.checks == two.checks
     assert not two.checks.violated
+
+
+def test_a_resumed_run_warns_of_the_waves_that_its_mesh_misses(tmp_path: Path) -> None:
+    """The mesh comes from the checkpoint then, and misses them as before."""
+    waves = Surface.from_spec(kind="sinusoid", L=1.0, amplitude=5e-4, wavelength=0.1)
+    settings = {"delta_max": 0.002, "steps": 2, "size": MeshSize(0.3, h_max=0.5)}
+    with pytest.warns(ResolutionWarning, match="waves shorter") as warned:
+        in_pieces(waves, ELASTIC, tmp_path / "checkpoint", (1,), **settings)
+    assert sum("waves shorter" in str(warning.message) for warning in warned) == 2
 
 
 @pytest.mark.mpi

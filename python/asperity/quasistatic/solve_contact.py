@@ -260,14 +260,21 @@ def solve_problem(
     hooks = hooks or Hooks()
     checkpoint, phases = hooks.checkpoint, Phases()
     saved = None if checkpoint is None else checkpoint.load()
+    own_mesh = not comm.bcast(block is not None, root=0)  # made for the problem, now or before the run was stopped
     if saved is not None:
         block = saved.block
     given = comm.bcast(None if block is None else block.height, root=0)
     wanted, L = problem.block_height, problem.surface.L
     if given is not None and wanted is not None and abs(given - wanted) > 1e-9 * L:
         raise MeshError(f"mesh.file: the mesh has the height {given:g}, block.height is {wanted:g}: make them equal")
-    if given is None:
-        block = _make_mesh(problem, comm, phases, hooks)
+    if own_mesh:
+        if given is None:
+            hooks.stage("mesh")
+        delta_max = _depth_of_mesh(problem, comm, phases)
+        if given is None:
+            with phases.phase("mesh"):
+                block = make_block(comm, problem.surface, problem.height, delta_max, problem.size)
+        _warn_of_missed_waves(problem, comm, delta_max)
     hooks.stage("set-up")
     with phases.phase("set-up"):
         solver = solver_of(problem, block, comm, phases)
@@ -300,19 +307,19 @@ def solve_problem(
     return result
 
 
-def _make_mesh(problem: Problem, comm: MPI.Comm, phases: Phases, hooks: Hooks) -> BlockMesh | None:
-    """Mesh of a problem on rank 0, None elsewhere; warns of waves that it misses; collective."""
-    surface, size, delta_max = problem.surface, problem.size, problem.load_path.delta_max
-    hooks.stage("mesh")
-    if delta_max is None:
-        with phases.phase("deflection estimate"):
-            delta_max = estimate_approach(problem, comm)
-    with phases.phase("mesh"):
-        block = make_block(comm, surface, problem.height, delta_max, size)
-        h = size.h_contact or H_CONTACT * surface.L
-        if doubt := on_root(comm, partial(doubt_of_waves, surface, h, delta_max)):
-            warnings.warn(doubt, ResolutionWarning, stacklevel=4)
-    return block
+def _depth_of_mesh(problem: Problem, comm: MPI.Comm, phases: Phases) -> float:
+    """Approach that the mesh of a problem is made for [length]; collective."""
+    if problem.load_path.delta_max is not None:
+        return problem.load_path.delta_max
+    with phases.phase("deflection estimate"):
+        return estimate_approach(problem, comm)
+
+
+def _warn_of_missed_waves(problem: Problem, comm: MPI.Comm, delta_max: float) -> None:
+    """Warn on rank 0 where the elements in the contact are too long for waves of the surface; collective."""
+    h = problem.size.h_contact or H_CONTACT * problem.surface.L
+    if doubt := on_root(comm, partial(doubt_of_waves, problem.surface, h, delta_max)):
+        warnings.warn(doubt, ResolutionWarning, stacklevel=4)
 
 
 def _follow(problem: Problem, solver: ContactSolver, record: Record, position: Position | None, hooks: Hooks) -> None:
