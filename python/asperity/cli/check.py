@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import TYPE_CHECKING
 
 import click
@@ -43,13 +42,11 @@ def judge(case: Case) -> None:
     Raises:
         InputError: the reason, in one sentence
     """
-    from asperity.errors import ResolutionWarning
     from asperity.mesh.block import BlockMesh
-    from asperity.mesh.resolution import doubt_of_waves
+    from asperity.mesh.resolution import warn_of_missed_waves
 
     surface = case.problem().surface
     if case.mesh.file is not None:
         BlockMesh.read(case.mesh.file).check(surface)
     elif case.accuracy.tolerance is None and case.loading.delta_max is not None:
-        if doubt := doubt_of_waves(surface, case.mesh.h_contact, case.loading.delta_max):
-            warnings.warn(doubt, ResolutionWarning, stacklevel=2)
+        warn_of_missed_waves(surface, case.mesh.h_contact, case.loading.delta_max)

@@ -7,8 +7,11 @@ proportional to the height of these waves over the approach (measured in docs/ac
 
 from __future__ import annotations
 
+import warnings
 from math import inf, sqrt
 from typing import TYPE_CHECKING
+
+from asperity.errors import ResolutionWarning
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
@@ -71,6 +74,12 @@ def doubt_of_waves(surface: Surface, h: float, delta: float) -> str:
         f"waves shorter than {ELEMENTS:g} elements of mesh.h_contact = {h:.3g} have an rms height of {part:.2g} of the "
         f"greatest approach, and the force may be off by about as much: {size:.2g} would resolve them, or {advice(h)}"
     )
+
+
+def warn_of_missed_waves(surface: Surface, h: float, delta: float) -> None:
+    """Warn (ResolutionWarning) of `doubt_of_waves`, if there is any."""
+    if doubt := doubt_of_waves(surface, h, delta):
+        warnings.warn(doubt, ResolutionWarning, stacklevel=2)
 
 
 def advice(h: float) -> str:

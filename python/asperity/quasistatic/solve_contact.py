@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import resource
-import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -14,12 +13,12 @@ from asperity.arrays import Floats
 from asperity.contact.contact_surface import ContactSurface
 from asperity.contact.make import make_contact
 from asperity.curve import Curve
-from asperity.errors import ConvergenceError, Interrupted, MeshError, ResolutionWarning
+from asperity.errors import ConvergenceError, Interrupted, MeshError
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import check_distortion, distribute, is_distorted
 from asperity.mesh.generate import build_block
-from asperity.mesh.resolution import doubt_of_waves
+from asperity.mesh.resolution import warn_of_missed_waves
 from asperity.mesh.size_field import SizeField
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
@@ -274,7 +273,8 @@ def solve_problem(
         if given is None:
             with phases.phase("mesh"):
                 block = make_block(comm, problem.surface, problem.height, delta_max, problem.size)
-        _warn_of_missed_waves(problem, comm, delta_max)
+        h = problem.size.h_contact or H_CONTACT * L
+        on_root(comm, partial(warn_of_missed_waves, problem.surface, h, delta_max))
     hooks.stage("set-up")
     with phases.phase("set-up"):
         solver = solver_of(problem, block, comm, phases)
@@ -313,13 +313,6 @@ def _depth_of_mesh(problem: Problem, comm: MPI.Comm, phases: Phases) -> float:
         return problem.load_path.delta_max
     with phases.phase("deflection estimate"):
         return estimate_approach(problem, comm)
-
-
-def _warn_of_missed_waves(problem: Problem, comm: MPI.Comm, delta_max: float) -> None:
-    """Warn on rank 0 where the elements in the contact are too long for waves of the surface; collective."""
-    h = problem.size.h_contact or H_CONTACT * problem.surface.L
-    if doubt := on_root(comm, partial(doubt_of_waves, problem.surface, h, delta_max)):
-        warnings.warn(doubt, ResolutionWarning, stacklevel=4)
 
 
 def _follow(problem: Problem, solver: ContactSolver, record: Record, position: Position | None, hooks: Hooks) -> None:
