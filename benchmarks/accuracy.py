@@ -52,7 +52,7 @@ from asperity.model.settings import Goal
 from asperity.quasistatic.solve_contact import ContactResult, make_block
 from asperity.reference import half_space_contact
 
-Judged = tuple[Floats, Floats]  # relative error and bar at some deflections
+Judged = tuple[Floats, Floats]  # relative error and bar at some approaches
 
 L, DELTA, STEPS = 1e-6, 0.03e-6, 10
 AT = np.array([0.003 * k for k in range(1, 11)])
@@ -139,7 +139,7 @@ def scenes() -> dict[str, tuple[asp.Surface, float]]:
             "rough, D 2.2": (rough(1, 2.2, 1e-10), 0.02),
             "rough, D 2.6": (rough(2, 2.6, 1e-3), 0.03),
             "sphere in the middle": (of("sphere", radius=1.5, centre=(0.5, 0.5)), 0.02),
-            "sphere beside it": (of("sphere", radius=3.0, centre=(0.3, 0.4)), 0.01),
+            "sphere off the middle": (of("sphere", radius=3.0, centre=(0.3, 0.4)), 0.01),
             "four summits": (of("sinusoid", amplitude=0.01, wavelength=0.5, dims=2), 0.015),
             "rough, seed 21": (rough(21, 2.4, 1.36e-5), 0.02),
             "rough, D 2.5": (rough(22, 2.5, 1e-4), 0.025),
@@ -157,7 +157,7 @@ def forces(
     substeps: int = 1,
     grading: tuple[float, float] = GRADING,
 ) -> dict[float, Floats]:
-    """Force at ten deflections on a family of meshes, kept in a file of KEPT; that of the tolerance runs is GUIDED."""
+    """Force at ten approaches on a family of meshes, kept in a file of KEPT; that of the tolerance runs is GUIDED."""
     path = KEPT / f"{name.replace(' ', '-').replace(',', '')}.npz"
     kept = dict(np.load(path)) if path.is_file() else {}
     at, reach, out = delta * np.arange(1, 11) / 10, None, {}
@@ -215,7 +215,7 @@ def seen(found: dict[float, Floats], coarse: float, fine: float, h: float) -> fl
 
 
 def _limit(found: dict[float, Floats]) -> Floats:
-    """Limit of the finest three meshes with the one order that fits them best at all deflections."""
+    """Limit of the finest three meshes with the one order that fits them best at all approaches."""
     sizes = sorted(found)[:3]
     P = np.array([found[h] for h in sizes])
     best, limit = np.inf, P[0]
@@ -247,7 +247,7 @@ def plastic_scenes() -> dict[str, tuple[asp.Surface, float, asp.Material]]:
         "rough, D 2.2": (0.005, 0.05),
         "rough, D 2.6": (0.01, 0.2),
         "rough, seed 21": (0.005, 0.0),
-        "sphere beside it": (0.003, 0.02),
+        "sphere off the middle": (0.003, 0.02),
         "two bumps": (0.01, 0.1),
     }
     return {name: (*scenes()[name], asp.Material(1.0, 0.3, *yields)) for name, yields in chosen.items()}
@@ -277,14 +277,14 @@ def few() -> None:
     """Bars of runs in fewer planned steps, also by the rule of first order."""
     header("surface, steps")
     judged = []
-    for name in ("rough, seed 12", "rough, seed 14", "rough, seed 21", "sphere beside it"):
+    for name in ("rough, seed 12", "rough, seed 14", "rough, seed 21", "sphere off the middle"):
         surface, delta = scenes()[name]
         limit = _limit(forces(name, surface, delta, FAMILY[3:]))
         for steps in (1, 2, 5):
             rows = np.arange(1, steps + 1) * 10 // steps - 1
             at = delta * (rows + 1) / 10
             judged.append(driven(f"{name}, {steps}", surface, UNIT, 0.01, at, limit[rows]))
-            if name in ("rough, seed 12", "sphere beside it"):
+            if name in ("rough, seed 12", "sphere off the middle"):
                 _, _, material = plastic_scenes()[name]
                 yielding = plastic_limit(name, surface, delta, material)[rows]
                 for rule in ("midpoint", "backward-euler"):
@@ -301,7 +301,7 @@ def short_waves(f_max: int, seed: int, D: float = 2.4, slope: float = 0.05) -> a
 
 
 def boundary_elements(top: asp.Surface, at: Floats) -> Floats:
-    """Force at deflections [length], extrapolated from 256 and 512 cells a side; L = 1."""
+    """Force at approaches [length], extrapolated from 256 and 512 cells a side; L = 1."""
     half, whole = (
         np.array([half_space_contact(top, n, delta_star=float(d), height=1.0).P_star for d in at]) for n in (256, 512)
     )
@@ -415,8 +415,8 @@ def demo() -> None:
 
 
 def fixed() -> None:
-    """What stays with a fixed growth of the elements around the contact of a sphere, in place of the family's."""
-    name = "sphere beside it"
+    """What stays with a fixed growth of the elements around the contact of a sphere, instead of the family's."""
+    name = "sphere off the middle"
     sphere, delta = scenes()[name]
     limit = _limit(forces(name, sphere, delta, FAMILY[3:]))
     at = delta * np.arange(1, 11) / 10
@@ -433,7 +433,7 @@ def grading() -> None:
     """Error of the force on meshes of both gradings, with the steps as they are."""
     row("surface", "material", "power", "h_contact/L", "dofs", "rms error %", "greatest %")
     row(*["---"] * 7)
-    for name in ("rough, seed 12", "rough, seed 21", "sphere beside it"):
+    for name in ("rough, seed 12", "rough, seed 21", "sphere off the middle"):
         top, delta, yielding = plastic_scenes()[name]
         at = delta * np.arange(1, 11) / 10
         for material in (UNIT, yielding):
@@ -481,7 +481,7 @@ def driven(
     limit: Floats,
     integrator: str = "midpoint",
 ) -> Judged:
-    """Run to a tolerance; error and bar at the deflections `at` [length], relative, and a row of the table."""
+    """Run to a tolerance; error and bar at the approaches `at` [length], relative, and a row of the table."""
     start = process_time()
     result = solve_to_tolerance(
         top, material, Goal(goal), delta_max=float(at[-1]), steps=len(at), integrator=integrator

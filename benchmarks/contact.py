@@ -80,7 +80,7 @@ def hertz() -> Case:
     law = reference.Hertz(radius, reference.reduced_modulus(1.0, NU))
 
     def theory(fine: list[State]) -> list[State]:
-        depths = [float(law.deflection(4.0 * s.force)) for s in fine]
+        depths = [float(law.approach(4.0 * s.force)) for s in fine]
         return [
             State(s.force, 0.25 * np.pi * float(law.radius(d)) ** 2, 0.0, float(law.peak_pressure(d)))
             for s, d in zip(fine, depths, strict=True)
@@ -99,7 +99,7 @@ def westergaard() -> Case:
 
     def theory(_: list[State]) -> list[State]:
         means = [
-            brentq(lambda p, d=d: float(wave.deflection(p)) + compliance * p - d, 0.0, wave.full_pressure, xtol=1e-18)
+            brentq(lambda p, d=d: float(wave.approach(p)) + compliance * p - d, 0.0, wave.full_pressure, xtol=1e-18)
             for d in steps
         ]
         return [State(p, float(wave.area_fraction(p)), 0.0, float(wave.pressure(np.zeros(1), p)[0])) for p in means]
@@ -257,7 +257,7 @@ def areas() -> Iterator[tuple[str, ...]]:
         for name in ("active set", "penalty, beta 10", "Nitsche 0, gamma 1"):
             solver = press_of(FORMULATIONS[name])
             states = press_along(case, solver)
-            exact = [0.25 * np.pi * float(law.radius(law.deflection(4.0 * s.force))) ** 2 for s in states]
+            exact = [0.25 * np.pi * float(law.radius(law.approach(4.0 * s.force))) ** 2 for s in states]
             error = np.array([s.area / e - 1.0 for s, e in zip(states, exact, strict=True)])
             bar = np.array([s.area_error / s.area for s in states])
             yield (
@@ -276,7 +276,7 @@ def pressures() -> Iterator[tuple[str, ...]]:
             solver = press_of(formulation)
             press_along(case, solver)
             top, contact = solver.contact_surface, solver.contact
-            depth = float(law.deflection(4.0 * solver.force))
+            depth = float(law.approach(4.0 * solver.force))
             p0, radius = float(law.peak_pressure(depth)), float(law.radius(depth))
 
             def errors(xy: Any, found: Any, p0: float = p0, radius: float = radius, depth: float = depth) -> Any:

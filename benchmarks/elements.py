@@ -8,7 +8,7 @@ line. All carry exact contact at the nodes by an active set, take the same load 
 systems to the same tolerances, the tetrahedra with the program's linear solver and kernels.
 
 References: the layer theory of `asperity.verification.hertz` for the sphere, the limit of two finer guided tetrahedral
-meshes for the demo surface; the limit of each element is printed beside it. Errors are relative root mean squares over
+meshes for the demo surface; the limit of each element is printed next to it. Errors are relative root mean squares over
 the load steps, seconds are CPU seconds of one process from surface to force, without start-up and compilation of forms.
 """
 
@@ -51,7 +51,7 @@ class Scene:
 
     @property
     def at(self) -> Floats:
-        """Deflections of the steps."""
+        """Approaches of the steps."""
         return self.delta * np.arange(1, self.steps + 1) / self.steps
 
 

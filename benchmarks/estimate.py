@@ -1,4 +1,4 @@
-"""Measure what an unknown costs:  python3 benchmarks/estimate.py
+"""Measure the cost of a degree of freedom:  python3 benchmarks/estimate.py
 
 Runs the surface of the demo on a row of meshes, each in a process of its own, and prints the table of docs/cluster.md
 and the constants of `asperity.adaptive.estimate`. CPU seconds, so that other work on the machine matters little.
@@ -77,7 +77,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--sizes", type=float, nargs="+", default=SIZES, help="h_contact [L]")
     arguments = parser.parse_args()
-    print("| solid | h_contact/L | unknowns | estimated | CPU s | estimated | MiB | estimated |")
+    print("| solid | h_contact/L | dofs | estimated | CPU s | estimated | MiB | estimated |")
     print("|---|---|---|---|---|---|---|---|")
     constants = {}
     for kind in MATERIALS:

@@ -174,11 +174,11 @@ class Hexahedra:
         force = sum(fem.assemble_vector(part).array for part in self._forces)
         return np.asarray(force).reshape(-1, 3)
 
-    def press(self, deflections: Floats) -> Floats:
-        """Force of the flat at each deflection."""
+    def press(self, approaches: Floats) -> Floats:
+        """Force of the flat at each approach."""
         summit = 1.0 + self.surface.maximum()[2] - self.surface.mean()
         before, forces = 0.0, []
-        for delta in deflections:
+        for delta in approaches:
             forces.append(self._solve(summit - delta, delta - before))
             before = delta
             if self.plastic:

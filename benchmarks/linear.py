@@ -32,7 +32,7 @@ STEEL = asp.Material(200e9, 0.3, 1e9, 10e9)
 MATERIALS = {"elastic": asp.Material(200e9, 0.3), "plastic": STEEL}
 SIZES = (0.2, 0.12, 0.08, 0.056, 0.04)
 REPEATS = 15
-KINDS = ("cg", "lu", "gamg")  # the first one always runs and tells the size
+KINDS = ("cg", "lu", "gamg")  # the first one always runs and gives the size
 LARGEST = {"lu": 40_000, "gamg": 60_000}  # dofs beyond which there is nothing left to compare
 
 

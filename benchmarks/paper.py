@@ -280,7 +280,7 @@ def conditions(found: Iterable[Statement], results: StudyResults) -> str:
 
 
 def half_space(results: StudyResults) -> str:
-    """Exponents of the elastic families beside those of an independent half-space solver."""
+    """Exponents of the elastic families next to those of an independent half-space solver."""
     rows = []
     for name in ("D", "G"):
         for level in results.levels(name):
@@ -295,7 +295,7 @@ def half_space(results: StudyResults) -> str:
 
 
 def physical(results: StudyResults) -> str:
-    """The paper's law beside the unload-reload law."""
+    """The paper's law next to the unload-reload law."""
     rows = []
     for name in ("sigma_y", "sigma_y_free", "E_t", "E_t_soft"):
         for level, text in zip(results.levels(name), labels(name, results.levels(name)), strict=True):
@@ -354,7 +354,7 @@ def versions(results: StudyResults) -> dict[str, Any]:
 def page(results: StudyResults, found: Sequence[Statement]) -> str:
     """Text of docs/paper.md."""
     verdicts = table(
-        ("", "statement", "asked", "verdict", "what was found"),
+        ("", "statement", "criterion", "verdict", "what was found"),
         [(s.name, s.text, s.criterion, f"**{s.verdict}**", s.note) for s in found],
     )
     under = "\n".join(f"- {s.name} passes under: {passing(s)}." for s in found)

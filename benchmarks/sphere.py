@@ -20,9 +20,9 @@ from asperity.arrays import Floats
 from asperity.model.material import Material, return_map_ufl
 from asperity.verification.flattening import HERTZ, NU, ONSET, E, Y
 
-DEPTHS = np.array([6.0, 10.0, 50.0, 100.0])  # deflection over that at the onset of yield
+DEPTHS = np.array([6.0, 10.0, 50.0, 100.0])  # approach over that at the onset of yield
 TANGENTS = (0.0, 0.1, 0.3, 0.5)  # E_t/E
-STEPS = 40  # uniform in the square root of the deflection
+STEPS = 40  # uniform in the square root of the approach
 
 
 def quarter_disk(refinement: float) -> Any:
@@ -92,14 +92,14 @@ class Hemisphere:
         self._ksp.getPC().setType("lu")
         self._ksp.getPC().setFactorSolverType("mumps")
 
-    def press(self, deflection: float) -> float:
-        """Force of the flat at a deflection; the history is committed."""
+    def press(self, approach: float) -> float:
+        """Force of the flat at a approach; the history is committed."""
         from dolfinx.fem import petsc
 
         u, A = self.u.x.array.reshape(-1, 2), self._A
         y, b = A.createVecRight(), A.createVecRight()
         for iteration in range(100):
-            force, lacking, rows = self._contact(deflection)
+            force, lacking, rows = self._contact(approach)
             residual = self._free(force, rows)
             held = force[rows]
             if np.linalg.norm(residual) < 1e-8 * np.linalg.norm(held) and np.all(np.abs(lacking) < 1e-12):
@@ -117,30 +117,30 @@ class Hemisphere:
             self._ksp.setOperators(A)
             self._ksp.solve(b, y)
             y.array[prescribed] = exact
-            length = self._length(y.array_r, residual, rows, deflection)
+            length = self._length(y.array_r, residual, rows, approach)
             if iteration > 20 and iteration % 3 == 0:
                 length *= 0.5  # leaves a cycle of contact sets
             u -= length * y.array.reshape(-1, 2)
-        raise RuntimeError(f"no convergence at {deflection / ONSET:g} times the onset of yield")
+        raise RuntimeError(f"no convergence at {approach / ONSET:g} times the onset of yield")
 
-    def _contact(self, deflection: float) -> tuple[Floats, Floats, npt.NDArray[np.int64]]:
+    def _contact(self, approach: float) -> tuple[Floats, Floats, npt.NDArray[np.int64]]:
         """Internal force, penetration of the nodes in contact, and their vertical dofs."""
         from dolfinx import fem
 
         force = fem.assemble_vector(self._force).array.copy()
-        lacking = self._height + self.u.x.array[2 * self._top + 1] - 1.0 + deflection
+        lacking = self._height + self.u.x.array[2 * self._top + 1] - 1.0 + approach
         active = 0.1 * lacking - force[2 * self._top + 1] > 0.0
         return force, lacking[active], 2 * self._top[active] + 1
 
     def _free(self, force: Floats, rows: npt.NDArray[np.int64]) -> Floats:
         return without(force, rows, self._fixed)
 
-    def _length(self, y: Floats, residual: Floats, rows: npt.NDArray[np.int64], deflection: float) -> float:
+    def _length(self, y: Floats, residual: Floats, rows: npt.NDArray[np.int64], approach: float) -> float:
         step, start = self._free(y, rows), self.u.x.array.copy()
 
         def slope(length: float) -> float:
             self.u.x.array[:] = start - length * y
-            force, _, now = self._contact(deflection)
+            force, _, now = self._contact(approach)
             return -float(step @ self._free(force, now))
 
         length = step_length(-float(step @ residual), slope)

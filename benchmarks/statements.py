@@ -40,7 +40,7 @@ class Statement:
     Attributes:
         name: T1 to T5.
         text: the statement.
-        criterion: what is asked of the figures.
+        criterion: what the figures must show for it to pass.
         findings: one for each family and condition.
         verdict: of all of them.
         note: conditions found, in words with numbers.

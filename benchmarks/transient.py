@@ -28,7 +28,7 @@ from asperity.quasistatic.stepping import Position, Record, follow
 from asperity.transient import Scheme, TimeSeries, Transient, consistent_mass
 
 CASE = Path(__file__).parent.parent / "cases" / "demo.toml"
-DEPTH = 0.03  # deflection the static law is computed to [L]
+DEPTH = 0.03  # approach up to which the static law is computed [L]
 STATIC_STEPS = 60
 PRELOAD = 0.4  # over the force at DEPTH
 RATIOS = (0.01, 0.05, 0.1, 0.2, 0.3, 0.5)  # omega_s over the block's first own frequency

@@ -2,10 +2,10 @@
 
     ./run python3 benchmarks/work_precision.py [-o FOLDER] [hertz] [elastic] [plastic]
 
-Scenes: a paraboloid against the elastic layer it stands on (Hertz with the block's compliance, solved by boundary
+Scenes: a paraboloid against the elastic layer it is on (Hertz with the block's compliance, solved by boundary
 elements, `reference.layer_force`), and the demo surface, elastic and elastic-plastic, against the extrapolated limit
 of finer guided meshes (and load steps). Prints Markdown tables and writes work_precision.png. Errors are root mean
-squares over the path, relative to the force at each deflection; seconds are CPU seconds of one process, from surface
+squares over the path, relative to the force at each approach; seconds are CPU seconds of one process, from surface
 to curve, without start-up; the limit of the demo scenes is the program's own, so below some 0.1 % it is no judge.
 """
 
@@ -42,7 +42,7 @@ class Scene:
 
     Attributes:
         surface, material, delta, steps, height: L = E = 1
-        at: deflections compared (n,)
+        at: approaches compared (n,)
         limit: force there, P* (n,)
         sizes: elements in the contact, coarse to fine
     """
@@ -87,7 +87,7 @@ CHOICES = (
 
 
 def solve(scene: Scene, size: asp.MeshSize, **settings: Any) -> tuple[Floats, Any]:
-    """Force at the deflections compared."""
+    """Force at the approaches compared."""
     settings = {"steps": scene.steps} | settings
     result = asp.solve_contact(
         scene.surface, scene.material, delta_max=scene.delta, height=scene.height, size=size, **settings

@@ -1,4 +1,4 @@
-"""The exponent of the force-deflection law over the tangent modulus, one surface and one mesh for all."""
+"""The exponent of the law of force over approach over the tangent modulus, one surface and one mesh for all."""
 
 from __future__ import annotations
 

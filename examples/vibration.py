@@ -9,7 +9,7 @@ import asperity as asp
 
 def main() -> tuple[float, float]:
     """Return the natural frequency at a large amplitude, over the small one's, and the resonance peak."""
-    z = np.linspace(0.0, 2e-6, 41)  # deflection (m)
+    z = np.linspace(0.0, 2e-6, 41)  # approach (m)
     force = 4.0e9 * z**1.5 * (1 + 1.0e5 * z)  # (N): between a sphere and something stiffer
     law = asp.TableLaw(z, force)
     mass = asp.ContactOscillator(law, load=3.0, zeta=0.01)  # its weight (N)

@@ -41,7 +41,7 @@ SCENES: dict[str, tuple[Material, dict[str, Any]]] = {
 
 
 class Kernels:
-    """Stands in for the compiled kernels and counts their calls and the cells they linearise again."""
+    """Replaces the compiled kernels and counts their calls and the cells they linearise again."""
 
     def __init__(self, kernels: Any) -> None:
         self._kernels, self.calls = kernels, Counter[str]()
@@ -99,7 +99,7 @@ def excess(name: str, found: dict[str, int], stored: dict[str, int]) -> list[str
     """A sentence for each count that is above the stored one by more than the allowance."""
     return [
         f"{count} of the {name} scene went up from {stored.get(count, 0)} to {value}, more than {ALLOWANCE:.0%} and "
-        f"{SPARE}: mend it, or if it is meant, store it with ./run python3 tests/test_counts.py"
+        f"{SPARE}: fix it, or if it is intended, store it with ./run python3 tests/test_counts.py"
         for count, value in found.items()
         if value > stored.get(count, 0) * (1.0 + ALLOWANCE) + SPARE
     ]

@@ -1,7 +1,7 @@
 """The environment that ./run makes: what it holds, and how it is made.
 
-The making is tested with stand-ins for mmdebstrap and bubblewrap, on a copy of the script that is
-told the host is another system.
+The making is tested with stand-ins for mmdebstrap and bubblewrap, on a copy of the script that takes
+the host for another system.
 """
 
 from __future__ import annotations
@@ -248,7 +248,7 @@ def test_another_suite_has_a_root_of_its_own(clone: Clone) -> None:
 
 
 @pytest.mark.parametrize(("suite", "own"), [("", False), ("trixie", False), ("sid", True)])
-def test_debian_13_serves_as_it_is_unless_another_suite_is_asked_for(clone: Clone, suite: str, own: bool) -> None:
+def test_debian_13_serves_as_it_is_unless_another_suite_is_requested(clone: Clone, suite: str, own: bool) -> None:
     clone.system.write_text("ID=debian\nVERSION_ID=13\nVERSION_CODENAME=trixie\n")
     script = clone.path / "run"  # on the host's own packages it stops before a real virtual environment is made
     script.write_text(script.read_text().replace("/usr/bin/python3 -m venv", "a-venv"))
@@ -276,11 +276,11 @@ def test_debian_13_serves_as_it_is_unless_another_suite_is_asked_for(clone: Clon
 def test_the_mirrors_are_those_of_the_host(clone: Clone, suite: str, sources: list[str]) -> None:
     clone.system.write_text("ID=debian\nVERSION_ID=12\nVERSION_CODENAME=bookworm\n")
     clone.environment["ASPERITY_SUITE"] = suite
-    clone.fail.touch()  # what mmdebstrap was told is enough
+    clone.fail.touch()  # the arguments of mmdebstrap are enough
     _, errors = clone.start().communicate(timeout=60)
     assert clone.made() == 1, errors
-    told = Path(f"{clone.calls}.arguments").read_text().splitlines()
-    assert [line for line in told if line.startswith("deb ")] == sources
+    given = Path(f"{clone.calls}.arguments").read_text().splitlines()
+    assert [line for line in given if line.startswith("deb ")] == sources
 
 
 def test_a_failure_says_which_step_and_what_to_do(clone: Clone) -> None:

@@ -12,7 +12,7 @@ from scipy.stats import t as student
 
 from asperity.curve import Curve
 from asperity.errors import InputError
-from asperity.power_law import fit_power_law, interface_deflection
+from asperity.power_law import fit_power_law, interface_approach
 
 
 @pytest.mark.parametrize("norm", ["linear", "log"])
@@ -118,5 +118,5 @@ def test_impossible_fits_are_refused(d, p, options, message):
 def test_interface_approach_of_a_flat_block_is_zero():
     strain, M, L, height = np.array([0.001, 0.01]), 3.0, 2.0, 0.5
     force = M * strain * L**2
-    rest = interface_deflection(strain * height, force, height=height, area=L**2, modulus=M)
+    rest = interface_approach(strain * height, force, height=height, area=L**2, modulus=M)
     np.testing.assert_allclose(rest, 0, atol=4 * np.finfo(float).eps * height * strain[1])

@@ -84,8 +84,8 @@ def test_stored_curve_is_the_one_returned(full: tuple[Path, RunResult]) -> None:
     prime = STEEL["E"] / (1 - STEEL["nu"] ** 2)
     force = stored.P_star * prime * SURFACE["L"] ** 2
     np.testing.assert_allclose(force, stored.force, rtol=8 * np.finfo(float).eps)  # of five products
-    for asked in LOADING["delta_max"] * np.arange(1, 7) / 6:  # the first steps are cut to pieces
-        assert np.min(np.abs(loading.delta / asked - 1)) < 1e-14
+    for planned in LOADING["delta_max"] * np.arange(1, 7) / 6:  # the first steps are cut to pieces
+        assert np.min(np.abs(loading.delta / planned - 1)) < 1e-14
     assert np.all(np.diff(loading.force) > 0) and stored.force[-1] == 0.0
     assert 1e9 < stored.max_pressure.max() < 10e9  # between yield strength and some hardnesses, in Pa
     assert np.all(stored.seconds > 0) and np.all(stored.newton > 0)
@@ -113,7 +113,7 @@ def test_a_summary_of_anything_is_written_again(tmp_path: Path, summary: str) ->
 
 
 def test_a_finished_run_is_not_resumed_under_another_tolerance_of_the_equations(tmp_path: Path) -> None:
-    """The curve would stay, and the case beside it would tell another one."""
+    """The curve would stay, and the case next to it would describe another one."""
     settings: dict[str, Any] = {"loading": {"delta_max": 0.01e-6, "steps": 1}, "material": {"E": 200e9, "nu": 0.3}}
     run(case_of(**settings), tmp_path)
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
@@ -301,7 +301,7 @@ def test_a_run_that_does_not_converge_keeps_its_curve(
 
 
 def test_a_tolerance_that_is_not_met_leaves_all_that_was_found(tmp_path: Path) -> None:
-    """Exit code 3, for the bar is wider than asked for; the curve is whole."""
+    """Exit code 3, because the bar is wider than the tolerance; the curve is complete."""
     case = case_of(
         surface={"kind": "sphere", "L": 1.0, "radius": 1.5},
         material={"E": 1.0, "nu": 0.3},

@@ -52,7 +52,7 @@ def amplification(scheme: Scheme, omega_h: float) -> Array:
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.3, 0.8, 1.0])
-def test_scheme_has_the_spectral_radius_asked_for(rho: float) -> None:
+def test_scheme_has_the_requested_spectral_radius(rho: float) -> None:
     scheme = Scheme(rho)
     for omega_h in np.logspace(-2, 3, 26):
         assert np.abs(np.linalg.eigvals(amplification(scheme, omega_h))).max() < 1.0 + 1e-6

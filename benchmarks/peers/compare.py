@@ -6,8 +6,8 @@
 All programs press the same surface on the same block in the same ten load steps (`scene`; more where the table says
 so), on one thread, each run in a process of its own. Seconds are CPU seconds of that process, user and system, start-up
 included; what is not counted is the making of the meshes and decks of the others. Errors are root mean squares over the
-path, relative to the reference force, which is kept in FOLDER like each run: the command goes on where it was stopped,
-and runs that met a lower limit are repeated. Prints Markdown tables and writes peers.png to FOLDER.
+path, relative to the reference force, which is kept in FOLDER like each run: the command continues where it
+was stopped, and runs that met a lower limit are repeated. Prints Markdown tables and writes peers.png to FOLDER.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from programs import Job, Run
 from asperity.plot import style
 
 TARGETS = (0.05, 0.02, 0.01, 0.005)
-FARTHEST = 100.0  # times the CPU time of the most expensive run, up to which its line is carried on
+FARTHEST = 100.0  # times the CPU time of the most expensive run, up to which its line is extended
 COLOURS = {
     "asperity": style.BLACK,
     "asperity, by tolerance": style.GREY,

@@ -29,7 +29,7 @@ class Run:
 
     Attributes:
         program, material, mesh: which one
-        dofs: unknowns, boundary conditions included
+        dofs: displacement components, boundary conditions included
         cpu: seconds of the process, user and system, start-up included
         memory: its greatest resident memory [bytes]
         force: after each load step done [E L^2]

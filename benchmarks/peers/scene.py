@@ -1,6 +1,6 @@
 """The scene all programs compute, and what its force is.
 
-The surface of cases/demo.toml stands on a block of side and height 1 (E = 1 in the unit of stress of each program),
+The surface of cases/demo.toml is on a block of side and height 1 (E = 1 in the unit of stress of each program),
 base clamped, sides on rollers, and is pressed by a rigid frictionless flat from first touch to 0.03 L in ten steps, in
 small strains.
 """
@@ -23,7 +23,7 @@ from asperity.model.settings import Goal
 from asperity.surface import Surface
 
 DELTA, STEPS = 0.03, 10
-AT = DELTA * np.arange(1, STEPS + 1) / STEPS  # deflections compared [L]
+AT = DELTA * np.arange(1, STEPS + 1) / STEPS  # approaches compared [L]
 E, NU, YIELD, TANGENT = 1.0, 0.3, 0.005, 0.05  # of cases/demo.toml over its E = 200 GPa
 HARDENING = E * TANGENT / (E - TANGENT)  # of the yield strength with the plastic strain
 MATERIALS = {"elastic": asp.Material(E, NU), "plastic": asp.Material(E, NU, YIELD, TANGENT)}
@@ -38,7 +38,7 @@ def surface() -> Surface:
 
 
 def reference(material: str, folder: Path) -> tuple[Floats, float]:
-    """Force at the deflections AT [E L^2] and the greatest relative error bar, kept in a file of the folder."""
+    """Force at the approaches AT [E L^2] and the greatest relative error bar, kept in a file of the folder."""
     file = folder / f"reference-{material}.json"
     if not file.exists():
         # in a process of its own: the memory of a child is measured from that of its parent on

@@ -24,7 +24,7 @@ def interpolate(at: float, x: Any, y: Any) -> float:
 
 
 def main(source: str, target: str) -> None:
-    """Force at given deflections from solutions at given forces."""
+    """Force at given approaches from solutions at given forces."""
     data = np.load(source)
     heights, E, nu = data["heights"], float(data["E"]), float(data["nu"])
     mirrored = np.block([[heights, heights[:, ::-1]], [heights[::-1], heights[::-1, ::-1]]])
@@ -35,12 +35,12 @@ def main(source: str, target: str) -> None:
     summit = float(data["summit"])
     least, greatest = data["forces"]
     forces = np.geomspace(least, greatest, LOADS)
-    deflections = []
+    approaches = []
     for force in forces:  # the side is 1: force and mean pressure are the same number
         solver.solve(float(force))
-        deflections.append(summit - float(np.mean(model.displacement)) + force / confined)
-        print(deflections[-1], force, flush=True)
-    found = np.array([interpolate(np.log(at), np.log(deflections), np.log(forces)) for at in data["path"]])
+        approaches.append(summit - float(np.mean(model.displacement)) + force / confined)
+        print(approaches[-1], force, flush=True)
+    found = np.array([interpolate(np.log(at), np.log(approaches), np.log(forces)) for at in data["path"]])
     with open(target, "w", encoding="ascii") as out:
         json.dump({"force": np.exp(found).tolist(), "dofs": mirrored.size}, out)
 

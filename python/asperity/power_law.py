@@ -177,7 +177,7 @@ def _fit_data(delta_star: ArrayLike, P_star: ArrayLike) -> tuple[Array, Array]:
     return d, p
 
 
-def interface_deflection(delta: ArrayLike, force: ArrayLike, *, height: float, area: float, modulus: float) -> Array:
+def interface_approach(delta: ArrayLike, force: ArrayLike, *, height: float, area: float, modulus: float) -> Array:
     """Return the approach of the rough interface alone, delta - P h_b/(A_0 M) (length).
 
     The approach of flat and base contains the elastic compression of the whole block.
@@ -191,7 +191,10 @@ def interface_deflection(delta: ArrayLike, force: ArrayLike, *, height: float, a
             sides.
 
     Examples:
-        >>> interface_deflection([2e-8, 4e-8], [1e-3, 4e-3], height=1e-6, area=1e-12, modulus=2e11).round(11)
+        >>> interface_approach([2e-8, 4e-8], [1e-3, 4e-3], height=1e-6, area=1e-12, modulus=2e11).round(11)
         array([1.5e-08, 2.0e-08])
     """
     return np.asarray(delta, float) - np.asarray(force, float) * height / (area * modulus)
+
+
+interface_deflection = interface_approach  # former name

@@ -104,7 +104,7 @@ def run(
     comm = MPI.COMM_WORLD if comm is None else comm
     out = None if folder is None else Path(folder)
     with noting(comm) as notices:
-        whole, problem = agree(comm, partial(accepted, case, out, resume=resume, force=force))
+        whole, problem = agree(comm, partial(prepare, case, out, resume=resume, force=force))
         job = _Job(whole, problem, out, comm, progress or Progress(), notices)
         if out is not None:
             on_root_bcast(comm, partial(run_folder.check, out, resume=resume, force=force))
@@ -116,7 +116,7 @@ def run(
             return job.run()
 
 
-def accepted(
+def prepare(
     case: Case | str | Path, folder: Path | None = None, *, resume: bool = False, force: bool = False
 ) -> tuple[Case, Problem]:
     """A case that may be run, and its problem; warns of what is doubtful.
@@ -288,7 +288,7 @@ def _refuse_run_of_another(case: Case, folder: Path) -> None:
     """Refuse a folder whose run, of which no state is saved, is not of this case.
 
     Raises:
-        CheckpointError: it is of another, or does not tell
+        CheckpointError: it is of another case, or its case is missing
     """
     from asperity.quasistatic.checkpoint_identity import identity, refuse_another
 

@@ -43,7 +43,7 @@ def test_dofs_steps_and_memory_are_those_of_the_run() -> None:
     summary = run(case).summary
     assert found.dofs == pytest.approx(summary["dofs"], rel=0.25)
     assert summary["steps"] - 3 <= found.levels[0].steps <= summary["steps"]  # lifting off may take some steps more
-    # what pytest has loaded besides counts for the run
+    # what pytest has loaded in addition counts for the run
     assert found.memory / 2**20 / summary["peak_memory_MiB"] < 2  # that peak is one of all tests before
     assert found.seconds > 0
 

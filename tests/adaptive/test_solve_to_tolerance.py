@@ -272,7 +272,7 @@ def test_one_step_and_steps_without_force() -> None:
 
 @pytest.mark.parametrize(("steps", "solved"), [(1, 5), (2, 6), (3, 6), (4, 8), (5, 5), (12, 12)])
 def test_few_planned_steps_are_divided_until_their_bars_support_each_other(steps: int, solved: int) -> None:
-    """The difference of two meshes at one deflection may vanish by chance, and with it the bar."""
+    """The difference of two meshes at one approach may vanish by chance, and with it the bar."""
     assert planned_steps(steps) == solved
 
 
@@ -436,7 +436,7 @@ def test_a_force_is_refused_with_too_few_dofs_before_the_first_step() -> None:
         solve_to_tolerance(wave(), ELASTIC, Goal(0.1, max_dofs=1000), force_max=1e-3, on_step=lambda *_: pytest.fail())
 
 
-def test_no_room_beside_the_guide_leaves_its_curve() -> None:
+def test_no_room_for_more_than_the_guide_leaves_its_curve() -> None:
     sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=3.0, centre=(0.3, 0.4))
     dofs = solve_to_tolerance(sphere, ELASTIC, Goal(0.9), delta_max=0.01, steps=5).levels[0].dofs
     with pytest.raises(PartialResult, match=r"the force has no error bar: accuracy\.max_dofs") as caught:

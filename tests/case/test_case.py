@@ -271,7 +271,7 @@ def test_no_key_of_a_completed_input_is_without_effect() -> None:
         assert Case.from_dict(Case.load(DEMO, changes).to_dict()).warnings() == []
 
 
-def test_a_modulus_in_gigapascal_beside_lengths_in_metre_is_refused() -> None:
+def test_a_modulus_in_gigapascal_with_lengths_in_metre_is_refused() -> None:
     elastic = ("material.yield_strength=", "material.tangent_modulus=", "material.E=200")
     assert "Pa" in refusal(*elastic)
     assert Case.load(DEMO, [*elastic, "units=other"]).material.E == 200
@@ -304,16 +304,16 @@ def test_a_load_that_closes_every_gap_is_refused() -> None:
 def test_a_first_touch_on_an_edge_of_the_patch_is_told(keys: list[str], said: str) -> None:
     for driven in ([], ["loading.delta_max=", "loading.force_max=1e-4"]):
         case = Case.load(DEMO, [*keys, *driven])
-        told = check_loading(case, case.build_surface())
-        assert len(told) == bool(said) and all(said in text for text in told)
+        texts = check_loading(case, case.build_surface())
+        assert len(texts) == bool(said) and all(said in text for text in texts)
 
 
-@pytest.mark.parametrize(("sides", "told"), [("rollers", 0), ("free", 1)])
-def test_a_quarter_of_a_sphere_in_a_corner_is_no_first_touch_on_an_edge(sides: str, told: int) -> None:
+@pytest.mark.parametrize(("sides", "count"), [("rollers", 0), ("free", 1)])
+def test_a_quarter_of_a_sphere_in_a_corner_is_no_first_touch_on_an_edge(sides: str, count: int) -> None:
     """Rollers are its planes of symmetry; at free sides there is none."""
     quarter = {"kind": "sphere", "L": 1.0, "radius": 1.0, "centre": [0.0, 0.0]}
     case = Case.from_dict(MINIMAL | {"surface": quarter, "block": {"sides": sides}})
-    assert len(check_loading(case, case.build_surface())) == told
+    assert len(check_loading(case, case.build_surface())) == count
 
 
 def test_a_flat_has_no_gap_to_leave() -> None:

@@ -45,7 +45,7 @@ def cli(capsys: pytest.CaptureFixture[str]) -> Cli:
 
 @pytest.fixture
 def calls(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
-    """Stand in for the solver, once a run is begun: note the jobs, report two steps."""
+    """Replace the solver after a run has begun: note the jobs, report two steps."""
     noted: list[dict[str, Any]] = []
 
     def run(job: Any) -> Any:
@@ -120,7 +120,7 @@ def test_force_removes_what_a_run_wrote_and_leaves_what_others_put_there(
     theirs = [out / name for name in ("figures/thesis.png", "fields/notes.txt", "notes")]
     for path in [*theirs, *(out / f"figures/{name}.png" for name in (*CAPTIONS, "scene"))]:
         path.write_text("")
-    (out / "case.toml").write_text(Path(DEMO).read_text())  # edited, the checkpoint tells that there is a run
+    (out / "case.toml").write_text(Path(DEMO).read_text())  # edited; the checkpoint shows that there is a run
     assert cli("run", DEMO, "-o", out, "--force")[0] == 0
     left = {path for path in out.rglob("*") if path.is_file()}
     assert left == {*theirs, out / "case.toml", out / "run.log"}

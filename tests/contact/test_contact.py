@@ -107,7 +107,7 @@ def test_westergaard(formulation: Formulation) -> None:
         comm=here(),
     ).curve
     mean = [
-        brentq(lambda p, d=d: float(wave.deflection(p)) + compliance * p - d, 0, wave.full_pressure, xtol=1e-18)
+        brentq(lambda p, d=d: float(wave.approach(p)) + compliance * p - d, 0, wave.full_pressure, xtol=1e-18)
         for d in curve.delta
     ]
     np.testing.assert_allclose(curve.force, mean, rtol=0.01)

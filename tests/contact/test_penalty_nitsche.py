@@ -73,7 +73,7 @@ def test_area_and_pressure_of_hertz(cap: Surface, formulation: Formulation) -> N
         cap, ELASTIC, delta_max=a**2 / 10.0, steps=1, size=size, formulation=formulation, comm=here()
     ).solver
     hertz = ref.Hertz(10.0, ELASTIC.reduced_modulus)
-    delta = float(hertz.deflection(4.0 * solver.force))
+    delta = float(hertz.approach(4.0 * solver.force))
     radius, peak = float(hertz.radius(delta)), float(hertz.peak_pressure(delta))
     area = solver.contact.area()
     assert abs(area.value - 0.25 * np.pi * radius**2) < area.error
@@ -134,7 +134,7 @@ def waves() -> list[BlockMesh | None]:
 
 
 def forces(block: BlockMesh | None, surface: Surface, nu: float, formulation: Formulation, path: Array) -> Array:
-    """Force at each deflection, linear systems solved by factorisation."""
+    """Force at each approach, linear systems solved by factorisation."""
     # GMRES fails on many of the nearly incompressible systems
     options = SolverOptions("lu" if formulation.method == "nitsche" and formulation.theta != 1 else "auto")
     solver = make_contact_solver(here(), surface, block, Material(1.0, nu), formulation=formulation, options=options)
@@ -151,11 +151,11 @@ def test_nearly_incompressible_wave(waves: list[BlockMesh | None], nu: float) ->
     """All formulations against exact contact on their mesh, which is near Westergaard's closed form on a finer one.
 
     The mesh locks a little: exact contact is off by 1.6 % at nu = 0.499. The springs of the penalty method give way by
-    more of the deflection the stiffer the confined block is.
+    more of the approach the stiffer the confined block is.
     """
     law = ref.Westergaard(0.002, 2.0, ref.reduced_modulus(1.0, nu))
     means = np.array([0.7]) * law.full_pressure
-    path = np.array([float(law.deflection(p)) + p * HEIGHT / ref.block_modulus(1.0, nu) for p in means])
+    path = np.array([float(law.approach(p)) + p * HEIGHT / ref.block_modulus(1.0, nu) for p in means])
     np.testing.assert_allclose(forces(waves[1], WAVE, nu, EXACT, path), means, rtol=0.004 if nu < 0.48 else 0.02)
     exact = forces(waves[0], WAVE, nu, EXACT, path)
     for formulation in VARIANTS:
@@ -180,10 +180,8 @@ def test_nearly_incompressible_rough_block(rough: Surface, coarse: BlockMesh, nu
     np.testing.assert_allclose(theta[1:], [theta[0]] * 2, rtol=0.01)
 
 
-def test_penalty_that_gives_way_beside_a_nearly_incompressible_block_is_noticed(
-    rough: Surface, coarse: BlockMesh
-) -> None:
-    """In full contact the block is as stiff as lambda + 2 mu, which the springs do not know of."""
+def test_penalty_softer_than_a_nearly_incompressible_block_is_noticed(rough: Surface, coarse: BlockMesh) -> None:
+    """In full contact the block is as stiff as lambda + 2 mu, which the springs leave out."""
     solver = make_contact_solver(here(), rough, coarse, Material(1.0, 0.499), formulation=Formulation("penalty"))
     for delta in (0.01, 0.02, 0.03):
         assert solver.step(delta).converged

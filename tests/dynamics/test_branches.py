@@ -72,7 +72,7 @@ def starts(found: tuple[Solution, ...]) -> list[Any]:
 @pytest.mark.parametrize(
     ("n", "zeta", "forcing", "window", "omega", "order", "radius"),
     [
-        (3.0, 0.005, 0.02, (0.3, 1.3), (0.45, 0.5), 1, 1.3),  # beside the fold at the end of a long resonance
+        (3.0, 0.005, 0.02, (0.3, 1.3), (0.45, 0.5), 1, 1.3),  # near the fold at the end of a long resonance
         (1.5, 0.01, 0.05, (0.5, 1.3), (0.589, 0.9415), 1, 2.3),
         (0.7, 0.02, 0.05, (0.6, 1.3), (1.02,), 1, 1.5),
         (1.5, 0.0005, 0.1, (0.3, 0.55), (0.4955, 0.33), 1, 2.5),  # superharmonic folds

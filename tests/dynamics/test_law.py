@@ -345,7 +345,7 @@ def test_a_file_that_is_not_a_table_is_refused(tmp_path) -> None:
     with pytest.raises(InputError, match="not a table of text"):
         TableLaw.from_curve(path)
     with pytest.raises(InputError, match="not a number"):
-        TableLaw("deflection", "force")  # type: ignore[arg-type]
+        TableLaw("approach", "force")  # type: ignore[arg-type]
 
 
 def test_values_beyond_floating_point_range_are_refused() -> None:

@@ -140,7 +140,7 @@ def test_every_kernel_is_tried() -> None:
 
 @pytest.mark.parametrize(("name", "key", "how"), CHANGES)
 def test_a_wrong_shape_is_refused(name: str, key: str, how: str) -> None:
-    """The sentence tells what an array has and what is expected."""
+    """The sentence gives the shape of the array and the expected one."""
     arguments = SMALL[name] | {key: spoilt(SMALL[name][key])[how]}
     with pytest.raises(ValueError, match=r"has shape \(.*\), expected \(|has entries from .*, expected"):
         getattr(_solver, name)(**arguments)

@@ -120,8 +120,8 @@ def test_plastic_patch_test(kernels: str, E_t: float) -> None:
 
 
 @pytest.mark.parametrize("E_t", [0.05, 0.0])
-def test_midpoint_rows_tell_the_flow_at_their_deflection(E_t: float) -> None:
-    """The history is carried on beyond each step, what the row says of it is not."""
+def test_midpoint_rows_contain_the_flow_at_their_approach(E_t: float) -> None:
+    """The history is extrapolated beyond each step, the row is not."""
     Y, height = 0.005, 0.8
     material = Material(1.0, NU, Y, E_t)
     record = Record(1.0, 1.0, material.reduced_modulus)
@@ -258,7 +258,7 @@ def test_tangent_that_is_never_assembled_is_the_matrix(coarse: BlockMesh | None,
 
 
 def test_galerkin_matrix_is_that_of_the_interpolation(coarse: BlockMesh) -> None:
-    """With masks on both levels: a held corner has free edges beside it, and stays out of the coarse problem."""
+    """With masks on both levels: a held corner has free edges next to it, and stays out of the coarse problem."""
     from asperity import _solver
     from asperity.fem.sparsity import SparsityPattern
 

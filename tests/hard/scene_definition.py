@@ -33,13 +33,13 @@ ELASTIC: Keys = {"material.yield_strength": None, "material.tangent_modulus": No
 
 
 def wave(amplitude: float, dims: int = 2, **more: Any) -> Keys:
-    """A sinusoid in place of the rough surface; amplitude in units of L."""
+    """A sinusoid instead of the rough surface; amplitude in units of L."""
     shape = {"kind": "sinusoid", "amplitude": amplitude * L, "dims": dims, "D": None, "G": None}
     return {f"surface.{key}": value for key, value in (shape | more).items()}
 
 
 def sphere(radius: float, **more: Any) -> Keys:
-    """A sphere in place of the rough surface; radius in units of L."""
+    """A sphere instead of the rough surface; radius in units of L."""
     shape = {"kind": "sphere", "radius": radius * L, "D": None, "G": None}
     return {f"surface.{key}": value for key, value in (shape | more).items()}
 

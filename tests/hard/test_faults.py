@@ -287,7 +287,7 @@ def test_nothing_is_written_outside_the_output_folder(case: Path, tmp_path: Path
 
 
 def test_a_folder_that_may_not_be_written_is_a_clear_error(case: Path, tmp_path: Path) -> None:
-    """A file in place of the folder, and a folder below a file: refused even for the superuser."""
+    """A file instead of the folder, and a folder below a file: refused even for the superuser."""
     (tmp_path / "file").write_text("mine")
     code, _, err = call(asperity("run", case, "-o", tmp_path / "file"))
     assert code == 2 and "is a file" in err

@@ -24,7 +24,7 @@ from asperity.curve import Curve
 from asperity.errors import AsperityError, CheckError, ConvergenceError, InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.tet10 import EDGES
-from asperity.run_case import accepted, run
+from asperity.run_case import prepare, run
 from asperity.surface import Flat
 
 ROOT = Path(__file__).parents[2]
@@ -83,7 +83,7 @@ def accepts(case: Case, folder: Path) -> bool:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            accepted(case, folder / "out")
+            prepare(case, folder / "out")
         except InputError as error:
             refused(error)
             return False

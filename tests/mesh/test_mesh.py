@@ -313,10 +313,10 @@ def test_files_that_are_not_a_mesh_are_refused(coarse: BlockMesh, tmp_path: Path
     [
         ({"points": np.zeros((3, 3))}, "tets names the nodes 0 to"),
         ({"points": np.zeros((3, 2))}, r"points \(3, 2\) and tets"),
-        ({"points": np.array([["a"]])}, "its points are <U1 in place of float64"),
+        ({"points": np.array([["a"]])}, "its points are <U1 instead of float64"),
         ({"points": np.array([None])}, NO_FILE),
-        ({"tets": np.zeros((1, 10))}, "its tets are float64 in place of int64"),
-        ({"side": np.ones(2)}, "its side is 2 numbers in place of one"),
+        ({"tets": np.zeros((1, 10))}, "its tets are float64 instead of int64"),
+        ({"side": np.ones(2)}, "its side is 2 numbers instead of one"),
         ({"side": np.array(np.nan)}, "must be finite"),
         ({"height": None}, "it has no height"),
     ],

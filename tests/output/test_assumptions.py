@@ -266,7 +266,7 @@ def test_the_filters_of_the_caller_decide_what_is_shown(caplog: pytest.LogCaptur
 # --- work done once -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("loading", [{"delta_max": 0.01}, {"force_max": 1e-4}], ids=["deflection", "force"])
+@pytest.mark.parametrize("loading", [{"delta_max": 0.01}, {"force_max": 1e-4}], ids=["approach", "force"])
 def test_the_summit_is_searched_once_in_a_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, loading: dict[str, float]
 ) -> None:

@@ -44,7 +44,7 @@ def comm() -> Any:
 
 
 def stop_after(times: int) -> Callable[[], str]:
-    """What `solve_contact` asks at the beginning of a path and after each step; lets it go on so many times."""
+    """Polled by `solve_contact` at the beginning of a path and after each step; lets it continue so many times."""
     left = iter(range(times, -1, -1))
     return lambda: "" if next(left) else "the test"
 
@@ -52,7 +52,7 @@ def stop_after(times: int) -> Callable[[], str]:
 def in_pieces(
     surface: Surface, material: Material, folder: Path, stops: tuple[int, ...], **settings: Any
 ) -> ContactResult:
-    """A run that stops after some of its steps and goes on from its checkpoint each time."""
+    """A run that stops after some of its steps and continues from its checkpoint each time."""
     for steps in stops:
         with pytest.raises(PartialResult, match="stopped by the test") as stopped:
             checkpoint = Checkpoint(folder, {}, comm())
@@ -309,15 +309,15 @@ def put(name: str, value: Any) -> Callable[[dict[str, Any], dict[str, Any]], obj
     [
         ("displacement.last", None, "displacement.last is missing"),
         ("displacement.previous", None, "displacement.previous is missing"),
-        ("displacement.last", lambda u: u[:-1], "displacement.last is float64 .* in place of float64"),
-        ("displacement.last", lambda u: u[:, :2], "displacement.last is float64 .* in place of float64"),
+        ("displacement.last", lambda u: u[:-1], "displacement.last is float64 .* instead of float64"),
+        ("displacement.last", lambda u: u[:, :2], "displacement.last is float64 .* instead of float64"),
         ("displacement.last", lambda u: u.astype(np.float32), "displacement.last is float32"),
         ("displacement.last", lambda u: u.astype("U5"), "displacement.last is <U5"),
         ("displacement.last", lambda u: u * np.nan, "displacement.last is not finite"),
         ("touched_at", None, "touched_at is missing"),
         ("touched_at.at", lambda at: at[::-1].copy(), "touched_at.at are other numbers"),
         ("touched_at.at", lambda at: at + 10**6, "touched_at.at are other numbers"),
-        ("touched_at.at", lambda at: at[:, None], "touched_at.at is int64 .* in place of"),
+        ("touched_at.at", lambda at: at[:, None], "touched_at.at is int64 .* instead of"),
         ("plastic_strain", lambda strain: strain[..., :5], "plastic_strain is float64"),
         ("plastic_strain", lambda strain: strain[1:], "plastic_strain is float64"),
         ("accumulated.at", None, "accumulated.at is missing"),
@@ -364,7 +364,7 @@ def test_a_state_that_is_none_is_refused_on_every_rank(
 
 
 def test_what_was_changed_after_it_was_saved_is_refused(plastic_state: Path, tmp_path: Path) -> None:
-    """However plausible: digests tell."""
+    """However plausible: digests show it."""
     for name, key, words in (
         (STATE, "displacement.last", "its content is not"),
         (SNAPSHOT.format(0), "gap", "belong"),

@@ -225,7 +225,7 @@ def test_unloading_ends_at_zero_force(press_of: Callable[..., ContactSolver], ma
     assert np.all(np.diff(down.delta) < 0)
     steps = -np.diff(np.append(curve.force[4], down.force)) / curve.force[4]
     assert steps.max() < 2 / 6  # about equal steps of force
-    # what is left of the deflection is how much lower the flat touches
+    # what is left of the approach is how much lower the flat touches
     summit = world().allreduce(float(solver._highest()))
     residual = solver.summit - summit
     if material is ELASTIC:
@@ -280,7 +280,7 @@ def test_force_control_hits_its_force(press_of: Callable[..., ContactSolver], ma
         assert np.all(np.diff(part.force) > 0)
         assert np.all(part.force <= force_max * (1 + 1e-6))
         assert len(part) >= steps
-    # the position found is the one that deflection control needs for that force
+    # the position found is the one that control of the approach needs for that force
     again = press_of(material)
     for delta in curve.loading().delta:
         assert again.step(delta).converged
@@ -305,7 +305,7 @@ def test_cycles(press_of: Callable[..., ContactSolver], material: Material) -> N
         np.testing.assert_allclose(curve.reloading().delta[:4], DELTA * np.arange(1, 5) / 4, atol=1e-12)
         np.testing.assert_allclose(curve.reloading().force[:4], curve.loading().force, rtol=1e-7)
     else:
-        # reloading from the residual deflection meets the loading curve again: shakedown, but for a little flow
+        # reloading from the residual indentation meets the loading curve again: shakedown, except for a little flow
         np.testing.assert_allclose(tops, tops[0], rtol=0.02)
         np.testing.assert_allclose(ends.delta, ends.delta[0], rtol=0.02)
     assert not solver.checks.violated
@@ -322,7 +322,7 @@ def test_a_loading_that_was_not_felt_is_lifted_off(rough: Surface, coarse: Block
 def test_midpoint_rule_under_force_control_stops_at_the_force(
     press_of: Callable[..., ContactSolver], steps: int
 ) -> None:
-    """The history must not be carried on beyond the last position, which the force decides."""
+    """The history must not be extrapolated beyond the last position, which the force decides."""
     solver = press_of(PLASTIC)
     curve = drive(solver, force_max=0.01, steps=steps, integrator=MIDPOINT).curve()
     assert not solver.checks.violated
@@ -347,7 +347,7 @@ def test_impossible_schedule(wrong: dict[str, Any], message: str) -> None:
 
 
 def test_going_on_from_a_position_is_the_same_as_never_stopping(press_of: Callable[..., ContactSolver]) -> None:
-    """All that the path needs beside the press is in its position."""
+    """All that the path needs in addition to the solver is in its position."""
     schedule = Schedule(delta_max=DELTA, steps=4, unload_steps=3, cycles=2)
     positions: list[Position] = []
     whole = Record(1.0, 1.0, PLASTIC.reduced_modulus)
@@ -427,13 +427,13 @@ def test_systems_that_cg_or_cholesky_fails_on_are_factorised_by_lu(
             assert solver.step(delta).converged
     assert rescued.force == pytest.approx(direct.force, rel=1e-9)
     assert rescued.counts.direct == rescued.counts.newton > 0 and direct.counts.direct == 0
-    assert rescued.counts.krylov == 14  # once a step the solver asked for is tried
+    assert rescued.counts.krylov == 14  # after a step that the solver requested is tried
 
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("linear", ["lu", "cg"])
 def test_a_force_next_to_nothing(press_of: Callable[..., ContactSolver], linear: str) -> None:
-    """While one node is touched the force is proportional to the deflection, to the digits coordinates have."""
+    """While one node is touched the force is proportional to the approach, to the digits coordinates have."""
     light, tiny = (drive(press_of(ELASTIC, linear=linear), force_max=force, steps=4).curve() for force in (1e-9, 1e-12))
     assert len(light.force) == len(tiny.force) == 4
     stiffness = light.force / light.delta
@@ -478,7 +478,7 @@ def test_a_history_with_one_more_variable_is_copied_and_extrapolated_like_the_ot
     assert before.damage.all()
 
 
-def test_the_midpoint_rule_does_not_ring_where_yield_is_nothing_beside_the_strain(
+def test_the_midpoint_rule_does_not_ring_where_the_yield_strain_is_negligible(
     rough: Surface, coarse: BlockMesh | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without hardening at sigma_y/E = 1e-4 the plain rule does work that no energy answers to."""
@@ -502,7 +502,7 @@ def test_the_midpoint_rule_does_not_ring_where_yield_is_nothing_beside_the_strai
 def test_the_law_about_a_preload_is_that_of_the_last_loop(
     press_of: Callable[..., ContactSolver], material: Material, cycles: int
 ) -> None:
-    """Its stiffness is what the press itself answers with when it is pressed there once more."""
+    """Its stiffness is that of the solver itself when it takes a small step there."""
     solver = press_of(material)
     curve = drive(solver, delta_max=DELTA, steps=10, unload_steps=6, cycles=cycles).curve()
     assert list(curve.branch).count("reload") >= 10 * (cycles - 1)

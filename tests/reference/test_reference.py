@@ -36,7 +36,7 @@ def test_hertz_is_consistent():
     total, _ = quad(lambda r: 2 * math.pi * r * float(hertz.pressure(r, delta)), 0, a)
     assert hertz.force(delta) == pytest.approx(total, rel=1e-6)
     assert hertz.peak_pressure(delta) == pytest.approx(1.5 * total / (math.pi * a**2), rel=1e-6)
-    assert hertz.deflection(hertz.force(delta)) == pytest.approx(delta)
+    assert hertz.approach(hertz.force(delta)) == pytest.approx(delta)
     h = 1e-6  # a rigid punch of the contact's radius has stiffness 2 E' a
     stiffness = (hertz.force(delta + h) - hertz.force(delta - h)) / (2 * h)
     assert stiffness == pytest.approx(2 * 3.0 * a, rel=1e-6)
@@ -60,8 +60,8 @@ def test_westergaard_is_consistent():
     assert total / wave.lam == pytest.approx(mean, rel=1e-6)
     assert wave.pressure(1.001 * half, mean) == 0
     assert wave.mean_pressure(wave.area_fraction(mean)) == pytest.approx(mean)
-    assert wave.deflection(0.0) == 0
-    assert wave.deflection(wave.full_pressure) == pytest.approx(wave.A)
+    assert wave.approach(0.0) == 0
+    assert wave.approach(wave.full_pressure) == pytest.approx(wave.A)
 
 
 def test_double_sinusoid_table():
@@ -71,7 +71,7 @@ def test_double_sinusoid_table():
     area = [0.0364, 0.1131, 0.1906, 0.5139, 0.7042, 0.8400, 0.9506, 0.9952]
     delta = [0.18167, 0.44359, 0.61521, 0.87508, 0.95488, 0.98883, 0.99931, 0.99996]
     np.testing.assert_allclose(wave.area_fraction(r * wave.full_pressure), area, atol=4e-4)
-    np.testing.assert_allclose(wave.deflection(r * wave.full_pressure) / 0.01, delta, atol=3e-4)
+    np.testing.assert_allclose(wave.approach(r * wave.full_pressure) / 0.01, delta, atol=3e-4)
 
 
 def test_double_sinusoid_agrees_with_hertz_at_light_load():
@@ -79,7 +79,7 @@ def test_double_sinusoid_agrees_with_hertz_at_light_load():
     wave = ref.DoubleSinusoid(A=0.01, lam=1.0, E_prime=1.0)
     hertz = ref.Hertz(R=1 / ((2 * math.pi) ** 2 * 0.01), E_prime=1.0)
     pressure = 0.0005 * wave.full_pressure
-    delta = hertz.deflection(pressure / 2)
+    delta = hertz.approach(pressure / 2)
     assert wave.area_fraction(pressure) == pytest.approx(2 * math.pi * hertz.R * delta, rel=0.05)
 
 
@@ -90,7 +90,7 @@ def test_double_sinusoid_between_its_nodes():
         pressure = r * wave.full_pressure
         computed = ref.half_space_contact(surface, 256, P_star=pressure)
         assert wave.area_fraction(pressure) == pytest.approx(computed.area_fraction, abs=2e-3)
-        assert wave.deflection(pressure) == pytest.approx(computed.delta_star, abs=2e-5)
+        assert wave.approach(pressure) == pytest.approx(computed.delta_star, abs=2e-5)
 
 
 def test_similarity_law_against_computation():
@@ -220,7 +220,7 @@ def test_pressurised_sphere_limits():
 # --- flattened sphere -------------------------------------------------------------------------
 
 
-def critical_deflection(R: float) -> float:
+def critical_approach(R: float) -> float:
     """Return delta_c of Jackson and Green for STEEL."""
     C = 1.295 * math.exp(0.736 * 0.3)
     return (math.pi * C * 1e9 / (2 * 200e9 / 0.91)) ** 2 * R
@@ -229,27 +229,27 @@ def critical_deflection(R: float) -> float:
 def test_jackson_green_numbers():
     w, R = np.array([6.0, 10.0, 50.0, 110.0]), 1e-3
     hertz = ref.Hertz(R, ref.reduced_modulus(200e9, 0.3))
-    critical = float(hertz.force(critical_deflection(R)))
-    force, area = ref.jackson_green(w * critical_deflection(R), R, **STEEL)
+    critical = float(hertz.force(critical_approach(R)))
+    force, area = ref.jackson_green(w * critical_approach(R), R, **STEEL)
     np.testing.assert_allclose(force / critical, [13.00, 25.88, 201.0, 502.9], rtol=3e-4)
-    other, other_area = ref.kogut_etsion(w * critical_deflection(R), R, **STEEL)
+    other, other_area = ref.kogut_etsion(w * critical_approach(R), R, **STEEL)
     np.testing.assert_allclose(other, force, rtol=0.06)
     np.testing.assert_allclose(other_area, area, rtol=0.06)
-    small = 0.5 * critical_deflection(R)
+    small = 0.5 * critical_approach(R)
     for model in (ref.jackson_green, ref.kogut_etsion):
         assert model(small, R, **STEEL)[0] == pytest.approx(float(hertz.force(small)))
-    assert np.isnan(ref.kogut_etsion(200 * critical_deflection(R), R, **STEEL)[0])
+    assert np.isnan(ref.kogut_etsion(200 * critical_approach(R), R, **STEEL)[0])
 
 
 def test_ghaednia_numbers():
     R = 1e-3
-    delta = 50 * critical_deflection(R)
+    delta = 50 * critical_approach(R)
     elastic = float(ref.Hertz(R, ref.reduced_modulus(200e9, 0.3)).force(delta))
     for ratio, expected in [(0.0, 0.569), (0.1, 0.691), (0.3, 0.841), (0.5, 0.918)]:
         force, area = ref.ghaednia(delta, R, **STEEL, E_t=ratio * 200e9)
         assert force / elastic == pytest.approx(expected, abs=6e-4)
         assert math.pi * R * delta * (1 - 1e-9) <= area < 2 * math.pi * R * delta
-    small = critical_deflection(R)
+    small = critical_approach(R)
     assert ref.ghaednia(small, R, **STEEL, E_t=1e9)[0] == pytest.approx(
         float(ref.Hertz(R, ref.reduced_modulus(200e9, 0.3)).force(small))
     )
@@ -257,8 +257,8 @@ def test_ghaednia_numbers():
 
 def test_flattened_sphere_of_the_table_against_the_fits():
     R, w = 1e-3, np.array(ref.FLATTENED_DEPTHS)
-    delta = w * critical_deflection(R)
-    critical = float(ref.Hertz(R, ref.reduced_modulus(200e9, 0.3)).force(critical_deflection(R)))
+    delta = w * critical_approach(R)
+    critical = float(ref.Hertz(R, ref.reduced_modulus(200e9, 0.3)).force(critical_approach(R)))
     for ratio, forces in ref.FLATTENED_SPHERE.items():
         if ratio == 0.0:
             np.testing.assert_allclose(ref.jackson_green(delta, R, **STEEL)[0] / critical, forces, rtol=0.03)
@@ -277,7 +277,7 @@ def test_half_space_on_westergaard():
     for r, bar in ((0.1, 3e-5), (0.5, 1e-5), (0.9, 1e-5)):
         pressure = r * wave.full_pressure
         computed = ref.half_space_contact(surface, 512, P_star=pressure)
-        assert computed.delta_star == pytest.approx(float(wave.deflection(pressure)), rel=bar)
+        assert computed.delta_star == pytest.approx(float(wave.approach(pressure)), rel=bar)
         assert computed.P_star == pytest.approx(pressure)
         row = computed.pressure[7]
         assert 2 * row.sum() / 512 == pytest.approx(2 * pressure)
@@ -308,7 +308,7 @@ def test_rough_elastic_table():
 
 @pytest.mark.parametrize(("D", "G"), [(2.4, 1e-12), (2.5, 1.36e-11)])
 def test_rough_elastic_exponents(D, G):
-    deflections, exponents = np.linspace(0.002, 0.02, 10), []
+    approaches, exponents = np.linspace(0.002, 0.02, 10), []
     for seed in range(6):
         surface, pressure = ref.rough_elastic_surface(D, G, seed), None
         loads, approach = np.geomspace(1e-6, 0.02, 25), []
@@ -316,8 +316,8 @@ def test_rough_elastic_exponents(D, G):
             contact = ref.half_space_contact(surface, 64, P_star=load, start=pressure, tolerance=1e-5)
             pressure = contact.pressure
             approach.append(contact.delta_star + load / ref.patch_test_slope(0.3))
-        P_star = np.exp(np.interp(np.log(deflections), np.log(approach), np.log(loads)))
-        exponents.append(fit_power_law(deflections, P_star).n)
+        P_star = np.exp(np.interp(np.log(approaches), np.log(approach), np.log(loads)))
+        exponents.append(fit_power_law(approaches, P_star).n)
     mean, deviation = ref.ROUGH_ELASTIC_FITS[D, G]
     assert np.mean(exponents) == pytest.approx(mean, abs=0.03)
     assert np.std(exponents) == pytest.approx(deviation, rel=0.35)
@@ -357,8 +357,8 @@ def test_layer_compliance_against_its_differential_equation(nu, height):
 def test_layer_under_approach_and_load_control():
     surface = WeierstrassMandelbrot(L=1e-6, D=2.5)
     load = ref.half_space_contact(surface, 64, P_star=0.004, height=1e-6)
-    deflection = ref.half_space_contact(surface, 64, delta_star=load.delta_star, height=1e-6)
-    assert deflection.P_star == pytest.approx(0.004, rel=1e-6)
+    driven = ref.half_space_contact(surface, 64, delta_star=load.delta_star, height=1e-6)
+    assert driven.P_star == pytest.approx(0.004, rel=1e-6)
     half_space = ref.half_space_contact(surface, 64, P_star=0.004)
     block = 0.004 / ref.patch_test_slope(0.3)
     assert load.delta_star == pytest.approx(half_space.delta_star + block, rel=0.02)

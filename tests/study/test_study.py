@@ -26,7 +26,7 @@ from asperity.surface import SurfaceWarning
 
 ROOT = Path(__file__).parents[2]
 
-# a wavy surface in some 500 unknowns: seconds for a whole study
+# a wavy surface in some 500 dofs: seconds for a whole study
 BASE: dict[str, Any] = {
     "units": "other",
     "surface": {"kind": "sinusoid", "L": 1.0, "amplitude": 0.05, "dims": 2},

@@ -261,8 +261,8 @@ def test_a_summit_on_an_edge_is_found_with_its_slope(seed):
     falls = surface.edges_of_summit()
     assert bool(falls) == (not inside) == (seed in (1, 6, 7))
     for edge, slope in falls.items():
-        beside = {"x = 0": z[row, 1], "x = L": z[row, 1023], "y = 0": z[1, column], "y = L": z[1023, column]}[edge]
-        assert slope == pytest.approx((z.max() - beside) * 1024 / L, rel=0.1)
+        inner = {"x = 0": z[row, 1], "x = L": z[row, 1023], "y = 0": z[1, column], "y = L": z[1023, column]}[edge]
+        assert slope == pytest.approx((z.max() - inner) * 1024 / L, rel=0.1)
 
 
 def test_a_symmetric_surface_has_no_slope_across_its_edge(tmp_path):

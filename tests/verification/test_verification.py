@@ -10,7 +10,7 @@ import pytest
 
 from asperity.cli import main
 from asperity.errors import InputError
-from asperity.verification import NAMES, validate
+from asperity.verification import NAMES, verify
 from asperity.verification.table import RATIO, Row, convergence_bar, norm_bar, rows_along
 
 
@@ -45,7 +45,7 @@ def test_rows_pass_within_the_bar_only() -> None:
 
 def test_cheap_cases_pass(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as left:
-        main(["validate", "patch", "material", "westergaard", "-o", str(tmp_path / "table.csv")])
+        main(["verify", "patch", "material", "westergaard", "-o", str(tmp_path / "table.csv")])
     assert left.value.code == 0, capsys.readouterr().err
     with (tmp_path / "table.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -55,11 +55,11 @@ def test_cheap_cases_pass(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
 
 @pytest.mark.slow
 def test_all_cases_pass() -> None:
-    assert [row for row in validate(set(NAMES) - {"patch", "material", "westergaard"}) if not row.passed] == []
+    assert [row for row in verify(set(NAMES) - {"patch", "material", "westergaard"}) if not row.passed] == []
 
 
 def test_unknown_names_are_refused() -> None:
     with pytest.raises(InputError, match="did you mean hertz"):
-        validate(["herz"])
+        verify(["herz"])
     with pytest.raises(InputError, match="level"):
-        validate(["patch"], level="fast")
+        verify(["patch"], level="fast")

@@ -1,6 +1,6 @@
-"""Unknowns, memory and time of a case before it is run.
+"""Degrees of freedom (dofs), memory and time of a case before it is run.
 
-The size field of the mesh says how many nodes there will be; how many seconds and bytes an unknown costs was measured
+The size field of the mesh says how many nodes there will be; how many seconds and bytes a dof costs was measured
 by `benchmarks/estimate.py`, which prints the constants below.
 """
 
@@ -37,14 +37,14 @@ MOST_DOFS = 1e8  # that are counted
 
 @dataclass(frozen=True)
 class Rates:
-    """What an unknown costs, measured on one core of the machine named in docs/cluster.md.
+    """Cost of a dof, measured on one core of the machine named in docs/cluster.md.
 
     Attributes:
-        mesh: seconds of meshing and set-up per unknown.
+        mesh: seconds of meshing and set-up per dof.
         step: seconds of a load step per dof at 10,000 dofs.
         growth: exponent of the dofs in the seconds of a step.
         base: memory of a rank without a mesh [bytes].
-        per_dof: memory per unknown [bytes].
+        per_dof: memory per dof [bytes].
     """
 
     mesh: float
@@ -93,7 +93,7 @@ class Estimate:
 
     @property
     def dofs(self) -> int:
-        """Unknowns of the finest mesh."""
+        """Dofs of the finest mesh."""
         return self.levels[-1].dofs
 
     @property
@@ -109,7 +109,7 @@ def estimate(case: Case, ranks: int = 1) -> Estimate:
     enough for the shortest waves; a harder surface gets a finer one more.
 
     Raises:
-        InputError: the case is driven by a force, so nobody knows yet how deep it goes; or it has more than MOST_DOFS.
+        InputError: the case is driven by a force, so its approach is not known yet; or it has more than MOST_DOFS.
     """
     if case.loading.delta_max is None:
         raise InputError(
@@ -171,7 +171,7 @@ def _given_dofs(case: Case) -> int:
 
 
 def count_dofs(surface: Surface, case: Case, h_contact: float, most: float = inf) -> int:
-    """Unknowns of the mesh of a case with a given size h_contact [length]; counted until there are more than `most`."""
+    """Dofs of the mesh of a case with a given size h_contact [length]; counted until there are more than `most`."""
     assert case.loading.delta_max is not None
     mesh, L = case.mesh, surface.L
     adaptive = case.accuracy.tolerance is not None

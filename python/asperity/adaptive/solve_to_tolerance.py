@@ -255,7 +255,7 @@ def refine(
         rest = algebraic + of_steps
         left = np.maximum(goal.tolerance - rest, 0.1 * goal.tolerance)  # for the mesh, when the load steps have theirs
         wanted = plan_next(sizes, error_of(float(np.max(mesh / left)), ratio, coarse == 0), 1.0)
-        if unresolved:  # by a single node the force grows with its size, and what two meshes tell is no error
+        if unresolved:  # by a single node the force grows with its size, and the difference of two meshes is no error
             wanted = sizes[-1] / FIRST_STEP
         room = (goal.max_dofs / result.dofs) ** (1.0 / run.growth_of_dofs())
         known = f"the force is known to {worst:.2%}, not to the {goal.tolerance:.2%} of accuracy.tolerance"

@@ -112,7 +112,7 @@ class Case(Input):
         return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
 
     def content(self) -> dict[str, Any]:
-        """The input with the SHA-256 of each file it names in place of the path."""
+        """The input with the SHA-256 of each file it names instead of the path."""
         data = self.to_dict()
         for section, name in _FILES:
             if data.get(section, {}).get(name):

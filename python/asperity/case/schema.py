@@ -304,7 +304,7 @@ def legal(about: dict[str, Any]) -> str:
 
 
 def show(value: Any) -> str:
-    """A value as it would stand in the file, shortened and free of control characters."""
+    """A value as it would be in the file, shortened and free of control characters."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):

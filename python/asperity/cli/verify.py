@@ -33,7 +33,7 @@ def command(names: tuple[str, ...], level: str, output: str | None, markdown: bo
     within its bar, the uncertainty of the meshes and of the reference. Errors and bars are relative. Exit code 0 when
     all rows pass, 3 when not.
     """
-    from asperity.verification import validate
+    from asperity.verification import verify
     from asperity.verification.table import write_csv
 
     if output is not None:
@@ -44,7 +44,7 @@ def command(names: tuple[str, ...], level: str, output: str | None, markdown: bo
         passed = sum(row.passed for row in rows)
         click.echo(f"{name}: {passed} of {len(rows)} within the bar, {process_time() - start:.0f} s so far", err=True)
 
-    rows = validate(names, level, done)
+    rows = verify(names, level, done)
     if output is not None:
         write_csv(rows, Path(output))
     if markdown:

@@ -74,7 +74,7 @@ class LinearSolver:
 
         Args:
             r: right-hand side, unchanged
-            rows: owned dofs to be zero besides the prescribed ones, which come last
+            rows: owned dofs to be zero in addition to the prescribed ones, which come last
             values: of the prescribed dofs, for the last rows
             y: receives the solution
             rtol: relative tolerance of the iterative solvers, in the energy norm

@@ -54,9 +54,9 @@ class BlockMesh:
             if name not in arrays:
                 raise ValueError(f"it has no {name}")
             if not np.can_cast(arrays[name].dtype, kind, "same_kind"):
-                raise ValueError(f"its {name} are {arrays[name].dtype} in place of {kind.__name__}")
+                raise ValueError(f"its {name} are {arrays[name].dtype} instead of {kind.__name__}")
             if name in ("side", "height") and arrays[name].size != 1:
-                raise ValueError(f"its {name} is {arrays[name].size} numbers in place of one")
+                raise ValueError(f"its {name} is {arrays[name].size} numbers instead of one")
         points, tets = arrays["points"].astype(np.float64), arrays["tets"].astype(np.int64)
         side, height = arrays["side"].item(), arrays["height"].item()
         if not (points.ndim == tets.ndim == 2 and points.shape[1] == 3 and tets.shape[1] == 10 and tets.size):

@@ -92,7 +92,7 @@ class SizeField:
             h_min: least size [length]; default from the grading
             growth: increase of size per unit of distance
             h_max: greatest size [length]; default H_MAX
-            first_contact: approach of first contact, used in place of the depth below the summit, which is only a
+            first_contact: approach of first contact, used instead of the depth below the summit, which is only a
                 lower bound of it
             grading: power p, and least size over h_contact; default GRADING, or GUIDED with a first-contact map
             levels: number of different sizes on the surface, K

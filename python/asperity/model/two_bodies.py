@@ -38,7 +38,7 @@ def composite_modulus(E1: float, nu1: float, E2: float, nu2: float) -> float:
 
 @dataclass(frozen=True)
 class EquivalentBlock:
-    """One block under a rigid flat in place of two that press on each other.
+    """One block under a rigid flat instead of two that press on each other.
 
     Attributes:
         material: elastic, with the composite modulus.

@@ -1,4 +1,4 @@
-"""Input, curve and summary of a run, written as it goes on."""
+"""Input, curve and summary of a run, written as it proceeds."""
 
 from __future__ import annotations
 

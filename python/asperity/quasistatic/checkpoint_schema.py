@@ -108,7 +108,7 @@ def wrong_array(arrays: Mapping[str, Array], fresh: Mapping[str, Array], nodes: 
         elif f"{name}.at" in fresh:
             shape = (arrays[f"{name}.at"].size, *shape[1:])
         if (here.dtype, here.shape) != (there.dtype, shape):
-            return f"{name} is {here.dtype} {here.shape} in place of {there.dtype} {shape}"
+            return f"{name} is {here.dtype} {here.shape} instead of {there.dtype} {shape}"
         if not np.all(np.isfinite(here)):
             return f"{name} is not finite"
         if not name.endswith(".at"):

@@ -316,7 +316,7 @@ def _depth_of_mesh(problem: Problem, comm: MPI.Comm, phases: Phases) -> float:
 
 
 def _follow(problem: Problem, solver: ContactSolver, record: Record, position: Position | None, hooks: Hooks) -> None:
-    """Follow the load path, saving the state and stopping as the hooks want; collective.
+    """Follow the load path, saving the state and stopping as the hooks request; collective.
 
     Raises:
         ConvergenceError: a step does not converge, or the run was stopped

@@ -80,9 +80,11 @@ class Hertz:
         """Return F = (4/3) E' sqrt(R) delta^(3/2) (force) (Johnson 4.23)."""
         return 4 / 3 * self.E_prime * math.sqrt(self.R) * np.asarray(delta, float) ** 1.5
 
-    def deflection(self, force: ArrayLike) -> Array:
+    def approach(self, force: ArrayLike) -> Array:
         """Return the approach delta (length), the inverse of `force`."""
         return (0.75 * np.asarray(force, float) / (self.E_prime * math.sqrt(self.R))) ** (2 / 3)
+
+    deflection = approach  # former name
 
     def radius(self, delta: ArrayLike) -> Array:
         """Return the contact radius a = sqrt(R delta) (length)."""
@@ -151,7 +153,7 @@ class Westergaard:
         r = np.minimum(np.asarray(pressure, float) / self.full_pressure, 1.0)
         return 2 / np.pi * np.arcsin(np.sqrt(r))
 
-    def deflection(self, pressure: ArrayLike) -> Array:
+    def approach(self, pressure: ArrayLike) -> Array:
         """Return the approach of the mean planes A r (1 - ln r), r = p/p* <= 1 (length).
 
         The compression p h_b/M of a block must be added. The formula follows from the pressure by integrating
@@ -160,6 +162,8 @@ class Westergaard:
         r = np.minimum(np.asarray(pressure, float) / self.full_pressure, 1.0)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(r > 0, self.A * r * (1 - np.log(r)), 0.0)
+
+    deflection = approach  # former name
 
     def pressure(self, x: ArrayLike, mean: float) -> Array:
         """Return the pressure at x (crest at 0) under a mean pressure below p* (Johnson 13.8)."""
@@ -233,9 +237,11 @@ class DoubleSinusoid:
         """Return A/A_0 at the mean pressure (force/length^2)."""
         return self._table(pressure, 1)
 
-    def deflection(self, pressure: ArrayLike) -> Array:
+    def approach(self, pressure: ArrayLike) -> Array:
         """Return the approach of the mean planes (length), without the compression of a block."""
         return self.A * self._table(pressure, 2)
+
+    deflection = approach  # former name
 
 
 def area_coefficient(theory: Literal["persson", "bush-gibson-thomas"]) -> float:

@@ -14,7 +14,7 @@ from asperity.adaptive.mesh_plan import extrapolate
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.output.assumptions import yield_pressure
-from asperity.power_law import interface_deflection
+from asperity.power_law import interface_approach
 
 FULL = 0.9  # contact area over the patch beyond which the interface is practically closed
 BULK = 0.5  # plastic part of the volume that is exceeded only when the block as a whole yields
@@ -50,7 +50,7 @@ class Block:
     def interface(self, curve: Curve) -> NDArray[Any]:
         """Return the approach of the interface alone over L, for each step of the curve (n,)."""
         of_block = dict(height=self.height, area=self.side**2, modulus=self.modulus)
-        return interface_deflection(curve.delta, curve.force, **of_block) / self.side
+        return interface_approach(curve.delta, curve.force, **of_block) / self.side
 
     def void(self, curve: Curve) -> str:
         """Return why the approach of the interface alone is meaningless for a loading; empty if it is meaningful."""

@@ -32,7 +32,7 @@ _CASES = {
 NAMES = tuple(_CASES)
 
 
-def validate(
+def verify(
     names: Iterable[str] = (), level: str = "quick", on_case: Callable[[str, list[Row]], None] | None = None
 ) -> list[Row]:
     """Compute cases and compare them with their references.
@@ -55,9 +55,9 @@ def validate(
         if name not in _CASES:
             near = get_close_matches(name, NAMES, 1)
             hint = f"; did you mean {near[0]}?" if near else ""
-            raise InputError(f'validation case "{name}" is not one of {", ".join(NAMES)}{hint}')
+            raise InputError(f'verification case "{name}" is not one of {", ".join(NAMES)}{hint}')
     if level not in LEVELS:
-        raise InputError(f'validation level "{level}" is not one of {", ".join(LEVELS)}')
+        raise InputError(f'verification level "{level}" is not one of {", ".join(LEVELS)}')
     out: list[Row] = []
     for name in names:
         module, function = _CASES[name].split(".")

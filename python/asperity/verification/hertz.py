@@ -79,7 +79,7 @@ def hertz(level: VerificationLevel) -> Iterator[Row]:
         )  # fmt: skip
         image = HERTZ.radius(depths) ** 3
         radius = [
-            np.sqrt(4.0 * r.curve.area_fraction / np.pi) / HERTZ.radius(HERTZ.deflection(4.0 * r.curve.force))
+            np.sqrt(4.0 * r.curve.area_fraction / np.pi) / HERTZ.radius(HERTZ.approach(4.0 * r.curve.force))
             for r in results
         ]
         yield from rows_along(
@@ -102,7 +102,7 @@ def _pressure_error(result: ContactResult) -> float:
     from scipy.interpolate import LinearNDInterpolator
 
     it = result.solver
-    ideal = float(HERTZ.deflection(4.0 * result.curve.force[-1]))
+    ideal = float(HERTZ.approach(4.0 * result.curve.force[-1]))
     corners = np.unique(it.contact_surface.nodes[:, :3])
     field = LinearNDInterpolator(it.solid.points[corners, :2], result.snapshots[-1].pressure[corners])
     shares = (np.arange(20) + 0.5) / 20
@@ -118,5 +118,5 @@ def _first_yield(result: ContactResult) -> float:
     xx, yy, zz, xy, xz, yz = np.moveaxis(s, -1, 0)
     shear = 3.0 * (xy**2 + xz**2 + yz**2)
     mises = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + shear)
-    ideal = HERTZ.deflection(4.0 * result.curve.force[-1])
+    ideal = HERTZ.approach(4.0 * result.curve.force[-1])
     return float(HERTZ.peak_pressure(ideal) / mises.max())

@@ -48,7 +48,7 @@ def westergaard(level: VerificationLevel) -> Iterator[Row]:
     for share in (0.05, 0.3, 0.9) if level.full else (0.1, 0.5):
         mean = share * theory.full_pressure
         width = float(theory.area_fraction(mean))
-        approach = float(theory.deflection(mean))
+        approach = float(theory.approach(mean))
         results = on_meshes(level, partial(press_wave, 1, approach + mean / STIFFNESS))
         gap, counted = 1.0 - approach / AMPLITUDE, counting_error(results[-1])
         for name, values, expected, order, least in (
@@ -84,7 +84,7 @@ def double_sinusoid(level: VerificationLevel) -> Iterator[Row]:
     slope = 2.0 * np.pi * AMPLITUDE / WAVELENGTH
     for share in (0.01, 0.05, 0.1, 0.3, 0.5, 0.8, 0.99, 1.5) if level.full else (0.05, 0.5, 1.5):
         mean = share * theory.full_pressure
-        delta = float(theory.deflection(mean)) + mean / STIFFNESS
+        delta = float(theory.approach(mean)) + mean / STIFFNESS
         results = on_meshes(level, partial(press_wave, 2, delta))
         force = [r.curve.force / theory.full_pressure for r in results]
         area, counted = float(theory.area_fraction(mean)), counting_error(results[-1])

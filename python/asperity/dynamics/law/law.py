@@ -146,7 +146,7 @@ class Law(ABC):
         return self.both(self._checked(z))[1]
 
     def deflection(self, load: float) -> float:
-        """Return the static deflection (length) under `load` (force), the approach at rest.
+        """Return the static deflection (length): the approach at rest under `load` (force).
 
         Raises:
             RangeError: the law does not reach the load.

@@ -120,8 +120,8 @@ def _refined(equations: Equations, points: tuple[Point, ...], tol: float) -> lis
     """Add points where the cubic between neighbours is not accurate enough for dense rows."""
     out = [points[0]]
     for i, (a, b) in enumerate(pairwise(points)):
-        beside = points[i - 1] if i else points[2] if len(points) > 2 else None
-        error = (_cubic_error(beside, a, b) if i else _cubic_error(beside, b, a)) if beside else 0.0
+        neighbour = points[i - 1] if i else points[2] if len(points) > 2 else None
+        error = (_cubic_error(neighbour, a, b) if i else _cubic_error(neighbour, b, a)) if neighbour else 0.0
         pieces = min(4, int(np.ceil((error / _CUBIC) ** 0.25)))
         inner = [j / pieces for j in range(1, pieces)]
         back = turns(a, b)

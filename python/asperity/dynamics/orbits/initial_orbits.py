@@ -111,12 +111,12 @@ def subharmonic_orbits(
     """
     restoring, double = balance.restoring, replace(balance, order=2)
     inside = (2.0 * chart[1] > window[0]) & (2.0 * chart[1] < window[1])
-    beside = inside | np.append(inside[1:], False) | np.append(False, inside[:-1])
-    if beside.sum() < 2:
+    near = inside | np.append(inside[1:], False) | np.append(False, inside[:-1])
+    if near.sum() < 2:
         return
     found: list[tuple[float, float, Array]] = []  # share of the work lost, Omega, free orbit
-    top = chart[0][beside][-1]
-    for u0 in np.geomspace(max(min(_SMALLEST, 0.1 * top), chart[0][beside][0]), top, _BACKBONE):
+    top = chart[0][near][-1]
+    for u0 in np.geomspace(max(min(_SMALLEST, 0.1 * top), chart[0][near][0]), top, _BACKBONE):
         frequency, drive = rough_orbit(restoring, float(u0), balance.damping)
         if window[0] < 2.0 * frequency < window[1]:
             x = orbit_coefficients(restoring, float(u0), 24)
