@@ -61,11 +61,23 @@ class ConvergenceError(AsperityError):
 
 
 class Interrupted(ConvergenceError):
-    """The run received a request to stop; the curve up to there is kept."""
+    """The run received a request to stop; the curve up to there is kept.
+
+    Examples:
+        >>> from asperity.errors import Interrupted
+        >>> issubclass(Interrupted, asp.ConvergenceError), Interrupted.exit_code
+        (True, 3)
+    """
 
 
 class CheckError(ConvergenceError):
-    """The run ended, but its result violates a balance that every correct result satisfies."""
+    """The run ended, but its result violates a balance that every correct result satisfies.
+
+    Examples:
+        >>> from asperity.errors import CheckError
+        >>> issubclass(CheckError, asp.ConvergenceError), CheckError.exit_code
+        (True, 3)
+    """
 
 
 class CheckpointError(InputError):
@@ -91,7 +103,13 @@ class CompatError(AsperityError):
 
 
 class OutputError(AsperityError):
-    """A result cannot be written (no space, no permission, no folder); earlier files are unchanged."""
+    """A result cannot be written (no space, no permission, no folder); earlier files are unchanged.
+
+    Examples:
+        >>> from asperity.errors import OutputError
+        >>> OutputError("...").exit_code
+        4
+    """
 
     exit_code = 4
 
@@ -110,12 +128,39 @@ class AsperityWarning(UserWarning):
 
 
 class CaseWarning(AsperityWarning):
-    """A case is legal, but a value is improbable or has no effect."""
+    """A case is legal, but a value is improbable or has no effect.
+
+    Examples:
+        >>> case = asp.Case.from_dict({
+        ...     "surface": {"kind": "sphere", "L": 1e-6, "radius": 1e-5}, "material": {"E": 200e9, "nu": 0.3},
+        ...     "loading": {"delta_max": 1e-9}, "contact": {"gamma": 2.0},
+        ... })
+        >>> case.warnings()  # `case.problem` issues each as a CaseWarning
+        ['contact.gamma = 2 is not used: contact.method is active-set']
+    """
 
 
 class AssumptionWarning(AsperityWarning):
-    """The result violates an assumption of the model."""
+    """The result violates an assumption of the model.
+
+    Examples:
+        >>> from asperity.errors import AssumptionWarning
+        >>> issubclass(AssumptionWarning, asp.AsperityWarning)
+        True
+    """
 
 
 class ResolutionWarning(AsperityWarning):
-    """The mesh is too coarse for the contact, or for the waves of the surface."""
+    """The mesh is too coarse for the contact, or for the waves of the surface.
+
+    Examples:
+        >>> import warnings
+        >>> from asperity.errors import ResolutionWarning
+        >>> from asperity.mesh.resolution import warn_of_missed_waves
+        >>> rough = asp.Surface.from_spec("weierstrass-mandelbrot", L=1e-6, D=2.4, G=1e-12)
+        >>> with warnings.catch_warnings(record=True) as caught:
+        ...     warnings.simplefilter("always")
+        ...     warn_of_missed_waves(rough, h=0.2e-6, delta=1e-9)
+        >>> [issubclass(w.category, ResolutionWarning) for w in caught]
+        [True]
+    """

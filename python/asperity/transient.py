@@ -235,6 +235,16 @@ class Transient:
 
     Raises:
         InputError: density or mass is not positive, or load or dashpot is negative
+
+    Examples:
+        >>> from asperity.surface import Flat
+        >>> size, elastic = asp.MeshSize(h_contact=1.0, h_max=1.0), asp.Material(E=1.0, nu=0.3)
+        >>> solver = asp.solve_contact(Flat(L=1.0), elastic, delta_max=0.01, steps=1, size=size).solver
+        >>> transient = asp.Transient(solver, density=0.3, mass=1.0, load=2.0 * solver.force)
+        >>> round(transient.added_mass, 6)  # a third of the block
+        0.1
+        >>> bool(transient.run(duration=1.0, h=0.25).approach[-1] > 0.01)
+        True
     """
 
     def __init__(

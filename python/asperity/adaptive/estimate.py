@@ -45,6 +45,10 @@ class Rates:
         growth: exponent of the dofs in the seconds of a step.
         base: memory of a rank without a mesh [bytes].
         per_dof: memory per dof [bytes].
+
+    Examples:
+        >>> PLASTIC.step > ELASTIC.step
+        True
     """
 
     mesh: float
@@ -67,6 +71,10 @@ class Level:
         dofs: degrees of freedom.
         steps: load steps, those of unloadings too.
         seconds: of one core.
+
+    Examples:
+        >>> Level(h_contact=4e-8, dofs=20_000, steps=10, seconds=8.0).dofs
+        20000
     """
 
     h_contact: float
@@ -84,6 +92,12 @@ class Estimate:
         ranks: processes the memory is for.
         memory: of all ranks [bytes].
         enough: whether the meshes end where the tolerance is expected to be met, not before, at accuracy.max_dofs.
+
+    Examples:
+        >>> meshes = Level(8e-8, 5_000, 10, 2.0), Level(4e-8, 20_000, 10, 8.0)
+        >>> found = Estimate(meshes, ranks=1, memory=3e8)
+        >>> found.dofs, found.seconds
+        (20000, 10.0)
     """
 
     levels: tuple[Level, ...]
@@ -110,6 +124,16 @@ def estimate(case: Case, ranks: int = 1) -> Estimate:
 
     Raises:
         InputError: the case is driven by a force, so its approach is not known yet; or it has more than MOST_DOFS.
+
+    Examples:
+        >>> case = asp.Case.from_dict({
+        ...     "surface": {"kind": "sphere", "L": 1e-6, "radius": 1e-5}, "material": {"E": 200e9, "nu": 0.3},
+        ...     "loading": {"delta_max": 1e-9},
+        ... })
+
+        >>> found = estimate(case, ranks=2)
+        >>> len(found.levels), 10_000 < found.dofs < 30_000
+        (1, True)
     """
     if case.loading.delta_max is None:
         raise InputError(

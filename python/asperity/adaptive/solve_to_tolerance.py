@@ -64,6 +64,11 @@ class Budget:
         mesh: of the element size, the quadrature included, which the extrapolation removes with it
         load_step: of the integration of plasticity along the path
         algebraic: of the equations left unsolved, from the balance of forces
+
+    Examples:
+        >>> budget = Budget(mesh=np.array([0.02]), load_step=np.array([0.01]), algebraic=np.array([0.0]))
+        >>> budget.to_dict()["total"]
+        [0.03]
     """
 
     mesh: Floats
@@ -99,6 +104,14 @@ class AccurateResult:
         worst: greatest relative bar that is judged, NaN without one
         met: whether the bar is within the tolerance along the first loading
         reason: "done", or what stopped the refinement
+
+    Examples:
+        >>> from asperity.surface import Flat
+        >>> block = asp.Problem.of(Flat(L=1.0), asp.Material(E=1.0, nu=0.3), delta_max=0.01, steps=2)
+
+        >>> result = refine(block, asp.AccuracyTarget(0.01))
+        >>> result.reason, len(result.curve), bool(result.budget.total.max() < 1e-6)
+        ('done', 6, True)
     """
 
     curve: Curve
@@ -185,6 +198,13 @@ def solve_to_tolerance(
     Raises:
         InputError: mesh sizes or substeps are given, or see `refine`
         PartialResult: see `refine`
+
+    Examples:
+        >>> from asperity.surface import Flat
+        >>> steel = asp.Material(E=1.0, nu=0.3)
+        >>> result = asp.solve_to_tolerance(Flat(L=1.0), steel, asp.AccuracyTarget(0.01), delta_max=0.01, steps=2)
+        >>> print(f"{result.curve.force[-1] / 0.01:.6f} within {result.worst:.1%}, exact {steel.confined_modulus:.6f}")
+        1.346154 within 0.0%, exact 1.346154
     """
     if problem.keys() & {"size", "block", "substeps"}:
         raise InputError(
@@ -214,6 +234,14 @@ def refine(
         InputError: target.max_dofs does not even allow the guide; or the contact is a penalty too soft for an error bar
         PartialResult: a load step does not converge before there is an error bar, the run was stopped, or
             target.max_dofs allows no mesh except the guide
+
+    Examples:
+        >>> from asperity.surface import Flat
+        >>> block = asp.Problem.of(Flat(L=1.0), asp.Material(E=1.0, nu=0.3), delta_max=0.01, steps=2)
+
+        >>> result = refine(block, asp.AccuracyTarget(0.01))
+        >>> result.met, len(result.levels)
+        (True, 2)
     """
     from mpi4py import MPI
 

@@ -39,6 +39,17 @@ class Case(Input):
 
     Make one with `Case.load` or `Case.from_dict`, which raise `InputError` with one sentence; the
     plain constructor expects a complete input and raises pydantic's errors.
+
+    Examples:
+        >>> case = asp.Case.from_dict({
+        ...     "surface": {"kind": "sphere", "L": 1e-6, "radius": 1e-5}, "material": {"E": 200e9, "nu": 0.3},
+        ...     "loading": {"delta_max": 1e-9},
+        ... })
+
+        >>> case.mesh.h_contact, case.loading.steps
+        (4e-08, 10)
+        >>> case.problem().schedule.delta_max
+        0.001
     """
 
     @classmethod

@@ -31,6 +31,14 @@ class BlockMesh:
         tets: node numbers (M, 10) in the order of gmsh
         side: length L of the square base [length]
         height: height of the block [length]
+
+    Examples:
+        >>> from asperity.mesh.generate import build_block
+        >>> from asperity.surface import Flat
+        >>> build_block(Flat(L=2.0), 1.0, lambda x, y, depth: 1.0).save("block.npz")
+        >>> block = BlockMesh.read("block.npz")
+        >>> block.side, block.height, block.points.shape[1], block.tets.shape[1]
+        (2.0, 1.0, 3, 10)
     """
 
     points: Floats

@@ -49,6 +49,12 @@ def build_block(surface: Surface, height: float, size: Callable[[float, float, f
 
     Raises:
         MeshError: a valley of the surface reaches the base
+
+    Examples:
+        >>> wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.01)
+        >>> block = build_block(wave, 0.5, lambda x, y, depth: 0.5)
+        >>> print(f"{block.points[:, 2].max():.4f}")  # the crest, above the mean plane at 0.5
+        0.5100
     """
     compat.require("gmsh", "python3-gmsh")
     L = surface.L

@@ -32,6 +32,12 @@ class FirstContactMap:
     Attributes:
         xy: positions of the top nodes (N, 2) [length]
         touched_at: approach at which each of them first touched the flat, inf for never (N,) [length]
+
+    Examples:
+        >>> x, y = (a.ravel() for a in np.meshgrid(np.linspace(0.0, 1.0, 9), np.linspace(0.0, 1.0, 9)))
+        >>> touched = FirstContactMap(np.column_stack([x, y]), (x - 0.5) ** 2 + (y - 0.5) ** 2)
+        >>> touched.depth(np.array([0.5, 1.0]), np.array([0.5, 0.5])).round(3)
+        array([0.   , 0.141])
     """
 
     xy: Floats
@@ -62,6 +68,12 @@ class SizeField:
         window: x0, y0 and side of the square covered by the grid; it contains all points that touch [L]
         growth: increase of size per unit of distance
         h_max: greatest size [L]
+
+    Examples:
+        >>> sphere = asp.Surface.from_spec("sphere", L=1.0, radius=1.0)
+        >>> field = SizeField.of(sphere, delta_max=0.01, h_contact=0.04)
+        >>> round(field.at(0.5, 0.5, 0.0), 4), round(field.at(0.0, 0.0, 0.0), 4)
+        (0.008, 0.1779)
     """
 
     sizes: Floats

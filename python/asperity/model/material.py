@@ -20,6 +20,11 @@ class Material:
 
     Raises:
         InputError: a value is outside its range
+
+    Examples:
+        >>> steel = asp.Material(E=200e9, nu=0.3, yield_strength=1e9, tangent_modulus=20e9)
+        >>> steel.plastic, round(steel.reduced_modulus / 1e9, 3), round(steel.hardening / 1e9, 3)
+        (True, 219.78, 22.222)
     """
 
     E: float

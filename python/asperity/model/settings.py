@@ -22,6 +22,10 @@ class Formulation:
         penalty: factor of E p^2/h of the penalty method
         gamma: factor of (lambda + 2 mu) p^2/h of Nitsche's method; None takes 1, or 10 for theta = 1 and -1
         theta: 0, or 1 (symmetric) or -1 (skew) for an elastic solid
+
+    Examples:
+        >>> asp.Formulation().method, asp.Formulation("nitsche", theta=1).gamma
+        ('active-set', None)
     """
 
     method: str = "active-set"
@@ -80,6 +84,11 @@ class MeshSize:
         h_max: greatest size; None takes H_MAX of the side, or less where slopes need it
         reach: what a coarse solution has touched; None judges by the heights
         grading: power of the size in the depth and least size over h_contact; None takes the default
+
+    Examples:
+        >>> size = asp.MeshSize(h_contact=0.02e-6, h_max=0.2e-6)
+        >>> size.growth
+        0.25
     """
 
     h_contact: float | None = None
@@ -122,6 +131,14 @@ class AccuracyTarget:
 
     Raises:
         InputError: a value outside its range
+
+    Examples:
+        >>> asp.AccuracyTarget(0.01, max_seconds=600.0).max_dofs
+        1000000
+        >>> asp.AccuracyTarget(1.0)
+        Traceback (most recent call last):
+            ...
+        asperity.errors.InputError: accuracy.tolerance = 1.0 must lie between 0 and 1, for example 0.01 for 1 %
     """
 
     tolerance: float

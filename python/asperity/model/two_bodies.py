@@ -29,7 +29,12 @@ from asperity.surface import Surface
 
 
 def composite_modulus(E1: float, nu1: float, E2: float, nu2: float) -> float:
-    """Return E' of 1/E' = (1 - nu1^2)/E1 + (1 - nu2^2)/E2 (force/length^2)."""
+    """Return E' of 1/E' = (1 - nu1^2)/E1 + (1 - nu2^2)/E2 (force/length^2).
+
+    Examples:
+        >>> round(composite_modulus(200e9, 0.3, 200e9, 0.3) / 1e9, 3)  # half of that of one body
+        109.89
+    """
     for name, E, nu in (("first", E1, nu1), ("second", E2, nu2)):
         if not (E > 0 and -1 < nu <= 0.5):
             raise InputError(f"the {name} body has E = {E:g}, nu = {nu:g}; legal are E > 0 and -1 < nu <= 0.5")
@@ -43,6 +48,10 @@ class EquivalentBlock:
     Attributes:
         material: elastic, with the composite modulus.
         height: of the block, so that its uniform compression is that of both (length).
+
+    Examples:
+        >>> EquivalentBlock(asp.Material(E=100e9, nu=0.3), height=2e-6).material.nu
+        0.3
     """
 
     material: Material
@@ -62,6 +71,12 @@ def equivalent_block(
 
     Raises:
         InputError: a body yields, or a height is not positive.
+
+    Examples:
+        >>> steel = asp.Material(E=200e9, nu=0.3)
+        >>> block = equivalent_block(steel, steel, (1e-6, 1e-6))
+        >>> round(block.material.E / 1e9, 6), round(block.height * 1e6, 6)
+        (100.0, 1.0)
     """
     if first.yield_strength is not None or second.yield_strength is not None:
         raise InputError("two bodies of which one yields have no equivalent single body; give elastic materials")
@@ -86,6 +101,12 @@ class SumSurface(Surface):
         first: the lower surface, heights upwards.
         second: the upper surface as it lies on a table, heights upwards; turned over about the y direction to face
             the first.
+
+    Examples:
+        >>> wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.01)
+        >>> both = SumSurface.of(wave, wave)
+        >>> round(float(both.height(0.5, 0.2) / wave.height(0.5, 0.2)), 6)
+        2.0
     """
 
     L: float

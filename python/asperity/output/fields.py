@@ -33,6 +33,16 @@ class State:
         gap: distance of the nodes of the top from the flat (N,) [length]
         stress: mean over each cell, xx yy zz xy xz yz (M, 6) [force/length^2]
         plastic_strain: mean accumulated plastic strain of each cell (M,); empty for an elastic material
+
+    Examples:
+        >>> from asperity.surface import Flat
+        >>> size = asp.MeshSize(h_contact=1.0, h_max=1.0)
+
+        >>> path, elastic = {"delta_max": 0.01, "steps": 1}, asp.Material(E=1.0, nu=0.3)
+        >>> result = asp.solve_contact(Flat(L=1.0), elastic, **path, size=size, snapshots=1)
+        >>> (state,) = gather_states(result, side=1.0, E=1.0)
+        >>> state.step, state.branch, state.delta, state.displacement.shape[1]
+        (1, 'load', 0.01, 3)
     """
 
     step: int
@@ -52,6 +62,16 @@ def gather_states(result: ContactResult, side: float, E: float) -> list[State]:
         result: result with snapshots
         side: side L of the patch [length]
         E: elastic modulus, the solver's unit of stress [force/length^2]
+
+    Examples:
+        >>> from asperity.surface import Flat
+        >>> size = asp.MeshSize(h_contact=1.0, h_max=1.0)
+
+        >>> path, elastic = {"delta_max": 0.01, "steps": 1}, asp.Material(E=1.0, nu=0.3)
+        >>> result = asp.solve_contact(Flat(L=1.0), elastic, **path, size=size, snapshots=1)
+        >>> (state,) = gather_states(result, side=1.0, E=1.0)
+        >>> print(f"{state.stress[:, 2].mean():.6f}")  # a block in uniaxial strain
+        -0.013462
     """
     solid = result.solver.solid
     owned = slice(0, solid.owned)
@@ -132,6 +152,14 @@ def write_vtkhdf(path: Path, block: BlockMesh, states: list[State]) -> None:
     """Write the snapshots for ParaView (VTKHDF 2.0 unstructured grid, time = approach); rank 0 only.
 
     Lengths are in units of L, because viewers have problems with coordinates of 1e-6; stresses are physical.
+
+    Examples:
+        >>> from asperity.surface import Flat
+        >>> size = asp.MeshSize(h_contact=1.0, h_max=1.0)
+
+        >>> path, elastic = {"delta_max": 0.01, "steps": 1}, asp.Material(E=1.0, nu=0.3)
+        >>> result = asp.solve_contact(Flat(L=1.0), elastic, **path, size=size, snapshots=1)
+        >>> write_vtkhdf(Path("fields.vtkhdf"), result.block, gather_states(result, side=1.0, E=1.0))
     """
     import h5py
 

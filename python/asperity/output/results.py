@@ -41,6 +41,13 @@ class Results:
         top: arrays of fields/top.npz.
         mesh: arrays of fields/mesh.npz.
         built: the surface of the case if it was passed to `read`, else None.
+
+    Examples:
+        >>> Path("out").mkdir()
+        >>> asp.Curve.from_rows([{"delta": d, "force": d} for d in (1.0, 2.0, 3.0)]).write("out/curve.csv")
+        >>> results = Results.read("out")
+        >>> [len(part) for part in results.branches("load")], results.snapshots, dict(results.thresholds)
+        ([3], 0, {})
     """
 
     folder: Path

@@ -57,6 +57,15 @@ class ContactResult:
         first_contact: approach at which each node of the top was touched first, this rank's part
         complete: whether the path was followed to its end
         reason: why it ended
+
+    Examples:
+        >>> from asperity.surface import Flat
+        >>> size = asp.MeshSize(h_contact=1.0, h_max=1.0)
+
+        >>> result = asp.solve_contact(Flat(L=1.0), asp.Material(E=1.0, nu=0.3), delta_max=0.01, steps=2, size=size)
+
+        >>> result.complete, len(result.curve), result.counts.cutbacks, bool(result.checks.violated)
+        (True, 2, 0, False)
     """
 
     curve: Curve
@@ -83,7 +92,19 @@ class ContactResult:
 
 
 class PartialResult(ConvergenceError):
-    """The load path ended early; `result` holds what was reached."""
+    """The load path ended early; `result` holds what was reached.
+
+    Examples:
+        >>> from asperity.surface import Flat
+        >>> size = asp.MeshSize(h_contact=1.0, h_max=1.0)
+
+        >>> block = asp.Problem.of(Flat(L=1.0), asp.Material(E=1.0, nu=0.3), delta_max=0.01, steps=2, size=size)
+        >>> try:
+        ...     asp.solve_problem(block, hooks=Hooks(stop=lambda: "the first step"))
+        ... except PartialResult as stopped:
+        ...     print(len(stopped.result.curve), stopped.result.complete)
+        0 False
+    """
 
     def __init__(self, message: str, result: ContactResult) -> None:
         super().__init__(message)
@@ -102,6 +123,13 @@ def make_block(comm: MPI.Comm, surface: Surface, height: float, delta_max: float
 
     Raises:
         MeshError: the surface cannot be meshed
+
+    Examples:
+        >>> from mpi4py import MPI
+        >>> from asperity.surface import Flat
+        >>> block = make_block(MPI.COMM_SELF, Flat(L=2.0), 1.0, 0.01, asp.MeshSize(h_contact=2.0, h_max=2.0))
+        >>> block.side, block.height
+        (2.0, 1.0)
     """
     if size.h_max is None:
         return make_undistorted(comm, surface, height, delta_max, size)[0]
@@ -161,6 +189,15 @@ def make_contact_solver(
 
     Raises:
         MeshError: the block is another surface's, or an element is turned inside out
+
+    Examples:
+        >>> from mpi4py import MPI
+        >>> from asperity.surface import Flat
+        >>> flat, elastic = Flat(L=1.0), asp.Material(E=1.0, nu=0.3)
+        >>> block = make_block(MPI.COMM_SELF, flat, 1.0, 0.01, asp.MeshSize(h_contact=1.0, h_max=1.0))
+        >>> solver = make_contact_solver(MPI.COMM_SELF, flat, block, elastic)
+        >>> solver.step(0.01).converged, round(solver.force / 0.01, 6), round(elastic.confined_modulus, 6)
+        (True, 1.346154, 1.346154)
     """
     L = surface.L
 
@@ -189,6 +226,16 @@ class Hooks:
         stop: polled after each step on all ranks; a non-empty string stops the run
         checkpoint: receives the state; one that holds a state is continued from
         snapshots: states of the top to keep per loading
+
+    Examples:
+        >>> from asperity.surface import Flat
+        >>> size = asp.MeshSize(h_contact=1.0, h_max=1.0)
+
+        >>> block = asp.Problem.of(Flat(L=1.0), asp.Material(E=1.0, nu=0.3), delta_max=0.01, steps=2, size=size)
+        >>> hooks = Hooks(on_step=lambda rows, fraction: print(rows[-1]["delta"], fraction))
+        >>> result = asp.solve_problem(block, hooks=hooks)
+        0.005 0.5
+        0.01 1.0
     """
 
     on_stage: Callable[[str], None] | None = None
@@ -234,6 +281,13 @@ def solve_contact(
         CheckpointError: the checkpoint cannot be continued from
         OutputError: the checkpoint cannot be written
         PartialResult: a step did not converge or the run was stopped; carries the curve up to there
+
+    Examples:
+        >>> from asperity.surface import Flat
+        >>> size, elastic = asp.MeshSize(h_contact=1.0, h_max=1.0), asp.Material(E=1.0, nu=0.3)
+        >>> result = asp.solve_contact(Flat(L=1.0), elastic, delta_max=0.01, steps=2, size=size)
+        >>> print(result.curve.force.round(6), round(0.01 * elastic.confined_modulus, 6))
+        [0.006731 0.013462] 0.013462
     """
     hooks = Hooks(on_stage, on_step, stop, checkpoint, snapshots)
     return solve_problem(Problem.of(surface, material, **problem), block=block, comm=comm, hooks=hooks)
@@ -252,6 +306,14 @@ def solve_problem(
 
     Raises:
         MeshError, CheckpointError, OutputError, PartialResult: see `solve_contact`
+
+    Examples:
+        >>> wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.02)
+        >>> size = asp.MeshSize(h_contact=0.3, h_max=0.6)
+        >>> block = asp.Problem.of(wave, asp.Material(E=1.0, nu=0.3), delta_max=0.02, steps=2, size=size)
+        >>> curve = asp.solve_problem(block).curve
+        >>> bool(curve.force[1] > 2.0 * curve.force[0])  # the contact grows
+        True
     """
     from mpi4py import MPI
 

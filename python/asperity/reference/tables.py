@@ -17,6 +17,11 @@ class RoughPoint:
         P_star: P/(A_0 E').
         delta_star: approach of the interface over L; the block adds P* (h_b/L) E'/M.
         area_fraction: true over nominal contact area.
+
+    Examples:
+        >>> light = ROUGH_ELASTIC[0]
+        >>> round(light.area_fraction / light.P_star, 1)
+        19.5
     """
 
     P_star: float

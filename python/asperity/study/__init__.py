@@ -6,7 +6,7 @@ results = StudyResults.read("out/study")
 """
 
 from asperity.study.definition import Entry, Family, Study
-from asperity.study.results import Level, StudyResults, ensemble_curve, summarise_case
+from asperity.study.results import Level, StudyLevel, StudyResults, ensemble_curve, summarise_case
 from asperity.study.run import run_study
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "Family",
     "Level",
     "Study",
+    "StudyLevel",
     "StudyResults",
     "ensemble_curve",
     "run_study",

@@ -205,8 +205,8 @@ def case_state(folder: Path, key: str) -> dict[str, Any] | None:
 class StudyLevel:
     """Cases of a family that differ only in the seed.
 
-    >>> from asperity.study import Level
-    >>> level = Level({"surface.D": 2.4}, ({"surface.seed": 0.0, "n": 1.2}, {"surface.seed": 1.0, "n": None}))
+    >>> from asperity.study import StudyLevel
+    >>> level = StudyLevel({"surface.D": 2.4}, ({"surface.seed": 0.0, "n": 1.2}, {"surface.seed": 1.0, "n": None}))
     >>> level.column("n").tolist()
     [1.2, nan]
 
@@ -223,8 +223,7 @@ class StudyLevel:
         return np.array([math.nan if row.get(name) in (None, "") else float(row[name]) for row in self.rows])
 
 
-#: Public name of `StudyLevel`.
-Level = StudyLevel
+Level = StudyLevel  # former name
 
 
 @dataclass(frozen=True)

@@ -47,6 +47,11 @@ class StudyCounts:
         done: finished, in this run or before.
         failed: with a recorded failure.
         run: run now.
+
+    Examples:
+        >>> counts = StudyCounts(cases=10, done=9, failed=1, run=4)
+        >>> counts.cases - counts.done - counts.failed  # to be run
+        0
     """
 
     cases: int
@@ -71,8 +76,6 @@ def run_study(
     of the solver is recorded with its case, and the next case starts. An unexpected error is recorded too if a group is
     a single rank; otherwise it ends the job, which can be started again.
 
-        run_study(Study.load("study.toml"), "out/study")
-
     Args:
         study: the study to run.
         folder: receives results.csv, study.json, cases/HASH/ and meshes/.
@@ -86,6 +89,17 @@ def run_study(
 
     Raises:
         InputError: the folder contains other files, or the ranks cannot be divided into groups.
+
+    Examples:
+        >>> from asperity.study import Study
+        >>> base = {
+        ...     "units": "other", "surface": {"kind": "flat", "L": 1.0}, "material": {"E": 1.0, "nu": 0.3},
+        ...     "mesh": {"h_contact": 1.0, "h_max": 1.0}, "loading": {"delta_max": 0.01, "steps": 3},
+        ...     "output": {"figures": False, "report": False},
+        ... }
+
+        >>> run_study(Study.from_dict({"base": base, "grid": {"material.nu": [0.2, 0.3]}}), "out/study")
+        StudyCounts(cases=2, done=2, failed=0, run=2)
     """
     from mpi4py import MPI
 

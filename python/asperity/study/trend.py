@@ -92,6 +92,11 @@ class Trend:
     Attributes:
         condition: as text.
         values: of each level and seed (levels, seeds), NaN where missing.
+
+    Examples:
+        >>> found = Trend("linear fit", np.array([[1.0, 1.1], [1.3, 1.41], [1.6, 1.7]]))
+        >>> found.seeds, found.rises, found.agreeing
+        (2, True, (1.0, 0.0))
     """
 
     condition: str
@@ -137,7 +142,14 @@ class Trend:
 
 
 def trend(levels: Sequence[StudyLevel], quantity: Callable[[Row], float], condition: str) -> Trend:
-    """Evaluate a quantity for each level and seed; it is NaN for seeds that are missing in a level."""
+    """Evaluate a quantity for each level and seed; it is NaN for seeds that are missing in a level.
+
+    Examples:
+        >>> found = {2.4: 1.8, 2.6: 1.3}
+        >>> levels = [StudyLevel({"surface.D": D}, ({"surface.seed": 0, "n": n},)) for D, n in found.items()]
+        >>> trend(levels, lambda row: row["n"], "linear fit").values.tolist()
+        [[1.8], [1.3]]
+    """
     seeds = sorted({row.get(ENSEMBLE) or 0 for level in levels for row in level.rows})
     values = np.full((len(levels), len(seeds)), np.nan)
     for i, level in enumerate(levels):
@@ -147,7 +159,12 @@ def trend(levels: Sequence[StudyLevel], quantity: Callable[[Row], float], condit
 
 
 def verdict(found: Iterable[bool]) -> str:
-    """Return HOLDS (under all conditions), CONDITIONAL (under some) or FAILS (under none)."""
+    """Return HOLDS (under all conditions), CONDITIONAL (under some) or FAILS (under none).
+
+    Examples:
+        >>> verdict([True, True]), verdict([True, False])
+        ('holds', 'holds under conditions')
+    """
     answers = list(found)
     if not answers:
         raise InputError("a verdict needs at least one condition")

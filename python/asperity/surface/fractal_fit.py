@@ -40,6 +40,12 @@ class FractalFit:
         model: mean variance of simulated surfaces with D and G (bands,) (length^2).
         p_value: probability of a misfit at least this large if the patch is a surface of this kind. A value below
             0.01 rejects that; the intervals are then widened by the square root of the reduced chi^2.
+
+    Examples:
+        >>> rough = WeierstrassMandelbrot(L=1.0, D=2.5, G=1e-4, seed=1)
+        >>> fit = fit_fractal(HeightField(rough.grid(33), 1 / 32, 1 / 32), realisations=30)
+        >>> fit.L, fit.surface(seed=3).D == fit.D
+        (1.0, True)
     """
 
     D: float

@@ -131,6 +131,13 @@ def psd(z: Array, L: float, direction: str = "radial", window: str = "hann") -> 
 
     Raises:
         InputError: unknown direction or window.
+
+    Examples:
+        >>> x = np.arange(64) / 64
+        >>> wave = np.tile(0.01 * np.cos(2 * np.pi * 8 * x), (64, 1))
+        >>> spectrum = psd(wave, L=1.0, direction="x", window="none")
+        >>> round(float(spectrum.q[spectrum.density.argmax()] / (2 * np.pi)), 6)
+        8.0
     """
     if direction not in ("radial", "x", "y"):
         raise InputError(f'psd direction must be "radial", "x" or "y", not {direction!r}.')

@@ -47,6 +47,11 @@ def verify(
 
     Raises:
         InputError: unknown name or level
+
+    Examples:
+        >>> rows = verify(["material"])
+        >>> all(row.passed for row in rows)
+        True
     """
     from asperity.verification.table import LEVELS
 
