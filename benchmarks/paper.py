@@ -24,7 +24,7 @@ from asperity.dynamics import ContactOscillator, PowerLaw
 from asperity.plot import style
 from asperity.plot.vibration import amplitude_frequency
 from asperity.reference.tables import ROUGH_ELASTIC_FITS
-from asperity.study import Level, Study, StudyResults, run_study
+from asperity.study import Study, StudyLevel, StudyResults, run_study
 from asperity.study.figures import colours, draw_column, draw_curves, label_of
 from asperity.study.trend import CONDITIONS
 
@@ -66,12 +66,12 @@ def write(results: StudyResults, docs: Path) -> None:
     print(f"written {docs / 'paper.md'}")
 
 
-def labels(name: str, levels: Sequence[Level]) -> list[str]:
+def labels(name: str, levels: Sequence[StudyLevel]) -> list[str]:
     """Legend of a family, by its leading key alone."""
     return [label_of({k: v for k, v in level.parameters.items() if k in FAMILIES[name]}, SCALE) for level in levels]
 
 
-def short(name: str, levels: Sequence[Level]) -> list[str]:
+def short(name: str, levels: Sequence[StudyLevel]) -> list[str]:
     """Ticks of a family: the value of its leading key."""
     return [text.split(" = ")[-1].removesuffix(" GPa").removesuffix(" m") for text in labels(name, levels)]
 
@@ -128,7 +128,7 @@ def exponent_families(results: StudyResults) -> Figure:
     return figure
 
 
-def mean_law(level: Level, shift: float = 0.0) -> PowerLaw:
+def mean_law(level: StudyLevel, shift: float = 0.0) -> PowerLaw:
     """Power law with the mean exponent of a level, moved by `shift` standard deviations."""
     n = level.column("n")
     n = n[np.isfinite(n)]
@@ -172,7 +172,7 @@ def base_response(results: StudyResults) -> Figure:
     return amplitude_frequency(responses, sweeps)
 
 
-def base_level(results: StudyResults) -> Level:
+def base_level(results: StudyResults) -> StudyLevel:
     """The elastic level of the base surface, D = 2.4."""
     return next(level for level in results.levels("D") if level.parameters.get("surface.D") == 2.4)
 
@@ -235,7 +235,7 @@ def plain(text: str) -> str:
     return text.replace("$\\sigma_y$", "σ_y").replace("$\\delta_{max}$", "δ_max").replace("$", "")
 
 
-def spread(level: Level, column: str, form: str = ".3f") -> str:
+def spread(level: StudyLevel, column: str, form: str = ".3f") -> str:
     """Mean and standard deviation of a column."""
     values = level.column(column)
     values = values[np.isfinite(values)]

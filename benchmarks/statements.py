@@ -11,7 +11,7 @@ import numpy as np
 
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.study import Level, StudyResults
+from asperity.study import StudyLevel, StudyResults
 from asperity.study.interface import Block
 from asperity.study.results import Row
 from asperity.study.trend import CONDITIONS, FAILS, HOLDS, Condition, Trend, trend, verdict
@@ -74,7 +74,7 @@ class Exponents:
         curve, case = self._loaded(str(row["case"]))
         return condition.exponent(curve, **asdict(Block.of(case)))
 
-    def trends(self, levels: Sequence[Level], conditions: Sequence[Condition] = CONDITIONS) -> list[Trend]:
+    def trends(self, levels: Sequence[StudyLevel], conditions: Sequence[Condition] = CONDITIONS) -> list[Trend]:
         """Trend of the exponent under each condition."""
         return [trend(levels, functools.partial(self.of, condition=c), str(c)) for c in conditions]
 

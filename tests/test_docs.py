@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import importlib
+import inspect
 import os
 import re
 import shlex
@@ -16,6 +18,7 @@ import click
 import pytest
 from made_up_run import write_run
 
+import asperity
 from asperity.case import Case
 from asperity.cli import group, main
 
@@ -126,6 +129,44 @@ def test_case_files_are_legal(page: Path) -> None:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 Case.from_dict(data)
+
+
+# --- pages of the Python API ----------------------------------------------------------------------------------
+
+API = sorted((ROOT / "docs/api").glob("*.md"))
+DIRECTIVE = re.compile(r"^::: ([\w.]+)\n(?:    options:\n      members: \[(.*)\]\n)?", re.MULTILINE)
+
+
+def public_names(page: Path) -> list[tuple[str, str]]:
+    """Module and name of each class and function on a page: those it lists, or all that the module defines."""
+    found = []
+    for name, listed in DIRECTIVE.findall(page.read_text(encoding="utf-8") + "\n"):
+        module = importlib.import_module(name)
+        own = [n for n, o in vars(module).items() if n[0] != "_" and getattr(o, "__module__", "") == name]
+        found += [(name, member) for member in (listed.split(", ") if listed else own)]
+    return found
+
+
+def member(module: str, name: str) -> object:
+    """What a name of a module means, None if it is missing."""
+    return getattr(importlib.import_module(module), name, None)
+
+
+@pytest.mark.parametrize("page", API, ids=lambda p: p.name)
+def test_each_name_of_an_api_page_exists_and_has_an_example(page: Path) -> None:
+    names = public_names(page)
+    assert names
+    assert [pair for pair in names if member(*pair) is None] == []
+    things = {pair: member(*pair) for pair in names}
+    documented = {pair: o for pair, o in things.items() if inspect.isclass(o) or inspect.isfunction(o)}
+    assert [pair for pair, o in documented.items() if ">>> " not in (o.__doc__ or "")] == []
+
+
+def test_each_public_name_is_on_an_api_page() -> None:
+    shown = [member(*pair) for page in API for pair in public_names(page)]
+    modules = {importlib.import_module(name.rpartition(".")[0]) for page in API for name, _ in public_names(page)}
+    public = {name: getattr(asperity, name) for name in asperity.__all__}
+    assert [name for name, o in public.items() if not any(o is s for s in (*shown, *modules))] == []
 
 
 # --- messages -------------------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import InputError, OutputError
 from asperity.runtime.files import is_aside
-from asperity.study import Level, Study, StudyResults, ensemble_curve, run_study, summarise_case
+from asperity.study import Study, StudyLevel, StudyResults, ensemble_curve, run_study, summarise_case
 from asperity.study.results import mean_interval
 from asperity.study.run import mesh_key, portions, shared_mesh
 from asperity.study.trend import CONDITIONAL, FAILS, HOLDS, Condition, Trend, trend, verdict
@@ -381,14 +381,16 @@ def test_trends_are_paired_over_the_seeds() -> None:
     rng = np.random.default_rng(1)
     surface = rng.normal(0, 1, 12)  # scatter between surfaces far above the effect
     levels = [
-        Level({"x": i}, tuple({"surface.seed": s, "n": surface[s] + 0.1 * i + 0.01 * rng.normal()} for s in range(12)))
+        StudyLevel(
+            {"x": i}, tuple({"surface.seed": s, "n": surface[s] + 0.1 * i + 0.01 * rng.normal()} for s in range(12))
+        )
         for i in range(3)
     ]
     found = trend(levels, lambda row: row["n"], "made up")
     assert found.rises and not found.falls and not found.level
     assert found.seeds == 12 and found.agreeing == (1.0, 0.0)
     assert all(low < 0.1 < high for _, low, high in found.steps)
-    missing = trend([levels[0], Level({}, levels[1].rows[:5])], lambda row: row["n"], "")
+    missing = trend([levels[0], StudyLevel({}, levels[1].rows[:5])], lambda row: row["n"], "")
     assert missing.seeds == 5
     assert Trend("", np.array([[1.0, 2.0, 3.0], [1.1, 1.9, 3.0]])).level
 
