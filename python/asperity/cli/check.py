@@ -14,19 +14,13 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@options.case_file
-@options.ranks
-@options.overrides
-@options.serial
-def command(case_file: str, ranks: int, overrides: tuple[str, ...]) -> int:
+@options.case_and_ranks
+def command(case_file: str, case: Case, ranks: int) -> int:
     """Check and estimate a case without solving it.
 
     Refuses and warns as a run does, then estimates degrees of freedom, memory and time. What depends on the solution,
     such as plastic strains, only the run can judge. Exit code 0 when a run accepts the case, 2 when it refuses it.
     """
-    from asperity.case import Case
-
-    case = Case.load(case_file, overrides)
     judge(case)
     if case.loading.delta_max is None:
         options.say("no estimate: the approach at loading.force_max is only known after a run")

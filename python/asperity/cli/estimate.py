@@ -14,19 +14,14 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@options.case_file
-@options.ranks
-@options.overrides
-@options.serial
-def command(case_file: str, ranks: int, overrides: tuple[str, ...]) -> None:
+@options.case_and_ranks
+def command(case_file: str, case: Case, ranks: int) -> None:
     """Estimate dofs, memory and time of a case.
 
     Solves nothing: the size field of the mesh gives the degrees of freedom (dofs), rates measured on one machine give
     memory and time. Expect a factor of two.
     """
-    from asperity.case import Case
-
-    show_estimate(case_file, Case.load(case_file, overrides), ranks)
+    show_estimate(case_file, case, ranks)
 
 
 def show_estimate(title: str, case: Case, ranks: int) -> None:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from asperity.runtime.progress import world_rank
+
+if TYPE_CHECKING:
+    from asperity.case import Case
 
 case_file = click.argument("case_file", metavar="CASE.toml")
 run_folder = click.argument("folder", metavar="OUT", type=click.Path(exists=True, file_okay=False))
@@ -65,6 +68,22 @@ def serial(function: Callable[..., Any]) -> Callable[..., Any]:
         return function(*args, **kwargs) if world_rank() == 0 else 0
 
     return on_root
+
+
+def case_and_ranks(function: Callable[[str, Case, int], int | None]) -> Callable[..., Any]:
+    """Arguments of a command that reads a case and the number of ranks it would use; on the first rank only."""
+
+    @case_file
+    @ranks
+    @overrides
+    @serial
+    @functools.wraps(function)
+    def command(case_file: str, ranks: int, overrides: tuple[str, ...]) -> int | None:
+        from asperity.case import Case
+
+        return function(case_file, Case.load(case_file, overrides), ranks)
+
+    return command
 
 
 def say(text: str = "") -> None:
