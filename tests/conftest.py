@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 import shutil
 import sys
 import tempfile
@@ -11,8 +12,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from asperity.curve import COLUMNS, Curve
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
@@ -22,6 +25,17 @@ from asperity.surface import Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 
 ELASTIC = Material(1.0, 0.3)
 PLASTIC = Material(1.0, 0.3, 0.005, 0.05)
+
+
+def make_curve(**header: object) -> Curve:
+    """Return two loading steps, one unloading and one reloading step with awkward numbers."""
+    rng = np.random.default_rng(5)
+    rows: list[dict[str, Any]] = []
+    for step, branch in enumerate(("load", "load", "unload", "reload")):
+        numbers = {name: float(rng.uniform() * 10.0 ** rng.integers(-12, 12)) for name in COLUMNS}
+        rows.append({**numbers, "step": step, "branch": branch, "newton": 4, "krylov": 37})
+    rows[1]["error_P_star"] = math.nan
+    return Curve.from_rows(rows, header)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -12,7 +12,7 @@ from scipy.stats import t as student
 
 from asperity.curve import Curve
 from asperity.errors import InputError
-from asperity.power_law import fit_power_law, interface_approach
+from asperity.power_law import fit_or_none, fit_power_law, interface_approach
 
 
 @pytest.mark.parametrize("norm", ["linear", "log"])
@@ -107,12 +107,28 @@ def test_stiffness_has_units():
         ([1, 2, 3], [1, 2, math.nan], {}, r"P\* = nan at point 2"),
         ([1, 2, 3], [1, 2], {}, "two lists of equal length"),
         ([1, 2, 3], [1, 2, 3], {"norm": "cubic"}, "norm must be"),
+        ([1e-300, 2e-300, 3e-300], [1, 8, 27], {}, r"n = 3 and ln k = 2072.*beyond floating-point range"),
         ([1, 2, 3], [1, 2, 3], {"confidence": 1.0}, "confidence must lie between 0 and 1"),
     ],
 )
 def test_impossible_fits_are_refused(d, p, options, message):
     with pytest.raises(InputError, match=message):
         fit_power_law(d, p, **options)
+
+
+def test_an_interval_without_an_upper_end_is_infinite() -> None:
+    """Three points that scatter by hundreds of orders of magnitude."""
+    fit = fit_power_law([0.99, 1.0, 1.01], [1e-200, 1.0, 1e-200], "log")
+    assert np.isfinite(fit.k) and fit.ci_k[1] == np.inf and fit.ci_k[0] < fit.k
+
+
+def test_points_that_determine_no_law_have_no_fit() -> None:
+    d = np.array([-0.01, 0.0, 0.01, 0.02, 0.04])
+    fit = fit_or_none(d, 3.0 * d)
+    assert fit is not None and fit.points == 3 and fit.n == pytest.approx(1.0)
+    assert fit_or_none(d[:4], 3.0 * d[:4]) is None
+    curve = Curve.from_rows([{"delta": x, "force": x, "delta_star": x, "P_star": x} for x in (0.01, 0.02)])
+    assert curve.fit_or_none() is None
 
 
 def test_interface_approach_of_a_flat_block_is_zero():

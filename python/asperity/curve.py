@@ -205,6 +205,13 @@ class Curve:
             )
         return fit_power_law(delta, force, norm)
 
+    def fit_or_none(self, norm: Literal["linear", "log"] = "linear") -> PowerLawFit | None:
+        """Return `fit`, or None where it is not possible."""
+        try:
+            return self.fit(norm)
+        except InputError:
+            return None
+
     def write(self, path: str | Path) -> None:
         """Write a CSV file that is read back to the same bits; the header is its first line, NaNs are empty cells.
 

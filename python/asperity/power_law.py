@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike
 from asperity.arrays import Array
 from asperity.errors import InputError
 
+_LARGEST_LN = 700.0  # of numbers in floating-point range
+
 
 @dataclass(frozen=True)
 class PowerLawFit:
@@ -89,8 +91,8 @@ def fit_power_law(
         confidence: level of the intervals, between 0 and 1.
 
     Raises:
-        InputError: values that are not positive and finite, fewer than 3 different approaches, an unknown norm, or
-            an illegal confidence.
+        InputError: values that are not positive and finite, fewer than 3 different approaches, an unknown norm, an
+            illegal confidence, or k beyond floating-point range.
 
     Examples:
         >>> delta = np.array([0.01, 0.02, 0.03, 0.04])
@@ -132,6 +134,11 @@ def fit_power_law(
     back = np.array([[1.0, -math.log(d.max())], [0.0, 1.0]])
     covariance = back @ covariance @ back.T
     ln_k, n = back @ solution + [math.log(p.max()), 0.0]
+    if abs(ln_k) > _LARGEST_LN:
+        raise InputError(
+            f"the power law through the points has n = {n:g} and ln k = {ln_k:g}, beyond floating-point range: scale "
+            "approach and force to about 1"
+        )
     spread_k, spread_n = np.sqrt(np.diag(covariance)) * student.ppf((1 + confidence) / 2, d.size - 2)
     scale = math.sqrt(covariance[0, 0] * covariance[1, 1])
     return PowerLawFit(
@@ -141,11 +148,40 @@ def fit_power_law(
         range=(float(d.min()), float(d.max())),
         points=int(d.size),
         r2=1.0 - rss / tss if tss > 0 else math.nan,
-        ci_k=(math.exp(ln_k - spread_k), math.exp(ln_k + spread_k)),
+        ci_k=(_exp(ln_k - spread_k), _exp(ln_k + spread_k)),
         ci_n=(float(n - spread_n), float(n + spread_n)),
         correlation=float(covariance[0, 1] / scale) if scale > 0 else 0.0,
         confidence=confidence,
     )
+
+
+def _exp(x: float) -> float:
+    """Exponential; inf beyond floating-point range."""
+    return math.exp(x) if x < _LARGEST_LN else math.inf
+
+
+def fit_or_none(
+    delta_star: ArrayLike, P_star: ArrayLike, norm: Literal["linear", "log"] = "linear"
+) -> PowerLawFit | None:
+    """Fit as `fit_power_law` to the points in contact; None where they do not determine a power law.
+
+    Args:
+        delta_star: delta/L, shape (m,); points that are not positive are left out.
+        P_star: P/(A_0 E'), shape (m,); likewise.
+        norm: "linear" or "log".
+
+    Examples:
+        >>> fit_or_none([0.0, 0.01, 0.02, 0.04], [0.0, 0.001, 0.002, 0.004]).points
+        3
+        >>> fit_or_none([0.0, 0.01], [0.0, 0.001]) is None
+        True
+    """
+    d, p = np.asarray(delta_star, dtype=float), np.asarray(P_star, dtype=float)
+    used = (d > 0) & (p > 0)
+    try:
+        return fit_power_law(d[used], p[used], norm)
+    except InputError:
+        return None
 
 
 def _polished(solution: Array, design: Array, y: Array) -> Array:

@@ -132,7 +132,7 @@ def run(
         if out is not None:
             on_root_bcast(comm, partial(run_folder.check, out, resume=resume, force=force))
             if resume and (done := on_root_bcast(comm, job.writer.finished)) is not None:
-                return RunResult(done[0], _fit(done[0]), done[1], None)
+                return RunResult(done[0], done[0].fit_or_none(), done[1], None)
         resume = job.open(resume, force)
         with log_file(None if out is None or comm.rank > 0 else out / LOG, append=resume):
             notices.log()
@@ -232,7 +232,7 @@ class _Job:
             except OutputError as e:
                 hint = "; --resume continues from the last step saved" if case.output.checkpoint else ""
                 raise OutputError(f"{e}{hint}") from None
-        fit = _fit(contact.curve)
+        fit = contact.curve.fit_or_none()
         summary = summarise(case, contact, fit, comm.size)
         if accurate is not None:
             summary |= accurate.to_dict()
@@ -367,13 +367,6 @@ def _solve_to_tolerance(job: _Job, hooks: Hooks) -> AccurateResult:
     return refine(
         job.problem, target, job.comm, hooks, lambda curve: on_root_bcast(job.comm, lambda: job.writer.curve(curve))
     )
-
-
-def _fit(curve: Curve) -> PowerLawFit | None:
-    try:
-        return curve.fit()
-    except InputError:
-        return None
 
 
 def _dynamics(case: Case, curve: Curve, folder: str | Path | None) -> Any:

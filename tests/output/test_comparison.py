@@ -6,21 +6,11 @@ import math
 
 import numpy as np
 import pytest
+from conftest import make_curve
 
-from asperity.curve import COLUMNS, Curve
+from asperity.curve import Curve
 from asperity.errors import InputError
 from asperity.output.comparison import compare_curves
-
-
-def make_curve(**header: object) -> Curve:
-    """Return two loading steps, one unloading and one reloading step with awkward numbers."""
-    rng = np.random.default_rng(5)
-    rows = []
-    for step, branch in enumerate(("load", "load", "unload", "reload")):
-        numbers = {name: float(rng.uniform() * 10.0 ** rng.integers(-12, 12)) for name in COLUMNS}
-        rows.append({**numbers, "step": step, "branch": branch, "newton": 4, "krylov": 37})
-    rows[1]["error_P_star"] = math.nan
-    return Curve.from_rows(rows, header)
 
 
 def change(curve: Curve, row: int, **values: object) -> Curve:

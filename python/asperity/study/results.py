@@ -18,7 +18,7 @@ from asperity.arrays import Array
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import AsperityError, InputError
-from asperity.power_law import PowerLawFit, fit_power_law
+from asperity.power_law import PowerLawFit, fit_or_none
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import CASE, CURVE, SUMMARY
 from asperity.study.definition import ENSEMBLE, Family, Study
@@ -90,10 +90,7 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
     block = Block.of(case)
     if solid.yield_strength is not None:
         row["block_load"] = float(load.force[-1]) / (side**2 * block.yields_at)
-    try:
-        fit = curve.fit()
-    except InputError:
-        fit = None
+    fit = curve.fit_or_none()
     if fit is not None:
         row |= {
             "k": fit.k, "n": fit.n, "n_low": fit.ci_n[0], "n_high": fit.ci_n[1], "norm": fit.norm,
@@ -102,20 +99,12 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
         }  # fmt: skip
         points = curve.planned()
         row["interface_void"] = block.void(load)
-        own = None if row["interface_void"] else _fit_or_none(block.interface(points), points.P_star)
+        own = None if row["interface_void"] else fit_or_none(block.interface(points), points.P_star)
         row["n_interface"] = None if own is None else own.n
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # n_loc_low and n_loc_high give the uncertainty of the local slope
             row |= _vibration(curve, fit, solid.E_prime * side**2, side)
     return row
-
-
-def _fit_or_none(delta_star: Array, P_star: Array) -> PowerLawFit | None:
-    used = (delta_star > 0) & (P_star > 0)
-    try:
-        return fit_power_law(delta_star[used], P_star[used])
-    except InputError:
-        return None
 
 
 def _vibration(curve: Curve, fit: PowerLawFit, force: float, side: float) -> dict[str, Any]:

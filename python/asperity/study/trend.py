@@ -12,7 +12,7 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.curve import Curve
 from asperity.errors import InputError
-from asperity.power_law import fit_power_law
+from asperity.power_law import fit_or_none
 from asperity.study.definition import ENSEMBLE
 from asperity.study.interface import Block
 from asperity.study.results import Row, StudyLevel, mean_interval
@@ -65,11 +65,8 @@ class Condition:
             if block.void(used):
                 return math.nan
             delta = block.interface(used)
-        in_contact = (delta > 0) & (used.P_star > 0)
-        try:
-            return fit_power_law(delta[in_contact], used.P_star[in_contact], self.norm).n
-        except InputError:
-            return math.nan
+        fit = fit_or_none(delta, used.P_star, self.norm)
+        return math.nan if fit is None else fit.n
 
 
 #: The conditions under which each statement about an exponent is tested.
