@@ -56,6 +56,22 @@ class WeierstrassMandelbrotSection(_Patch):
     ridges: Literal["0..M", "1..M"] = _key("ridges in the sum", "0..M")
 
 
+class SelfAffineSection(_Patch):
+    """Self-affine surface, random waves with a power spectrum of Hurst exponent H and a roll-off."""
+
+    kind: Literal["self-affine"]
+    H: Real = _key("Hurst exponent", gt=0, le=1, hint="0.8 is a usual value")
+    rms_height: Real | None = _key(
+        "rms height with the waves shorter than lambda_short included (or rms_slope)", None, unit=LENGTH, gt=0
+    )
+    rms_slope: Real | None = _key("rms slope of the waves down to lambda_short (or rms_height)", None, gt=0, le=10)
+    lambda_short: Real = _key("shortest wavelength", unit=LENGTH, gt=0, hint="0.05 L for a first run")
+    lambda_roll: Real | None = _key("roll-off wavelength", None, shown="L", unit=LENGTH, gt=0)
+    aspect: Real = _key("anisotropy: features are longer along x by this factor", 1.0, ge=0.0625, le=16)
+    seed: Whole = _key("seed of the random phases", 0, ge=0, lt=2**63)
+    periodic: Flag = _key("opposite edges agree; false: a window of a surface with the period 2 L", True)
+
+
 class SphereSection(_Patch):
     """Sphere pressed by the flat."""
 
@@ -95,6 +111,7 @@ class FileSection(_Patch):
 
 SURFACES = (
     WeierstrassMandelbrotSection,
+    SelfAffineSection,
     SphereSection,
     SinusoidSection,
     FlatSection,
@@ -238,7 +255,7 @@ class Input(BaseModel):
 
     units: Literal["SI", "other"] = _key("'other' drops SI labels and checks", "SI")
     surface: Annotated[
-        WeierstrassMandelbrotSection | SphereSection | SinusoidSection | FlatSection | FileSection,
+        WeierstrassMandelbrotSection | SelfAffineSection | SphereSection | SinusoidSection | FlatSection | FileSection,
         Field(discriminator="kind"),
     ]
     material: MaterialSection

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from asperity.case.schema import Input, show
+from asperity.case.schema import Input, SelfAffineSection, show
 from asperity.errors import InputError
 from asperity.model.settings import H_CONTACT, H_MAX, gamma_too_small, penalty_too_soft
 
@@ -31,6 +31,8 @@ def check_together(case: Input) -> None:
     """Checks that need more than one key."""
     _check_material(case)
     _check_lengths(case)
+    if isinstance(case.surface, SelfAffineSection):
+        _check_self_affine(case.surface)
     loading, dynamics = case.loading, case.dynamics
     if case.accuracy.tolerance is not None and (soft := penalty_too_soft(case.contact.method, case.contact.penalty)):
         key, _, rest = soft.partition(" ")
@@ -59,6 +61,18 @@ def check_together(case: Input) -> None:
                 f"= {dynamics.preload:g} must lie between {least:.3g} and {most:.3g}, the greatest force the run may "
                 "reach; leave it out for half of what it does reach",
             )
+
+
+def _check_self_affine(surface: SelfAffineSection) -> None:
+    if (surface.rms_height is None) == (surface.rms_slope is None):
+        state = "are both missing" if surface.rms_height is None else "are both given"
+        _refuse("surface.rms_height", f"and surface.rms_slope {state}; give exactly one of them")
+    roll = surface.L if surface.lambda_roll is None else surface.lambda_roll
+    if surface.lambda_short > roll:
+        _refuse(
+            "surface.lambda_short",
+            f"= {surface.lambda_short:g} exceeds surface.lambda_roll = {roll:g}; shorten it, 0.05 L for a first run",
+        )
 
 
 def _check_material(case: Input) -> None:
@@ -99,6 +113,9 @@ _FRACTIONS_OF_L = {
     "mesh.h_max": (1e-5, 1e3),
     "surface.G": (0.0, 1.0),
     "surface.L_s": (1e-9, 1.0),
+    "surface.rms_height": (1e-9, 1.0),
+    "surface.lambda_short": (1 / 2048, 2.0),
+    "surface.lambda_roll": (1 / 2048, 2.0),
     "surface.amplitude": (1e-9, 1.0),
     "surface.wavelength": (1e-3, 1e3),
     "surface.radius": (1e-2, 1e9),

@@ -14,6 +14,7 @@ from asperity.errors import InputError
 #: Values of the keys that have no default, in SI units; "file" is left to `asperity import-map`.
 SURFACES: Mapping[str, Mapping[str, Any]] = {
     "weierstrass-mandelbrot": {"L": 1e-6, "D": 2.4, "G": 5e-12},
+    "self-affine": {"L": 1e-6, "H": 0.8, "rms_slope": 0.1, "lambda_short": 1e-7, "lambda_roll": 5e-7},
     "sphere": {"L": 1e-6, "radius": 2e-6},
     "sinusoid": {"L": 1e-6, "amplitude": 1e-8, "dims": 2},
     "flat": {"L": 1e-6},

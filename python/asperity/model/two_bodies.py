@@ -14,6 +14,7 @@ modulus E' with the surface z1 + z2 under a rigid flat. The limits:
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -152,6 +153,17 @@ class SumSurface(Surface):
     def feature_size(self) -> float:
         """The smaller feature of the two (length)."""
         return min(self.first.feature_size, self.second.feature_size)
+
+    @property
+    def periodic(self) -> bool:
+        """Whether both are."""
+        return self.first.periodic and self.second.periodic
+
+    def short_waves(self, wavelength: float, depth: float) -> float:
+        return math.hypot(*(surface.short_waves(wavelength, depth) for surface in (self.first, self.second)))
+
+    def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
+        return np.asarray(self.first.smoothed(x, y, s) + self.second.smoothed(self._turned(x), y, s))
 
     def save(self, path: str | Path, n: int = 513) -> Path:
         """Write heights on an n x n grid as .npz, for kind = "file" in a case; return the path."""

@@ -5,12 +5,14 @@ from __future__ import annotations
 from asperity.surface.base import Surface, SurfaceWarning
 from asperity.surface.fractal import WeierstrassMandelbrot, cut_off_index
 from asperity.surface.height_map import HeightMap
+from asperity.surface.self_affine import SelfAffine
 from asperity.surface.shapes import Flat, Sinusoid, Sphere
 from asperity.surface.statistics import Spectrum, SurfaceStatistics
 
 __all__ = [
     "Flat",
     "HeightMap",
+    "SelfAffine",
     "Sinusoid",
     "Spectrum",
     "Sphere",

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from asperity.arrays import Array
 from asperity.errors import AsperityWarning, InputError
 from asperity.surface.maximum import global_maximum
+from asperity.surface.scale_space import ScaleSpace
 from asperity.surface.statistics import (
     SMALL_SLOPE,
     Spectrum,
@@ -94,16 +95,17 @@ class Surface(ABC):
                 f"surface.kind = {kind!r} is unknown{nearest(kind, kinds)}; legal: {', '.join(sorted(kinds))}."
             )
         cls = kinds[kind]
-        legal = {f.name: f.default is MISSING for f in fields(cls) if f.init}
+        names = {f.metadata.get("key", f.name): f.name for f in fields(cls) if f.init}
+        required = {f.name for f in fields(cls) if f.default is MISSING}
         for key in parameters:
-            if key not in legal:
+            if key not in names:
                 raise InputError(
-                    f"surface.{key} is not a key of kind {kind!r}{nearest(key, legal)}; legal: {', '.join(legal)}."
+                    f"surface.{key} is not a key of kind {kind!r}{nearest(key, names)}; legal: {', '.join(names)}."
                 )
-        missing = [key for key, required in legal.items() if required and key not in parameters]
+        missing = [key for key, name in names.items() if name in required and key not in parameters]
         if missing:
             raise InputError(f"surface.{missing[0]} is missing: kind {kind!r} needs it.")
-        surface = cls(**parameters)
+        surface = cls(**{names[key]: value for key, value in parameters.items()})
         if surface.rough:
             surface.check_small_slope()
         return surface
@@ -143,6 +145,29 @@ class Surface(ABC):
             depth: depth below the summit (length); a surface that is not statistically uniform is judged above it.
         """
         return 0.0
+
+    @property
+    def periodic(self) -> bool:
+        """Whether heights and slopes agree at opposite edges of the patch."""
+        return False
+
+    def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
+        """Return heights of the surface convolved with an isotropic Gaussian, in the broadcast shape of x, y and s.
+
+        A mesh whose elements are larger than the roughness follows these heights. They equal :meth:`height` for s = 0
+        and tend to the mean for large s. Beyond the patch a formula continues; a map is mirrored at its edges. A
+        surface without short waves, such as a sphere, is not smoothed: its heights are exact whatever s.
+
+        Args:
+            x, y: points of the patch (length).
+            s: standard deviation of the Gaussian at each point (length), >= 0.
+        """
+        x, y, _ = np.broadcast_arrays(x, y, s)
+        return self.height(x, y)
+
+    def _smoothed(self, scales: ScaleSpace, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
+        x, y, s = np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in (x, y, s)))
+        return scales.heights(x.ravel(), y.ravel(), s.ravel()).reshape(x.shape)
 
     def maximum(self) -> tuple[float, float, float]:
         """Return (x, y, z) of the highest point of the closed patch, edges and corners included.

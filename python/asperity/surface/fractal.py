@@ -24,9 +24,8 @@ from asperity.surface.base import (
     short_wave_share,
 )
 from asperity.surface.fractal_maximum import highest_point
-from asperity.surface.plane_waves import Waves, mean_squares, on_product
+from asperity.surface.plane_waves import Waves, at_points, mean_squares, on_product
 
-_CHUNK = 2**21  # angles evaluated at once: 16 MiB per temporary array
 _SHORTEST = 1e-9  # least wavelength over L: for shorter waves the round-off of the angles destroys the heights
 _MAX_RIDGES = 1000
 _MAX_WAVES = 25_000  # more would take minutes
@@ -204,22 +203,16 @@ class WeierstrassMandelbrot(Surface):
     ) -> tuple[Array, ...]:
         """Return sum_j weights[i][j] wave(theta_j) at every point: one array in the broadcast shape for each i."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
-        shape, xs, ys = x.shape, x.ravel(), y.ravel()
-        _, kx, ky, phi = self._waves
-        w = np.stack(weights, axis=1)
-        out = np.empty((xs.size, len(weights)))
-        step = max(1, _CHUNK // kx.size)
-        for i in range(0, xs.size, step):
-            part = slice(i, i + step)
-            theta = np.multiply.outer(xs[part], kx)
-            theta += np.multiply.outer(ys[part], ky)
-            theta += phi
-            out[part] = wave(theta) @ w
-        return tuple(column.reshape(shape) for column in out.T)
+        return tuple(z.reshape(x.shape) for z in at_points(self._waves, x.ravel(), y.ravel(), wave, weights))
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
         (z,) = self._at_points(x, y, np.cos, [-self._waves.a])
         return z + self._offset
+
+    def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
+        x, y, s = np.broadcast_arrays(*(np.asarray(v, dtype=float) for v in (x, y, s)))
+        (z,) = at_points(self._waves, x.ravel(), y.ravel(), np.cos, [-self._waves.a], s.ravel())
+        return z.reshape(x.shape) + self._offset
 
     def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
         a, kx, ky, _ = self._waves

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,11 +15,14 @@ from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.runtime.files import UNREADABLE, one_line, read_matrix, read_npy, read_npz, real
 from asperity.surface.base import Surface, check, check_positive, is_integer, nodes, short_wave_share
+from asperity.surface.scale_space import Heights, ScaleSpace, spline_gain, spline_heights
 
 if TYPE_CHECKING:
     from scipy.interpolate import RectBivariateSpline
 
 
+_FIRST = 0.225  # width that the levels of smoothed maps start from, over the distance of the heights
+_SPACING = 0.5  # distance of the heights of a smoothed map over its width
 _TREND = 8  # degree of the polynomial trend removed before the waves are separated by length
 DEEPEST, FARTHEST = 10.0, 1e6  # greatest plausible peak-to-valley height and distance of heights from zero [L]
 
@@ -152,6 +156,44 @@ class HeightMap(Surface):
                 places.append(inside if inside.size else rest[reached])
             found.append(max(float(np.sqrt(np.mean(heights**2))) for heights in places))
         return min(found)
+
+    def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
+        return self._smoothed(self._scales, x, y, s)
+
+    @cached_property
+    def _scales(self) -> ScaleSpace:
+        spacing = self.L / (max(self.heights.shape) - 1)
+        return ScaleSpace(_FIRST * spacing, 2 * self.L, self._level)
+
+    @cached_property
+    def _cosines(self) -> Array:
+        """Cosine transform of the heights."""
+        from scipy.fft import dctn
+
+        return np.asarray(dctn(self.heights, type=1))
+
+    def _level(self, s: float) -> Heights:
+        """Return the heights, as a function of points, smoothed with the standard deviation s (length).
+
+        The Gaussian multiplies the cosine transform, so the map is mirrored at its edges. What is left has no waves
+        shorter than a few s, and a coarser grid holds it.
+        """
+        from scipy.fft import idctn
+
+        if s == 0:
+            return self.height
+        shape = self.heights.shape
+        fewer = [min(n, max(8, math.ceil(self.L / (_SPACING * s)) + 1)) for n in shape]
+        waves = self._cosines[: fewer[0], : fewer[1]].astype(np.float32)
+        mean = float(self._cosines[0, 0]) / math.prod(2 * (n - 1) for n in shape)
+        waves[0, 0] = 0.0
+        for axis, (m, n) in enumerate(zip(fewer, shape, strict=True)):
+            omega = np.linspace(0, np.pi, m)
+            gain = np.exp(-((omega * s * (m - 1) / self.L) ** 2) / 2) / spline_gain(omega) * ((m - 1) / (n - 1))
+            waves *= np.expand_dims(gain.astype(np.float32), 1 - axis)
+        ny, nx = fewer
+        spacing = self.L / (ny - 1), self.L / (nx - 1)
+        return spline_heights(idctn(waves, type=1, overwrite_x=True), spacing, "mirror", mean)
 
     def _at(self, x: ArrayLike, y: ArrayLike, dx: int = 0, dy: int = 0) -> Array:
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))

@@ -142,6 +142,40 @@ def climb(surface: SmoothSurface, x: float, y: float) -> tuple[float, float, flo
     return float(p[0]), float(p[1]), z
 
 
+def climb_all(surface: SmoothSurface, x: Array, y: Array, step: float) -> tuple[Array, Array, Array]:
+    """Return points near the local maxima of the closed patch that ascents from (x, y) end in, and their heights.
+
+    A few Newton steps of limited length, all points at once; :func:`climb` finds one of them to round-off.
+
+    Args:
+        surface: the height field.
+        x, y: starting points, each (n,) (length).
+        step: longest step (length).
+    """
+    L = surface.L
+    z = surface.height(x, y)
+    for _ in range(8):
+        zx, zy = surface.gradient(x, y)
+        fixed_x = ((x <= 0) & (zx < 0)) | ((x >= L) & (zx > 0))
+        fixed_y = ((y <= 0) & (zy < 0)) | ((y >= L) & (zy > 0))
+        xx, xy, yy = surface.hessian(x, y)
+        zx, zy, xy = np.where(fixed_x, 0.0, zx), np.where(fixed_y, 0.0, zy), np.where(fixed_x | fixed_y, 0.0, xy)
+        # a Hessian that is not negative definite is shifted until it is
+        top = 0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)
+        shift = np.maximum(top + 1e-3 * (np.abs(xx) + np.abs(yy)), 0.0)
+        xx, yy = xx - shift, yy - shift
+        det = np.maximum(xx * yy - xy**2, np.finfo(float).tiny)
+        dx, dy = (xy * zy - yy * zx) / det, (xy * zx - xx * zy) / det
+        scale = step / np.maximum(np.hypot(dx, dy), step)
+        new_x, new_y = np.clip(x + scale * dx, 0.0, L), np.clip(y + scale * dy, 0.0, L)
+        new_z = surface.height(new_x, new_y)
+        better = new_z > z
+        x, y, z = np.where(better, new_x, x), np.where(better, new_y, y), np.where(better, new_z, z)
+        if not better.any():
+            break
+    return x, y, z
+
+
 def _zero_slope(surface: SmoothSurface, p: Array, free: Array) -> Array:
     """Return the zero of the slope along the free axes next to p, where steps no longer change the height.
 

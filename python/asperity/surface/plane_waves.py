@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from asperity.arrays import Array
 
 _BLOCK = 2**20  # pairs, or waves times nodes, evaluated at once: 8 MiB per temporary array
+_CHUNK = 2**21  # angles evaluated at once at scattered points: 16 MiB per temporary array
 _NEAR = 1e-3  # below it sin(h)/h is taken from its series
 
 
@@ -19,6 +21,34 @@ class Waves(NamedTuple):
     kx: Array  # wave vector (1/length)
     ky: Array
     phi: Array
+
+
+def at_points(
+    waves: Waves, x: Array, y: Array, wave: Callable[[Array], Array], weights: list[Array], s: Array | None = None
+) -> tuple[Array, ...]:
+    """Return sum_j weights[i][j] wave(theta_j) at every point, one array for each i.
+
+    Args:
+        waves: the waves.
+        x, y: points, each (m,) (length).
+        wave: function of the angle theta.
+        weights: each (n,).
+        s: standard deviations (m,) (length) of a Gaussian that the sum is convolved with; default none.
+    """
+    _, kx, ky, phi = waves
+    w = np.stack(weights, axis=1)
+    out = np.empty((x.size, len(weights)))
+    step = max(1, _CHUNK // kx.size)
+    for i in range(0, x.size, step):
+        part = slice(i, i + step)
+        theta = np.multiply.outer(x[part], kx)
+        theta += np.multiply.outer(y[part], ky)
+        theta += phi
+        values = wave(theta)
+        if s is not None:
+            values *= np.exp(np.multiply.outer(s[part] ** 2, -0.5 * (kx**2 + ky**2)))
+        out[part] = values @ w
+    return tuple(out.T)
 
 
 def on_product(waves: Waves, x: Array, y: Array, *weights: Array) -> tuple[Array, ...]:

@@ -44,6 +44,11 @@ class Flat(Surface):
     def mean(self) -> float:
         return 0.0
 
+    @property
+    def periodic(self) -> bool:
+        """Always."""
+        return True
+
     def curvature_bound(self) -> float:
         return 0.0
 
@@ -245,6 +250,17 @@ class Sinusoid(Surface):
             return 1.0 if k == 0 else (math.sin(k * (self.L - c)) + math.sin(k * c)) / (k * self.L)
 
         return self.amplitude * math.prod(side(k, c) for k, c in zip(self._k, self.centre, strict=True))
+
+    def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
+        damping = np.exp(-0.5 * np.asarray(s, dtype=float) ** 2 * sum(k**2 for k in self._k))
+        return np.asarray(damping * self.height(x, y))
+
+    @property
+    def periodic(self) -> bool:
+        """Whether L is a multiple of the wavelength."""
+        assert self.wavelength is not None
+        waves = self.L / self.wavelength
+        return round(waves) > 0 and math.isclose(waves, round(waves), rel_tol=1e-9)
 
     def curvature_bound(self) -> float:
         return self.amplitude * self._k[0] ** 2

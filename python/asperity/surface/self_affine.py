@@ -1,0 +1,296 @@
+"""Self-affine surfaces with a roll-off: random waves whose power spectrum is a constant followed by a power law."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+import scipy.fft
+from numpy.typing import ArrayLike
+
+from asperity.arrays import Array
+from asperity.errors import InputError
+from asperity.surface.base import (
+    Surface,
+    check,
+    check_integer,
+    check_positive,
+    is_number,
+    nodes,
+    short_wave_share,
+)
+from asperity.surface.maximum import climb, climb_all
+from asperity.surface.scale_space import Heights, ScaleSpace, spline_gain, spline_heights
+from asperity.surface.wave_grid import WaveGrid
+
+_MOST = 2048  # waves of the shortest length along a side of the period: grids of 8192 x 8192 nodes
+_STRETCH = 16.0  # largest anisotropy
+_SUMMED = 256  # waves per period up to which the ideal spectrum is summed; beyond that it is integrated
+_DEVIATIONS = 10.0  # random waves exceed this many with a probability below exp(-50) (Chernoff)
+_CANDIDATES = 200_000  # starting points of the search for the summit
+_NEGLIGIBLE = 4.5  # k s beyond which a smoothed wave is left out: exp(-10)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SelfAffine(Surface):
+    """Self-affine surface with roll-off and cut-off on [0, L]^2.
+
+    Its spectrum is C(q) = const up to q_r = 2 pi/lambda_roll, C ~ q^(-2-2H) up to q_s = 2 pi/lambda_short, and zero
+    beyond (Persson et al., J. Phys.: Condens. Matter 17 (2005) R1; conventions of Jacobs, Junge and Pastewka, Surf.
+    Topogr.: Metrol. Prop. 5 (2017) 013001). The wave vectors are all those of a square lattice. Every wave has exactly
+    the amplitude of the spectrum, sqrt(2 C) times 2 pi over the period, and a random phase: surfaces of different seeds
+    have the same rms height and slope over a period.
+
+    A shorter lambda_short with the same seed, H, lambda_roll, aspect and rms_height adds waves to the same surface;
+    :meth:`with_cutoff` does so whatever sets the height.
+
+    >>> from asperity.surface import SelfAffine
+    >>> surface = SelfAffine(L=1e-6, H=0.8, slope=0.1, lambda_roll=0.5e-6, lambda_short=0.05e-6, seed=1)
+    >>> round(surface.rms_slope(), 12), surface.periodic
+    (0.1, True)
+    >>> surface.with_cutoff(0.1e-6).rms_slope() < 0.1
+    True
+
+    Attributes:
+        H: Hurst exponent, 0 < H <= 1.
+        lambda_short: shortest wavelength (length); at least 1/2048 of the period.
+        lambda_roll: roll-off wavelength (length), up to the period; default L.
+        rms_height: root of the mean square of the heights about their mean over a period (length), with the waves
+            shorter than lambda_short included, so that the long waves do not depend on the cut-off. The surface itself
+            has a little less, see :meth:`exact_rms`. Give this or the slope.
+        slope: sqrt(<|grad z|^2>) over a period of the waves down to lambda_short (dimensionless); the key of a case
+            is rms_slope.
+        aspect: anisotropy, 1/16 to 16; the spectrum depends on q = sqrt(aspect qx^2 + qy^2/aspect), so that features
+            are longer along x by this factor, and the rms height stays.
+        seed: of the phases. Wave vectors are counted outwards, in squares max(|m|, |n|) = 1, 2, ..., and phases are
+            drawn in this order by default_rng(seed).uniform(0, 2 pi).
+        periodic: True: the period is L, heights and slopes agree at opposite edges. False: the period is 2 L, and the
+            patch is one quarter of it, as a measurement is a window of a larger surface; opposite edges are then
+            farthest apart, and waves longer than L tilt the patch.
+    """
+
+    H: float
+    lambda_short: float
+    lambda_roll: float | None = None
+    rms_height: float | None = None
+    slope: float | None = field(default=None, metadata={"key": "rms_slope"})  # rms_slope() is that of every surface
+    aspect: float = 1.0
+    seed: int = 0
+    periodic: bool = True
+
+    kind: ClassVar[str] = "self-affine"
+    rough: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check(is_number(self.H) and 0 < self.H <= 1, "H", self.H, "a number above 0, at most 1")
+        check(isinstance(self.periodic, bool), "periodic", self.periodic, "true or false")
+        legal = is_number(self.aspect) and 1 / _STRETCH <= self.aspect <= _STRETCH
+        check(legal, "aspect", self.aspect, f"a number from {1 / _STRETCH:g} to {_STRETCH:g}")
+        check_integer("seed", self.seed, 0)
+        object.__setattr__(self, "lambda_roll", self.L if self.lambda_roll is None else self.lambda_roll)
+        for key, value in (("lambda_roll", self.lambda_roll), ("lambda_short", self.lambda_short)):
+            check_positive(key, value)
+        assert self.lambda_roll is not None
+        of = "" if self.periodic else " times 2, the period"
+        rule = f"a length up to L{of}, {self.period:g}, and not below lambda_short = {self.lambda_short:g}"
+        check(self.lambda_short <= self.lambda_roll <= self.period, "lambda_roll", self.lambda_roll, rule)
+        least = self.period / _MOST * self._stretch
+        rule = f"at least {least:.3g}, for no more than {_MOST} waves along a side of the period"
+        check(self.lambda_short >= least, "lambda_short", self.lambda_short, rule)
+        if (self.rms_height is None) == (self.slope is None):
+            state = "both missing" if self.slope is None else "both given"
+            raise InputError(f"surface.rms_height and surface.rms_slope are {state}; give exactly one of them.")
+        if self.rms_height is not None:
+            check_positive("rms_height", self.rms_height)
+        else:
+            legal = is_number(self.slope) and 0 < self.slope < 100  # type: ignore[operator]
+            check(legal, "rms_slope", self.slope, "a number above 0 and below 100")
+        if self._shortest < 1:
+            raise InputError(f"surface.lambda_short = {self.lambda_short:g} leaves no wave on the patch; shorten it.")
+
+    @property
+    def period(self) -> float:
+        """Side of the square after which the heights repeat (length)."""
+        return self.L if self.periodic else 2 * self.L
+
+    @property
+    def _stretch(self) -> float:
+        """Ratio of lambda_short to the shortest wavelength along x or y."""
+        return math.sqrt(max(self.aspect, 1 / self.aspect))
+
+    @property
+    def _shortest(self) -> int:
+        """Waves of the shortest length along a side of the period."""
+        return math.floor(self.period / self.lambda_short * self._stretch * (1 + 1e-12))
+
+    def _shape(self, m: Array, n: Array) -> Array:
+        """Return amplitudes over that at the roll-off of waves with m along y and n along x per period."""
+        assert self.lambda_roll is not None
+        over_roll = np.sqrt(self.aspect * n**2 + m**2 / self.aspect) * (self.lambda_roll / self.period)
+        with np.errstate(divide="ignore"):
+            return np.asarray(np.minimum(1.0, over_roll ** (-1 - self.H)))
+
+    def with_cutoff(self, lambda_short: float) -> SelfAffine:
+        """Return the same surface with waves down to another shortest wavelength (length)."""
+        return replace(self, lambda_short=lambda_short, rms_height=self._ideal_rms, slope=None)
+
+    @cached_property
+    def _ideal_sum(self) -> float:
+        """Mean square of the heights with waves of all lengths, with amplitude 1 at the roll-off."""
+        assert self.lambda_roll is not None
+        roll = self.period / self.lambda_roll
+        reach = max(float(_SUMMED), 4 * roll)
+        most = math.floor(reach * self._stretch)
+        n, m = np.arange(most + 1.0)[None, :], np.arange(most + 1.0)[:, None]
+        copies = (1.0 + (n > 0)) * (1.0 + (m > 0)) / 2  # of the quarter, in half of the plane
+        inside = (self.aspect * n**2 + m**2 / self.aspect <= reach**2) & (n + m > 0)
+        summed = np.sum(copies * inside * np.where(inside, self._shape(m, n), 0.0) ** 2) / 2
+        return float(summed + math.pi * roll**2 / (4 * self.H) * (roll / reach) ** (2 * self.H))
+
+    @cached_property
+    def _ideal_rms(self) -> float:
+        """Rms height with waves of all lengths (length)."""
+        if self.rms_height is not None:
+            return self.rms_height
+        assert self.slope is not None
+        ky, kx = self._unit.wave_numbers
+        square = np.sum(np.abs(self._unit.waves) ** 2 * (kx**2 + ky**2)) / 2
+        return self.slope * math.sqrt(self._ideal_sum / square)
+
+    @cached_property
+    def _unit(self) -> WaveGrid:
+        """The waves, with amplitude 1 at the roll-off."""
+        most = self._shortest
+        s = np.repeat(np.arange(1, most + 1), 4 * np.arange(1, most + 1))
+        j = np.arange(s.size) - 2 * s * (s - 1)  # outwards square by square, each from the y axis anticlockwise
+        m = np.where(j < s, s, np.where(j < 3 * s, 2 * s - j, -s))
+        n = np.where(j < s, j, np.where(j < 3 * s, s, 4 * s - j))
+        phase = np.random.default_rng(self.seed).uniform(0, 2 * np.pi, s.size)
+        q2 = self.aspect * n.astype(float) ** 2 + m.astype(float) ** 2 / self.aspect
+        kept = q2 <= (self.period / self.lambda_short * (1 + 1e-12)) ** 2
+        m, n, phase = m[kept], n[kept], phase[kept]
+        waves = np.zeros((2 * most + 1, most + 1), dtype=complex)
+        waves[m + most, n] = self._shape(m.astype(float), n.astype(float)) * np.exp(1j * phase)
+        return WaveGrid(waves, self.period)
+
+    @cached_property
+    def _waves(self) -> WaveGrid:
+        scale = self._ideal_rms / math.sqrt(self._ideal_sum)
+        return WaveGrid(scale * self._unit.waves, self.period)
+
+    @cached_property
+    def _wave_lengths(self) -> Array:
+        ky, kx = self._waves.wave_numbers
+        return 2 * np.pi / np.maximum(np.hypot(kx, ky), np.pi / self.period)
+
+    @property
+    def feature_size(self) -> float:
+        """The shortest wavelength along x or y (length)."""
+        return self.lambda_short / self._stretch
+
+    def short_waves(self, wavelength: float, depth: float) -> float:
+        part = short_wave_share(self._wave_lengths, wavelength)
+        return float(np.sqrt(np.sum(np.abs(self._waves.waves * part) ** 2) / 2))
+
+    def _at(self, x: ArrayLike, y: ArrayLike, orders: list[tuple[int, int]]) -> list[Array]:
+        x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        return [values.reshape(x.shape) for values in self._waves.at(x.ravel(), y.ravel(), orders)]
+
+    def height(self, x: ArrayLike, y: ArrayLike) -> Array:
+        return self._at(x, y, [(0, 0)])[0]
+
+    def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+        zx, zy = self._at(x, y, [(0, 1), (1, 0)])
+        return zx, zy
+
+    def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
+        xx, xy, yy = self._at(x, y, [(0, 2), (1, 1), (2, 0)])
+        return xx, xy, yy
+
+    def product(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
+        z, zx, zy = self._waves.product(x, y, [(0, 0), (0, 1), (1, 0)])
+        return z, zx, zy
+
+    def _on_nodes(self, n: int, order: tuple[int, int]) -> Array:
+        intervals = nodes(self.L, n).size - 1
+        return self._waves.on_grid(intervals if self.periodic else 2 * intervals, n, order)
+
+    def grid(self, n: int) -> Array:
+        return self._on_nodes(n, (0, 0))
+
+    def grid_gradient(self, n: int) -> tuple[Array, Array]:
+        return self._on_nodes(n, (0, 1)), self._on_nodes(n, (1, 0))
+
+    def grid_hessian(self, n: int) -> tuple[Array, Array, Array]:
+        return self._on_nodes(n, (0, 2)), self._on_nodes(n, (1, 1)), self._on_nodes(n, (2, 0))
+
+    def mean(self) -> float:
+        """Return the mean height over the patch (length), in closed form; 0 for a periodic surface."""
+        ky, kx = (k * self.L / 2 for k in self._waves.wave_numbers)
+        over = np.exp(1j * ky) * np.sinc(ky / np.pi), np.exp(1j * kx) * np.sinc(kx / np.pi)
+        return 0.0 if self.periodic else float((over[0].T @ self._waves.waves @ over[1].T).real.item())
+
+    def _moment(self, order: int) -> float:
+        """Return the mean of |grad^order z|^2 over a period (length^(2 - 2 order))."""
+        lengths = self._wave_lengths
+        return float(np.sum(np.abs(self._waves.waves * (2 * np.pi / lengths) ** order) ** 2)) / 2
+
+    def exact_rms(self) -> tuple[float, float, float]:
+        """Return (Sq, rms slope, rms curvature) over a period in closed form.
+
+        Units: length, 1, 1/length; curvature is half the Laplacian, as in SurfaceStatistics.
+        """
+        return math.sqrt(self._moment(0)), math.sqrt(self._moment(1)), math.sqrt(self._moment(2)) / 2
+
+    def rms_slope(self) -> float:
+        """Return sqrt(<|grad z|^2>) (dimensionless): over a period in closed form, or over the patch."""
+        return math.sqrt(self._moment(1)) if self.periodic else super().rms_slope()
+
+    def curvature_bound(self) -> float:
+        return self._curvature_bound
+
+    @cached_property
+    def _curvature_bound(self) -> float:
+        return float(np.sum(np.abs(self._waves.waves) * (2 * np.pi / self._wave_lengths) ** 2))
+
+    @cached_property
+    def _maximum(self) -> tuple[float, float, float]:
+        """The highest point; the bound of the curvature that selects starting points is a statistical one.
+
+        Next to a summit there is a node of a grid of spacing h, at most h/sqrt(2) away and at most K h^2/4 lower. From
+        all nodes above that level Newton's method climbs to a summit.
+        """
+        n = scipy.fft.next_fast_len(max(64, math.ceil(6 * self.L / self.feature_size))) + 1
+        z, h = self.grid(n), self.L / (n - 1)
+        K = min(self.curvature_bound(), _DEVIATIONS * math.sqrt(self._moment(2)))
+        high = np.flatnonzero(z.ravel() >= z.max() - K * h**2 / 4)
+        if high.size > _CANDIDATES:
+            high = high[np.argpartition(z.ravel()[high], -_CANDIDATES)[-_CANDIDATES:]]
+        x, y, heights = climb_all(self, (high % n) * h, (high // n) * h, h)
+        top = int(np.argmax(heights))
+        return climb(self, float(x[top]), float(y[top]))
+
+    def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
+        return self._smoothed(self._scales, x, y, s)
+
+    @cached_property
+    def _scales(self) -> ScaleSpace:
+        return ScaleSpace(self.feature_size / (4 * np.pi), self.period, self._level)
+
+    def _level(self, s: float) -> Heights:
+        """Return the heights, as a function of points, smoothed with the standard deviation s (length)."""
+        if s == 0:
+            return self.height
+        most = self._waves.waves.shape[1] - 1
+        kept = min(most, max(1, math.ceil(_NEGLIGIBLE / s * self.period / (2 * np.pi))))
+        waves = self._waves.waves[most - kept : most + kept + 1, : kept + 1]
+        n = scipy.fft.next_fast_len(max(16, 4 * kept), real=True)
+        spacing = self.period / n
+        omega = 2 * np.pi / n * np.arange(-kept, kept + 1)
+        gain = np.exp(-((omega * s / spacing) ** 2) / 2) / spline_gain(omega)
+        damped = WaveGrid(waves * gain[:, None] * gain[kept:], self.period)
+        return spline_heights(damped.on_grid(n, n), (spacing, spacing), "grid-wrap")

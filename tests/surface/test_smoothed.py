@@ -1,0 +1,121 @@
+"""Surfaces smoothed by a Gaussian whose width differs from point to point."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from asperity.model.two_bodies import SumSurface
+from asperity.surface import Flat, HeightMap, SelfAffine, Sinusoid, Sphere, Surface, WeierstrassMandelbrot
+
+ROUGH = SelfAffine(L=1.0, H=0.6, slope=0.3, lambda_roll=0.5, lambda_short=0.06, aspect=1.5, seed=2)
+FRACTAL = WeierstrassMandelbrot(L=1.0, D=2.5, G=1e-4, M=5, f_max=6)
+WAVE = Sinusoid(L=1.0, amplitude=0.01, wavelength=0.25, dims=2)
+RNG = np.random.default_rng(0)
+X, Y = RNG.uniform(0, 1, (2, 200))
+
+
+def height_map(folder: Path, z: np.ndarray) -> HeightMap:
+    np.savez(folder / "map.npz", z=z, L=1.0)
+    return HeightMap(path=folder / "map.npz")
+
+
+def convolved(surface: Surface, x: float, y: float, s: float) -> float:
+    """Gauss-Hermite quadrature of the convolution, for surfaces that continue beyond the patch."""
+    t, w = np.polynomial.hermite_e.hermegauss(80)
+    w = w / w.sum()
+    return float(w @ surface.height(x + s * t[None, :], y + s * t[:, None]) @ w)
+
+
+@pytest.mark.parametrize(("surface", "error"), [(FRACTAL, 1e-9), (WAVE, 1e-9), (ROUGH, 0.005)])
+def test_formulas_against_quadrature_of_the_convolution(surface: Surface, error: float) -> None:
+    widths = np.geomspace(1e-3, 0.1, 25)
+    exact = [convolved(surface, x, y, float(s)) for x, y, s in zip(X[:25], Y[:25], widths, strict=True)]
+    found = surface.smoothed(X[:25], Y[:25], widths)
+    np.testing.assert_allclose(found, exact, rtol=0, atol=error * surface.statistics(129).Sq)
+
+
+@pytest.mark.parametrize("surface", [FRACTAL, WAVE, ROUGH, Sphere(L=1.0, radius=3.0), Flat(L=1.0)])
+def test_no_width_is_the_surface_itself(surface: Surface) -> None:
+    np.testing.assert_allclose(surface.smoothed(X, Y, 0.0), surface.height(X, Y), rtol=1e-14, atol=1e-17)
+    assert surface.smoothed(X[:, None], Y[:6], np.zeros((3, 1, 1))).shape == (3, 200, 6)
+
+
+@pytest.mark.parametrize("surface", [FRACTAL, ROUGH])
+def test_the_limit_of_small_widths_is_smooth(surface: Surface) -> None:
+    """z + s^2/2 of the Laplacian to leading order; between the surface and the first level only roughly."""
+    s = 2e-4
+    xx, _, yy = surface.hessian(X, Y)
+    change = surface.smoothed(X, Y, s) - surface.height(X, Y)
+    np.testing.assert_allclose(change, s**2 / 2 * (xx + yy), atol=0.3 * np.abs(change).max())
+
+
+def test_smooth_shapes_are_left_alone() -> None:
+    sphere = Sphere(L=1.0, radius=3.0)
+    np.testing.assert_array_equal(sphere.smoothed(X, Y, 0.2), sphere.height(X, Y))
+
+
+def test_two_surfaces_are_smoothed_alike() -> None:
+    both = SumSurface.of(ROUGH, FRACTAL)
+    expected = ROUGH.smoothed(X, Y, 0.02) + FRACTAL.smoothed(1 - X, Y, 0.02)
+    np.testing.assert_allclose(both.smoothed(X, Y, 0.02), expected)
+    assert not both.periodic and SumSurface.of(ROUGH, Flat(L=1.0)).periodic
+    assert both.short_waves(0.1, 1.0) > FRACTAL.short_waves(0.1, 1.0) > 0
+
+
+@pytest.mark.parametrize("shape", [(129, 129), (120, 151)])
+def test_maps_against_a_direct_convolution(tmp_path: Path, shape: tuple[int, int]) -> None:
+    """Mirrored at the edges; points at the nodes, edges and corners included."""
+    ny, nx = shape
+    z = 0.01 * (np.random.default_rng(1).normal(size=shape) + 3 * np.sin(np.arange(nx) / 9)) + 500.0
+    surface = height_map(tmp_path, z)
+    iy, ix = (np.append(np.random.default_rng(2).integers(0, n, 300), [0, n - 1, 0]) for n in shape)
+    for width in (1.0, 1.5, 3.1, 8.0, 25.0):  # a sampled Gaussian of less is not a Gaussian
+        s = width / (min(shape) - 1)
+        exact = gaussian_filter(z, (s * (ny - 1), s * (nx - 1)), mode="mirror", truncate=8)
+        found = surface.smoothed(ix / (nx - 1), iy / (ny - 1), s)
+        np.testing.assert_allclose(found, exact[iy, ix], rtol=0, atol=0.015 * np.std(z))
+    nodes = surface.smoothed(ix / (nx - 1), iy / (ny - 1), 0.0)
+    np.testing.assert_allclose(nodes, z[iy, ix], rtol=1e-14)
+
+
+def test_each_point_has_its_own_width(tmp_path: Path) -> None:
+    surface = height_map(tmp_path, RNG.normal(size=(65, 65)))
+    widths = np.where(X > 0.5, 0.0, np.geomspace(1e-4, 1.0, X.size))
+    alone = [float(surface.smoothed(*point)) for point in zip(X, Y, widths, strict=True)]
+    np.testing.assert_allclose(surface.smoothed(X, Y, widths), alone, rtol=0, atol=1e-12)
+
+
+def test_a_constant_map_stays_and_the_mean_is_kept(tmp_path: Path) -> None:
+    constant = height_map(tmp_path, np.full((33, 40), 7.0))
+    np.testing.assert_allclose(constant.smoothed(X, Y, RNG.uniform(0, 0.5, X.size)), 7.0, rtol=1e-14)
+    rough = height_map(tmp_path, RNG.normal(size=(200, 200)) + 1e4)
+    s = np.linspace(0, 1, 100)
+    for width in (0.01, 0.1, 1.0, 50.0):
+        smooth = rough.smoothed(s[None, :], s[:, None], width)
+        assert np.trapezoid(np.trapezoid(smooth, s), s) == pytest.approx(
+            np.trapezoid(np.trapezoid(rough.grid(200), np.linspace(0, 1, 200)), np.linspace(0, 1, 200)), abs=2e-3
+        )
+    assert np.ptp(smooth) < 1e-6
+
+
+@pytest.mark.parametrize("wavelength", [4, 16, 64])
+def test_the_amplitude_of_a_wave_falls_steadily_as_a_gaussian(tmp_path: Path, wavelength: int) -> None:
+    """Within 0.006, through all levels; smoothly, so that meshes of similar sizes have similar heights."""
+    n, k = 257, 2 * np.pi * 256 / wavelength
+    surface = height_map(tmp_path, np.tile(np.cos(k * np.linspace(0, 1, n)), (n, 1)))
+    s = np.linspace(0, 5 / k, 400)
+    found = surface.smoothed(0.5, 0.5, s)
+    np.testing.assert_allclose(found, np.exp(-((k * s) ** 2) / 2), rtol=0, atol=0.006)
+    assert np.diff(found).max() < 1e-3 and np.abs(np.diff(found)).max() < 0.02
+
+
+def test_a_periodic_surface_stays_periodic() -> None:
+    s = np.linspace(0, 1, 9)
+    widths: Any = np.linspace(0, 0.1, 9)
+    np.testing.assert_allclose(ROUGH.smoothed(0, s, widths), ROUGH.smoothed(1, s, widths), atol=1e-7)
+    assert WAVE.periodic and not Sinusoid(L=1.0, amplitude=0.01, wavelength=0.3).periodic and not FRACTAL.periodic
