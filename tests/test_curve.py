@@ -19,7 +19,7 @@ def make_curve(**header: object) -> Curve:
     rows = []
     for step, branch in enumerate(("load", "load", "unload", "reload")):
         numbers = {name: float(rng.uniform() * 10.0 ** rng.integers(-12, 12)) for name in COLUMNS}
-        rows.append({**numbers, "step": step, "branch": branch, "newton": 4, "krylov": 37})
+        rows.append({**numbers, "step": step, "branch": branch, "newton": 4, "krylov": 37, "spots": 3})
     rows[1]["error_P_star"] = math.nan
     return Curve.from_rows(rows, header)
 
@@ -27,7 +27,8 @@ def make_curve(**header: object) -> Curve:
 def test_columns_are_those_of_the_file_format():
     assert ",".join(COLUMNS) == (
         "step,branch,delta,delta_star,force,P_star,area_fraction,max_pressure,plastic_fraction,"
-        "max_plastic_strain,error_P_star,error_area_fraction,newton,krylov,seconds"
+        "max_plastic_strain,error_P_star,error_area_fraction,newton,krylov,seconds,"
+        "mean_gap,mean_pressure,spots,largest_spot"
     )
 
 

@@ -227,7 +227,8 @@ class OutputSection(Section):
     figures: Flag = _key("figures/*.png", False)
     fields: Flag = _key("fields/ for ParaView", False)
     report: Flag = _key("report.html", False)
-    snapshots: Whole = _key("load levels kept for the pressure map", 4, ge=0, le=1000)
+    distributions: Flag = _key("fields/distributions.csv: shares of the patch by pressure and by gap", False)
+    snapshots: Whole = _key("load levels kept for pressure maps and distributions", 4, ge=0, le=1000)
     checkpoint: Whole = _key("accepted steps from one checkpoint to the next, 0 for none", 1, ge=0)
 
 

@@ -74,6 +74,7 @@ class Record:
         """Append the state of `solver` as a row; collective."""
         state = measures.row(solver)
         force = solver.force * self.E * self.side**2
+        units = self._units()
         row = {
             "step": len(self.rows) + 1,
             "branch": branch,
@@ -81,14 +82,22 @@ class Record:
             "delta_star": solver.delta,
             "force": force,
             "P_star": force / (self.side**2 * self.reduced_modulus),
-            **state,
-            "max_pressure": state["max_pressure"] * self.E,
+            **{name: value * units[name] if name in units else value for name, value in state.items()},
             "newton": stats.newton,
             "krylov": stats.krylov,
             "seconds": seconds,
         }
         self.rows.append(row)
         self.first_contact.update(solver)
+
+    def _units(self) -> dict[str, float]:
+        """Units of the columns that have a dimension."""
+        return {
+            "max_pressure": self.E,
+            "mean_gap": self.side,
+            "mean_pressure": self.E,
+            "largest_spot": self.side**2,
+        }
 
     def curve(self) -> Curve:
         """The rows so far."""

@@ -161,6 +161,16 @@ class Westergaard:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(r > 0, self.A * r * (1 - np.log(r)), 0.0)
 
+    def mean_gap(self, pressure: ArrayLike) -> Array:
+        """Return the mean gap A (1 - r + r ln r), r = p/p* (length): A at first touch, 0 in full contact.
+
+        Examples:
+            >>> wave = asp.reference.Westergaard(A=0.01, lam=1.0, E_prime=1.0)
+            >>> wave.mean_gap([0.0, 0.5 * wave.full_pressure, wave.full_pressure]).round(5)
+            array([0.01   , 0.00153, 0.     ])
+        """
+        return self.A - self.deflection(pressure)
+
     def pressure(self, x: ArrayLike, mean: float) -> Array:
         """Return the pressure at x (crest at 0) under a mean pressure below p* (Johnson 13.8)."""
         angle = np.pi * np.asarray(x, float) / self.lam
@@ -236,6 +246,10 @@ class DoubleSinusoid:
     def deflection(self, pressure: ArrayLike) -> Array:
         """Return the approach of the mean planes (length), without the compression of a block."""
         return self.A * self._table(pressure, 2)
+
+    def mean_gap(self, pressure: ArrayLike) -> Array:
+        """Return the mean gap (length): A at first touch, 0 in full contact."""
+        return self.A - self.deflection(pressure)
 
 
 def area_coefficient(theory: Literal["persson", "bush-gibson-thomas"]) -> float:
