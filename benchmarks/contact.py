@@ -131,7 +131,7 @@ def press_along(case: Case, solver: ContactSolver) -> list[State]:
     for delta in case.steps:
         if not solver.step(delta).converged:
             raise RuntimeError(f"no convergence at delta = {delta:g}")
-        area = solver.contact.area()
+        area = solver.contact_surface.area_of(*solver.contact.touched())
         states.append(State(solver.force, area.value, area.error, measures.row(solver)["max_pressure"]))
     return states
 

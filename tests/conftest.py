@@ -33,7 +33,7 @@ def make_curve(**header: object) -> Curve:
     rows: list[dict[str, Any]] = []
     for step, branch in enumerate(("load", "load", "unload", "reload")):
         numbers = {name: float(rng.uniform() * 10.0 ** rng.integers(-12, 12)) for name in COLUMNS}
-        rows.append({**numbers, "step": step, "branch": branch, "newton": 4, "krylov": 37})
+        rows.append({**numbers, "step": step, "branch": branch, "newton": 4, "krylov": 37, "spots": 3})
     rows[1]["error_P_star"] = math.nan
     return Curve.from_rows(rows, header)
 

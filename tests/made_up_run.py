@@ -35,7 +35,7 @@ def write_run(folder: Path, n: int = 14, **changes: object) -> Path:
     (folder / "fields").mkdir(parents=True, exist_ok=True)
     (folder / "case.toml").write_text(case.to_toml(), encoding="utf-8")
     rows = curve_rows(plastic=case.material.yield_strength is not None)
-    Curve.from_rows([dict(zip(COLUMNS, row, strict=True)) for row in rows]).write(folder / "curve.csv")
+    Curve.from_rows([dict(zip(COLUMNS, row, strict=False)) for row in rows]).write(folder / "curve.csv")
     (folder / "summary.json").write_text(json.dumps(summary()), encoding="utf-8")
     (folder / "thresholds.json").write_text(json.dumps(THRESHOLDS), encoding="utf-8")
     points, tets, triangles = block(surface, n)

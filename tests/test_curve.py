@@ -15,7 +15,8 @@ from asperity.output.comparison import compare_curves
 def test_columns_are_those_of_the_file_format():
     assert ",".join(COLUMNS) == (
         "step,branch,delta,delta_star,force,P_star,area_fraction,max_pressure,plastic_fraction,"
-        "max_plastic_strain,error_P_star,error_area_fraction,newton,krylov,seconds"
+        "max_plastic_strain,error_P_star,error_area_fraction,newton,krylov,seconds,"
+        "mean_gap,mean_pressure,spots,largest_spot"
     )
 
 

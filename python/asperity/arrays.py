@@ -11,4 +11,5 @@ Array = npt.NDArray[Any]
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
 Integers = npt.NDArray[np.int32]  # local numbers: nodes, dofs, cells of one rank
+Flags = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.int64]  # global numbers

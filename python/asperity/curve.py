@@ -40,9 +40,15 @@ COLUMNS = (
     "newton",
     "krylov",
     "seconds",
+    "mean_gap",
+    "mean_pressure",
+    "spots",
+    "largest_spot",
 )
+#: Columns that a stored curve or the rows of a checkpoint may lack.
+OPTIONAL = ("error_P_star", *COLUMNS[COLUMNS.index("seconds") + 1 :])
 BRANCHES = ("load", "unload", "reload")
-_COUNTS = ("step", "newton", "krylov")
+_COUNTS = ("step", "newton", "krylov", "spots")
 _REQUIRED = ("delta", "force")
 
 
@@ -75,6 +81,10 @@ class Curve:
         newton: Newton iterations of the step (int).
         krylov: Krylov iterations of the step (int).
         seconds: wall-clock time of the step (s).
+        mean_gap: distance between the flat and the mean plane of the deformed surface (length).
+        mean_pressure: force over the true contact area; NaN without an area (force/length^2).
+        spots: number of contact spots, patches of touched facets connected over their edges (int).
+        largest_spot: contact area of the largest one (length^2).
         header: metadata, stored as JSON in the first line of the file.
 
     Raises:
@@ -97,6 +107,10 @@ class Curve:
     newton: Array
     krylov: Array
     seconds: Array
+    mean_gap: Array
+    mean_pressure: Array
+    spots: Array
+    largest_spot: Array
     header: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

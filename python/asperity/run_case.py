@@ -34,7 +34,7 @@ from asperity.runtime.files import files_into
 from asperity.runtime.notices import Notices, noting
 from asperity.runtime.parallel import agree, on_root_bcast
 from asperity.runtime.progress import Progress, log_file
-from asperity.runtime.run_folder import CASE, CHECKPOINT, FIELDS, LOG, VTKHDF
+from asperity.runtime.run_folder import CASE, CHECKPOINT, DISTRIBUTIONS, FIELDS, LOG, VTKHDF
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -262,6 +262,7 @@ class _Job:
 
     def _after(self, result: RunResult, finished: bool) -> RunResult:
         """What follows a complete curve: fields, dynamics, figures, report; on rank 0 except for the gathering."""
+        from asperity.output.distributions import write_distributions
         from asperity.output.fields import gather_states, write_figure_data, write_vtkhdf
 
         case, comm, folder, progress, writer = self.case, self.comm, self.folder, self.progress, self.writer
@@ -277,6 +278,8 @@ class _Job:
                     write_figure_data(aside, block, states)
                     if case.output.fields:
                         write_vtkhdf(aside / VTKHDF, block, states)
+                    if case.output.distributions:
+                        write_distributions(aside / DISTRIBUTIONS, block, states)
             seconds["fields"] = perf_counter() - start
 
         def serial() -> Any:
@@ -343,7 +346,7 @@ def _hooks(job: _Job, stop: Callable[[], str] | None) -> Hooks:
         job.progress.step(rows[-1], fraction)
 
     output = job.case.output
-    snapshots = output.snapshots if output.figures or output.fields else 0
+    snapshots = output.snapshots if output.figures or output.fields or output.distributions else 0
     return Hooks(on_stage, on_step, stop, job.checkpoint, snapshots)
 
 

@@ -14,6 +14,9 @@ from asperity.case.case_file import Case, check_loading
 from asperity.case.schema import Input, input_reference
 from asperity.case.validation import full_contact_pressure
 from asperity.errors import InputError
+from asperity.model.material import Material
+from asperity.model.problem import Problem
+from asperity.surface import Flat
 
 ROOT = Path(__file__).parents[2]
 DEMO = ROOT / "cases/demo.toml"
@@ -160,6 +163,7 @@ MISTAKES = {
     "mesh.h_contact=0.5e-6": ("mesh.h_contact", "mesh.h_max"),
     "loading.delta_max=": ("loading.delta_max", "missing"),
     "loading.force_max=1e-4": ("loading.force_max", "exactly one"),
+    "loading.pressure_max=1e8": ("loading.delta_max and loading.pressure_max are both given", "exactly one"),
     "loading.delta_max=30": ("loading.delta_max", "same unit"),
     "loading.delta_max=2e-6": ("loading.delta_max", "exceeds the block"),
     "loading.delta_max=30e-15": ("loading.delta_max", "same unit"),
@@ -193,6 +197,7 @@ def test_each_mistake_gives_one_sentence_with_key_value_and_range(override: str)
 
 def test_a_force_too_large_for_the_material_is_a_unit_mistake() -> None:
     assert "check the units" in refusal("loading.delta_max=", "loading.force_max=1")
+    assert "of E/(1 - nu^2), legal" in refusal("loading.delta_max=", "loading.pressure_max=0.1")
 
 
 def test_nitsche_variants_need_an_elastic_material() -> None:
@@ -204,6 +209,21 @@ def test_a_factor_of_nitsche_that_is_too_small_is_refused(gamma: str, theta: str
     elastic = ("material.yield_strength=", "material.tangent_modulus=")
     message = refusal("contact.method=nitsche", f"contact.gamma={gamma}", f"contact.theta={theta}", *elastic)
     assert f"contact.gamma = {gamma} is below" in message
+
+
+def test_a_nominal_pressure_is_a_force_by_another_name() -> None:
+    """The same problem, and the same range of the preload."""
+    by_pressure = Case.load(DEMO, ["loading.delta_max=", "loading.pressure_max=1e8"])
+    by_force = Case.load(DEMO, ["loading.delta_max=", "loading.force_max=1e-4"])
+    forces = [case.problem().load_path.force_max for case in (by_pressure, by_force)]
+    assert forces == pytest.approx([1e-4, 1e-4], rel=1e-14)
+    assert by_pressure.loading.driver == "pressure_max" and by_pressure.greatest_force == forces[0]
+    for force in (1.0, None):
+        pressure = force
+        with pytest.raises(InputError, match="exactly one of delta_max, force_max and pressure_max"):
+            Problem.of(Flat(L=1.0), Material(1.0, 0.3), force_max=force, pressure_max=pressure)
+    with pytest.raises(InputError, match="pressure_max must be positive"):
+        Problem.of(Flat(L=1.0), Material(1.0, 0.3), pressure_max=-1.0)
 
 
 def test_unload_reload_law_needs_an_unloading() -> None:

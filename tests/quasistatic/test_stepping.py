@@ -164,7 +164,7 @@ def test_force_control_gives_up_with_the_curve_so_far(
     solver = press_of(ELASTIC)
     record = Record(1.0, 1.0, ELASTIC.reduced_modulus)
     fail(monkeypatch, lambda call: call > 3)
-    with pytest.raises(ConvergenceError, match=r"on the way to loading\.force_max \(forced\)"):
+    with pytest.raises(ConvergenceError, match=r"on the way to the greatest force \(forced\)"):
         follow(solver, Schedule(force_max=0.01, steps=5), record)
     assert len(record.curve()) == 3
 

@@ -137,8 +137,8 @@ def estimate(case: Case, ranks: int = 1) -> Estimate:
     """
     if case.loading.delta_max is None:
         raise InputError(
-            "an estimate needs loading.delta_max: the approach at loading.force_max is only known after a run; "
-            "replace it, for example --set loading.force_max= --set loading.delta_max=2e-8"
+            f"an estimate needs loading.delta_max: the approach at loading.{case.loading.driver} is only known after a "
+            f"run; replace it, for example --set loading.{case.loading.driver}= --set loading.delta_max=2e-8"
         )
     surface, rates = case.build_surface(), PLASTIC if case.material.yield_strength is not None else ELASTIC
     levels: list[Level] = []

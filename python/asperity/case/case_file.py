@@ -159,6 +159,7 @@ class Case(Input):
             sides=self.block.sides,
             delta_max=loading.delta_max,
             force_max=loading.force_max,
+            pressure_max=loading.pressure_max,
             steps=loading.steps,
             unload_steps=loading.unload_steps if loading.unload else 0,
             cycles=loading.cycles,

@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, Strict
 
+from asperity.model.load_path import greatest_force
 from asperity.model.material import Material
 
 Real = Annotated[float, Strict(), Field(allow_inf_nan=False)]
@@ -171,14 +172,18 @@ class MeshSection(Section):
     file: Text | None = _key("a saved mesh instead", None)
 
 
+DRIVERS = ("delta_max", "force_max", "pressure_max")  # keys of LoadingSection, of which one is given
+
+
 class LoadingSection(Section):
     """Motion of the flat, or its force."""
 
     delta_max: Real | None = _key(
-        "greatest approach from first touch (or force_max)", None, unit=LENGTH, gt=0,
+        "greatest approach from first touch (or force_max or pressure_max)", None, unit=LENGTH, gt=0,
         hint="about 0.03 L",
     )  # fmt: skip
     force_max: Real | None = _key("greatest normal force (or delta_max)", None, unit=FORCE, gt=0)
+    pressure_max: Real | None = _key("greatest nominal pressure, the force over L^2", None, unit=STRESS, gt=0)
     steps: Whole = _key("least number of load steps", 10, ge=1, le=100_000)
     unload: Flag = _key("unload after loading", False)
     cycles: Whole = _key("number of load(-unload) cycles", 1, ge=1, le=1000)
@@ -186,6 +191,11 @@ class LoadingSection(Section):
     integrator: Literal["midpoint", "backward-euler"] = _key(
         "of plasticity along a loading: second or first order in the step", "midpoint"
     )
+
+    @property
+    def driver(self) -> str:
+        """Key of the greatest load: "delta_max", "force_max" or "pressure_max"; the first one if several are given."""
+        return next((key for key in DRIVERS if getattr(self, key) is not None), "")
 
 
 class AccuracySection(Section):
@@ -244,7 +254,8 @@ class OutputSection(Section):
     figures: Flag = _key("figures/*.png", False)
     fields: Flag = _key("fields/ for ParaView", False)
     report: Flag = _key("report.html", False)
-    snapshots: Whole = _key("load levels kept for the pressure map", 4, ge=0, le=1000)
+    distributions: Flag = _key("fields/distributions.csv: shares of the patch by pressure and by gap", False)
+    snapshots: Whole = _key("load levels kept for pressure maps and distributions", 4, ge=0, le=1000)
     checkpoint: Whole = _key("accepted steps from one checkpoint to the next, 0 for none", 1, ge=0)
 
 
@@ -267,6 +278,11 @@ class Input(BaseModel):
     dynamics: DynamicsSection | None = None
     solver: SolverSection = SolverSection()
     output: OutputSection = OutputSection()
+
+    @property
+    def greatest_force(self) -> float | None:
+        """Force at the end of the loading (force); None when it is driven by the approach."""
+        return greatest_force(self.loading.force_max, self.loading.pressure_max, self.surface.L)
 
 
 def input_reference() -> Iterator[tuple[str, str, str, str, str, str]]:

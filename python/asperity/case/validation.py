@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from asperity.case.schema import Input, SelfAffineSection, show
+from asperity.case.schema import DRIVERS, Input, SelfAffineSection, show
 from asperity.errors import InputError
 from asperity.model.settings import H_CONTACT, H_MAX, gamma_too_small, penalty_too_soft
 
@@ -41,9 +41,12 @@ def check_together(case: Input) -> None:
     if contact.method == "nitsche" and contact.gamma and (small := gamma_too_small(contact.gamma, contact.theta)):
         key, _, rest = small.partition(" ")
         _refuse(key, rest)
-    if (loading.delta_max is None) == (loading.force_max is None):
-        state = "are both missing" if loading.delta_max is None else "are both given"
-        _refuse("loading.delta_max", f"and loading.force_max {state}; give exactly one of them")
+    given = [key for key in DRIVERS if getattr(loading, key) is not None]
+    if not given:
+        _refuse("loading.delta_max", "loading.force_max and loading.pressure_max are all missing; give exactly one")
+    if len(given) > 1:
+        first, *others = (f"loading.{key}" for key in given)
+        _refuse(first, f"and {' and '.join(others)} are {'both' if len(given) == 2 else 'all'} given; give exactly one")
     if loading.cycles > 1 and not loading.unload:
         _refuse("loading.cycles", f"= {loading.cycles} needs an unloading between; set loading.unload = true")
     if dynamics and len(set(dynamics.model)) < len(dynamics.model):
@@ -54,7 +57,7 @@ def check_together(case: Input) -> None:
         _refuse("dynamics.law", '= "unload-reload" needs an unloading; set loading.unload = true')
     if dynamics and dynamics.preload is not None:
         full = case.material.E_prime * case.surface.L**2
-        least, most = 1e-12 * full, loading.force_max or full
+        least, most = 1e-12 * full, case.greatest_force or full
         if not least <= dynamics.preload <= most:
             _refuse(
                 "dynamics.preload",
@@ -137,7 +140,7 @@ def _check_lengths(case: Input) -> None:
     if size > h_max:
         given = "" if case.mesh.h_max else ", its default: give that as well"
         _refuse("mesh.h_contact", f"= {size:g} exceeds mesh.h_max = {h_max:g}{given}")
-    delta, force = case.loading.delta_max, case.loading.force_max
+    delta, force, key = case.loading.delta_max, case.greatest_force, case.loading.driver
     if delta is not None and delta >= case.block.height:
         _refuse(
             "loading.delta_max",
@@ -145,9 +148,10 @@ def _check_lengths(case: Input) -> None:
         )
     full = case.material.E_prime * side**2
     if force is not None and not 1e-12 * full <= force <= full:
+        of = "E/(1 - nu^2)" if key == "pressure_max" else "L^2 E/(1 - nu^2)"
         _refuse(
-            "loading.force_max",
-            f"= {force:g} is {force / full:.2g} of L^2 E/(1 - nu^2), legal are 1e-12 to 1; check the units",
+            f"loading.{key}",
+            f"= {getattr(case.loading, key):g} is {force / full:.2g} of {of}, legal are 1e-12 to 1; check the units",
         )
     if case.units == "SI" and side < 1e-4 and case.material.E < 1e3:
         _refuse(

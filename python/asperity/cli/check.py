@@ -23,7 +23,7 @@ def command(case_file: str, case: Case, ranks: int) -> int:
     """
     judge(case)
     if case.loading.delta_max is None:
-        options.say("no estimate: the approach at loading.force_max is only known after a run")
+        options.say(f"no estimate: the approach at loading.{case.loading.driver} is only known after a run")
     else:
         show_estimate(case_file, case, ranks)
     options.say(f"{case_file}: a run accepts this case")

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from asperity.contact.active_set import ActiveSet
-from asperity.contact.interface import Area, Contact
+from asperity.contact.contact_surface import Area
+from asperity.contact.interface import Contact
 from asperity.contact.penalty_nitsche import PressureContact
 
 __all__ = ["ActiveSet", "Area", "Contact", "PressureContact"]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from mpi4py import MPI
 
-from asperity.arrays import Floats, Integers
+from asperity.arrays import Flags, Floats, Integers
 from asperity.contact.contact_surface import ContactSurface
-from asperity.contact.interface import Area
 from asperity.fem.kernels import History
 from asperity.fem.solid import Solid
 
@@ -65,18 +65,17 @@ class ActiveSet:
     def restore(self, history: History) -> None:
         pass
 
-    def area(self) -> Area:
-        """Midpoint rule: each facet counts by the share of its edge nodes that are active.
+    def touched(self) -> tuple[Flags, Floats]:
+        """Edge nodes that are active, each with a third of its facet: the midpoint rule; collective.
 
         Corner nodes do not indicate contact: under a smooth pressure their consistent force vanishes, so the exact
-        solution may leave a small gap there.
+        solution may leave a small gap there. A small contact may lie around one; it has no area.
         """
+        surface, comm = self._surface, self._solid.comm
         owned = np.zeros(3 * self._solid.owned)
         owned[3 * self._nodes[self.active]] = 1.0
         held = self._solid.scatter_forward(owned)[:, 0] > 0.0
-        edges = self._surface.nodes[:, 3:]
-        area = self._surface.area_of(held[edges], np.repeat(self._surface.area[:, None] / 3.0, 3, axis=1))
-        if area.value > 0.0:
-            return area
-        corners = held[self._surface.nodes[:, :3]]  # a small contact may lie around one
-        return self._surface.area_of(corners, np.zeros((len(edges), 3)))
+        edges = held[surface.nodes[:, 3:]]
+        if comm.allreduce(bool(edges.any()), op=MPI.LOR):
+            return edges, np.repeat(surface.area[:, None] / 3.0, 3, axis=1)
+        return held[surface.nodes[:, :3]], np.zeros((len(surface.cells), 3))

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity import _solver
-from asperity.arrays import Floats, Indices
+from asperity.arrays import Flags, Floats, Indices
 from asperity.fem.global_numbering import cell_numbers
 from asperity.fem.solid import Solid
 from asperity.mesh import tet10
@@ -54,6 +54,10 @@ class FacetRule:
     def at_points(self, values: Floats) -> Floats:
         """Values at the quadrature points (F, Q) from those at the nodes of the facets (F, 6)."""
         return values @ self._of_nodes.T
+
+    def of_shape_functions(self) -> Floats:
+        """Integrals of the shape functions over the projected facets (F, 6) [length^2]."""
+        return self.weights @ self._of_nodes
 
 
 class ContactSurface:
@@ -127,7 +131,7 @@ class ContactSurface:
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(self._corner_area > 0.0, force / self._corner_area, 0.0)
 
-    def area_of(self, touched: npt.NDArray[np.bool_], weights: Floats) -> Area:
+    def area_of(self, touched: Flags, weights: Floats) -> Area:
         """Area where points of the facets are touched, and its error; collective.
 
         The edge of the contact crosses facets, and its place within a facet is practically unknown: a standard
@@ -142,6 +146,15 @@ class ContactSurface:
         cut = touched.any(axis=1) & ~touched.all(axis=1)
         sums = self.solid.comm.allreduce(np.array([np.sum(weights[touched]), np.sum(self.area[cut] ** 2)]))
         return Area(float(sums[0]), float(np.sqrt(sums[1] / 3.0)))
+
+    def mean(self, values: Floats) -> float:
+        """Mean over the patch of values at the local nodes (nodes,), projected on the plane of the flat; collective."""
+        if not hasattr(self, "_nodal_area"):
+            rule = FacetRule(self, 4)  # exact for the product of shape function and projected area
+            self._nodal_area = rule.of_shape_functions()
+        sums = np.array([np.sum(self._nodal_area * values[self.nodes]), self._nodal_area.sum()])
+        total, area = self.solid.comm.allreduce(sums)
+        return float(total / area)
 
     @property
     def valence(self) -> Floats:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from asperity.arrays import Floats, Integers
-from asperity.contact.contact_surface import Area
+from asperity.arrays import Flags, Floats, Integers
 from asperity.fem.kernels import History
 
-__all__ = ["Area", "Contact", "Integers"]
+__all__ = ["Contact"]
 
 
 class Contact(Protocol):
@@ -55,5 +54,8 @@ class Contact(Protocol):
     def restore(self, history: History) -> None:
         """Restore a committed history returned by `history`; only called where there is a history."""
 
-    def area(self) -> Area:
-        """Area of contact at the last residual; collective."""
+    def touched(self) -> tuple[Flags, Floats]:
+        """Points of the facets that the flat touches at the last residual (F, Q), and the area of each; collective.
+
+        The areas are projected on the plane of the flat (F, Q) [length^2].
+        """

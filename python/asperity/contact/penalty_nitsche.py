@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from asperity import _solver
-from asperity.arrays import Floats, Integers
+from asperity.arrays import Flags, Floats, Integers
 from asperity.contact.contact_surface import FACET_DEGREE, ContactSurface, FacetRule
-from asperity.contact.interface import Area
 from asperity.errors import InputError
 from asperity.fem.compiled_kernels import compiled
 from asperity.fem.kernels import History
@@ -134,6 +133,6 @@ class PressureContact:
     def restore(self, history: History) -> None:
         self._committed.assign(history)
 
-    def area(self) -> Area:
-        """Area of the quadrature points under pressure; collective."""
-        return self._surface.area_of(self.points > 0.0, self._rule.weights)
+    def touched(self) -> tuple[Flags, Floats]:
+        """Quadrature points under pressure."""
+        return self.points > 0.0, self._rule.weights

@@ -11,6 +11,28 @@ BACKWARD_EULER, MIDPOINT = "backward-euler", "midpoint"
 FIRST_PIECES = (4, 4, 3, 2, 2, 2)  # into which the midpoint rule divides the first planned steps
 
 
+def greatest_force(force_max: float | None, pressure_max: float | None, side: float) -> float | None:
+    """Greatest force of a loading, given as such or as a nominal pressure [force]; None for neither.
+
+    Args:
+        force_max: force [force]
+        pressure_max: force over the nominal area side^2 [force/length^2]
+        side: of the patch [length]
+
+    Raises:
+        InputError: pressure_max is not positive and finite
+
+    Examples:
+        >>> greatest_force(None, 3.0, side=2.0)
+        12.0
+    """
+    if pressure_max is None:
+        return force_max
+    if not 0.0 < pressure_max < inf:
+        raise InputError(f"loading.pressure_max must be positive and finite, it is {pressure_max!r} of its unit")
+    return pressure_max * side**2
+
+
 @dataclass(frozen=True)
 class Schedule:
     """What the flat does; lengths in units of L, forces in units of A_0 E'.

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from asperity.errors import InputError
-from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
+from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule, greatest_force
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.surface import Surface
+
+ONE_OF = "give exactly one of delta_max, force_max and pressure_max"
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +50,7 @@ class Problem:
 
     def __post_init__(self) -> None:
         if (self.load_path.delta_max is None) == (self.load_path.force_max is None):
-            raise InputError("give exactly one of delta_max and force_max")
+            raise InputError(ONE_OF)
 
     @staticmethod
     def of(
@@ -59,6 +61,7 @@ class Problem:
         sides: str = "rollers",
         delta_max: float | None = None,
         force_max: float | None = None,
+        pressure_max: float | None = None,
         steps: int = 10,
         unload_steps: int = 0,
         cycles: int = 1,
@@ -78,6 +81,7 @@ class Problem:
             sides: "rollers" or "free"
             delta_max: greatest approach from first touch [length]
             force_max: greatest force instead [force]
+            pressure_max: greatest nominal pressure instead, the force over L^2 [force/length^2]
             steps, unload_steps, cycles, integrator, substeps: see `load_path.Schedule`
             size: element sizes
             formulation: of the contact
@@ -85,8 +89,11 @@ class Problem:
             options: of the solver
 
         Raises:
-            InputError: not exactly one of delta_max and force_max, or a step count outside its range
+            InputError: not exactly one of delta_max, force_max and pressure_max, or a step count outside its range
         """
+        if (delta_max, force_max, pressure_max).count(None) != 2:
+            raise InputError(ONE_OF)
+        force_max = greatest_force(force_max, pressure_max, surface.L)
         path = Schedule(delta_max, force_max, steps, unload_steps, cycles, integrator, substeps)
         settings = formulation or Formulation(), size or MeshSize(), kernels, options or SolverOptions()
         return Problem(surface, material, path, height, sides, *settings)

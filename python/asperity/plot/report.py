@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import asperity
-from asperity.curve import COLUMNS
+from asperity.curve import COLUMNS, Curve
 from asperity.output.results import Results
 from asperity.plot import CAPTIONS, figures_of, plot_run
 from asperity.plot.citations import publications
@@ -93,10 +93,23 @@ def _outcome(results: Results) -> Rows:
         ("largest force", quantity(curve.force[top], results.unit("force"))),
         ("at the approach", quantity(curve.delta[top], results.unit("length"))),
         ("contact area", f"{100 * curve.area_fraction[top]:.3g} % of the nominal"),
+        *_known(curve, top, results),
         ("largest pressure", quantity(curve.max_pressure[top], results.unit("stress"))),
         ("largest plastic strain", f"{curve.max_plastic_strain[top]:.3g}"),
         ("yielded volume", f"{100 * curve.plastic_fraction[top]:.3g} %"),
     ]
+
+
+def _known(curve: Curve, row: int, results: Results) -> Rows:
+    """Return gap, mean pressure and spots of a row; nothing for a curve without these columns."""
+    rows = []
+    if curve.spots[row]:
+        rows.append(("contact spots", f"{curve.spots[row]}"))
+    for name, words, unit in (("mean_gap", "mean gap", "length"), ("mean_pressure", "mean pressure", "stress")):
+        value = getattr(curve, name)[row]
+        if value == value:
+            rows.append((words, quantity(value, results.unit(unit))))
+    return rows
 
 
 def _figures(results: Results) -> list[Path]:

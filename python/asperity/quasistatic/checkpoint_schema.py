@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from itertools import groupby
 from typing import Any, Literal, get_type_hints
 
@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 
 from asperity.arrays import Array
 from asperity.case.schema import show
-from asperity.curve import COLUMNS
+from asperity.curve import COLUMNS, OPTIONAL
 from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import Counts
 from asperity.quasistatic.stepping import Position
@@ -21,15 +21,15 @@ class _Table(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
 
 
-def _table(keys: Mapping[str, Any]) -> Any:
-    """Keys with their types, none of them optional."""
-    required: dict[str, Any] = {name: (kind, ...) for name, kind in keys.items()}
-    return create_model("Table", __base__=_Table, **required)
+def _table(keys: Mapping[str, Any], optional: Collection[str] = ()) -> Any:
+    """Keys with their types; those of `optional` may be missing."""
+    fields: dict[str, Any] = {name: (kind, None if name in optional else ...) for name, kind in keys.items()}
+    return create_model("Table", __base__=_Table, **fields)
 
 
 _BRANCH = Literal["load", "unload", "reload"]
-_OF_ROW = dict.fromkeys(COLUMNS, float) | dict.fromkeys(("step", "newton", "krylov"), int)
-_ROW = _table({name: kind for name, kind in _OF_ROW.items() if name != "error_P_star"} | {"branch": _BRANCH})
+_OF_ROW = dict.fromkeys(COLUMNS, float) | dict.fromkeys(("step", "newton", "krylov", "spots"), int)
+_ROW = _table(_OF_ROW | {"branch": _BRANCH}, OPTIONAL)
 _SNAPSHOT = _table({"step": int, "branch": _BRANCH, "delta": float, "digest": str})
 _PRESS = _table(
     {

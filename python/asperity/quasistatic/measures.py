@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Floats
+from asperity.contact.spots import spots_of
 from asperity.quasistatic.contact_solver import ContactSolver
 
 TOUCHED = 1e-9  # gap below which a node counts as touched [L]
@@ -37,7 +38,7 @@ class Snapshot:
 
 
 def row(solver: ContactSolver) -> dict[str, Any]:
-    """Columns of the curve that describe the state, dimensionless (E = L = 1); collective."""
+    """Columns of the curve that describe the state, dimensionless (E = L = 1), unknown ones left out; collective."""
     from mpi4py import MPI
 
     solid, comm = solver.solid, solver.solid.comm
@@ -47,13 +48,19 @@ def row(solver: ContactSolver) -> dict[str, Any]:
     sums = comm.allreduce(np.array([yielded, volumes.sum()]))
     peaks = np.array([np.max(solver.pressure, initial=0.0), np.max(strain, initial=0.0)])
     comm.Allreduce(MPI.IN_PLACE, peaks, op=MPI.MAX)
-    area = solver.contact.area()
+    surface, points = solver.contact_surface, solver.contact.touched()
+    area, spots = surface.area_of(*points), spots_of(surface, *points)
+    mean_pressure = {"mean_pressure": solver.force / area.value} if area.value > 0.0 else {}
     return {
         "area_fraction": area.value,
         "error_area_fraction": area.error,
         "max_pressure": float(peaks[0]),
         "plastic_fraction": float(sums[0] / sums[1]),
         "max_plastic_strain": float(peaks[1]),
+        "mean_gap": surface.mean(solver.gap()),
+        **mean_pressure,
+        "spots": spots.count,
+        "largest_spot": spots.largest,
     }
 
 

@@ -273,10 +273,10 @@ def solve_contact(
         block: a mesh to use instead of making one (on rank 0)
         comm: communicator; default all ranks
         snapshots, on_stage, on_step, checkpoint, stop: see `Hooks`
-        problem: delta_max or force_max, steps, height, sides, size and other arguments of `Problem.of`
+        problem: delta_max, force_max or pressure_max, steps, height, sides, size and other arguments of `Problem.of`
 
     Raises:
-        InputError: not exactly one of delta_max and force_max
+        InputError: not exactly one of delta_max, force_max and pressure_max
         MeshError: the surface cannot be meshed
         CheckpointError: the checkpoint cannot be continued from
         OutputError: the checkpoint cannot be written

@@ -21,7 +21,7 @@ from asperity.quasistatic.newton import StepStats
 DEEP, FAR = 0.1, 100.0  # beyond this approach [L], a force more than so many L ahead counts as unreachable
 SMALLEST_CUT = 1.0 / 256  # smallest part of a planned step before a run stops
 FIRST_MOVE = 1e-3  # first step of a loading to a given force [L]
-FORCE_TOLERANCE = 1e-6  # relative, of force_max
+FORCE_TOLERANCE = 1e-6  # relative, of the greatest force
 GROWTH = 1.5  # a cut step grows again by this factor
 
 
@@ -74,6 +74,7 @@ class Record:
         """Append the state of `solver` as a row; collective."""
         state = measures.row(solver)
         force = solver.force * self.E * self.side**2
+        units = self._units()
         row = {
             "step": len(self.rows) + 1,
             "branch": branch,
@@ -81,14 +82,22 @@ class Record:
             "delta_star": solver.delta,
             "force": force,
             "P_star": force / (self.side**2 * self.reduced_modulus),
-            **state,
-            "max_pressure": state["max_pressure"] * self.E,
+            **{name: value * units[name] if name in units else value for name, value in state.items()},
             "newton": stats.newton,
             "krylov": stats.krylov,
             "seconds": seconds,
         }
         self.rows.append(row)
         self.first_contact.update(solver)
+
+    def _units(self) -> dict[str, float]:
+        """Units of the columns that have a dimension."""
+        return {
+            "max_pressure": self.E,
+            "mean_gap": self.side,
+            "mean_pressure": self.E,
+            "largest_spot": self.side**2,
+        }
 
     def curve(self) -> Curve:
         """The rows so far."""
@@ -251,7 +260,7 @@ def _goal(solver: ContactSolver, schedule: Schedule) -> float:
 
 
 def _load_to_force(solver: ContactSolver, schedule: Schedule, at: Position) -> Outcome:
-    """Make a step of a loading to force_max, in about equal steps of force; the last one ends there.
+    """Make a step of a loading to the greatest force, in about equal steps of force; the last one ends there.
 
     A step moves the flat by the planned force over the slope of the step before and accepts the resulting force. Only
     the last position is searched, by regula falsi (Illinois) with trial solves that commit nothing.
@@ -273,7 +282,7 @@ def _load_to_force(solver: ContactSolver, schedule: Schedule, at: Position) -> O
         logging.getLogger(__name__).info("delta/L = %.6g: step cut to %.3g L", solver.delta, step)
         if step < SMALLEST_CUT * at.planned:
             raise ConvergenceError(
-                f"no convergence at delta/L = {target:.6g} on the way to loading.force_max ({stats.reason}); the "
+                f"no convergence at delta/L = {target:.6g} on the way to the greatest force ({stats.reason}); the "
                 f"curve up to delta/L = {solver.delta:.6g} is kept: use more loading.steps"
             )
     force = solver.solved_force()
@@ -283,8 +292,8 @@ def _load_to_force(solver: ContactSolver, schedule: Schedule, at: Position) -> O
     slope = (force - solver.force) / step
     if target > DEEP and goal - force > FAR * slope:
         raise ConvergenceError(
-            f"loading.force_max cannot be reached: at delta/L = {target:.3g} the force is {force / goal:.2g} of it and "
-            f"hardly rises: lower force_max or give delta_max"
+            f"the greatest force cannot be reached: at delta/L = {target:.3g} the force is {force / goal:.2g} of it "
+            f"and hardly rises: lower loading.force_max or pressure_max, or give delta_max"
         )
     wanted = goal / parts / slope if slope > 0.0 else 2.0 * step
     step = min(max(wanted, 0.1 * step), 2.0 * step)

@@ -165,6 +165,16 @@ class Westergaard:
 
     deflection = approach  # former name
 
+    def mean_gap(self, pressure: ArrayLike) -> Array:
+        """Return the mean gap A (1 - r + r ln r), r = p/p* (length): A at first touch, 0 in full contact.
+
+        Examples:
+            >>> wave = asp.reference.Westergaard(A=0.01, lam=1.0, E_prime=1.0)
+            >>> wave.mean_gap([0.0, 0.5 * wave.full_pressure, wave.full_pressure]).round(5)
+            array([0.01   , 0.00153, 0.     ])
+        """
+        return self.A - self.approach(pressure)
+
     def pressure(self, x: ArrayLike, mean: float) -> Array:
         """Return the pressure at x (crest at 0) under a mean pressure below p* (Johnson 13.8)."""
         angle = np.pi * np.asarray(x, float) / self.lam
@@ -242,6 +252,10 @@ class DoubleSinusoid:
         return self.A * self._table(pressure, 2)
 
     deflection = approach  # former name
+
+    def mean_gap(self, pressure: ArrayLike) -> Array:
+        """Return the mean gap (length): A at first touch, 0 in full contact."""
+        return self.A - self.approach(pressure)
 
 
 def area_coefficient(theory: Literal["persson", "bush-gibson-thomas"]) -> float:

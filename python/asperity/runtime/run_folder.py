@@ -18,6 +18,7 @@ FREE, RESPONSE, BAND, THRESHOLDS = "free.csv", "response.csv", "band.csv", "thre
 REPORT = "report.html"
 FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
 TOP, BLOCK, VTKHDF = "top.npz", "mesh.npz", "contact.vtkhdf"  # in fields
+DISTRIBUTIONS = "distributions.csv"  # in fields
 PICTURES = (
     "surface", "mesh", "curve", "area", "pressure", "plasticity", "frequency", "response", "scene",
 )  # in figures, .png # fmt: skip
@@ -26,7 +27,7 @@ MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpo
 #: All files and folders that a run writes, folders after their files; without those of the checkpoint.
 PRODUCTS = (
     CURVE, SUMMARY, LOG, FREE, RESPONSE, BAND, THRESHOLDS, REPORT,
-    *(f"{FIELDS}/{name}" for name in (BLOCK, TOP, VTKHDF)), FIELDS,
+    *(f"{FIELDS}/{name}" for name in (BLOCK, TOP, VTKHDF, DISTRIBUTIONS)), FIELDS,
     *(f"{FIGURES}/{name}.png" for name in PICTURES), FIGURES,
     CASE,
 )  # fmt: skip

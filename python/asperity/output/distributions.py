@@ -1,0 +1,60 @@
+"""Distributions of the contact pressure and of the gap over the patch, at the load levels kept."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from asperity.arrays import Floats
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.tet10 import facet_quadrature
+from asperity.output.fields import State, top_facets
+from asperity.runtime.files import replace_file
+
+BINS = 50  # of equal width, from zero to the greatest value of the step
+TOUCHING = 1e-9  # gap below which a point is in contact [L]
+HEADER = ("step", "branch", "delta", "quantity", "low", "high", "share")
+
+
+def write_distributions(path: Path, block: BlockMesh, states: list[State]) -> None:
+    """Write a CSV file with a row per bin, see `distributions`; rank 0 only."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    table.writerow(HEADER)
+    for state, quantity, edges, shares in distributions(block, states):
+        for low, high, share in zip(edges[:-1], edges[1:], shares, strict=True):
+            table.writerow((state.step, state.branch, state.delta, quantity, low, high, share))
+    replace_file(path, text.getvalue().encode())
+
+
+def distributions(block: BlockMesh, states: list[State]) -> Iterator[tuple[State, str, Floats, Floats]]:
+    """Yield state, quantity, edges of the bins (BINS + 1,) and shares of the patch (BINS,) of each state and quantity.
+
+    The quantity "pressure" [force/length^2] has the points in contact, "gap" [length] the others. The shares of the
+    pressure add up to about the area fraction; the pressure of a facet that the edge of the contact cuts is spread over
+    the facet. The order of the mesh as built makes the shares independent of the number of ranks.
+    """
+    facets = top_facets(block)
+    shape, weights = _facet_rule()
+    a, b, c = np.moveaxis(block.points[facets[:, :3], :2], 1, 0)
+    areas = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    shares = (areas[:, None] * weights / (areas.sum() * weights.sum())).ravel()
+    for state in states:
+        for quantity, least in (("pressure", 0.0), ("gap", TOUCHING * block.side)):
+            values = (getattr(state, quantity)[facets] @ shape.T).ravel()
+            counted = values > least
+            edges = np.linspace(0.0, max(float(values.max()), least) or 1.0, BINS + 1)
+            in_bins, _ = np.histogram(values[counted], edges, weights=shares[counted])
+            yield state, quantity, np.asarray(edges, dtype=float), np.asarray(in_bins, dtype=float)
+
+
+def _facet_rule() -> tuple[Floats, Floats]:
+    """Shape functions of a facet (Q, 6), corners then edges 01, 12, 20, and weights (Q,)."""
+    points, weights = facet_quadrature(4, splits=2)
+    corners = np.column_stack([1.0 - points.sum(axis=1), points])
+    edges = 4.0 * corners * np.roll(corners, -1, axis=1)
+    return np.column_stack([corners * (2.0 * corners - 1.0), edges]), weights

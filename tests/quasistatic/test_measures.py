@@ -1,0 +1,134 @@
+"""Mean gap, mean pressure and contact spots against closed forms, on any number of ranks; their distributions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from asperity import reference as ref
+from asperity.curve import Curve
+from asperity.model.material import Material
+from asperity.model.settings import Formulation, MeshSize
+from asperity.output.distributions import distributions, write_distributions
+from asperity.output.fields import gather_states
+from asperity.output.results import Results
+from asperity.quasistatic.solve_contact import ContactResult, solve_contact
+from asperity.surface import Sinusoid, Surface
+
+NU = 0.3
+ELASTIC = Material(1.0, NU)
+EACH = pytest.mark.parametrize(
+    "formulation", [Formulation(), Formulation("penalty"), Formulation("nitsche")], ids=lambda f: f.method
+)
+
+
+def here() -> Any:
+    from mpi4py import MPI
+
+    return MPI.COMM_SELF
+
+
+def world() -> Any:
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD
+
+
+@EACH
+def test_mean_gap_of_westergaard(formulation: Formulation) -> None:
+    """Closed form at the pressure of each step; a mean gap is free of the compression of the block."""
+    amplitude = 0.002
+    surface = Sinusoid(L=1.0, amplitude=amplitude, wavelength=2.0, dims=1, centre=(0.0, 0.0))
+    wave = ref.Westergaard(amplitude, 2.0, ref.reduced_modulus(1.0, NU))
+    curve = solve_contact(
+        surface, ELASTIC, height=2.0, delta_max=1.5 * amplitude, steps=4, formulation=formulation, comm=here(),
+        size=MeshSize(0.06, growth=0.5, h_max=0.5),
+    ).curve  # fmt: skip
+    np.testing.assert_allclose(curve.mean_gap, wave.mean_gap(curve.force), atol=0.004 * amplitude)
+    np.testing.assert_allclose(curve.mean_pressure, curve.force / curve.area_fraction)
+
+
+def test_mean_gap_of_a_wave_in_two_directions() -> None:
+    """Against the half-space table of Johnson, Greenwood and Higginson; lengths and pressures in physical units."""
+    amplitude, side, E = 0.004, 3e-6, 2e11
+    surface = Sinusoid(L=side, amplitude=amplitude * side, wavelength=side, dims=2)
+    wave = ref.DoubleSinusoid(amplitude * side, side, ref.reduced_modulus(E, NU))
+    curve = solve_contact(
+        surface, Material(E, NU), height=2.0 * side, delta_max=1.2 * amplitude * side, steps=2, comm=here(),
+        size=MeshSize(0.05 * side, growth=0.5, h_max=0.5 * side),
+    ).curve  # fmt: skip
+    np.testing.assert_allclose(curve.mean_gap, wave.mean_gap(curve.force / side**2), atol=0.005 * amplitude * side)
+
+
+@EACH
+def test_spots_of_a_chequered_wave(formulation: Formulation) -> None:
+    """Crests at the corners, in the middles of the edges and between: 13 in the patch, 4 of them whole; all ranks."""
+    surface = Sinusoid(L=2.0, amplitude=0.02, wavelength=1.0, dims=2)
+    curve = solve_contact(
+        surface, ELASTIC, delta_max=0.012, steps=2, formulation=formulation, size=MeshSize(0.08, growth=0.6),
+        comm=world(),
+    ).curve  # fmt: skip
+    assert curve.spots.tolist() == [13, 13]
+    # of 16 half spots: five whole ones, four halves, four quarters make eight
+    np.testing.assert_allclose(curve.largest_spot, 4.0 * curve.area_fraction / 8.0, rtol=0.05)
+
+
+@pytest.fixture(scope="module")
+def pressed() -> ContactResult:
+    from asperity.surface import Sphere
+
+    cap = Sphere(L=1.0, radius=10.0, centre=(0.0, 0.0), shape="paraboloid")
+    return solve_contact(
+        cap, ELASTIC, delta_max=0.1**2 / 10.0, steps=1, snapshots=1, size=MeshSize(0.01, growth=0.5), comm=here()
+    )
+
+
+def test_pressures_of_hertz(pressed: ContactResult) -> None:
+    """Mean 2/3 of the peak; the share of the force carried at pressures below p is (p/p0)^3."""
+    curve, block = pressed.curve, pressed.block
+    assert block is not None
+    assert curve.mean_pressure[-1] == pytest.approx(2.0 / 3.0 * curve.max_pressure[-1], rel=0.02)
+    states = gather_states(pressed, 1.0, 1.0)
+    found = {quantity: (edges, shares) for _, quantity, edges, shares in distributions(block, states)}
+    edges, shares = found["pressure"]
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    assert middles @ shares == pytest.approx(curve.force[-1], rel=0.005)
+    carried = np.cumsum(middles * shares) / (middles @ shares)
+    np.testing.assert_allclose(carried, (edges[1:] / edges[-1]) ** 3, atol=0.04)
+    edges, shares = found["gap"]
+    assert 0.5 * (edges[1:] + edges[:-1]) @ shares == pytest.approx(curve.mean_gap[-1], rel=0.005)
+    assert shares.sum() == pytest.approx(1.0 - curve.area_fraction[-1], abs=0.003)
+
+
+def test_distributions_are_a_table(pressed: ContactResult, tmp_path: Path) -> None:
+    assert pressed.block is not None
+    write_distributions(tmp_path / "distributions.csv", pressed.block, gather_states(pressed, 1.0, 1.0))
+    lines = (tmp_path / "distributions.csv").read_text().splitlines()
+    assert lines[0] == "step,branch,delta,quantity,low,high,share"
+    assert len(lines) == 101 and lines[1].split(",")[3:5] == ["pressure", "0.0"]
+
+
+def test_ranks_agree(wave: Surface, coarse_wave: Any) -> None:
+    """Measures and distributions of all ranks are those of one."""
+    material, found = Material(1.0, NU, 0.01, 0.05), []
+    for comm in (here(), world()):
+        block = world().bcast(coarse_wave) if comm.size == 1 else coarse_wave
+        result = solve_contact(wave, material, delta_max=0.02, steps=2, block=block, snapshots=1, comm=comm)
+        states = gather_states(result, 1.0, 1.0)
+        shares = [] if result.block is None else [s for *_, s in distributions(result.block, states)]
+        found.append((result.curve, world().bcast(shares)))
+    (one, shares_of_one), (all_, shares_of_all) = found
+    for name in ("mean_gap", "mean_pressure", "spots", "largest_spot"):
+        np.testing.assert_allclose(getattr(all_, name), getattr(one, name), rtol=1e-6)
+    np.testing.assert_allclose(shares_of_all, shares_of_one, atol=1e-6)
+
+
+def test_curves_without_the_columns_are_read(tmp_path: Path) -> None:
+    """As stored by an older version."""
+    (tmp_path / "curve.csv").write_text("step,branch,delta,force\n1,load,0.5,2.0\n")
+    curve = Results.read(tmp_path).curve
+    assert isinstance(curve, Curve)
+    assert np.isnan(curve.mean_gap).all() and curve.spots.tolist() == [0]
