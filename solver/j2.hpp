@@ -15,12 +15,6 @@ struct J2
   double lambda, mu;       // Lame moduli [force/length^2]
   double yield, hardening; // initial yield stress and plastic modulus H = E E_t/(E - E_t) [force/length^2]
 
-  struct State
-  {
-    Sym plastic_strain;
-    double accumulated; // plastic strain
-  };
-
   struct Response
   {
     Sym stress, direction; // the unit direction of flow
@@ -54,6 +48,8 @@ struct J2
     }
     return r;
   }
+
+  Moduli elastic() const { return {lambda, mu, 0.0}; }
 
   /// The consistent tangent.
   Moduli tangent(const Response& r) const { return {lambda + 2.0 / 3.0 * mu * (1.0 - r.theta), mu * r.theta, r.chi}; }

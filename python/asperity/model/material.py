@@ -5,7 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from asperity.arrays import Floats
 from asperity.errors import InputError
+
+PAIRS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # in products of tensors (..., 6): off-diagonal components count twice
 
 
 @dataclass(frozen=True)
@@ -77,16 +82,58 @@ class Material:
         return Material(self.E / stress, self.nu, strength, self.tangent_modulus / stress)
 
     @property
-    def parameters(self) -> tuple[float, float, float, float]:
-        """(lambda, mu, yield stress, H) as the kernels take them; an elastic material never yields."""
-        strength = float("inf") if self.yield_strength is None else self.yield_strength
-        return (*self.lame, strength, self.hardening)
+    def law(self) -> tuple[str, dict[str, float]]:
+        """Name of the law in solver/laws.hpp and its parameters [force/length^2]."""
+        lam, mu = self.lame
+        if self.yield_strength is None:
+            return "Elastic", {"lam": lam, "mu": mu}
+        return "J2", {"lam": lam, "mu": mu, "yield_stress": self.yield_strength, "hardening": self.hardening}
+
+    def respond_ufl(self, strain: Any, plastic_strain: Any, alpha: Any, parameters: Any) -> tuple[Any, Any, Any]:
+        """Response of the law to a strain, in UFL: the readable twin of the compiled one.
+
+        Args:
+            strain: total strain, tensor (3, 3)
+            plastic_strain: committed plastic strain, tensor (3, 3), deviatoric
+            alpha: committed accumulated plastic strain
+            parameters: of the law by name, numbers or UFL constants
+
+        Returns:
+            stress, plastic strain and accumulated plastic strain at the end of the step
+        """
+        if self.plastic:
+            return return_map_ufl(strain, plastic_strain, alpha, **parameters)
+        return hooke_ufl(strain, **parameters), plastic_strain, alpha
+
+    def elastic_energy(self, stress: Floats) -> Floats:
+        """Elastic energy per volume of a stress (..., 6) [force/length^2]."""
+        trace = stress[..., :3].sum(axis=-1)
+        squared = np.einsum("...i,...i,i->...", stress, stress, PAIRS)
+        energy: Floats = ((1.0 + self.nu) * squared - self.nu * trace**2) / (2.0 * self.E)
+        return energy
+
+    def dissipated_energy(self, accumulated: Floats) -> Floats:
+        """Energy per volume dissipated by plastic flow, sigma_y a + H a^2/2 [force/length^2].
+
+        Args:
+            accumulated: accumulated plastic strain a
+        """
+        if self.yield_strength is None:
+            return np.zeros_like(accumulated)
+        return accumulated * (self.yield_strength + 0.5 * self.hardening * accumulated)
+
+
+def hooke_ufl(strain: Any, lam: Any, mu: Any) -> Any:
+    """Stress of linear isotropic elasticity, the readable twin of solver/elastic.hpp."""
+    import ufl
+
+    return lam * ufl.tr(strain) * ufl.Identity(3) + 2.0 * mu * strain
 
 
 def return_map_ufl(
-    strain: Any, plastic_strain: Any, alpha: Any, lam: Any, mu: Any, strength: Any, hardening: Any
+    strain: Any, plastic_strain: Any, alpha: Any, lam: Any, mu: Any, yield_stress: Any, hardening: Any
 ) -> tuple[Any, Any, Any]:
-    """Radial return in closed form: the readable twin of the compiled kernel.
+    """Radial return in closed form: the readable twin of solver/j2.hpp.
 
     Simo & Hughes, Computational Inelasticity (1998), box 3.2, with linear isotropic hardening, for which the
     consistency condition is linear in the plastic multiplier.
@@ -96,7 +143,7 @@ def return_map_ufl(
         plastic_strain: committed plastic strain, UFL tensor (3, 3), deviatoric
         alpha: committed accumulated plastic strain
         lam, mu: Lame moduli [force/length^2]
-        strength: initial yield stress [force/length^2]
+        yield_stress: initial yield stress [force/length^2]
         hardening: plastic modulus H [force/length^2]
 
     Returns:
@@ -107,7 +154,7 @@ def return_map_ufl(
     bulk = lam + 2.0 * mu / 3.0
     s_trial = 2.0 * mu * (ufl.dev(strain) - plastic_strain)
     squared = 1.5 * ufl.inner(s_trial, s_trial)
-    size = strength + hardening * alpha
+    size = yield_stress + hardening * alpha
     yields = ufl.gt(squared, size * size)
     # the square root is only differentiated where it is far from zero
     q = ufl.sqrt(ufl.conditional(yields, squared, size * size))
