@@ -25,13 +25,15 @@ void bind_laws(nb::module_& m)
       .def_ro("lam", &Elastic::lambda)
       .def_ro("mu", &Elastic::mu);
   nb::class_<J2>(m, "J2",
-                 "J2 plasticity with linear isotropic hardening: Lame moduli, initial yield stress, plastic modulus "
-                 "[force/length^2].")
-      .def(nb::init<double, double, double, double>(), "lam"_a, "mu"_a, "yield_stress"_a, "hardening"_a)
+                 "J2 plasticity with linear hardening: Lame moduli, initial yield stress, plastic modulus "
+                 "[force/length^2], share of the hardening that is kinematic.")
+      .def(nb::init<double, double, double, double, double>(), "lam"_a, "mu"_a, "yield_stress"_a, "hardening"_a,
+           "kinematic_share"_a)
       .def_ro("lam", &J2::lambda)
       .def_ro("mu", &J2::mu)
       .def_ro("yield_stress", &J2::yield)
-      .def_ro("hardening", &J2::hardening);
+      .def_ro("hardening", &J2::hardening)
+      .def_ro("kinematic_share", &J2::kinematic_share);
 }
 
 void bind_cells(nb::module_& m)

@@ -212,8 +212,8 @@ def test_a_law_names_its_parameters() -> None:
     lam, mu = SOLID.lame
     elastic = _solver.Elastic(lam=lam, mu=mu)
     assert (elastic.lam, elastic.mu) == (lam, mu)
-    law = _solver.J2(lam=lam, mu=mu, yield_stress=0.005, hardening=0.25)
-    assert (law.lam, law.mu, law.yield_stress, law.hardening) == (lam, mu, 0.005, 0.25)
+    law = _solver.J2(lam=lam, mu=mu, yield_stress=0.005, hardening=0.25, kinematic_share=0.4)
+    assert (law.lam, law.mu, law.yield_stress, law.hardening, law.kinematic_share) == (lam, mu, 0.005, 0.25, 0.4)
     with pytest.raises(AttributeError):
         law.mu = 1.0
     with pytest.raises(TypeError):
@@ -224,7 +224,7 @@ def test_the_laws_agree_below_yield() -> None:
     """Two pieces of code, one stress: the force of J2 that does not flow is the elastic one."""
     arguments = SMALL["residual"]
     b, expected = np.zeros_like(arguments["b"]), np.zeros_like(arguments["b"])
-    never = _solver.J2(*SOLID.lame, float("inf"), 0.0)
+    never = _solver.J2(*SOLID.lame, float("inf"), 0.0, 0.0)
     assert _solver.residual(**arguments | {"law": never, "b": b}) == 0
     assert _solver.residual(**arguments | {"law": _solver.Elastic(*SOLID.lame), "b": expected}) == 0
     np.testing.assert_allclose(b, expected, atol=1e-13 * np.abs(expected).max())

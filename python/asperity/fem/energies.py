@@ -1,4 +1,4 @@
-"""Stored and dissipated energy of a solid, and the plastic work of a step."""
+"""Stored and dissipated energy of a solid, and the dissipation of a step."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from asperity.model.material import PAIRS
 
 
 def energies(solid: Solid, force: Floats) -> tuple[float, float]:
-    """Stored elastic and dissipated plastic energy over the committed history [E L^3]; part of this rank.
+    """Stored and dissipated energy over the committed history [E L^3]; part of this rank.
+
+    Elastic strain and back stress store energy.
 
     Args:
         solid: in the state to measure
@@ -24,12 +26,14 @@ def energies(solid: Solid, force: Floats) -> tuple[float, float]:
     stored = float(np.vdot(kernels.volumes, material.elastic_energy(kernels.stress(u))))
     history = kernels.history()
     yielded = history.changed()
-    dissipated = material.dissipated_energy(history.accumulated[yielded])
-    return stored, float(np.vdot(kernels.volumes[yielded], dissipated))
+    volumes = kernels.volumes[yielded]
+    stored += float(np.vdot(volumes, material.hardening_energy(history.plastic_strain[yielded])))
+    return stored, float(np.vdot(volumes, material.dissipated_energy(history.accumulated[yielded])))
 
 
-def plastic_work(solid: Solid, before: History) -> tuple[float, float]:
-    """Plastic work of a step, sum sigma : d eps_p [E L^3], and the greatest decrease of the accumulated plastic strain.
+def dissipation(solid: Solid, before: History) -> tuple[float, float]:
+    """Plastic work of a step less what the back stress X stores, sum (sigma - X) : d eps_p [E L^3], and the greatest
+    decrease of the accumulated plastic strain.
 
     Part of this rank; zero for an elastic solid.
 
@@ -41,7 +45,8 @@ def plastic_work(solid: Solid, before: History) -> tuple[float, float]:
     if not after.rows:
         return 0.0, 0.0
     yielded = after.changed()
-    stress = solid.kernels.stress(solid.u.x.array.reshape(-1, 3))[yielded] * PAIRS
+    driving = solid.kernels.stress(solid.u.x.array.reshape(-1, 3))[yielded]
+    driving -= solid.material.back_stress(after.plastic_strain[yielded])
     flow = after.plastic_strain[yielded] - before.plastic_strain[yielded]
-    work = float(np.einsum("cq,cqi,cqi", solid.kernels.volumes[yielded], stress, flow))
+    work = float(np.einsum("cq,cqi,cqi,i", solid.kernels.volumes[yielded], driving, flow, PAIRS))
     return work, float(np.max(before.accumulated - after.accumulated))
