@@ -133,7 +133,7 @@ class Hexahedra:
         element = basix.ufl.quadrature_element("hexahedron", value_shape=(7,), degree=degree)
         self.history = h = fem.Function(fem.functionspace(mesh, element))
         plastic_strain = ufl.as_matrix([[h[0], h[3], h[4]], [h[3], h[1], h[5]], [h[4], h[5], h[2]]])
-        stress, flow, alpha = return_map_ufl(strain, plastic_strain, h[6], *material.parameters)
+        stress, flow, alpha = return_map_ufl(strain, plastic_strain, h[6], **material.law[1])
         flowed = ufl.as_vector([*(flow[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))), alpha])
         self._flowed = fem.Expression(flowed, element.custom_quadrature()[0], mesh.comm)
         self._cells = np.arange(mesh.topology.index_map(3).size_local, dtype=np.int32)

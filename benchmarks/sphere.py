@@ -75,7 +75,7 @@ class Hemisphere:
         element = basix.ufl.quadrature_element("triangle", value_shape=(5,), degree=2)
         self.history = h = fem.Function(fem.functionspace(mesh, element))
         plastic_strain = ufl.as_tensor([[h[0], h[3], 0], [h[3], h[1], 0], [0, 0, h[2]]])
-        stress, flow, alpha = return_map_ufl(strain(self.u), plastic_strain, h[4], *material.parameters)
+        stress, flow, alpha = return_map_ufl(strain(self.u), plastic_strain, h[4], **material.law[1])
         work = 2 * np.pi * ufl.inner(stress, strain(v)) * r * ufl.dx(metadata={"quadrature_degree": 2})
         self._force, self._tangent = fem.form(work), fem.form(ufl.derivative(work, self.u))
         flowed = ufl.as_vector([flow[0, 0], flow[1, 1], flow[2, 2], flow[0, 1], alpha])

@@ -1,41 +1,11 @@
 // Kernels over cells, see cells.hpp. Each has one loop over cells and one over their quadrature points, the latter in
-// `Cells::at_points`; the parts that depend on the material are templates over the law.
+// `Cells::at_points`; those that depend on the material are compiled for each law, see laws.hpp.
 #include "cells.hpp"
 
 namespace asperity
 {
 namespace
 {
-/// The history of a law without one.
-struct NoHistory
-{
-  Elastic::State at(std::size_t) const { return {}; }
-  void put(std::size_t, const Elastic::State&) const {}
-};
-
-/// Add the internal force to `b`, write the trial history, and call `report(cell, points of it that flow)`.
-template <SmallStrainLaw Law, typename Kept, typename Report>
-void residual(const Cells& cells, const Law& law, const double* u, const Kept& committed, const Kept& trial,
-              Report report, double* b)
-{
-  for (std::size_t c = 0; c < cells.count(); ++c)
-  {
-    const Gradients uc = gather(u, cells.dofs_of(c));
-    Gradients f{};
-    int flowing = 0;
-    cells.at_points(c,
-                    [&](const Point& p)
-                    {
-                      const auto r = law.respond(strain(p.g, uc), committed.at(p.index));
-                      trial.put(p.index, r.state);
-                      flowing += r.plastic;
-                      add_residual(p.g, r.stress, p.volume, f);
-                    });
-    report(c, flowing);
-    scatter(f, cells.dofs_of(c), b);
-  }
-}
-
 /// Add the element matrix of a cell to the values, `at_point(p, A)` adding the part of a quadrature point.
 template <typename AtPoint>
 void add_cell(const Cells& cells, std::size_t c, const BlockPattern& pattern, double* values, AtPoint at_point)
@@ -66,9 +36,10 @@ History::History(Array<double> plastic_strain, Array<double> accumulated)
   expect("accumulated", accumulated, {plastic_strain.shape(0), plastic_strain.shape(1)});
 }
 
-void History::expect_shape(const char* name, std::size_t cells, std::size_t points) const
+void History::expect_shape(const char* name, std::size_t rows, std::size_t points) const
 {
-  expect((std::string("plastic strain of ") + name).c_str(), plastic_strain, {cells, points, 6});
+  if (!empty())
+    expect((std::string("plastic strain of ") + name).c_str(), plastic_strain, {rows, points, 6});
 }
 
 BlockPattern::BlockPattern(Array<const int> cell_dofs, Array<const int> indptr, Array<const int> indices)
@@ -126,15 +97,8 @@ void min_jacobian(const Cells& cells, const Array<double>& out)
   }
 }
 
-void residual_elastic(const Cells& cells, const Elastic& law, const Array<const double>& u, const Array<double>& b)
-{
-  cells.expect_nodal("u", u);
-  cells.expect_nodal("b", b);
-  residual(cells, law, u.data(), NoHistory{}, NoHistory{}, [](std::size_t, int) {}, b.data());
-}
-
-std::int64_t residual_j2(const Cells& cells, const J2& law, const Array<const double>& u, const History& committed,
-                         const History& trial, const Array<bool>& plastic, const Array<double>& b)
+std::int64_t residual(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
+                      const History& trial, const Array<bool>& plastic, const Array<double>& b)
 {
   cells.expect_nodal("u", u);
   committed.expect_shape("committed", cells.count(), cells.points());
@@ -142,60 +106,83 @@ std::int64_t residual_j2(const Cells& cells, const J2& law, const Array<const do
   expect("plastic", plastic, {cells.count()});
   cells.expect_nodal("b", b);
   std::int64_t total = 0;
-  const auto report = [&](std::size_t c, int flowing)
-  {
-    plastic.data()[c] = flowing > 0;
-    total += flowing;
-  };
-  residual(cells, law, u.data(), committed, trial, report, b.data());
+  with_law(law,
+           [&](const auto& material)
+           {
+             for (std::size_t c = 0; c < cells.count(); ++c)
+             {
+               const Gradients uc = gather(u.data(), cells.dofs_of(c));
+               Gradients f{};
+               int flowing = 0;
+               cells.at_points(c,
+                               [&](const Point& p)
+                               {
+                                 const auto r = material.respond(strain(p.g, uc), committed.at(p.index));
+                                 trial.put(p.index, r.state);
+                                 flowing += r.plastic;
+                                 add_residual(p.g, r.stress, p.volume, f);
+                               });
+               plastic.data()[c] = flowing > 0;
+               total += flowing;
+               scatter(f, cells.dofs_of(c), b.data());
+             }
+           });
   return total;
 }
 
-void stiffness_elastic(const Cells& cells, const Elastic& law, const BlockPattern& pattern, const Array<double>& values)
+void stiffness_elastic(const Cells& cells, const Law& law, const BlockPattern& pattern, const Array<double>& values)
 {
   double* out = pattern.start(values, cells.count());
+  const Moduli moduli = with_law(law, [](const auto& material) { return material.elastic(); });
   for (std::size_t c = 0; c < cells.count(); ++c)
-    add_cell(cells, c, pattern, out,
-             [&](const Point& p, double* A) { add_stiffness(p.g, law.tangent(), {}, p.volume, A); });
+    add_cell(cells, c, pattern, out, [&](const Point& p, double* A) { add_stiffness(p.g, moduli, {}, p.volume, A); });
 }
 
-void stiffness_plastic(const Cells& cells, const J2& law, const Array<const double>& u, const History& committed,
+void stiffness_plastic(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
                        const Array<const bool>& plastic, const BlockPattern& pattern, const Array<double>& values)
 {
   cells.expect_nodal("u", u);
   committed.expect_shape("committed", cells.count(), cells.points());
   expect("plastic", plastic, {cells.count()});
   double* out = pattern.start(values, cells.count());
-  for (std::size_t c = 0; c < cells.count(); ++c)
-  {
-    if (!plastic.data()[c])
-      continue;
-    const Gradients uc = gather(u.data(), cells.dofs_of(c));
-    add_cell(cells, c, pattern, out,
-             [&](const Point& p, double* A)
+  with_law(law,
+           [&](const auto& material)
+           {
+             for (std::size_t c = 0; c < cells.count(); ++c)
              {
-               const J2::Response r = law.respond(strain(p.g, uc), committed.at(p.index));
-               if (r.plastic)
-                 add_stiffness(p.g, law.softening(r), r.direction, p.volume, A);
-             });
-  }
+               if (!plastic.data()[c])
+                 continue;
+               const Gradients uc = gather(u.data(), cells.dofs_of(c));
+               add_cell(cells, c, pattern, out,
+                        [&](const Point& p, double* A)
+                        {
+                          const auto r = material.respond(strain(p.g, uc), committed.at(p.index));
+                          if (r.plastic)
+                            add_stiffness(p.g, material.softening(r), r.direction, p.volume, A);
+                        });
+             }
+           });
 }
 
-void stress(const Cells& cells, const J2& law, const Array<const double>& u, const History& committed,
+void stress(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
             const Array<double>& out)
 {
   cells.expect_nodal("u", u);
   committed.expect_shape("committed", cells.count(), cells.points());
   expect("out", out, {cells.count(), cells.points(), 6});
-  for (std::size_t c = 0; c < cells.count(); ++c)
-  {
-    const Gradients uc = gather(u.data(), cells.dofs_of(c));
-    cells.at_points(c,
-                    [&](const Point& p)
-                    {
-                      const J2::Response r = law.respond(strain(p.g, uc), committed.at(p.index));
-                      std::copy_n(r.stress.begin(), 6, out.data() + 6 * p.index);
-                    });
-  }
+  with_law(law,
+           [&](const auto& material)
+           {
+             for (std::size_t c = 0; c < cells.count(); ++c)
+             {
+               const Gradients uc = gather(u.data(), cells.dofs_of(c));
+               cells.at_points(c,
+                               [&](const Point& p)
+                               {
+                                 const auto r = material.respond(strain(p.g, uc), committed.at(p.index));
+                                 std::copy_n(r.stress.begin(), 6, out.data() + 6 * p.index);
+                               });
+             }
+           });
 }
 } // namespace asperity

@@ -2,8 +2,7 @@
 #pragma once
 
 #include "arrays.hpp"
-#include "elastic.hpp"
-#include "j2.hpp"
+#include "laws.hpp"
 #include "tet10.hpp"
 
 #include <cstdint>
@@ -58,24 +57,33 @@ struct Cells
   }
 };
 
-/// Committed or trial history of a J2 solid: plastic strain (cells, points, 6), accumulated (cells, points). The class
-/// History of asperity.fem.kernels has the same variables.
+/// Committed or trial history of a solid: plastic strain (rows, points, 6), accumulated (rows, points), a row per cell
+/// or facet. Without rows it is that of a virgin material and nothing is written. The class History of
+/// asperity.fem.kernels has the same variables.
 struct History
 {
   Array<double> plastic_strain, accumulated;
 
   History(Array<double> plastic_strain, Array<double> accumulated);
 
-  void expect_shape(const char* name, std::size_t cells, std::size_t points) const;
-  J2::State at(std::size_t index) const
+  bool empty() const { return accumulated.shape(0) == 0; }
+
+  /// Refuse a history that is not empty and has another shape.
+  void expect_shape(const char* name, std::size_t rows, std::size_t points) const;
+
+  State at(std::size_t index) const
   {
-    J2::State state;
+    State state;
+    if (empty())
+      return state;
     std::copy_n(plastic_strain.data() + 6 * index, 6, state.plastic_strain.begin());
     state.accumulated = accumulated.data()[index];
     return state;
   }
-  void put(std::size_t index, const J2::State& state) const
+  void put(std::size_t index, const State& state) const
   {
+    if (empty())
+      return;
     std::copy_n(state.plastic_strain.begin(), 6, plastic_strain.data() + 6 * index);
     accumulated.data()[index] = state.accumulated;
   }
@@ -135,23 +143,19 @@ void volumes(const Cells& cells, const Array<double>& out);
 /// Smallest Jacobian determinant over the quadrature points of each cell, out (cells).
 void min_jacobian(const Cells& cells, const Array<double>& out);
 
-/// Add the internal force of the displacement `u` (nodes, 3) to `b` (nodes, 3).
-void residual_elastic(const Cells& cells, const Elastic& law, const Array<const double>& u, const Array<double>& b);
-
-/// The same with plastic flow: one pass gives stress, trial history and `plastic` (cells), whether any point of a cell
-/// flows. Returns the number of points that flow.
-std::int64_t residual_j2(const Cells& cells, const J2& law, const Array<const double>& u, const History& committed,
-                         const History& trial, const Array<bool>& plastic, const Array<double>& b);
+/// Add the internal force of the displacement `u` (nodes, 3) to `b` (nodes, 3). The same pass writes the trial history
+/// and `plastic` (cells), whether any point of a cell flows. Returns the number of points that flow.
+std::int64_t residual(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
+                      const History& trial, const Array<bool>& plastic, const Array<double>& b);
 
 /// Add the elastic stiffness of all cells to the values of the matrix.
-void stiffness_elastic(const Cells& cells, const Elastic& law, const BlockPattern& pattern,
-                       const Array<double>& values);
+void stiffness_elastic(const Cells& cells, const Law& law, const BlockPattern& pattern, const Array<double>& values);
 
 /// Add consistent tangent less elastic stiffness of the cells marked `plastic` (cells).
-void stiffness_plastic(const Cells& cells, const J2& law, const Array<const double>& u, const History& committed,
+void stiffness_plastic(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
                        const Array<const bool>& plastic, const BlockPattern& pattern, const Array<double>& values);
 
 /// Stress at the quadrature points, out (cells, points, 6).
-void stress(const Cells& cells, const J2& law, const Array<const double>& u, const History& committed,
+void stress(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
             const Array<double>& out);
 } // namespace asperity

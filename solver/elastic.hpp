@@ -9,14 +9,11 @@ struct Elastic
 {
   double lambda, mu; // Lame moduli [force/length^2]
 
-  struct State // none
-  {
-  };
-
   struct Response
   {
     Sym stress;
-    State state;
+    static constexpr State state{};
+    static constexpr Sym direction{};
     static constexpr bool plastic = false;
   };
 
@@ -29,6 +26,8 @@ struct Elastic
     return r;
   }
 
-  Moduli tangent() const { return {lambda, mu, 0.0}; }
+  Moduli elastic() const { return {lambda, mu, 0.0}; }
+  Moduli tangent(const Response&) const { return elastic(); }
+  Moduli softening(const Response&) const { return {}; }
 };
 } // namespace asperity

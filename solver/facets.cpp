@@ -1,31 +1,16 @@
 // Kernels of the contact of facets with a rigid flat, see facets.hpp.
 #include "facets.hpp"
 
-#include <cmath>
-
 namespace asperity
 {
 namespace
 {
-/// Response at a point.
-J2::Response respond(const J2& material, const Sym& strain, const History& history, std::size_t at)
-{
-  return material.respond(strain, history.accumulated.shape(0) == 0 ? J2::State{} : history.at(at));
-}
-
-/// Refuse a history that is not empty and not of these facets.
-void expect_history(const char* name, const History& history, const Facets& facets)
-{
-  if (history.accumulated.shape(0) > 0)
-    history.expect_shape(name, facets.count(), facets.points());
-}
-
 /// Refuse a law or a displacement of other facets.
 void expect_state(const Facets& facets, const ContactLaw& law, const Array<const double>& u, const History& committed)
 {
   expect("height of the law", law.height, {facets.count(), facets.points()});
   expect("u", u, {at_least(facets.u_nodes), 3});
-  expect_history("committed", committed, facets);
+  committed.expect_shape("committed", facets.count(), facets.points());
 }
 
 double traction(const Sym& stress, const std::array<double, 3>& normal)
@@ -33,11 +18,11 @@ double traction(const Sym& stress, const std::array<double, 3>& normal)
   return stress[4] * normal[0] + stress[5] * normal[1] + stress[2] * normal[2];
 }
 
-/// Derivative of the traction with respect to the nodal displacement.
-Gradients traction_slope(const J2& m, const J2::Response& r, const FacetPoint& p)
+/// Derivative of the traction with respect to the nodal displacement, for the tangent (C, n) of a law.
+Gradients traction_slope(const Moduli& C, const Sym& n, const FacetPoint& p)
 {
-  const auto [lambda, mu, chi] = m.tangent(r);
-  const double flow = chi != 0.0 ? chi * traction(r.direction, p.normal) : 0.0;
+  const auto [lambda, mu, chi] = C;
+  const double flow = chi != 0.0 ? chi * traction(n, p.normal) : 0.0;
   Gradients out;
   for (int a = 0; a < nodes; ++a)
   {
@@ -47,13 +32,34 @@ Gradients traction_slope(const J2& m, const J2::Response& r, const FacetPoint& p
       out[a][j] = lambda * g[j] * p.normal[2] + mu * (g[2] * p.normal[j] + (j == 2 ? along : 0.0));
     if (flow != 0.0)
     {
-      const auto ng = apply(r.direction, g);
+      const auto ng = apply(n, g);
       for (int j = 0; j < 3; ++j)
         out[a][j] += flow * ng[j];
     }
   }
   return out;
 }
+
+/// Traction of the solid at a point, its derivative if wanted, and the new state.
+struct Traction
+{
+  double t;
+  Gradients slope;
+  State state;
+
+  Traction(const Law& law, const FacetPoint& p, const Gradients& u, const State& committed, bool differentiate)
+  {
+    with_law(law,
+             [&](const auto& material)
+             {
+               const auto r = material.respond(strain(p.g, u), committed);
+               t = traction(r.stress, p.normal);
+               state = r.state;
+               if (differentiate)
+                 slope = traction_slope(material.tangent(r), r.direction, p);
+             });
+  }
+};
 
 double penetration(const double* shape, const Gradients& u, double gap)
 {
@@ -84,7 +90,7 @@ Facets::Facets(Array<const double> x, Array<const int> x_dofs, Array<const int> 
   check_range("local", local, 4);
 }
 
-ContactLaw::ContactLaw(const J2& material, Array<const double> stiffness, Array<const double> height, bool traction,
+ContactLaw::ContactLaw(const Law& material, Array<const double> stiffness, Array<const double> height, bool traction,
                        double theta)
     : material(material), stiffness(stiffness), height(height), traction(traction), theta(theta)
 {
@@ -108,7 +114,7 @@ void facet_pressure(const Facets& facets, const ContactLaw& law, double z, const
                     const Array<double>& b)
 {
   expect_state(facets, law, u, committed);
-  expect_history("trial", trial, facets);
+  trial.expect_shape("trial", facets.count(), facets.points());
   expect("pressure", pressure, {facets.count(), facets.points()});
   expect("b", b, {at_least(facets.u_nodes), 3});
   const std::size_t points = facets.points();
@@ -128,18 +134,15 @@ void facet_pressure(const Facets& facets, const ContactLaw& law, double z, const
         continue;
       }
       const FacetPoint p(facets, x, f, q);
-      const J2::Response r = respond(law.material, strain(p.g, uc), committed, at);
-      if (trial.accumulated.shape(0) > 0)
-        trial.put(at, r.state);
-      const double t = traction(r.stress, p.normal);
-      P = std::max(excess - t, 0.0);
+      const Traction body(law.material, p, uc, committed.at(at), law.theta != 0.0);
+      trial.put(at, body.state);
+      P = std::max(excess - body.t, 0.0);
       if (law.theta == 0.0)
         continue;
-      const Gradients slope = traction_slope(law.material, r, p);
-      const double scale = -law.theta / g * (P + t) * p.weight;
+      const double scale = -law.theta / g * (P + body.t) * p.weight;
       for (int a = 0; a < nodes; ++a)
         for (int j = 0; j < 3; ++j)
-          b.data()[3 * static_cast<std::ptrdiff_t>(facets.dofs_of(f)[a]) + j] += scale * slope[a][j];
+          b.data()[3 * static_cast<std::ptrdiff_t>(facets.dofs_of(f)[a]) + j] += scale * body.slope[a][j];
     }
   }
 }
@@ -188,7 +191,7 @@ void facet_stiffness(const Facets& facets, const ContactLaw& law, const Array<co
       const double* shape = facets.shape_at(f, q);
       Gradients slope{}, dP{};
       if (law.traction)
-        slope = traction_slope(law.material, respond(law.material, strain(p.g, uc), committed, f * points + q), p);
+        slope = Traction(law.material, p, uc, committed.at(f * points + q), true).slope;
       if (pressed)
         for (int a = 0; a < nodes; ++a)
         {

@@ -5,7 +5,8 @@
 // virtual work of the contact is
 //     int P v_z - theta/g (P + t(u)) t[v],
 // with theta = 1, 0, -1 the symmetric, the incomplete and the skew variant: Chouly, Hild & Renard, Math. Comp. 84
-// (2015) 1089, eq. (9). In an elastic-plastic body t follows from the return map with a history at the points.
+// (2015) 1089, eq. (9). t follows from the material law, in an elastic-plastic body
+// with a history at the points.
 #pragma once
 
 #include "cells.hpp"
@@ -62,13 +63,13 @@ struct FacetPoint
 /// The contact law of a solid on its facets.
 struct ContactLaw
 {
-  J2 material;
+  Law material;
   Array<const double> stiffness; // g of each facet [force/length^3] (facets)
   Array<const double> height;    // of the undeformed surface at the points (facets, points)
   bool traction;                 // k
   double theta;
 
-  ContactLaw(const J2& material, Array<const double> stiffness, Array<const double> height, bool traction,
+  ContactLaw(const Law& material, Array<const double> stiffness, Array<const double> height, bool traction,
              double theta);
 };
 

@@ -1,6 +1,8 @@
-// Radial return for J2 plasticity with linear isotropic hardening, in closed form.
+// Radial return for J2 plasticity with linear hardening, isotropic, kinematic or mixed, in closed form.
 //
-// Simo & Hughes, Computational Inelasticity (1998), box 3.2 and Eq. (3.3.12); the readable twin is
+// Prager's rule: the share beta of the hardening moves the centre of the yield surface to the back stress
+// 2/3 beta H eps_p, the rest increases its size to yield + (1 - beta) H alpha. Simo & Hughes, Computational Inelasticity
+// (1998), box 3.2 and Eq. (3.3.12), whose multiplier keeps the denominator 3 mu + H for any share; the readable twin is
 // `asperity.model.material.return_map_ufl`.
 #pragma once
 
@@ -14,12 +16,7 @@ struct J2
 {
   double lambda, mu;       // Lame moduli [force/length^2]
   double yield, hardening; // initial yield stress and plastic modulus H = E E_t/(E - E_t) [force/length^2]
-
-  struct State
-  {
-    Sym plastic_strain;
-    double accumulated; // plastic strain
-  };
+  double kinematic_share;  // beta, in [0, 1]
 
   struct Response
   {
@@ -34,12 +31,14 @@ struct J2
     Response r;
     const double trace = strain[0] + strain[1] + strain[2];
     const double pressure = (lambda + 2.0 * mu / 3.0) * trace;
-    Sym s;
+    const double back = 2.0 / 3.0 * kinematic_share * hardening; // back stress over plastic strain
+    Sym s;                                                       // deviator of the trial stress less the back stress
     for (int i = 0; i < 6; ++i)
-      s[i] = 2.0 * mu * (strain[i] - (i < 3 ? trace / 3.0 : 0.0) - committed.plastic_strain[i]);
+      s[i] = 2.0 * mu * (strain[i] - (i < 3 ? trace / 3.0 : 0.0) - committed.plastic_strain[i])
+             - back * committed.plastic_strain[i];
     const double norm = std::sqrt(contract(s, s));
     const double q = std::sqrt(1.5) * norm;
-    const double overstress = q - (yield + hardening * committed.accumulated);
+    const double overstress = q - (yield + (1.0 - kinematic_share) * hardening * committed.accumulated);
     r.plastic = overstress > 0.0;
     const double dgamma = r.plastic ? overstress / (3.0 * mu + hardening) : 0.0;
     const double ratio = r.plastic ? dgamma / q : 0.0;
@@ -50,10 +49,12 @@ struct J2
     {
       r.direction[i] = r.plastic ? s[i] / norm : 0.0;
       r.state.plastic_strain[i] = committed.plastic_strain[i] + 1.5 * ratio * s[i];
-      r.stress[i] = r.theta * s[i] + (i < 3 ? pressure : 0.0);
+      r.stress[i] = r.theta * s[i] + (back * committed.plastic_strain[i] + (i < 3 ? pressure : 0.0));
     }
     return r;
   }
+
+  Moduli elastic() const { return {lambda, mu, 0.0}; }
 
   /// The consistent tangent.
   Moduli tangent(const Response& r) const { return {lambda + 2.0 / 3.0 * mu * (1.0 - r.theta), mu * r.theta, r.chi}; }

@@ -1,6 +1,7 @@
-// Interface of a material law to the kernels. A law is a header like elastic.hpp and j2.hpp: its parameters, the State
-// of a point, and the response to a strain. The kernels of cells.cpp are templates over the law, module.cpp
-// binds its parameters as a class and its kernels.
+// Interface of a material law to the kernels: its parameters, the response to a strain, and the tangent.
+//
+// A law is a header like elastic.hpp and j2.hpp that satisfies the concept `MaterialLaw`. The list in laws.hpp names it,
+// module.cpp binds its parameters as a class, and all kernels over cells and facets take it from there.
 //
 // Symmetric tensors are stored as (xx, yy, zz, xy, xz, yz) with tensor (not engineering) shear components.
 #pragma once
@@ -24,11 +25,24 @@ struct Moduli
   double lambda, mu, chi;
 };
 
-/// A law of small strains: the response to a total strain from the committed state.
-template <typename Law>
-concept SmallStrainLaw = requires(const Law& law, const Sym& strain, const typename Law::State& committed) {
-  { law.respond(strain, committed).stress } -> std::convertible_to<Sym>;
-  { law.respond(strain, committed).state } -> std::convertible_to<typename Law::State>;
-  { law.respond(strain, committed).plastic } -> std::convertible_to<bool>;
+/// Internal variables of a point, zero in the virgin material.
+struct State
+{
+  Sym plastic_strain{};
+  double accumulated = 0.0; // plastic strain
 };
+
+/// A law: the response to a total strain from the committed state, and what it makes of the stiffness.
+template <typename Law>
+concept MaterialLaw
+    = requires(const Law& law, const Sym& strain, const State& committed, const typename Law::Response& r) {
+        { law.respond(strain, committed) } -> std::same_as<typename Law::Response>;
+        { r.stress } -> std::convertible_to<Sym>;
+        { r.state } -> std::convertible_to<State>;
+        { r.plastic } -> std::convertible_to<bool>; // whether the state changes
+        { r.direction } -> std::convertible_to<Sym>; // n of the tangent
+        { law.elastic() } -> std::same_as<Moduli>;
+        { law.tangent(r) } -> std::same_as<Moduli>;   // the consistent tangent
+        { law.softening(r) } -> std::same_as<Moduli>; // the same less the elastic stiffness
+      };
 } // namespace asperity

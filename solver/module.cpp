@@ -3,6 +3,8 @@
 #include "facets.hpp"
 #include "linear.hpp"
 
+#include <nanobind/stl/variant.h>
+
 using namespace asperity;
 using namespace nb::literals;
 
@@ -23,13 +25,15 @@ void bind_laws(nb::module_& m)
       .def_ro("lam", &Elastic::lambda)
       .def_ro("mu", &Elastic::mu);
   nb::class_<J2>(m, "J2",
-                 "J2 plasticity with linear isotropic hardening: Lame moduli, initial yield stress, plastic modulus "
-                 "[force/length^2].")
-      .def(nb::init<double, double, double, double>(), "lam"_a, "mu"_a, "yield_stress"_a, "hardening"_a)
+                 "J2 plasticity with linear hardening: Lame moduli, initial yield stress, plastic modulus "
+                 "[force/length^2], share of the hardening that is kinematic.")
+      .def(nb::init<double, double, double, double, double>(), "lam"_a, "mu"_a, "yield_stress"_a, "hardening"_a,
+           "kinematic_share"_a)
       .def_ro("lam", &J2::lambda)
       .def_ro("mu", &J2::mu)
       .def_ro("yield_stress", &J2::yield)
-      .def_ro("hardening", &J2::hardening);
+      .def_ro("hardening", &J2::hardening)
+      .def_ro("kinematic_share", &J2::kinematic_share);
 }
 
 void bind_cells(nb::module_& m)
@@ -44,8 +48,7 @@ void bind_cells(nb::module_& m)
       .def(nb::init<Array<const int>, Array<const int>, Array<const int>>(), "cell_dofs"_a, "indptr"_a, "indices"_a);
   m.def("volumes", &volumes, "cells"_a, out("out"), unlocked);
   m.def("min_jacobian", &min_jacobian, "cells"_a, out("out"), unlocked);
-  m.def("residual_elastic", &residual_elastic, "cells"_a, "law"_a, "u"_a, out("b"), unlocked);
-  m.def("residual_j2", &residual_j2, "cells"_a, "law"_a, "u"_a, "committed"_a, "trial"_a, out("plastic"), out("b"),
+  m.def("residual", &residual, "cells"_a, "law"_a, "u"_a, "committed"_a, "trial"_a, out("plastic"), out("b"),
         unlocked);
   m.def("stiffness_elastic", &stiffness_elastic, "cells"_a, "law"_a, "pattern"_a, out("values"), unlocked);
   m.def("stiffness_plastic", &stiffness_plastic, "cells"_a, "law"_a, "u"_a, "committed"_a, "plastic"_a, "pattern"_a,
@@ -60,7 +63,7 @@ void bind_facets(nb::module_& m)
                     Array<const double>, Array<const double>, Array<const double>>(),
            "x"_a, "x_dofs"_a, "u_dofs"_a, "local"_a, "gradients"_a, "shape"_a, "normals"_a, "weights"_a);
   nb::class_<ContactLaw>(m, "ContactLaw")
-      .def(nb::init<const J2&, Array<const double>, Array<const double>, bool, double>(), "material"_a, "stiffness"_a,
+      .def(nb::init<const Law&, Array<const double>, Array<const double>, bool, double>(), "material"_a, "stiffness"_a,
            "height"_a, "traction"_a, "theta"_a);
   m.def("facet_weights", &facet_weights, "facets"_a, out("out"), unlocked);
   m.def("facet_pressure", &facet_pressure, "facets"_a, "law"_a, "z"_a, "u"_a, "committed"_a, "trial"_a, out("pressure"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -87,6 +88,20 @@ def test_the_completed_input_reads_back_equal(path: Path, tmp_path: Path) -> Non
     assert again == case and again.hash() == case.hash() and again.to_toml() == case.to_toml()
 
 
+@pytest.mark.parametrize(("value", "share"), [("isotropic", 0.0), ("kinematic", 1.0), ("0.4", 0.4), ("", 0.0)])
+def test_hardening_is_a_name_or_a_share(value: str, share: float) -> None:
+    case = Case.load(DEMO, [f"material.hardening={value}"])
+    assert case.problem().material.kinematic_share == share
+    assert Case.from_dict(tomllib.loads(case.to_toml())) == case
+
+
+def test_hardening_of_an_elastic_material_is_refused() -> None:
+    elastic = ["material.yield_strength=", "material.tangent_modulus="]
+    with pytest.raises(InputError, match=r'material\.hardening = "kinematic" needs material\.yield_strength'):
+        Case.load(DEMO, [*elastic, "material.hardening=kinematic"])
+    assert not Case.load(DEMO, [*elastic, "material.hardening=isotropic"]).material.solid.plastic
+
+
 def test_hash_tells_physics_apart_but_not_output() -> None:
     base = Case.load(DEMO)
     assert Case.load(DEMO, ["material.nu=0.31"]).hash() != base.hash()
@@ -154,6 +169,8 @@ MISTAKES = {
     "material.yield_strength=1": ("yield_strength = 1", "same unit"),
     "material.yield_strength=": ("tangent_modulus", "yield_strength"),
     "material.tangent_modulus=200e9": ("tangent_modulus = 2e+11", "below material.E"),
+    "material.hardening=kinetic": ('material.hardening = "kinetic"', '"isotropic", "kinematic" or [0, 1]'),
+    "material.hardening=1.5": ("material.hardening = 1.5", "[0, 1]"),
     "material=": ("material", "missing"),
     "block.height=1": ("block.height", "same unit"),
     "contact.method=glue": ("contact.method", '"penalty"'),

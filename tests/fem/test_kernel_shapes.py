@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from asperity import _solver
+from asperity.fem.compiled_kernels import law_of
 from asperity.mesh import tet10
 from asperity.model.material import Material
 
@@ -58,13 +59,13 @@ def many(n: int) -> dict[str, Arguments]:
             shape=shape, normals=tet10.area_vectors(), weights=facet_weights,
         ),
         "ContactLaw": dict(
-            material=_solver.J2(*SOLID.parameters), stiffness=np.ones(n), height=np.ones(quadrature), traction=True,
+            material=law_of(SOLID), stiffness=np.ones(n), height=np.ones(quadrature), traction=True,
             theta=0.0,
         ),
     }  # fmt: skip
     made = {name: getattr(_solver, name)(**arguments) for name, arguments in out.items()}
     at: Arguments = dict(cells=made["Cells"])
-    law, elastic = _solver.J2(*SOLID.parameters), _solver.Elastic(*SOLID.lame)
+    law = law_of(SOLID)
     history: Arguments = dict(committed=made["History"])
     trial = _solver.History(np.zeros((n, points, 6)), np.zeros((n, points)))
     matrix: Arguments = dict(pattern=made["BlockPattern"], values=values.copy())
@@ -74,10 +75,9 @@ def many(n: int) -> dict[str, Arguments]:
     return out | {
         "volumes": at | dict(out=np.empty((n, points))),
         "min_jacobian": at | dict(out=np.empty(n)),
-        "residual_elastic": at | dict(law=elastic, u=u, b=np.zeros_like(u)),
-        "residual_j2": at
+        "residual": at
         | dict(law=law, u=u, **history, trial=trial, plastic=np.zeros(n, dtype=bool), b=np.zeros_like(u)),
-        "stiffness_elastic": at | dict(law=elastic) | matrix,
+        "stiffness_elastic": at | dict(law=law) | matrix,
         "stiffness_plastic": at | dict(law=law, u=u, **history, plastic=np.ones(n, dtype=bool)) | matrix,
         "stress": at | dict(law=law, u=u, **history, out=np.empty((n, points, 6))),
         "facet_weights": on | dict(out=np.empty(quadrature)),
@@ -198,7 +198,7 @@ def test_a_graph_without_the_nodes_of_a_cell_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "key"), [("volumes", "out"), ("residual_j2", "b"), ("stiffness_elastic", "values"), ("relax", "x")]
+    ("name", "key"), [("volumes", "out"), ("residual", "b"), ("stiffness_elastic", "values"), ("relax", "x")]
 )
 def test_an_output_is_never_a_copy(name: str, key: str) -> None:
     """A kernel would write what it was given in another type to a copy, and nobody would see it."""
@@ -212,8 +212,8 @@ def test_a_law_names_its_parameters() -> None:
     lam, mu = SOLID.lame
     elastic = _solver.Elastic(lam=lam, mu=mu)
     assert (elastic.lam, elastic.mu) == (lam, mu)
-    law = _solver.J2(lam=lam, mu=mu, yield_stress=0.005, hardening=0.25)
-    assert (law.lam, law.mu, law.yield_stress, law.hardening) == (lam, mu, 0.005, 0.25)
+    law = _solver.J2(lam=lam, mu=mu, yield_stress=0.005, hardening=0.25, kinematic_share=0.4)
+    assert (law.lam, law.mu, law.yield_stress, law.hardening, law.kinematic_share) == (lam, mu, 0.005, 0.25, 0.4)
     with pytest.raises(AttributeError):
         law.mu = 1.0
     with pytest.raises(TypeError):
@@ -222,11 +222,11 @@ def test_a_law_names_its_parameters() -> None:
 
 def test_the_laws_agree_below_yield() -> None:
     """Two pieces of code, one stress: the force of J2 that does not flow is the elastic one."""
-    arguments = SMALL["residual_j2"]
+    arguments = SMALL["residual"]
     b, expected = np.zeros_like(arguments["b"]), np.zeros_like(arguments["b"])
-    never = _solver.J2(*SOLID.lame, float("inf"), 0.0)
-    assert _solver.residual_j2(**arguments | {"law": never, "b": b}) == 0
-    _solver.residual_elastic(arguments["cells"], _solver.Elastic(*SOLID.lame), arguments["u"], expected)
+    never = _solver.J2(*SOLID.lame, float("inf"), 0.0, 0.0)
+    assert _solver.residual(**arguments | {"law": never, "b": b}) == 0
+    assert _solver.residual(**arguments | {"law": _solver.Elastic(*SOLID.lame), "b": expected}) == 0
     np.testing.assert_allclose(b, expected, atol=1e-13 * np.abs(expected).max())
 
 

@@ -26,6 +26,12 @@ Array = npt.NDArray[np.float64]
 E, NU, Y, E_T = 1.0, 0.3, 0.005, 0.05
 STEEL = Material(E, NU, Y, E_T)
 PERFECT = Material(E, NU, Y)
+MOVING = Material(E, NU, Y, E_T, "kinematic")
+MIXED = Material(E, NU, Y, E_T, 0.4)
+LAWS = pytest.mark.parametrize(
+    "material", [STEEL, PERFECT, MOVING, MIXED], ids=["isotropic", "perfect", "kinematic", "mixed"]
+)
+SHARES = pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
 KERNELS = ("compiled", "ufl")
 # A strain is a sum over ten nodes of u times gradients of some 4/h, a stress one of strains: 500 rounding units.
 ROUNDING = 500 * float(np.finfo(float).eps)
@@ -108,9 +114,12 @@ def difference(a: Any, b: Any) -> float:
         ((1.0, 0.3, 0.0), "yield_strength"),
         ((1.0, 0.3, 0.1, 1.0), "tangent_modulus"),
         ((1.0, 0.3, 0.1, -0.1), "tangent_modulus"),
+        ((1.0, 0.3, 0.1, 0.1, "kinetic"), "hardening"),
+        ((1.0, 0.3, 0.1, 0.1, 1.5), "hardening"),
+        ((1.0, 0.3, None, 0.0, "kinematic"), "hardening"),
     ],
 )
-def test_parameters_outside_their_range_are_refused(parameters: tuple[float, ...], key: str) -> None:
+def test_parameters_outside_their_range_are_refused(parameters: tuple[Any, ...], key: str) -> None:
     with pytest.raises(InputError, match=rf"material\.{key} = "):
         Material(*parameters)
 
@@ -120,9 +129,11 @@ def test_derived_moduli() -> None:
     assert lam + 2 * mu == pytest.approx(ref.block_modulus(E, NU), rel=1e-14)
     assert mu * (3 * lam + 2 * mu) / (lam + mu) == pytest.approx(E, rel=1e-14)
     assert STEEL.reduced_modulus == pytest.approx(ref.reduced_modulus(E, NU), rel=1e-14)
-    assert E * STEEL.hardening / (E + STEEL.hardening) == pytest.approx(E_T, rel=1e-14)
+    assert E * STEEL.plastic_modulus / (E + STEEL.plastic_modulus) == pytest.approx(E_T, rel=1e-14)
     assert STEEL.plastic and not Material(E, NU).plastic
     assert Material(200e9, NU, 1e9, 10e9).scaled(200e9) == STEEL
+    assert Material(200e9, NU, 1e9, 10e9, "kinematic").scaled(200e9) == MOVING
+    assert [m.kinematic_share for m in (STEEL, MIXED, MOVING)] == [0.0, 0.4, 1.0]
 
 
 # --- closed forms ---------------------------------------------------------------------------------------------
@@ -133,10 +144,11 @@ CYCLE = np.concatenate([PULL, [0.02, 0.0, -0.01, -0.03, -0.04, 0.0, 0.03, 0.05, 
 
 @pytest.mark.parametrize("strain", [PULL, -PULL, CYCLE], ids=["tension", "compression", "cyclic"])
 @pytest.mark.parametrize("E_t", [E_T, 0.0, 0.5])
-def test_uniaxial_stress(cube: BlockMesh, kernels: str, strain: Array, E_t: float) -> None:
-    expected, accumulated = ref.uniaxial_stress(strain, E, Y, E_t)
+@SHARES
+def test_uniaxial_stress(cube: BlockMesh, kernels: str, strain: Array, E_t: float, share: float) -> None:
+    expected, accumulated = ref.uniaxial_stress(strain, E, Y, E_t, share)
     lateral = -NU * expected / E - 0.5 * (strain - expected / E)  # elastic, and plastic of constant volume
-    stress, alpha = sample(cube, Material(E, NU, Y, E_t), kernels).follow(
+    stress, alpha = sample(cube, Material(E, NU, Y, E_t, share), kernels).follow(
         np.diag([a, a, b]) for a, b in zip(lateral, strain, strict=True)
     )
     only_axial = np.zeros_like(stress)
@@ -147,9 +159,10 @@ def test_uniaxial_stress(cube: BlockMesh, kernels: str, strain: Array, E_t: floa
 
 @pytest.mark.parametrize("strain", [-PULL, CYCLE], ids=["compression", "cyclic"])
 @pytest.mark.parametrize("E_t", [E_T, 0.0])
-def test_confined_compression(cube: BlockMesh, kernels: str, strain: Array, E_t: float) -> None:
-    axial, lateral, accumulated = ref.confined_stress(strain, E, NU, Y, E_t)
-    stress, alpha = sample(cube, Material(E, NU, Y, E_t), kernels).follow(np.diag([0, 0, e]) for e in strain)
+@SHARES
+def test_confined_compression(cube: BlockMesh, kernels: str, strain: Array, E_t: float, share: float) -> None:
+    axial, lateral, accumulated = ref.confined_stress(strain, E, NU, Y, E_t, share)
+    stress, alpha = sample(cube, Material(E, NU, Y, E_t, share), kernels).follow(np.diag([0, 0, e]) for e in strain)
     expected = np.array([np.diag([b, b, a]) for a, b in zip(axial, lateral, strict=True)])
     np.testing.assert_allclose(stress, expected, rtol=0, atol=1e-12 * Y)
     np.testing.assert_allclose(alpha, accumulated, rtol=0, atol=1e-12 * Y / E)
@@ -161,6 +174,20 @@ def test_pure_shear_yields_at_the_stress_of_mises(cube: BlockMesh, kernels: str)
     mu = E / (2 * (1 + NU))
     np.testing.assert_allclose(stress[:, 0, 1], [2 * mu * 0.5 * Y, Y / 3**0.5, Y / 3**0.5], rtol=1e-13)
     assert alpha[0] == 0.0
+
+
+def test_kinematic_hardening_keeps_the_elastic_range(cube: BlockMesh, kernels: str) -> None:
+    """Beyond any flow the stress falls elastically by 2 sigma_y, the strain by twice that of yield (Bauschinger)."""
+    turn, moved = 0.03, []
+    for unloaded in (1.999, 2.001):
+        strains = np.array([turn, turn - unloaded * Y / E])
+        stress = ref.uniaxial_stress(strains, E, Y, E_T, share=1.0)[0]
+        lateral = -NU * stress / E - 0.5 * (strains - stress / E)
+        _, alpha = sample(cube, MOVING, kernels).follow(
+            np.diag([a, a, b]) for a, b in zip(lateral, strains, strict=True)
+        )
+        moved.append(alpha[1] - alpha[0])
+    assert moved[0] == 0.0 and moved[1] > 0.0
 
 
 def test_elastic_stress_is_hookes(cube: BlockMesh, kernels: str) -> None:
@@ -175,19 +202,21 @@ def test_elastic_stress_is_hookes(cube: BlockMesh, kernels: str) -> None:
     assert s.kernels.history().rows == 0
 
 
-@pytest.mark.parametrize("E_t", [E_T, 0.0])
-def test_a_turning_path_converges_to_the_rate_equations(cube: BlockMesh, kernels: str, E_t: float) -> None:
+@pytest.mark.parametrize(("E_t", "share"), [(E_T, 0.0), (E_T, 0.4), (E_T, 1.0), (0.0, 0.0)])
+def test_a_turning_path_converges_to_the_rate_equations(
+    cube: BlockMesh, kernels: str, E_t: float, share: float
+) -> None:
     """Backward Euler is of first order: half the error with half the steps, a quarter of it after extrapolation."""
     stretch, shear = np.diag([-0.3, -0.3, 1.0]), np.array([[0, 1, 0], [1, 0, 0.5], [0, 0.5, 0]])
     corners = np.array([0.012 * stretch, 0.012 * stretch + 0.01 * shear, -0.005 * stretch + 0.01 * shear])
-    expected, accumulated = ref.j2_path(corners, E, NU, Y, E_t)
+    expected, accumulated = ref.j2_path(corners, E, NU, Y, E_t, share=share)
     path = np.concatenate([[np.zeros((3, 3))], corners])
 
     def end(steps: int) -> Array:
         t = np.linspace(0, 3, 3 * steps + 1)[1:]
         which = np.minimum(t.astype(int), 2)
         strains = [path[i] + (s - i) * (path[i + 1] - path[i]) for i, s in zip(which, t, strict=True)]
-        stress, alpha = sample(cube, Material(E, NU, Y, E_t), kernels).follow(strains)
+        stress, alpha = sample(cube, Material(E, NU, Y, E_t, share), kernels).follow(strains)
         return np.append(stress[-1].ravel() / Y, alpha[-1] * E / Y)
 
     exact = np.append(expected[-1].ravel() / Y, accumulated[-1] * E / Y)
@@ -206,8 +235,9 @@ def test_unstrained_material_is_at_rest_and_stiff(cube: BlockMesh, kernels: str)
     assert difference(plastic.tangent(u).toarray(), elastic.tangent(u).toarray()) < ROUNDING
 
 
-def test_stress_stays_on_or_inside_the_yield_surface(coarse: BlockMesh, kernels: str) -> None:
-    block = sample(coarse, STEEL, kernels)
+@LAWS
+def test_stress_stays_on_or_inside_the_yield_surface(coarse: BlockMesh, kernels: str, material: Material) -> None:
+    block = sample(coarse, material, kernels)
     rng = np.random.default_rng(1)
     u = np.zeros((block.solid.nodes, 3))
     for scale in (1e-3, 1e-2, 3e-3):
@@ -216,10 +246,12 @@ def test_stress_stays_on_or_inside_the_yield_surface(coarse: BlockMesh, kernels:
         stress = block.kernels.stress(u)
         block.kernels.commit()
         history = block.kernels.history()
+        stress = stress - 2 / 3 * material.kinematic_share * material.plastic_modulus * history.plastic_strain
         mean = stress[..., :3].mean(axis=-1, keepdims=True)
         deviator = np.concatenate([stress[..., :3] - mean, stress[..., 3:]], axis=-1)
         mises = np.sqrt(1.5 * (deviator**2 @ [1, 1, 1, 2, 2, 2]))
-        excess = mises - (Y + STEEL.hardening * history.accumulated)
+        grown = (1 - material.kinematic_share) * material.plastic_modulus
+        excess = mises - (Y + grown * history.accumulated)
         assert excess.max() < 1e-12 * mises.max()
         trace = history.plastic_strain[..., :3].sum(axis=-1)
         assert np.abs(trace).max() < 1e-14 * np.abs(history.plastic_strain).max()
@@ -286,7 +318,7 @@ def bring(s: Sample, state: State) -> Array:
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("material", [STEEL, PERFECT], ids=["hardening", "perfect"])
+@LAWS
 def test_compiled_and_ufl_kernels_agree(coarse: BlockMesh, material: Material, name: str) -> None:
     a, b = (sample(coarse, material, kernels) for kernels in KERNELS)
     state = states(a.solid)[name]
@@ -318,7 +350,7 @@ def test_compiled_and_ufl_kernels_agree_on_an_elastic_material(coarse: BlockMesh
 
 
 @pytest.mark.parametrize("name", [n for n in NAMES if n != "on the yield surface"])
-@pytest.mark.parametrize("material", [STEEL, PERFECT], ids=["hardening", "perfect"])
+@LAWS
 def test_tangent_is_the_derivative_of_the_force(coarse: BlockMesh, kernels: str, material: Material, name: str) -> None:
     """Central differences, by steps so small that no point changes between loading and unloading."""
     s = sample(coarse, material, kernels)

@@ -31,7 +31,7 @@ def command(names: tuple[str, ...], fast: bool, markdown: bool) -> None:
     """Run the hard cases: each must end as expected, satisfy its balances, and agree with its comparisons.
 
     NAME: a scene or a pattern, for example "units*"; all without one. Columns: difference of the force on the flat
-    and the reaction of the base over the force; least plastic work of a step (E L^3); suction over pressure;
+    and the reaction of the base over the force; least dissipation of a step (E L^3); suction over pressure;
     penetration over L; violation of the energy bounds of a step. Exit code 0 if all pass, else 3.
     """
     start = process_time()

@@ -31,7 +31,7 @@ def sentence(error: Any) -> tuple[str, str]:
     location = error["loc"]
     # pydantic puts the kind of surface between section and key
     names = [location[0], *location[2:]] if location[0] == "surface" else list(location)
-    names = [name for name in names if isinstance(name, str)]
+    names = [name for name in names if isinstance(name, str)][:2]  # further ones name the kinds of a union
     key = ".".join(names)
     owner = _owner(location)
     if error["type"] == "extra_forbidden":

@@ -121,7 +121,7 @@ SURFACES = (
 
 
 class MaterialSection(Section):
-    """Isotropic solid, elastic or elastic-plastic (J2, linear isotropic hardening)."""
+    """Isotropic solid, elastic or elastic-plastic (J2, linear hardening)."""
 
     E: Real = _key("Young's modulus", unit=STRESS, ge=1e-20, le=1e40, hint="200e9 Pa for steel")
     nu: Real = _key("Poisson's ratio", ge=-0.99, le=0.4999, hint="0.3 for steel, 0.499 for rubber")
@@ -133,11 +133,16 @@ class MaterialSection(Section):
         "slope of stress over strain after yield, below E", None,
         shown="0, perfectly plastic", unit=STRESS, ge=0,
     )  # fmt: skip
+    hardening: Literal["isotropic", "kinematic"] | Annotated[Real, Field(ge=0, le=1)] | None = _key(
+        "the yield surface grows (isotropic) or moves (kinematic), or the share of hardening that moves it", None,
+        shown="isotropic",
+    )  # fmt: skip
 
     @property
     def solid(self) -> Material:
         """The material, with its moduli."""
-        return Material(self.E, self.nu, self.yield_strength, self.tangent_modulus or 0.0)
+        hardening = "isotropic" if self.hardening is None else self.hardening
+        return Material(self.E, self.nu, self.yield_strength, self.tangent_modulus or 0.0, hardening)
 
     @property
     def E_prime(self) -> float:
@@ -321,8 +326,8 @@ def properties(model: type[BaseModel]) -> dict[str, dict[str, Any]]:
 
 def legal(about: dict[str, Any]) -> str:
     """Legal values in words, from a key's JSON schema: choices or an interval."""
-    if "anyOf" in about:  # a value or nothing
-        return legal(about["anyOf"][0])
+    if "anyOf" in about:  # of several kinds, or nothing
+        return " or ".join(legal(kind) for kind in about["anyOf"] if kind.get("type") != "null")
     if "enum" in about:
         return ", ".join(show(choice) for choice in about["enum"])
     if about.get("type") == "array":

@@ -86,6 +86,11 @@ def _check_material(case: Input) -> None:
                 "material.tangent_modulus",
                 "needs material.yield_strength; an elastic material has neither",
             )
+        if solid.hardening not in (None, "isotropic", 0):
+            _refuse(
+                "material.hardening",
+                f"= {show(solid.hardening)} needs material.yield_strength; an elastic material has neither",
+            )
         return
     ratio = solid.yield_strength / solid.E
     if not 1e-7 <= ratio < 1:

@@ -8,7 +8,7 @@ from asperity import _solver
 from asperity.arrays import Flags, Floats, Integers
 from asperity.contact.contact_surface import FACET_DEGREE, ContactSurface, FacetRule
 from asperity.errors import InputError
-from asperity.fem.compiled_kernels import compiled
+from asperity.fem.compiled_kernels import compiled, law_of
 from asperity.fem.kernels import History
 from asperity.fem.solid import Solid
 from asperity.model.settings import gamma_too_small
@@ -69,7 +69,7 @@ class PressureContact:
         else:
             modulus, h = solid.material.E, surface.diameter
         self._law = _solver.ContactLaw(
-            _solver.J2(*solid.material.parameters),
+            law_of(solid.material),
             factor * modulus * 4.0 / h,
             self._rule.height,
             traction,

@@ -18,6 +18,18 @@ def compiled(history: History) -> _solver.History:
     return _solver.History(**history.arrays())
 
 
+def law_of(material: Material) -> _solver.Elastic | _solver.J2:
+    """The material as the compiled kernels receive it.
+
+    Example:
+        >>> law_of(Material(E=1.0, nu=0.0)).mu
+        0.5
+    """
+    name, parameters = material.law
+    law: _solver.Elastic | _solver.J2 = getattr(_solver, name)(**parameters)
+    return law
+
+
 class CompiledKernels:
     """Internal force and tangent by the kernels of `asperity._solver`.
 
@@ -41,14 +53,13 @@ class CompiledKernels:
     ) -> None:
         at, weights = quadrature(QUADRATURE_DEGREE)
         self._cells = _solver.Cells(x, x_nodes, cell_nodes, shape_gradients(at), weights)
-        self._elastic_law = _solver.Elastic(*material.lame)
-        self._law = _solver.J2(*material.parameters)
+        self._law = law_of(material)
         self.linear = not material.plastic
         cells, points = len(cell_nodes), len(weights)
         self.plastic_points = 0
         self._pattern = _solver.BlockPattern(cell_nodes, sparsity.indptr, sparsity.indices)
         self._elastic = np.zeros(len(sparsity.columns))
-        _solver.stiffness_elastic(self._cells, self._elastic_law, self._pattern, self._elastic)
+        _solver.stiffness_elastic(self._cells, self._law, self._pattern, self._elastic)
         rows = cells if material.plastic else 0  # an elastic material has no history
         self._committed, self._trial = History.zeros(rows, points), History.zeros(rows, points)
         self._flowing = np.zeros(cells, dtype=bool)
@@ -56,10 +67,7 @@ class CompiledKernels:
         _solver.volumes(self._cells, self.volumes)
 
     def add_internal_force(self, u: Floats, b: Floats) -> None:
-        if self.linear:
-            _solver.residual_elastic(self._cells, self._elastic_law, u, b)
-            return
-        self.plastic_points = _solver.residual_j2(
+        self.plastic_points = _solver.residual(
             self._cells,
             self._law,
             u,
@@ -93,6 +101,5 @@ class CompiledKernels:
 
     def stress(self, u: Floats) -> Floats:
         out = np.zeros((*self.volumes.shape, 6))
-        history = History.zeros(*self.volumes.shape) if self.linear else self._committed
-        _solver.stress(self._cells, self._law, u, compiled(history), out)
+        _solver.stress(self._cells, self._law, u, compiled(self._committed), out)
         return out

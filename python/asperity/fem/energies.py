@@ -1,4 +1,4 @@
-"""Stored and dissipated energy of a solid, and the plastic work of a step."""
+"""Stored and dissipated energy of a solid, and the dissipation of a step."""
 
 from __future__ import annotations
 
@@ -7,34 +7,33 @@ import numpy as np
 from asperity.arrays import Floats
 from asperity.fem.kernels import History
 from asperity.fem.solid import Solid
-
-_PAIRS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # sum over both off-diagonal components
+from asperity.model.material import PAIRS
 
 
 def energies(solid: Solid, force: Floats) -> tuple[float, float]:
-    """Stored elastic and dissipated plastic energy over the committed history [E L^3]; part of this rank.
+    """Stored and dissipated energy over the committed history [E L^3]; part of this rank.
 
-    With isotropic hardening the dissipated energy sigma_0 a + H a^2/2 follows from the accumulated plastic strain a.
+    Elastic strain and back stress store energy.
 
     Args:
         solid: in the state to measure
         force: its internal force on the owned nodes (owned, 3) [E L^2]
     """
     u = solid.u.x.array.reshape(-1, 3)
-    stored, dissipated = 0.5 * float(np.vdot(u[: solid.owned], force)), 0.0
-    history = solid.kernels.history()
-    if history.rows:
-        _, _, strength, hardening = solid.material.parameters
-        yielded = history.changed()
-        weights, a = solid.kernels.volumes[yielded], history.accumulated[yielded]
-        stress = solid.kernels.stress(u)[yielded] * _PAIRS
-        stored -= 0.5 * float(np.einsum("cq,cqi,cqi", weights, stress, history.plastic_strain[yielded]))
-        dissipated = float(np.sum(weights * a * (strength + 0.5 * hardening * a)))
-    return stored, dissipated
+    kernels, material = solid.kernels, solid.material
+    if kernels.linear:
+        return 0.5 * float(np.vdot(u[: solid.owned], force)), 0.0
+    stored = float(np.vdot(kernels.volumes, material.elastic_energy(kernels.stress(u))))
+    history = kernels.history()
+    yielded = history.changed()
+    volumes = kernels.volumes[yielded]
+    stored += float(np.vdot(volumes, material.hardening_energy(history.plastic_strain[yielded])))
+    return stored, float(np.vdot(volumes, material.dissipated_energy(history.accumulated[yielded])))
 
 
-def plastic_work(solid: Solid, before: History) -> tuple[float, float]:
-    """Plastic work of a step, sum sigma : d eps_p [E L^3], and the greatest decrease of the accumulated plastic strain.
+def dissipation(solid: Solid, before: History) -> tuple[float, float]:
+    """Plastic work of a step less what the back stress X stores, sum (sigma - X) : d eps_p [E L^3], and the greatest
+    decrease of the accumulated plastic strain.
 
     Part of this rank; zero for an elastic solid.
 
@@ -46,7 +45,8 @@ def plastic_work(solid: Solid, before: History) -> tuple[float, float]:
     if not after.rows:
         return 0.0, 0.0
     yielded = after.changed()
-    stress = solid.kernels.stress(solid.u.x.array.reshape(-1, 3))[yielded] * _PAIRS
+    driving = solid.kernels.stress(solid.u.x.array.reshape(-1, 3))[yielded]
+    driving -= solid.material.back_stress(after.plastic_strain[yielded])
     flow = after.plastic_strain[yielded] - before.plastic_strain[yielded]
-    work = float(np.einsum("cq,cqi,cqi", solid.kernels.volumes[yielded], stress, flow))
+    work = float(np.einsum("cq,cqi,cqi,i", solid.kernels.volumes[yielded], driving, flow, PAIRS))
     return work, float(np.max(before.accumulated - after.accumulated))

@@ -10,14 +10,14 @@ import numpy.typing as npt
 from asperity.arrays import Floats
 from asperity.fem.kernels import QUADRATURE_DEGREE, History
 from asperity.fem.sparsity import SparsityPattern
-from asperity.model.material import Material, return_map_ufl
+from asperity.model.material import Material
 from asperity.runtime import compat
 
 SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # order of stored tensor components
 
 
 class UflKernels:
-    """Internal force and tangent by FFCx from `material.return_map_ufl`; compiled at first use.
+    """Internal force and tangent by FFCx from `Material.respond_ufl`; compiled at first use.
 
     Args:
         V: displacement space
@@ -43,13 +43,8 @@ class UflKernels:
         h = self._history
         plastic_strain = ufl.as_matrix([[h[0], h[3], h[4]], [h[3], h[1], h[5]], [h[4], h[5], h[2]]])
         strain = ufl.sym(ufl.grad(self._u))
-        constants = [fem.Constant(mesh, np.float64(value)) for value in material.parameters]
-        if material.plastic:
-            stress, flowed, alpha = return_map_ufl(strain, plastic_strain, h[6], *constants)
-        else:
-            lam, mu = constants[:2]
-            stress = lam * ufl.tr(strain) * ufl.Identity(3) + 2.0 * mu * strain
-            flowed, alpha = plastic_strain, h[6]
+        parameters = {name: fem.Constant(mesh, np.float64(value)) for name, value in material.law[1].items()}
+        stress, flowed, alpha = material.respond_ufl(strain, plastic_strain, h[6], parameters)
         residual = ufl.inner(stress, ufl.sym(ufl.grad(ufl.TestFunction(V)))) * dx
         self._residual = fem.form(residual)
         self._tangent = fem.form(ufl.derivative(residual, self._u))

@@ -1,11 +1,17 @@
-"""Isotropic elasticity and J2 plasticity with bilinear isotropic hardening."""
+"""Isotropic elasticity and J2 plasticity with linear hardening."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
+from asperity.arrays import Floats
 from asperity.errors import InputError
+
+SHARES = {"isotropic": 0.0, "kinematic": 1.0}  # of the hardening that are kinematic
+PAIRS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # in products of tensors (..., 6): off-diagonal components count twice
 
 
 @dataclass(frozen=True)
@@ -17,20 +23,25 @@ class Material:
         nu: Poisson's ratio
         yield_strength: uniaxial yield stress [force/length^2]; None for an elastic material
         tangent_modulus: slope of the uniaxial curve beyond yield [force/length^2]; 0 is perfectly plastic
+        hardening: "isotropic" (the yield surface grows), "kinematic" (it moves, after Prager), or the share in [0, 1]
+            of the hardening that is kinematic
 
     Raises:
         InputError: a value is outside its range
 
     Examples:
-        >>> steel = asp.Material(E=200e9, nu=0.3, yield_strength=1e9, tangent_modulus=20e9)
-        >>> steel.plastic, round(steel.reduced_modulus / 1e9, 3), round(steel.hardening / 1e9, 3)
+        >>> steel = asp.Material(E=200e9, nu=0.3, yield_strength=1e9, tangent_modulus=20e9, hardening="kinematic")
+        >>> steel.plastic, round(steel.reduced_modulus / 1e9, 3), round(steel.plastic_modulus / 1e9, 3)
         (True, 219.78, 22.222)
+        >>> steel.kinematic_share
+        1.0
     """
 
     E: float
     nu: float
     yield_strength: float | None = None
     tangent_modulus: float = 0.0
+    hardening: str | float = "isotropic"
 
     def __post_init__(self) -> None:
         if not self.E > 0:
@@ -41,6 +52,20 @@ class Material:
             raise InputError(f"material.yield_strength = {self.yield_strength!r} must be positive")
         if not 0 <= self.tangent_modulus < self.E:
             raise InputError(f"material.tangent_modulus = {self.tangent_modulus!r} must lie in [0, E), E = {self.E!r}")
+        self._check_hardening()
+
+    def _check_hardening(self) -> None:
+        share = SHARES.get(self.hardening, -1.0) if isinstance(self.hardening, str) else self.hardening
+        if not 0 <= share <= 1:
+            raise InputError(
+                f'material.hardening = {self.hardening!r} must be "isotropic", "kinematic", or the kinematic share in '
+                "[0, 1]"
+            )
+        if share > 0 and self.yield_strength is None:
+            raise InputError(
+                f"material.hardening = {self.hardening!r} needs material.yield_strength: give one, or leave "
+                "material.hardening out of an elastic material"
+            )
 
     @property
     def plastic(self) -> bool:
@@ -72,37 +97,116 @@ class Material:
         return 2.0 * mu * self.nu / (1.0 - 2.0 * self.nu), mu
 
     @property
-    def hardening(self) -> float:
+    def kinematic_share(self) -> float:
+        """Share of the hardening that is kinematic, in [0, 1]."""
+        return SHARES[self.hardening] if isinstance(self.hardening, str) else self.hardening
+
+    @property
+    def plastic_modulus(self) -> float:
         """Plastic modulus H = E E_t/(E - E_t) [force/length^2]."""
         return self.E * self.tangent_modulus / (self.E - self.tangent_modulus)
 
     def scaled(self, stress: float) -> Material:
         """The same material with stresses in units of `stress` [force/length^2]."""
         strength = None if self.yield_strength is None else self.yield_strength / stress
-        return Material(self.E / stress, self.nu, strength, self.tangent_modulus / stress)
+        return replace(self, E=self.E / stress, yield_strength=strength, tangent_modulus=self.tangent_modulus / stress)
 
     @property
-    def parameters(self) -> tuple[float, float, float, float]:
-        """(lambda, mu, yield stress, H) as the kernels take them; an elastic material never yields."""
-        strength = float("inf") if self.yield_strength is None else self.yield_strength
-        return (*self.lame, strength, self.hardening)
+    def law(self) -> tuple[str, dict[str, float]]:
+        """Name of the law in solver/laws.hpp and its parameters: moduli [force/length^2] and shares."""
+        lam, mu = self.lame
+        if self.yield_strength is None:
+            return "Elastic", {"lam": lam, "mu": mu}
+        return "J2", {
+            "lam": lam,
+            "mu": mu,
+            "yield_stress": self.yield_strength,
+            "hardening": self.plastic_modulus,
+            "kinematic_share": self.kinematic_share,
+        }
+
+    def respond_ufl(self, strain: Any, plastic_strain: Any, alpha: Any, parameters: Any) -> tuple[Any, Any, Any]:
+        """Response of the law to a strain, in UFL: the readable twin of the compiled one.
+
+        Args:
+            strain: total strain, tensor (3, 3)
+            plastic_strain: committed plastic strain, tensor (3, 3), deviatoric
+            alpha: committed accumulated plastic strain
+            parameters: of the law by name, numbers or UFL constants
+
+        Returns:
+            stress, plastic strain and accumulated plastic strain at the end of the step
+        """
+        if self.plastic:
+            return return_map_ufl(strain, plastic_strain, alpha, **parameters)
+        return hooke_ufl(strain, **parameters), plastic_strain, alpha
+
+    def elastic_energy(self, stress: Floats) -> Floats:
+        """Elastic energy per volume of a stress (..., 6) [force/length^2]."""
+        trace = stress[..., :3].sum(axis=-1)
+        squared = np.einsum("...i,...i,i->...", stress, stress, PAIRS)
+        energy: Floats = ((1.0 + self.nu) * squared - self.nu * trace**2) / (2.0 * self.E)
+        return energy
+
+    def back_stress(self, plastic_strain: Floats) -> Floats:
+        """Centre of the yield surface after Prager, 2/3 beta H eps_p (..., 6) [force/length^2].
+
+        Args:
+            plastic_strain: eps_p (..., 6)
+        """
+        return 2.0 / 3.0 * self.kinematic_share * self.plastic_modulus * plastic_strain
+
+    def hardening_energy(self, plastic_strain: Floats) -> Floats:
+        """Energy per volume that the back stress stores, beta H eps_p:eps_p/3 (...) [force/length^2].
+
+        Args:
+            plastic_strain: eps_p (..., 6)
+        """
+        energy: Floats = 0.5 * np.einsum("...i,...i,i->...", self.back_stress(plastic_strain), plastic_strain, PAIRS)
+        return energy
+
+    def dissipated_energy(self, accumulated: Floats) -> Floats:
+        """Energy per volume dissipated by plastic flow, sigma_y a + (1 - beta) H a^2/2 (...) [force/length^2].
+
+        Args:
+            accumulated: accumulated plastic strain a (...)
+        """
+        if self.yield_strength is None:
+            return np.zeros_like(accumulated)
+        isotropic = (1.0 - self.kinematic_share) * self.plastic_modulus
+        return accumulated * (self.yield_strength + 0.5 * isotropic * accumulated)
+
+
+def hooke_ufl(strain: Any, lam: Any, mu: Any) -> Any:
+    """Stress of linear isotropic elasticity, the readable twin of solver/elastic.hpp."""
+    import ufl
+
+    return lam * ufl.tr(strain) * ufl.Identity(3) + 2.0 * mu * strain
 
 
 def return_map_ufl(
-    strain: Any, plastic_strain: Any, alpha: Any, lam: Any, mu: Any, strength: Any, hardening: Any
+    strain: Any,
+    plastic_strain: Any,
+    alpha: Any,
+    lam: Any,
+    mu: Any,
+    yield_stress: Any,
+    hardening: Any,
+    kinematic_share: Any = 0.0,
 ) -> tuple[Any, Any, Any]:
-    """Radial return in closed form: the readable twin of the compiled kernel.
+    """Radial return in closed form: the readable twin of solver/j2.hpp.
 
-    Simo & Hughes, Computational Inelasticity (1998), box 3.2, with linear isotropic hardening, for which the
-    consistency condition is linear in the plastic multiplier.
+    Simo & Hughes, Computational Inelasticity (1998), box 3.2, with linear hardening, for which the consistency
+    condition is linear in the plastic multiplier.
 
     Args:
         strain: total strain, UFL tensor (3, 3)
         plastic_strain: committed plastic strain, UFL tensor (3, 3), deviatoric
         alpha: committed accumulated plastic strain
         lam, mu: Lame moduli [force/length^2]
-        strength: initial yield stress [force/length^2]
+        yield_stress: initial yield stress [force/length^2]
         hardening: plastic modulus H [force/length^2]
+        kinematic_share: share beta of the hardening that is kinematic, in [0, 1]
 
     Returns:
         stress, plastic strain and accumulated plastic strain at the end of the step
@@ -110,12 +214,13 @@ def return_map_ufl(
     import ufl
 
     bulk = lam + 2.0 * mu / 3.0
-    s_trial = 2.0 * mu * (ufl.dev(strain) - plastic_strain)
+    back = 2.0 / 3.0 * kinematic_share * hardening * plastic_strain
+    s_trial = 2.0 * mu * (ufl.dev(strain) - plastic_strain) - back
     squared = 1.5 * ufl.inner(s_trial, s_trial)
-    size = strength + hardening * alpha
+    size = yield_stress + (1.0 - kinematic_share) * hardening * alpha
     yields = ufl.gt(squared, size * size)
     # the square root is only differentiated where it is far from zero
     q = ufl.sqrt(ufl.conditional(yields, squared, size * size))
     dgamma = (q - size) / (3.0 * mu + hardening)
-    stress = bulk * ufl.tr(strain) * ufl.Identity(3) + (1.0 - 3.0 * mu * dgamma / q) * s_trial
+    stress = bulk * ufl.tr(strain) * ufl.Identity(3) + (1.0 - 3.0 * mu * dgamma / q) * s_trial + back
     return stress, plastic_strain + 1.5 * dgamma / q * s_trial, alpha + dgamma

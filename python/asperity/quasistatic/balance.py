@@ -1,13 +1,13 @@
 """Checks of every accepted step, valid for any case: balances that no correct result violates.
 
-With exact contact and associative plasticity with isotropic hardening the energy of a step is bounded on both sides:
+With exact contact and associative plasticity with linear hardening the energy of a step is bounded on both sides:
 
     F_n d_delta <= d(stored) + d(dissipated) <= F_n+1 d_delta,
 
 because the flat moves each node that it touches at the end by at most d_delta, and each node that it touched at the
-beginning by at least d_delta. The plastic work sigma : d eps_p lies between those with the stress of either end
-(maximum dissipation). With isotropic hardening the dissipated energy sigma_0 a + H a^2/2 follows from the accumulated
-plastic strain a.
+beginning by at least d_delta. The dissipation (sigma - X) : d eps_p, X the back stress of kinematic hardening, lies
+between those with the stress of either end (maximum dissipation). The dissipated energy sigma_y a + (1 - beta) H a^2/2
+follows from the accumulated plastic strain a; the rest of the hardening, beta H eps_p:eps_p/3, is stored.
 """
 
 from __future__ import annotations
@@ -48,10 +48,10 @@ class Checks:
         greatest_force: so far [E L^2]
         mean_penetration: weighted by the pressure, over the approach, at the greatest force
         strain_decrease: greatest decrease of the accumulated plastic strain, negative when there is none
-        least_dissipation: least plastic work sum sigma : d eps_p of a step, at most 0
+        least_dissipation: least sum (sigma - X) : d eps_p of a step, X the back stress, at most 0
         work: done by the flat, trapezoidal rule
-        stored: elastic energy
-        dissipated: plastic work
+        stored: energy of elastic strain and back stress
+        dissipated: by plastic flow
         peak: greatest energy stored and dissipated, and the work done until then
         energy_excess: greatest violation of the energy bounds of a step, over the energy so far
         violated: sentences, the first of each kind
@@ -106,9 +106,9 @@ class StepBalance:
         delta, delta_before: approach at the end and at the beginning of the step
         force, force_before: of the flat
         reaction: of the base
-        stored: elastic energy at the end
-        dissipated: plastic work so far
-        plastic_work: of the step, sum sigma : d eps_p
+        stored: energy of elastic strain and back stress at the end
+        dissipated: by plastic flow so far
+        dissipation: of the step, sum (sigma - X) : d eps_p with the back stress X
         sinking: force times penetration of a compliant contact
         work_low, work_high: work of the internal force at the beginning and at the end of the step along it
         penetration: greatest, of a node into the flat
@@ -124,7 +124,7 @@ class StepBalance:
     reaction: float
     stored: float
     dissipated: float
-    plastic_work: float
+    dissipation: float
     sinking: float
     work_low: float
     work_high: float
@@ -201,9 +201,9 @@ def _judge_energy(checks: Checks, step: StepBalance, judge: Judge, rtol: float, 
     """Plastic flow dissipates, and the energy of the step lies between its bounds."""
     checks.strain_decrease = max(checks.strain_decrease, step.strain_decrease)
     judge("plastic_strain", step.strain_decrease <= ROUNDING, "the accumulated plastic strain decreased")
-    checks.least_dissipation = min(checks.least_dissipation, step.plastic_work)
+    checks.least_dissipation = min(checks.least_dissipation, step.dissipation)
     scale = checks.stored + checks.dissipated + step.stored + step.dissipated
-    judge("dissipation", step.plastic_work >= -max(ENERGY, rtol) * scale, "plastic flow gained energy")
+    judge("dissipation", step.dissipation >= -max(ENERGY, rtol) * scale, "plastic flow gained energy")
     move = step.delta - step.delta_before
     gained = step.stored + step.dissipated - checks.stored - checks.dissipated
     if compliant:

@@ -11,7 +11,7 @@ import numpy as np
 from asperity.arrays import Floats
 from asperity.contact import Contact
 from asperity.contact.contact_surface import ContactSurface
-from asperity.fem.energies import energies, plastic_work
+from asperity.fem.energies import dissipation, energies
 from asperity.fem.kernels import History
 from asperity.fem.solid import Solid
 from asperity.model.settings import SolverOptions
@@ -196,10 +196,10 @@ class ContactSolver:
         solid, internal = self.solid, self.newton.force
         owned = self.contact_surface.owned_nodes
         pressure = self.pressure[owned]
-        work, decrease = plastic_work(solid, history)
+        dissipated, decrease = dissipation(solid, history)
         move = solid.u.x.array.reshape(-1, 3)[: solid.owned] - displacement
         works = [float(np.vdot(f, move)) for f in (self._internal, internal)]
-        sums = np.array([*energies(solid, internal), work, self.contact.sinking(), *works])
+        sums = np.array([*energies(solid, internal), dissipated, self.contact.sinking(), *works])
         peaks = np.array(
             [
                 np.max(-self.gap()[owned], initial=0.0),

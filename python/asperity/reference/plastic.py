@@ -1,7 +1,7 @@
 """Elastic-plastic references: material point, thick sphere under pressure, flattened sphere.
 
-The material is J2 with bilinear isotropic hardening: Young's modulus E, yield strength Y, tangent
-modulus E_t, plastic modulus H = E E_t/(E - E_t).
+The material is J2 with linear hardening: Young's modulus E, yield strength Y, tangent modulus E_t, plastic modulus
+H = E E_t/(E - E_t). It is isotropic but for functions with the kinematic share beta, after Prager.
 """
 
 from __future__ import annotations
@@ -32,25 +32,28 @@ def hardening_modulus(E: float, E_t: float) -> float:
     return E * E_t / (E - E_t)
 
 
-def _piecewise(strain: ArrayLike, elastic: float, plastic: float, Y: float, H: float) -> tuple[Array, Array]:
+def _piecewise(
+    strain: ArrayLike, elastic: float, plastic: float, Y: float, H: float, share: float
+) -> tuple[Array, Array]:
     """Return (stress, accumulated plastic strain) of sigma = elastic e - plastic e_p.
 
     Exact for strain that varies monotonically between the given values, because then stress and
-    plastic flow have a constant direction: |sigma| <= Y + H p.
+    plastic flow have a constant direction: |sigma - beta H e_p| <= Y + (1 - beta) H p.
     """
     stress, accumulated = [], []
     e_p = p = 0.0
     for e in np.asarray(strain, float):
         trial = elastic * e - plastic * e_p
-        flow = max(0.0, abs(trial) - Y - H * p) / (plastic + H)
-        e_p += math.copysign(flow, trial)
+        driving = trial - share * H * e_p
+        flow = max(0.0, abs(driving) - Y - (1 - share) * H * p) / (plastic + H)
+        e_p += math.copysign(flow, driving)
         p += flow
         stress.append(elastic * e - plastic * e_p)
         accumulated.append(p)
     return np.array(stress), np.array(accumulated)
 
 
-def uniaxial_stress(strain: ArrayLike, E: float, Y: float, E_t: float) -> tuple[Array, Array]:
+def uniaxial_stress(strain: ArrayLike, E: float, Y: float, E_t: float, share: float = 0.0) -> tuple[Array, Array]:
     """Return (stress, accumulated plastic strain) of a bar along a history of axial strains.
 
     Args:
@@ -58,16 +61,19 @@ def uniaxial_stress(strain: ArrayLike, E: float, Y: float, E_t: float) -> tuple[
         E: Young's modulus (force/length^2).
         Y: yield strength (force/length^2).
         E_t: tangent modulus (force/length^2).
+        share: of the hardening that is kinematic.
 
     Examples:
         >>> stress, p = asp.reference.uniaxial_stress([0.001, 0.003, 0.0], E=200.0, Y=0.2, E_t=0.0)
         >>> stress.round(6), p.round(6)
         (array([ 0.2,  0.2, -0.2]), array([0.   , 0.002, 0.003]))
     """
-    return _piecewise(strain, E, E, Y, hardening_modulus(E, E_t))
+    return _piecewise(strain, E, E, Y, hardening_modulus(E, E_t), share)
 
 
-def confined_stress(strain: ArrayLike, E: float, nu: float, Y: float, E_t: float) -> tuple[Array, Array, Array]:
+def confined_stress(
+    strain: ArrayLike, E: float, nu: float, Y: float, E_t: float, share: float = 0.0
+) -> tuple[Array, Array, Array]:
     """Return (axial stress, lateral stress, accumulated plastic strain) without lateral strain.
 
     The stress difference is q = 2 mu e - 3 mu e_p, the mean stress K e: yield at |e| = Y/(2 mu),
@@ -79,6 +85,7 @@ def confined_stress(strain: ArrayLike, E: float, nu: float, Y: float, E_t: float
         nu: Poisson's ratio.
         Y: yield strength (force/length^2).
         E_t: tangent modulus (force/length^2).
+        share: of the hardening that is kinematic.
 
     Examples:
         >>> axial, lateral, p = asp.reference.confined_stress([-0.01], E=200.0, nu=0.3, Y=0.2, E_t=0.0)
@@ -86,17 +93,19 @@ def confined_stress(strain: ArrayLike, E: float, nu: float, Y: float, E_t: float
         -1.8000, -1.6000, 0.005800
     """
     mu, bulk = E / (2 * (1 + nu)), E / (3 * (1 - 2 * nu))
-    q, p = _piecewise(strain, 2 * mu, 3 * mu, Y, hardening_modulus(E, E_t))
+    q, p = _piecewise(strain, 2 * mu, 3 * mu, Y, hardening_modulus(E, E_t), share)
     mean = bulk * np.asarray(strain, float)
     return mean + 2 / 3 * q, mean - q / 3, p
 
 
-def j2_path(strain: ArrayLike, E: float, nu: float, Y: float, E_t: float, rtol: float = 1e-11) -> tuple[Array, Array]:
+def j2_path(
+    strain: ArrayLike, E: float, nu: float, Y: float, E_t: float, rtol: float = 1e-11, share: float = 0.0
+) -> tuple[Array, Array]:
     """Integrate the J2 rate equations along straight segments of strain, without a return map.
 
-    s' = 2 mu (e' - lambda' n), n = s/|s|, lambda' = n:e' 2 mu/(2 mu + 2H/3) once |s| =
-    sqrt(2/3)(Y + H p). On a straight segment n turns towards e', so flow continues once it has begun. The point
-    where it begins solves a quadratic equation; the rest is an ODE (Dormand-Prince 8(5,3)).
+    s' = 2 mu (e' - lambda' n), x' = 2/3 beta H lambda' n, n = (s - x)/|s - x|, lambda' = n:e' 2 mu/(2 mu + 2H/3) once
+    |s - x| = sqrt(2/3)(Y + (1 - beta) H p). On a straight segment n turns towards e', so flow continues once it has
+    begun. The point where it begins solves a quadratic equation; the rest is an ODE (Dormand-Prince 8(5,3)).
 
     Args:
         strain: symmetric strains at the corners of the path, starting from zero, (m, 3, 3).
@@ -105,6 +114,7 @@ def j2_path(strain: ArrayLike, E: float, nu: float, Y: float, E_t: float, rtol: 
         Y: yield strength (force/length^2).
         E_t: tangent modulus (force/length^2).
         rtol: relative tolerance of the ODE solver.
+        share: of the hardening that is kinematic, beta.
 
     Returns:
         stress (m, 3, 3) (force/length^2) and accumulated plastic strain (m,).
@@ -119,27 +129,28 @@ def j2_path(strain: ArrayLike, E: float, nu: float, Y: float, E_t: float, rtol: 
     from scipy.integrate import solve_ivp
 
     mu, bulk, H = E / (2 * (1 + nu)), E / (3 * (1 - 2 * nu)), hardening_modulus(E, E_t)
-    share = 1 / (1 + H / (3 * mu))
+    flowing, back = 1 / (1 + H / (3 * mu)), 2 / 3 * share * H
 
     def rate(_: float, state: Array, step: Array) -> Array:
-        s = state[:9].reshape(3, 3)
-        n = s / np.linalg.norm(s)
-        flow = share * float(np.sum(n * step))
-        return np.append(2 * mu * (step - flow * n), math.sqrt(2 / 3) * flow)
+        n = (state[:9] - state[9:18]).reshape(3, 3)
+        n = n / np.linalg.norm(n)
+        flow = flowing * float(np.sum(n * step))
+        return np.concatenate([2 * mu * (step - flow * n).ravel(), back * flow * n.ravel(), [math.sqrt(2 / 3) * flow]])
 
-    s, p, before = np.zeros((3, 3)), 0.0, np.zeros((3, 3))
+    s, x, p, before = np.zeros((3, 3)), np.zeros((3, 3)), 0.0, np.zeros((3, 3))
     stress, accumulated = [], []
     for now in np.asarray(strain, float):
         trace = np.trace(now)
         step = now - before
         step = step - np.trace(step) / 3 * np.eye(3)
-        elastic = _elastic_share(s, 2 * mu * step, math.sqrt(2 / 3) * (Y + H * p))
+        elastic = _elastic_share(s - x, 2 * mu * step, math.sqrt(2 / 3) * (Y + (1 - share) * H * p))
         s = s + elastic * 2 * mu * step
         if elastic < 1:
             rest = (1 - elastic) * step
-            tolerance = {"rtol": rtol, "atol": rtol * np.append(np.full(9, Y), Y / E)}
-            end = solve_ivp(rate, (0, 1), np.append(s, p), args=(rest,), method="DOP853", **tolerance).y[:, -1]
-            s, p = end[:9].reshape(3, 3), float(end[9])
+            tolerance = {"rtol": rtol, "atol": rtol * np.append(np.full(18, Y), Y / E)}
+            begin = np.concatenate([s.ravel(), x.ravel(), [p]])
+            end = solve_ivp(rate, (0, 1), begin, args=(rest,), method="DOP853", **tolerance).y[:, -1]
+            s, x, p = end[:9].reshape(3, 3), end[9:18].reshape(3, 3), float(end[18])
         stress.append(s + bulk * trace * np.eye(3))
         accumulated.append(p)
         before = now
