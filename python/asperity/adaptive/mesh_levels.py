@@ -18,7 +18,7 @@ from asperity.quasistatic.solve_contact import (
     Hooks,
     PartialResult,
     estimate_approach,
-    make_undistorted,
+    make_block,
     solve_problem,
 )
 
@@ -54,7 +54,6 @@ class Runner:
         self._start = perf_counter()
         self._reach: FirstContactMap | None = None
         self._depth = problem.load_path.delta_max  # that meshes are made for [length]
-        self._h_max: float | None = None  # of the elements away from the contact; smaller on a surface too steep for it
         self._made: tuple[float, BlockMesh | None] | None = None  # the last mesh and its size [length]
         self._guide: ContactResult | None = None  # until the first mesh that it guides
         self.levels: list[Level] = []
@@ -70,8 +69,6 @@ class Runner:
     def _mesh(self, h: float) -> tuple[BlockMesh | None, float]:
         """Mesh of size h [length], or the finest that the greatest number of dofs allows, and its size; collective.
 
-        Its largest elements are small enough not to be turned inside out by the slopes, if that is possible.
-
         Raises:
             InputError: not even the guide is allowed
             PartialResult: nothing else is
@@ -82,8 +79,8 @@ class Runner:
         if self._depth is None:
             self._depth = estimate_approach(self._problem, comm)
         while True:
-            size = MeshSize(h, growth(h / surface.L), self._h_max, self._reach)
-            block, self._h_max = make_undistorted(comm, surface, self._problem.height, self._depth, size)
+            size = MeshSize(h, growth(h / surface.L), reach=self._reach)
+            block = make_block(comm, surface, self._problem.height, self._depth, size)
             dofs = comm.bcast(None if block is None else 3 * len(block.points), root=0)
             if dofs <= self._max_dofs:
                 self._made, self._guide = (h, block), None

@@ -22,6 +22,20 @@ if TYPE_CHECKING:
 NEAR = 1e-9  # points closer than this coincide [L]
 
 
+def heights_at(surface: Surface, x: Floats, y: Floats, width: Floats) -> Floats:
+    """Heights of a surface, smoothed at each point by a Gaussian of its own width; exact where that is 0 (n,) [length].
+
+    Args:
+        surface: the surface
+        x, y: points (n,) [length]
+        width: standard deviations (n,) [length]
+    """
+    z = np.array(surface.height(x, y))
+    blurred = width > 0.0
+    z[blurred] = surface.smoothed(x[blurred], y[blurred], width[blurred])
+    return z
+
+
 @dataclass(frozen=True)
 class BlockMesh:
     """Nodes and second-order tetrahedra of a block, in one process and before partitioning.
@@ -31,6 +45,8 @@ class BlockMesh:
         tets: node numbers (M, 10) in the order of gmsh
         side: length L of the square base [length]
         height: height of the block [length]
+        smoothing: standard deviation of the Gaussian that smooths the surface at each node, see `lift.lift` (N,)
+            [length]; None where all heights are exact
 
     Examples:
         >>> from asperity.mesh.generate import build_block
@@ -45,11 +61,20 @@ class BlockMesh:
     tets: Indices
     side: float
     height: float
+    smoothing: Floats | None = None
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
         """Return the arrays of a mesh file by name."""
-        sizes = {"side": np.array(self.side), "height": np.array(self.height)}
-        return {"points": self.points, "tets": self.tets, **sizes}
+        arrays = {"points": self.points, "tets": self.tets}
+        if self.smoothing is not None:
+            arrays["smoothing"] = self.smoothing
+        return {**arrays, "side": np.array(self.side), "height": np.array(self.height)}
+
+    def heights(self, surface: Surface) -> Floats:
+        """Height of the top above the base at x and y of each node (N,) [length]."""
+        x, y, _ = self.points.T
+        z = surface.height(x, y) if self.smoothing is None else heights_at(surface, x, y, self.smoothing)
+        return np.asarray(self.height + z - surface.mean())
 
     @staticmethod
     def from_arrays(arrays: Mapping[str, npt.NDArray[Any]]) -> BlockMesh:
@@ -73,7 +98,12 @@ class BlockMesh:
             raise ValueError(f"tets names the nodes {tets.min()} to {tets.max()} of {len(points)}")
         if not (np.all(np.isfinite(points)) and 0.0 < side < np.inf and 0.0 < height < np.inf):
             raise ValueError("points, side and height must be finite, side and height positive")
-        return BlockMesh(points, tets, float(side), float(height))
+        smoothing = arrays.get("smoothing")
+        if smoothing is not None and not (
+            smoothing.shape == (len(points),) and np.all(np.isfinite(smoothing)) and np.all(smoothing >= 0.0)
+        ):
+            raise ValueError(f"its smoothing should be {len(points)} lengths that are not negative")
+        return BlockMesh(points, tets, float(side), float(height), smoothing)
 
     def save(self, path: str | Path) -> None:
         """Write a compressed .npz file; the suffix is added if it is missing."""
@@ -104,7 +134,7 @@ class BlockMesh:
                 f"mesh.file: the mesh has the side {self.side:g}, the surface {surface.L:g}: use the mesh of this case"
             )
         x, y, z = self.points.T
-        below = self.height + surface.height(x, y) - surface.mean() - z
+        below = self.heights(surface) - z
         # both have the same mean, so any difference makes the mesh stick out somewhere
         above = -float(below.min())
         if above > NEAR * surface.L:

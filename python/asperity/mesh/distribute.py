@@ -1,4 +1,4 @@
-"""Distribute the mesh of the block over the ranks, tag its outer facets, and find distorted elements."""
+"""Distribute the mesh of the block over the ranks, tag its outer facets, and refuse distorted elements."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from asperity.errors import MeshError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.tet10 import least_jacobians
 from asperity.runtime import compat
-from asperity.runtime.parallel import on_root_bcast
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -64,18 +63,6 @@ def _tag_facets(mesh: Any) -> Any:
     return dmesh.meshtags(mesh, tdim - 1, facets, values)
 
 
-def is_distorted(comm: MPI.Comm, block: BlockMesh | None) -> bool:
-    """Whether the mesh on rank 0 has an element that is turned inside out; the same on all ranks; collective."""
-    compat.start()
-
-    def worst() -> float:
-        assert block is not None
-        cells = block.tets[:, compat.gmsh_to_dolfinx(10)].astype(np.int32)
-        return float(least_jacobians(block.points, cells).min())
-
-    return on_root_bcast(comm, worst) <= 0.0
-
-
 def check_distortion(mesh: Any, surface: Surface) -> None:
     """Refuse a dolfinx mesh with an element that is turned inside out; collective.
 
@@ -97,7 +84,6 @@ def check_distortion(mesh: Any, surface: Surface) -> None:
     size = float(np.max(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1))) * L
     slope = float(np.hypot(*surface.gradient(np.array(cx), np.array(cy))))
     raise MeshError(
-        f"the surface is too steep for its mesh: at x = {cx:.4g}, y = {cy:.4g}, z = {cz:.4g} an element of size "
-        f"{size:.3g} is turned inside out (slope {slope:.3g}): reduce mesh.h_contact, mesh.h_max or the roughness, or "
-        "correct mesh.file"
+        f"mesh.file: at x = {cx:.4g}, y = {cy:.4g}, z = {cz:.4g} an element of size {size:.3g} is turned inside out "
+        f"(slope of the surface {slope:.3g}): correct it, or leave mesh.file out"
     )

@@ -1,8 +1,6 @@
-"""Second-order tetrahedral mesh of a block whose top is the exact rough surface.
+"""Second-order tetrahedral mesh of a block whose top is a rough surface.
 
-gmsh meshes the block [0, L]^2 x [0, height] with a flat top. Every node is then moved vertically, so that all top
-nodes, mid-edge nodes included, lie on the surface. The map z -> z (1 + f/height), f being the height of the surface
-above its mean plane, keeps base and sides plane.
+gmsh meshes the block [0, L]^2 x [0, height] with a flat top; `lift` moves its nodes onto the surface.
 """
 
 from __future__ import annotations
@@ -19,6 +17,7 @@ import numpy.typing as npt
 from asperity.arrays import Floats
 from asperity.errors import MeshError
 from asperity.mesh.block import BlockMesh
+from asperity.mesh.lift import lift
 from asperity.mesh.size_field import rounded
 from asperity.runtime import compat
 from asperity.surface.base import EDGE
@@ -48,7 +47,7 @@ def build_block(surface: Surface, height: float, size: Callable[[float, float, f
         size: element size at (x, y, depth below the top), all in units of L
 
     Raises:
-        MeshError: a valley of the surface reaches the base
+        MeshError: gmsh fails, or see `lift.lift`
 
     Examples:
         >>> wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.01)
@@ -61,15 +60,8 @@ def build_block(surface: Surface, height: float, size: Callable[[float, float, f
     x, y, _ = surface.maximum()
     points, tets = _flat_block(rounded(height / L), size, (_summit_node(x / L), _summit_node(y / L)))
     points *= L
-    x, y, z = points.T
-    f = surface.height(x, y) - surface.mean()
-    if np.min(f) <= -height:
-        raise MeshError(
-            f"block.height = {height:g} is less than the depth {-np.min(f):g} of the deepest valley below the mean "
-            "plane: make the block higher or the surface smoother"
-        )
-    points[:, 2] = z * (1.0 + f / height)
-    return BlockMesh(points, tets, L, height)
+    points, smoothing = lift(points, tets, surface, height)
+    return BlockMesh(points, tets, L, height, smoothing if smoothing.any() else None)
 
 
 def _flat_block(

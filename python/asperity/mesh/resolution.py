@@ -11,14 +11,19 @@ import warnings
 from math import inf, sqrt
 from typing import TYPE_CHECKING
 
-from asperity.errors import ResolutionWarning
+import numpy as np
+
+from asperity.errors import MeshError, ResolutionWarning
+from asperity.mesh.block import NEAR
 
 if TYPE_CHECKING:
+    from asperity.mesh.block import BlockMesh
     from asperity.surface import Surface
 
 ELEMENTS = 1.5  # per wavelength: with fewer, the difference of two meshes does not show the error
 SHARE = 0.25  # greatest height of unresolved waves, over the approach times the tolerance
 ONE_MESH = 0.05  # tolerance assumed for a run on one mesh, for the warning
+MOST_LOWERED = 0.5  # change of height by smoothing, over the approach, beyond which the mesh is not of this surface
 _CLOSE = 1.02  # ratio below which two sizes count as equal
 
 
@@ -80,6 +85,47 @@ def warn_of_missed_waves(surface: Surface, h: float, delta: float) -> None:
     """Warn (ResolutionWarning) of `doubt_of_waves`, if there is any."""
     if doubt := doubt_of_waves(surface, h, delta):
         warnings.warn(doubt, ResolutionWarning, stacklevel=2)
+
+
+def lowered_height(block: BlockMesh, surface: Surface, delta: float) -> float:
+    """Rms change of height by smoothing (see `lift.lift`) of the nodes that the flat would meet, over the approach.
+
+    Args:
+        block: mesh of the block
+        surface: its top
+        delta: greatest approach [length]
+    """
+    if block.smoothing is None:
+        return 0.0
+    x, y, _ = block.points.T
+    exact = block.height + surface.height(x, y) - surface.mean()
+    top = block.heights(surface) - block.points[:, 2] <= NEAR * surface.L
+    met = top & (exact >= block.height + surface.maximum()[2] - surface.mean() - delta)
+    return float(np.sqrt(np.mean((exact - block.points[:, 2])[met] ** 2))) / delta if met.any() else inf
+
+
+def judge_smoothing(block: BlockMesh | None, surface: Surface, delta: float) -> None:
+    """Warn of a mesh whose smoothed heights lie off the surface that the flat meets; refuse it where little is left.
+
+    Args:
+        block: mesh of the block, on rank 0
+        surface: its top
+        delta: greatest approach [length]
+
+    Raises:
+        MeshError: the change of height is not small compared with the approach
+    """
+    assert block is not None
+    off = lowered_height(block, surface, delta)
+    if off <= ONE_MESH:
+        return
+    text = (
+        f"the elements are too large for the slopes of the surface: heights that the flat meets had to be smoothed by "
+        f"{off:.2g} of the greatest approach (rms): reduce mesh.h_contact, or filter the surface"
+    )
+    if off > MOST_LOWERED:
+        raise MeshError(text)
+    warnings.warn(text, ResolutionWarning, stacklevel=2)
 
 
 def advice(h: float) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import resource
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -16,14 +16,14 @@ from asperity.curve import Curve
 from asperity.errors import ConvergenceError, Interrupted, MeshError
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.distribute import check_distortion, distribute, is_distorted
+from asperity.mesh.distribute import check_distortion, distribute
 from asperity.mesh.generate import build_block
-from asperity.mesh.resolution import warn_of_missed_waves
+from asperity.mesh.resolution import judge_smoothing, warn_of_missed_waves
 from asperity.mesh.size_field import SizeField
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.problem import Problem
-from asperity.model.settings import H_CONTACT, H_MAX, Formulation, MeshSize, SolverOptions
+from asperity.model.settings import H_CONTACT, Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import ContactSolver, Counts
 from asperity.quasistatic.measures import FirstContact, Snapshot
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 
     from asperity.quasistatic.checkpoint import Checkpoint
 
-SMALLEST_H_MAX = 0.05  # to which the largest elements are made smaller for the slopes [L]
 ESTIMATE_STEPS = 40  # after which the approach at a given force is only guessed
 
 
@@ -119,7 +118,7 @@ def make_block(comm: MPI.Comm, surface: Surface, height: float, delta_max: float
         surface: the top
         height: mean height of the block [length]
         delta_max: approach the mesh is made for [length]
-        size: element sizes; without h_max, the largest elements are as small as slopes need, see `make_undistorted`
+        size: element sizes
 
     Raises:
         MeshError: the surface cannot be meshed
@@ -131,8 +130,6 @@ def make_block(comm: MPI.Comm, surface: Surface, height: float, delta_max: float
         >>> block.side, block.height
         (2.0, 1.0)
     """
-    if size.h_max is None:
-        return make_undistorted(comm, surface, height, delta_max, size)[0]
 
     def build() -> BlockMesh:
         h = H_CONTACT * surface.L if size.h_contact is None else size.h_contact
@@ -142,24 +139,6 @@ def make_block(comm: MPI.Comm, surface: Surface, height: float, delta_max: float
         return build_block(surface, height, field.at)
 
     return on_root(comm, build)
-
-
-def make_undistorted(
-    comm: MPI.Comm, surface: Surface, height: float, delta_max: float, size: MeshSize
-) -> tuple[BlockMesh | None, float]:
-    """Mesh whose largest elements are, if possible, too small to be turned inside out by slopes, and their size;
-    collective.
-
-    Args:
-        comm, surface, height, delta_max: as in `make_block`
-        size: element sizes; h_max is made smaller as far as needed, but not much below SMALLEST_H_MAX
-    """
-    h_max = H_MAX * surface.L if size.h_max is None else size.h_max
-    while True:
-        block = make_block(comm, surface, height, delta_max, replace(size, h_max=h_max))
-        if not is_distorted(comm, block) or h_max <= SMALLEST_H_MAX * surface.L:
-            return block, h_max
-        h_max *= 0.7
 
 
 def make_contact_solver(
@@ -335,6 +314,7 @@ def solve_problem(
         if given is None:
             with phases.phase("mesh"):
                 block = make_block(comm, problem.surface, problem.height, delta_max, problem.size)
+            on_root(comm, lambda: judge_smoothing(block, problem.surface, delta_max))
         h = problem.size.h_contact or H_CONTACT * L
         on_root(comm, partial(warn_of_missed_waves, problem.surface, h, delta_max))
     hooks.stage("set-up")

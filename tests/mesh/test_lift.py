@@ -1,0 +1,131 @@
+"""Blocks under surfaces that are rougher than their elements: sound elements, exact heights wherever possible."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from asperity.errors import MeshError, ResolutionWarning
+from asperity.mesh.block import NEAR, BlockMesh
+from asperity.mesh.generate import build_block
+from asperity.mesh.lift import SOUND, _least_stretch, _vertical_gradients
+from asperity.mesh.resolution import judge_smoothing, lowered_height
+from asperity.mesh.tet10 import least_jacobians
+from asperity.model.material import Material
+from asperity.model.settings import MeshSize
+from asperity.quasistatic.solve_contact import solve_contact
+from asperity.runtime import compat
+from asperity.surface import Flat, HeightMap, SelfAffine, Sinusoid, Surface
+
+STEEP = Sinusoid(L=1.0, amplitude=0.25, wavelength=0.25, dims=2)  # slopes up to 6
+
+
+def uniform(surface: Surface, size: float) -> BlockMesh:
+    return build_block(surface, 1.0, lambda x, y, depth: size)
+
+
+def jacobians(block: BlockMesh) -> np.ndarray:
+    """Return the least Jacobian determinant of each element, by the compiled kernel on a lattice of points."""
+    return least_jacobians(block.points, block.tets[:, compat.gmsh_to_dolfinx(10)].astype(np.int32))
+
+
+def volumes(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
+    """Return six times the volume of each straight tetrahedron."""
+    a, b, c, d = (points[tets[:, k]] for k in range(4))
+    return np.abs(np.einsum("ij,ij->i", b - a, np.cross(c - a, d - a)))
+
+
+def self_affine(**changes: Any) -> Surface:
+    keys: dict[str, Any] = {"L": 1.0, "H": 0.8, "slope": 0.46, "lambda_roll": 0.3, "lambda_short": 0.02, "seed": 5}
+    return SelfAffine(**{**keys, **changes})
+
+
+def test_the_least_stretch_is_that_of_the_jacobians() -> None:
+    """It is linear in an element, so the corners of the lattice have it."""
+    flat = uniform(Flat(L=1.0), 0.4)
+    rise = 0.05 * np.random.default_rng(1).standard_normal(len(flat.points))
+    lifted = BlockMesh(flat.points + rise[:, None] * [0.0, 0.0, 1.0], flat.tets, 1.0, 1.0)
+    stretch = _least_stretch(_vertical_gradients(flat.points, flat.tets), rise[flat.tets])
+    np.testing.assert_allclose(stretch * volumes(flat.points, flat.tets), jacobians(lifted), rtol=1e-9, atol=1e-14)
+
+
+@pytest.mark.parametrize("surface", [self_affine(), self_affine(lambda_short=0.004, H=0.5, slope=2.0)])
+def test_elements_larger_than_the_roughness_stay_sound(surface: Surface) -> None:
+    """Every top node lies on the surface smoothed by its own Gaussian; some of them on the surface itself."""
+    block = uniform(surface, 0.1)
+    assert block.smoothing is not None
+    assert jacobians(block).min() > 0.0
+    block.check(surface)
+    below = block.heights(surface) - block.points[:, 2]
+    top = below < NEAR
+    assert below.min() > -NEAR and top.sum() > 100
+    exact = top & (block.smoothing == 0.0)
+    assert exact.any()
+    x, y, z = block.points[exact].T
+    np.testing.assert_allclose(z, 1.0 + surface.height(x, y) - surface.mean(), rtol=0.0, atol=1e-12)
+
+
+def test_the_heights_of_a_wave_are_damped_in_closed_form() -> None:
+    block = uniform(STEEP, 0.1)
+    assert block.smoothing is not None
+    top = block.heights(STEEP) - block.points[:, 2] < NEAR
+    x, y, z = block.points[top].T
+    k = 2.0 * np.pi / 0.25
+    exact = STEEP.height(x, y) - STEEP.mean()
+    np.testing.assert_allclose(z - 1.0, exact * np.exp(-((block.smoothing[top] * k) ** 2)), rtol=0.0, atol=1e-12)
+
+
+def test_a_resolved_surface_keeps_its_exact_heights() -> None:
+    assert uniform(Sinusoid(L=1.0, amplitude=0.05, wavelength=0.5, dims=2), 0.1).smoothing is None
+
+
+def test_a_mesh_file_keeps_the_smoothing(tmp_path: Path) -> None:
+    block = uniform(STEEP, 0.2)
+    block.save(tmp_path / "mesh.npz")
+    again = BlockMesh.read(tmp_path / "mesh.npz")
+    assert again.smoothing is not None and block.smoothing is not None
+    np.testing.assert_array_equal(again.smoothing, block.smoothing)
+    again.check(STEEP)
+    broken = {**block.arrays(), "smoothing": -block.smoothing}
+    with pytest.raises(ValueError, match="smoothing"):
+        BlockMesh.from_arrays(broken)
+
+
+@pytest.mark.mpi
+def test_a_rough_surface_is_pressed_on_coarse_elements() -> None:
+    """The slope of 0.46 turned elements of this size inside out."""
+    surface = self_affine()
+    result = solve_contact(surface, Material(1.0, 0.3), delta_max=0.02, steps=2, size=MeshSize(0.05))
+    assert result.complete and np.all(np.diff(result.curve.P_star) > 0.0)
+    assert result.checks.force_balance < 1e-6
+
+
+def test_a_spike_that_no_element_can_follow_is_refused(tmp_path: Path) -> None:
+    """The flat would meet the spike first, but the smoothed mesh has none."""
+    z = 1e-3 * np.random.default_rng(3).standard_normal((33, 33))
+    z[16, 16] = 0.3
+    np.savez(tmp_path / "spike.npz", z=z, L=1.0)
+    surface = HeightMap(path=tmp_path / "spike.npz")
+    block = uniform(surface, 0.15)
+    assert lowered_height(block, surface, 0.05) > 0.5
+    with pytest.raises(MeshError, match=r"mesh\.h_contact, or filter"):
+        judge_smoothing(block, surface, 0.05)
+
+
+def test_small_changes_by_smoothing_are_warned_of() -> None:
+    surface = self_affine(slope=1.2)
+    block = uniform(surface, 0.1)
+    assert 0.05 < lowered_height(block, surface, 0.05) < 0.5
+    with pytest.warns(ResolutionWarning, match="smoothed"):
+        judge_smoothing(block, surface, 0.05)
+
+
+def test_the_limit_of_soundness_is_kept() -> None:
+    surface = self_affine()
+    block = uniform(surface, 0.1)
+    flat = block.points.copy()
+    flat[:, 2] /= 1.0 + (block.heights(surface) - 1.0)
+    assert np.all(jacobians(block) >= 0.99 * SOUND * volumes(flat, block.tets))
