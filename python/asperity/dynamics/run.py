@@ -17,6 +17,7 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.curve import fitted_rows
 from asperity.dynamics.forcing import forcings, window
+from asperity.dynamics.law.damping import DAMPING
 from asperity.dynamics.law.law import Law, PowerLaw, positive
 from asperity.dynamics.law.table import TableLaw, columns, unload_reload
 from asperity.dynamics.motion.sweep import ESCAPED, Sweep
@@ -34,6 +35,7 @@ FREE_COLUMNS = ("model", "u0", "omega_ratio", "u_min")
 RESPONSE_COLUMNS = ("model", "F_hat", "zeta", "Omega", "u_max", "u_min", "a1", "stable", "branch", "contact_loss")
 MODELS = ("exact", "taylor")
 LAWS = ("paper", "unload-reload", "table")
+ZETA = 0.01  # default damping ratio
 _SWEEP_POINTS = 41
 _NOISE = 0.05  # share of the largest force by which the force of a measured curve may fall
 
@@ -111,7 +113,9 @@ class Dynamics:
         return out
 
 
-def law_from(source: Any, law: str = "paper", load: float | None = None) -> tuple[Law, float]:
+def law_from(
+    source: Any, law: str = "paper", load: float | None = None, *, extrapolate: bool = False
+) -> tuple[Law, float]:
     """Return the static law and the preload (force) of a curve.
 
     Args:
@@ -119,6 +123,7 @@ def law_from(source: Any, law: str = "paper", load: float | None = None) -> tupl
         law: "paper" (power law of `Curve.fit`, as a reversible spring), "unload-reload" (the
             branch computed about the preload), or "table" (the points of the loading branch).
         load: preload (force); default half of the largest force of the curve.
+        extrapolate: whether "unload-reload" and "table" continue beyond their last point; a power law always does.
 
     Raises:
         InputError: the law is unknown, or the curve does not contain what it needs.
@@ -148,9 +153,9 @@ def law_from(source: Any, law: str = "paper", load: float | None = None) -> tupl
     if load is None:
         load = 0.5 * float(np.max(force))
     if law == "unload-reload":
-        return unload_reload(source, load), load
+        return unload_reload(source, load, extrapolate=extrapolate), load
     if law == "table":
-        return TableLaw.from_curve(source), load
+        return TableLaw.from_curve(source, extrapolate=extrapolate), load
     if branches is not None:
         delta, force = delta[branches == "load"], force[branches == "load"]
     length, unit = float(delta.max(initial=0.0)), float(force.max(initial=0.0))
@@ -182,8 +187,8 @@ def _check_rising(delta: Array, force: Array) -> None:
 def run_dynamics(
     source: Any,
     *,
-    zeta: float = 0.01,
-    damping: str = "always",
+    zeta: float | None = None,
+    damping: str | None = None,
     forcing: float | Iterable[float] = (0.01,),
     models: Sequence[str] = MODELS,
     omega: Sequence[float] = (0.5, 1.3),
@@ -196,13 +201,14 @@ def run_dynamics(
     tol: float = 1e-5,
     gravity: float | None = None,
     units: str | None = None,
+    extrapolate: bool = False,
 ) -> Dynamics:
     """Compute free vibration, frequency response, sweeps and thresholds of a mass on a contact.
 
     Args:
         source: a `Law`, a `Curve`, a CSV file with columns delta and force, or a run directory (curve.csv).
-        zeta: damping ratio of small motion, 0 <= zeta < 1.
-        damping: "always", "contact" or "hunt-crossley".
+        zeta: damping ratio of small motion, 0 <= zeta < 1; default that of the case of a run directory, or 0.01.
+        damping: "always", "contact" or "hunt-crossley"; default that of the case of a run directory, or "always".
         forcing: F^ = F/(n_loc m g), one or several, each 1e-9 to 1e6.
         models: "exact" and/or "taylor".
         omega: lowest and highest Omega = omega/omega_s, 0.01 to 100.
@@ -218,6 +224,8 @@ def run_dynamics(
             only; default that of the case of a run directory, or 9.80665 with SI units.
         units: units of the source, "SI" or "other"; with "other" and no `gravity`, mass and omega_s are left out.
             Default those of the case of a run directory, otherwise SI, which a note reports.
+        extrapolate: continue the laws "table" and "unload-reload" beyond their last point, along the last slope in
+            (ln z, ln F).
 
     Returns:
         The results. Files are written only after all input has been checked.
@@ -243,8 +251,12 @@ def run_dynamics(
             raise InputError(f'model = "{name}" is unknown: choose one of {", ".join(MODELS)}')
     if not names:
         raise InputError("model is empty: choose exact, taylor or both")
-    static, preload = law_from(source, law, load)
-    gravity, assumed = _gravity(source, gravity, units)
+    static, preload = law_from(source, law, load, extrapolate=extrapolate)
+    case = _case_of(Path(source)) if isinstance(source, (str, os.PathLike)) else {}
+    gravity, assumed = _gravity(case, gravity, units, "law" if isinstance(source, Law) else "curve")
+    of_case = case.get("dynamics", {})
+    zeta = of_case.get("zeta", ZETA) if zeta is None else zeta
+    damping = of_case.get("damping", DAMPING[0]) if damping is None else damping
     exact = ContactOscillator(static, load=preload, zeta=zeta, damping=damping, gravity=gravity)
     oscillators = {name: exact if name == "exact" else exact.taylor() for name in names}
     notes = [assumed] if assumed else []
@@ -289,22 +301,27 @@ def run_dynamics(
     return result
 
 
-def _gravity(source: Any, gravity: float | None, units: str | None) -> tuple[float | None, str]:
-    """Return gravity in the units of a source, None if unknown, and a note on it ("" if none is needed)."""
+def _gravity(case: dict[str, Any], gravity: float | None, units: str | None, source: str) -> tuple[float | None, str]:
+    """Return gravity in the units of a source, None if unknown, and a note on it ("" if none is needed).
+
+    Args:
+        case: of the source, empty if there is none.
+        gravity, units: as in `run_dynamics`.
+        source: what the note calls the source.
+    """
     if units not in (None, "SI", "other"):
         raise InputError(f'units = "{units}" is unknown: choose SI or other')
     if gravity is not None:
         return positive("gravity", gravity), ""
-    if units is None and isinstance(source, (str, os.PathLike)):
-        case = _case_of(Path(source))
+    if units is None:
         units, gravity = case.get("units"), case.get("dynamics", {}).get("gravity")
     if gravity is not None:
         return float(gravity), ""
     if units == "other":
         return None, 'mass and omega_s are left out: units = "other" needs gravity (length over time squared)'
-    if units is None and not isinstance(source, Law):
+    if units is None:
         return GRAVITY, (
-            f"mass and omega_s assume a curve in SI units, gravity = {GRAVITY:g}: for other units give the "
+            f"mass and omega_s assume a {source} in SI units, gravity = {GRAVITY:g}: for other units give the "
             "gravity in those units"
         )
     return GRAVITY, ""

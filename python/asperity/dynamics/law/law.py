@@ -26,6 +26,7 @@ from asperity.errors import InputError, RangeError
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(16)
 EXPONENT = (0.25, 100.0)  # outside, no practical number of harmonics describes the orbits
 COEFFICIENT = (1e-100, 1e100)
+EXTRAPOLATE = "extrapolate the law (extrapolate=True, asperity dynamics --extrapolate)"  # advice of messages
 _SMALL = 0.05  # below this |u| the potential is integrated or summed: differences of potentials cancel
 
 
@@ -201,7 +202,7 @@ class Law(ABC):
                 worst = z.max() if z.max() > high else z.min()
                 raise RangeError(
                     f"approach {worst:g} lies outside the law, known from {low:g} to {high:g}; "
-                    "compute the curve further or use extrapolate=True"
+                    f"compute the curve further, or {EXTRAPOLATE}"
                 )
         return z
 

@@ -16,6 +16,7 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.dynamics.forcing import Setting
 from asperity.dynamics.law.damping import primitive
+from asperity.dynamics.law.law import EXTRAPOLATE
 from asperity.dynamics.motion.runge_kutta import advance, has_escaped, steps_for
 from asperity.dynamics.orbits.harmonic_balance import Balance
 from asperity.errors import RangeError
@@ -178,7 +179,7 @@ def sweep(
             worst = float(u_max[seen].max())
             raise RangeError(
                 f"the sweep reaches u = {worst:.6g}, beyond the law (known up to {high:.6g}): lower the "
-                "forcing, compute the curve further, or use extrapolate=True"
+                f"forcing, compute the curve further, or {EXTRAPOLATE}"
             )
     return tuple(out)
 
