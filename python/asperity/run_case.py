@@ -16,6 +16,7 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import (
     AssumptionWarning,
+    CaseWarning,
     CheckError,
     CheckpointError,
     ConvergenceError,
@@ -133,10 +134,10 @@ def run(
             on_root_bcast(comm, partial(run_folder.check, out, resume=resume, force=force))
             if resume and (done := on_root_bcast(comm, job.writer.finished)) is not None:
                 return RunResult(done[0], done[0].fit_or_none(), done[1], None)
-        resume = job.open(resume, force)
-        with log_file(None if out is None or comm.rank > 0 else out / LOG, append=resume):
+        continues = job.continues(resume)
+        with log_file(None if out is None or comm.rank > 0 else out / LOG, append=continues) as open_log:
             notices.log()
-            return job.run()
+            return job.run(partial(job.begin, continues, force, open_log))
 
 
 def prepare(
@@ -189,26 +190,47 @@ class _Job:
             return None
         return Checkpoint(self.folder / CHECKPOINT, identity(self.case), self.comm, self.case.output.checkpoint)
 
-    def open(self, resume: bool, force: bool) -> bool:
-        """Make the folder ready; return whether there is a state to continue from; collective.
+    def continues(self, resume: bool) -> bool:
+        """Whether there is a state to continue from; writes nothing; collective.
 
         Raises:
-            CheckpointError: of a run that cannot be continued, which is left as it is
+            CheckpointError: of a run that cannot be continued
+            OutputError: the folder cannot be written
         """
         if self.folder is None or self.checkpoint is None:
             return False
-        goes_on = resume and self.checkpoint.found()
-        if not goes_on:
-            if resume:
-                on_root_bcast(self.comm, partial(_refuse_run_of_another, self.case, self.folder))
+        on_root_bcast(self.comm, partial(run_folder.check_writable, self.folder))
+        if resume and self.checkpoint.found():
+            return True
+        if resume:
+            on_root_bcast(self.comm, partial(_refuse_run_of_another, self.case, self.folder))
+        self.checkpoint.ignore()
+        return False
+
+    def begin(self, continues: bool, force: bool, open_log: Callable[[], None]) -> None:
+        """Make the folder ready and write the input; collective.
+
+        Args:
+            continues: whether the run in the folder continues; otherwise its checkpoint is removed
+            force: whether the other files of a run in the folder are removed too
+            open_log: starts the log file
+        """
+        if self.folder is None or self.checkpoint is None:
+            return
+        if not continues:
             self.checkpoint.clear()
             if force:
                 on_root_bcast(self.comm, partial(run_folder.clear, self.folder))
         on_root_bcast(self.comm, self.writer.begin)
-        return goes_on
+        open_log()
 
-    def run(self) -> RunResult:
-        """Solve, judge, write; collective."""
+    def run(self, begin: Callable[[], None]) -> RunResult:
+        """Solve, judge, write; collective.
+
+        Args:
+            begin: called once there is a mesh, before the first file is written: a case whose surface cannot be meshed
+                leaves the folder as it is
+        """
         from asperity.output.summary import summarise
         from asperity.quasistatic.solve_contact import PartialResult
         from asperity.runtime.interrupt import StopRequest
@@ -217,7 +239,7 @@ class _Job:
         failure: ConvergenceError | None = None
         accurate = None
         with nullcontext() if self.folder is None else StopRequest(comm) as request:
-            hooks = _hooks(self, None if request is None else request.agreed)
+            hooks = _hooks(self, begin, None if request is None else request.agreed)
             try:
                 if case.accuracy.tolerance is None:
                     contact = _solve(self, hooks)
@@ -242,6 +264,8 @@ class _Job:
             summary["exit_reason"] = str(failure)
         for text in departures(contact.curve, self.problem.material, self.problem.surface, self.problem.sides):
             warnings.warn(text, AssumptionWarning, stacklevel=3)
+        if case.output.fields and self.folder is not None and contact.complete and not contact.snapshots:
+            warnings.warn(_no_fields(case), CaseWarning, stacklevel=3)
         if summary["unresolved"] and accurate is None and not isinstance(failure, Interrupted):
             warnings.warn(f"{summary['unresolved']}; make mesh.h_contact smaller", ResolutionWarning, stacklevel=3)
         self.notices.share()
@@ -327,9 +351,27 @@ def _refuse_run_of_another(case: Case, folder: Path) -> None:
     refuse_another(path, identity(there), identity(case))
 
 
-def _hooks(job: _Job, stop: Callable[[], str] | None) -> Hooks:
+def _no_fields(case: Case) -> str:
+    """Why a run has no snapshots to write as fields."""
+    if case.output.snapshots == 0:
+        return "output.fields = true writes nothing, because output.snapshots = 0"
+    return (
+        "output.fields = true writes nothing: the steps were computed without snapshots before the run was resumed; "
+        "replace the run with --force"
+    )
+
+
+def _hooks(job: _Job, begin: Callable[[], None], stop: Callable[[], str] | None) -> Hooks:
     """Progress, checkpoint and snapshots of a run, whose curve is written step by step."""
     from asperity.quasistatic.solve_contact import Hooks
+
+    begun = False
+
+    def on_ready() -> None:
+        nonlocal begun
+        if not begun:  # with a tolerance there are several meshes
+            begin()
+        begun = True
 
     def on_stage(name: str) -> None:
         reason = "" if stop is None else stop()
@@ -344,7 +386,7 @@ def _hooks(job: _Job, stop: Callable[[], str] | None) -> Hooks:
 
     output = job.case.output
     snapshots = output.snapshots if output.figures or output.fields else 0
-    return Hooks(on_stage, on_step, stop, job.checkpoint, snapshots)
+    return Hooks(on_stage, on_step, stop, job.checkpoint, snapshots, on_ready)
 
 
 def _solve(job: _Job, hooks: Hooks) -> ContactResult:

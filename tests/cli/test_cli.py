@@ -48,7 +48,8 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
     """Replace the solver after a run has begun: note the jobs, report two steps."""
     noted: list[dict[str, Any]] = []
 
-    def run(job: Any) -> Any:
+    def run(job: Any, begin: Callable[[], None]) -> Any:
+        begin()
         noted.append({"case": job.case, "folder": job.folder})
         job.progress.stage("solve")
         row = dict(step=1, branch="load", delta_star=1e-3, P_star=2e-6, area_fraction=0.01)

@@ -210,6 +210,15 @@ def test_damping_of_the_case_is_the_default(tmp_path: Path) -> None:
     assert damping_of(bare) == (0.01, "always")
 
 
+def test_an_analysis_without_bands_keeps_no_old_ones(tmp_path: Path) -> None:
+    law = PowerLaw(1.5, 1.0, ci_n=(1.45, 1.55), ci_K=(0.99, 1.01))
+    options = {**QUICK, "gravity": 1.0, "tol": 1e-3, "out_dir": tmp_path}
+    run_dynamics(law, **{**options, "bands": True})
+    assert (tmp_path / "band.csv").is_file()
+    run_dynamics(law, **options)
+    assert not (tmp_path / "band.csv").exists()
+
+
 def test_a_table_is_extrapolated_on_request(tmp_path: Path) -> None:
     """The response leaves the table; the note names what to do in Python and on the command line."""
     folder = _curve_in(tmp_path / "run", 1.0, 1.0, 'units = "SI"\n')

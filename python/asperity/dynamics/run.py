@@ -81,6 +81,8 @@ class Dynamics:
         _write(path / RESPONSE, RESPONSE_COLUMNS, (row for r in results for row in r.rows()))
         if self.bands:
             _write(path / BAND, BAND_COLUMNS, (row for band in self.bands for row in band.rows()))
+        else:
+            (path / BAND).unlink(missing_ok=True)  # of an earlier analysis
         text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
         replace_file(path / THRESHOLDS, f"{text}\n".encode())
 
