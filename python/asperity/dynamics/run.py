@@ -17,8 +17,10 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.curve import fitted_rows
 from asperity.dynamics.forcing import forcings, window
+from asperity.dynamics.law.checks import positive
 from asperity.dynamics.law.damping import DAMPING
-from asperity.dynamics.law.law import Law, PowerLaw, positive
+from asperity.dynamics.law.law import Law
+from asperity.dynamics.law.power import PowerLaw
 from asperity.dynamics.law.table import TableLaw, columns, unload_reload
 from asperity.dynamics.motion.sweep import ESCAPED, Sweep
 from asperity.dynamics.orbits.free import FreeVibration

@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
+from asperity.dynamics.law.checks import positive, positives
 from asperity.dynamics.law.damping import in_flight, rate
-from asperity.dynamics.law.law import TaylorLaw, positive, positives
 from asperity.dynamics.law.restoring import Restoring
+from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.errors import ConvergenceError, RangeError
 
 _ORDERS = (24, 48, 96, 192, 384)

@@ -16,8 +16,8 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from asperity.arrays import Array
-from asperity.dynamics.law.law import TaylorLaw
 from asperity.dynamics.law.restoring import Restoring
+from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.dynamics.orbits.free import FreeOrbit, column, contact_limit, free_orbit
 from asperity.errors import RangeError
 
