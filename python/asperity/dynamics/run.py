@@ -7,7 +7,7 @@ import io
 import json
 import os
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -278,16 +278,7 @@ def run_dynamics(
                 swept[name] = oscillator.sweep(values, omega, points=_SWEEP_POINTS)
             except AsperityError as error:
                 notes.append(f"{name}: no sweep: {error}")
-        for r in responses[name]:
-            notes.extend(_beyond_fit(name, oscillator, r))
-            notes.extend(f"{name}, F^ = {r.setting.F_hat:g}: {note}" for note in r.notes)
-        for s in swept[name]:
-            if ESCAPED in s.status:
-                where = float(s.Omega[s.status.index(ESCAPED)])
-                notes.append(
-                    f"{name}, F^ = {s.setting.F_hat:g}: the sweep {s.direction} escapes from the Taylor "
-                    f"well at Omega = {where:.4g}, a property of the truncation"
-                )
+        notes.extend(_notes(name, oscillator, responses[name], swept[name]))
     try:
         spread = uncertainty(exact)
     except InputError:
@@ -303,6 +294,22 @@ def run_dynamics(
     if out_dir is not None:
         result.write(out_dir)
     return result
+
+
+def _notes(
+    name: str, oscillator: ContactOscillator, responses: Iterable[FrequencyResponse], sweeps: Iterable[Sweep]
+) -> Iterator[str]:
+    """Yield the notes on the results of a model."""
+    for r in responses:
+        yield from _beyond_fit(name, oscillator, r)
+        yield from (f"{name}, F^ = {r.setting.F_hat:g}: {note}" for note in r.notes)
+    for s in sweeps:
+        if ESCAPED in s.status:
+            where = float(s.Omega[s.status.index(ESCAPED)])
+            yield (
+                f"{name}, F^ = {s.setting.F_hat:g}: the sweep {s.direction} escapes from the Taylor "
+                f"well at Omega = {where:.4g}, a property of the truncation"
+            )
 
 
 def _gravity(case: dict[str, Any], gravity: float | None, units: str | None, source: str) -> tuple[float | None, str]:
