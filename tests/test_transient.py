@@ -22,7 +22,8 @@ from asperity.quasistatic.solve_contact import make_contact_solver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.runtime.parallel import on_root
 from asperity.surface import Flat, Sinusoid, Surface
-from asperity.transient import Motion, Scheme, TimeSeries, Transient, consistent_mass
+from asperity.transient import Scheme, TimeSeries, Transient, consistent_mass
+from asperity.transient.inertia import Motion
 
 Array = npt.NDArray[np.float64]
 

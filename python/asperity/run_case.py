@@ -18,7 +18,6 @@ from asperity.errors import (
     AssumptionWarning,
     CaseWarning,
     CheckError,
-    CheckpointError,
     ConvergenceError,
     InputError,
     Interrupted,
@@ -35,7 +34,7 @@ from asperity.runtime.files import files_into
 from asperity.runtime.notices import Notices, noting
 from asperity.runtime.parallel import agree, on_root_bcast
 from asperity.runtime.progress import Progress, log_file
-from asperity.runtime.run_folder import CASE, CHECKPOINT, FIELDS, LOG, VTKHDF
+from asperity.runtime.run_folder import CHECKPOINT, FIELDS, LOG, VTKHDF
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -197,13 +196,15 @@ class _Job:
             CheckpointError: of a run that cannot be continued
             OutputError: the folder cannot be written
         """
+        from asperity.quasistatic.checkpoint_identity import refuse_run_of_another
+
         if self.folder is None or self.checkpoint is None:
             return False
         on_root_bcast(self.comm, partial(run_folder.check_writable, self.folder))
         if resume and self.checkpoint.found():
             return True
         if resume:
-            on_root_bcast(self.comm, partial(_refuse_run_of_another, self.case, self.folder))
+            on_root_bcast(self.comm, partial(refuse_run_of_another, self.case, self.folder))
         self.checkpoint.ignore()
         return False
 
@@ -331,34 +332,10 @@ class _Job:
         return replace(result, dynamics=on_root_bcast(comm, serial))
 
 
-def _refuse_run_of_another(case: Case, folder: Path) -> None:
-    """Refuse a folder whose run, of which no state is saved, is not of this case.
-
-    Raises:
-        CheckpointError: it is of another case, or its case is missing
-    """
-    from asperity.quasistatic.checkpoint_identity import identity, refuse_another
-
-    if run_folder.is_empty(folder):
-        return
-    path = folder / CASE
-    try:
-        there = Case.load(path)
-    except InputError as error:
-        raise CheckpointError(
-            f"{folder} holds no state to resume from, and no case to start again: {error}; start again with --force"
-        ) from None
-    refuse_another(path, identity(there), identity(case))
-
-
 def _no_fields(case: Case) -> str:
     """Why a run has no snapshots to write as fields."""
-    if case.output.snapshots == 0:
-        return "output.fields = true writes nothing, because output.snapshots = 0"
-    return (
-        "output.fields = true writes nothing: the steps were computed without snapshots before the run was resumed; "
-        "replace the run with --force"
-    )
+    why = "the steps were computed without snapshots before the run was resumed; replace the run with --force"
+    return f"output.fields = true writes nothing: {'output.snapshots = 0' if case.output.snapshots == 0 else why}"
 
 
 def _hooks(job: _Job, begin: Callable[[], None], stop: Callable[[], str] | None) -> Hooks:
@@ -412,20 +389,10 @@ def _solve_to_tolerance(job: _Job, hooks: Hooks) -> AccurateResult:
 
 
 def _dynamics(case: Case, curve: Curve, folder: str | Path | None) -> Any:
+    """Vibration on the curve of a case."""
     from asperity.dynamics import run_dynamics
 
-    d = case.dynamics
-    assert d is not None
-    return run_dynamics(
-        curve,
-        law=d.law,
-        load=d.preload,
-        zeta=d.zeta,
-        damping=d.damping,
-        forcing=d.forcing,
-        models=d.model,
-        omega=d.omega,
-        out_dir=folder,
-        gravity=d.gravity,
-        units=case.units,
-    )
+    assert case.dynamics is not None
+    settings = case.dynamics.model_dump()
+    load, models = settings.pop("preload"), settings.pop("model")
+    return run_dynamics(curve, load=load, models=models, out_dir=folder, units=case.units, **settings)

@@ -275,7 +275,7 @@ def test_fields_requested_after_the_run_need_its_snapshots(tmp_path: Path, figur
 
 
 def test_no_snapshots_no_fields(tmp_path: Path) -> None:
-    with pytest.warns(CaseWarning, match=r"output\.fields = true writes nothing, because output\.snapshots = 0"):
+    with pytest.warns(CaseWarning, match=r"output\.fields = true writes nothing: output\.snapshots = 0"):
         run(case_of(output={"fields": True, "snapshots": 0}), tmp_path)
 
 

@@ -25,7 +25,8 @@ from asperity.dynamics.orbits.free import FreeOrbit, FreeVibration
 from asperity.dynamics.orbits.response import FrequencyResponse
 from asperity.dynamics.orbits.thresholds import Backbone, Thresholds
 from asperity.dynamics.oscillator import ContactOscillator
-from asperity.dynamics.run import Dynamics, law_from, run_dynamics
+from asperity.dynamics.results import Dynamics
+from asperity.dynamics.run import law_from, run_dynamics
 from asperity.dynamics.uncertainty import Band, Uncertainty, ensemble, response_band, uncertainty
 
 __all__ = [
