@@ -1,88 +1,22 @@
-"""Inertia of the block: the generalised-alpha method, and element kernels with the consistent mass.
+"""Inertia of the solid: element kernels with the consistent mass.
 
-Units are those of `asperity.transient`.
+Lengths in L, stresses in E, any unit of time T; the density is in E T^2/L^2.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from asperity import _solver
 from asperity.arrays import Floats
-from asperity.errors import InputError
 from asperity.fem.kernels import ElementKernels, History
 from asperity.fem.solid import Solid
 from asperity.mesh.tet10 import quadrature, shape_functions, shape_gradients
 from asperity.runtime import compat
 
 MASS_DEGREE = 6  # of the quadrature of the consistent mass: second-order shapes squared, on curved cells
-
-
-@dataclass(frozen=True)
-class Scheme:
-    """Parameters of the generalised-alpha method for a spectral radius at infinite frequency.
-
-    Linear motion far below 1/h is hardly damped for any of them (the damping ratio is of third order in omega h).
-    Motion that the step cannot resolve is damped by a factor `rho_inf` per step. With 1, the energy of a linear solid
-    is conserved, but the force of a node that meets the plate oscillates from step to step without end, because its
-    velocity jumps and no damping removes the jump. With 0, the first modes of the block are damped too.
-    docs/transient.md uses 0.8.
-
-    Attributes:
-        rho_inf: in [0, 1]
-
-    Raises:
-        InputError: rho_inf is outside [0, 1]
-
-    Examples:
-        >>> Scheme(1.0).alphas
-        (0.5, 0.5)
-    """
-
-    rho_inf: float = 0.8
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.rho_inf <= 1.0:
-            raise InputError(f"rho_inf = {self.rho_inf!r} must lie in [0, 1]: 1 damps nothing, 0 all it cannot resolve")
-
-    @property
-    def alphas(self) -> tuple[float, float]:
-        """alpha_m and alpha_f (Chung & Hulbert 1993, equation 25)."""
-        rho = self.rho_inf
-        return (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
-
-    @property
-    def newmark(self) -> tuple[float, float]:
-        """beta and gamma (Chung & Hulbert 1993, equations 17 and 20)."""
-        m, f = self.alphas
-        return 0.25 * (1.0 - m + f) ** 2, 0.5 - m + f
-
-
-@dataclass(frozen=True)
-class Motion:
-    """Position x, velocity v, acceleration w and averaged acceleration a of a point, or of many (arrays)."""
-
-    x: Any
-    v: Any
-    w: Any
-    a: Any
-
-    def anchor(self, scheme: Scheme, h: float) -> tuple[Any, float]:
-        """(x*, c) with which the acceleration after a step h is c (x' - x*)."""
-        (m, f), (beta, _) = scheme.alphas, scheme.newmark
-        c = (1.0 - m) / ((1.0 - f) * beta * h * h)
-        predicted = self.x + h * self.v + h * h * (0.5 - beta) * self.a
-        return predicted - (m * self.a - f * self.w) / ((1.0 - f) * c), c
-
-    def at(self, x: Any, scheme: Scheme, h: float) -> Motion:
-        """Motion after a step h to the position `x`."""
-        beta, gamma = scheme.newmark
-        anchor, c = self.anchor(scheme, h)
-        a = (x - self.x - h * self.v) / (beta * h * h) - (0.5 / beta - 1.0) * self.a
-        return Motion(x, self.v + h * ((1.0 - gamma) * self.a + gamma * a), c * (x - anchor), a)
 
 
 class InertialKernels:
