@@ -18,6 +18,7 @@ import numpy as np
 from asperity.arrays import Floats
 from asperity.case import Case
 from asperity.dynamics import ContactOscillator, TableLaw, unload_reload
+from asperity.fem.inertia import consistent_mass
 from asperity.fem.kernels import History
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
@@ -25,7 +26,7 @@ from asperity.model.settings import MeshSize
 from asperity.quasistatic.contact_solver import ContactSolver, SolverState
 from asperity.quasistatic.solve_contact import make_block, make_contact_solver
 from asperity.quasistatic.stepping import Position, Record, follow
-from asperity.transient import Scheme, TimeSeries, Transient, consistent_mass
+from asperity.transient import Scheme, TimeSeries, Transient
 
 CASE = Path(__file__).parent.parent / "cases" / "demo.toml"
 DEPTH = 0.03  # approach up to which the static law is computed [L]

@@ -359,12 +359,13 @@ def test_too_few_newton_steps_end_in_a_partial_curve(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("trouble", ["steep", "deep", "another surface"])
-def test_a_bad_mesh_leaves_an_older_run_alone(tmp_path: Path, trouble: str) -> None:
-    """Exit code 2: nothing has been written."""
+@pytest.mark.parametrize("older", [True, False], ids=["older", "new"])
+def test_a_surface_that_cannot_be_meshed_leaves_the_folder_as_it_is(tmp_path: Path, trouble: str, older: bool) -> None:
+    """Exit code 2: nothing has been written, and --force has removed nothing."""
     out = tmp_path / "out"
-    out.mkdir()
-    for name in ("case.toml", "curve.csv", "summary.json"):
-        (out / name).write_text("older", encoding="utf-8")
+    if older:
+        run(case_of(loading={"delta_max": 0.001e-6, "steps": 1}), out)
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
     steep = {"kind": "sinusoid", "L": 1e-6, "amplitude": 0.25e-6, "wavelength": 0.25e-6, "dims": 2}
     deep = {"kind": "sphere", "L": 1e-6, "radius": 0.45e-6, "centre": [0.0, 0.0], "shape": "paraboloid"}
     block = BlockMesh(np.zeros((10, 3)), np.arange(10)[None, :], 1e-6, 1e-6)
@@ -376,9 +377,9 @@ def test_a_bad_mesh_leaves_an_older_run_alone(tmp_path: Path, trouble: str) -> N
     }
     case = tmp_path / "case.toml"
     case.write_text(Case.from_dict({**CASE, **kinds[trouble], "units": "other"}).to_toml(), encoding="utf-8")
-    assert call("run", case, "-o", out) == 2
-    assert {p.name for p in out.iterdir()} == {"case.toml", "curve.csv", "summary.json"}
-    assert all(p.read_text(encoding="utf-8") == "older" for p in out.iterdir())
+    assert call("run", case, "-o", out, "--force") == 2
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+    assert out.exists() == older
 
 
 def test_a_missing_case_file_is_an_input_error() -> None:

@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 from asperity import reference as ref
 from asperity.dynamics import ContactOscillator, TableLaw
 from asperity.errors import ConvergenceError, InputError
+from asperity.fem.inertia import consistent_mass
 from asperity.mesh.generate import build_block
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
@@ -22,7 +23,7 @@ from asperity.quasistatic.solve_contact import make_contact_solver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.runtime.parallel import on_root
 from asperity.surface import Flat, Sinusoid, Surface
-from asperity.transient import Motion, Scheme, TimeSeries, Transient, consistent_mass
+from asperity.transient import Motion, Scheme, TimeSeries, Transient
 
 Array = npt.NDArray[np.float64]
 

@@ -16,8 +16,8 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import (
     AssumptionWarning,
+    CaseWarning,
     CheckError,
-    CheckpointError,
     ConvergenceError,
     InputError,
     Interrupted,
@@ -34,7 +34,7 @@ from asperity.runtime.files import files_into
 from asperity.runtime.notices import Notices, noting
 from asperity.runtime.parallel import agree, on_root_bcast
 from asperity.runtime.progress import Progress, log_file
-from asperity.runtime.run_folder import CASE, CHECKPOINT, DISTRIBUTIONS, FIELDS, LOG, VTKHDF
+from asperity.runtime.run_folder import CHECKPOINT, DISTRIBUTIONS, FIELDS, LOG, VTKHDF
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -133,10 +133,10 @@ def run(
             on_root_bcast(comm, partial(run_folder.check, out, resume=resume, force=force))
             if resume and (done := on_root_bcast(comm, job.writer.finished)) is not None:
                 return RunResult(done[0], done[0].fit_or_none(), done[1], None)
-        resume = job.open(resume, force)
-        with log_file(None if out is None or comm.rank > 0 else out / LOG, append=resume):
+        continues = job.continues(resume)
+        with log_file(None if out is None or comm.rank > 0 else out / LOG, append=continues) as open_log:
             notices.log()
-            return job.run()
+            return job.run(partial(job.begin, continues, force, open_log))
 
 
 def prepare(
@@ -189,26 +189,49 @@ class _Job:
             return None
         return Checkpoint(self.folder / CHECKPOINT, identity(self.case), self.comm, self.case.output.checkpoint)
 
-    def open(self, resume: bool, force: bool) -> bool:
-        """Make the folder ready; return whether there is a state to continue from; collective.
+    def continues(self, resume: bool) -> bool:
+        """Whether there is a state to continue from; writes nothing; collective.
 
         Raises:
-            CheckpointError: of a run that cannot be continued, which is left as it is
+            CheckpointError: of a run that cannot be continued
+            OutputError: the folder cannot be written
         """
+        from asperity.quasistatic.checkpoint_identity import refuse_run_of_another
+
         if self.folder is None or self.checkpoint is None:
             return False
-        goes_on = resume and self.checkpoint.found()
-        if not goes_on:
-            if resume:
-                on_root_bcast(self.comm, partial(_refuse_run_of_another, self.case, self.folder))
+        on_root_bcast(self.comm, partial(run_folder.check_writable, self.folder))
+        if resume and self.checkpoint.found():
+            return True
+        if resume:
+            on_root_bcast(self.comm, partial(refuse_run_of_another, self.case, self.folder))
+        self.checkpoint.ignore()
+        return False
+
+    def begin(self, continues: bool, force: bool, open_log: Callable[[], None]) -> None:
+        """Make the folder ready and write the input; collective.
+
+        Args:
+            continues: whether the run in the folder continues; otherwise its checkpoint is removed
+            force: whether the other files of a run in the folder are removed too
+            open_log: starts the log file
+        """
+        if self.folder is None or self.checkpoint is None:
+            return
+        if not continues:
             self.checkpoint.clear()
             if force:
                 on_root_bcast(self.comm, partial(run_folder.clear, self.folder))
         on_root_bcast(self.comm, self.writer.begin)
-        return goes_on
+        open_log()
 
-    def run(self) -> RunResult:
-        """Solve, judge, write; collective."""
+    def run(self, begin: Callable[[], None]) -> RunResult:
+        """Solve, judge, write; collective.
+
+        Args:
+            begin: called once there is a mesh, before the first file is written: a case whose surface cannot be meshed
+                leaves the folder as it is
+        """
         from asperity.output.summary import summarise
         from asperity.quasistatic.solve_contact import PartialResult
         from asperity.runtime.interrupt import StopRequest
@@ -217,7 +240,7 @@ class _Job:
         failure: ConvergenceError | None = None
         accurate = None
         with nullcontext() if self.folder is None else StopRequest(comm) as request:
-            hooks = _hooks(self, None if request is None else request.agreed)
+            hooks = _hooks(self, begin, None if request is None else request.agreed)
             try:
                 if case.accuracy.tolerance is None:
                     contact = _solve(self, hooks)
@@ -242,6 +265,8 @@ class _Job:
             summary["exit_reason"] = str(failure)
         for text in departures(contact.curve, self.problem.material, self.problem.surface, self.problem.sides):
             warnings.warn(text, AssumptionWarning, stacklevel=3)
+        if case.output.fields and self.folder is not None and contact.complete and not contact.snapshots:
+            warnings.warn(_no_fields(case), CaseWarning, stacklevel=3)
         if summary["unresolved"] and accurate is None and not isinstance(failure, Interrupted):
             warnings.warn(f"{summary['unresolved']}; make mesh.h_contact smaller", ResolutionWarning, stacklevel=3)
         self.notices.share()
@@ -310,29 +335,23 @@ class _Job:
         return replace(result, dynamics=on_root_bcast(comm, serial))
 
 
-def _refuse_run_of_another(case: Case, folder: Path) -> None:
-    """Refuse a folder whose run, of which no state is saved, is not of this case.
-
-    Raises:
-        CheckpointError: it is of another case, or its case is missing
-    """
-    from asperity.quasistatic.checkpoint_identity import identity, refuse_another
-
-    if run_folder.is_empty(folder):
-        return
-    path = folder / CASE
-    try:
-        there = Case.load(path)
-    except InputError as error:
-        raise CheckpointError(
-            f"{folder} holds no state to resume from, and no case to start again: {error}; start again with --force"
-        ) from None
-    refuse_another(path, identity(there), identity(case))
+def _no_fields(case: Case) -> str:
+    """Why a run has no snapshots to write as fields."""
+    why = "the steps were computed without snapshots before the run was resumed; replace the run with --force"
+    return f"output.fields = true writes nothing: {'output.snapshots = 0' if case.output.snapshots == 0 else why}"
 
 
-def _hooks(job: _Job, stop: Callable[[], str] | None) -> Hooks:
+def _hooks(job: _Job, begin: Callable[[], None], stop: Callable[[], str] | None) -> Hooks:
     """Progress, checkpoint and snapshots of a run, whose curve is written step by step."""
     from asperity.quasistatic.solve_contact import Hooks
+
+    begun = False
+
+    def on_ready() -> None:
+        nonlocal begun
+        if not begun:  # with a tolerance there are several meshes
+            begin()
+        begun = True
 
     def on_stage(name: str) -> None:
         reason = "" if stop is None else stop()
@@ -347,7 +366,7 @@ def _hooks(job: _Job, stop: Callable[[], str] | None) -> Hooks:
 
     output = job.case.output
     snapshots = output.snapshots if output.figures or output.fields or output.distributions else 0
-    return Hooks(on_stage, on_step, stop, job.checkpoint, snapshots)
+    return Hooks(on_stage, on_step, stop, job.checkpoint, snapshots, on_ready)
 
 
 def _solve(job: _Job, hooks: Hooks) -> ContactResult:
@@ -373,20 +392,10 @@ def _solve_to_tolerance(job: _Job, hooks: Hooks) -> AccurateResult:
 
 
 def _dynamics(case: Case, curve: Curve, folder: str | Path | None) -> Any:
+    """Vibration on the curve of a case."""
     from asperity.dynamics import run_dynamics
 
-    d = case.dynamics
-    assert d is not None
-    return run_dynamics(
-        curve,
-        law=d.law,
-        load=d.preload,
-        zeta=d.zeta,
-        damping=d.damping,
-        forcing=d.forcing,
-        models=d.model,
-        omega=d.omega,
-        out_dir=folder,
-        gravity=d.gravity,
-        units=case.units,
-    )
+    assert case.dynamics is not None
+    settings = case.dynamics.model_dump()
+    load, models = settings.pop("preload"), settings.pop("model")
+    return run_dynamics(curve, load=load, models=models, out_dir=folder, units=case.units, **settings)

@@ -24,17 +24,12 @@ from typing import Any
 
 import numpy as np
 
-from asperity import _solver
 from asperity.arrays import Floats
 from asperity.errors import ConvergenceError, InputError
 from asperity.fem.energies import energies
-from asperity.fem.kernels import ElementKernels, History
-from asperity.fem.solid import Solid
-from asperity.mesh.tet10 import quadrature, shape_functions, shape_gradients
+from asperity.fem.inertia import InertialKernels
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.runtime import compat
 
-MASS_DEGREE = 6  # of the quadrature of the consistent mass: second-order shapes squared, on curved cells
 PLATE_TOLERANCE = 1e-7  # unbalanced force on the plate over the greatest force on it
 PLATE_ROUNDING = 1e-13  # unbalanced force over the force that would move the plate by its position within a step
 PLATE_ITERATIONS = 20
@@ -105,89 +100,6 @@ class Motion:
         return Motion(x, self.v + h * ((1.0 - gamma) * self.a + gamma * a), c * (x - anchor), a)
 
 
-class InertialKernels:
-    """Element kernels whose internal force includes that of inertia, c M (u - u*), M the consistent mass.
-
-    Args:
-        inner: kernels of the material
-        solid: that they belong to
-        density: mass density [E T^2/L^2]
-
-    Attributes:
-        shift: c [1/T^2]; with 0 the kernels are those of the material
-        anchor: u* at the local nodes (nodes, 3) [L]
-        linear: False, because the tangent changes with the shift
-        heaviest: greatest sum of the magnitudes in a row of `mass`, the same on all ranks
-        mass: M of one component, of the cells of this rank (nodes, nodes) [E L T^2]
-    """
-
-    def __init__(self, inner: ElementKernels, solid: Solid, density: float) -> None:
-        self.inner = inner
-        self.linear = False
-        self.shift = 0.0
-        self.anchor = np.zeros((solid.nodes, 3))
-        self.mass = density * consistent_mass(solid)
-        self.heaviest = max(solid.comm.allgather(float(abs(self.mass).sum(axis=1).max(initial=0.0))))
-        # where the values of `mass` go in the local CSR of three dofs a node: the diagonals of its blocks
-        width = np.diff(solid.sparsity.indptr).astype(np.int64)
-        row = np.repeat(np.arange(solid.nodes), width)
-        first = solid.sparsity.indptr[row].astype(np.int64)
-        column = np.arange(len(row)) - first
-        i = np.arange(3)
-        self._diagonals = 9 * first[:, None] + 3 * width[row][:, None] * i + 3 * column[:, None] + i
-
-    @property
-    def volumes(self) -> Floats:
-        """Of the quadrature points."""
-        return self.inner.volumes
-
-    @property
-    def plastic_points(self) -> int:
-        """Quadrature points flowing at the last residual."""
-        return self.inner.plastic_points
-
-    def add_internal_force(self, u: Floats, b: Floats) -> None:
-        """See `fem.kernels.ElementKernels`; so for the methods below."""
-        self.inner.add_internal_force(u, b)
-        if self.shift:
-            b += self.shift * (self.mass @ (u - self.anchor))
-
-    def tangent(self, u: Floats, values: Floats) -> None:
-        self.inner.tangent(u, values)
-        if self.shift:
-            values[self._diagonals] += self.shift * self.mass.data[:, None]
-
-    def commit(self) -> None:
-        self.inner.commit()
-
-    def restore(self, history: History) -> None:
-        self.inner.restore(history)
-
-    def history(self) -> History:
-        return self.inner.history()
-
-    def stress(self, u: Floats) -> Floats:
-        return self.inner.stress(u)
-
-
-def consistent_mass(solid: Solid) -> Any:
-    """Integrals of products of shape functions over the cells of this rank, SciPy CSR (nodes, nodes) [L^3]."""
-    from scipy import sparse
-
-    points, weights = quadrature(MASS_DEGREE)
-    N = shape_functions(points)
-    nodes, x_nodes = solid.cell_nodes, compat.geometry_dofmap(solid.mesh)[: len(solid.cell_nodes)]
-    cells = _solver.Cells(solid.mesh.geometry.x, x_nodes, nodes, shape_gradients(points), weights)
-    volumes = np.empty((len(nodes), len(weights)))
-    _solver.volumes(cells, volumes)
-    local = np.einsum("cq,qa,qb->cab", volumes, N, N)
-    sparsity = solid.sparsity
-    keys = np.repeat(np.arange(solid.nodes), np.diff(sparsity.indptr)) * solid.nodes + sparsity.indices
-    wanted = nodes[:, :, None].astype(np.int64) * solid.nodes + nodes[:, None, :]
-    data = np.bincount(np.searchsorted(keys, wanted).ravel(), local.ravel(), minlength=len(keys))
-    return sparse.csr_array((data, sparsity.indices, sparsity.indptr), shape=(solid.nodes, solid.nodes))
-
-
 @dataclass(frozen=True)
 class TimeSeries:
     """Record of a run, a row per step and one for the start (n,); the same on all ranks.
@@ -200,6 +112,11 @@ class TimeSeries:
         energy: kinetic of plate and block, stored and dissipated in the block [E L^3]
         supplied: work of load, forcing and dashpot on the plate since the start, in `energy` at the start [E L^3]
         newton: number of Newton iterations
+
+    Examples:
+        >>> zero = np.zeros(2)
+        >>> TimeSeries(np.array([0.0, 0.1]), zero, zero, zero, zero, zero, newton=3).time[-1].item()
+        0.1
     """
 
     time: Floats

@@ -48,7 +48,8 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
     """Replace the solver after a run has begun: note the jobs, report two steps."""
     noted: list[dict[str, Any]] = []
 
-    def run(job: Any) -> Any:
+    def run(job: Any, begin: Callable[[], None]) -> Any:
+        begin()
         noted.append({"case": job.case, "folder": job.folder})
         job.progress.stage("solve")
         row = dict(step=1, branch="load", delta_star=1e-3, P_star=2e-6, area_fraction=0.01)
@@ -350,6 +351,7 @@ def test_dynamics_of_a_power_law(cli: Cli, tmp_path: Path) -> None:
     code, out, err = cli("dynamics", "--power-law", "1.5", "--forcing", "0.005", *options)
     assert (code, err) == (0, "")
     assert "0.84202" in out and "F/(m g) = 0.0075" in out  # u_max = 2.5^(2/3) - 1
+    assert "note: mass and omega_s assume a law in SI units, gravity = 9.80665" in out
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert names >= {"free.csv", "response.csv", "thresholds.json"}
 
@@ -360,7 +362,7 @@ def test_dynamics_of_a_run(cli: Cli, tmp_path: Path) -> None:
     quick = ("--no-sweeps", "--model", "exact", "--omega", "0.9", "1.1")
     code, out, _ = cli("dynamics", folder, *quick)
     assert code == 0 and "1.55" in out and "taylor" not in out
-    assert "with gravity = 9.80665" in out and "note: mass" not in out
+    assert "with gravity = 9.80665" in out and "note: mass" not in out and "zeta = 0.01 (always)" in out
     _, out, _ = cli("dynamics", folder, *quick, "--gravity", "1.62")
     assert "with gravity = 1.62" in out
     assert sorted(folder.iterdir()) == before

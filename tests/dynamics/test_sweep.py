@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from asperity.case import Case
-from asperity.dynamics import ContactOscillator, PowerLaw, response_band, run_dynamics
+from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw, response_band, run_dynamics
 from asperity.dynamics.forcing import forcings, window
 from asperity.errors import AsperityError, InputError, RangeError
 
@@ -196,13 +196,51 @@ def test_gravity_of_the_case_is_the_default(tmp_path: Path) -> None:
         run_dynamics(folder, gravity=0.0, **QUICK)
 
 
+def test_damping_of_the_case_is_the_default(tmp_path: Path) -> None:
+    """An argument has priority; without a case the ratio is 0.01."""
+    text = 'units = "SI"\n[dynamics]\nzeta = 0.03\ndamping = "contact"\n'
+    folder, bare = _curve_in(tmp_path / "run", 1.0, 1.0, text), _curve_in(tmp_path / "bare", 1.0, 1.0)
+
+    def damping_of(source: Path, **options: Any) -> tuple[float, str]:
+        oscillator = run_dynamics(source, **options, **QUICK).oscillators["exact"]
+        return oscillator.zeta, oscillator.damping
+
+    assert damping_of(folder) == damping_of(folder / "curve.csv") == (0.03, "contact")
+    assert damping_of(folder, zeta=0.05, damping="always") == (0.05, "always")
+    assert damping_of(bare) == (0.01, "always")
+
+
+def test_an_analysis_without_bands_keeps_no_old_ones(tmp_path: Path) -> None:
+    law = PowerLaw(1.5, 1.0, ci_n=(1.45, 1.55), ci_K=(0.99, 1.01))
+    options = {**QUICK, "gravity": 1.0, "tol": 1e-3, "out_dir": tmp_path}
+    run_dynamics(law, **{**options, "bands": True})
+    assert (tmp_path / "band.csv").is_file()
+    run_dynamics(law, **options)
+    assert not (tmp_path / "band.csv").exists()
+
+
+def test_a_table_is_extrapolated_on_request(tmp_path: Path) -> None:
+    """The response leaves the table; the note names what to do in Python and on the command line."""
+    folder = _curve_in(tmp_path / "run", 1.0, 1.0, 'units = "SI"\n')
+    options = {**QUICK, "omega": (0.85, 1.1), "law": "table", "load": 3e8 * (19e-9) ** 1.5, "forcing": 0.01}
+    cut = run_dynamics(folder, **options)
+    assert any("extrapolate=True, asperity dynamics --extrapolate" in note for note in cut.notes)
+    whole = run_dynamics(folder, extrapolate=True, **options)
+    assert whole.notes == ()
+    assert whole.responses["exact"][0].peak[1] > cut.responses["exact"][0].peak[1]
+    with pytest.raises(RangeError, match="--extrapolate"):
+        TableLaw.from_curve(folder / "curve.csv").force(30e-9)
+
+
 def test_units_assumed_for_a_curve_are_reported(tmp_path: Path) -> None:
     bare = _curve_in(tmp_path / "bare", 1.0, 1.0) / "curve.csv"
     result = run_dynamics(bare, **QUICK)
     assert result.gravity == 9.80665 and result.notes[0].startswith("mass and omega_s assume a curve in SI units")
     assert run_dynamics(bare, units="SI", **QUICK).notes == ()
     assert run_dynamics(bare, units="other", **QUICK).gravity is None
-    assert run_dynamics(PowerLaw(1.5), **QUICK).notes == ()
+    (note,) = run_dynamics(PowerLaw(1.5), **QUICK).notes
+    assert note.startswith("mass and omega_s assume a law in SI units, gravity = 9.80665")
+    assert run_dynamics(PowerLaw(1.5), gravity=1.62, **QUICK).notes == ()
     with pytest.raises(InputError, match='units = "cgs" is unknown'):
         run_dynamics(bare, units="cgs", **QUICK)
 

@@ -57,6 +57,17 @@ def test_a_partial_run_is_reported(folder: Path) -> None:
     assert "no convergence at step 3" in page.text and "Power law" not in page.text
 
 
+@pytest.mark.parametrize("met", [True, False])
+def test_a_missed_tolerance_is_among_the_warnings(folder: Path, met: bool) -> None:
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    summary |= {"accuracy": {"met": met}, "exit_reason": "max_dofs = 30000 allows no more", "warnings": ["steep"]}
+    (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    text = write_report(folder).read_text(encoding="utf-8")
+    box = text.partition('<section class="warnings"')[2].partition("</section>")[0]
+    assert "<li>steep</li>" in box
+    assert ("<li>the tolerance is not met: max_dofs = 30000 allows no more</li>" in box) == (not met)
+
+
 def test_figures_are_drawn_again_only_after_the_curve_changed(folder: Path) -> None:
     write_report(folder)
     picture = folder / "figures/curve.png"

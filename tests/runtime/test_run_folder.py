@@ -240,6 +240,45 @@ def test_a_run_killed_while_adding_figures_is_not_finished(tmp_path: Path) -> No
     assert json.loads((tmp_path / "summary.json").read_text())["finished"] is True
 
 
+def test_a_run_that_continues_without_a_part_keeps_no_files_of_it(tmp_path: Path) -> None:
+    """Vibration, fields, figures and the report, one after the other; the curve and what others wrote stay."""
+    quick = {"forcing": [0.01], "model": ["exact"], "omega": [0.9, 0.95]}
+    everything = {"fields": True, "figures": True, "report": True}
+    steps: dict[str, Any] = {"loading": {"delta_max": 0.02, "steps": 3}}
+    run(case_of(**steps, dynamics=quick, output=everything), tmp_path)
+    assert {"free.csv", "band.csv", "figures/frequency.png", "report.html"} <= {*files(tmp_path)}
+    (tmp_path / "figures/mine.png").touch()
+
+    run(case_of(**steps, output=everything), tmp_path, resume=True)
+    left = {*files(tmp_path)}
+    assert not left & {"free.csv", "response.csv", "band.csv", "thresholds.json", "figures/frequency.png"}
+    assert {"report.html", "figures/curve.png", "fields/contact.vtkhdf"} <= left
+
+    run(case_of(**steps, output={"fields": False, "report": False, "figures": True}), tmp_path, resume=True)
+    left = {*files(tmp_path)}
+    assert not left & {"report.html", "fields/contact.vtkhdf"} and "figures/curve.png" in left
+    run(case_of(**steps), tmp_path, resume=True)
+    assert [path.name for path in (tmp_path / "figures").iterdir()] == ["mine.png"]
+    assert "curve.csv" in files(tmp_path)
+
+
+@pytest.mark.parametrize("figures", [True, False])
+def test_fields_requested_after_the_run_need_its_snapshots(tmp_path: Path, figures: bool) -> None:
+    """A run with figures has kept them."""
+    run(case_of(output={"figures": figures}), tmp_path)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", CaseWarning)
+        result = run(case_of(output={"figures": figures, "fields": True}), tmp_path, resume=True)
+    found = [str(w.message) for w in caught if "output.fields" in str(w.message)]
+    assert (tmp_path / "fields/contact.vtkhdf").is_file() == figures == (not found)
+    assert [text for text in result.summary["warnings"] if "output.fields" in text] == found
+
+
+def test_no_snapshots_no_fields(tmp_path: Path) -> None:
+    with pytest.warns(CaseWarning, match=r"output\.fields = true writes nothing: output\.snapshots = 0"):
+        run(case_of(output={"fields": True, "snapshots": 0}), tmp_path)
+
+
 # --- folders --------------------------------------------------------------------------------------------------
 
 

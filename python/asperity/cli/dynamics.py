@@ -25,13 +25,14 @@ MODELS = ("exact", "taylor")
 @click.option("--law", type=click.Choice(LAWS), default="paper", show_default=True,
               help="Law taken from a curve: power law fitted to the loading, computed unloading "
               "branch, or the points of the loading.")  # fmt: skip
+@click.option("--extrapolate", is_flag=True, help="Continue the laws unload-reload and table beyond their last point.")
 @click.option("--preload", type=float, metavar="W", help="Weight of the mass; default half of the "
               "greatest force.")  # fmt: skip
 @click.option("--gravity", type=float, metavar="G", help="In the units of the curve, for mass and omega_s; default "
               "9.80665 with SI units.")  # fmt: skip
-@click.option("--zeta", default=0.01, show_default=True, help="Damping ratio.")
-@click.option("--damping", type=click.Choice(DAMPING), default="always", show_default=True,
-              help="When the damping acts.")  # fmt: skip
+@click.option("--zeta", type=float, help="Damping ratio; default that of the case of OUT, or 0.01.")
+@click.option("--damping", type=click.Choice(DAMPING),
+              help="When the damping acts; default that of the case of OUT, or always.")  # fmt: skip
 @click.option("--forcing", type=float, multiple=True, default=(0.01,), show_default=True,
               help="F^ = F/(n m g); repeatable.")  # fmt: skip
 @click.option("--model", "models", type=click.Choice(MODELS), multiple=True, default=MODELS,

@@ -12,10 +12,12 @@ Examples:
 """
 
 from asperity.dynamics.forcing import Setting
-from asperity.dynamics.law.law import Law, PowerLaw, TaylorLaw
+from asperity.dynamics.law.law import Law
 from asperity.dynamics.law.local_fit import LocalFit
+from asperity.dynamics.law.power import PowerLaw
 from asperity.dynamics.law.restoring import Restoring
 from asperity.dynamics.law.table import TableLaw, unload_reload
+from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.dynamics.motion.sweep import Attractor, Sweep
 from asperity.dynamics.motion.trajectory import Trajectory
 from asperity.dynamics.orbits.branch import Branch, Event, Solution
@@ -23,7 +25,8 @@ from asperity.dynamics.orbits.free import FreeOrbit, FreeVibration
 from asperity.dynamics.orbits.response import FrequencyResponse
 from asperity.dynamics.orbits.thresholds import Backbone, Thresholds
 from asperity.dynamics.oscillator import ContactOscillator
-from asperity.dynamics.run import Dynamics, law_from, run_dynamics
+from asperity.dynamics.results import Dynamics
+from asperity.dynamics.run import law_from, run_dynamics
 from asperity.dynamics.uncertainty import Band, Uncertainty, ensemble, response_band, uncertainty
 
 __all__ = [

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from asperity.dynamics.law.law import positives, within
+from asperity.dynamics.law.checks import positives, within
 from asperity.errors import InputError
 
 OMEGA = (0.01, 100.0)  # below, motion is quasi-static; above, the mass hardly moves

@@ -11,10 +11,12 @@ from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
 from asperity.dynamics.forcing import MIN_ZETA, Setting, forcings, frequencies, window
+from asperity.dynamics.law.checks import positive
 from asperity.dynamics.law.damping import check_damping
-from asperity.dynamics.law.law import Law, TaylorLaw, positive
+from asperity.dynamics.law.law import Law
 from asperity.dynamics.law.restoring import Restoring
 from asperity.dynamics.law.table import TableLaw
+from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.dynamics.motion import sweep as _sweep
 from asperity.dynamics.motion.shooting_correction import polish as _polish
 from asperity.dynamics.motion.sweep import Attractor, Sweep

@@ -1,14 +1,10 @@
-"""Complete vibration analysis of one law, and the files free.csv, response.csv and thresholds.json."""
+"""Complete vibration analysis of one law."""
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 import os
 import tomllib
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,101 +13,31 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.curve import fitted_rows
 from asperity.dynamics.forcing import forcings, window
-from asperity.dynamics.law.law import Law, PowerLaw, positive
+from asperity.dynamics.law.checks import positive
+from asperity.dynamics.law.damping import DAMPING
+from asperity.dynamics.law.law import Law
+from asperity.dynamics.law.power import PowerLaw
 from asperity.dynamics.law.table import TableLaw, columns, unload_reload
 from asperity.dynamics.motion.sweep import ESCAPED, Sweep
 from asperity.dynamics.orbits.free import FreeVibration
 from asperity.dynamics.orbits.response import FrequencyResponse
 from asperity.dynamics.orbits.thresholds import Thresholds
 from asperity.dynamics.oscillator import GRAVITY, ContactOscillator
-from asperity.dynamics.uncertainty import BAND_COLUMNS, Band, Uncertainty, response_band, uncertainty
+from asperity.dynamics.results import Dynamics
+from asperity.dynamics.uncertainty import Band, response_band, uncertainty
 from asperity.errors import AsperityError, InputError, RangeError
 from asperity.power_law import fit_power_law
-from asperity.runtime.files import replace_file
-from asperity.runtime.run_folder import BAND, FREE, RESPONSE, THRESHOLDS
 
-FREE_COLUMNS = ("model", "u0", "omega_ratio", "u_min")
-RESPONSE_COLUMNS = ("model", "F_hat", "zeta", "Omega", "u_max", "u_min", "a1", "stable", "branch", "contact_loss")
 MODELS = ("exact", "taylor")
 LAWS = ("paper", "unload-reload", "table")
+ZETA = 0.01  # default damping ratio
 _SWEEP_POINTS = 41
 _NOISE = 0.05  # share of the largest force by which the force of a measured curve may fall
 
 
-@dataclass(frozen=True)
-class Dynamics:
-    """Results of `run_dynamics` for one law; the keys of mappings are models ("exact", "taylor").
-
-    Attributes:
-        oscillators: the oscillators.
-        free: natural frequency over amplitude.
-        responses: one per forcing.
-        sweeps: one per forcing and direction (empty if not requested).
-        thresholds: onsets and resonance peaks.
-        uncertainty: confidence intervals that follow from those of the law, None if the law has none.
-        bands: confidence bands of the exact response, one per forcing, if requested and the law has intervals.
-        notes: limits and assumptions of the results, one sentence each.
-        gravity: gravitational acceleration for mass and omega_s (length/time^2), None if unknown.
-
-    Examples:
-        >>> result = asp.run_dynamics(asp.PowerLaw(1.5), models=["exact"], omega=(0.9, 1.1), tol=1e-3, sweeps=False)
-        >>> result.write("out")
-        >>> sorted(os.listdir("out"))
-        ['free.csv', 'response.csv', 'thresholds.json']
-    """
-
-    oscillators: dict[str, ContactOscillator]
-    free: dict[str, FreeVibration]
-    responses: dict[str, tuple[FrequencyResponse, ...]]
-    sweeps: dict[str, tuple[Sweep, ...]]
-    thresholds: dict[str, Thresholds]
-    uncertainty: Uncertainty | None
-    bands: tuple[Band, ...]
-    notes: tuple[str, ...]
-    gravity: float | None = None
-
-    def write(self, out_dir: str | os.PathLike[str]) -> None:
-        """Write free.csv, response.csv and thresholds.json, and band.csv if there are bands, into `out_dir`."""
-        path = Path(out_dir)
-        path.mkdir(parents=True, exist_ok=True)
-        _write(path / FREE, FREE_COLUMNS, (row for f in self.free.values() for row in f.rows()))
-        results = [r for group in (self.responses, self.sweeps) for many in group.values() for r in many]
-        _write(path / RESPONSE, RESPONSE_COLUMNS, (row for r in results for row in r.rows()))
-        if self.bands:
-            _write(path / BAND, BAND_COLUMNS, (row for band in self.bands for row in band.rows()))
-        text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
-        replace_file(path / THRESHOLDS, f"{text}\n".encode())
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the content of thresholds.json."""
-        first = next(iter(self.oscillators.values()))
-        out: dict[str, Any] = {
-            "normalisation": "u = (z - z_s)/z_s, Omega = omega/omega_s, F_hat = F/(n_loc m g)",
-            "law": first.law.describe(),
-            "load": first.restoring.load,
-            "z_s": first.restoring.z_s,
-            "gravity": self.gravity,
-            "mass": None if self.gravity is None else first.mass,
-            "omega_s": None if self.gravity is None else first.omega_s,
-            "n_loc": first.restoring.n_loc,
-            "kappa": first.restoring.kappa,
-            "zeta": first.zeta,
-            "damping": first.damping,
-            "uncertainty": self.uncertainty.to_dict() if self.uncertainty else None,
-            "notes": list(self.notes),
-        }
-        for model, values in self.thresholds.items():
-            out[model] = {
-                **values.to_dict(),
-                "free_tolerance": self.free[model].tolerance,
-                "free_valid": all(self.free[model].valid),
-                "responses": [_summary(r) for r in self.responses[model]],
-                "sweeps": [_sweep_summary(s) for s in self.sweeps.get(model, ())],
-            }
-        return out
-
-
-def law_from(source: Any, law: str = "paper", load: float | None = None) -> tuple[Law, float]:
+def law_from(
+    source: Any, law: str = "paper", load: float | None = None, *, extrapolate: bool = False
+) -> tuple[Law, float]:
     """Return the static law and the preload (force) of a curve.
 
     Args:
@@ -119,6 +45,7 @@ def law_from(source: Any, law: str = "paper", load: float | None = None) -> tupl
         law: "paper" (power law of `Curve.fit`, as a reversible spring), "unload-reload" (the
             branch computed about the preload), or "table" (the points of the loading branch).
         load: preload (force); default half of the largest force of the curve.
+        extrapolate: whether "unload-reload" and "table" continue beyond their last point; a power law always does.
 
     Raises:
         InputError: the law is unknown, or the curve does not contain what it needs.
@@ -148,9 +75,9 @@ def law_from(source: Any, law: str = "paper", load: float | None = None) -> tupl
     if load is None:
         load = 0.5 * float(np.max(force))
     if law == "unload-reload":
-        return unload_reload(source, load), load
+        return unload_reload(source, load, extrapolate=extrapolate), load
     if law == "table":
-        return TableLaw.from_curve(source), load
+        return TableLaw.from_curve(source, extrapolate=extrapolate), load
     if branches is not None:
         delta, force = delta[branches == "load"], force[branches == "load"]
     length, unit = float(delta.max(initial=0.0)), float(force.max(initial=0.0))
@@ -182,8 +109,8 @@ def _check_rising(delta: Array, force: Array) -> None:
 def run_dynamics(
     source: Any,
     *,
-    zeta: float = 0.01,
-    damping: str = "always",
+    zeta: float | None = None,
+    damping: str | None = None,
     forcing: float | Iterable[float] = (0.01,),
     models: Sequence[str] = MODELS,
     omega: Sequence[float] = (0.5, 1.3),
@@ -196,13 +123,14 @@ def run_dynamics(
     tol: float = 1e-5,
     gravity: float | None = None,
     units: str | None = None,
+    extrapolate: bool = False,
 ) -> Dynamics:
     """Compute free vibration, frequency response, sweeps and thresholds of a mass on a contact.
 
     Args:
         source: a `Law`, a `Curve`, a CSV file with columns delta and force, or a run directory (curve.csv).
-        zeta: damping ratio of small motion, 0 <= zeta < 1.
-        damping: "always", "contact" or "hunt-crossley".
+        zeta: damping ratio of small motion, 0 <= zeta < 1; default that of the case of a run directory, or 0.01.
+        damping: "always", "contact" or "hunt-crossley"; default that of the case of a run directory, or "always".
         forcing: F^ = F/(n_loc m g), one or several, each 1e-9 to 1e6.
         models: "exact" and/or "taylor".
         omega: lowest and highest Omega = omega/omega_s, 0.01 to 100.
@@ -218,6 +146,8 @@ def run_dynamics(
             only; default that of the case of a run directory, or 9.80665 with SI units.
         units: units of the source, "SI" or "other"; with "other" and no `gravity`, mass and omega_s are left out.
             Default those of the case of a run directory, otherwise SI, which a note reports.
+        extrapolate: continue the laws "table" and "unload-reload" beyond their last point, along the last slope in
+            (ln z, ln F).
 
     Returns:
         The results. Files are written only after all input has been checked.
@@ -243,8 +173,12 @@ def run_dynamics(
             raise InputError(f'model = "{name}" is unknown: choose one of {", ".join(MODELS)}')
     if not names:
         raise InputError("model is empty: choose exact, taylor or both")
-    static, preload = law_from(source, law, load)
-    gravity, assumed = _gravity(source, gravity, units)
+    static, preload = law_from(source, law, load, extrapolate=extrapolate)
+    case = _case_of(Path(source)) if isinstance(source, (str, os.PathLike)) else {}
+    gravity, assumed = _gravity(case, gravity, units, "law" if isinstance(source, Law) else "curve")
+    of_case = case.get("dynamics", {})
+    zeta = of_case.get("zeta", ZETA) if zeta is None else zeta
+    damping = of_case.get("damping", DAMPING[0]) if damping is None else damping
     exact = ContactOscillator(static, load=preload, zeta=zeta, damping=damping, gravity=gravity)
     oscillators = {name: exact if name == "exact" else exact.taylor() for name in names}
     notes = [assumed] if assumed else []
@@ -262,16 +196,7 @@ def run_dynamics(
                 swept[name] = oscillator.sweep(values, omega, points=_SWEEP_POINTS)
             except AsperityError as error:
                 notes.append(f"{name}: no sweep: {error}")
-        for r in responses[name]:
-            notes.extend(_beyond_fit(name, oscillator, r))
-            notes.extend(f"{name}, F^ = {r.setting.F_hat:g}: {note}" for note in r.notes)
-        for s in swept[name]:
-            if ESCAPED in s.status:
-                where = float(s.Omega[s.status.index(ESCAPED)])
-                notes.append(
-                    f"{name}, F^ = {s.setting.F_hat:g}: the sweep {s.direction} escapes from the Taylor "
-                    f"well at Omega = {where:.4g}, a property of the truncation"
-                )
+        notes.extend(_notes(name, oscillator, responses[name], swept[name]))
     try:
         spread = uncertainty(exact)
     except InputError:
@@ -289,22 +214,43 @@ def run_dynamics(
     return result
 
 
-def _gravity(source: Any, gravity: float | None, units: str | None) -> tuple[float | None, str]:
-    """Return gravity in the units of a source, None if unknown, and a note on it ("" if none is needed)."""
+def _notes(
+    name: str, oscillator: ContactOscillator, responses: Iterable[FrequencyResponse], sweeps: Iterable[Sweep]
+) -> Iterator[str]:
+    """Yield the notes on the results of a model."""
+    for r in responses:
+        yield from _beyond_fit(name, oscillator, r)
+        yield from (f"{name}, F^ = {r.setting.F_hat:g}: {note}" for note in r.notes)
+    for s in sweeps:
+        if ESCAPED in s.status:
+            where = float(s.Omega[s.status.index(ESCAPED)])
+            yield (
+                f"{name}, F^ = {s.setting.F_hat:g}: the sweep {s.direction} escapes from the Taylor "
+                f"well at Omega = {where:.4g}, a property of the truncation"
+            )
+
+
+def _gravity(case: dict[str, Any], gravity: float | None, units: str | None, source: str) -> tuple[float | None, str]:
+    """Return gravity in the units of a source, None if unknown, and a note on it ("" if none is needed).
+
+    Args:
+        case: of the source, empty if there is none.
+        gravity, units: as in `run_dynamics`.
+        source: what the note calls the source.
+    """
     if units not in (None, "SI", "other"):
         raise InputError(f'units = "{units}" is unknown: choose SI or other')
     if gravity is not None:
         return positive("gravity", gravity), ""
-    if units is None and isinstance(source, (str, os.PathLike)):
-        case = _case_of(Path(source))
+    if units is None:
         units, gravity = case.get("units"), case.get("dynamics", {}).get("gravity")
     if gravity is not None:
         return float(gravity), ""
     if units == "other":
         return None, 'mass and omega_s are left out: units = "other" needs gravity (length over time squared)'
-    if units is None and not isinstance(source, Law):
+    if units is None:
         return GRAVITY, (
-            f"mass and omega_s assume a curve in SI units, gravity = {GRAVITY:g}: for other units give the "
+            f"mass and omega_s assume a {source} in SI units, gravity = {GRAVITY:g}: for other units give the "
             "gravity in those units"
         )
     return GRAVITY, ""
@@ -331,43 +277,3 @@ def _beyond_fit(name: str, oscillator: ContactOscillator, r: FrequencyResponse) 
         f"{name}, F^ = {r.setting.F_hat:g}: the response reaches u = {top:.4g}, the curve that the law was fitted to "
         f"ends at u = {known:.4g}: beyond it the law is extrapolated"
     ]
-
-
-def _summary(r: FrequencyResponse) -> dict[str, Any]:
-    omega, top = r.peak
-    return {
-        "F_hat": r.setting.F_hat,
-        "F_over_mg": r.setting.F_over_mg,
-        "peak": {"Omega": omega, "u_max": top},
-        "events": [
-            {"kind": e.kind, "branch": r.branches[e.branch].kind, "Omega": e.Omega, "u_max": e.u_max, "u_min": e.u_min}
-            for e in r.events
-        ],
-        "tolerance": r.tolerance,
-        "determinant_error": r.det_error,
-        "valid": r.valid,
-        "notes": list(r.notes),
-    }
-
-
-def _sweep_summary(s: Sweep) -> dict[str, Any]:
-    return {
-        "F_hat": s.setting.F_hat,
-        "direction": s.direction,
-        "valid": bool(s.valid.all()),
-        "status": {name: s.status.count(name) for name in dict.fromkeys(s.status)},
-    }
-
-
-def _write(path: Path, names: tuple[str, ...], rows: Iterable[dict[str, Any]]) -> None:
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, names, lineterminator="\n")
-    writer.writeheader()
-    for row in rows:
-        writer.writerow(
-            {
-                k: repr(v) if isinstance(v, float) else str(v).lower() if isinstance(v, bool) else v
-                for k, v in row.items()
-            }
-        )
-    replace_file(path, text.getvalue().encode())

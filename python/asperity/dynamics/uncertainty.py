@@ -11,7 +11,8 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.dynamics.forcing import forcings, window
-from asperity.dynamics.law.law import EXPONENT, Law, PowerLaw
+from asperity.dynamics.law.law import Law
+from asperity.dynamics.law.power import EXPONENT, PowerLaw
 from asperity.dynamics.law.table import TableLaw
 from asperity.dynamics.orbits.response import FrequencyResponse, frequency_response
 from asperity.dynamics.oscillator import ContactOscillator

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import InputError
 from asperity.runtime.files import UNREADABLE, remove_asides, replace_file
-from asperity.runtime.run_folder import CASE, CURVE, SUMMARY
+from asperity.runtime.run_folder import CASE, CURVE, SUMMARY, clear, dropped
 
 
 class RunFiles:
@@ -21,14 +22,26 @@ class RunFiles:
         self._whole = False
 
     def begin(self) -> None:
-        """Make the folder and write the completed input; a finished run that continues is marked unfinished."""
+        """Make the folder and write the completed input.
+
+        Of a run that continues, a finished one is marked unfinished, and what the case no longer requests is removed.
+        """
         if self._folder is not None:
             self._folder.mkdir(parents=True, exist_ok=True)
             remove_asides(self._folder)
             before = self._summary()
             if before.get("finished"):
                 self.summary(before | {"finished": False})
+            clear(self._folder, dropped(self._earlier_case(), self._case.to_dict()))
             replace_file(self._folder / CASE, self._case.to_toml().encode())
+
+    def _earlier_case(self) -> dict[str, Any]:
+        """Tables of case.toml; nothing where it is absent or damaged."""
+        assert self._folder is not None
+        try:
+            return tomllib.loads((self._folder / CASE).read_text(encoding="utf-8"))
+        except UNREADABLE:
+            return {}
 
     def _summary(self) -> dict[str, Any]:
         """What summary.json holds; nothing where it is absent or damaged."""

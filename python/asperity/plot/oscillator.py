@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from asperity.dynamics.law.law import positives
+from asperity.dynamics.law.checks import positives
 from asperity.dynamics.law.table import TableLaw
 from asperity.errors import AsperityError
 from asperity.plot import style

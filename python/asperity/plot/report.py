@@ -40,6 +40,7 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
 
     results = Results.read(folder)
     summary = dict(results.summary) | ({} if finished is None else {"finished": finished})
+    warnings = [*_missed_tolerance(summary), *summary.pop("warnings", [])]
     page = Environment(
         loader=PackageLoader("asperity"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
@@ -48,7 +49,7 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
         title=results.folder.resolve().name,
         version=asperity.__version__,
         exit_reason=str(summary.get("exit_reason", "")),
-        warnings=summary.pop("warnings", []),
+        warnings=warnings,
         fit=summary.get("fit") or {},
         law=_law(results),
         outcome=_outcome(results),
@@ -62,6 +63,12 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
     target = results.folder / REPORT
     replace_file(target, text.encode())
     return target
+
+
+def _missed_tolerance(summary: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a warning if the run has not met its tolerance."""
+    if (summary.get("accuracy") or {}).get("met") is False:
+        yield f"the tolerance is not met: {summary.get('exit_reason', '')}"
 
 
 def _law(results: Results) -> Rows:

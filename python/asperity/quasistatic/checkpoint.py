@@ -49,12 +49,19 @@ class Checkpoint:
     def __init__(self, folder: Path, identity: Mapping[str, Any], comm: MPI.Comm, interval: int = 1) -> None:
         self.folder, self.interval = folder, interval
         self._identity, self._comm = dict(identity), comm
+        self._ignored = False  # whether a saved state is left alone
         self._mesh = ""  # digest of the mesh written
         self._snapshots: list[str] = []  # digests of those written
 
     def part(self, name: str) -> Checkpoint:
         """Checkpoint of one of several load paths of the same run."""
-        return Checkpoint(self.folder / name, self._identity, self._comm, self.interval)
+        part = Checkpoint(self.folder / name, self._identity, self._comm, self.interval)
+        part._ignored = self._ignored
+        return part
+
+    def ignore(self) -> None:
+        """Load no state from now on: the run starts again, and `clear` removes what was saved."""
+        self._ignored = True
 
     def clear(self) -> None:
         """Remove the files of an earlier run, and no others."""
@@ -94,7 +101,7 @@ class Checkpoint:
         found: list[Saved] = []
 
         def read() -> dict[str, Any] | None:
-            if not (self.folder / STATE).is_file():
+            if self._ignored or not (self.folder / STATE).is_file():
                 return None
             remove_asides(self.folder)
             meta, arrays = self._read_state(self.folder / STATE)

@@ -5,14 +5,13 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from asperity.case import Case
 from asperity.case.case_file import read_bytes
 from asperity.case.schema import show
-from asperity.errors import CheckpointError
-
-if TYPE_CHECKING:
-    from asperity.case import Case
+from asperity.errors import CheckpointError, InputError
+from asperity.runtime.run_folder import CASE, is_empty
 
 #: Sections and keys that a continuation may change, because they change the curve only within the tolerance of the
 #: equations; loading.cycles may also grow.
@@ -67,3 +66,21 @@ def refuse_another(path: Path, saved: Mapping[str, Any], now: Mapping[str, Any])
             + (f"; and {len(different) - 3} more keys" if len(different) > 3 else "")
             + "; resume with the case it was made for, or start again with --force"
         )
+
+
+def refuse_run_of_another(case: Case, folder: Path) -> None:
+    """Refuse a folder whose run, of which no state is saved, is not of this case.
+
+    Raises:
+        CheckpointError: it is of another case, or its case is missing
+    """
+    if is_empty(folder):
+        return
+    path = folder / CASE
+    try:
+        there = Case.load(path)
+    except InputError as error:
+        raise CheckpointError(
+            f"{folder} holds no state to resume from, and no case to start again: {error}; start again with --force"
+        ) from None
+    refuse_another(path, identity(there), identity(case))

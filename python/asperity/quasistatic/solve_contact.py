@@ -205,6 +205,7 @@ class Hooks:
         stop: polled after each step on all ranks; a non-empty string stops the run
         checkpoint: receives the state; one that holds a state is continued from
         snapshots: states of the top to keep per loading
+        on_ready: called when mesh and solver are made, before anything is saved
 
     Examples:
         >>> from asperity.surface import Flat
@@ -222,6 +223,7 @@ class Hooks:
     stop: Callable[[], str] | None = None
     checkpoint: Checkpoint | None = None
     snapshots: int = 0
+    on_ready: Callable[[], None] | None = None
 
     def stage(self, name: str) -> None:
         """Announce a stage."""
@@ -322,6 +324,8 @@ def solve_problem(
         solver = solver_of(problem, block, comm, phases)
     record = Record(L, problem.material.E, problem.material.reduced_modulus)
     position = None if saved is None else saved.restore(solver, record)
+    if hooks.on_ready is not None:
+        hooks.on_ready()
     if checkpoint is not None:
         checkpoint.begin(block)
     hooks.stage(f"load path, {solver.solid.dofs} dofs")

@@ -10,37 +10,47 @@ import logging
 import os
 import sys
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from logging.handlers import MemoryHandler
 from pathlib import Path
 from typing import Any, TextIO
 
 
 @contextmanager
-def log_file(path: Path | None, append: bool = False) -> Iterator[None]:
+def log_file(path: Path | None, append: bool = False) -> Iterator[Callable[[], None]]:
     """Write the log messages of the package to a file, one line each with its time; None writes nothing.
 
-    Errors while writing the log are ignored: if the disk is full, writing the results raises the error.
+    The messages are kept in memory until the function that is yielded is called, which opens the file: a run that is
+    refused writes nothing. Errors while writing the log are ignored: if the disk is full, writing the results raises
+    the error.
     """
     if path is None:
-        yield
+        yield lambda: None
         return
     logger = logging.getLogger("asperity")
-    try:
-        handler: logging.Handler = logging.FileHandler(path, "a" if append else "w")
-    except OSError:
-        handler = logging.NullHandler()
-    handler.setFormatter(logging.Formatter("%(asctime)s %(message)s"))
-    handler.handleError = lambda record: None  # type: ignore[method-assign]
+    handler = MemoryHandler(capacity=1)  # passes on each message at once, as soon as it has a target
     level = logger.level
     logger.setLevel(logging.INFO)
     logger.addHandler(handler)
+
+    def begin() -> None:
+        with suppress(OSError):
+            file = logging.FileHandler(path, "a" if append else "w")
+            file.setFormatter(logging.Formatter("%(asctime)s %(message)s"))
+            file.handleError = lambda record: None  # type: ignore[method-assign]
+            handler.setTarget(file)
+            handler.flush()
+
     try:
-        yield
+        yield begin
     finally:
         logger.removeHandler(handler)
         logger.setLevel(level)
+        target = handler.target
         handler.close()
+        if target is not None:
+            target.close()
 
 
 class Progress:

@@ -6,9 +6,13 @@ generated.
 
 from __future__ import annotations
 
+import errno
+import os
 import tomllib
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from asperity.errors import InputError
 from asperity.runtime.files import is_aside
@@ -31,6 +35,15 @@ PRODUCTS = (
     *(f"{FIGURES}/{name}.png" for name in PICTURES), FIGURES,
     CASE,
 )  # fmt: skip
+
+
+#: Files of parts of a case, which are removed when a run continues without the part.
+_PARTS = {
+    "dynamics": (FREE, RESPONSE, BAND, THRESHOLDS, f"{FIGURES}/frequency.png", f"{FIGURES}/response.png"),
+    "fields": (f"{FIELDS}/{VTKHDF}",),
+    "figures": (*(f"{FIGURES}/{name}.png" for name in PICTURES if name != "scene"), FIGURES),
+    "report": (REPORT,),
+}
 
 
 def check(folder: Path, *, resume: bool = False, force: bool = False) -> None:
@@ -60,6 +73,19 @@ def check(folder: Path, *, resume: bool = False, force: bool = False) -> None:
         )
 
 
+def check_writable(folder: Path) -> None:
+    """Refuse a folder that cannot be written, or cannot be made; writes nothing.
+
+    Raises:
+        OSError: no permission, or a file is where a folder should be
+    """
+    place = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
+    if not place.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
+    if not os.access(place, os.W_OK | os.X_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(folder))
+
+
 def is_empty(folder: Path) -> bool:
     """Whether a folder is missing or contains only temporary files and a checkpoint folder without files."""
     if not folder.is_dir():
@@ -85,16 +111,42 @@ def holds_run(folder: Path) -> bool:
     return {"mesh", "solver", "output"} <= case.keys() and tomli_w.dumps(case) == text
 
 
-def clear(folder: Path) -> None:
+def clear(folder: Path, names: Iterable[str] = PRODUCTS) -> None:
     """Remove the files of an earlier run, and nothing else.
 
     The new run replaces the checkpoint and case.toml itself: without case.toml, a folder left by a kill would no longer
     count as a run.
+
+    Args:
+        folder: of the run
+        names: of PRODUCTS, files before their folders
     """
-    for name in PRODUCTS:
+    for name in names:
         path = folder / name
         if path.is_dir():
             with suppress(OSError):  # it contains other files
                 path.rmdir()
         elif name != CASE:
             path.unlink(missing_ok=True)
+
+
+def dropped(before: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[str, ...]:
+    """Files that one completed case requests and another does not.
+
+    Args:
+        before, now: the cases as nested tables
+    """
+    gone = _parts(before) - _parts(now)
+    return tuple(name for part, names in _PARTS.items() if part in gone for name in names)
+
+
+def _parts(case: Mapping[str, Any]) -> set[str]:
+    """Parts of a case with files of their own."""
+    output = case.get("output", {})
+    requested = {
+        "dynamics": "dynamics" in case,
+        "fields": output.get("fields"),
+        "figures": output.get("figures") or output.get("report"),  # which contains them
+        "report": output.get("report"),
+    }
+    return {name for name, wanted in requested.items() if wanted}

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
-from asperity.dynamics.law.law import Law
+from asperity.dynamics.law.law import EXTRAPOLATE, Law
 from asperity.errors import InputError, RangeError
 
 _SMALLEST = 1e-75  # its cube must not underflow
@@ -124,5 +124,5 @@ class Restoring:
             worst = u_max if u_max > high else u_min
             raise RangeError(
                 f"the orbit reaches u = {worst:.6g}, outside the law, known for u from {low:g} to "
-                f"{high:.6g}; choose a smaller preload or amplitude, or extrapolate=True"
+                f"{high:.6g}; choose a smaller preload or amplitude, or {EXTRAPOLATE}"
             )

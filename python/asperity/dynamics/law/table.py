@@ -21,8 +21,10 @@ from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
 
 from asperity.arrays import Array
-from asperity.dynamics.law.law import Law, PowerLaw, positive
+from asperity.dynamics.law.checks import positive
+from asperity.dynamics.law.law import Law
 from asperity.dynamics.law.local_fit import LocalFit, log_derivatives, regress, roughness
+from asperity.dynamics.law.power import PowerLaw
 from asperity.errors import InputError, RangeError
 
 _POINTS = 5  # smallest number of points of a table

@@ -12,7 +12,7 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.dynamics.law.damping import primitive
-from asperity.dynamics.law.law import TaylorLaw
+from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.dynamics.orbits.harmonic_balance import Balance
 
 STEP = 0.14  # longest step over the shortest local time scale

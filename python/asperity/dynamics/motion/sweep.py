@@ -16,6 +16,7 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.dynamics.forcing import Setting
 from asperity.dynamics.law.damping import primitive
+from asperity.dynamics.law.law import EXTRAPOLATE
 from asperity.dynamics.motion.runge_kutta import advance, has_escaped, steps_for
 from asperity.dynamics.orbits.harmonic_balance import Balance
 from asperity.errors import RangeError
@@ -178,7 +179,7 @@ def sweep(
             worst = float(u_max[seen].max())
             raise RangeError(
                 f"the sweep reaches u = {worst:.6g}, beyond the law (known up to {high:.6g}): lower the "
-                "forcing, compute the curve further, or use extrapolate=True"
+                f"forcing, compute the curve further, or {EXTRAPOLATE}"
             )
     return tuple(out)
 
@@ -293,19 +294,10 @@ def _settle(
             active = np.flatnonzero(kind == 0)
             continue
         size = 0.5 * (np.nanmax(highest[:, active], axis=0) - np.nanmin(lowest[:, active], axis=0)) + 1e-12
-        gaps: dict[int, Array] = {}
-        for m in range(1, _LONGEST + 1):
-            if (len(history) < 2 * m + 1 and m > 1) or len(history) < m + 2:
-                break
-            gap = np.abs(history[-1][active] - history[-1 - m][active]).max(axis=1) / shrink[active] / size / m
-            before = np.abs(history[-2][active] - history[-2 - m][active]).max(axis=1) / shrink[active] / size / m
-            done = (np.maximum(gap, before) < tol) & (kind[active] == 0) & ~gone
-            gaps[m] = gap * m
-            for divisor in (d for d in gaps if m % d == 0 and d < m):
-                # a decaying spiral also comes close after a few periods, but not by so much
-                done &= gaps[m] < 0.05 * shrink[active] * gaps[divisor]
-            kind[active[done]] = m
-            residual[active[done]] = gap[done]
+        repeats, gap = _periods(history, active, shrink[active], size, tol)
+        settled = (repeats > 0) & ~gone
+        kind[active[settled]] = repeats[settled]
+        residual[active[settled]] = gap[settled]
         active = np.flatnonzero(kind == 0)
         if hold >= 8 and active.size:
             jump = _extrapolate(history, active)
@@ -316,16 +308,52 @@ def _settle(
                 state.w[active[near]] += jump[near, 1]
                 history = [np.stack([state.u, state.w], axis=1)]
                 hold = 0
-    u_max: Array = np.full(lanes, np.nan)
-    u_min: Array = np.full(lanes, np.nan)
     alive = kind >= 0
-    if alive.any():
-        last = np.where(kind[alive] > 1, _LONGEST, 1)
-        for target, record, best in ((u_max, highest, np.fmax), (u_min, lowest, np.fmin)):
-            newest = record[(periods[alive] - 1) % _LONGEST, np.flatnonzero(alive)]
-            whole = best.reduce(record[:, alive], axis=0)
-            target[alive] = np.where((last == 1) & (kind[alive] == 1), newest, whole)
+    u_max, u_min = (_extreme(record, best, kind, periods) for record, best in ((highest, np.fmax), (lowest, np.fmin)))
     return u_max, u_min, np.where(alive, a1, np.nan), residual, kind, periods
+
+
+def _periods(history: list[Array], active: Array, shrink: Array, size: Array, tol: float) -> tuple[Array, Array]:
+    """Return the period of each active lane (0 if it does not repeat), and its estimated distance from the orbit.
+
+    Args:
+        history: states of all lanes at the ends of the last periods (lanes, 2) each.
+        active: numbers of the active lanes.
+        shrink: 1 - exp(-2 pi zeta/Omega) of the active lanes.
+        size: amplitude of the active lanes.
+        tol: as in `sweep`.
+    """
+    found, distance = np.zeros(active.size, int), np.full(active.size, np.inf)
+    gaps: dict[int, Array] = {}
+    for m in range(1, _LONGEST + 1):
+        if (len(history) < 2 * m + 1 and m > 1) or len(history) < m + 2:
+            break
+        gap = np.abs(history[-1][active] - history[-1 - m][active]).max(axis=1) / shrink / size / m
+        before = np.abs(history[-2][active] - history[-2 - m][active]).max(axis=1) / shrink / size / m
+        done = (np.maximum(gap, before) < tol) & (found == 0)
+        gaps[m] = gap * m
+        for divisor in (d for d in gaps if m % d == 0 and d < m):
+            # a decaying spiral also comes close after a few periods, but not by so much
+            done &= gaps[m] < 0.05 * shrink * gaps[divisor]
+        found[done], distance[done] = m, gap[done]
+    return found, distance
+
+
+def _extreme(record: Array, best: np.ufunc, kind: Array, periods: Array) -> Array:
+    """Return the extreme displacement of each lane over its period, NaN after an escape.
+
+    Args:
+        record: extremes of the last periods (_LONGEST, lanes).
+        best: greatest or least of two values.
+        kind, periods: as `_settle` returns them.
+    """
+    alive = kind >= 0
+    out: Array = np.full(kind.size, np.nan)
+    if alive.any():
+        newest = record[(periods[alive] - 1) % _LONGEST, np.flatnonzero(alive)]
+        whole = best.reduce(record[:, alive], axis=0)
+        out[alive] = np.where(kind[alive] == 1, newest, whole)
+    return out
 
 
 def _extrapolate(history: list[Array], active: Array) -> Array:

@@ -7,17 +7,18 @@ in closed form up to the instant of landing, so no step contains a contact loss.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import cos, sin
 from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 from asperity.arrays import Array
 from asperity.dynamics.forcing import Setting
 from asperity.dynamics.law.damping import in_flight, primitive, rate
+from asperity.dynamics.motion.flight import Flight
 from asperity.dynamics.orbits.harmonic_balance import Balance
 from asperity.errors import ConvergenceError, RangeError
 
@@ -151,10 +152,30 @@ def _in_contact(
     balance: Balance, omega: float, forcing: float, y: Array, start: float, stop: float, rtol: float, samples: int
 ) -> tuple[float, Array, tuple[Array, Array, Array]]:
     """Integrate in contact until separation or `stop`: end time, state there, and samples with the extremes."""
-    r, zeta, damping = balance.restoring, balance.zeta, balance.damping
-    soft = not balance.restoring.singular
+    r = balance.restoring
+    run = _integrated(balance, _field(balance, omega, forcing), y, start, stop, rtol, samples, np.pi / omega / 8.0)
+    if run.t_events[0].size:
+        t, state = float(run.t_events[0][0]), run.y_events[0][0]
+        if not r.contact:
+            raise RangeError(f"the motion escapes from the Taylor well near tau = {t:g}: use the exact law")
+        state = state.copy()
+        state[0] = -1.0
+    else:
+        t, state = float(run.t[-1]), run.y[:, -1]
+    turns, states = run.t_events[1], run.y_events[1]
+    inside = (run.t <= t) if samples else np.zeros(run.t.size, bool)
+    tau = np.concatenate([run.t[inside], turns[turns <= t], [t]])
+    extremes = states[turns <= t] if turns.size else np.empty((0, 8))
+    table = np.concatenate([run.y[:, inside].T, extremes, state[None]])
+    order = np.argsort(tau, kind="stable")
+    u = table[order, 0]
+    return t, state, (tau[order], u, table[order, 1] - 2.0 * balance.zeta * primitive(r, balance.damping, u))
 
-    always, weight = damping == "always", 1.0 / r.n_loc
+
+def _field(balance: Balance, omega: float, forcing: float) -> Callable[[float, Array], list[float]]:
+    """Return the derivative of the augmented state in contact, as a function of time and state."""
+    r, zeta, damping = balance.restoring, balance.zeta, balance.damping
+    soft, always, weight = not r.singular, damping == "always", 1.0 / r.n_loc
 
     def field(t: float, s: Array) -> list[float]:
         numbers: Any = s.tolist()
@@ -180,19 +201,40 @@ def _in_contact(
             u * d,
         ]
 
+    return field
+
+
+def _integrated(
+    balance: Balance,
+    field: Callable[[float, Array], list[float]],
+    y: Array,
+    start: float,
+    stop: float,
+    rtol: float,
+    samples: int,
+    longest: float,
+) -> Any:
+    """Integrate a field from the state `y` until separation or `stop`; SciPy's result with both kinds of events.
+
+    Args:
+        balance: the oscillator.
+        field: see `_field`.
+        y, start, stop, rtol, samples: as in `integrate_arc`.
+        longest: step of the integrator, a sixteenth of the forcing period.
+    """
+    r = balance.restoring
+
     def separation(t: float, s: Array) -> float:
         if r.contact:
             return float(s[0]) + 1.0
         return float(_ESCAPE - abs(s[0]))
 
     def turning(t: float, s: Array) -> float:
-        return float(s[1]) - 2.0 * zeta * float(primitive(r, damping, np.array([s[0]]))[0])
+        return float(s[1]) - damping_term(balance, s[0])
 
     separation.terminal, separation.direction = True, -1.0  # type: ignore[attr-defined]
-    limit = min(0.25, 2.0 * np.pi / omega / 16.0)
     end = stop
     for _ in range(8):
-        times = np.linspace(start, end, max(2, int(samples * (end - start)) + 2)) if samples else None
         run = solve_ivp(
             field,
             (start, end),
@@ -200,133 +242,40 @@ def _in_contact(
             method="DOP853",
             rtol=rtol,
             atol=1e-2 * rtol,
-            t_eval=times,
+            t_eval=np.linspace(start, end, max(2, int(samples * (end - start)) + 2)) if samples else None,
             events=(separation, turning),
-            max_step=limit,
+            max_step=min(0.25, longest),
         )
         if not run.success:
             raise ConvergenceError(f"time integration failed at tau = {run.t[-1]:g}: {run.message}")
-        turns, states = run.t_events[1], run.y_events[1]
         # a step may pass over a grazing contact loss: integrate only to the minimum that reveals it
-        missed = [
-            t for t, s in zip(turns, states, strict=True) if r.contact and s[0] < -1.0 - 1e-14 and t > start + 1e-12
-        ]
+        turns = zip(run.t_events[1], run.y_events[1], strict=True)
+        missed = [t for t, s in turns if r.contact and s[0] < -1.0 - 1e-14 and t > start + 1e-12]
         if not missed or missed[0] >= (run.t_events[0][0] if run.t_events[0].size else np.inf):
             break
         end = float(missed[0])
-    if run.t_events[0].size:
-        t, state = float(run.t_events[0][0]), run.y_events[0][0]
-        if not r.contact:
-            raise RangeError(f"the motion escapes from the Taylor well near tau = {t:g}: use the exact law")
-        state = state.copy()
-        state[0] = -1.0
-    else:
-        t, state = float(run.t[-1]), run.y[:, -1]
-    inside = run.t <= t
-    tau = np.concatenate([run.t[inside] if samples else run.t[:0], turns[turns <= t], [t]])
-    table = np.concatenate(
-        [
-            run.y[:, inside].T if samples else run.y.T[:0],
-            states[turns <= t] if turns.size else np.empty((0, 8)),
-            state[None],
-        ]
-    )
-    order = np.argsort(tau, kind="stable")
-    u = table[order, 0]
-    return t, state, (tau[order], u, table[order, 1] - 2.0 * zeta * primitive(r, damping, u))
+    return run
 
 
 def _in_flight(
     balance: Balance, omega: float, forcing: float, y: Array, start: float, stop: float, samples: int
 ) -> tuple[float, Array, tuple[Array, Array, Array]]:
     """Compute the flight in closed form until landing or `stop`: as `_in_contact`."""
-    n = balance.restoring.n_loc
     zeta = balance.zeta if in_flight(balance.damping) else 0.0
-    c = 2.0 * zeta
     speed = y[1] - damping_term(balance, y[0])
-    # u'' + c u' = 1/n + F cos(Omega tau): particular solution and free part
-    response = forcing / complex(-omega * omega, c * omega)
-    wave0 = response * np.exp(1j * omega * start)
-    v0 = speed - (1j * omega * wave0).real
-
-    def phi(s: Array) -> tuple[Array, Array]:
-        """Return the first and second integral of exp(-c s)."""
-        x = c * s
-        small = np.abs(x) < 1e-3
-        safe = np.where(small, 1.0, x)
-        one = np.where(small, 1 - x / 2 + x * x / 6 - x**3 / 24, -np.expm1(-safe) / safe)
-        two = np.where(small, 0.5 - x / 6 + x * x / 24 - x**3 / 120, (1.0 - one) / safe)
-        return s * one, s * s * two
-
-    def position(s: Array) -> Array:
-        p1, p2 = phi(s)
-        wave = response * np.exp(1j * omega * (start + s))
-        return np.asarray(y[0] + v0 * p1 + p2 / n + (wave - wave0).real)
-
-    def velocity(s: Array) -> Array:
-        wave = response * np.exp(1j * omega * (start + s))
-        return np.asarray(v0 * np.exp(-c * s) + phi(s)[0] / n + (1j * omega * wave).real)
-
-    length = stop - start
-    scale = 2.0 * np.pi / omega
-    landing, s0 = length, 0.0
-    first = min(length, max(1e-9, 0.02 * abs(speed) * n))
-    grid_step = min(scale / 64.0, 0.1)
-    previous = None
-    while s0 < length:
-        grid = np.unique(
-            np.concatenate(
-                [[first] if s0 == 0.0 else [s0], np.linspace(max(s0, first), min(length, s0 + 64 * grid_step), 65)]
-            )
-        )
-        if previous is not None:
-            grid = np.concatenate([[previous], grid])
-        values = position(grid) + 1.0
-        rates = velocity(grid)
-        up = values > 0
-        # a short contact between samples is a maximum of u above -1
-        hump = np.flatnonzero((rates[:-1] > 0) & (rates[1:] < 0) & ~up[:-1] & ~up[1:])
-        crossing = int(np.argmax(up)) if up.any() else grid.size
-        hit = None
-        for j in hump:
-            if j >= crossing:
-                break
-            top = brentq(lambda s: float(velocity(np.array(s))), grid[j], grid[j + 1], xtol=1e-15)
-            if float(position(np.array(top))) + 1.0 > 0:
-                hit = (grid[j], top)
-                break
-        if hit is None and crossing < grid.size:
-            hit = (grid[crossing - 1] if crossing else 0.0, grid[crossing])
-        if hit is not None:
-            if float(position(np.array(hit[0]))) + 1.0 < 0:
-                landing = brentq(lambda s: float(position(np.array(s))) + 1.0, *hit, xtol=1e-15, rtol=1e-14)
-            else:
-                landing = float(hit[1])
-            break
-        s0, previous = float(grid[-1]), float(grid[-1])
-    turns = np.linspace(0.0, landing, max(3, int(64 * landing / scale) + 3))
-    rates = velocity(turns)
-    roots = [
-        brentq(lambda s: float(velocity(np.array(s))), turns[j], turns[j + 1], xtol=1e-15)
-        for j in np.flatnonzero((rates[:-1] > 0) != (rates[1:] > 0))
-    ]
-    s = np.sort(np.concatenate([np.linspace(0, landing, int(samples * landing) + 2)[1:-1], roots, [landing]]))
-    u, v = position(s), velocity(s)
+    flight = Flight(balance.restoring.n_loc, 2.0 * zeta, omega, forcing, start, y[0], speed)
+    landing = flight.landing(stop - start)
+    inner = np.linspace(0, landing, int(samples * landing) + 2)[1:-1]
+    s = np.sort(np.concatenate([inner, flight.turns(landing), [landing]]))
+    u, v = flight.position(s), flight.velocity(s)
     out = y.copy()
-    landed = landing < length
-    out[0] = -1.0 if landed else float(u[-1])
+    out[0] = -1.0 if landing < stop - start else float(u[-1])
     out[1] = float(v[-1]) + damping_term(balance, out[0])
+    decay, growth = 1.0, landing
     if zeta:
-        decay, p1 = np.exp(-c * landing), float(phi(np.array(landing))[0])
-    else:
-        decay, p1 = 1.0, landing
-    out[2], out[3] = decay * y[2] + p1 * y[4], decay * y[3] + p1 * y[5]
-    pieces = max(1, int(np.ceil(4 * landing / scale)))
-    x, w = np.polynomial.legendre.leggauss(20)
-    edges = np.linspace(0.0, landing, pieces + 1)
-    nodes = (0.5 * (edges[1:] + edges[:-1])[:, None] + 0.5 * np.diff(edges)[:, None] * x).ravel()
-    weights = (0.5 * np.diff(edges)[:, None] * w).ravel()
-    path = position(nodes) * weights
-    out[6] += float(path @ np.cos(omega * (start + nodes)))
-    out[7] += float(path @ np.sin(omega * (start + nodes)))
+        decay, growth = np.exp(-flight.c * landing), float(flight.decay_integrals(np.array(landing))[0])
+    out[2], out[3] = decay * y[2] + growth * y[4], decay * y[3] + growth * y[5]
+    cosine, sine = flight.fourier_integrals(landing)
+    out[6] += cosine
+    out[7] += sine
     return start + landing, out, (start + s, u, v)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from asperity.arrays import Array
+from asperity.dynamics.law.law import EXTRAPOLATE
 from asperity.dynamics.motion.shooting import state_at_phase_zero
 from asperity.dynamics.orbits.continuation import Point
 from asperity.dynamics.orbits.harmonic_balance import Balance
@@ -190,7 +191,7 @@ def within_law(
         else:
             notes.append(
                 f"branch {number} ({b.kind}) is cut where it leaves the law (known up to u = "
-                f"{high:.6g}); compute the curve further or use extrapolate=True"
+                f"{high:.6g}); compute the curve further, or {EXTRAPOLATE}"
             )
             edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
             pieces = [slice(int(a), int(e)) for a, e in edges.reshape(-1, 2) if e - a > 1]

@@ -4,15 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.orbits.continuation import Equations, Path, Point, in_omega, locate, start, trace
+from asperity.dynamics.orbits.continuation import (
+    MIN_HARMONICS,
+    Equations,
+    Path,
+    Point,
+    Tracing,
+    in_omega,
+    locate,
+    start,
+    trace,
+)
 from asperity.dynamics.orbits.crossing import crossings
 from asperity.dynamics.orbits.harmonic_balance import Balance, resize, tail
-from asperity.dynamics.orbits.initial_orbits import MIN_HARMONICS
 from asperity.dynamics.orbits.stability import stack, unstack
 from asperity.errors import ConvergenceError
 
@@ -23,8 +31,7 @@ def subharmonic(
     balance: Balance,
     forcing: float,
     flip: Point,
-    window: tuple[float, float],
-    options: dict[str, Any],
+    how: Tracing,
     others: Sequence[Point],
 ) -> Path | None:
     """Trace the period-2 branch from a period doubling until it leaves the window or ends at another doubling.
@@ -33,8 +40,7 @@ def subharmonic(
         balance: equations of order 1.
         forcing: F^.
         flip: the period doubling, a point of order 1.
-        window: lowest and highest Omega.
-        options: keyword arguments of `trace`.
+        how: window, accuracy and limits for order 1.
         others: the other period doublings.
 
     Returns:
@@ -68,7 +74,7 @@ def subharmonic(
         return "period doubling"
 
     first = Point(x, flip.parameter, null, 0.0, tail(x))
-    path = trace(equations, first, window, stop=returns, **{**options, "min_harmonics": 2 * MIN_HARMONICS})
+    path = trace(equations, first, replace(how, min_harmonics=2 * MIN_HARMONICS), returns)
     if len(path.points) < 3:
         return None
     if path.end == "period doubling" and others:
@@ -113,11 +119,9 @@ def _single(p: Point, odd: Array) -> Point:
 def detached(
     balance: Balance,
     forcing: float,
-    order: int,
     x: Array,
     omega: float,
-    window: tuple[float, float],
-    options: dict[str, Any],
+    how: Tracing,
     paths: list[tuple[str, int, Path]],
 ) -> Path | None:
     """Trace the branch through a given orbit in both directions, unless one of the paths contains it.
@@ -125,11 +129,9 @@ def detached(
     Args:
         balance: equations, with the order of the orbit.
         forcing: F^.
-        order: forcing periods per period of the orbit.
         x: its coefficients (2 K + 1).
         omega: its Omega.
-        window: lowest and highest Omega.
-        options: keyword arguments of `trace`.
+        how: window, accuracy and limits for order 1.
         paths: kind, order and path of each branch traced so far.
 
     Returns:
@@ -138,9 +140,9 @@ def detached(
     Raises:
         ConvergenceError: the balance has no orbit near the given one.
     """
-    equations = in_omega(balance, forcing)
-    options = {**options, "min_harmonics": order * MIN_HARMONICS}
-    first = start(equations, balance.correct(x, omega, forcing), omega, 1.0, options["tol"], order * MIN_HARMONICS)
+    equations, order = in_omega(balance, forcing), balance.order
+    how = replace(how, min_harmonics=order * MIN_HARMONICS)
+    first = start(equations, balance.correct(x, omega, forcing), omega, 1.0, how)
     c = stack([first.x])[0]
     if order > 1 and np.abs(np.delete(c, slice(None, None, order))).max() < 1e-3 * np.abs(c).max():
         return None  # its true period is shorter
@@ -167,11 +169,11 @@ def detached(
                 return "closed"
         return None
 
-    forward = trace(equations, first, window, stop=closed, **options)
+    forward = trace(equations, first, how, closed)
     if forward.end == "closed":
         return forward
     back = replace(first, t=-first.t, t_parameter=-first.t_parameter)
-    backward = trace(equations, back, window, stop=closed, **options)
+    backward = trace(equations, back, how, closed)
     turned = tuple(replace(p, t=-p.t, t_parameter=-p.t_parameter) for p in reversed(backward.points[1:]))
     return Path(turned + forward.points, forward.end if backward.end == "window" else backward.end)
 

@@ -16,8 +16,10 @@ from asperity.arrays import Array
 from asperity.dynamics.orbits.harmonic_balance import MAX_HARMONICS, Balance, resize, tail
 from asperity.errors import ConvergenceError
 
+MIN_HARMONICS = 8  # per forcing period
 _NEWTON = 8  # iterations of the corrector
 _NEWTON_RTOL = 3e-6  # relative size of its last step; the remaining error is of the order of the square
+_CUT = 0.35  # of a step that does not converge
 _HMIN = 1e-9  # smallest step along the branch
 _LOW = 64  # harmonics solved directly, if there are more than twice as many
 
@@ -53,6 +55,29 @@ class Path:
 
     points: tuple[Point, ...]
     end: str
+
+
+@dataclass(frozen=True)
+class Tracing:
+    """How branches are traced.
+
+    Attributes:
+        window: lowest and highest parameter.
+        tol: relative truncation error allowed.
+        zeta: damping ratio; it determines how small a harmonic may be and still indicate a resonance.
+        max_step: longest step in the parameter.
+        min_harmonics: smallest number of harmonics.
+        max_points: work after which a path ends with "too much work"; points of many harmonics count more.
+        smooth: whether Newton's method converges quadratically (the stiffness is bounded).
+    """
+
+    window: tuple[float, float]
+    tol: float
+    zeta: float
+    max_step: float
+    min_harmonics: int = MIN_HARMONICS
+    max_points: int = 3000
+    smooth: bool = True
 
 
 Equations = Callable[[Array, float], tuple[Array, Array, Array]]
@@ -178,47 +203,29 @@ def adapt(equations: Equations, point: Point, normal: Array, normal_p: float, to
     return point
 
 
-def start(equations: Equations, x: Array, parameter: float, direction: float, tol: float, min_harmonics: int) -> Point:
+def start(equations: Equations, x: Array, parameter: float, direction: float, how: Tracing) -> Point:
     """Turn a solution into the first point of a path; the parameter first changes with the sign of `direction`."""
     normal = np.zeros(x.size)
     x, parameter, t, tp = correct(equations, x, parameter, normal, 1.0)
-    point = adapt(equations, Point(x, parameter, t, tp, tail(x)), normal, 1.0, tol, min_harmonics)
+    point = adapt(equations, Point(x, parameter, t, tp, tail(x)), normal, 1.0, how.tol, how.min_harmonics)
     if point.t_parameter * direction < 0:
         point = replace(point, t=-point.t, t_parameter=-point.t_parameter)
     return point
 
 
 def trace(
-    equations: Equations,
-    first: Point,
-    window: tuple[float, float],
-    *,
-    tol: float,
-    min_harmonics: int,
-    zeta: float,
-    max_step: float,
-    max_points: int = 3000,
-    smooth: bool = True,
-    stop: Callable[[list[Point]], str | None] | None = None,
+    equations: Equations, first: Point, how: Tracing, stop: Callable[[list[Point]], str | None] | None = None
 ) -> Path:
     """Trace the branch through `first` until it leaves the window of the parameter.
 
     Args:
         equations: see `in_omega`.
         first: starting point; its tangent gives the direction.
-        window: lowest and highest parameter.
-        tol: relative truncation error allowed.
-        min_harmonics: smallest number of harmonics.
-        zeta: damping ratio; it determines how small a harmonic may be and still indicate a resonance.
-        max_step: longest step in the parameter.
-        max_points: work after which the path ends with "too much work"; points of many harmonics count more.
-        smooth: whether Newton's method converges quadratically (the stiffness is bounded).
+        how: window, accuracy and limits.
         stop: called with the points so far after each step; a non-empty string ends the path for that reason.
     """
-    low, high = window
-    rtol = newton_rtol(tol, smooth)
+    (low, high), max_step, least = how.window, how.max_step, how.min_harmonics
     points = [first]
-    watch = max(1e-6, min(1e-3, 0.1 * zeta))
     h, work = 0.25 * max_step, 0.0
     while True:
         here = points[-1]
@@ -230,34 +237,25 @@ def trace(
             if h < _HMIN:
                 return Path(tuple(points), "step too small")
             work += 0.5 + (0.5 * here.x.size / _LOW) ** 2
-            if work > max_points:
+            if work > how.max_points:
                 return Path(tuple(points), "too much work")
-            guess, guess_p = predict(h)
-            try:
-                x, parameter, t, tp = correct(equations, guess, guess_p, here.t, here.t_parameter, limit=h, rtol=rtol)
-            except ConvergenceError:
-                h *= 0.35
-                continue
-            error = _prediction_error(guess, x, here.x, watch)
-            aligned = float(t @ here.t) + tp * here.t_parameter
-            if error > 2.0 or aligned < 0.5:
-                h *= max(0.2, min(0.6, (0.5 / max(error, 1e-9)) ** 0.25))
-                continue
-            break
-        point = Point(x, parameter, t, tp, tail(x))
+            point, error, factor = _step(equations, here, *predict(h), h, how)
+            if point is not None:
+                break
+            h *= factor
         try:
-            point = adapt(equations, point, here.t, here.t_parameter, tol, min_harmonics)
+            point = adapt(equations, point, here.t, here.t_parameter, how.tol, least)
         except ConvergenceError:
             if h > 1e-6:
-                h *= 0.35
+                h *= _CUT
                 continue
         if not low <= point.parameter <= high:
             edge = low if point.parameter < low else high
             try:
-                points.append(_at_edge(equations, here, point, edge, tol, min_harmonics))
+                points.append(_at_edge(equations, here, point, edge, how.tol, least))
             except ConvergenceError:
                 if h > 1e-6:
-                    h *= 0.35
+                    h *= _CUT
                     continue
             return Path(tuple(points), "window")
         points.append(point)
@@ -265,6 +263,25 @@ def trace(
         if reason:
             return Path(tuple(points), reason)
         h *= min(2.0, max(0.3, (0.6 / max(error, 1e-6)) ** 0.25))
+
+
+def _step(
+    equations: Equations, here: Point, guess: Array, guess_p: float, h: float, how: Tracing
+) -> tuple[Point | None, float, float]:
+    """Correct the prediction of a step of length `h`: point, error of the prediction, and factor of the step.
+
+    The point is None where the step must be repeated with the length times the factor.
+    """
+    rtol, watch = newton_rtol(how.tol, how.smooth), max(1e-6, min(1e-3, 0.1 * how.zeta))
+    try:
+        x, parameter, t, tp = correct(equations, guess, guess_p, here.t, here.t_parameter, limit=h, rtol=rtol)
+    except ConvergenceError:
+        return None, np.inf, _CUT
+    error = _prediction_error(guess, x, here.x, watch)
+    aligned = float(t @ here.t) + tp * here.t_parameter
+    if error > 2.0 or aligned < 0.5:
+        return None, error, max(0.2, min(0.6, (0.5 / max(error, 1e-9)) ** 0.25))
+    return Point(x, parameter, t, tp, tail(x)), error, 1.0
 
 
 def newton_rtol(tol: float, smooth: bool = True) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -46,14 +48,43 @@ def locate_events(
         The branch, its events, and its period doublings as points.
     """
     points = _refined(equations, path.points, tol)
-    search = {"rtol": newton_rtol(tol, not balance.restoring.singular), "xtol": 0.03 * float(np.sqrt(tol))}
-    low, high = balance.restoring.u_range
     multipliers = _multipliers(balance, points)
     if balance.zeta > 0 and balance.order == 1 and _open_tongues(balance, equations, points, multipliers):
         multipliers = _multipliers(balance, points)
-    flip = multipliers.flip
+    inserted = _located(balance, equations, points, _tests(balance, points, multipliers), tol)
+    if inserted:
+        at = [i + 1 for i, _, _ in inserted]
+        multipliers = multipliers.insert(at, _multipliers(balance, [p for _, _, p in inserted]))
+    for shift, (i, _, p) in enumerate(inserted):
+        points.insert(i + 1 + shift, p)
+    branch = measure(balance, points, kind, path.end, multipliers)
+    events = [
+        _event(branch, number, name, i + 1 + shift)
+        for shift, (i, name, _) in enumerate(inserted)
+        if name not in (_TOP, _LIMIT, _CHANGE)
+    ]
+    return branch, events, [p for _, name, p in inserted if name == "period doubling"]
+
+
+@dataclass(frozen=True)
+class _Test:
+    """Quantity that changes its sign at an event.
+
+    Attributes:
+        name: of the event.
+        values: at the points of a path (points,).
+        at: the quantity at any point.
+    """
+
+    name: str
+    values: Array
+    at: Callable[[Point], float]
+
+
+def _tests(balance: Balance, points: list[Point], multipliers: Floquet) -> list[_Test]:
+    """Return the quantities whose zeros are events, or the maxima of u_max."""
+    low, high = balance.restoring.u_range
     c = stack([p.x for p in points])
-    omega = np.array([p.parameter for p in points])
     u_min, u_max = extrema(c)
     fold = np.array([p.t_parameter for p in points])
     if len(points) > 1:  # it also vanishes at the ends of a period-2 branch, which are not folds
@@ -74,46 +105,41 @@ def locate_events(
     def top(p: Point) -> float:
         return float(rise(stack([p.x]), stack([p.t]))[0])
 
-    tests = [("fold", fold, lambda p: p.t_parameter), ("grazing", u_min + 1.0, graze)]
-    tests.append(("period doubling" if balance.zeta > 0 else _CHANGE, flip, doubling))
+    tests = [_Test("fold", fold, lambda p: p.t_parameter), _Test("grazing", u_min + 1.0, graze)]
+    tests.append(_Test("period doubling" if balance.zeta > 0 else _CHANGE, multipliers.flip, doubling))
     if np.isfinite([low, high]).any():
-        tests.append((_LIMIT, room(u_min, u_max), inside))
-    tests.append((_TOP, rise(c, stack([p.t for p in points])), top))
-    inserted: list[tuple[int, float, str, Point]] = []
-    for name, values, function in tests:
+        tests.append(_Test(_LIMIT, room(u_min, u_max), inside))
+    tests.append(_Test(_TOP, rise(c, stack([p.t for p in points])), top))
+    return tests
+
+
+def _located(
+    balance: Balance, equations: Equations, points: list[Point], tests: list[_Test], tol: float
+) -> list[tuple[int, str, Point]]:
+    """Return the zeros of the tests in order along a path: the point before, the name, and the zero as a point."""
+    search = {"rtol": newton_rtol(tol, not balance.restoring.singular), "xtol": 0.03 * float(np.sqrt(tol))}
+    found: list[tuple[int, float, str, Point]] = []
+    for test in tests:
+        values = test.values
         for i in np.flatnonzero((values[:-1] > 0) != (values[1:] > 0)):
-            if name == _TOP and values[i] < 0:  # a minimum of u_max
+            if test.name == _TOP and values[i] < 0:  # a minimum of u_max
                 continue
+            a, b = points[i], points[i + 1]
             try:
-                p = locate(equations, points[i], points[i + 1], function, values[i], values[i + 1], **search)
+                p = locate(equations, a, b, test.at, values[i], values[i + 1], **search)
                 p = adapt(equations, p, p.t, p.t_parameter, tol, p.x.size // 2)
             except ConvergenceError:
                 continue
-            gap = np.linalg.norm(p.x - resize(points[i].x, p.x.size // 2)) + abs(p.parameter - omega[i])
-            inserted.append((int(i), float(gap), name, p))
-    inserted.sort(key=lambda item: item[:2])
-    if inserted:
-        at = [i + 1 for i, *_ in inserted]
-        multipliers = multipliers.insert(at, _multipliers(balance, [p for *_, p in inserted]))
-    for shift, (i, _, _, p) in enumerate(inserted):
-        points.insert(i + 1 + shift, p)
-    branch = measure(balance, points, kind, path.end, multipliers)
-    events = []
-    for shift, (i, _, name, _) in enumerate(inserted):
-        if name in (_TOP, _LIMIT, _CHANGE):
-            continue
-        j = i + 1 + shift
-        events.append(
-            Event(
-                name,
-                number,
-                float(branch.Omega[j]),
-                float(branch.u_max[j]),
-                float(branch.u_min[j]),
-                float(branch.a1[j]),
-            )
-        )
-    return branch, events, [p for _, _, name, p in inserted if name == "period doubling"]
+            gap = np.linalg.norm(p.x - resize(a.x, p.x.size // 2)) + abs(p.parameter - a.parameter)
+            found.append((int(i), float(gap), test.name, p))
+    found.sort(key=lambda item: item[:2])
+    return [(i, name, p) for i, _, name, p in found]
+
+
+def _event(branch: Branch, number: int, name: str, row: int) -> Event:
+    """Return the event in a row of a measured branch."""
+    values = (float(column[row]) for column in (branch.Omega, branch.u_max, branch.u_min, branch.a1))
+    return Event(name, number, *values)
 
 
 def _refined(equations: Equations, points: tuple[Point, ...], tol: float) -> list[Point]:

@@ -17,9 +17,10 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
+from asperity.dynamics.law.checks import positive, positives
 from asperity.dynamics.law.damping import in_flight, rate
-from asperity.dynamics.law.law import TaylorLaw, positive, positives
 from asperity.dynamics.law.restoring import Restoring
+from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.errors import ConvergenceError, RangeError
 
 _ORDERS = (24, 48, 96, 192, 384)
@@ -66,6 +67,11 @@ class FreeOrbit:
         return self.dissipation / (np.pi * self.a1)
 
 
+def column(orbits: Sequence[FreeOrbit], name: str) -> Array:
+    """Return an attribute of each orbit, shape (orbits,)."""
+    return np.array([getattr(orbit, name) for orbit in orbits])
+
+
 @dataclass(frozen=True)
 class FreeVibration:
     """Natural frequency over amplitude.
@@ -97,17 +103,17 @@ class FreeVibration:
     @property
     def u0(self) -> Array:
         """Amplitudes u_0, shape (orbits,)."""
-        return np.array([o.u0 for o in self.orbits])
+        return column(self.orbits, "u0")
 
     @property
     def omega_ratio(self) -> Array:
         """Frequencies over omega_s, shape (orbits,)."""
-        return np.array([o.omega for o in self.orbits])
+        return column(self.orbits, "omega")
 
     @property
     def u_min(self) -> Array:
         """Lower turning points, shape (orbits,)."""
-        return np.array([o.u_min for o in self.orbits])
+        return column(self.orbits, "u_min")
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Yield the rows of free.csv."""

@@ -9,12 +9,11 @@ import numpy as np
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
-from asperity.dynamics.orbits.continuation import in_forcing, start, trace
+from asperity.dynamics.orbits.continuation import MIN_HARMONICS, Tracing, in_forcing, start, trace
 from asperity.dynamics.orbits.free import orbit_coefficients, rough_orbit
 from asperity.dynamics.orbits.harmonic_balance import Balance, resize
 from asperity.errors import ConvergenceError
 
-MIN_HARMONICS = 8  # per forcing period
 _BACKBONE = 16  # number of amplitudes at which subharmonic orbits are searched
 _SMALLEST = 0.1  # smallest of them: below, the share of the loss hardly changes
 _SINGULAR = 1e-9  # impedance below which there is no linear response to start from
@@ -41,16 +40,8 @@ def orbit_from_rest(balance: Balance, omega: float, forcing: float, tol: float) 
         if np.linalg.norm(direct - x * (forcing / first)) < 0.2 * np.linalg.norm(direct):
             return direct
     equations = in_forcing(balance, omega)
-    point = start(equations, x, first, 1.0, tol, MIN_HARMONICS)
-    path = trace(
-        equations,
-        point,
-        (0.0, forcing),
-        tol=tol,
-        min_harmonics=MIN_HARMONICS,
-        zeta=balance.zeta,
-        max_step=0.5 * forcing,
-    )
+    how = Tracing((0.0, forcing), tol, balance.zeta, 0.5 * forcing)
+    path = trace(equations, start(equations, x, first, 1.0, how), how)
     if path.end != "window" or path.points[-1].parameter < 0.5 * forcing:
         raise ConvergenceError(f"no orbit found from rest at Omega = {omega:g}, F^ = {forcing:g}")
     return path.points[-1].x

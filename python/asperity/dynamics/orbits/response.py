@@ -12,12 +12,12 @@ from asperity.arrays import Array
 from asperity.dynamics.forcing import Setting
 from asperity.dynamics.orbits.branch import Branch, Event, Solution, measure, within_law
 from asperity.dynamics.orbits.branch_switching import detached, is_traced, shifts, subharmonic
-from asperity.dynamics.orbits.continuation import Path, Point, in_omega, start, trace
+from asperity.dynamics.orbits.continuation import Path, Point, Tracing, in_omega, start, trace
 from asperity.dynamics.orbits.crossing import crossings
 from asperity.dynamics.orbits.dense import Line, dense
 from asperity.dynamics.orbits.events import locate_events
 from asperity.dynamics.orbits.harmonic_balance import Balance
-from asperity.dynamics.orbits.initial_orbits import MIN_HARMONICS, backbone_chart, edge_orbits, subharmonic_orbits
+from asperity.dynamics.orbits.initial_orbits import backbone_chart, edge_orbits, subharmonic_orbits
 from asperity.dynamics.orbits.search import orbits_on_no_branch
 from asperity.dynamics.orbits.stability import floquet, stack
 from asperity.errors import ConvergenceError, InputError
@@ -166,65 +166,18 @@ def frequency_response(
         tol: allowed truncation error, relative to the amplitude.
         subharmonics: also trace period-2 branches from period doublings.
         extra: further orbits (order, coefficients, Omega) whose branches are traced if new ("detached").
-        max_points: limit of the work per branch, see `continuation.trace`.
+        max_points: limit of the work per branch, see `continuation.Tracing`.
 
     Raises:
         ConvergenceError: no orbit can be found at either end of the window.
     """
-    forcing = setting.F_hat
     low, high = omega
-    options: dict[str, Any] = {
-        "tol": tol,
-        "min_harmonics": MIN_HARMONICS,
-        "zeta": balance.zeta,
-        "max_step": (high - low) / 25.0,
-        "max_points": max_points,
-        "smooth": not balance.restoring.singular,
-    }
-    chart = backbone_chart(balance, forcing)
-    paths = _paths_from_edges(balance, forcing, omega, options, chart)
-    branches: list[Branch] = []
-    events: list[Event] = []
-    notes: list[str] = []
-    doublings: list[Point] = []
-    pending = list(paths)
-    seeds = list(extra)
-    searched = False
-    while pending or doublings or seeds or not searched:
-        if pending:
-            kind, order, path = pending.pop(0)
-            eqs = in_omega(replace(balance, order=order), forcing)
-            branch, found, flips = locate_events(replace(balance, order=order), eqs, path, kind, len(branches), tol)
-            branches.append(branch)
-            events.extend(found)
-            if subharmonics and order == 1:
-                doublings.extend(flips)
-        elif doublings:
-            sub = subharmonic(balance, forcing, doublings.pop(0), omega, options, doublings)
-            if sub is not None:
-                paths.append(("sub2", 2, sub))
-                pending.append(paths[-1])
-                if sub.end == "period doubling" and doublings:  # the branch must not be traced from its other end
-                    death = sub.points[-1].parameter
-                    del doublings[min(range(len(doublings)), key=lambda i: abs(doublings[i].parameter - death))]
-        elif seeds:
-            order, x, where = seeds.pop(0)
-            try:
-                loop = detached(replace(balance, order=order), forcing, order, x, where, omega, options, paths)
-            except ConvergenceError as error:
-                notes.append(f"an orbit at Omega = {where:.6g} is on no branch and could not be continued: {error}")
-                continue
-            if loop is not None:
-                paths.append(("detached", order, loop))
-                pending.append(paths[-1])
-        else:
-            if subharmonics:
-                seeds.extend((2, x, where) for x, where in subharmonic_orbits(balance, omega, forcing, chart))
-            seeds.extend((1, x, where) for where, x in orbits_on_no_branch(balance, forcing, omega, branches))
-            searched = True
-    branches, events, limits = within_law(balance, branches, events)
-    notes.extend(limits)
-    notes.extend(_limitations(branches))
+    how = Tracing(
+        omega, tol, balance.zeta, (high - low) / 25.0, max_points=max_points, smooth=not balance.restoring.singular
+    )
+    search = _Search(balance, setting.F_hat, how, subharmonics)
+    search.run(list(extra))
+    branches, events, limits = within_law(balance, search.branches, search.events)
     return FrequencyResponse(
         setting,
         (low, high),
@@ -233,36 +186,113 @@ def frequency_response(
         max(float(b.error.max()) for b in branches),
         max(float(b.det_error.max()) for b in branches),
         all(bool(b.valid.all()) for b in branches),
-        tuple(notes),
+        (*search.notes, *limits, *_limitations(branches)),
         balance,
     )
 
 
-def _paths_from_edges(
-    balance: Balance,
-    forcing: float,
-    omega: tuple[float, float],
-    options: dict[str, Any],
-    chart: tuple[Array, Array],
-) -> list[tuple[str, int, Path]]:
-    """Trace the main branches that enter the window at its ends: kind, order and path of each."""
-    equations, tol = in_omega(balance, forcing), options["tol"]
-    low, high = omega
-    paths: list[tuple[str, int, Path]] = []
-    for edge, direction in ((high, -1.0), (low, 1.0)):
-        for x in edge_orbits(balance, edge, forcing, tol, chart):
-            try:
-                first = start(equations, x, edge, direction, tol, MIN_HARMONICS)
-                if is_traced(paths, 1, first.x, edge):
+class _Search:
+    """Traces the branches that enter the window, those that leave them, and those through further orbits.
+
+    Args:
+        balance: equations of order 1.
+        forcing: F^.
+        how: window, accuracy and limits for order 1.
+        subharmonics: whether period-2 branches are traced too.
+
+    Attributes:
+        paths: kind, order and path of each branch traced.
+        branches: the paths measured, in their order.
+        events: on the branches.
+        notes: on orbits that could not be continued.
+    """
+
+    def __init__(self, balance: Balance, forcing: float, how: Tracing, subharmonics: bool) -> None:
+        self.balance, self.forcing, self.how, self.subharmonics = balance, forcing, how, subharmonics
+        self.chart = backbone_chart(balance, forcing)
+        self.paths = self._from_edges()
+        self.branches: list[Branch] = []
+        self.events: list[Event] = []
+        self.notes: list[str] = []
+        self._doublings: list[Point] = []
+
+    def run(self, seeds: list[tuple[int, Array, float]]) -> None:
+        """Trace branches until nothing is left.
+
+        Args:
+            seeds: order, coefficients and Omega of orbits whose branches are traced if they are new.
+        """
+        searched = False
+        while True:
+            if len(self.branches) < len(self.paths):
+                self._measure(*self.paths[len(self.branches)])
+            elif self._doublings:
+                self._switch(self._doublings.pop(0))
+            elif seeds:
+                self._detach(*seeds.pop(0))
+            elif not searched:
+                seeds, searched = list(self._further_orbits()), True
+            else:
+                return
+
+    def _from_edges(self) -> list[tuple[str, int, Path]]:
+        """Trace the main branches that enter the window at its ends."""
+        equations, how, (low, high) = in_omega(self.balance, self.forcing), self.how, self.how.window
+        paths: list[tuple[str, int, Path]] = []
+        for edge, direction in ((high, -1.0), (low, 1.0)):
+            for x in edge_orbits(self.balance, edge, self.forcing, how.tol, self.chart):
+                try:
+                    first = start(equations, x, edge, direction, how)
+                    if is_traced(paths, 1, first.x, edge):
+                        continue
+                    paths.append(("main", 1, trace(equations, first, how)))
+                except ConvergenceError:
                     continue
-                paths.append(("main", 1, trace(equations, first, omega, **options)))
-            except ConvergenceError:
-                continue
-    if not paths:
-        raise ConvergenceError(
-            f"no periodic orbit found at Omega = {low:g} or {high:g} with F^ = {forcing:g}: widen the window"
-        )
-    return paths
+        if not paths:
+            raise ConvergenceError(
+                f"no periodic orbit found at Omega = {low:g} or {high:g} with F^ = {self.forcing:g}: widen the window"
+            )
+        return paths
+
+    def _measure(self, kind: str, order: int, path: Path) -> None:
+        """Make a branch of a path, with its events and period doublings."""
+        balance = replace(self.balance, order=order)
+        equations = in_omega(balance, self.forcing)
+        branch, events, flips = locate_events(balance, equations, path, kind, len(self.branches), self.how.tol)
+        self.branches.append(branch)
+        self.events.extend(events)
+        if self.subharmonics and order == 1:
+            self._doublings.extend(flips)
+
+    def _switch(self, flip: Point) -> None:
+        """Trace the period-2 branch from a period doubling."""
+        path, rest = subharmonic(self.balance, self.forcing, flip, self.how, self._doublings), self._doublings
+        if path is None:
+            return
+        self.paths.append(("sub2", 2, path))
+        if path.end == "period doubling" and rest:  # the branch must not be traced from its other end
+            end = path.points[-1].parameter
+            del rest[min(range(len(rest)), key=lambda i: abs(rest[i].parameter - end))]
+
+    def _detach(self, order: int, x: Array, omega: float) -> None:
+        """Trace the branch through an orbit, if it is new."""
+        balance = replace(self.balance, order=order)
+        try:
+            path = detached(balance, self.forcing, x, omega, self.how, self.paths)
+        except ConvergenceError as error:
+            self.notes.append(f"an orbit at Omega = {omega:.6g} is on no branch and could not be continued: {error}")
+            return
+        if path is not None:
+            self.paths.append(("detached", order, path))
+
+    def _further_orbits(self) -> Iterator[tuple[int, Array, float]]:
+        """Yield order, coefficients and Omega of orbits that may be on no branch."""
+        balance, forcing, window = self.balance, self.forcing, self.how.window
+        if self.subharmonics:
+            for x, omega in subharmonic_orbits(balance, window, forcing, self.chart):
+                yield 2, x, omega
+        for omega, x in orbits_on_no_branch(balance, forcing, window, self.branches):
+            yield 1, x, omega
 
 
 def _limitations(branches: Sequence[Branch]) -> Iterator[str]:

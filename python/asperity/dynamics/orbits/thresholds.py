@@ -16,9 +16,9 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from asperity.arrays import Array
-from asperity.dynamics.law.law import TaylorLaw
 from asperity.dynamics.law.restoring import Restoring
-from asperity.dynamics.orbits.free import FreeOrbit, contact_limit, free_orbit
+from asperity.dynamics.law.taylor import TaylorLaw
+from asperity.dynamics.orbits.free import FreeOrbit, column, contact_limit, free_orbit
 from asperity.errors import RangeError
 
 _LARGEST = 1e6  # amplitude at which the search for a peak ends
@@ -52,22 +52,22 @@ class Backbone:
     @property
     def u_max(self) -> Array:
         """Release amplitudes, shape (orbits,)."""
-        return np.array([o.u0 for o in self.orbits])
+        return column(self.orbits, "u0")
 
     @property
     def omega(self) -> Array:
         """Frequencies over omega_s, shape (orbits,)."""
-        return np.array([o.omega for o in self.orbits])
+        return column(self.orbits, "omega")
 
     @property
     def a1(self) -> Array:
         """Amplitudes of the first harmonic, shape (orbits,)."""
-        return np.array([o.a1 for o in self.orbits])
+        return column(self.orbits, "a1")
 
     @property
     def drive(self) -> Array:
         """Forcing F^/(2 zeta) that sustains each orbit at phase resonance, shape (orbits,)."""
-        return np.array([o.drive for o in self.orbits])
+        return column(self.orbits, "drive")
 
     @property
     def turns(self) -> tuple[tuple[float, float], ...]:

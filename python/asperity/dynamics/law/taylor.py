@@ -1,0 +1,106 @@
+"""Cubic Taylor series of a law about its static deflection, the model of weakly nonlinear vibration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from asperity.arrays import Array
+from asperity.dynamics.law.law import Law
+from asperity.errors import RangeError
+
+
+@dataclass(frozen=True)
+class TaylorLaw(Law):
+    """Cubic Taylor series of a law about a static deflection, without contact loss.
+
+    Attributes:
+        z_s: static deflection (length).
+        load: force at `z_s`.
+        p: first three derivatives of the force at `z_s` (force/length, /length^2, /length^3).
+
+    Examples:
+        The force of the series stays positive where the contact has opened:
+
+        >>> series = asp.TaylorLaw.about(asp.PowerLaw(1.5), load=1.0)
+        >>> series.p
+        (1.5, 0.75, -0.375)
+        >>> series.force([1.0, 1.1, 0.0]).round(6)
+        array([ 1.      ,  1.153688, -0.0625  ])
+    """
+
+    z_s: float
+    load: float
+    p: tuple[float, float, float]
+
+    contact = False
+    scalar = True
+
+    @classmethod
+    def about(cls, law: Law, load: float) -> TaylorLaw:
+        """Expand `law` about its static deflection under `load` (force)."""
+        z_s = law.deflection(load)
+        return cls(z_s, float(load), law.derivatives(z_s))
+
+    @property
+    def z_range(self) -> tuple[float, float]:
+        return (-np.inf, np.inf)
+
+    def both(self, z: Array) -> tuple[Array, Array]:
+        x = np.asarray(z, float) - self.z_s
+        p1, p2, p3 = self.p
+        return (self.load + x * (p1 + x * (p2 / 2 + x * p3 / 6)), p1 + x * (p2 + x * p3 / 2))
+
+    def at(self, z: float) -> tuple[float, float]:
+        x = z - self.z_s
+        p1, p2, p3 = self.p
+        return self.load + x * (p1 + x * (p2 / 2 + x * p3 / 6)), p1 + x * (p2 + x * p3 / 2)
+
+    def potential(self, z: ArrayLike) -> Array:
+        p1, p2, p3 = self.p
+
+        def primitive(x: Array | float) -> Array | float:
+            return x * (self.load + x * (p1 / 2 + x * (p2 / 6 + x * p3 / 24)))
+
+        return np.asarray(primitive(np.asarray(z, float) - self.z_s) - primitive(-self.z_s))
+
+    def well(self, u: Array, z_s: float, load: float, scale: float) -> Array:
+        p1, p2, p3 = self.p
+        u = np.asarray(u, float)
+        x = z_s * u
+        return u * u * z_s * (p1 / 2 + x * (p2 / 6 + x * p3 / 24)) / scale
+
+    def derivatives(self, z: float) -> tuple[float, float, float]:
+        x = z - self.z_s
+        p1, p2, p3 = self.p
+        return p1 + x * (p2 + x * p3 / 2), p2 + x * p3, p3
+
+    def deflection(self, load: float) -> float:
+        if not np.isclose(load, self.load, rtol=1e-12):
+            raise RangeError(f"load = {load:g}: this series was expanded about load {self.load:g}")
+        return self.z_s
+
+    def describe(self) -> str:
+        return f"cubic Taylor series about z_s = {self.z_s:g}"
+
+    def rim(self) -> float:
+        """Return the displacement u of the nearest saddle below the well, -inf if there is none.
+
+        Motion beyond it escapes: a property of the truncated series, not of the contact.
+        """
+        p1, p2, p3 = self.p
+        z = self.z_s
+        roots = np.roots([p3 * z * z / (6 * p1), p2 * z / (2 * p1), 1.0])
+        real = roots[np.abs(roots.imag) < 1e-12].real
+        below = real[real < 0]
+        return float(below.max()) if below.size else -np.inf
+
+    def rim_above(self) -> float:
+        """Return the displacement u of the nearest saddle above the well, +inf if there is none."""
+        p1, p2, p3 = self.p
+        z = self.z_s
+        roots = np.roots([p3 * z * z / (6 * p1), p2 * z / (2 * p1), 1.0])
+        above = roots[(np.abs(roots.imag) < 1e-12) & (roots.real > 0)].real
+        return float(above.min()) if above.size else np.inf
