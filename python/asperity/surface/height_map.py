@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,6 +16,7 @@ from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.runtime.files import UNREADABLE, one_line, read_matrix, read_npy, read_npz, real
 from asperity.surface.base import Surface, check, check_positive, is_integer, nodes, short_wave_share
+from asperity.surface.maximum import climb, refine
 from asperity.surface.scale_space import Heights, ScaleSpace, spline_gain, spline_heights
 
 if TYPE_CHECKING:
@@ -119,7 +121,7 @@ class HeightMap(Surface):
             s = np.linspace(-1, 1, n)
             trends.append(np.linalg.qr(np.polynomial.legendre.legvander(s, min(_TREND, n - 1)))[0])
         of_y, of_x = trends
-        z = z - of_y @ (of_y.T @ z @ of_x) @ of_x.T
+        z = (z - of_y @ (of_y.T @ z @ of_x) @ of_x.T).astype(np.float32)  # enough for an rms value
         margins = [(m, m) for m in self._margins]
         straight = np.pad(z, margins, mode="reflect", reflect_type="odd")
         mirrored = np.pad(z, margins, mode="reflect", reflect_type="even")
@@ -131,7 +133,14 @@ class HeightMap(Surface):
 
     @property
     def _margins(self) -> tuple[int, ...]:
-        return tuple(n // 8 for n in self.heights.shape)
+        """Nodes added at each end along y and x, an eighth of the map and a few more for a fast transform."""
+        from scipy.fft import next_fast_len
+
+        least = (n // 8 for n in self.heights.shape)
+        return tuple(
+            next(m for m in itertools.count(m) if next_fast_len(n + 2 * m - 1, real=True) == n + 2 * m - 1)
+            for n, m in zip(self.heights.shape, least, strict=True)
+        )
 
     def short_waves(self, wavelength: float, depth: float) -> float:
         """Return the rms height (length) of the waves shorter than a cut-off; see :meth:`Surface.short_waves`.
@@ -143,7 +152,7 @@ class HeightMap(Surface):
 
         transforms, lengths = self._waves
         gap = self.heights.max() - self.heights
-        part = short_wave_share(lengths, wavelength)
+        part = short_wave_share(lengths, wavelength).astype(np.float32)
         found = []
         for waves in transforms:
             rest = idctn(waves * part, type=1)
@@ -154,7 +163,7 @@ class HeightMap(Surface):
             for reached in (gap <= depth, gap <= 0.25 * depth):
                 inside = rest[inner][reached[inner]]  # the transform rings at the edges
                 places.append(inside if inside.size else rest[reached])
-            found.append(max(float(np.sqrt(np.mean(heights**2))) for heights in places))
+            found.append(max(float(np.sqrt(np.mean(np.square(heights, dtype=float)))) for heights in places))
         return min(found)
 
     def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
@@ -233,10 +242,58 @@ class HeightMap(Surface):
 
     def curvature_bound(self) -> float:
         """Return a bound of the Hessian (1/length) from the convex hull of the spline coefficients."""
-        bounds = [
-            float(np.abs(self._spline.partial_derivative(dx, dy).tck[2]).max()) for dx, dy in ((2, 0), (1, 1), (0, 2))
-        ]
-        return max(bounds[0], bounds[2]) + bounds[1]
+        return self._curvature_bound
+
+    @cached_property
+    def _curvature_bound(self) -> float:
+        xx, xy, yy = (float(np.abs(self._coefficients(*order)).max()) for order in ((2, 0), (1, 1), (0, 2)))
+        return max(xx, yy) + xy
+
+    def _coefficients(self, dx: int, dy: int) -> Array:
+        """B-spline coefficients of a derivative, index [iy, ix]; degree and number are less by its order."""
+        c = self._spline.partial_derivative(dx, dy).tck[2]
+        ny, nx = self.heights.shape
+        return np.asarray(c).reshape(nx - dx, ny - dy).T
+
+    def _in_cells(self, dx: int, dy: int) -> tuple[Array, Array]:
+        """Return the least and the greatest coefficient of a derivative in each cell between knots: its bounds there."""
+        c = self._coefficients(dx, dy)
+        bounds = []
+        for extreme in (np.minimum, np.maximum):
+            rows = _moving(extreme, c, self.order - dy + 1)
+            bounds.append(_moving(extreme, rows.T, self.order - dx + 1).T)
+        return bounds[0], bounds[1]
+
+    @cached_property
+    def _maximum(self) -> tuple[float, float, float]:
+        """The highest point: cells between knots that can exceed the highest knot, then branch and bound in them.
+
+        In a cell of sides a and b no height exceeds the highest corner by more than (a^2 max(-z_xx) + b^2 max(-z_yy))/8.
+        """
+        k = self.order
+        tx, ty = (np.asarray(t)[k:-k] for t in self._spline.get_knots())
+        a, b = np.diff(tx), np.diff(ty)
+        z = self._spline(tx, ty).T
+        top = np.unravel_index(int(z.argmax()), z.shape)
+        best = climb(self, float(tx[top[1]]), float(ty[top[0]]))
+        corners = np.maximum(np.maximum(z[1:, 1:], z[:-1, 1:]), np.maximum(z[1:, :-1], z[:-1, :-1]))
+        (xx_low, xx_high), (xy_low, xy_high), (yy_low, yy_high) = (
+            self._in_cells(*order) for order in ((2, 0), (1, 1), (0, 2))
+        )
+        bulge = np.maximum(-xx_low, 0.0) * a**2 + np.maximum(-yy_low, 0.0) * b[:, None] ** 2
+        iy, ix = np.nonzero(corners + bulge / 8 > best[2])
+        along = np.maximum(np.maximum(-xx_low, xx_high), np.maximum(-yy_low, yy_high))
+        K = (along + np.maximum(-xy_low, xy_high))[iy, ix]
+        x, y = tx[ix] + a[ix] / 2, ty[iy] + b[iy] / 2
+        return refine(self, x, y, self.height(x, y), a[ix] / 2, b[iy] / 2, K, best)
+
+
+def _moving(extreme: np.ufunc, c: Array, width: int) -> Array:
+    """Return the extremes of `width` successive rows, (len(c) - width + 1, ...)."""
+    out = c[: len(c) - width + 1].copy()
+    for i in range(1, width):
+        extreme(out, c[i : len(c) - width + 1 + i], out=out)
+    return out
 
 
 def _check_heights(z: Array, order: int, path: str | Path) -> None:
