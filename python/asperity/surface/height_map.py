@@ -256,7 +256,7 @@ class HeightMap(Surface):
         return np.asarray(c).reshape(nx - dx, ny - dy).T
 
     def _in_cells(self, dx: int, dy: int) -> tuple[Array, Array]:
-        """Return the least and the greatest coefficient of a derivative in each cell between knots: its bounds there."""
+        """Return bounds of a derivative in each cell between knots, its least and greatest coefficient there."""
         c = self._coefficients(dx, dy)
         bounds = []
         for extreme in (np.minimum, np.maximum):
@@ -268,7 +268,7 @@ class HeightMap(Surface):
     def _maximum(self) -> tuple[float, float, float]:
         """The highest point: cells between knots that can exceed the highest knot, then branch and bound in them.
 
-        In a cell of sides a and b no height exceeds the highest corner by more than (a^2 max(-z_xx) + b^2 max(-z_yy))/8.
+        In a cell of sides a, b no height exceeds the highest corner by more than (a^2 max(-z_xx) + b^2 max(-z_yy))/8.
         """
         k = self.order
         tx, ty = (np.asarray(t)[k:-k] for t in self._spline.get_knots())
