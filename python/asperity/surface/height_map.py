@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 _FIRST = 0.225  # width that the levels of smoothed maps start from, over the distance of the heights
 _SPACING = 0.5  # distance of the heights of a smoothed map over its width
 _TREND = 8  # degree of the polynomial trend removed before the waves are separated by length
+MOST = 6000  # heights along a side: beyond it the spline and its derivatives need more than 6 GiB
 DEEPEST, FARTHEST = 10.0, 1e6  # greatest plausible peak-to-valley height and distance of heights from zero [L]
 
 
@@ -101,6 +102,16 @@ class HeightMap(Surface):
         x, y = np.linspace(0, self.L, nx), np.linspace(0, self.L, ny)
         # the first axis of the spline is x
         return RectBivariateSpline(x, y, self.heights.T, kx=self.order, ky=self.order, s=0)
+
+    @cached_property
+    def _derivatives(self) -> dict[tuple[int, int], Any]:
+        return {(0, 0): self._spline}
+
+    def _derivative(self, dx: int, dy: int) -> Any:
+        """Return a derivative as a spline, made once: it takes as long as 10,000 points."""
+        if (dx, dy) not in self._derivatives:
+            self._derivatives[dx, dy] = self._spline.partial_derivative(dx, dy)
+        return self._derivatives[dx, dy]
 
     @property
     def feature_size(self) -> float:
@@ -206,7 +217,7 @@ class HeightMap(Surface):
 
     def _at(self, x: ArrayLike, y: ArrayLike, dx: int = 0, dy: int = 0) -> Array:
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
-        values = self._spline.ev(x.ravel(), y.ravel(), dx=dx, dy=dy)
+        values = self._derivative(dx, dy)(x.ravel(), y.ravel(), grid=False)
         return np.asarray(values, dtype=float).reshape(x.shape)
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
@@ -221,7 +232,7 @@ class HeightMap(Surface):
     # a tensor-product spline costs far less on a grid than at scattered points
 
     def product(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
-        z, zx, zy = (self._spline(x, y, dx, dy).T for dx, dy in ((0, 0), (1, 0), (0, 1)))
+        z, zx, zy = (self._derivative(dx, dy)(x, y).T for dx, dy in ((0, 0), (1, 0), (0, 1)))
         return z, zx, zy
 
     def grid(self, n: int) -> Array:
@@ -233,7 +244,7 @@ class HeightMap(Surface):
 
     def grid_hessian(self, n: int) -> tuple[Array, Array, Array]:
         s = nodes(self.L, n)
-        xx, xy, yy = (self._spline(s, s, dx, dy).T for dx, dy in ((2, 0), (1, 1), (0, 2)))
+        xx, xy, yy = (self._derivative(dx, dy)(s, s).T for dx, dy in ((2, 0), (1, 1), (0, 2)))
         return xx, xy, yy
 
     def mean(self) -> float:
@@ -251,7 +262,7 @@ class HeightMap(Surface):
 
     def _coefficients(self, dx: int, dy: int) -> Array:
         """B-spline coefficients of a derivative, index [iy, ix]; degree and number are less by its order."""
-        c = self._spline.partial_derivative(dx, dy).tck[2]
+        c = self._derivative(dx, dy).tck[2]
         ny, nx = self.heights.shape
         return np.asarray(c).reshape(nx - dx, ny - dy).T
 
@@ -301,6 +312,11 @@ def _check_heights(z: Array, order: int, path: str | Path) -> None:
         raise InputError(
             f"{path}: heights have shape {z.shape}; a map needs two dimensions of at least "
             f"{order + 1} points (spline order {order})."
+        )
+    if max(z.shape) > MOST:
+        raise InputError(
+            f"{path}: {z.shape[1]} x {z.shape[0]} heights are more than the {MOST} x {MOST} of a surface; cut a "
+            "window, or filter the map and keep fewer (asperity import-map --window or --cutoff)."
         )
     bad = np.argwhere(~np.isfinite(z))
     if len(bad):

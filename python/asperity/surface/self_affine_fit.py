@@ -13,6 +13,7 @@ from asperity.surface.statistics import Spectrum
 
 _PER_DECADE = 8  # bands of the wave number
 _FIRST = 2  # waves per side from which the window does not disturb the spectrum
+_MODEL = 0.02  # variance of ln C about the power law in any band
 _CLIFF = 30.0  # a density that falls by this factor from band to band is beyond the cut-off of the surface
 _PLATEAU = 3  # bands below the roll-off that show it
 _GAIN = 0.5  # share of the squared misfit that a roll-off must leave at most
@@ -27,6 +28,7 @@ class SelfAffineFit:
         error_H: standard error of H from the scatter of the bands.
         lambda_roll: roll-off wavelength (length); None if the power law holds for all wavelengths of the patch.
         lambda_short: shortest wavelength used (length).
+        lambda_long: longest wavelength used (length).
         C0: density at the roll-off, or at the longest wavelength used without one (length^4).
     """
 
@@ -34,11 +36,17 @@ class SelfAffineFit:
     error_H: float
     lambda_roll: float | None
     lambda_short: float
+    lambda_long: float
     C0: float
+
+    def density(self, q: Array) -> Array:
+        """Return C(q) (length^4) at wave numbers of any shape (1/length)."""
+        over = q * (self.lambda_long if self.lambda_roll is None else self.lambda_roll) / (2 * math.pi)
+        return np.asarray(self.C0 * (over if self.lambda_roll is None else np.maximum(over, 1.0)) ** (-2 - 2 * self.H))
 
 
 def fit_self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit:
-    """Fit Hurst exponent and roll-off to a radial spectrum, in bands of equal ratio of wave numbers with equal weight.
+    """Fit Hurst exponent and roll-off to a radial spectrum, in bands of equal ratio of wave numbers.
 
     >>> from asperity.surface import SelfAffine
     >>> from asperity.surface.self_affine_fit import fit_self_affine
@@ -54,16 +62,19 @@ def fit_self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit:
     Raises:
         InputError: there are too few waves between the longest and the shortest, or the patch is flat.
     """
-    q, C = _bands(spectrum, shortest)
+    q, C, variance_of_band = _bands(spectrum, shortest)
     if q.size < 4:
-        raise InputError(f"the spectrum has {q.size} bands down to the wavelength {shortest:g}, a Hurst exponent needs 4")
-    x, y = np.log(q), np.log(C)
+        raise InputError(
+            f"the spectrum has {q.size} bands down to the wavelength {shortest:g}, a Hurst exponent needs 4"
+        )
+    x, y, weight = np.log(q), np.log(C), 1 / np.sqrt(variance_of_band)
 
     def line(x_roll: float) -> tuple[float, float, float, float]:
         """Return the misfit, the level at the roll-off, the exponent and its variance."""
         basis = np.stack([np.ones(x.size), -np.maximum(x - x_roll, 0.0)], axis=1)
-        (level, exponent), *_ = np.linalg.lstsq(basis, y, rcond=None)
-        misfit = float(np.sum((y - basis @ (level, exponent)) ** 2))
+        basis *= weight[:, None]
+        (level, exponent), *_ = np.linalg.lstsq(basis, y * weight, rcond=None)
+        misfit = float(np.sum((y * weight - basis @ (level, exponent)) ** 2))
         variance = np.linalg.inv(basis.T @ basis)[1, 1] * misfit / max(x.size - 3, 1)
         return misfit, float(level), float(exponent), float(variance)
 
@@ -74,10 +85,14 @@ def fit_self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit:
     if rolls:
         x_roll, found = best, line(best)
     _, level, exponent, variance = found
-    longest = 2 * math.pi / math.exp(x_roll)
-    used = 2 * math.pi / float(q[-1])
+    roll, short, long = (2 * math.pi / math.exp(value) for value in (x_roll, x[-1], x[0]))
     return SelfAffineFit(
-        exponent / 2 - 1, math.sqrt(variance) / 2, longest if rolls else None, used, math.exp(level)
+        H=exponent / 2 - 1,
+        error_H=math.sqrt(variance) / 2,
+        lambda_roll=roll if rolls else None,
+        lambda_short=short,
+        lambda_long=long,
+        C0=math.exp(level),
     )
 
 
@@ -95,18 +110,22 @@ def rms_over_cutoff(spectrum: Spectrum, wavelengths: Array) -> tuple[Array, Arra
     return np.sqrt(height), np.sqrt(slope)
 
 
-def _bands(spectrum: Spectrum, shortest: float) -> tuple[Array, Array]:
-    """Return middle wave numbers and mean densities of bands between the longest and the shortest wavelength."""
+def _bands(spectrum: Spectrum, shortest: float) -> tuple[Array, Array, Array]:
+    """Return wave numbers, mean densities and variances of their logarithms, of bands down to the shortest wavelength.
+
+    A random density scatters by itself; the mean of m of them, which the window makes dependent, by 2/m.
+    """
     q, C = spectrum.q, spectrum.density
-    used = (np.arange(1, q.size + 1) >= _FIRST) & (q <= 2 * np.pi / shortest * (1 + 1e-9)) & (C > 0)
-    q, C = q[used], C[used]
+    count = np.arange(1, q.size + 1)
+    used = (count >= _FIRST) & (q <= 2 * np.pi / shortest * (1 + 1e-9)) & (C > 0)
+    q, C, waves = q[used], C[used], np.pi * count[used]  # of different direction in a ring
     if not q.size:
-        return q, C
+        return q, C, waves
     band = np.floor(np.log10(q / q[0]) * _PER_DECADE + 1e-9).astype(int)
-    weight = np.bincount(band, q)  # waves in a ring are as many as its radius
-    there = weight > 0
-    density = np.bincount(band, q * C)[there] / weight[there]
-    middle = np.exp(np.bincount(band, q * np.log(q))[there] / weight[there])
+    there = np.unique(band)
+    total = np.bincount(band, waves)[there]
+    density = np.bincount(band, waves * C)[there] / total
+    middle = np.exp(np.bincount(band, waves * np.log(q))[there] / total)
     cliffs = np.flatnonzero(density[1:] < density[:-1] / _CLIFF)
     end = int(cliffs[0]) if cliffs.size else density.size  # the band before it contains part of the cliff
-    return middle[:end], density[:end]
+    return middle[:end], density[:end], 2 / total[:end] + _MODEL
