@@ -15,9 +15,10 @@ import pytest
 from asperity.errors import CompatError, InputError
 from asperity.model.material import Material
 from asperity.model.two_bodies import SumSurface, composite_modulus, equivalent_block
-from asperity.surface import Sinusoid, Sphere, Surface, WeierstrassMandelbrot
+from asperity.surface import SelfAffine, Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 from asperity.surface.fractal_fit import fit_fractal
 from asperity.surface.measured import HeightField
+from asperity.surface.self_affine_fit import fit_self_affine, rms_over_cutoff
 
 L = 1e-6
 
@@ -266,6 +267,44 @@ def test_patches_that_cannot_be_fitted_are_refused(patch: HeightField, options: 
         fit_fractal(patch, **options)
 
 
+# ---------------------------------------------------------------------------------------- H and roll-off
+
+
+@pytest.mark.parametrize("H", [0.3, 0.8, 1.0])
+@pytest.mark.parametrize("lambda_roll", [0.2, 0.05])
+def test_the_spectrum_gives_hurst_exponent_and_roll_off(H: float, lambda_roll: float) -> None:
+    for seed in range(3):
+        surface = SelfAffine(
+            L=1.0, H=H, rms_height=0.01, lambda_roll=lambda_roll, lambda_short=0.008, periodic=False, seed=seed
+        )
+        fit = fit_self_affine(surface.psd(1024), shortest=4 / 1024)
+        assert fit.H == pytest.approx(H, abs=0.13) and fit.error_H < 0.1
+        assert fit.lambda_roll == pytest.approx(lambda_roll, rel=0.35)
+        assert 0.008 < fit.lambda_short < 0.012  # the end of the spectrum is seen
+
+
+def test_a_power_law_over_the_whole_patch_has_no_roll_off() -> None:
+    surface = SelfAffine(L=1.0, H=0.6, rms_height=0.01, lambda_roll=2.0, lambda_short=0.004, periodic=False)
+    fit = fit_self_affine(surface.psd(1024), shortest=4 / 1024)
+    assert fit.lambda_roll is None and fit.H == pytest.approx(0.6, abs=0.1)
+    q = 2 * math.pi / np.array([fit.lambda_long, fit.lambda_short])
+    assert fit.density(q)[0] == pytest.approx(fit.C0)
+    assert fit.density(q)[1] / fit.C0 == pytest.approx((q[1] / q[0]) ** (-2 - 2 * fit.H))
+
+
+def test_rms_values_over_the_cutoff_are_those_of_surfaces_with_fewer_waves() -> None:
+    surface = SelfAffine(L=1.0, H=0.8, slope=0.3, lambda_roll=0.1, lambda_short=0.01)
+    cutoffs = np.array([0.05, 0.02, 0.004])
+    spectrum = surface.psd(512, window="none")
+    exact = [surface.with_cutoff(float(c)).exact_rms()[:2] for c in np.maximum(cutoffs, 0.01)]
+    np.testing.assert_allclose(np.transpose(rms_over_cutoff(spectrum, cutoffs)), exact, rtol=0.05)
+
+
+def test_a_patch_without_waves_has_no_hurst_exponent() -> None:
+    with pytest.raises(InputError, match="0 bands"):
+        fit_self_affine(Sinusoid(L=1.0, amplitude=0.0 + 1e-30, wavelength=1.0).psd(64), shortest=1.0)
+
+
 # ---------------------------------------------------------------------------------------- two bodies
 
 
@@ -337,7 +376,7 @@ def test_the_command_makes_a_case(tmp_path: Path, capsys: pytest.CaptureFixture[
     scan = field(65, f_max=6, seed=8)
     np.savez(tmp_path / "scan.npz", z=scan.z + 1e-7 * x + 3e-7 * y, L=L)
     with pytest.raises(SystemExit) as left:
-        main(["measure", str(tmp_path / "scan.npz"), "-o", str(tmp_path / "out")])
+        main(["measure", str(tmp_path / "scan.npz"), "-o", str(tmp_path / "out"), "--fit"])
     assert not left.value.code
     case = Case.load(tmp_path / "out/case.toml")
     assert case.surface.L == pytest.approx(L)

@@ -5,11 +5,17 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from asperity.cli import options
 from asperity.errors import InputError
+
+if TYPE_CHECKING:
+    from asperity.surface import Spectrum, SurfaceStatistics
+    from asperity.surface.fractal_fit import FractalFit
+    from asperity.surface.self_affine_fit import SelfAffineFit
 
 CASE = """# The measured patch of patch.npz pressed by a rigid flat: set material and approach. SI units.
 
@@ -22,9 +28,14 @@ E = 200e9
 nu = 0.3
 
 [loading]
-delta_max = {delta:.3g}
+delta_max = {delta:.3g}              # half of the height of the summit above the mean plane
 steps = 10
+
+[accuracy]
+tolerance = 0.05                 # of the force; without it, one mesh of mesh.h_contact
 """
+KEPT = 5  # heights per wavelength of the filter that a patch keeps which has too many of them
+SPIKE = 8.0  # height of the summit above the mean plane over the rms height that no Gaussian surface reaches
 
 
 @click.command()
@@ -34,8 +45,10 @@ steps = 10
 @click.option("--level", type=click.Choice(["mean", "plane", "curvature"]), default="plane", show_default=True,
               help="Trend to remove.")  # fmt: skip
 @click.option("--window", type=float, nargs=3, metavar="X Y SIDE", help="Square to cut; default the largest.")
-@click.option("--cutoff", type=float, metavar="LENGTH", help="Wavelength of a Gaussian low-pass filter.")
-@click.option("--shortest", type=float, metavar="LENGTH", help="Shortest wavelength for D and G; default 4 pixels.")
+@click.option("--cutoff", type=float, metavar="LENGTH", help="Wavelength of a Gaussian low-pass filter; default none.")
+@click.option("--fit", "fitted", is_flag=True, help="Fit D and G of the fractal surface as well.")
+@click.option("--shortest", type=float, metavar="LENGTH",
+              help="Shortest wavelength for the Hurst exponent, D and G; default 4 pixels.")  # fmt: skip
 @options.serial
 def command(
     map_file: str,
@@ -44,48 +57,139 @@ def command(
     level: str,
     window: tuple[float, float, float] | None,
     cutoff: float | None,
+    fitted: bool,
     shortest: float | None,
 ) -> None:
     """Make a case from a measured height map.
 
-    Levels the map, cuts a square patch, and computes its statistics and its D and G. MAP is a .npz, .npy, .csv or .txt
-    file, or a file of an instrument that SurfaceTopography reads. Lengths in metres. OUT receives patch.npz, case.toml
-    to start from, measured.json, surface.png and spectrum.png.
+    Levels the map, cuts a square patch, and computes its statistics, spectrum and Hurst exponent. MAP is a .npz, .npy,
+    .csv or .txt file, or a file of an instrument that SurfaceTopography reads. Lengths in metres. OUT receives
+    patch.npz, case.toml to start from, measured.json, surface.png and spectrum.png.
     """
-    from asperity.plot import save, surface_map
-    from asperity.plot.measured import spectrum_figure
     from asperity.runtime.files import replace_file
+    from asperity.runtime.progress import StepLines
     from asperity.surface import Surface
-    from asperity.surface.fractal_fit import fit_fractal
+    from asperity.surface.height_map import MOST
     from asperity.surface.measured import HeightField
+    from asperity.surface.statistics import psd
 
-    whole = HeightField.read(map_file, pixel=pixel).filled().levelled(level)  # type: ignore[arg-type]
+    progress = StepLines()
+    progress.stage(f"read {map_file}")
+    whole = HeightField.read(map_file, pixel=pixel)
+    ny, nx = whole.z.shape
+    if min(nx, ny) > MOST and window is None and cutoff is None:
+        raise InputError(
+            f"{map_file}: {nx} x {ny} heights are more than the {MOST} x {MOST} of a surface; cut a window (--window), "
+            "or filter the map (--cutoff): a patch of fewer heights, a fifth of the cut-off apart, is kept"
+        )
+    progress.stage(f"level {nx} x {ny} heights")
+    whole = whole.filled().levelled(level)  # type: ignore[arg-type]
 
     def cut(field: HeightField) -> HeightField:
         return (field.square() if window is None else field.window(*window)).levelled(level)  # type: ignore[arg-type]
 
-    patch = cut(whole if cutoff is None else whole.filtered(cutoff))
+    bare = cut(whole)  # the filter would bend the spectrum near its cut-off
+    patch = bare
+    if cutoff is not None:
+        progress.stage("filter")
+        patch = cut(whole.filtered(cutoff))
+        if len(patch.z) > MOST:
+            patch = patch.thinned(max(1, int(cutoff / (KEPT * patch.dx)))).square()
+    patch.check_plausible()
+    side = bare.size[0]
+    shortest = 4 * bare.dx if shortest is None else shortest
+    if not 2 * bare.dx <= shortest < side:
+        raise InputError(f"shortest = {shortest:g} must lie between two pixels, {2 * bare.dx:g}, and the side {side:g}")
     folder = Path(output) if output else Path("out") / Path(map_file).stem
     folder.mkdir(parents=True, exist_ok=True)
+    progress.stage("statistics")
     surface = Surface.from_spec(kind="file", path=str(patch.save(folder / "patch.npz")))
-    statistics = surface.statistics()
-    try:
-        # the filter would bend the spectrum near its cut-off
-        fit = fit_fractal(cut(whole), shortest=shortest, trend=level)  # type: ignore[arg-type]
-    except InputError as error:
-        fit = None
-        options.say(f"no D and G: {error}")
+    statistics = surface.statistics(min(len(patch.z), 1025))
+    summit = surface.maximum()
+    spectrum = psd(bare.z, len(bare.z) * bare.dx)
+    affine = _self_affine(spectrum, shortest)
+    fit = None
+    if fitted:
+        progress.stage("fit of D and G")
+        fit = _fractal(bare, shortest, level)
+    progress.stage("figures")
+    _draw(folder, surface, summit, spectrum, affine, fit)
+    cutoffs = _over_cutoff(spectrum, bare.dx)
     about = {"file": map_file, "side": surface.L, "nodes": len(patch.z), "level": level, "cutoff": cutoff}
-    about |= {"statistics": asdict(statistics), "fit": None if fit is None else fit.to_dict()}
+    about |= {"statistics": asdict(statistics), "self_affine": None if affine is None else asdict(affine)}
+    about |= {"over_cutoff": cutoffs, "fit": None if fit is None else fit.to_dict()}
     replace_file(folder / "measured.json", f"{json.dumps(about, indent=2)}\n".encode())
-    replace_file(folder / "case.toml", CASE.format(delta=0.5 * statistics.Sp).encode())
-    save(surface_map(surface.grid(401), surface.L, surface.maximum(), unit="m"), folder / "surface.png")
-    save(spectrum_figure(surface.psd(), fit, "m"), folder / "spectrum.png")
-    rows = [("side", f"{surface.L:.4g} m"), ("nodes", f"{len(patch.z)}"), ("Sq", f"{statistics.Sq:.4g} m"),
+    replace_file(folder / "case.toml", CASE.format(delta=min(0.5 * statistics.Sp, 0.1 * surface.L)).encode())
+    progress.done()
+    _show(map_file, surface.L, len(patch.z), statistics, affine, fit, cutoffs)
+    options.say(f"written to {folder}; next: asperity check {folder / 'case.toml'}")
+
+
+def _self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit | None:
+    from asperity.surface.self_affine_fit import fit_self_affine
+
+    try:
+        return fit_self_affine(spectrum, shortest)
+    except InputError as error:
+        options.say(f"no Hurst exponent: {error}")
+        return None
+
+
+def _fractal(patch: Any, shortest: float, level: str) -> FractalFit | None:
+    from asperity.surface.fractal_fit import fit_fractal
+
+    try:
+        return fit_fractal(patch, shortest=shortest, trend=level)  # type: ignore[arg-type]
+    except InputError as error:
+        options.say(f"no D and G: {error}")
+        return None
+
+
+def _over_cutoff(spectrum: Spectrum, pixel: float) -> list[dict[str, float]]:
+    """Rms height [m] and slope of the waves longer than cut-offs an octave apart, down to two pixels."""
+    import numpy as np
+
+    from asperity.surface.self_affine_fit import rms_over_cutoff
+
+    longest = 2 * np.pi / float(spectrum.q[0])
+    wavelengths = longest / 2.0 ** np.arange(1, np.floor(np.log2(longest / (2 * pixel)) + 1e-9) + 1)
+    heights, slopes = rms_over_cutoff(spectrum, wavelengths)
+    rows = zip(wavelengths, heights, slopes, strict=True)
+    return [{"wavelength": float(w), "rms_height": float(h), "rms_slope": float(s)} for w, h, s in rows]
+
+
+def _draw(
+    folder: Path, surface: Any, summit: Any, spectrum: Spectrum, affine: SelfAffineFit | None, fit: FractalFit | None
+) -> None:
+    from asperity.plot import save, surface_map
+    from asperity.plot.measured import spectrum_figure
+
+    save(surface_map(surface.grid(401), surface.L, summit, unit="m"), folder / "surface.png")
+    save(spectrum_figure(spectrum, fit, "m", affine), folder / "spectrum.png")
+
+
+def _show(
+    title: str, side: float, nodes: int, statistics: SurfaceStatistics, affine: SelfAffineFit | None,
+    fit: FractalFit | None, cutoffs: list[dict[str, float]],
+) -> None:  # fmt: skip
+    """Print the statistics, and rms height and slope over the cut-off."""
+    rows = [("side", f"{side:.4g} m"), ("nodes", f"{nodes}"), ("Sq", f"{statistics.Sq:.4g} m"),
             ("Sz", f"{statistics.Sz:.4g} m"), ("rms slope", f"{statistics.rms_slope:.4g}")]  # fmt: skip
+    if affine is not None:
+        roll = "none on the patch" if affine.lambda_roll is None else f"{affine.lambda_roll:.3g} m"
+        rows += [("Hurst exponent", f"{affine.H:.2f} ± {affine.error_H:.2f}"), ("roll-off wavelength", roll)]
     if fit is not None:
         rows += [("D", f"{fit.D:.3f} ({fit.ci_D[0]:.3f} to {fit.ci_D[1]:.3f})"),
                  ("G", f"{fit.G:.3g} m ({fit.ci_G[0]:.2g} to {fit.ci_G[1]:.2g})"),
                  ("chance of this misfit", f"{fit.p_value:.2g}")]  # fmt: skip
-    options.table(map_file, rows)
-    options.say(f"written to {folder}")
+    options.table(title, rows)
+    options.table(
+        "waves longer than the cut-off, from the spectrum",
+        [(f"{c['wavelength']:.3g} m", f"{c['rms_height']:.3g} m", f"{c['rms_slope']:.3g}") for c in cutoffs],
+        ("cut-off", "rms height", "rms slope"),
+    )
+    if statistics.Sp > SPIKE * statistics.Sq:
+        options.say(
+            f"the highest point is {statistics.Sp / statistics.Sq:.0f} rms heights above the mean: if it is a spike of "
+            "the instrument, mark it as missing (NaN) in the map, and it is filled"
+        )

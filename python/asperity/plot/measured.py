@@ -8,22 +8,32 @@ from matplotlib.figure import Figure
 from asperity.plot import style
 from asperity.surface import Spectrum
 from asperity.surface.fractal_fit import FractalFit
+from asperity.surface.self_affine_fit import SelfAffineFit
 
 
 @style.styled
-def spectrum_figure(spectrum: Spectrum, fit: FractalFit | None = None, unit: str = "") -> Figure:
+def spectrum_figure(
+    spectrum: Spectrum, fit: FractalFit | None = None, unit: str = "", affine: SelfAffineFit | None = None
+) -> Figure:
     """Draw the power spectral density, and the band variances with those of the Weierstrass-Mandelbrot equivalent.
 
     Args:
         spectrum: radial spectrum of the patch.
         fit: its Weierstrass-Mandelbrot equivalent.
         unit: unit of length.
+        affine: the self-affine equivalent, drawn over the spectrum.
     """
     columns = 1 if fit is None else 2
     figure, axes = style.figure(style.SINGLE if fit is None else style.DOUBLE, 3.2, columns=columns)
     left = np.atleast_1d(axes)[0]
     there = spectrum.density > 0
     left.loglog(spectrum.q[there], spectrum.density[there], color=style.BLUE)
+    if affine is not None:
+        wavelengths = [affine.lambda_long, affine.lambda_roll or affine.lambda_long, affine.lambda_short]
+        q = 2 * np.pi / np.array(wavelengths)
+        label = f"$H$ = {affine.H:.2f} ± {affine.error_H:.2f}"
+        left.loglog(q, affine.density(q), color=style.VERMILION, label=label)
+        left.legend(loc="lower left")
     left.set_xlabel(style.label("wave number $q$", f"1/{unit}" if unit else ""))
     left.set_ylabel(style.label("density $C(q)$", f"{unit}$^4$" if unit else ""))
     style.grid(left)

@@ -22,6 +22,7 @@ from asperity.errors import InputError
 from asperity.surface import WeierstrassMandelbrot, cut_off_index
 from asperity.surface.measured import POWERS, HeightField, Trend
 
+_POINTS = 2**12  # points of a transform at once
 D_RANGE = (2.02, 2.98)  # of the search
 
 
@@ -130,7 +131,7 @@ def fit_fractal(
     if len(spectrum.indices) < 3:
         raise InputError(f"the patch has {len(spectrum.indices)} bands between {shortest:g} and {L:g}, a fit needs 3")
     simulated = _simulate(spectrum, f_max, M, gamma, ridges, realisations, seed)
-    return _Fit(spectrum, simulated, spectrum.of(z)[0, 0], L, M, gamma).result(f_max, ridges, confidence)
+    return _Fit(spectrum, simulated, spectrum.of(z), L, M, gamma).result(f_max, ridges, confidence)
 
 
 class _Spectrum:
@@ -142,56 +143,72 @@ class _Spectrum:
 
     def __init__(self, n: int, f_max: int, gamma: float, trend: Trend) -> None:
         self.n = n
-        y, x = np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n), indexing="ij")
-        basis = np.stack([(x**i * y**j).ravel() for i, j in POWERS[trend]], axis=1)
+        s = np.linspace(-1, 1, n)
+        basis = np.stack([np.multiply.outer(s**j, s**i).ravel() for i, j in POWERS[trend]], axis=1)
         self._trend = np.linalg.qr(basis)[0]
-        taper = np.sin(np.pi * np.arange(n) / (n - 1)) ** 2
-        self._taper = taper * taper[:, None]
+        self._taper = np.sin(np.pi * np.arange(n) / (n - 1)) ** 2
         self._taper /= np.sqrt(np.mean(self._taper**2))
         along = np.fft.fftfreq(n, 1 / (n - 1))  # cycles per L: nodes 0 and n - 1 are L apart
         across = np.fft.rfftfreq(n, 1 / (n - 1))
         cycles = np.hypot(along[:, None], across)
         band = np.rint(np.log(np.maximum(cycles, 1e-9)) / math.log(gamma)).astype(int)
         twice = np.where((across == 0) | (across == across[-1]) & (n % 2 == 0), 1.0, 2.0) / n**4
-        self._picks = [np.nonzero((band == f).ravel())[0] for f in range(f_max + 1)]
-        self._weights = np.broadcast_to(twice, cycles.shape).ravel()
-        self.indices = np.array([f for f, pick in enumerate(self._picks) if pick.size])
+        picks = [np.nonzero(band == f) for f in range(f_max + 1)]
+        self.indices = np.array([f for f, (rows, _) in enumerate(picks) if rows.size])
+        self._picks = [picks[f] for f in self.indices]
+        self._weights = [twice[columns] for _, columns in self._picks]
 
-    def of(self, *maps: Array) -> Array:
-        """Covariance of maps (n, n) in each band, (maps, maps, bands); their sum is the total covariance."""
-        parts = []
-        for z in maps:
-            level = z - (self._trend @ (self._trend.T @ z.ravel())).reshape(z.shape)
-            transform = np.fft.rfft2(level * self._taper).ravel()
-            parts.append([transform[self._picks[f]] for f in self.indices])
-        out = np.empty((len(maps), len(maps), len(self.indices)))
-        for k, f in enumerate(self.indices):
-            stack = np.array([part[k] for part in parts])
-            weighted = stack * self._weights[self._picks[f]]
-            out[:, :, k] = (weighted @ stack.conj().T).real
+    def of(self, z: Array) -> Array:
+        """Power of a map (n, n) in each band, (bands,); their sum is the total power."""
+        level = z - (self._trend @ (self._trend.T @ z.ravel())).reshape(z.shape)
+        transform = np.fft.rfft2(level * self._taper * self._taper[:, None])
+        return np.array([w @ np.abs(transform[p]) ** 2 for p, w in zip(self._picks, self._weights, strict=True)])
+
+    def of_waves(self, kx: Array, ky: Array) -> Array:
+        """Band covariances of cos(kx x + ky y), then sin(...), (2 waves, 2 waves, bands); lengths over L.
+
+        A wave is a product of a function of x and one of y, and so are its window and its transform; only the trends
+        need two dimensions.
+        """
+        n, s = self.n, np.linspace(0, 1, self.n)
+        x, y = (np.exp(1j * np.multiply.outer(k, s)) for k in (kx, ky))
+        # the wave is conj(conj(x) conj(y)): with the transform of its conjugate, cosine and sine are sums of both
+        sides = [(np.fft.fft(u * self._taper), np.fft.fft(v * self._taper)) for u, v in ((x, y), (x.conj(), y.conj()))]
+        trends = self._trend.T.reshape(-1, n, n)
+        shares = np.stack([np.sum((y @ q) * x, axis=1) for q in trends], axis=1)  # (waves, trends)
+        window = self._taper * self._taper[:, None]
+        transforms = np.stack([np.fft.rfft2(q * window) for q in trends])
+        out = np.empty((2 * kx.size, 2 * kx.size, len(self._picks)))
+        for band, ((rows, columns), weights) in enumerate(zip(self._picks, self._weights, strict=True)):
+            total = np.zeros((2 * kx.size, 2 * kx.size))
+            for i in range(0, rows.size, _POINTS):
+                r, c, w = rows[i : i + _POINTS], columns[i : i + _POINTS], weights[i : i + _POINTS]
+                one, other = (u[:, c] * v[:, r] for u, v in sides)
+                t = transforms[:, r, c]
+                cosine = (one + other) / 2 - shares.real @ t
+                sine = (one - other) / 2j - shares.imag @ t
+                both = np.vstack([cosine, sine]) * np.sqrt(w)
+                parts = np.hstack([both.real, both.imag])
+                total += parts @ parts.T
+            out[:, :, band] = total
         return out
 
 
 def _simulate(spectrum: _Spectrum, f_max: int, M: int, gamma: float, ridges: str, count: int, seed: int) -> Array:
     """Band covariances of the sums of unit waves of each frequency index, (count, f, f, bands).
 
-    A surface is a weighted sum of these, so its band powers follow for all D and G without another simulation.
+    A surface is a weighted sum of these, so its band powers follow for all D and G without another simulation. The
+    covariances of single waves are computed once; random phases only combine them.
     """
-    rng = np.random.default_rng(seed)
-    s = np.linspace(0.0, 1.0, spectrum.n)
     mu = np.arange(1 if ridges == "1..M" else 0, M + 1)
-    angle = np.pi * mu / M
-    out = np.empty((count, f_max + 1, f_max + 1, len(spectrum.indices)))
-    for r in range(count):
-        maps = []
-        for f in range(f_max + 1):
-            k = 2 * np.pi * gamma**f
-            phase = rng.uniform(0, 2 * np.pi, mu.size)
-            x = np.exp(1j * np.multiply.outer(k * np.cos(angle), s))
-            y = np.exp(1j * (np.multiply.outer(s, k * np.sin(angle)) + phase))
-            maps.append(-(y.real @ x.real - y.imag @ x.imag))
-        out[r] = spectrum.of(*maps)
-    return out
+    angle, k = np.pi * mu / M, 2 * np.pi * gamma ** np.arange(f_max + 1.0)
+    waves = spectrum.of_waves(np.multiply.outer(k, np.cos(angle)).ravel(), np.multiply.outer(k, np.sin(angle)).ravel())
+    shape = 2, f_max + 1, mu.size
+    waves = waves.reshape(*shape, *shape, -1)
+    phase = np.random.default_rng(seed).uniform(0, 2 * np.pi, (count, f_max + 1, mu.size))
+    mixed = np.stack([-np.cos(phase), np.sin(phase)], axis=1)  # -cos(theta + phase), (count, 2, f, mu)
+    half = np.einsum("rafm,afmbgnk->rfbgnk", mixed, waves, optimize=True)
+    return np.einsum("rfbgnk,rbgn->rfgk", half, mixed, optimize=True)
 
 
 class _Fit:

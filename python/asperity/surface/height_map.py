@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,6 +16,7 @@ from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.runtime.files import UNREADABLE, one_line, read_matrix, read_npy, read_npz, real
 from asperity.surface.base import Surface, check, check_positive, is_integer, nodes, short_wave_share
+from asperity.surface.maximum import climb, refine
 from asperity.surface.scale_space import Heights, ScaleSpace, spline_gain, spline_heights
 
 if TYPE_CHECKING:
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 _FIRST = 0.225  # width that the levels of smoothed maps start from, over the distance of the heights
 _SPACING = 0.5  # distance of the heights of a smoothed map over its width
 _TREND = 8  # degree of the polynomial trend removed before the waves are separated by length
+MOST = 6000  # heights along a side: beyond it the spline and its derivatives need more than 6 GiB
 DEEPEST, FARTHEST = 10.0, 1e6  # greatest plausible peak-to-valley height and distance of heights from zero [L]
 
 
@@ -100,6 +103,16 @@ class HeightMap(Surface):
         # the first axis of the spline is x
         return RectBivariateSpline(x, y, self.heights.T, kx=self.order, ky=self.order, s=0)
 
+    @cached_property
+    def _derivatives(self) -> dict[tuple[int, int], Any]:
+        return {(0, 0): self._spline}
+
+    def _derivative(self, dx: int, dy: int) -> Any:
+        """Return a derivative as a spline, made once: it takes as long as 10,000 points."""
+        if (dx, dy) not in self._derivatives:
+            self._derivatives[dx, dy] = self._spline.partial_derivative(dx, dy)
+        return self._derivatives[dx, dy]
+
     @property
     def feature_size(self) -> float:
         """Twice the larger sample spacing (length)."""
@@ -119,7 +132,7 @@ class HeightMap(Surface):
             s = np.linspace(-1, 1, n)
             trends.append(np.linalg.qr(np.polynomial.legendre.legvander(s, min(_TREND, n - 1)))[0])
         of_y, of_x = trends
-        z = z - of_y @ (of_y.T @ z @ of_x) @ of_x.T
+        z = (z - of_y @ (of_y.T @ z @ of_x) @ of_x.T).astype(np.float32)  # enough for an rms value
         margins = [(m, m) for m in self._margins]
         straight = np.pad(z, margins, mode="reflect", reflect_type="odd")
         mirrored = np.pad(z, margins, mode="reflect", reflect_type="even")
@@ -131,7 +144,14 @@ class HeightMap(Surface):
 
     @property
     def _margins(self) -> tuple[int, ...]:
-        return tuple(n // 8 for n in self.heights.shape)
+        """Nodes added at each end along y and x, an eighth of the map and a few more for a fast transform."""
+        from scipy.fft import next_fast_len
+
+        least = (n // 8 for n in self.heights.shape)
+        return tuple(
+            next(m for m in itertools.count(m) if next_fast_len(n + 2 * m - 1, real=True) == n + 2 * m - 1)
+            for n, m in zip(self.heights.shape, least, strict=True)
+        )
 
     def short_waves(self, wavelength: float, depth: float) -> float:
         """Return the rms height (length) of the waves shorter than a cut-off; see :meth:`Surface.short_waves`.
@@ -143,7 +163,7 @@ class HeightMap(Surface):
 
         transforms, lengths = self._waves
         gap = self.heights.max() - self.heights
-        part = short_wave_share(lengths, wavelength)
+        part = short_wave_share(lengths, wavelength).astype(np.float32)
         found = []
         for waves in transforms:
             rest = idctn(waves * part, type=1)
@@ -154,7 +174,7 @@ class HeightMap(Surface):
             for reached in (gap <= depth, gap <= 0.25 * depth):
                 inside = rest[inner][reached[inner]]  # the transform rings at the edges
                 places.append(inside if inside.size else rest[reached])
-            found.append(max(float(np.sqrt(np.mean(heights**2))) for heights in places))
+            found.append(max(float(np.sqrt(np.mean(np.square(heights, dtype=float)))) for heights in places))
         return min(found)
 
     def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
@@ -197,7 +217,7 @@ class HeightMap(Surface):
 
     def _at(self, x: ArrayLike, y: ArrayLike, dx: int = 0, dy: int = 0) -> Array:
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
-        values = self._spline.ev(x.ravel(), y.ravel(), dx=dx, dy=dy)
+        values = self._derivative(dx, dy)(x.ravel(), y.ravel(), grid=False)
         return np.asarray(values, dtype=float).reshape(x.shape)
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
@@ -212,7 +232,7 @@ class HeightMap(Surface):
     # a tensor-product spline costs far less on a grid than at scattered points
 
     def product(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
-        z, zx, zy = (self._spline(x, y, dx, dy).T for dx, dy in ((0, 0), (1, 0), (0, 1)))
+        z, zx, zy = (self._derivative(dx, dy)(x, y).T for dx, dy in ((0, 0), (1, 0), (0, 1)))
         return z, zx, zy
 
     def grid(self, n: int) -> Array:
@@ -224,7 +244,7 @@ class HeightMap(Surface):
 
     def grid_hessian(self, n: int) -> tuple[Array, Array, Array]:
         s = nodes(self.L, n)
-        xx, xy, yy = (self._spline(s, s, dx, dy).T for dx, dy in ((2, 0), (1, 1), (0, 2)))
+        xx, xy, yy = (self._derivative(dx, dy)(s, s).T for dx, dy in ((2, 0), (1, 1), (0, 2)))
         return xx, xy, yy
 
     def mean(self) -> float:
@@ -233,10 +253,58 @@ class HeightMap(Surface):
 
     def curvature_bound(self) -> float:
         """Return a bound of the Hessian (1/length) from the convex hull of the spline coefficients."""
-        bounds = [
-            float(np.abs(self._spline.partial_derivative(dx, dy).tck[2]).max()) for dx, dy in ((2, 0), (1, 1), (0, 2))
-        ]
-        return max(bounds[0], bounds[2]) + bounds[1]
+        return self._curvature_bound
+
+    @cached_property
+    def _curvature_bound(self) -> float:
+        xx, xy, yy = (float(np.abs(self._coefficients(*order)).max()) for order in ((2, 0), (1, 1), (0, 2)))
+        return max(xx, yy) + xy
+
+    def _coefficients(self, dx: int, dy: int) -> Array:
+        """B-spline coefficients of a derivative, index [iy, ix]; degree and number are less by its order."""
+        c = self._derivative(dx, dy).tck[2]
+        ny, nx = self.heights.shape
+        return np.asarray(c).reshape(nx - dx, ny - dy).T
+
+    def _in_cells(self, dx: int, dy: int) -> tuple[Array, Array]:
+        """Return bounds of a derivative in each cell between knots, its least and greatest coefficient there."""
+        c = self._coefficients(dx, dy)
+        bounds = []
+        for extreme in (np.minimum, np.maximum):
+            rows = _moving(extreme, c, self.order - dy + 1)
+            bounds.append(_moving(extreme, rows.T, self.order - dx + 1).T)
+        return bounds[0], bounds[1]
+
+    @cached_property
+    def _maximum(self) -> tuple[float, float, float]:
+        """The highest point: cells between knots that can exceed the highest knot, then branch and bound in them.
+
+        In a cell of sides a, b no height exceeds the highest corner by more than (a^2 max(-z_xx) + b^2 max(-z_yy))/8.
+        """
+        k = self.order
+        tx, ty = (np.asarray(t)[k:-k] for t in self._spline.get_knots())
+        a, b = np.diff(tx), np.diff(ty)
+        z = self._spline(tx, ty).T
+        top = np.unravel_index(int(z.argmax()), z.shape)
+        best = climb(self, float(tx[top[1]]), float(ty[top[0]]))
+        corners = np.maximum(np.maximum(z[1:, 1:], z[:-1, 1:]), np.maximum(z[1:, :-1], z[:-1, :-1]))
+        (xx_low, xx_high), (xy_low, xy_high), (yy_low, yy_high) = (
+            self._in_cells(*order) for order in ((2, 0), (1, 1), (0, 2))
+        )
+        bulge = np.maximum(-xx_low, 0.0) * a**2 + np.maximum(-yy_low, 0.0) * b[:, None] ** 2
+        iy, ix = np.nonzero(corners + bulge / 8 > best[2])
+        along = np.maximum(np.maximum(-xx_low, xx_high), np.maximum(-yy_low, yy_high))
+        K = (along + np.maximum(-xy_low, xy_high))[iy, ix]
+        x, y = tx[ix] + a[ix] / 2, ty[iy] + b[iy] / 2
+        return refine(self, x, y, self.height(x, y), a[ix] / 2, b[iy] / 2, K, best)
+
+
+def _moving(extreme: np.ufunc, c: Array, width: int) -> Array:
+    """Return the extremes of `width` successive rows, (len(c) - width + 1, ...)."""
+    out = c[: len(c) - width + 1].copy()
+    for i in range(1, width):
+        extreme(out, c[i : len(c) - width + 1 + i], out=out)
+    return out
 
 
 def _check_heights(z: Array, order: int, path: str | Path) -> None:
@@ -244,6 +312,11 @@ def _check_heights(z: Array, order: int, path: str | Path) -> None:
         raise InputError(
             f"{path}: heights have shape {z.shape}; a map needs two dimensions of at least "
             f"{order + 1} points (spline order {order})."
+        )
+    if max(z.shape) > MOST:
+        raise InputError(
+            f"{path}: {z.shape[1]} x {z.shape[0]} heights are more than the {MOST} x {MOST} of a surface; cut a "
+            "window, or filter the map and keep fewer (asperity import-map --window or --cutoff)."
         )
     bad = np.argwhere(~np.isfinite(z))
     if len(bad):

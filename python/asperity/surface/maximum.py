@@ -34,29 +34,50 @@ class SmoothSurface(Protocol):
 
 
 def global_maximum(surface: SmoothSurface) -> tuple[float, float, float]:
-    """Return (x, y, z) of the highest point of the closed patch.
-
-    In a cell of half-diagonal r about c no height exceeds z(c) + |grad z(c)| r + K r^2/2, K being the
-    curvature bound. Cells that cannot hold a higher point than the best one known are dropped,
-    the others are quartered; a Newton ascent starts at each centre above the best known height.
-    """
+    """Return (x, y, z) of the highest point of the closed patch, by branch and bound from square cells."""
     L, K = surface.L, surface.curvature_bound()
     n = int(np.clip(np.ceil(8 * L / surface.feature_size), 64, 4096))
-    half = L / (2 * n)
     x, y, z, best = _first_cells(surface, n, K)
+    half = np.full(x.size, L / (2 * n))
+    return refine(surface, x, y, z, half, half, np.full(x.size, K), best)
+
+
+def refine(
+    surface: SmoothSurface,
+    x: Array,
+    y: Array,
+    z: Array,
+    half_x: Array,
+    half_y: Array,
+    K: Array,
+    best: tuple[float, float, float],
+) -> tuple[float, float, float]:
+    """Return the higher one of the best point and the highest point of some cells.
+
+    In a cell of half-diagonal r about c no height exceeds z(c) + |grad z(c)| r + K r^2/2, K being a bound of the
+    curvature in the cell. Cells that cannot hold a higher point than the best one known are dropped, the others are
+    quartered; a Newton ascent starts at each centre above the best known height.
+
+    Args:
+        surface: the height field.
+        x, y, z: centres of the cells, and the heights there, each (n,) (length).
+        half_x, half_y: half their sides (n,) (length).
+        K: bounds of the spectral norm of the Hessian in them (n,) (1/length).
+        best: highest point known.
+    """
     for _ in range(_LEVELS):
         slack = 1e-14 * max(abs(best[2]), float(np.abs(z).max(initial=0.0)))
         zx, zy = surface.gradient(x, y)
-        r = np.sqrt(2) * half
+        r = np.hypot(half_x, half_y)
         bound = z + np.hypot(zx, zy) * r + 0.5 * K * r**2
-        keep = bound > best[2] + slack
-        if not keep.any() or 0.5 * K * r**2 <= slack:
+        keep = np.flatnonzero(bound > best[2] + slack)
+        if not keep.size or (0.5 * K * r**2).max() <= slack:
             break
-        if np.count_nonzero(keep) > _MAX_CELLS // 4:
-            keep = np.argpartition(bound, -_MAX_CELLS // 4)[-_MAX_CELLS // 4 :]
-        half /= 2
-        x = (x[keep][:, None] + half * np.array([-1, 1, -1, 1])).ravel()
-        y = (y[keep][:, None] + half * np.array([-1, -1, 1, 1])).ravel()
+        if keep.size > _MAX_CELLS // 4:
+            keep = keep[np.argpartition(bound[keep], -_MAX_CELLS // 4)[-_MAX_CELLS // 4 :]]
+        half_x, half_y, K = (np.repeat(v[keep], 4) * part for v, part in ((half_x, 0.5), (half_y, 0.5), (K, 1.0)))
+        x = np.repeat(x[keep], 4) + half_x * np.tile([-1, 1, -1, 1], keep.size)
+        y = np.repeat(y[keep], 4) + half_y * np.tile([-1, -1, 1, 1], keep.size)
         z = surface.height(x, y)
         best = _improve(surface, x, y, z, best, slack)
     return best

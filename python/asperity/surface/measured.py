@@ -27,12 +27,18 @@ from asperity.runtime.files import (
     real,
     replace_file,
 )
+from asperity.surface.height_map import DEEPEST
 
 Trend = Literal["mean", "plane", "curvature"]
 
 PLAIN = (".npz", ".npy", ".csv", ".txt")  # read by NumPy
 MOST_MISSING = 0.2  # share of heights that may be filled; more would be guesswork
 ALPHA = math.sqrt(math.log(2) / math.pi)  # constant of the Gaussian filter, ISO 16610-61
+
+FLAT = 1e-12  # depth over the side below which a map is flat: that of round-off
+STEEPEST = 30.0  # greatest plausible rms slope
+UNITS = {"mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "pm": 1e-12}  # of heights that were read as metres
+USUAL = 0.1  # rms slope of rough surfaces, within a factor of ten
 
 POWERS: dict[str, tuple[tuple[int, int], ...]] = {
     "mean": ((0, 0),),
@@ -69,7 +75,9 @@ class HeightField:
         for name in ("dx", "dy"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
-                raise InputError(f"{name} = {value} is not a distance between heights; give a positive length")
+                raise InputError(
+                    f"{name} = {value} is not a distance between heights; give a positive length (--pixel)"
+                )
         z[~np.isfinite(z)] = np.nan
         z.flags.writeable = False
         object.__setattr__(self, "z", z)
@@ -143,16 +151,21 @@ class HeightField:
         Filter a map that is finer than the mesh of the contact. The heights are mirrored at the edges.
 
         Raises:
-            InputError: heights are missing, or the cut-off is below two pixels.
+            InputError: heights are missing, or the cut-off is below two pixels or beyond the side.
         """
-        from scipy.ndimage import gaussian_filter
+        from scipy.fft import dctn, idctn
 
         self._require_complete("filtered")
-        if not cutoff >= 2 * max(self.dx, self.dy):
-            raise InputError(f"cutoff = {cutoff:g} is below two pixels, {2 * max(self.dx, self.dy):g}")
-        sigma = ALPHA * cutoff / math.sqrt(2 * math.pi)
-        z = gaussian_filter(self.z, (sigma / self.dy, sigma / self.dx), mode="mirror", truncate=6)
-        return replace(self, z=z)
+        if not 2 * max(self.dx, self.dy) <= cutoff <= max(self.size):
+            raise InputError(
+                f"cutoff = {cutoff:g} must lie between two pixels, {2 * max(self.dx, self.dy):g}, and the side, "
+                f"{max(self.size):g}"
+            )
+        waves = dctn(self.z, type=1)
+        for axis, (n, length) in enumerate(zip(self.z.shape, self.size[::-1], strict=True)):
+            half_waves = np.arange(n) / (2 * length)  # 1/wavelength
+            waves *= np.expand_dims(np.exp(-np.pi * (ALPHA * cutoff * half_waves) ** 2), 1 - axis)
+        return replace(self, z=idctn(waves, type=1, overwrite_x=True))
 
     def window(self, x: float, y: float, side: float) -> HeightField:
         """Cut the square [x, x + side] x [y, y + side] (lengths from the first node).
@@ -181,6 +194,10 @@ class HeightField:
         s = np.linspace(0.0, side, count)
         return HeightField(spline(y + s, x + s), s[1], s[1])
 
+    def thinned(self, step: int) -> HeightField:
+        """Keep every step-th height along x and y; filter the map first, or short waves pretend to be long ones."""
+        return HeightField(self.z[::step, ::step], step * self.dx, step * self.dy)
+
     def square(self) -> HeightField:
         """Cut the largest square in the middle of the map."""
         side = min(self.size)
@@ -188,6 +205,27 @@ class HeightField:
         if self.dx == self.dy:
             x, y = round(x / self.dx) * self.dx, round(y / self.dx) * self.dx
         return self.window(x, y, side)
+
+    def check_plausible(self) -> None:
+        """Refuse heights that are all equal, or that cannot have the unit of the distances between them.
+
+        Raises:
+            InputError: with the unit that is likely, where the slopes show it.
+        """
+        depth = float(np.nanmax(self.z) - np.nanmin(self.z))
+        if depth <= FLAT * max(self.size):
+            raise InputError(f"the map is flat: its heights differ by {depth:.2g} over a side of {max(self.size):.3g}")
+        zy, zx = (np.diff(self.z, axis=axis) / step for axis, step in enumerate((self.dy, self.dx)))
+        with np.errstate(over="ignore"):
+            slope = math.sqrt(float(np.nanmean(zx**2)) + float(np.nanmean(zy**2)))
+        if STEEPEST > slope and depth <= DEEPEST * max(self.size):
+            return
+        unit, factor = min(UNITS.items(), key=lambda item: abs(math.log10(min(slope, 1e300) * item[1] / USUAL)))
+        guess = f"heights in {unit} read as metres? Multiply them by {factor:g}, or " if slope * factor < 10 else ""
+        raise InputError(
+            f"heights that differ by {depth:.3g} over a side of {max(self.size):.3g}, with an rms slope of "
+            f"{slope:.2g}, are not plausible: {guess}give all lengths in one unit"
+        )
 
     def save(self, path: str | Path) -> Path:
         """Write the square patch as .npz with z and L, for kind = "file" in a case; return the path.
@@ -215,6 +253,8 @@ def _read_plain(path: Path) -> tuple[Array, float | None, float | None]:
     if path.suffix in (".csv", ".txt"):
         return read_matrix(path, "," if path.suffix == ".csv" else None), None, None
     data = read_npz(path)
+    if "z" not in data:
+        raise ValueError(f"no array 'z'; it has {', '.join(data) or 'none'}")
     z = real(data["z"])
     if "x" in data and "y" in data:
         x, y = (np.unique(data[name]) for name in ("x", "y"))
@@ -224,7 +264,7 @@ def _read_plain(path: Path) -> tuple[Array, float | None, float | None]:
     if "dx" in data:
         return z, float(data["dx"]), float(data["dy"] if "dy" in data else data["dx"])
     if "L" in data:
-        step = float(data["L"]) / (z.shape[1] - 1)
+        step = float(data["L"]) / max(z.shape[-1] - 1, 1)
         return z, step, step
     return z, None, None
 
@@ -269,15 +309,24 @@ def _read_instrument(path: Path, pixel: float | None) -> HeightField:
 
 
 def _trend(z: Array, trend: str) -> Array:
-    """Least-squares polynomial of the known heights, evaluated at every node, (ny, nx) (length)."""
-    ny, nx = z.shape
-    y, x = np.meshgrid(np.linspace(-1, 1, ny), np.linspace(-1, 1, nx), indexing="ij")
-    basis = np.stack([x**i * y**j for i, j in POWERS[trend]], axis=-1)
+    """Least-squares polynomial of the known heights, evaluated at every node, (ny, nx) (length).
+
+    Its terms are products of powers of y and x, so the normal equations need matrices of a few columns only.
+    """
+    powers = POWERS[trend]
+    y, x = (np.linspace(-1, 1, n)[:, None] ** np.arange(5) for n in z.shape)
     known = np.isfinite(z)
-    if known.sum() < basis.shape[-1]:
+    if known.sum() < len(powers):
         raise InputError("there are too few heights to level; choose another window")
-    coefficients = np.linalg.lstsq(basis[known], z[known], rcond=None)[0]
-    return np.asarray(basis @ coefficients)
+    middle = float(np.mean(z, where=known))
+    moments = y.T @ known.astype(float) @ x
+    right = y.T @ np.where(known, z - middle, 0.0) @ x
+    matrix = np.array([[moments[j + n, i + m] for m, n in powers] for i, j in powers])
+    coefficients = np.zeros((3, 3))
+    coefficients[tuple(zip(*((j, i) for i, j in powers), strict=True))] = np.linalg.lstsq(
+        matrix, [right[j, i] for i, j in powers], rcond=None
+    )[0]
+    return middle + np.asarray(y[:, :3] @ coefficients @ x[:, :3].T)
 
 
 def _harmonic_fill(z: Array, gaps: NDArray[np.bool_]) -> Array:

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-import scipy.fft
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
@@ -264,7 +263,9 @@ class SelfAffine(Surface):
         Next to a summit there is a node of a grid of spacing h, at most h/sqrt(2) away and at most K h^2/4 lower. From
         all nodes above that level Newton's method climbs to a summit.
         """
-        n = scipy.fft.next_fast_len(max(64, math.ceil(6 * self.L / self.feature_size))) + 1
+        from scipy.fft import next_fast_len
+
+        n = next_fast_len(max(64, math.ceil(6 * self.L / self.feature_size))) + 1
         z, h = self.grid(n), self.L / (n - 1)
         K = min(self.curvature_bound(), _DEVIATIONS * math.sqrt(self._moment(2)))
         high = np.flatnonzero(z.ravel() >= z.max() - K * h**2 / 4)
@@ -283,12 +284,14 @@ class SelfAffine(Surface):
 
     def _level(self, s: float) -> Heights:
         """Return the heights, as a function of points, smoothed with the standard deviation s (length)."""
+        from scipy.fft import next_fast_len
+
         if s == 0:
             return self.height
         most = self._waves.waves.shape[1] - 1
         kept = min(most, max(1, math.ceil(_NEGLIGIBLE / s * self.period / (2 * np.pi))))
         waves = self._waves.waves[most - kept : most + kept + 1, : kept + 1]
-        n = scipy.fft.next_fast_len(max(16, 4 * kept), real=True)
+        n = next_fast_len(max(16, 4 * kept), real=True)
         spacing = self.period / n
         omega = 2 * np.pi / n * np.arange(-kept, kept + 1)
         gain = np.exp(-((omega * s / spacing) ** 2) / 2) / spline_gain(omega)

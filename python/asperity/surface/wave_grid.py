@@ -8,11 +8,9 @@ summed on a grid of twice the necessary density, and the kernel is applied at ea
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Any
 
 import numpy as np
-import scipy.fft
-from scipy.sparse import csr_matrix
-from scipy.special import i0e, i1e, ive
 
 from asperity.arrays import Array
 
@@ -67,7 +65,9 @@ class WaveGrid:
     @cached_property
     def _nodes(self) -> Array:
         """Sum of the divided waves on a period and the width of the kernel beyond."""
-        n = max(_LEAST, scipy.fft.next_fast_len(4 * self._most, real=True))
+        from scipy.fft import next_fast_len
+
+        n = max(_LEAST, next_fast_len(4 * self._most, real=True))
         gain = _transform(2 * np.pi * np.arange(self._most + 1) / n)
         both = np.concatenate([gain[:0:-1], gain])
         return _synthesis(self.waves / (both[:, None] * gain), n, np.arange(n + _WIDTH) % n)
@@ -88,9 +88,11 @@ class WaveGrid:
 
     def product(self, x: Array, y: Array, orders: list[tuple[int, int]]) -> list[Array]:
         """Return derivatives of the given orders at all pairs of x (nx,) and y (ny,), each (ny, nx)."""
+        from scipy.sparse import csr_matrix
+
         most = max(max(order) for order in orders)
 
-        def matrices(s: Array) -> list[csr_matrix]:
+        def matrices(s: Array) -> list[Any]:
             first, weights = self._weights(s, most)
             columns = first[:, None] + np.arange(_WIDTH)
             start = np.arange(0, columns.size + 1, _WIDTH)
@@ -112,18 +114,22 @@ class WaveGrid:
 
 def _synthesis(waves: Array, n: int, picked: Array) -> Array:
     """Return the sum of the waves (2 S + 1, S + 1) at the picked ones of n > 2 S nodes of a period, both axes."""
+    from scipy.fft import ifft, irfft
+
     most = waves.shape[1] - 1
     spectrum = np.zeros((n, most + 1), dtype=complex)
     spectrum[: most + 1] = waves[most:]
     spectrum[n - most :] = waves[:most]
     spectrum[n - most :, 0] = np.conj(waves[:most:-1, 0])  # the other half of the waves along y
-    columns = scipy.fft.ifft(spectrum, axis=0, norm="forward", overwrite_x=True)[picked]
+    columns = ifft(spectrum, axis=0, norm="forward", overwrite_x=True)[picked]
     columns *= 0.5
-    return np.asarray(scipy.fft.irfft(columns, n, axis=1, norm="forward")[:, picked])
+    return np.asarray(irfft(columns, n, axis=1, norm="forward")[:, picked])
 
 
 def _kernel(t: Array, most: int) -> list[Array]:
     """Return I0(b sqrt(1 - (2 t/w)^2))/I0(b) and its derivatives up to `most` at distances |t| <= w/2 (nodes)."""
+    from scipy.special import i0e, i1e, ive
+
     ratio = (2 * _SHAPE / _WIDTH) ** 2
     g = np.maximum(np.sqrt(np.maximum(_SHAPE**2 - ratio * t**2, 0.0)), 1e-3)  # quotients of g are even and smooth
     scale = np.exp(g - _SHAPE) / i0e(_SHAPE)
@@ -138,5 +144,7 @@ def _kernel(t: Array, most: int) -> list[Array]:
 
 def _transform(omega: Array) -> Array:
     """Return the Fourier transform of the kernel at angular wave numbers per node, |omega| < 2 b/w."""
+    from scipy.special import i0e
+
     root = np.sqrt(_SHAPE**2 - (omega * _WIDTH / 2) ** 2)
     return np.asarray(_WIDTH * np.exp(root - _SHAPE) * -np.expm1(-2 * root) / (2 * root * i0e(_SHAPE)))

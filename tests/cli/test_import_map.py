@@ -1,0 +1,158 @@
+"""`asperity import-map`: what it writes of good maps, and one sentence for each bad one."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from asperity.case import Case
+from asperity.cli import main
+from asperity.errors import InputError
+from asperity.surface import SelfAffine, height_map
+
+SIDE = 0.5e-6
+SCAN = SelfAffine(L=SIDE, H=0.8, slope=0.4, lambda_roll=0.1e-6, lambda_short=8e-9, periodic=False, seed=4).grid(256)
+
+
+def import_map(*arguments: Any) -> int:
+    with pytest.raises(SystemExit) as left:
+        main(["import-map", *map(str, arguments)])
+    return int(left.value.code or 0)
+
+
+def write(folder: Path, z: Any, **lengths: Any) -> Path:
+    np.savez(folder / "scan.npz", z=z, **(lengths or {"L": SIDE}))
+    return folder / "scan.npz"
+
+
+def changed(**places: float) -> np.ndarray:
+    z = SCAN.copy()
+    for index, value in enumerate(places.values()):
+        z[40 + 60 * index, 50] = value
+    return z
+
+
+def islands(share: float) -> np.ndarray:
+    z = SCAN.copy()
+    z[20 : 20 + round(share * 256), :] = np.nan
+    z[200:204, 10:30] = np.nan
+    return z
+
+
+def test_a_case_is_made_with_statistics_over_the_cutoff(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert import_map(write(tmp_path, SCAN), "-o", tmp_path / "out") == 0
+    shown = capsys.readouterr().out
+    assert "statistics" in shown and "Hurst exponent" in shown and "cut-off" in shown and "D " not in shown
+    about = json.loads((tmp_path / "out/measured.json").read_text())
+    assert about["fit"] is None
+    assert about["self_affine"]["H"] == pytest.approx(0.8, abs=0.12)
+    assert about["self_affine"]["lambda_roll"] == pytest.approx(0.1e-6, rel=0.4)
+    slopes = [row["rms_slope"] for row in about["over_cutoff"]]
+    assert slopes == sorted(slopes) and slopes[-1] == pytest.approx(about["statistics"]["rms_slope"], rel=0.1)
+    case = Case.load(tmp_path / "out/case.toml")
+    assert case.accuracy.tolerance == 0.05 and case.loading.delta_max is not None
+    assert case.loading.delta_max == pytest.approx(about["statistics"]["Sp"] / 2, rel=0.01)
+    assert (tmp_path / "out/surface.png").is_file() and (tmp_path / "out/spectrum.png").is_file()
+
+
+def test_the_fit_is_made_when_requested(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    small = write(tmp_path, SCAN[:65, :65], dx=2e-9)
+    assert import_map(small, "-o", tmp_path / "out", "--fit") == 0
+    assert "chance of this misfit" in capsys.readouterr().out
+    assert 2 < json.loads((tmp_path / "out/measured.json").read_text())["fit"]["D"] < 3
+
+
+@pytest.mark.parametrize(
+    ("z", "lengths"),
+    [
+        (changed(up=1e-6, down=-3e-6), {}),  # spikes
+        (changed(a=np.inf, b=-np.inf, c=np.nan), {}),
+        (islands(0.1), {}),
+        (np.rint(SCAN * 1e9).astype(np.int16), {"dx": 20.0}),
+        (SCAN.astype(np.float32), {}),
+        (SCAN[:100], {"dx": 2e-9}),
+        (SCAN[:100, :200], {"dx": 2e-9, "dy": 3.3e-9}),
+        (SCAN + 1.0, {}),
+        (SCAN[:8, :8], {"dx": 2e-9}),
+    ],
+    ids=["spikes", "infinite", "islands", "integers", "single", "oblong", "pixels", "offset", "tiny"],
+)
+def test_odd_maps_give_a_result(tmp_path: Path, z: np.ndarray, lengths: dict[str, float]) -> None:
+    assert import_map(write(tmp_path, z, **lengths), "-o", tmp_path / "out") == 0
+    surface = Case.load(tmp_path / "out/case.toml").build_surface()
+    assert np.isfinite([*surface.maximum(), *surface.grid(5).ravel()]).all()
+
+
+@pytest.mark.parametrize(
+    ("z", "lengths", "words"),
+    [
+        (np.full((50, 50), 3e-9), {}, "the map is flat"),
+        (np.add.outer(np.arange(50.0), np.arange(50.0)) * 1e-10, {}, "the map is flat"),
+        (SCAN[:1], {}, "at least 8 x 8"),
+        (SCAN[0], {}, "at least 8 x 8"),
+        (np.zeros((20, 20, 3)), {}, "at least 8 x 8"),
+        (np.full((50, 50), np.nan), {}, "missing"),
+        (islands(0.5), {}, "missing"),
+        (1e9 * SCAN, {}, "heights in nm read as metres? Multiply them by 1e-09"),
+        (1e6 * SCAN, {}, "heights in µm read as metres"),
+        (1e300 * SCAN, {}, "not plausible: give all lengths"),
+        (SCAN + 1j, {}, "complex"),
+        (np.full((20, 20), "x"), {}, "cannot be read"),
+        (SCAN, {"L": -1.0}, "give a positive length"),
+        (SCAN, {"L": 0.0}, "give a positive length"),
+        (SCAN, {"L": "long"}, "cannot be read"),
+        (SCAN, {"dx": np.nan}, "give a positive length"),
+        (SCAN, {"x": np.arange(256.0) ** 2, "y": np.arange(256.0)}, "not a regular grid"),
+    ],
+)
+def test_bad_maps_are_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], z: np.ndarray, lengths: dict[str, Any], words: str
+) -> None:
+    assert import_map(write(tmp_path, z, **lengths), "-o", tmp_path / "out") == 2
+    error = capsys.readouterr().err
+    assert words in error and len(error.splitlines()) == 1 and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--cutoff", "1e-3"), "cutoff = 0.001 must lie between two pixels"),
+        (("--cutoff", "nan"), "cutoff"),
+        (("--shortest", "0"), "shortest = 0 must lie"),
+        (("--shortest", "nan"), "shortest"),
+        (("--window", "0", "0", "1"), "not inside"),
+        (("--window", "0", "nan", "1e-7"), "not inside"),
+        (("--pixel", "0"), "--pixel"),
+        (("--pixel", "-1"), "--pixel"),
+    ],
+)
+def test_bad_options_are_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: tuple[str, ...], words: str
+) -> None:
+    assert import_map(write(tmp_path, SCAN), "-o", tmp_path / "out", *options) == 2
+    error = capsys.readouterr().err
+    assert words in error and len(error.splitlines()) == 1 and not (tmp_path / "out").exists()
+
+
+def test_a_spike_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert import_map(write(tmp_path, changed(up=0.3e-6)), "-o", tmp_path / "out") == 0
+    assert "if it is a spike" in capsys.readouterr().out
+
+
+def test_a_huge_map_is_cut_or_filtered(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Here from 100 heights a side."""
+    monkeypatch.setattr(height_map, "MOST", 100)
+    scan, out = write(tmp_path, SCAN), tmp_path / "out"
+    assert import_map(scan, "-o", out) == 2
+    assert "256 x 256 heights are more than the 100 x 100" in capsys.readouterr().err
+    assert import_map(scan, "-o", out, "--cutoff", "0.05e-6") == 0
+    assert json.loads((out / "measured.json").read_text())["nodes"] == 52  # every fifth: 9.8 nm
+    assert import_map(scan, "-o", out, "--window", "0.1e-6", "0.1e-6", "0.15e-6") == 0
+    with pytest.raises(InputError, match="more than the 100 x 100 of a surface"):
+        height_map.HeightMap(path=scan)
