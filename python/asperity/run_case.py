@@ -324,7 +324,9 @@ def _hooks(job: _Job, stop: Callable[[], str] | None) -> Hooks:
 
     output = job.case.output
     snapshots = output.snapshots if output.figures or output.fields or output.distributions else 0
-    return Hooks(on_stage, on_step, stop, job.checkpoint, snapshots)
+    return Hooks(
+        on_stage, on_step, stop, job.checkpoint, snapshots, stiffness=output.stiffness, conductance=output.conductance
+    )
 
 
 def _solve(job: _Job, hooks: Hooks) -> ContactResult:

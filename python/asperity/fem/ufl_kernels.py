@@ -87,6 +87,12 @@ class UflKernels:
         values[:] = 0.0
         values[self._to] = self._matrix.data[self._from]
 
+    def elastic_tangent(self, values: Floats) -> None:
+        history = self._history.x.array.copy()
+        self._history.x.array[:] = 0.0
+        self.tangent(np.zeros_like(self._u.x.array), values)  # the virgin material does not flow at rest
+        self._history.x.array[:] = history
+
     def commit(self) -> None:
         if self._plastic:
             values = self._history.x.array.reshape(-1, 7)

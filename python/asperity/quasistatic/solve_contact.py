@@ -25,9 +25,11 @@ from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import H_CONTACT, H_MAX, Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.balance import Checks
-from asperity.quasistatic.contact_solver import ContactSolver, Counts
+from asperity.quasistatic.conductance import Conductance
+from asperity.quasistatic.contact_solver import ContactSolver, Counts, Probe
 from asperity.quasistatic.measures import FirstContact, Snapshot
 from asperity.quasistatic.stepping import Callback, Position, Record, follow
+from asperity.quasistatic.stiffness import stiffness_of
 from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.timing import Phases
 from asperity.surface import Surface
@@ -189,6 +191,8 @@ class Hooks:
         stop: polled after each step on all ranks; a non-empty string stops the run
         checkpoint: receives the state; one that holds a state is continued from
         snapshots: states of the top to keep per loading
+        stiffness: whether to compute the columns k_n to k_n_interface
+        conductance: whether to compute the column conductance
     """
 
     on_stage: Callable[[str], None] | None = None
@@ -196,6 +200,13 @@ class Hooks:
     stop: Callable[[], str] | None = None
     checkpoint: Checkpoint | None = None
     snapshots: int = 0
+    stiffness: bool = False
+    conductance: bool = False
+
+    def probes(self, solid: Solid) -> tuple[Probe, ...]:
+        """Measurements of each accepted step that are requested; collective."""
+        found: tuple[Probe, ...] = (stiffness_of,) if self.stiffness else ()
+        return (*found, Conductance(solid)) if self.conductance else found
 
     def stage(self, name: str) -> None:
         """Announce a stage."""
@@ -214,6 +225,8 @@ def solve_contact(
     on_step: Callback | None = None,
     checkpoint: Checkpoint | None = None,
     stop: Callable[[], str] | None = None,
+    stiffness: bool = False,
+    conductance: bool = False,
     **problem: Any,
 ) -> ContactResult:
     """Press a rough block with a rigid frictionless flat; collective over `comm`.
@@ -225,7 +238,7 @@ def solve_contact(
         material: elastic or elastic-plastic
         block: a mesh to use instead of making one (on rank 0)
         comm: communicator; default all ranks
-        snapshots, on_stage, on_step, checkpoint, stop: see `Hooks`
+        snapshots, on_stage, on_step, checkpoint, stop, stiffness, conductance: see `Hooks`
         problem: delta_max, force_max or pressure_max, steps, height, sides, size and other arguments of `Problem.of`
 
     Raises:
@@ -235,7 +248,7 @@ def solve_contact(
         OutputError: the checkpoint cannot be written
         PartialResult: a step did not converge or the run was stopped; carries the curve up to there
     """
-    hooks = Hooks(on_stage, on_step, stop, checkpoint, snapshots)
+    hooks = Hooks(on_stage, on_step, stop, checkpoint, snapshots, stiffness, conductance)
     return solve_problem(Problem.of(surface, material, **problem), block=block, comm=comm, hooks=hooks)
 
 
@@ -278,6 +291,7 @@ def solve_problem(
     hooks.stage("set-up")
     with phases.phase("set-up"):
         solver = solver_of(problem, block, comm, phases)
+        solver.probes = hooks.probes(solver.solid)
     record = Record(L, problem.material.E, problem.material.reduced_modulus)
     position = None if saved is None else saved.restore(solver, record)
     if checkpoint is not None:
