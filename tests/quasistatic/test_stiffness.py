@@ -151,17 +151,17 @@ def test_formulations_agree(rough: Surface, coarse: BlockMesh | None) -> None:
     for formulation in FORMULATIONS:
         result = solve_contact(
             rough, ELASTIC, block=coarse, comm=world(), delta_max=0.03, steps=2, formulation=formulation,
-            stiffness=True, conductance=True,
+            stiffness=True,
         )  # fmt: skip
-        found.append([getattr(result.curve, name)[-1] for name in ("k_n", "k_n_elastic", "k_t", "conductance")])
-    np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=0.1)
+        found.append([getattr(result.curve, name)[-1] for name in ("k_n", "k_n_elastic", "k_t")])
+    np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=0.07)
 
 
 @EACH
 def test_first_touch(cap: Surface, formulation: Formulation) -> None:
-    """A few nodes of a coarse mesh; all values are there and positive."""
+    """A spot smaller than a facet; all values are there and positive."""
     curve = solve_contact(
-        cap, ELASTIC, delta_max=1e-7, steps=1, size=MeshSize(0.1, growth=0.5), formulation=formulation, comm=here(),
+        cap, ELASTIC, delta_max=2e-4, steps=1, size=MeshSize(0.1, growth=0.5), formulation=formulation, comm=here(),
         stiffness=True, conductance=True,
     ).curve  # fmt: skip
     for name in (*STIFFNESSES, "conductance"):
@@ -183,7 +183,7 @@ def test_physical_units_and_summary() -> None:
     np.testing.assert_allclose(physical.conductance, unit.conductance * side, rtol=1e-6)
     section = stiffness_per_area(physical, side)["stiffness_per_area"]
     assert section["k_n"] == physical.k_n[-1] / side**2
-    assert stiffness_per_area(unit.where([]), 1.0) == {}
+    assert stiffness_per_area(unit.where(unit.delta < 0.0), 1.0) == {}
 
 
 @pytest.mark.parametrize("sides", ["rollers", "free"])

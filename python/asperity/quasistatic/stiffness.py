@@ -127,7 +127,9 @@ class _Translation:
                 break
             w = w + y.array_r.reshape(-1, 3)
             force, image = self._work(w)
-            if (RTOL**2 if self._symmetric else RTOL) * abs(before - force) <= ACCURACY * abs(force):
+            # the error that is left, for GMRES the correction itself: its norm is not that of the energy
+            left = abs(before - force) * (RTOL**2 if self._symmetric else 1.0)
+            if left <= ACCURACY * abs(force):
                 return force, w
         return nan, w
 
