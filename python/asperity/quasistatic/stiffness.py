@@ -77,8 +77,8 @@ def without_block(whole: float, block: float) -> float:
     """Stiffness or conductance of two in series without that of the block; NaN where the block is practically all.
 
     Examples:
-        >>> without_block(whole=1.0, block=3.0)
-        1.5
+        >>> without_block(whole=1.0, block=2.0)
+        2.0
     """
     left = 1.0 - whole / block
     return whole / left if left > FULL else nan
