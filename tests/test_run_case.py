@@ -44,7 +44,8 @@ def write_case(path: Path, **sections: Mapping[str, Any]) -> Path:
 def full(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunResult]:
     """A run with everything a case can ask for."""
     folder = tmp_path_factory.mktemp("full") / "new" / "folder"
-    everything = {"figures": True, "fields": True, "report": True, "snapshots": 2}
+    everything = {"figures": True, "fields": True, "report": True, "snapshots": 2, "distributions": True}
+    everything |= {"stiffness": True, "conductance": True}
     case = case_of(output=everything, dynamics={"zeta": 0.05, "forcing": [0.02], "model": ["exact"]})
     return folder, run(case, folder)
 
@@ -67,6 +68,7 @@ def test_files_of_a_run(full: tuple[Path, RunResult]) -> None:
         "fields/top.npz",
         "fields/mesh.npz",
         "fields/contact.vtkhdf",
+        "fields/distributions.csv",
     }
     assert promised <= files
     assert not [name for name in files if Path(name).name.startswith(".")]
@@ -152,6 +154,11 @@ def test_summary(full: tuple[Path, RunResult]) -> None:
     assert {"asperity", "python", "dolfinx", "numpy", "petsc4py", "gmsh"} <= set(summary["versions"])
     assert summary["case_hash"] == Case.load(folder / "case.toml").hash()
     assert 10 < summary["peak_memory_MiB"] < 10_000
+    stiffness = summary["stiffness_per_area"]
+    assert stiffness["k_n_elastic"] == load.k_n_elastic[-1] / 1e-12 and stiffness["k_n"] < stiffness["k_n_elastic"]
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    for words in ("contact spots", "mean gap", "elastic normal stiffness", "constriction conductance"):
+        assert words in page
 
 
 def test_one_power_law_in_all_that_a_run_leaves(full: tuple[Path, RunResult], tmp_path: Path) -> None:

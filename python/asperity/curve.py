@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 UNRESOLVED = 0.5  # error of the contact area over the area, reached when the contact has fewer than about six facets
 
+#: Stiffnesses of the contact [force/length].
+STIFFNESSES = ("k_n", "k_n_elastic", "k_t", "k_n_interface", "k_t_interface")
 COLUMNS = (
     "step",
     "branch",
@@ -44,6 +46,8 @@ COLUMNS = (
     "mean_pressure",
     "spots",
     "largest_spot",
+    *STIFFNESSES,
+    "conductance",
 )
 #: Columns that a stored curve or the rows of a checkpoint may lack.
 OPTIONAL = ("error_P_star", *COLUMNS[COLUMNS.index("seconds") + 1 :])
@@ -85,6 +89,11 @@ class Curve:
         mean_pressure: force over the true contact area; NaN without an area (force/length^2).
         spots: number of contact spots, patches of touched facets connected over their edges (int).
         largest_spot: contact area of the largest one (length^2).
+        k_n: normal stiffness of the loading, dF/d(delta) with the points in contact held (force/length).
+        k_n_elastic: normal stiffness of unloading and small vibration (force/length).
+        k_t: tangential stiffness without slip, mean of x and y, elastic (force/length).
+        k_n_interface, k_t_interface: the same without the compliance of the block (force/length).
+        conductance: constriction conductance over the conductivity (length).
         header: metadata, stored as JSON in the first line of the file.
 
     Raises:
@@ -111,6 +120,12 @@ class Curve:
     mean_pressure: Array
     spots: Array
     largest_spot: Array
+    k_n: Array
+    k_n_elastic: Array
+    k_t: Array
+    k_n_interface: Array
+    k_t_interface: Array
+    conductance: Array
     header: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

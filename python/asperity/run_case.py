@@ -366,7 +366,16 @@ def _hooks(job: _Job, begin: Callable[[], None], stop: Callable[[], str] | None)
 
     output = job.case.output
     snapshots = output.snapshots if output.figures or output.fields or output.distributions else 0
-    return Hooks(on_stage, on_step, stop, job.checkpoint, snapshots, on_ready)
+    return Hooks(
+        on_stage,
+        on_step,
+        stop,
+        job.checkpoint,
+        snapshots,
+        on_ready,
+        stiffness=output.stiffness,
+        conductance=output.conductance,
+    )
 
 
 def _solve(job: _Job, hooks: Hooks) -> ContactResult:

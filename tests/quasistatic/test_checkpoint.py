@@ -15,6 +15,7 @@ import pytest
 from conftest import ELASTIC, PLASTIC
 
 from asperity.case import Case
+from asperity.curve import STIFFNESSES
 from asperity.errors import CheckpointError, Interrupted, OutputError, ResolutionWarning
 from asperity.mesh.block import BlockMesh
 from asperity.model.load_path import Schedule
@@ -128,6 +129,26 @@ def test_a_run_in_pieces_gives_the_same_curve(
         np.testing.assert_allclose(a.stress, b.stress, atol=1e-9)
     touched, touched_again = (np.sort(result.first_contact.gather(result.solver)[1]) for result in (straight, pieces))
     np.testing.assert_allclose(touched_again, touched, rtol=1e-9)
+
+
+@pytest.mark.mpi
+def test_a_run_in_pieces_has_the_same_stiffness(
+    wave: Surface, coarse_wave: BlockMesh | None, shared_path: Path
+) -> None:
+    """The linear solver starts from the same rate; rows saved without stiffness stay without."""
+    settings: dict[str, Any] = {"delta_max": 0.02, "steps": 3, "block": coarse_wave}
+    straight = solve_contact(wave, PLASTIC, stiffness=True, **settings).curve
+    pieces = in_pieces(wave, PLASTIC, shared_path / "checkpoint", (2,), stiffness=True, **settings).curve
+    with pytest.raises(PartialResult):
+        checkpoint = Checkpoint(shared_path / "without", {}, comm())
+        solve_contact(wave, PLASTIC, stop=stop_after(2), checkpoint=checkpoint, **settings)
+    checkpoint = Checkpoint(shared_path / "without", {}, comm())
+    mixed = solve_contact(wave, PLASTIC, stiffness=True, checkpoint=checkpoint, **settings).curve
+    for name in (*STIFFNESSES, "mean_gap", "spots"):
+        np.testing.assert_allclose(getattr(pieces, name), getattr(straight, name), rtol=1e-10)
+    for name in STIFFNESSES:
+        assert np.isnan(getattr(mixed, name)[:2]).all()
+        np.testing.assert_allclose(getattr(mixed, name)[2:], getattr(straight, name)[2:], rtol=1e-10)
 
 
 @pytest.mark.mpi

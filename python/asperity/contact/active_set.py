@@ -48,6 +48,12 @@ class ActiveSet:
     def add_tangent(self) -> None:
         pass
 
+    def add_elastic_tangent(self) -> None:
+        pass
+
+    def nodes(self) -> Integers:
+        return self._nodes[self.active]
+
     def nodal_force(self, force: Floats) -> Floats:
         out = np.zeros(len(force))
         out[self._nodes[self.active]] = -force[self._nodes[self.active], 2]

@@ -18,6 +18,9 @@ from asperity.runtime import compat
 FACET_DEGREE = 8  # 16 points: four times closer on cut facets than the 6 of degree 4, at no cost (docs/contact.md)
 
 
+NODES = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.5], [0.0, 0.5], [0.5, 0.0]])  # on the reference triangle
+
+
 @dataclass(frozen=True)
 class Area:
     """Area of contact and an estimate of its error [length^2]."""
@@ -33,6 +36,7 @@ class FacetRule:
         facets: data of the facets for the compiled kernels
         weights: projected on the plane of the flat (F, Q) [length^2]
         height: of the surface at the points (F, Q) [length]
+        nearest: number of the node of the facet next to each point (Q,)
     """
 
     def __init__(self, surface: ContactSurface, degree: int, splits: int = 0) -> None:
@@ -48,6 +52,7 @@ class FacetRule:
         )
         self.weights = np.empty((len(surface.cells), len(weights)))
         _solver.facet_weights(self.facets, self.weights)
+        self.nearest = np.linalg.norm(points[:, None] - NODES, axis=2).argmin(axis=1)
         self._of_nodes = shape[0][:, tet10.facet_nodes()[0]]
         self.height = self.at_points(solid.points[surface.nodes, 2])
 

@@ -36,6 +36,12 @@ class Contact(Protocol):
     def add_tangent(self) -> None:
         """Add the contact stiffness at the last residual to `solid.values`, the local matrix."""
 
+    def add_elastic_tangent(self) -> None:
+        """Add the contact stiffness for a solid that does not flow, with the points in contact held."""
+
+    def nodes(self) -> Integers:
+        """Owned nodes in contact at the last residual; collective."""
+
     def nodal_force(self, force: Floats) -> Floats:
         """Normal force of the flat on the owned nodes (owned,), from the internal force (owned, 3)."""
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+from mpi4py import MPI
 
 from asperity import _solver
 from asperity.arrays import Flags, Floats, Integers
@@ -68,13 +71,10 @@ class PressureContact:
             modulus, h = lam + 2.0 * mu, 3.0 * solid.kernels.volumes[surface.cells].sum(axis=1) / surface.area
         else:
             modulus, h = solid.material.E, surface.diameter
-        self._law = _solver.ContactLaw(
-            law_of(solid.material),
-            factor * modulus * 4.0 / h,
-            self._rule.height,
-            traction,
-            float(theta),
-        )
+        numbers = factor * modulus * 4.0 / h, self._rule.height, traction, float(theta)
+        elastic = replace(solid.material, yield_strength=None, hardening="isotropic")
+        self._law = _solver.ContactLaw(law_of(solid.material), *numbers)
+        self._elastic_law = _solver.ContactLaw(law_of(elastic), *numbers)
         self._has_history = traction and solid.material.plastic
         rows = len(surface.cells) if self._has_history else 0
         self._committed, self._trial = History.zeros(rows, points[1]), History.zeros(rows, points[1])
@@ -104,15 +104,39 @@ class PressureContact:
         return force + self._force[:, :3], np.empty(0, dtype=np.int32), np.empty(0)
 
     def add_tangent(self) -> None:
+        self._add_stiffness(self._law)
+
+    def add_elastic_tangent(self) -> None:
+        self._add_stiffness(self._elastic_law)
+
+    def _add_stiffness(self, law: _solver.ContactLaw) -> None:
         _solver.facet_stiffness(
             self._rule.facets,
-            self._law,
+            law,
             self._solid.u.x.array.reshape(-1, 3),
             compiled(self._committed),
             self.points,
             self._pattern,
             self._solid.values,
         )
+
+    def nodes(self) -> Integers:
+        """Owned nodes most of whose surroundings are under pressure; collective.
+
+        The surroundings are the quadrature points next to the node. The greatest share of a node counts as whole, so a
+        contact of a few points has nodes too.
+        """
+        touched, weights = self.touched()
+        under, total = (self._of_surroundings(values) for values in (weights * touched, weights))
+        owned = self._surface.owned_nodes
+        share = np.divide(under[owned], total[owned], out=np.zeros(len(owned)), where=total[owned] > 0.0)
+        greatest = self._solid.comm.allreduce(float(np.max(share, initial=0.0)), op=MPI.MAX)
+        return owned[(share > 0.0) & (share >= 0.5 * greatest)]
+
+    def _of_surroundings(self, values: Floats) -> Floats:
+        """Sums of values at the quadrature points (facets, points) over the surroundings of each node (nodes,)."""
+        sums = np.stack([values[:, self._rule.nearest == k].sum(axis=1) for k in range(6)], axis=1)
+        return self._surface.assemble(self._surface.nodes, sums)
 
     def nodal_force(self, force: Floats) -> Floats:
         return self._force[:, 3].copy()

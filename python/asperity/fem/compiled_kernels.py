@@ -90,6 +90,9 @@ class CompiledKernels:
                 values,
             )
 
+    def elastic_tangent(self, values: Floats) -> None:
+        np.copyto(values, self._elastic)
+
     def commit(self) -> None:
         self._committed.assign(self._trial)
 

@@ -68,6 +68,13 @@ class InertialKernels:
 
     def tangent(self, u: Floats, values: Floats) -> None:
         self.inner.tangent(u, values)
+        self._add_mass(values)
+
+    def elastic_tangent(self, values: Floats) -> None:
+        self.inner.elastic_tangent(values)
+        self._add_mass(values)
+
+    def _add_mass(self, values: Floats) -> None:
         if self.shift:
             values[self._diagonals] += self.shift * self.mass.data[:, None]
 

@@ -38,6 +38,7 @@ class Solid:
         dofs: degrees of freedom of all ranks
         points: coordinates of the nodes (nodes, 3) [L]
         cell_nodes: displacement nodes of the owned cells (cells, 10)
+        sides: as given
         fixed: owned dofs without displacement
         base: owned nodes on the clamped base
         kernels: internal force, tangent and history of the cells
@@ -60,7 +61,7 @@ class Solid:
 
         self.phases = phases or Phases()
 
-        self.mesh, self.tags, self.material = mesh, tags, material
+        self.mesh, self.tags, self.material, self.sides = mesh, tags, material, sides
         self.comm = mesh.comm
         self.V = fem.functionspace(mesh, ("Lagrange", 2, (3,)))
         self.u = fem.Function(self.V, name="displacement")
@@ -78,6 +79,7 @@ class Solid:
         self.kernels = self._make_kernels(kernels)
         self.ghosts = Ghosts(index_map)
         self.values, self.version = np.zeros(len(self.sparsity.columns)), 0
+        self._with_contact = False  # whether a stiffness of the contact is in `values`
 
     def _make_kernels(self, kernels: str) -> ElementKernels:
         if kernels == "ufl":
@@ -141,10 +143,26 @@ class Solid:
         Args:
             add: adds the stiffness of the contact to `values`
         """
-        if self.version and self.kernels.linear and add is None:
+        if self.version and self.kernels.linear and add is None and not self._with_contact:
             return
         with self.phases.phase("tangent"):
             self.kernels.tangent(self.u.x.array.reshape(-1, 3), self.values)
             if add is not None:
                 add()
+        self._with_contact = add is not None
+        self.version += 1
+
+    def assemble_elastic(self, add: Callable[[], None] | None = None) -> None:
+        """Write the stiffness without plastic flow to `values`, without boundary conditions.
+
+        Args:
+            add: adds the stiffness of the contact to `values`
+        """
+        if self.version and self.kernels.linear and add is None and not self._with_contact:
+            return
+        with self.phases.phase("tangent"):
+            self.kernels.elastic_tangent(self.values)
+            if add is not None:
+                add()
+        self._with_contact = add is not None
         self.version += 1

@@ -82,6 +82,13 @@ class UflKernels:
         values[:] = 0.0
         values[self._to] = self._matrix.data[self._from]
 
+    def elastic_tangent(self, values: Floats) -> None:
+        state = [(f.x.array, f.x.array.copy()) for f in (self._u, self._history)]
+        self._history.x.array[:] = 0.0
+        self.tangent(np.zeros_like(self._u.x.array), values)  # the virgin material does not flow at rest
+        for array, before in state:  # a commit needs the displacement of the last residual
+            array[:] = before
+
     def commit(self) -> None:
         if self._plastic:
             values = self._history.x.array.reshape(-1, 7)

@@ -8,6 +8,7 @@ from importlib import metadata
 from typing import Any
 
 from asperity.case import Case
+from asperity.curve import STIFFNESSES, Curve
 from asperity.power_law import PowerLawFit
 from asperity.quasistatic.solve_contact import ContactResult
 
@@ -24,6 +25,7 @@ def summarise(case: Case, contact: ContactResult, fit: PowerLawFit | None, ranks
         "cells": contact.cells,
         **asdict(contact.counts),
         "checks": contact.checks.physical(case.surface.L, case.material.E),
+        **stiffness_per_area(contact.curve, case.surface.L),
         "unresolved": contact.curve.unresolved(),
         "seconds": {k: round(v, 4) for k, v in contact.phases.seconds.items()},
         "calls": contact.phases.calls,
@@ -33,6 +35,26 @@ def summarise(case: Case, contact: ContactResult, fit: PowerLawFit | None, ranks
         "case_hash": case.hash(),
         "versions": versions(),
     }
+
+
+def stiffness_per_area(curve: Curve, side: float) -> dict[str, dict[str, float]]:
+    """Stiffness at the greatest force over the nominal area [force/length^3] as a section; empty where not computed.
+
+    Args:
+        curve: of the run
+        side: of the patch [length]
+
+    Examples:
+        >>> curve = Curve.from_rows([{"delta": 1.0, "force": 2.0, "k_n": 8.0}])
+        >>> stiffness_per_area(curve, side=2.0)
+        {'stiffness_per_area': {'force': 2.0, 'k_n': 2.0}}
+    """
+    if not len(curve):
+        return {}
+    top = int(curve.force.argmax())
+    known = {name: float(getattr(curve, name)[top]) / side**2 for name in STIFFNESSES}
+    known = {name: value for name, value in known.items() if value == value}
+    return {"stiffness_per_area": {"force": float(curve.force[top])} | known} if known else {}
 
 
 def versions() -> dict[str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,13 @@ from asperity.runtime.run_folder import CURVE, FIGURES, REPORT
 from asperity.units import quantity
 
 Rows = list[tuple[str, str]]
+STIFFNESS_WORDS = {
+    "k_n": "normal stiffness of the loading",
+    "k_n_elastic": "elastic normal stiffness",
+    "k_t": "tangential stiffness",
+    "k_n_interface": "normal stiffness without the block",
+    "k_t_interface": "tangential stiffness without the block",
+}
 
 
 def write_report(folder: str | Path, finished: bool | None = None) -> Path:
@@ -109,13 +117,22 @@ def _outcome(results: Results) -> Rows:
 
 def _known(curve: Curve, row: int, results: Results) -> Rows:
     """Return gap, mean pressure and spots of a row; nothing for a curve without these columns."""
-    rows = []
+    rows: Rows = []
     if curve.spots[row]:
         rows.append(("contact spots", f"{curve.spots[row]}"))
     for name, words, unit in (("mean_gap", "mean gap", "length"), ("mean_pressure", "mean pressure", "stress")):
         value = getattr(curve, name)[row]
         if value == value:
             rows.append((words, quantity(value, results.unit(unit))))
+    unit = results.unit("force")
+    area = float(results.case["surface"]["L"]) ** 2 if "surface" in results.case else math.nan
+    for name, words in STIFFNESS_WORDS.items():
+        value = getattr(curve, name)[row]
+        if value == value:
+            per_area = f", {quantity(value / area, unit and 'N/m³')} of the nominal area" if area == area else ""
+            rows.append((words, quantity(value, unit and "N/m") + per_area))
+    if (conductance := curve.conductance[row]) == conductance:
+        rows.append(("constriction conductance over conductivity", quantity(conductance, results.unit("length"))))
     return rows
 
 

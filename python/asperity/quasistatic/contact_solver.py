@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 
@@ -18,6 +19,10 @@ from asperity.model.settings import SolverOptions
 from asperity.quasistatic import midpoint
 from asperity.quasistatic.balance import Checks, StepBalance, audit
 from asperity.quasistatic.newton import NewtonSolver, StepStats
+
+#: Measures the state of a converged solve, given the change of the displacement with the approach (owned, 3), None
+#: where the flat did not move; returns columns of the curve in units of L and E; collective.
+Probe = Callable[["ContactSolver", Floats | None], Mapping[str, float]]
 
 
 @dataclass
@@ -83,6 +88,8 @@ class ContactSolver:
         nodal_force: normal force of the flat on the owned nodes (owned,) [E L^2]
         pressure: at the local nodes, ghosts included (nodes,) [E]
         counts, checks: over all steps so far
+        probes: measure what depends on the tangent of an accepted step; called before its history is committed
+        probed: what they found in the last accepted step
     """
 
     def __init__(
@@ -99,6 +106,8 @@ class ContactSolver:
         self._led = False  # whether the committed history is ahead of the displacement
         self._own: History | None = None  # history of the displacement where the committed one is ahead
         self._first_touch = self._highest()
+        self.probes: tuple[Probe, ...] = ()
+        self.probed: dict[str, float] = {}
 
     def step(self, delta: float, lead: float = 0.0) -> StepStats:
         """Move the flat to `delta`; on success the state is committed (see `commit`), else rolled back."""
@@ -156,8 +165,14 @@ class ContactSolver:
                 with 1 the solve is the midpoint of what is committed, and the path is integrated to second order
         """
         solid = self.solid
+        self.probed = {}
         with solid.phases.phase("checks"):
             history = solid.kernels.history().copy()
+        if self.probes:
+            move = delta - self.delta
+            rate = None if move == 0.0 else (solid.u.x.array.reshape(-1, 3)[: solid.owned] - self._u) / move
+            for probe in self.probes:
+                self.probed |= probe(self, rate)
         delta_before, force_before, u_before = self.delta, self.force, self._u
         of_contact = self.contact.history()
         contact_before = None if of_contact is None else of_contact.copy()

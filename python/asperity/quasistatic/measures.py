@@ -61,6 +61,7 @@ def row(solver: ContactSolver) -> dict[str, Any]:
         **mean_pressure,
         "spots": spots.count,
         "largest_spot": spots.largest,
+        **solver.probed,
     }
 
 

@@ -25,9 +25,11 @@ from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import H_CONTACT, Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.balance import Checks
-from asperity.quasistatic.contact_solver import ContactSolver, Counts
+from asperity.quasistatic.conductance import Conductance
+from asperity.quasistatic.contact_solver import ContactSolver, Counts, Probe
 from asperity.quasistatic.measures import FirstContact, Snapshot
 from asperity.quasistatic.stepping import Callback, Position, Record, follow
+from asperity.quasistatic.stiffness import stiffness_of
 from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.timing import Phases
 from asperity.surface import Surface
@@ -206,6 +208,8 @@ class Hooks:
         checkpoint: receives the state; one that holds a state is continued from
         snapshots: states of the top to keep per loading
         on_ready: called when mesh and solver are made, before anything is saved
+        stiffness: whether to compute the columns k_n to k_n_interface
+        conductance: whether to compute the column conductance
 
     Examples:
         >>> from asperity.surface import Flat
@@ -224,6 +228,13 @@ class Hooks:
     checkpoint: Checkpoint | None = None
     snapshots: int = 0
     on_ready: Callable[[], None] | None = None
+    stiffness: bool = False
+    conductance: bool = False
+
+    def probes(self, solid: Solid) -> tuple[Probe, ...]:
+        """Measurements of each accepted step that are requested; collective."""
+        found: tuple[Probe, ...] = (stiffness_of,) if self.stiffness else ()
+        return (*found, Conductance(solid)) if self.conductance else found
 
     def stage(self, name: str) -> None:
         """Announce a stage."""
@@ -242,6 +253,8 @@ def solve_contact(
     on_step: Callback | None = None,
     checkpoint: Checkpoint | None = None,
     stop: Callable[[], str] | None = None,
+    stiffness: bool = False,
+    conductance: bool = False,
     **problem: Any,
 ) -> ContactResult:
     """Press a rough block with a rigid frictionless flat; collective over `comm`.
@@ -253,7 +266,7 @@ def solve_contact(
         material: elastic or elastic-plastic
         block: a mesh to use instead of making one (on rank 0)
         comm: communicator; default all ranks
-        snapshots, on_stage, on_step, checkpoint, stop: see `Hooks`
+        snapshots, on_stage, on_step, checkpoint, stop, stiffness, conductance: see `Hooks`
         problem: delta_max, force_max or pressure_max, steps, height, sides, size and other arguments of `Problem.of`
 
     Raises:
@@ -270,7 +283,7 @@ def solve_contact(
         >>> print(result.curve.force.round(6), round(0.01 * elastic.confined_modulus, 6))
         [0.006731 0.013462] 0.013462
     """
-    hooks = Hooks(on_stage, on_step, stop, checkpoint, snapshots)
+    hooks = Hooks(on_stage, on_step, stop, checkpoint, snapshots, stiffness=stiffness, conductance=conductance)
     return solve_problem(Problem.of(surface, material, **problem), block=block, comm=comm, hooks=hooks)
 
 
@@ -322,6 +335,7 @@ def solve_problem(
     hooks.stage("set-up")
     with phases.phase("set-up"):
         solver = solver_of(problem, block, comm, phases)
+        solver.probes = hooks.probes(solver.solid)
     record = Record(L, problem.material.E, problem.material.reduced_modulus)
     position = None if saved is None else saved.restore(solver, record)
     if hooks.on_ready is not None:

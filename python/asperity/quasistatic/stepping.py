@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from asperity.curve import Curve
+from asperity.curve import STIFFNESSES, Curve
 from asperity.errors import ConvergenceError
 from asperity.model.load_path import MIDPOINT, Schedule
 from asperity.quasistatic import measures, midpoint
@@ -97,6 +97,8 @@ class Record:
             "mean_gap": self.side,
             "mean_pressure": self.E,
             "largest_spot": self.side**2,
+            **dict.fromkeys(STIFFNESSES, self.E * self.side),
+            "conductance": self.side,
         }
 
     def curve(self) -> Curve:

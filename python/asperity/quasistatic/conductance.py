@@ -1,0 +1,103 @@
+"""Electric or thermal conductance of the contact at a converged state: Laplace's equation on the mesh of the solid."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from asperity.arrays import Floats
+from asperity.fem.kernels import QUADRATURE_DEGREE
+from asperity.fem.solid import Solid
+from asperity.linear.petsc_options import GAMG, set_defaults
+from asperity.mesh.tet10 import quadrature, shape_gradients
+from asperity.quasistatic.stiffness import without_block
+from asperity.runtime import compat
+
+if TYPE_CHECKING:
+    from asperity.quasistatic.contact_solver import ContactSolver
+
+PREFIX = "asperity_conductance_"
+RTOL = 1e-5  # of the potential in the energy norm; its square is the error of the conductance
+
+
+class Conductance:
+    """Constriction conductance over the conductivity [L]: a probe of accepted steps; collective.
+
+    The potential is 1 at the nodes in contact and 0 on the base; nothing flows through the sides and the rest of the
+    top. The resistance h_b/A of the block is taken off. The undeformed mesh conducts.
+
+    Args:
+        solid: that conducts
+    """
+
+    def __init__(self, solid: Solid) -> None:
+        from petsc4py import PETSc
+        from scipy import sparse
+
+        n, cells = solid.nodes, len(solid.cell_nodes)
+        rows = np.repeat(solid.cell_nodes, 10, axis=1).ravel()
+        columns = np.tile(solid.cell_nodes, (1, 10)).ravel()
+        local = sparse.coo_array((_laplace(solid).ravel(), (rows, columns)), shape=(n, n)).tocsr()
+        index_map = solid.V.dofmap.index_map
+        sizes = index_map.size_local, index_map.size_global
+        self._A = A = PETSc.Mat().create(solid.comm)
+        A.setSizes((sizes, sizes))
+        A.setType("aij")
+        A.setUp()
+        A.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+        numbers = PETSc.LGMap().create(
+            index_map.local_to_global(np.arange(n, dtype=np.int32)).astype(PETSc.IntType), comm=solid.comm
+        )
+        A.setLGMap(numbers, numbers)
+        if cells:
+            A.setValuesLocalCSR(
+                local.indptr.astype(PETSc.IntType), local.indices.astype(PETSc.IntType), local.data,
+                PETSc.InsertMode.ADD,
+            )  # fmt: skip
+        A.assemble()
+        self._ksp = PETSc.KSP().create(solid.comm)
+        self._ksp.setOptionsPrefix(PREFIX)
+        self._ksp.setType("cg")
+        self._ksp.setNormType(PETSc.KSP.NormType.NATURAL)
+        self._ksp.setTolerances(rtol=RTOL, max_it=1000)
+        self._ksp.getPC().setType("gamg")
+        set_defaults(PREFIX, GAMG)
+        self._ksp.setFromOptions()
+
+    def __call__(self, solver: ContactSolver, rate: Floats | None = None) -> dict[str, float]:
+        """Conductance at the last solve; left out where the resistance of the block is all there is."""
+        solid, A = solver.solid, self._A
+        nodes = solver.contact.nodes()
+        if not solid.comm.allreduce(len(nodes)):
+            return {"conductance": 0.0}
+        potential, right = A.createVecs()
+        at_contact = np.zeros(solid.owned)
+        at_contact[nodes] = 1.0
+        potential.array = at_contact
+        A.mult(potential, right)
+        right.scale(-1.0)
+        matrix, y = A.duplicate(copy=True), potential.duplicate()
+        rows = np.union1d(solid.base, nodes) + A.getOwnershipRange()[0]
+        right.array[rows - A.getOwnershipRange()[0]] = 0.0
+        matrix.zeroRowsColumns(rows.astype(np.int32), diag=1.0)
+        self._ksp.setOperators(matrix)
+        self._ksp.solve(right, y)
+        if self._ksp.getConvergedReason() < 0:
+            return {}
+        potential.axpy(1.0, y)
+        A.mult(potential, right)
+        whole = float(potential.dot(right))
+        constriction = without_block(whole, 1.0 / solver.contact_surface.mean(solid.points[:, 2]))
+        return {"conductance": constriction} if constriction == constriction else {}
+
+
+def _laplace(solid: Solid) -> Floats:
+    """Integrals of grad N_i . grad N_j over the owned cells (cells, 10, 10) [L]."""
+    points, weights = quadrature(QUADRATURE_DEGREE)
+    reference = shape_gradients(points)
+    x: Any = solid.mesh.geometry.x[compat.geometry_dofmap(solid.mesh)[: len(solid.cell_nodes)]]
+    jacobian = np.einsum("cni,qnj->cqij", x, reference)
+    gradients = np.einsum("qnj,cqji->cqni", reference, np.linalg.inv(jacobian))
+    volumes = np.abs(np.linalg.det(jacobian)) * weights
+    return np.einsum("cq,cqni,cqmi->cnm", volumes, gradients, gradients, optimize=True)

@@ -1,0 +1,163 @@
+"""Stiffness of the contact at a converged state, with the touched points held: normal and tangential, in units of E L.
+
+A rigid flat that moves by one relative to the block is the same as a base that moves by one relative to the flat, for
+every formulation of the contact, because a rigid motion strains nothing. With e the unit translation, zero where the
+contact prescribes dofs, the displacement relative to the flat is w = e + y, K w = 0 on the free dofs, and the stiffness
+is the energy w.K w. It is stationary: an error of the linear solver counts by its square.
+"""
+
+from __future__ import annotations
+
+from math import nan
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from asperity import _solver
+from asperity.arrays import Floats, Integers
+from asperity.curve import STIFFNESSES
+from asperity.fem.solid import Solid
+from asperity.mesh.distribute import SIDE_X, SIDE_Y
+
+if TYPE_CHECKING:
+    from asperity.quasistatic.contact_solver import ContactSolver
+
+ACCURACY = 1e-4  # greatest relative error that the linear solver leaves
+RTOL = 1e-3  # of the displacement in the energy norm, in one pass
+PASSES = 5  # of the linear solver at most
+FULL = 1e-3  # part of the compliance below which that of the interface is lost in rounding and discretisation
+
+
+def stiffness_of(solver: ContactSolver, rate: Floats | None = None) -> dict[str, float]:
+    """Stiffness at the last solve, before its history is committed; a probe of accepted steps; collective.
+
+    Args:
+        solver: contact solver whose last solve converged
+        rate: change of the displacement with the approach in the step (owned, 3), with which the solution starts
+
+    Returns:
+        by name, in units of E L; what the linear solver does not find is left out
+            k_n: of the loading, with the consistent tangent
+            k_n_elastic: of unloading and small vibration, with the elastic stiffness
+            k_t: tangential, nodes in contact stick to a plate that moves along x and along y; mean of the two, elastic
+            k_n_interface: k_n without the compliance h_b/(A M) of the block; absent where that is all there is
+            k_t_interface: k_t without the compliance h_b/(A G), likewise
+    """
+    solid, contact = solver.solid, solver.contact
+    nodes = contact.nodes()
+    if not solid.comm.allreduce(len(nodes)):
+        return dict.fromkeys(STIFFNESSES, 0.0)
+    held = solver.newton.rows
+    solid.assemble_tangent(contact.add_tangent if contact.stiff else None)
+    normal = _Translation(solver, 2, np.concatenate([solid.fixed, held]), held, contact.symmetric)
+    w = normal.start() if rate is None else normal.start(rate + normal.unit)
+    found = {}
+    found["k_n"], w = normal.force(w)
+    if solid.material.plastic and solid.comm.allreduce(solid.kernels.plastic_points) > 0:
+        solid.assemble_elastic(contact.add_elastic_tangent if contact.stiff else None)
+        found["k_n_elastic"], w = normal.force(w)
+    else:
+        found["k_n_elastic"] = found["k_n"]
+    if contact.stiff:
+        solid.assemble_elastic()
+    plate = (3 * nodes[:, None] + np.arange(3, dtype=np.int32)).ravel()
+    along = []
+    for axis in (0, 1):
+        shear = _Translation(solver, axis, np.union1d(_mirrored(solid, axis), plate), plate, symmetric=True)
+        # the vertical motion decays from the contact as the tangential one does
+        along.append(shear.force(shear.start(w[:, 2:] * shear.unit))[0])
+    found["k_t"] = 0.5 * (along[0] + along[1])
+    height = solver.contact_surface.mean(solid.points[:, 2])
+    for name, modulus in (("k_n", solid.material.block_modulus(solid.sides)), ("k_t", solid.material.lame[1])):
+        found[f"{name}_interface"] = without_block(found[name], modulus / height)
+    return {name: value for name, value in found.items() if value == value}
+
+
+def without_block(whole: float, block: float) -> float:
+    """Stiffness or conductance of two in series without that of the block; NaN where the block is practically all.
+
+    Examples:
+        >>> without_block(whole=1.0, block=2.0)
+        2.0
+    """
+    left = 1.0 - whole / block
+    return whole / left if left > FULL else nan
+
+
+class _Translation:
+    """Motion of the flat by one along an axis.
+
+    Args:
+        solver: of the contact
+        axis: of the translation
+        rows: owned dofs that are prescribed
+        held: those of them that the flat holds
+        symmetric: whether the tangent is
+    """
+
+    def __init__(self, solver: ContactSolver, axis: int, rows: Integers, held: Integers, symmetric: bool) -> None:
+        self._solid, self._linear = solver.solid, solver.newton.linear
+        self._rows, self._symmetric = rows.astype(np.int32), symmetric
+        self.unit = np.eye(3)[axis]
+        e = np.tile(self.unit, (self._solid.owned, 1))
+        e.reshape(-1)[held] = 0.0
+        self._e = e
+
+    def start(self, guess: Floats | None = None) -> Floats:
+        """Displacement relative to the flat (owned, 3): e on prescribed dofs, a guess (owned, 3) or e on the others."""
+        w = self._e.copy()
+        if guess is not None:
+            free = np.ones(w.size, dtype=bool)
+            free[self._rows] = False
+            w.reshape(-1)[free] = np.broadcast_to(guess, w.shape).reshape(-1)[free]
+        return w
+
+    def force(self, w: Floats) -> tuple[float, Floats]:
+        """Force of the flat [E L], NaN where the linear solver fails, and displacement, from a start (owned, 3).
+
+        Each pass of the linear solver reduces the error of the displacement by RTOL; collective.
+        """
+        solid = self._solid
+        r, y = solid.vector(), solid.vector()
+        force, image = self._work(w)
+        for _ in range(PASSES):
+            r.array = -image
+            before = force
+            if not self._linear.solve(r, self._rows, np.empty(0), y, RTOL)[1]:
+                break
+            w = w + y.array_r.reshape(-1, 3)
+            force, image = self._work(w)
+            # the error that is left, for GMRES the correction itself: its norm is not that of the energy
+            left = abs(before - force) * (RTOL**2 if self._symmetric else 1.0)
+            if left <= ACCURACY * abs(force):
+                return force, w
+        return nan, w
+
+    def _work(self, w: Floats) -> tuple[float, Floats]:
+        """Force of the flat, and the nodal forces (3 owned,) of a displacement; collective."""
+        image = _product(self._solid, w)
+        test = w if self._symmetric else self._e  # the forces do the same work on both
+        return float(self._solid.comm.allreduce(float(np.vdot(test, image)))), image
+
+
+def _product(solid: Solid, x: Floats) -> Floats:
+    """Tangent times owned dof values (3 owned,), in double precision; collective."""
+    sparsity, image = solid.sparsity, np.zeros((solid.nodes, 3))
+    _solver.product(sparsity.indptr, sparsity.indices, solid.values, solid.scatter_forward(x), image)
+    return solid.scatter_reverse(image).ravel()
+
+
+def _mirrored(solid: Solid, axis: int) -> Integers:
+    """Owned dofs without displacement when the flat moves along x (0) or y (1).
+
+    Rollers stand for a solid that continues as its mirror image. A shear along x is antisymmetric about the faces
+    normal to x: they move along x only. It is symmetric about the faces normal to y, which stay rollers. Uniform shear
+    is free of stress from the sides, so they hold nothing and the compliance of the block is h_b/(A G). Free sides
+    stay free.
+    """
+    clamped = (3 * solid.base[:, None] + np.arange(3)).ravel()
+    if solid.sides == "free":
+        return clamped.astype(np.int32)
+    across, along = (3 * solid.nodes_on(side) for side in ((SIDE_X, SIDE_Y) if axis == 0 else (SIDE_Y, SIDE_X)))
+    other = 1 - axis
+    return np.unique(np.concatenate([clamped, across + other, across + 2, along + other])).astype(np.int32)

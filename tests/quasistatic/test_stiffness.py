@@ -1,0 +1,200 @@
+"""Stiffness and conductance: closed forms, slopes of the curve, all formulations, any number of ranks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from asperity.curve import STIFFNESSES
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.generate import build_block
+from asperity.model.material import Material
+from asperity.model.settings import Formulation, MeshSize, SolverOptions
+from asperity.output.summary import stiffness_per_area
+from asperity.quasistatic.conductance import Conductance
+from asperity.quasistatic.contact_solver import ContactSolver
+from asperity.quasistatic.solve_contact import make_contact_solver, solve_contact
+from asperity.quasistatic.stiffness import stiffness_of
+from asperity.surface import Flat, Sphere, Surface
+
+NU = 0.3
+ELASTIC = Material(1.0, NU)
+PLASTIC = Material(1.0, NU, 0.005, 0.05)
+FORMULATIONS = [Formulation(), Formulation("penalty"), Formulation("nitsche")]
+EACH = pytest.mark.parametrize("formulation", FORMULATIONS, ids=lambda f: f.method)
+SOLVERS = pytest.mark.parametrize("linear", ["lu", "cg"])
+
+
+def here() -> Any:
+    from mpi4py import MPI
+
+    return MPI.COMM_SELF
+
+
+def world() -> Any:
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD
+
+
+@pytest.fixture
+def press_of(rough: Surface, coarse: BlockMesh | None) -> Callable[..., ContactSolver]:
+    def make(material: Material, formulation: Formulation | None = None, **options: Any) -> ContactSolver:
+        settings = SolverOptions(**options)
+        return make_contact_solver(world(), rough, coarse, material, formulation=formulation, options=settings)
+
+    return make
+
+
+@EACH
+def test_paraboloid(cap: Surface, formulation: Formulation) -> None:
+    """A quarter of a spot of radius a in a corner: 2 E' a, Mindlin's ratio, 4 a, Barber's identity.
+
+    Small spots, so that the walls matter little.
+    """
+    a = 0.004 * np.sqrt([0.5, 1.0])
+    curve = solve_contact(
+        cap, ELASTIC, delta_max=a[-1] ** 2 / 10.0, steps=2, size=MeshSize(a[-1] / 8, growth=0.4, h_max=0.3),
+        formulation=formulation, comm=here(), stiffness=True, conductance=True,
+    ).curve  # fmt: skip
+    E_prime = ELASTIC.reduced_modulus
+    np.testing.assert_allclose(4.0 * curve.k_n, 2.0 * E_prime * a, rtol=0.02)
+    np.testing.assert_allclose(curve.k_n, 1.5 * curve.force / curve.delta, rtol=0.01)  # F grows as the power 3/2
+    np.testing.assert_allclose(curve.k_n_elastic, curve.k_n)
+    np.testing.assert_allclose(curve.k_t_interface / curve.k_n_interface, 2.0 * (1.0 - NU) / (2.0 - NU), rtol=0.03)
+    np.testing.assert_allclose(4.0 * curve.conductance, 4.0 * a, rtol=0.02)
+    np.testing.assert_allclose(curve.conductance, 2.0 * curve.k_n_interface / E_prime, rtol=0.02)
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS[:1], ids=lambda f: f.method)
+@SOLVERS
+def test_a_flat_block_in_full_contact(formulation: Formulation, linear: str) -> None:
+    """Uniform compression and uniform shear: the rollers take no part in the shear, and no interface is left."""
+    surface = Flat(L=1.0)
+    block = build_block(surface, 0.5, lambda x, y, depth: 0.4)
+    solver = make_contact_solver(
+        here(), surface, block, ELASTIC, formulation=formulation, options=SolverOptions(linear=linear)
+    )
+    solver.probes = (stiffness_of, Conductance(solver.solid))
+    assert solver.step(0.001).converged
+    k_n, k_t = ELASTIC.confined_modulus / 0.5, ELASTIC.lame[1] / 0.5
+    assert solver.probed == pytest.approx({"k_n": k_n, "k_n_elastic": k_n, "k_t": k_t}, rel=1e-4)
+
+
+@EACH
+@SOLVERS
+def test_tangents_are_slopes_of_the_force(
+    press_of: Callable[..., ContactSolver], formulation: Formulation, linear: str
+) -> None:
+    """The consistent one of the next solve from the same history, the elastic one of an unloading."""
+    solver = press_of(PLASTIC, formulation, linear=linear, rtol=1e-10)
+    for delta in (0.01, 0.02):
+        assert solver.step(delta).converged
+    delta, move = 0.03, 1e-7
+    assert solver.solve(delta).converged
+    force, found = solver.solved_force(), stiffness_of(solver)
+    assert solver.solve(delta + move).converged
+    assert found["k_n"] == pytest.approx((solver.solved_force() - force) / move, rel=2e-3)
+    assert solver.solve(delta).converged
+    solver.commit(delta)
+    assert solver.step(delta - move).converged
+    assert found["k_n_elastic"] == pytest.approx((force - solver.force) / move, rel=2e-3)
+    assert found["k_n"] < 0.8 * found["k_n_elastic"]
+
+
+@pytest.mark.parametrize("material", [ELASTIC, PLASTIC], ids=["elastic", "plastic"])
+def test_stiffness_changes_no_bit_of_the_curve(rough: Surface, coarse: BlockMesh | None, material: Material) -> None:
+    """And lies between the slopes of an elastic curve before and after each step."""
+    with_, without = (
+        solve_contact(
+            rough, material, block=coarse, comm=world(), delta_max=0.03, steps=5, unload_steps=2, stiffness=on,
+            options=SolverOptions(linear="cg"),
+        ).curve
+        for on in (True, False)
+    )  # fmt: skip
+    for name in ("delta", "force", "area_fraction", "newton", "krylov"):
+        np.testing.assert_array_equal(getattr(with_, name), getattr(without, name))
+    assert all(np.isnan(getattr(without, name)).all() for name in STIFFNESSES)
+    load = with_.loading()
+    slopes = np.diff(load.force) / np.diff(load.delta)
+    if material is ELASTIC:
+        assert np.all((slopes[:-1] < load.k_n[1:-1]) & (load.k_n[1:-1] < slopes[1:]))
+        np.testing.assert_array_equal(load.k_n, load.k_n_elastic)
+    else:
+        first = with_.where(np.arange(len(load) - 1, len(load) + 1))  # the end of the loading and a step of unloading
+        slope = np.diff(first.force)[0] / np.diff(first.delta)[0]
+        assert first.k_n_elastic[1] < slope < first.k_n_elastic[0]
+    assert [getattr(with_, name)[-1] for name in STIFFNESSES] == [0.0] * 5  # lifted off
+
+
+@EACH
+def test_ranks_agree(rough: Surface, coarse: BlockMesh | None, formulation: Formulation) -> None:
+    curves = []
+    for comm in (here(), world()):
+        block = world().bcast(coarse) if comm.size == 1 else coarse
+        result = solve_contact(
+            rough, PLASTIC, block=block, comm=comm, delta_max=0.03, steps=3, formulation=formulation, stiffness=True,
+            conductance=True, options=SolverOptions(linear="cg"),
+        )  # fmt: skip
+        curves.append(result.curve)
+    for name in (*STIFFNESSES, "conductance"):
+        one, all_ = (getattr(curve, name) for curve in curves)
+        np.testing.assert_allclose(all_, one, rtol=1e-3 if name.endswith("interface") else 3e-4)
+
+
+def test_formulations_agree(rough: Surface, coarse: BlockMesh | None) -> None:
+    """To the error of the coarse mesh."""
+    found = []
+    for formulation in FORMULATIONS:
+        result = solve_contact(
+            rough, ELASTIC, block=coarse, comm=world(), delta_max=0.03, steps=2, formulation=formulation,
+            stiffness=True,
+        )  # fmt: skip
+        found.append([getattr(result.curve, name)[-1] for name in ("k_n", "k_n_elastic", "k_t")])
+    np.testing.assert_allclose(found[1:], [found[0]] * 2, rtol=0.07)
+
+
+@EACH
+def test_first_touch(cap: Surface, formulation: Formulation) -> None:
+    """A spot smaller than a facet; all values are there and positive."""
+    curve = solve_contact(
+        cap, ELASTIC, delta_max=2e-4, steps=1, size=MeshSize(0.1, growth=0.5), formulation=formulation, comm=here(),
+        stiffness=True, conductance=True,
+    ).curve  # fmt: skip
+    for name in (*STIFFNESSES, "conductance"):
+        assert 0.0 < getattr(curve, name)[0] < 1.0
+
+
+def test_physical_units_and_summary() -> None:
+    """Stiffness in units of E L, conductance in those of L."""
+    side, E = 2e-6, 2e11
+    unit, physical = (
+        solve_contact(
+            Sphere(L=L, radius=L, shape="paraboloid"), Material(E, NU), delta_max=0.01 * L, steps=1, comm=here(),
+            size=MeshSize(0.1 * L, growth=0.5), stiffness=True, conductance=True,
+        ).curve
+        for L, E in ((1.0, 1.0), (side, E))
+    )  # fmt: skip
+    for name in STIFFNESSES:
+        np.testing.assert_allclose(getattr(physical, name), getattr(unit, name) * E * side, rtol=1e-3)
+    np.testing.assert_allclose(physical.conductance, unit.conductance * side, rtol=1e-6)
+    section = stiffness_per_area(physical, side)["stiffness_per_area"]
+    assert section["k_n"] == physical.k_n[-1] / side**2
+    assert stiffness_per_area(unit.where(unit.delta < 0.0), 1.0) == {}
+
+
+@pytest.mark.parametrize("sides", ["rollers", "free"])
+def test_kernels_agree(wave: Surface, coarse_wave: BlockMesh | None, sides: str) -> None:
+    """Compiled kernels against UFL, on an elastic-plastic solid; a free block is softer."""
+    found = [
+        solve_contact(
+            wave, PLASTIC, block=coarse_wave, comm=world(), delta_max=0.02, steps=2, stiffness=True, kernels=kernels,
+            sides=sides,
+        ).curve
+        for kernels in ("compiled", "ufl")
+    ]  # fmt: skip
+    for name in STIFFNESSES:
+        np.testing.assert_allclose(getattr(found[0], name), getattr(found[1], name), rtol=1e-4)
