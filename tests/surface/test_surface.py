@@ -380,6 +380,18 @@ def test_maximum_in_a_corner():
     assert Slope(L=1.0).maximum() == (0.0, 1.0, 2.0)
 
 
+@pytest.mark.parametrize("order", [3, 4, 5])
+@pytest.mark.parametrize("shape", [(40, 40), (33, 52)])
+def test_the_summit_of_a_noisy_map_is_that_of_the_search_with_one_bound(tmp_path, order, shape):
+    """Between the samples of noise the spline rises far above them; at the edges it has wider cells."""
+    for seed in range(4):
+        np.savez(tmp_path / "map.npz", z=0.01 * np.random.default_rng(seed).normal(size=shape), L=1.0)
+        surface = HeightMap(path=tmp_path / "map.npz", order=order)
+        slow = global_maximum(surface)
+        assert surface.maximum()[2] == pytest.approx(slow[2], rel=1e-13)
+        assert surface.maximum()[:2] == pytest.approx(slow[:2], abs=1e-7)
+
+
 def test_closed_form_maxima():
     assert SURFACES["sphere and cone"].maximum() == (0.3, 0.6, 0.0)
     assert SURFACES["sinusoid"].maximum() == (0.1, 0.7, 0.01)

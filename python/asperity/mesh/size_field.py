@@ -7,7 +7,7 @@ from math import hypot
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import distance_transform_edt, minimum_filter
 from scipy.spatial import cKDTree
 
 from asperity.arrays import Floats
@@ -47,6 +47,33 @@ class FirstContactMap:
         """Approach of first contact at points x, y, any shape: the least of the NEIGHBOURS nearest nodes [length]."""
         _, nearest = cKDTree(self.xy).query(np.stack([x.ravel(), y.ravel()], axis=1), k=NEIGHBOURS)
         return self.touched_at[nearest].min(axis=1).reshape(x.shape)
+
+
+@dataclass(frozen=True)
+class GridContactMap:
+    """Approach of first contact on a regular grid of cells, which resolves the spots of a rough surface.
+
+    Attributes:
+        touched_at: approach at which each cell is touched first, inf for never (n, n), index [iy, ix] [length]
+        side: side of the patch [length]
+
+    Examples:
+        >>> touched_at = np.full((4, 4), np.inf)
+        >>> touched_at[1, 1] = 0.5
+        >>> found = GridContactMap(touched_at, side=1.0)
+        >>> found.depth(np.array([0.3, 0.6, 0.9]), np.array([0.3, 0.6, 0.9])).tolist()
+        [0.5, 0.5, inf]
+    """
+
+    touched_at: Floats
+    side: float
+
+    def depth(self, x: Floats, y: Floats) -> Floats:
+        """Approach of first contact at points x, y, any shape: the least of a cell and its neighbours [length]."""
+        n = len(self.touched_at)
+        near = minimum_filter(self.touched_at, size=3, mode="nearest")
+        column, row = (np.clip((c / self.side * n).astype(int), 0, n - 1) for c in (x, y))
+        return np.asarray(near[row, column])
 
 
 @dataclass(frozen=True)

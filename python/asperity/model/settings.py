@@ -81,7 +81,7 @@ class MeshSize:
     Attributes:
         h_contact: where the surface is touched; None takes H_CONTACT of the side
         growth: of the size per unit of distance from there
-        h_max: greatest size; None takes H_MAX of the side, or less where slopes need it
+        h_max: greatest size; None takes H_MAX of the side
         reach: what a coarse solution has touched; None judges by the heights
         grading: power of the size in the depth and least size over h_contact; None takes the default
 

@@ -32,6 +32,7 @@ from asperity.reference.plastic import (
     kogut_etsion,
     uniaxial_stress,
 )
+from asperity.reference.rough_halfspace import RoughCurve, RoughHalfSpace
 from asperity.reference.tables import (
     FLATTENED_DEPTHS,
     FLATTENED_SPHERE,
@@ -49,6 +50,8 @@ __all__ = [
     "HalfSpaceContact",
     "Hertz",
     "PressurisedSphere",
+    "RoughCurve",
+    "RoughHalfSpace",
     "Westergaard",
     "area_coefficient",
     "block_modulus",

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -89,7 +90,7 @@ def half_space_contact(
     centres = (np.arange(n) + 0.5) * (surface.L / n)
     z = np.asarray(surface.height(centres[None, :], centres[:, None])) / surface.L
     summit = surface.maximum()[2] / surface.L
-    compliance = _compliance(n, None if height is None else height / surface.L, nu)
+    compliance = compliance_of_waves(n, None if height is None else height / surface.L, nu)
     scale = max(float(np.ptp(z)), 1e-300)
 
     def displace(p: Array) -> Array:
@@ -127,7 +128,7 @@ def half_space_contact(
     if delta_star is None:
         flat = float(np.mean((z - displace(p))[p > 0]))
         delta_star = summit - flat
-    return HalfSpaceContact(float(p.mean()), delta_star, _area(p > 0), p, iteration)
+    return HalfSpaceContact(float(p.mean()), delta_star, corrected_area(p > 0), p, iteration)
 
 
 def _check_load(P_star: float | None, delta_star: float | None, height: float | None) -> None:
@@ -140,12 +141,14 @@ def _check_load(P_star: float | None, delta_star: float | None, height: float | 
         raise InputError("delta_star needs the height of the block.")
 
 
-def _compliance(n: int, height: float | None, nu: float) -> Array:
+def compliance_of_waves(
+    n: int, height: float | None, nu: float, sides: Literal["rollers", "free"] = "rollers"
+) -> Array:
     """Return displacement over pressure of each cosine wave (n, n), in units of L and 1/E'.
 
     Half-space: 2/q, and 0 for the mean. Layer bonded to a rigid base, frictionless top (Carbone
     and Mangialardi, J. Mech. Phys. Solids 56 (2008) 684): times S(q h), which tends to the
-    confined compression h E'/M as q -> 0.
+    confined compression h E'/M as q -> 0. Free sides change the mean only, M is then E.
     """
     q = np.hypot(*np.meshgrid(math.pi * np.arange(n), math.pi * np.arange(n)))
     q[0, 0] = 1.0
@@ -159,7 +162,7 @@ def _compliance(n: int, height: float | None, nu: float) -> Array:
     m = 3 - 4 * nu
     layer = (m * tanh - 2 * t * sech) / (m + (5 - 12 * nu + 8 * nu**2 + 2 * t**2) * sech)
     compliance *= layer
-    compliance[0, 0] = height * reduced_modulus(1.0, nu) / block_modulus(1.0, nu)
+    compliance[0, 0] = height * reduced_modulus(1.0, nu) / block_modulus(1.0, nu, sides)
     return compliance
 
 
@@ -183,7 +186,7 @@ def _start(
     return p if P_star is None else p * (P_star / p.mean())
 
 
-def _area(contact: Array) -> float:
+def corrected_area(contact: Array) -> float:
     """Return the contact fraction corrected for the perimeter.
 
     Yastrebov, Anciaux and Molinari, Tribol. Int. 114 (2017) 161: a cell counts when its centre

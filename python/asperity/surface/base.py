@@ -69,6 +69,8 @@ class Surface(ABC):
     kind: ClassVar[str] = ""
     #: Whether slope statistics over the patch describe the contact (False for a single bump).
     rough: ClassVar[bool] = False
+    #: What makes it smoother, for a warning.
+    smoother: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         for f in fields(self):  # NumPy turns integers above 2^63 into arrays of objects
@@ -262,8 +264,8 @@ class Surface(ABC):
         slope = self.rms_slope()
         if slope > limit:
             warnings.warn(
-                f"surface: rms slope {slope:.3g} exceeds {limit:g}; small-strain results are "
-                "approximate (smaller G or larger D is smoother).",
+                f"surface: rms slope {slope:.3g} exceeds {limit:g}; small-strain results are approximate"
+                + (f" ({self.smoother} is smoother)." if self.smoother else "."),
                 SurfaceWarning,
                 stacklevel=3,
             )

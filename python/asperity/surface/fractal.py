@@ -93,6 +93,7 @@ class WeierstrassMandelbrot(Surface):
 
     kind: ClassVar[str] = "weierstrass-mandelbrot"
     rough: ClassVar[bool] = True
+    smoother: ClassVar[str] = "smaller G or larger D"
 
     def __post_init__(self) -> None:
         super().__post_init__()

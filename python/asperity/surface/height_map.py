@@ -62,6 +62,7 @@ class HeightMap(Surface):
 
     kind: ClassVar[str] = "file"
     rough: ClassVar[bool] = True
+    smoother: ClassVar[str] = "a filtered map"
 
     def __post_init__(self) -> None:
         check(isinstance(self.path, (str, Path)), "path", self.path, "the name of a file")

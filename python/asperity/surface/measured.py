@@ -36,6 +36,7 @@ MOST_MISSING = 0.2  # share of heights that may be filled; more would be guesswo
 ALPHA = math.sqrt(math.log(2) / math.pi)  # constant of the Gaussian filter, ISO 16610-61
 
 FLAT = 1e-12  # depth over the side below which a map is flat: that of round-off
+MOST_FACTORED = 400_000  # missing heights that are filled by a factorisation, others by iteration
 STEEPEST = 30.0  # greatest plausible rms slope
 UNITS = {"mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "pm": 1e-12}  # of heights that were read as metres
 USUAL = 0.1  # rms slope of rough surfaces, within a factor of ten
@@ -332,7 +333,7 @@ def _trend(z: Array, trend: str) -> Array:
 def _harmonic_fill(z: Array, gaps: NDArray[np.bool_]) -> Array:
     """Heights (ny, nx) in which each missing value is the mean of its neighbours on the grid (length)."""
     from scipy.sparse import coo_matrix
-    from scipy.sparse.linalg import spsolve
+    from scipy.sparse.linalg import cg, spsolve
 
     ny, nx = z.shape
     number = np.full(z.shape, -1)
@@ -355,5 +356,10 @@ def _harmonic_fill(z: Array, gaps: NDArray[np.bool_]) -> Array:
     matrix = coo_matrix((-np.ones(i.size), (i, j)), shape=(me.size, me.size)).tocsr()
     matrix.setdiag(diagonal)
     full = np.array(z)
-    full[gaps] = spsolve(matrix.tocsc(), right)
+    if me.size <= MOST_FACTORED:
+        full[gaps] = spsolve(matrix.tocsc(), right)
+    else:  # a factor of so many would not fit into memory
+        middle = float(np.mean(z[~gaps]))
+        rise, _ = cg(matrix, right - matrix @ np.full(me.size, middle), rtol=1e-4, maxiter=1000)
+        full[gaps] = middle + rise
     return full

@@ -82,6 +82,7 @@ class SelfAffine(Surface):
 
     kind: ClassVar[str] = "self-affine"
     rough: ClassVar[bool] = True
+    smoother: ClassVar[str] = "a smaller height or slope"
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,0 +1,53 @@
+"""Heights of the top of a mesh on a regular grid."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from asperity.arrays import Floats
+from asperity.mesh.block import NEAR, BlockMesh
+from asperity.mesh.tet10 import outer_faces
+
+if TYPE_CHECKING:
+    from asperity.surface import Surface
+
+
+def heights_of_top(block: BlockMesh, surface: Surface, n: int) -> Floats:
+    """Heights of the second-order facets of the top, on the scale of the surface, at the centres of n x n cells.
+
+    Args:
+        block: mesh of the block
+        surface: the top it was made for
+        n: cells per side
+
+    Returns:
+        Heights (n, n), index [iy, ix] [L]. They are those of `surface` at the nodes whose heights are exact.
+    """
+    from matplotlib.tri import Triangulation
+
+    L = block.side
+    on_top = np.abs(block.heights(surface) - block.points[:, 2]) < NEAR * L
+    faces = outer_faces(block.tets)
+    faces = faces[on_top[faces].all(axis=1)]
+    corners, numbers = np.unique(faces[:, :3], return_inverse=True)
+    xy = block.points[:, :2] / L
+    finder = Triangulation(*xy[corners].T, numbers.reshape(-1, 3)).get_trifinder()
+    centres = (np.arange(n) + 0.5) / n
+    x, y = (c.ravel() for c in np.meshgrid(centres, centres))
+    nodes = faces[finder(x, y)]
+    a, b, c = (xy[nodes[:, k]] for k in range(3))
+    p = np.column_stack([x, y])
+    area = _cross(b - a, c - a)
+    second, third = _cross(p - a, c - a) / area, _cross(b - a, p - a) / area
+    first = 1.0 - second - third
+    z = (block.points[:, 2] - block.height + surface.mean()) / L
+    corner = ((first, 0), (second, 1), (third, 2))
+    edge = ((first * second, 3), (second * third, 4), (third * first, 5))
+    total = sum(w * (2.0 * w - 1.0) * z[nodes[:, k]] for w, k in corner)
+    return np.asarray(total + sum(4.0 * w * z[nodes[:, k]] for w, k in edge)).reshape(n, n)
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])

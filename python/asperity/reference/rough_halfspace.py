@@ -1,0 +1,137 @@
+"""Force and area of a rough half-space over the approach, from heights on a grid, with the pressure capped at a hardness.
+
+It sees every spot of a surface in seconds, where a finite element mesh needs elements smaller than the spots.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from asperity.arrays import Array, Floats
+from asperity.errors import InputError
+from asperity.reference.halfspace import compliance_of_waves, corrected_area
+from asperity.surface import Surface
+
+HARDNESS = 3.0  # of a full plastic indentation over the yield strength; Tabor, The Hardness of Metals (1951)
+_ITERATIONS = 200  # at one approach; what is left then is far below the use of the result
+
+
+@dataclass(frozen=True)
+class RoughHalfSpace:
+    """Rigid flat on a layer with sides u.n = 0, small slopes, elastic up to a greatest pressure.
+
+    The pressure minimises the complementary energy under 0 <= p <= hardness (Almqvist, Sahlin, Larsson & Glavatskih,
+    Tribol. Int. 40 (2007) 574), by projected conjugate gradients with a cosine transform.
+
+    Attributes:
+        n: cells per side of the patch
+        height: thickness of the layer [L]
+        nu: Poisson's ratio
+        sides: "rollers" or "free"; free sides change the compression of the layer only
+        hardness: greatest pressure over E', inf for an elastic layer
+
+    Examples:
+        >>> surface = asp.reference.rough_elastic_surface()
+        >>> layer = asp.reference.RoughHalfSpace(n=64, height=1.0, nu=0.3)
+        >>> curve = layer.curve(layer.heights(surface), surface.maximum()[2] / surface.L, [0.01, 0.02])
+        >>> curve.P_star.round(4), bool(curve.area_fraction[0] < curve.area_fraction[1])
+        (array([0.002 , 0.0065]), True)
+    """
+
+    n: int
+    height: float
+    nu: float
+    sides: str = "rollers"
+    hardness: float = np.inf
+
+    def heights(self, surface: Surface) -> Floats:
+        """Heights at the centres of the cells (n, n), index [iy, ix] [L]."""
+        centres = (np.arange(self.n) + 0.5) * (surface.L / self.n)
+        rows = max(1, 2**18 // self.n)
+        parts = [
+            surface.height(centres[None, :], centres[i : i + rows, None]) / surface.L for i in range(0, self.n, rows)
+        ]
+        return np.asarray(np.concatenate(parts))
+
+    def curve(self, heights: Floats, summit: float, delta_star: Floats | list[float], tolerance: float = 1e-3) -> RoughCurve:
+        """Press the layer to ascending approaches.
+
+        Args:
+            heights: of the surface at the centres of the cells (n, n) [L]
+            summit: height that the flat touches first [L]
+            delta_star: ascending approaches from there (k,) [L]
+            tolerance: largest gap in contact and penetration elsewhere, over the greatest approach
+
+        Raises:
+            InputError: the approaches do not ascend from above zero
+        """
+        delta = np.asarray(delta_star, dtype=float)
+        if not (len(delta) and delta[0] > 0.0 and np.all(np.diff(delta) > 0.0)):
+            raise InputError(f"delta_star = {delta.tolist()} must ascend from above 0")
+        compliance = compliance_of_waves(self.n, self.height, self.nu, self.sides)  # type: ignore[arg-type]
+        p = np.zeros_like(heights)
+        touched_at = np.full(heights.shape, np.inf)
+        force, area = [], []
+        for d in delta:
+            p = _press(p, heights - (summit - d), compliance, self.hardness, tolerance * delta[-1])
+            touched_at[(p > 0.0) & np.isinf(touched_at)] = d
+            force.append(float(p.mean()))
+            area.append(max(corrected_area(p > 0.0), 0.0))
+        return RoughCurve(delta, np.array(force), np.array(area), touched_at)
+
+
+@dataclass(frozen=True)
+class RoughCurve:
+    """Curve of a `RoughHalfSpace`.
+
+    Attributes:
+        delta_star: approach over L (k,)
+        P_star: mean pressure over E' (k,)
+        area_fraction: true over nominal area of contact, corrected for the perimeter (k,)
+        touched_at: first of the approaches at which each cell is in contact, inf for never (n, n) [L]
+    """
+
+    delta_star: Floats
+    P_star: Floats
+    area_fraction: Floats
+    touched_at: Floats
+
+
+def _press(start: Array, penetration: Array, compliance: Array, hardness: float, tolerance: float) -> Array:
+    """Pressure over E' (n, n) under a flat that the undeformed surface penetrates by `penetration` (n, n) [L].
+
+    Args:
+        start: pressure to start from (n, n)
+        penetration: of the undeformed surface [L]
+        compliance: of each cosine wave (n, n) [L]
+        hardness: greatest pressure over E'
+        tolerance: largest gap in contact and penetration elsewhere [L]
+    """
+    from scipy.fft import dctn, idctn
+
+    def displace(p: Array) -> Array:
+        return np.asarray(idctn(compliance * dctn(p, type=2), type=2))
+
+    p = np.clip(start if start.any() else np.maximum(penetration, 0.0) / compliance.max(), 0.0, hardness)
+    direction, previous, conjugate = np.zeros_like(p), 1.0, False
+    for _ in range(_ITERATIONS):
+        gap = displace(p) - penetration
+        full = (p >= hardness) & (gap < 0.0)  # flows under the greatest pressure
+        free = (p > 0.0) & ~full
+        outside = -float(gap[~full].min(initial=0.0))
+        if max(float(np.abs(gap[free]).max(initial=0.0)), outside) <= tolerance:
+            break
+        square = float(np.sum(gap[free] ** 2))
+        direction = np.where(free, gap + (square / previous if conjugate else 0.0) * direction, 0.0)
+        previous = square or 1.0
+        image = displace(direction)
+        curvature = float(np.sum(image[free] * direction[free]))
+        step = float(np.sum(gap[free] * direction[free])) / curvature if curvature > 0.0 else 0.0
+        new = np.clip(p - step * direction, 0.0, hardness)
+        overlap = (new == 0.0) & (gap < 0.0)
+        new[overlap] -= (step or 1.0 / compliance.max()) * gap[overlap]
+        conjugate = not overlap.any() and bool(np.all((new >= hardness) == (p >= hardness)))
+        p = np.minimum(new, hardness)
+    return p
