@@ -13,7 +13,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asperity.adaptive.mesh_plan import FIRST, GUIDE, STEP_ORDERS, cheapest_substeps, growth, meshes, planned_steps
+from asperity.adaptive.mesh_plan import (
+    FIRST,
+    GUIDE,
+    SMALLEST_RATIO,
+    STEP_ORDERS,
+    cheapest_substeps,
+    growth,
+    meshes,
+    planned_steps,
+)
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.resolution import resolving_size
@@ -181,8 +190,8 @@ def _plan(case: Case) -> Iterator[tuple[float, int]]:
     assert delta is not None
     finest = resolving_size(case.build_surface(), delta, wanted, FIRST * GUIDE * L) / L
     sizes = list(meshes(TYPICAL_BAR, left))
-    if sizes[-1] > finest:  # then two meshes miss the same waves
-        sizes = [*(h for h in sizes if h >= FIRST * GUIDE), finest]
+    if sizes[-1] > finest:  # the waves that the last mesh leaves out take a finer one
+        sizes.append(max(finest, sizes[-1] / SMALLEST_RATIO))
     for k, h in enumerate(sizes):
         if k == 1 and plastic:  # the second mesh measures the error of the steps, with two parts at the least
             yield from ((h * L, steps(2**n)) for n in range(max(int(log2(substeps)), 1) + 1))

@@ -12,7 +12,7 @@ from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.size_field import FirstContactMap
 from asperity.model.problem import Problem
-from asperity.model.settings import AccuracyTarget, MeshSize
+from asperity.model.settings import AccuracyTarget, ApproachMap, MeshSize
 from asperity.quasistatic.solve_contact import (
     ContactResult,
     Hooks,
@@ -52,17 +52,22 @@ class Runner:
     def __init__(self, problem: Problem, max_dofs: int, comm: MPI.Comm, hooks: Hooks) -> None:
         self._problem, self._max_dofs, self._comm, self._hooks = problem, max_dofs, comm, hooks
         self._start = perf_counter()
-        self._reach: FirstContactMap | None = None
+        self._reach: ApproachMap | None = None
         self._depth = problem.load_path.delta_max  # that meshes are made for [length]
         self._made: tuple[float, BlockMesh | None] | None = None  # the last mesh and its size [length]
         self._guide: ContactResult | None = None  # until the first mesh that it guides
         self.levels: list[Level] = []
 
-    def aim(self, guide: ContactResult) -> None:
-        """Make the meshes from here on for what the guide touched."""
+    def aim(self, guide: ContactResult, spots: ApproachMap | None = None) -> None:
+        """Make the meshes from here on for what is touched.
+
+        Args:
+            guide: result of the first mesh
+            spots: what is touched, on rank 0; None takes what the guide touched
+        """
         L = self._problem.surface.L
         xy, touched_at = guide.touched_at()
-        self._reach = FirstContactMap(xy * L, touched_at * L) if len(xy) else None  # on rank 0, where meshes are made
+        self._reach = spots or (FirstContactMap(xy * L, touched_at * L) if len(xy) else None)  # rank 0 makes the meshes
         self._depth = float(guide.curve.loading().delta[-1])
         self._made, self._guide = None, guide
 

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from math import ceil, inf, isfinite, log, nan
+from functools import partial
+from math import inf, isfinite, nan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +23,6 @@ from asperity.adaptive.mesh_plan import (
     FIRST,
     FIRST_STEP,
     GUIDE,
-    LARGEST_RATIO,
     LEAST_STEP,
     STEP_ORDERS,
     cheapest_substeps,
@@ -35,9 +35,11 @@ from asperity.adaptive.mesh_plan import (
     safety_of,
     scatter,
 )
+from asperity.adaptive.roughness import AREA_BAR, FORCE_BAR, Omission, Roughness
 from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.errors import InputError, Interrupted, MeshError
+from asperity.mesh.block import BlockMesh
 from asperity.mesh.resolution import advice, resolving_size
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
 from asperity.model.material import Material
@@ -45,6 +47,7 @@ from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget, penalty_too_soft
 from asperity.quasistatic.solve_contact import ContactResult, Hooks, PartialResult
 from asperity.quasistatic.stepping import Callback
+from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.surface import Surface
 
 if TYPE_CHECKING:
@@ -62,6 +65,7 @@ class Budget:
 
     Attributes:
         mesh: of the element size, the quadrature included, which the extrapolation removes with it
+        roughness: of the waves that the mesh leaves out
         load_step: of the integration of plasticity along the path
         algebraic: of the equations left unsolved, from the balance of forces
 
@@ -72,22 +76,23 @@ class Budget:
     """
 
     mesh: Floats
+    roughness: Floats
     load_step: Floats
     algebraic: Floats
 
     @property
     def total(self) -> Floats:
         """Sum of the parts."""
-        return self.mesh + self.load_step + self.algebraic
+        return self.mesh + self.roughness + self.load_step + self.algebraic
 
     def to_dict(self) -> dict[str, list[float]]:
         """Columns of the budget for summary.json."""
-        return {k: getattr(self, k).tolist() for k in ("mesh", "load_step", "algebraic", "total")}
+        return {k: getattr(self, k).tolist() for k in ("mesh", "roughness", "load_step", "algebraic", "total")}
 
     @staticmethod
     def unknown(rows: int) -> Budget:
         """The budget of a force that has no error bar."""
-        return Budget(*(np.full(rows, nan) for _ in range(3)))
+        return Budget(*(np.full(rows, nan) for _ in range(4)))
 
 
 @dataclass(frozen=True)
@@ -250,11 +255,12 @@ def refine(
         raise InputError(soft)
     steps = planned_steps(problem.load_path.steps)
     planned = replace(problem, load_path=replace(problem.load_path, steps=steps))
-    run = Runner(planned, goal.max_dofs, MPI.COMM_WORLD if comm is None else comm, hooks or Hooks())
+    comm = MPI.COMM_WORLD if comm is None else comm
+    run = Runner(planned, goal.max_dofs, comm, hooks or Hooks())
     guide = run(GUIDE)
-    run.aim(guide)
     depth = float(guide.curve.loading().delta[-1])
-    finest = resolving_size(surface, depth, goal.tolerance, FIRST * GUIDE * surface.L) / surface.L
+    roughness = on_root(comm, partial(_roughness, planned, depth, goal.tolerance))
+    run.aim(guide, None if roughness is None else roughness.contact_map())
     whole, path, substeps, stopped = guide.curve, None, 1, ""
     del guide
     if material.plastic:
@@ -270,15 +276,15 @@ def refine(
         judged = _judged(result.curve, steps)
         coarse = partner(sizes)
         settled = _without_path_error(result.curve, path, level.substeps)
-        # a mesh that misses waves is as rough a partner as the guide
-        ratio, safety = sizes[coarse] / sizes[-1], safety_of(coarse == 0 or sizes[coarse] > 1.01 * finest)
+        ratio, safety = sizes[coarse] / sizes[-1], safety_of(coarse == 0)
         path_bar = path.bar[level.substeps] if path else None
         algebraic = result.checks.force_balance
-        curve, budget = _correct(settled, curves[coarse], ratio, safety, judged, path_bar, algebraic)
+        missed = on_root_bcast(comm, partial(_left_out, roughness, result.block))
+        curve, budget = _correct(settled, curves[coarse], ratio, safety, judged, path_bar, algebraic, missed)
         worst = worst_error(curve, steps)
         unresolved = curve.unresolved() or curves[coarse].unresolved()
         at = curve.delta_star[judged]
-        mesh = relative(budget.mesh[judged], curve.P_star[judged])
+        mesh = relative((budget.mesh + budget.roughness)[judged], curve.P_star[judged])
         of_steps = path.bar[substeps].at(at) if path else np.zeros(len(at))
         rest = algebraic + of_steps
         left = np.maximum(goal.tolerance - rest, 0.1 * goal.tolerance)  # for the mesh, when the load steps have theirs
@@ -288,17 +294,8 @@ def refine(
         room = (goal.max_dofs / result.dofs) ** (1.0 / run.growth_of_dofs())
         known = f"the force is known to {worst:.2%}, not to the {goal.tolerance:.2%} of accuracy.tolerance"
         limit = ""
-        if sizes[-1] > 1.01 * finest:  # two meshes that miss the same waves agree with each other
-            meshes_left = ceil(log(sizes[-1] / finest) / log(LARGEST_RATIO))
-            wanted = min(wanted, sizes[-1] * (finest / sizes[-1]) ** (1.0 / meshes_left))
-            unresolved = f"elements of {level.h:.3g} miss waves of the surface, which a smaller tolerance does not fix"
-            limit = run.limit(goal, sizes[-1], min(finest, sizes[-1] / LEAST_STEP), substeps)
-            if limit:
-                limit = (
-                    f"they take elements of {finest * surface.L:.3g}, {limit}; or {advice(level.h / max(room, 1.0))}"
-                )
-        elif not unresolved:
-            limit = _beside_the_mesh(algebraic, float(of_steps.max()), goal.tolerance, stopped)
+        if not unresolved:
+            limit = _limit_of_steps(algebraic, float(of_steps.max()), goal.tolerance, stopped)
         if unresolved:
             known, worst = f"the force has no error bar, {unresolved}", nan
             curve = replace(result.curve, error_P_star=np.full(len(curve), nan))
@@ -311,6 +308,8 @@ def refine(
         size = max(wanted, sizes[-1] / max(room, LEAST_STEP))
         limit = limit or run.limit(goal, sizes[-1], wanted if room < LEAST_STEP else size, substeps)
         if limit:
+            if missed is not None:
+                limit += f"; waves shorter than the elements limit it too, {advice(level.h / max(room, 1.0))}"
             return replace(found, met=False, reason=f"{known}: {limit}")
         curves.append(settled)
         try:
@@ -327,7 +326,7 @@ def refine(
             return replace(found, met=False, reason=f"{known}: {failed}")
 
 
-def _beside_the_mesh(algebraic: float, of_steps: float, tolerance: float, stopped: str) -> str:
+def _limit_of_steps(algebraic: float, of_steps: float, tolerance: float, stopped: str) -> str:
     """Why no mesh meets the tolerance; empty when one may.
 
     Args:
@@ -448,7 +447,9 @@ def _rows_of_loading(loading: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
 def _scaled(curve: Curve, factor: Floats) -> Curve:
     """A curve with the forces of its first loading times a factor (n,), those of later branches times its last one."""
     of_row = factor[_rows_of_loading(curve.branch == "load")]
-    return replace(curve, force=curve.force * of_row, P_star=curve.P_star * of_row)
+    return replace(
+        curve, force=curve.force * of_row, P_star=curve.P_star * of_row, mean_pressure=curve.mean_pressure * of_row
+    )
 
 
 def _area_error(curve: Curve, delta_star: Floats) -> Floats:
@@ -467,6 +468,7 @@ def _correct(
     judged: npt.NDArray[np.bool_],
     path: _Along | None,
     algebraic: float,
+    missed: Omission | None,
 ) -> tuple[Curve, Budget]:
     """Extrapolated curve of the finest level with its error bars.
 
@@ -479,6 +481,7 @@ def _correct(
         judged: rows whose bars are; those before have larger ones that say nothing about their neighbours
         path: relative error left of the load steps
         algebraic: relative error of the equations left unsolved
+        missed: what the mesh leaves out of a rough surface; corrects the area
     """
     loading = fine.branch == "load"
     at = fine.delta_star[loading]
@@ -492,7 +495,33 @@ def _correct(
     mesh_bar = np.maximum(mesh_bar, scatter(_area_error(coarse, at), _area_error(fine, at), ratio))
     path_bar = np.zeros(len(raw)) if path is None else path.at(at)
     rows = _rows_of_loading(loading)
+    rough_bar: Floats = np.zeros(len(raw))
+    if missed is not None:
+        of_force, of_area = missed.at(at)
+        rough_bar = FORCE_BAR * np.abs(of_force)
+        curve = _with_area(curve, of_area[rows])
     P = curve.P_star
     scale = np.where(loading, P, P[loading][-1])
-    budget = Budget(mesh_bar[rows] * scale, path_bar[rows] * scale, np.full(len(P), algebraic) * scale)
+    mesh_bar, rough_bar, path_bar = (bar[rows] * scale for bar in (mesh_bar, rough_bar, path_bar))
+    budget = Budget(mesh_bar, rough_bar, path_bar, np.full(len(P), algebraic) * scale)
     return replace(curve, error_P_star=budget.total), budget
+
+
+def _with_area(curve: Curve, change: Floats) -> Curve:
+    """A curve whose areas of contact are corrected by a relative change in each row (n,), with its error bar."""
+    area, error = (column * (1.0 + change) for column in (curve.area_fraction, curve.error_area_fraction))
+    pressure = np.divide(curve.mean_pressure, 1.0 + change)
+    error = error + AREA_BAR * np.abs(area - curve.area_fraction)
+    return replace(curve, area_fraction=area, error_area_fraction=error, mean_pressure=pressure)
+
+
+def _roughness(problem: Problem, depth: float, tolerance: float) -> Roughness | None:
+    """The half-space of a surface whose waves coarse meshes miss, None of a smooth surface; in one process."""
+    largest = FIRST * GUIDE * problem.surface.L
+    if resolving_size(problem.surface, depth, tolerance, largest) == inf:
+        return None
+    return Roughness(problem, depth, problem.load_path.steps)
+
+
+def _left_out(roughness: Roughness | None, block: BlockMesh | None) -> Omission | None:
+    return None if roughness is None or block is None else roughness.left_out(block)

@@ -20,6 +20,7 @@ FLAT = 1e-12  # difference of depths below which a surface touches the flat ever
 #: Exponent of the size in the depth, and least size over h_contact. A spot grows with the root of the depth. With a
 #: first-contact map, a larger exponent equalises the errors of the load steps of a rough surface (docs/accuracy.md).
 GRADING, GUIDED = (0.5, 0.2), (0.75, 0.15)
+GRID = 257  # nodes per side of the grid on which the region of each size is found
 NEIGHBOURS = 6  # nodes of a facet: adds a margin of one element around the nodes that were touched
 
 
@@ -42,6 +43,11 @@ class FirstContactMap:
 
     xy: Floats
     touched_at: Floats
+
+    @property
+    def resolution(self) -> int:
+        """See `ApproachMap`."""
+        return GRID
 
     def depth(self, x: Floats, y: Floats) -> Floats:
         """Approach of first contact at points x, y, any shape: the least of the NEIGHBOURS nearest nodes [length]."""
@@ -67,6 +73,11 @@ class GridContactMap:
 
     touched_at: Floats
     side: float
+
+    @property
+    def resolution(self) -> int:
+        """See `ApproachMap`."""
+        return max(len(self.touched_at) + 1, GRID)
 
     def depth(self, x: Floats, y: Floats) -> Floats:
         """Approach of first contact at points x, y, any shape: the least of a cell and its neighbours [length]."""
@@ -120,7 +131,7 @@ class SizeField:
         first_contact: ApproachMap | None = None,
         grading: tuple[float, float] | None = None,
         levels: int = 8,
-        grid: int = 257,
+        grid: int | None = None,
     ) -> SizeField:
         """Build the field for a flat that moves by `delta_max` from first contact.
 
@@ -135,9 +146,10 @@ class SizeField:
                 lower bound of it
             grading: power p, and least size over h_contact; default GRADING, or GUIDED with a first-contact map
             levels: number of different sizes on the surface, K
-            grid: nodes per side of the regular grid, n
+            grid: nodes per side of the regular grid, n; default GRID, or what the first-contact map resolves
         """
         L = surface.L
+        grid = grid or (GRID if first_contact is None else first_contact.resolution)
         delta_max, h_contact = rounded(delta_max / L), rounded(h_contact / L)
         x0, y0, side, gap = _contact_window(surface, delta_max, grid)
         if first_contact is not None:

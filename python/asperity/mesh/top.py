@@ -33,10 +33,10 @@ def heights_of_top(block: BlockMesh, surface: Surface, n: int) -> Floats:
     faces = faces[on_top[faces].all(axis=1)]
     corners, numbers = np.unique(faces[:, :3], return_inverse=True)
     xy = block.points[:, :2] / L
-    finder = Triangulation(*xy[corners].T, numbers.reshape(-1, 3)).get_trifinder()
+    finder = Triangulation(xy[corners, 0], xy[corners, 1], numbers.reshape(-1, 3)).get_trifinder()
     centres = (np.arange(n) + 0.5) / n
     x, y = (c.ravel() for c in np.meshgrid(centres, centres))
-    nodes = faces[finder(x, y)]
+    nodes = faces[np.asarray(finder(x, y))]
     a, b, c = (xy[nodes[:, k]] for k in range(3))
     p = np.column_stack([x, y])
     area = _cross(b - a, c - a)

@@ -70,6 +70,10 @@ def gamma_too_small(gamma: float, theta: int) -> str:
 class ApproachMap(Protocol):
     """Approach at which each point of a surface is touched first."""
 
+    @property
+    def resolution(self) -> int:
+        """Points per side of a grid that shows it."""
+
     def depth(self, x: Floats, y: Floats) -> Floats:
         """Approach that touches the points (x, y), in their shape [length]."""
 

@@ -1,4 +1,4 @@
-"""Force and area of a rough half-space over the approach, from heights on a grid, with the pressure capped at a hardness.
+"""Force and area of a rough half-space over the approach, from heights on a grid, with a greatest pressure.
 
 It sees every spot of a surface in seconds, where a finite element mesh needs elements smaller than the spots.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from asperity.arrays import Array, Floats
 from asperity.errors import InputError
@@ -55,7 +56,7 @@ class RoughHalfSpace:
         ]
         return np.asarray(np.concatenate(parts))
 
-    def curve(self, heights: Floats, summit: float, delta_star: Floats | list[float], tolerance: float = 1e-3) -> RoughCurve:
+    def curve(self, heights: Floats, summit: float, delta_star: ArrayLike, tolerance: float = 1e-3) -> RoughCurve:
         """Press the layer to ascending approaches.
 
         Args:

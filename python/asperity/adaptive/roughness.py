@@ -1,0 +1,94 @@
+"""What a mesh leaves out of a rough surface: its top against the whole surface, both pressed as half-spaces.
+
+Elements larger than the shortest waves see these waves at their nodes only, and the spots under the flat are too large.
+Two such meshes may agree by chance. A half-space with all waves is solved in seconds, and so is one with the heights of
+the mesh. Their ratio shows what the mesh leaves out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import log2
+
+import numpy as np
+
+from asperity.arrays import Floats
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.size_field import GridContactMap
+from asperity.mesh.top import heights_of_top
+from asperity.model.problem import Problem
+from asperity.reference import RoughCurve, RoughHalfSpace
+from asperity.reference.rough_halfspace import HARDNESS
+
+CELLS = 128, 1024  # fewest and most per side
+PER_WAVE = 4  # cells per shortest wave
+MOST_STEPS = 10  # at which both curves are computed
+FORCE_BAR = 0.5  # bar over the change of the force; elements too stiff make up for a part of it (docs/accuracy.md)
+AREA_BAR = 0.3  # bar over the change of the area, which is corrected
+MOST = 10.0  # change beyond which nothing is known
+
+
+@dataclass(frozen=True)
+class Omission:
+    """What the roughness left out by a mesh changes, at ascending approaches.
+
+    Attributes:
+        delta_star: approaches (k,) [L]
+        force: force with all waves over that on the top of the mesh, minus 1 (k,)
+        area: the same of the area of contact (k,)
+    """
+
+    delta_star: Floats
+    force: Floats
+    area: Floats
+
+    def at(self, delta_star: Floats) -> tuple[Floats, Floats]:
+        """Changes of force and area at other approaches."""
+        return tuple(np.interp(delta_star, self.delta_star, change) for change in (self.force, self.area))  # type: ignore[return-value]
+
+
+class Roughness:
+    """Half-space with all waves of the surface of a problem, in one process.
+
+    Args:
+        problem: what is pressed
+        depth: greatest approach [length]
+        steps: planned load steps
+    """
+
+    def __init__(self, problem: Problem, depth: float, steps: int) -> None:
+        self._surface, material = problem.surface, problem.material
+        L = self._surface.L
+        waves = PER_WAVE * L / self._surface.feature_size
+        n = int(np.clip(2 ** np.ceil(log2(waves)), *CELLS))
+        hardness = np.inf
+        if material.yield_strength is not None:
+            hardness = HARDNESS * material.yield_strength / material.reduced_modulus
+        self._layer = RoughHalfSpace(n, problem.height / L, material.nu, problem.sides, hardness)
+        self._summit = self._surface.maximum()[2] / L
+        self._delta_star = depth / L * np.linspace(1.0 / steps, 1.0, min(steps, MOST_STEPS))
+
+    @cached_property
+    def _whole(self) -> RoughCurve:
+        return self._layer.curve(self._layer.heights(self._surface), self._summit, self._delta_star)
+
+    def contact_map(self) -> GridContactMap:
+        """Approach at which each point of the surface is touched first."""
+        return GridContactMap(self._whole.touched_at * self._surface.L, self._surface.L)
+
+    def left_out(self, block: BlockMesh) -> Omission:
+        """What the top of a mesh leaves out."""
+        heights = heights_of_top(block, self._surface, self._layer.n)
+        mesh = self._layer.curve(heights, self._summit, self._delta_star)
+        return Omission(
+            self._delta_star,
+            _change(self._whole.P_star, mesh.P_star),
+            _change(self._whole.area_fraction, mesh.area_fraction),
+        )
+
+
+def _change(whole: Floats, part: Floats) -> Floats:
+    """Ratio of two curves minus 1, no more than MOST; 0 where both vanish."""
+    ratio = np.divide(whole, part, out=np.where(whole > 0.0, np.inf, 1.0), where=part > 0.0)
+    return np.minimum(ratio - 1.0, MOST)
