@@ -422,7 +422,7 @@ What n measures here. The surface alone stiffens under load (n well above 1: mor
 the block below it is nearly linear (n = 1), and the two act in series. Over one range of approach a
 smoother surface is flattened earlier, the block makes up more of the curve, and n falls towards 1: that is
 the effect of roughness in T2. When the range is scaled with the heights, the whole elastic problem is similar
-and n stays, whatever G is.
+and n does not change with G.
 
 ## Force against approach
 

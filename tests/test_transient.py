@@ -281,7 +281,7 @@ def test_plate_that_leaves_the_block_flies_freely(bump: tuple[Surface, TableLaw]
 
 
 def test_plastic_block_dissipates_and_balances(bump: tuple[Surface, TableLaw]) -> None:
-    """Dropped on virgin asperities the plate loses energy to plastic flow, and the books still balance."""
+    """Dropped on virgin asperities the plate loses energy to plastic flow, and its balance of energy holds."""
     surface = bump[0]
     solver = press_on(surface, 0.35, Material(1.0, NU, 0.02, 0.05))
     assert solver.step(0.01).converged

@@ -119,7 +119,7 @@ def cost(points: list[Point], target: float) -> Cost | None:
 
     The line is straight in logarithms between two runs; a run with a small error does not count where a more expensive
     one has a larger one again: nobody knows beforehand which mesh is lucky. Beyond the most expensive run the line is
-    that of the last two. None where it does not fall, or too slowly to tell.
+    that of the last two. None where it does not fall, or too slowly.
     """
     done = sorted((p for p in points if np.isfinite(p.error)), key=lambda p: p.run.cpu)
     if len(done) < 2:

@@ -25,7 +25,7 @@ LOADER = "ld-linux-x86-64.so.2"
 
 @dataclass(frozen=True)
 class Run:
-    """What a run gave.
+    """Result of a run.
 
     Attributes:
         program, material, mesh: which one
@@ -71,7 +71,7 @@ class Job:
         return "-".join([self.program, self.material, self.mesh]).replace(" ", "_")
 
     def kept(self, folder: Path) -> Run | None:
-        """What an earlier run left."""
+        """Result of an earlier run."""
         file = folder / "runs" / f"{self._name}.json"
         return Run(**json.loads(file.read_text(encoding="utf-8"))) if file.exists() else None
 

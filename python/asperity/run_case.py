@@ -176,12 +176,12 @@ class _Job:
 
     @cached_property
     def writer(self) -> RunFiles:
-        """Of this rank."""
+        """Writer of the files; of rank 0 only."""
         return RunFiles(self.case, self.folder if self.comm.rank == 0 else None)
 
     @cached_property
     def checkpoint(self) -> Checkpoint | None:
-        """Of the run, where it has a folder."""
+        """Checkpoint of the run, if it has a folder."""
         from asperity.quasistatic.checkpoint import Checkpoint
         from asperity.quasistatic.checkpoint_identity import identity
 
@@ -286,7 +286,7 @@ class _Job:
         return result
 
     def _after(self, result: RunResult, finished: bool) -> RunResult:
-        """What follows a complete curve: fields, dynamics, figures, report; on rank 0 except for the gathering."""
+        """Write what follows a complete curve: fields, dynamics, figures, report; collective."""
         from asperity.output.distributions import write_distributions
         from asperity.output.fields import gather_states, write_figure_data, write_vtkhdf
 

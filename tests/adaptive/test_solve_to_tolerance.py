@@ -225,7 +225,7 @@ def test_a_tolerance_under_force_control_with_unloading_refines_where_the_load_w
 
 
 def test_load_steps_are_extrapolated_by_the_order_of_the_integrator() -> None:
-    """Backward Euler is of first order: its steps leave more, which the bar tells, and the limit is the same."""
+    """Backward Euler is of first order: its steps have larger errors and bars, and the limit is the same."""
     midpoint, euler = (
         solve_to_tolerance(bump(), PLASTIC, Goal(0.2), delta_max=0.04, steps=3, integrator=rule)
         for rule in ("midpoint", "backward-euler")

@@ -386,7 +386,7 @@ def test_a_state_that_is_none_is_refused_on_every_rank(
 
 
 def test_what_was_changed_after_it_was_saved_is_refused(plastic_state: Path, tmp_path: Path) -> None:
-    """However plausible: digests show it."""
+    """Even if the values are plausible: the digests differ."""
     for name, key, words in (
         (STATE, "displacement.last", "its content is not"),
         (SNAPSHOT.format(0), "gap", "belong"),

@@ -94,7 +94,7 @@ class Level:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a case will take.
+    """Estimated cost of a case.
 
     Attributes:
         levels: the meshes, the last one the finest.
@@ -126,7 +126,7 @@ class Estimate:
 
 
 def estimate(case: Case, ranks: int = 1) -> Estimate:
-    """What a case will take, without meshing or solving it.
+    """Estimate the cost of a case, without meshing or solving it.
 
     With `accuracy.tolerance` the meshes are those a run plans for a usual error of its first mesh, the last one fine
     enough for the shortest waves; a harder surface gets a finer one more.

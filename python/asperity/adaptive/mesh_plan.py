@@ -1,4 +1,4 @@
-"""Which mesh comes next, and what the forces on two meshes, or with two sizes of load steps, say about the limit.
+"""The next mesh, and the limit of the force estimated from two meshes or from two sizes of load steps.
 
 The meshes of a family differ by one number, the element size in the contact. The force differs from the limit by
 c h^p, and the order p depends on the scene (docs/accuracy.md has the orders measured). The limit is therefore the mean

@@ -158,7 +158,7 @@ class BlockSection(Section):
 
 
 class ContactSection(Section):
-    """How the flat and the surface interact."""
+    """Contact formulation."""
 
     method: Literal["active-set", "penalty", "nitsche"] = _key("formulation", "active-set")
     penalty: Real = _key("factor of E p^2/h (penalty)", 10.0, ge=0.01, le=1e6)
@@ -243,7 +243,7 @@ class DynamicsSection(Section):
 
 
 class SolverSection(Section):
-    """How the equations are solved."""
+    """Solution of the equations."""
 
     kernels: Literal["compiled", "ufl"] = _key("element kernels", "compiled")
     linear: Literal["auto", "lu", "cg", "gamg"] = _key(
@@ -254,7 +254,7 @@ class SolverSection(Section):
 
 
 class OutputSection(Section):
-    """What is written in addition to the curve and the summary."""
+    """Files in addition to the curve and the summary."""
 
     figures: Flag = _key("figures/*.png", False)
     fields: Flag = _key("fields/ for ParaView", False)

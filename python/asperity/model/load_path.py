@@ -1,4 +1,4 @@
-"""What the flat does: loadings and unloadings, and where their planned steps end."""
+"""Load path: loading and unloading legs, and where their planned steps end."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def greatest_force(force_max: float | None, pressure_max: float | None, side: fl
 
 @dataclass(frozen=True)
 class Schedule:
-    """What the flat does; lengths in units of L, forces in units of A_0 E'.
+    """Load path; lengths in units of L, forces in units of A_0 E'.
 
     Attributes:
         delta_max: greatest approach, or None when `force_max` is given
@@ -66,7 +66,7 @@ class Schedule:
                 raise InputError(f"loading.{name} must be positive and finite, it is {value!r} of its unit")
 
     def stops(self) -> list[float]:
-        """Where the steps of a loading end, as parts of the way; the planned steps are among them.
+        """Ends of the steps of a loading, as fractions of it; the planned steps are among them.
 
         The midpoint rule starts with half a step, and its first steps are divided: its error goes with the square of
         the step over the approach.

@@ -44,7 +44,7 @@ class RunFiles:
             return {}
 
     def _summary(self) -> dict[str, Any]:
-        """What summary.json holds; nothing where it is absent or damaged."""
+        """Contents of summary.json; nothing where it is absent or damaged."""
         assert self._folder is not None
         try:
             found = json.loads((self._folder / SUMMARY).read_text(encoding="utf-8"))

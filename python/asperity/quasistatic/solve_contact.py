@@ -44,7 +44,7 @@ ESTIMATE_STEPS = 40  # after which the approach at a given force is only guessed
 
 @dataclass(frozen=True)
 class ContactResult:
-    """What a load path gave.
+    """Result of a load path.
 
     Attributes:
         curve: accepted steps
@@ -199,7 +199,7 @@ def make_contact_solver(
 
 @dataclass(frozen=True)
 class Hooks:
-    """What accompanies a load path.
+    """Callbacks of a load path, and what to keep of it.
 
     Attributes:
         on_stage: called with the name of each stage
