@@ -12,6 +12,7 @@ from asperity.errors import InputError
 from asperity.fem.compiled_kernels import compiled
 from asperity.fem.kernels import History
 from asperity.fem.solid import Solid
+from asperity.model.material import Material
 from asperity.model.settings import gamma_too_small
 
 
@@ -70,9 +71,9 @@ class PressureContact:
         else:
             modulus, h = solid.material.E, surface.diameter
         numbers = factor * modulus * 4.0 / h, self._rule.height, traction, float(theta)
-        lam, mu, _, hardening = solid.material.parameters
+        elastic = Material(solid.material.E, solid.material.nu)
         self._law = _solver.ContactLaw(_solver.J2(*solid.material.parameters), *numbers)
-        self._elastic_law = _solver.ContactLaw(_solver.J2(lam, mu, np.inf, hardening), *numbers)
+        self._elastic_law = _solver.ContactLaw(_solver.J2(*elastic.parameters), *numbers)
         self._has_history = traction and solid.material.plastic
         rows = len(surface.cells) if self._has_history else 0
         self._committed, self._trial = History.zeros(rows, points[1]), History.zeros(rows, points[1])
