@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib as mpl
@@ -16,6 +17,7 @@ from asperity.output.results import Results
 from asperity.plot import (
     CAPTIONS,
     contact_area,
+    figures_of,
     force_curve,
     frequency,
     mesh_cut,
@@ -24,6 +26,7 @@ from asperity.plot import (
     pressure_maps,
     response,
     save,
+    stiffness,
     surface_map,
 )
 from asperity.plot.curves import tex
@@ -76,7 +79,7 @@ def test_size_of_an_element_is_the_edge_of_a_regular_one() -> None:
 
 def test_all_figures_of_a_run_are_drawn(folder: Path) -> None:
     written = plot_run(folder)
-    assert {path.stem for path in written} >= set(CAPTIONS) - {"frequency", "response"}
+    assert {path.stem for path in written} >= set(CAPTIONS) - {"frequency", "response", "stiffness"}
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
 
 
@@ -87,6 +90,18 @@ def test_figures_without_data_are_left_out(tmp_path: Path) -> None:
     for name in ("case.toml", "summary.json"):
         (tmp_path / name).unlink()
     assert {path.stem for path in plot_run(tmp_path)} == {"area", "curve"}
+
+
+def test_stiffness_and_mean_gap(results: Results) -> None:
+    """Drawn where they are known, in N/m and metres."""
+    curve = results.curve
+    k = 1e4 * curve.P_star
+    known = replace(curve, k_n=k, k_n_elastic=2.0 * k, k_t=k, mean_gap=1e-7 - curve.delta)
+    measured = replace(results, curve=known)
+    assert "stiffness" in figures_of(measured) and "stiffness" not in figures_of(results)
+    left, right = stiffness(measured).axes
+    assert left.get_ylabel().startswith("stiffness (") and left.get_ylabel().endswith("N/m)")
+    assert right.get_ylabel() == "mean gap (nm)" and len(left.lines) == 3
 
 
 def test_every_axis_has_quantity_and_unit(results: Results) -> None:

@@ -198,3 +198,18 @@ def test_kernels_agree(wave: Surface, coarse_wave: BlockMesh | None, sides: str)
     ]  # fmt: skip
     for name in STIFFNESSES:
         np.testing.assert_allclose(getattr(found[0], name), getattr(found[1], name), rtol=1e-4)
+
+
+def test_interface_is_independent_of_the_height_of_the_block() -> None:
+    """At the same force, where the block makes up a good part of the compliance and is as high as wide."""
+    names = ("k_n", "k_n_interface", "k_t_interface", "conductance")
+    sphere, found = Sphere(L=1.0, radius=10.0, shape="paraboloid"), []
+    for height in (1.0, 2.0):
+        curve = solve_contact(
+            sphere, ELASTIC, height=height, delta_max=0.006 * height**0.5, steps=8, size=MeshSize(0.06, growth=0.5),
+            comm=here(), stiffness=True, conductance=True,
+        ).curve  # fmt: skip
+        found.append([np.interp(2e-3, curve.force, getattr(curve, name)) for name in names])
+    thin, thick = found
+    assert thick[0] < 0.85 * thin[0]
+    np.testing.assert_allclose(thick[1:], thin[1:], rtol=0.02)

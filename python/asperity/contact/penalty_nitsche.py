@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from mpi4py import MPI
 
@@ -14,6 +12,7 @@ from asperity.errors import InputError
 from asperity.fem.compiled_kernels import compiled, law_of
 from asperity.fem.kernels import History
 from asperity.fem.solid import Solid
+from asperity.model.material import Material
 from asperity.model.settings import gamma_too_small
 
 
@@ -72,7 +71,7 @@ class PressureContact:
         else:
             modulus, h = solid.material.E, surface.diameter
         numbers = factor * modulus * 4.0 / h, self._rule.height, traction, float(theta)
-        elastic = replace(solid.material, yield_strength=None, hardening="isotropic")
+        elastic = Material(solid.material.E, solid.material.nu)
         self._law = _solver.ContactLaw(law_of(solid.material), *numbers)
         self._elastic_law = _solver.ContactLaw(law_of(elastic), *numbers)
         self._has_history = traction and solid.material.plastic

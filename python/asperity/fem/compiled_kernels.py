@@ -90,7 +90,7 @@ class CompiledKernels:
                 values,
             )
 
-    def elastic_tangent(self, values: Floats) -> None:
+    def elastic_tangent(self, u: Floats, values: Floats) -> None:
         np.copyto(values, self._elastic)
 
     def commit(self) -> None:

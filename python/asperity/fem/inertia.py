@@ -70,8 +70,8 @@ class InertialKernels:
         self.inner.tangent(u, values)
         self._add_mass(values)
 
-    def elastic_tangent(self, values: Floats) -> None:
-        self.inner.elastic_tangent(values)
+    def elastic_tangent(self, u: Floats, values: Floats) -> None:
+        self.inner.elastic_tangent(u, values)
         self._add_mass(values)
 
     def _add_mass(self, values: Floats) -> None:

@@ -93,8 +93,8 @@ class ElementKernels(Protocol):
     def tangent(self, u: Floats, values: Floats) -> None:
         """Write the values of the local CSR matrix at u, the state of the last residual."""
 
-    def elastic_tangent(self, values: Floats) -> None:
-        """Write the values of the local CSR matrix without plastic flow."""
+    def elastic_tangent(self, u: Floats, values: Floats) -> None:
+        """Write the values of the local CSR matrix at u for a motion without plastic flow."""
 
     def commit(self) -> None:
         """Make the trial history the committed one."""

@@ -161,7 +161,7 @@ class Solid:
         if self.version and self.kernels.linear and add is None and not self._with_contact:
             return
         with self.phases.phase("tangent"):
-            self.kernels.elastic_tangent(self.values)
+            self.kernels.elastic_tangent(self.u.x.array.reshape(-1, 3), self.values)
             if add is not None:
                 add()
         self._with_contact = add is not None

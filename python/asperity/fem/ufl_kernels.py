@@ -82,10 +82,10 @@ class UflKernels:
         values[:] = 0.0
         values[self._to] = self._matrix.data[self._from]
 
-    def elastic_tangent(self, values: Floats) -> None:
+    def elastic_tangent(self, u: Floats, values: Floats) -> None:
         state = [(f.x.array, f.x.array.copy()) for f in (self._u, self._history)]
         self._history.x.array[:] = 0.0
-        self.tangent(np.zeros_like(self._u.x.array), values)  # the virgin material does not flow at rest
+        self.tangent(np.zeros_like(u), values)  # the virgin material does not flow at rest
         for array, before in state:  # a commit needs the displacement of the last residual
             array[:] = before
 

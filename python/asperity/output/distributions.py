@@ -13,10 +13,10 @@ from asperity.arrays import Floats
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.tet10 import facet_quadrature
 from asperity.output.fields import State, top_facets
+from asperity.quasistatic.measures import TOUCHED
 from asperity.runtime.files import replace_file
 
 BINS = 50  # of equal width, from zero to the greatest value of the step
-TOUCHING = 1e-9  # gap below which a point is in contact [L]
 HEADER = ("step", "branch", "delta", "quantity", "low", "high", "share")
 
 
@@ -44,7 +44,7 @@ def distributions(block: BlockMesh, states: list[State]) -> Iterator[tuple[State
     areas = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
     shares = (areas[:, None] * weights / (areas.sum() * weights.sum())).ravel()
     for state in states:
-        for quantity, least in (("pressure", 0.0), ("gap", TOUCHING * block.side)):
+        for quantity, least in (("pressure", 0.0), ("gap", TOUCHED * block.side)):
             values = (getattr(state, quantity)[facets] @ shape.T).ravel()
             counted = values > least
             edges = np.linspace(0.0, max(float(values.max()), least) or 1.0, BINS + 1)

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from asperity.output.results import Results
 from asperity.plot.curves import force_curve, plasticity
 from asperity.plot.fields import contact_area, mesh_cut, pressure_maps, surface_map
+from asperity.plot.stiffness import stiffness
 from asperity.plot.style import save
 from asperity.plot.vibration import frequency, response
 from asperity.runtime.run_folder import FIGURES
@@ -30,6 +31,7 @@ __all__ = [
     "pressure_maps",
     "response",
     "save",
+    "stiffness",
     "surface_map",
 ]
 
@@ -42,6 +44,7 @@ CAPTIONS = {
     "curve": "Load over approach with the fitted power law, on linear and logarithmic axes.",
     "area": "(a) Regions in contact at increasing approach. (b) Contact area over load.",
     "pressure": "Contact pressure at selected approaches; grey: no contact.",
+    "stiffness": "(a) Stiffness of the contact during loading. (b) Mean gap.",
     "plasticity": "(a) Yielded share of the volume. (b) Largest equivalent plastic strain.",
     "frequency": "Natural frequency over the amplitude of free vibration about the static "
     "deflection. Beyond the dot contact is lost (exact law), or the Taylor law pulls although there is "
@@ -80,6 +83,7 @@ def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
         "pressure": (results.snapshots > 0, pressure_maps),
         "area": (rows > 0, contact_area),
         "curve": (rows > 0, force_curve),
+        "stiffness": (bool(np.any(results.curve.k_n > 0)), stiffness),
         "plasticity": (bool(plastic), plasticity),
         "frequency": (len(results.free.get("u0", ())) > 0, frequency),
         "response": (len(results.response.get("Omega", ())) > 0, response),

@@ -24,7 +24,7 @@ FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
 TOP, BLOCK, VTKHDF = "top.npz", "mesh.npz", "contact.vtkhdf"  # in fields
 DISTRIBUTIONS = "distributions.csv"  # in fields
 PICTURES = (
-    "surface", "mesh", "curve", "area", "pressure", "plasticity", "frequency", "response", "scene",
+    "surface", "mesh", "curve", "area", "pressure", "stiffness", "plasticity", "frequency", "response", "scene",
 )  # in figures, .png # fmt: skip
 MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpoint and in the folders in it
 
