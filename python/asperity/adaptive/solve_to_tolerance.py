@@ -25,6 +25,7 @@ from asperity.adaptive.mesh_plan import (
     GUIDE,
     LEAST_STEP,
     STEP_ORDERS,
+    bar_share,
     cheapest_substeps,
     error_of,
     extrapolate,
@@ -280,6 +281,8 @@ def refine(
         path_bar = path.bar[level.substeps] if path else None
         algebraic = result.checks.force_balance
         missed = on_root_bcast(comm, partial(_left_out, roughness, result.block))
+        if missed is not None:
+            settled = _with_area(settled, missed)
         curve, budget = _correct(settled, curves[coarse], ratio, safety, judged, path_bar, algebraic, missed)
         worst = worst_error(curve, steps)
         unresolved = curve.unresolved() or curves[coarse].unresolved()
@@ -481,7 +484,7 @@ def _correct(
         judged: rows whose bars are; those before have larger ones that say nothing about their neighbours
         path: relative error left of the load steps
         algebraic: relative error of the equations left unsolved
-        missed: what the mesh leaves out of a rough surface; corrects the area
+        missed: what the mesh leaves out of a rough surface
     """
     loading = fine.branch == "load"
     at = fine.delta_star[loading]
@@ -497,9 +500,11 @@ def _correct(
     rows = _rows_of_loading(loading)
     rough_bar: Floats = np.zeros(len(raw))
     if missed is not None:
-        of_force, of_area = missed.at(at)
-        rough_bar = FORCE_BAR * np.abs(of_force)
-        curve = _with_area(curve, of_area[rows])
+        rough_bar = FORCE_BAR * np.abs(missed.at(at)[0])
+        before = coarse.loading()
+        change = fine.area_fraction[loading] - np.interp(at, before.delta_star, before.area_fraction)
+        area_bar = curve.error_area_fraction + (bar_share(ratio, safety) * np.abs(change))[rows]
+        curve = replace(curve, error_area_fraction=area_bar)
     P = curve.P_star
     scale = np.where(loading, P, P[loading][-1])
     mesh_bar, rough_bar, path_bar = (bar[rows] * scale for bar in (mesh_bar, rough_bar, path_bar))
@@ -507,8 +512,10 @@ def _correct(
     return replace(curve, error_P_star=budget.total), budget
 
 
-def _with_area(curve: Curve, change: Floats) -> Curve:
-    """A curve whose areas of contact are corrected by a relative change in each row (n,), with its error bar."""
+def _with_area(curve: Curve, missed: Omission) -> Curve:
+    """A curve whose areas of contact are corrected for the roughness that its mesh leaves out, with their bars."""
+    loading = curve.branch == "load"
+    change = missed.at(curve.delta_star[loading])[1][_rows_of_loading(loading)]
     area, error = (column * (1.0 + change) for column in (curve.area_fraction, curve.error_area_fraction))
     pressure = np.divide(curve.mean_pressure, 1.0 + change)
     error = error + AREA_BAR * np.abs(area - curve.area_fraction)

@@ -1,0 +1,82 @@
+"""What coarse meshes leave out of a rough surface, and tolerance runs of surfaces that no mesh of theirs resolves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+import asperity as asp
+from asperity.adaptive.roughness import Omission, Roughness
+from asperity.mesh.generate import build_block
+from asperity.model.material import Material
+from asperity.model.problem import Problem
+from asperity.model.settings import MeshSize
+from asperity.quasistatic.solve_contact import solve_contact
+from asperity.surface import SelfAffine
+
+ELASTIC = Material(1.0, 0.3)
+
+
+def surface_of(seed: int = 1, **changes: Any) -> SelfAffine:
+    keys: dict[str, Any] = {"L": 1.0, "H": 0.8, "slope": 0.2, "lambda_roll": 0.4, "lambda_short": 0.05}
+    return SelfAffine(**{**keys, **changes}, seed=seed)
+
+
+def test_a_finer_mesh_leaves_out_less() -> None:
+    surface = surface_of()
+    roughness = Roughness(Problem.of(surface, ELASTIC, delta_max=0.02, steps=4), 0.02, 4)
+
+    def left_out(h: float) -> Omission:
+        return roughness.left_out(build_block(surface, 1.0, lambda x, y, depth: h + 0.3 * depth))
+
+    found = [left_out(h) for h in (0.08, 0.04, 0.02)]
+    force, area = (np.array([abs(getattr(o, name)).max() for o in found]) for name in ("force", "area"))
+    assert np.all(np.diff(force) < 0.0) and np.all(np.diff(area) < 0.0)
+    assert force[-1] < 0.02
+
+
+def test_the_contact_map_holds_the_approaches() -> None:
+    surface = surface_of()
+    roughness = Roughness(Problem.of(surface, ELASTIC, delta_max=0.02, steps=4), 0.02, 4)
+    x, y, _ = surface.maximum()
+    found = roughness.contact_map()
+    assert found.depth(np.array([x]), np.array([y]))[0] == pytest.approx(0.005)
+    assert np.isinf(found.touched_at).any()
+
+
+@pytest.mark.parametrize("material", [ELASTIC, Material(1.0, 0.3, 0.02, 0.05)], ids=["elastic", "plastic"])
+def test_the_bar_of_an_unresolved_surface_holds(material: Material) -> None:
+    """Shortest waves of 0.05 L; the reference resolves them with elements of 0.012 L everywhere in the contact."""
+    surface, depth = surface_of(4), 0.015
+    found = asp.solve_to_tolerance(surface, material, asp.AccuracyTarget(0.08), delta_max=depth, steps=5)
+    assert found.met
+    sizes = [level.h for level in found.levels]
+    assert min(sizes) > 0.02
+    fine = solve_contact(surface, material, delta_max=depth, steps=10, size=MeshSize(0.012, growth=0.2))
+    loading = found.curve.loading()
+    judged = loading.delta_star >= 0.999 * depth / 5
+    P = np.interp(loading.delta_star, fine.curve.delta_star, fine.curve.P_star)
+    assert np.all(np.abs(loading.P_star - P)[judged] <= loading.error_P_star[judged] + 0.01 * P[judged])
+    A = np.interp(loading.delta_star, fine.curve.delta_star, fine.curve.area_fraction)
+    e = np.interp(loading.delta_star, fine.curve.delta_star, fine.curve.error_area_fraction)
+    assert np.mean(np.abs(loading.area_fraction - A)[judged] <= (loading.error_area_fraction + e)[judged]) >= 0.8
+    assert np.all(found.budget.roughness[found.curve.branch == "load"][judged] > 0.0)
+
+
+def test_a_tolerance_out_of_reach_names_the_cut_off() -> None:
+    surface = surface_of(2, H=0.5, slope=0.4, lambda_short=0.01)
+    target = asp.AccuracyTarget(0.02, max_dofs=40_000)
+    found = asp.solve_to_tolerance(surface, ELASTIC, target, delta_max=0.015, steps=5)
+    assert not found.met and found.worst > 0.02
+    assert "accuracy.max_dofs = 40000" in found.reason and "cut off what is shorter than" in found.reason
+
+
+@pytest.mark.mpi
+def test_all_ranks_have_the_same_bar() -> None:
+    surface, comm = surface_of(3), MPI.COMM_WORLD
+    found = asp.solve_to_tolerance(surface, ELASTIC, asp.AccuracyTarget(0.2), delta_max=0.015, steps=5, comm=comm)
+    bars = comm.allgather(found.budget.roughness.tolist())
+    assert all(bar == bars[0] for bar in bars) and max(bars[0]) > 0.0

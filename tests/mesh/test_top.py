@@ -1,0 +1,53 @@
+"""Heights of the top facets against the surface, and against a polynomial that the facets hold exactly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from asperity.mesh.generate import build_block
+from asperity.mesh.top import heights_of_top
+from asperity.surface import Flat, SelfAffine, Sinusoid
+
+
+def test_a_quadratic_top_is_exact() -> None:
+    """The nodes of a flat block moved onto a quadratic, with the facets straight in x and y."""
+    block = build_block(Flat(L=2.0), 3.0, lambda x, y, z: 0.3)
+    x, y, z = block.points.T
+
+    def f(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return 0.01 * (x**2 - 0.5 * x * y + 0.2 * y**2 - y)
+
+    class Quadratic(Flat):
+        def height(self, x, y):
+            return f(np.asarray(x), np.asarray(y))
+
+        def mean(self) -> float:
+            return 0.0
+
+    points = np.column_stack([x, y, z + f(x, y) * (z / 3.0)])
+    n = 37
+    c = (np.arange(n) + 0.5) * 2.0 / n
+    found = heights_of_top(replace(block, points=points), Quadratic(L=2.0), n)
+    np.testing.assert_allclose(found, f(c[None, :], c[:, None]) / 2.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("h, error", [(0.1, 6e-3), (0.05, 8e-4)])
+def test_the_top_tends_to_the_surface(h: float, error: float) -> None:
+    """Third order in the element size."""
+    surface = Sinusoid(L=1.0, amplitude=0.05, wavelength=0.5, dims=2)
+    block = build_block(surface, 1.0, lambda x, y, z: h)
+    n = 64
+    c = (np.arange(n) + 0.5) / n
+    found = heights_of_top(block, surface, n)
+    assert np.abs(found - surface.height(c[None, :], c[:, None])).max() < error
+
+
+def test_smoothed_nodes_are_on_top_too() -> None:
+    surface = SelfAffine(L=1.0, H=0.8, slope=1.0, lambda_roll=0.3, lambda_short=0.02, seed=5)
+    block = build_block(surface, 1.0, lambda x, y, z: 0.1)
+    assert block.smoothing is not None
+    found = heights_of_top(block, surface, 64)
+    assert np.all(np.isfinite(found)) and 0.5 < np.std(found) / np.std(surface.grid(65)) < 1.2
