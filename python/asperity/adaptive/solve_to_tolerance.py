@@ -277,12 +277,13 @@ def refine(
         judged = _judged(result.curve, steps)
         coarse = partner(sizes)
         settled = _without_path_error(result.curve, path, level.substeps)
-        ratio, safety = sizes[coarse] / sizes[-1], safety_of(coarse == 0)
         path_bar = path.bar[level.substeps] if path else None
         algebraic = result.checks.force_balance
         missed = on_root_bcast(comm, partial(_left_out, roughness, result.block))
         if missed is not None:
             settled = _with_area(settled, missed)
+        # a mesh that misses waves is as rough a partner as the guide
+        ratio, safety = sizes[coarse] / sizes[-1], safety_of(coarse == 0 or missed is not None)
         curve, budget = _correct(settled, curves[coarse], ratio, safety, judged, path_bar, algebraic, missed)
         worst = worst_error(curve, steps)
         unresolved = curve.unresolved() or curves[coarse].unresolved()

@@ -1,0 +1,89 @@
+"""Error against error bar of tolerance runs on self-affine surfaces.
+
+    python3 benchmarks/rough.py [elastic] [plastic]
+
+Each run has a tolerance of 5 %. The reference is a mesh with elements of 0.007 L wherever the surface is touched, at
+least 1.4 of them to the shortest wave; what it leaves out itself, judged by the half-space, is in the column
+`reference`. An error counts as inside the bar if it exceeds it by no more than that. Prints one Markdown table per
+material.
+"""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from time import process_time
+
+import numpy as np
+
+import asperity as asp
+from asperity.adaptive.roughness import FORCE_BAR, Roughness
+from asperity.arrays import Floats
+from asperity.model.settings import MeshSize
+from asperity.quasistatic.solve_contact import make_block, solve_contact
+from asperity.surface import SelfAffine
+
+TOLERANCE, STEPS, H_REFERENCE = 0.05, 5, 0.007
+MATERIALS = {"elastic": asp.Material(1.0, 0.3), "plastic": asp.Material(1.0, 0.3, 0.01, 0.05)}
+#: seed, Hurst exponent, rms slope, roll-off and shortest wavelength [L], greatest approach [L]
+SURFACES = (
+    (101, 0.8, 0.2, 0.5, 0.02, 0.015),
+    (102, 0.5, 0.3, 0.5, 0.02, 0.01),
+    (103, 1.0, 0.2, 0.4, 0.012, 0.015),
+    (104, 0.8, 0.1, 0.3, 0.03, 0.006),
+    (105, 0.5, 0.4, 0.25, 0.01, 0.012),
+    (106, 0.8, 0.45, 0.4, 0.01, 0.02),
+)
+
+
+def judge(
+    name: str, seed: int, H: float, slope: float, roll: float, short: float, depth: float
+) -> tuple[int, float, Floats, Floats, Floats, bool]:
+    """Run and reference of one surface: dofs, seconds, and (STEPS,) errors, bars, uncertainties of the reference."""
+    from mpi4py import MPI
+
+    surface = SelfAffine(L=1.0, H=H, slope=slope, lambda_roll=roll, lambda_short=short, seed=seed)
+    material = MATERIALS[name]
+    start = process_time()
+    found = asp.solve_to_tolerance(surface, material, asp.AccuracyTarget(TOLERANCE), delta_max=depth, steps=STEPS)
+    seconds = process_time() - start
+    problem = asp.Problem.of(surface, material, delta_max=depth, steps=2 * STEPS)
+    roughness = Roughness(problem, depth, STEPS)
+    size = MeshSize(H_REFERENCE, growth=0.2, reach=roughness.contact_map(), grading=(1.0, 1.0))
+    block = make_block(MPI.COMM_SELF, surface, 1.0, depth, size)
+    assert block is not None
+    fine = solve_contact(surface, material, block=block, comm=MPI.COMM_SELF, delta_max=depth, steps=2 * STEPS)
+    at = depth * np.linspace(1.0 / STEPS, 1.0, STEPS)
+    loading, reference = found.curve.loading(), fine.curve.loading()
+    P, bar = (np.interp(at, loading.delta_star, column) for column in (loading.P_star, loading.error_P_star))
+    exact = np.interp(at, reference.delta_star, reference.P_star)
+    unsure = FORCE_BAR * np.abs(roughness.left_out(block).at(at)[0])
+    return found.contact.dofs, seconds, np.abs(P / exact - 1.0), bar / exact, unsure, found.met
+
+
+def main() -> None:
+    """Print the tables."""
+    for name in sys.argv[1:] or list(MATERIALS):
+        print(
+            f"\n{name}\n\n| seed | H | slope | shortest/L | dofs | CPU s | met | errors % | bars % | reference % |\n"
+            + "| --- " * 10
+            + "|"
+        )
+        inside, ratios = [], []
+        for seed, H, slope, roll, short, depth in SURFACES:
+            dofs, seconds, error, bar, unsure, met = judge(name, seed, H, slope, roll, short, depth)
+            inside += list(error <= bar + unsure)
+            ratios += list(bar / np.maximum(error, 1e-4))
+            columns = (" ".join(f"{100 * v:.1f}" for v in values) for values in (error, bar, unsure))
+            print(
+                f"| {seed} | {H} | {slope} | {short} | {dofs} | {seconds:.0f} | {met} | " + " | ".join(columns) + " |",
+                flush=True,
+            )
+        print(
+            f"\n{np.mean(inside):.0%} of {len(inside)} steps inside, median of bar over error {np.median(ratios):.1f}"
+        )
+
+
+if __name__ == "__main__":
+    warnings.simplefilter("ignore")
+    main()
