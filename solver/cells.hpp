@@ -3,9 +3,10 @@
 
 #include "arrays.hpp"
 #include "laws.hpp"
-#include "tet10.hpp"
+#include "log_strain.hpp"
 
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 namespace asperity
@@ -143,10 +144,13 @@ void volumes(const Cells& cells, const Array<double>& out);
 /// Smallest Jacobian determinant over the quadrature points of each cell, out (cells).
 void min_jacobian(const Cells& cells, const Array<double>& out);
 
-/// Add the internal force of the displacement `u` (nodes, 3) to `b` (nodes, 3). The same pass writes the trial history
-/// and `plastic` (cells), whether any point of a cell flows. Returns the number of points that flow.
-std::int64_t residual(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
-                      const History& trial, const Array<bool>& plastic, const Array<double>& b);
+/// Add the internal force of the displacement `u` (nodes, 3) to `b` (nodes, 3), of small or `finite` strain. The same
+/// pass writes the trial history and `plastic` (cells), whether any point of a cell flows. Returns the number of points
+/// that flow, and of those where finite strain turns the solid inside out; these add nothing.
+std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& law, bool finite,
+                                               const Array<const double>& u, const History& committed,
+                                               const History& trial, const Array<bool>& plastic,
+                                               const Array<double>& b);
 
 /// Add the elastic stiffness of all cells to the values of the matrix.
 void stiffness_elastic(const Cells& cells, const Law& law, const BlockPattern& pattern, const Array<double>& values);
@@ -155,7 +159,12 @@ void stiffness_elastic(const Cells& cells, const Law& law, const BlockPattern& p
 void stiffness_plastic(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
                        const Array<const bool>& plastic, const BlockPattern& pattern, const Array<double>& values);
 
-/// Stress at the quadrature points, out (cells, points, 6).
-void stress(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
-            const Array<double>& out);
+/// Add the consistent tangent of finite strain of all cells.
+void stiffness_finite(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
+                      const BlockPattern& pattern, const Array<double>& values);
+
+/// Stress at the quadrature points, out (cells, points, 6). Of finite strain: Cauchy's, or if `conjugate` that whose
+/// work per undeformed volume is done on the logarithmic strain.
+void stress(const Cells& cells, const Law& law, bool finite, bool conjugate, const Array<const double>& u,
+            const History& committed, const Array<double>& out);
 } // namespace asperity

@@ -68,7 +68,7 @@ inline Sym strain(const Gradients& g, const Gradients& u)
 }
 
 /// Product of a symmetric tensor with a vector.
-inline std::array<double, 3> apply(const Sym& s, const std::array<double, 3>& v)
+inline std::array<double, 3> times(const Sym& s, const std::array<double, 3>& v)
 {
   return {s[0] * v[0] + s[3] * v[1] + s[4] * v[2], s[3] * v[0] + s[1] * v[1] + s[5] * v[2],
           s[4] * v[0] + s[5] * v[1] + s[2] * v[2]};
@@ -79,7 +79,7 @@ inline void add_residual(const Gradients& g, const Sym& stress, double weight, G
 {
   for (int a = 0; a < nodes; ++a)
   {
-    const auto f = apply(stress, g[a]);
+    const auto f = times(stress, g[a]);
     for (int i = 0; i < 3; ++i)
       b[a][i] += weight * f[i];
   }
@@ -92,7 +92,7 @@ inline void add_stiffness(const Gradients& g, const Moduli& C, const Sym& n, dou
   std::array<std::array<double, 3>, nodes> ng;
   if (chi != 0.0)
     for (int a = 0; a < nodes; ++a)
-      ng[a] = apply(n, g[a]);
+      ng[a] = times(n, g[a]);
   for (int a = 0; a < nodes; ++a)
     for (int b = a; b < nodes; ++b)
     {

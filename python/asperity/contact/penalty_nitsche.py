@@ -36,11 +36,11 @@ class PressureContact:
         solid, surface: block and its contact surface
         factor: dimensionless beta (penalty) or gamma (Nitsche)
         traction: k
-        theta: 0 unless Nitsche's method for an elastic solid
+        theta: 0 unless Nitsche's method for an elastic solid in small strain
         rule: quadrature on the facets
 
     Raises:
-        InputError: theta needs an elastic solid and Nitsche's method; gamma is too small for theta
+        InputError: theta needs an elastic solid in small strain and Nitsche's method; gamma is too small for theta
     """
 
     def __init__(
@@ -53,10 +53,10 @@ class PressureContact:
         theta: int = 0,
         rule: FacetRule | None = None,
     ) -> None:
-        if theta != 0 and (solid.material.plastic or not traction):
+        if theta != 0 and not (solid.material.linear and traction):
             raise InputError(
-                f'contact.theta = {theta} needs an elastic material and contact.method = "nitsche": leave '
-                "material.yield_strength out or take theta = 0"
+                f'contact.theta = {theta} needs an elastic material in small strain and contact.method = "nitsche": '
+                "leave material.yield_strength and material.kinematics out or take theta = 0"
             )
         if traction and (small := gamma_too_small(factor, theta)):
             raise InputError(small)
@@ -71,6 +71,7 @@ class PressureContact:
             modulus, h = solid.material.E, surface.diameter
         self._law = _solver.ContactLaw(
             law_of(solid.material),
+            solid.material.finite,
             factor * modulus * 4.0 / h,
             self._rule.height,
             traction,
