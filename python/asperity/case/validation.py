@@ -63,6 +63,8 @@ def check_together(case: Input) -> None:
 
 def _check_material(case: Input) -> None:
     solid = case.material
+    if case.contact.method == "nitsche" and case.contact.theta != 0 and solid.kinematics == "finite":
+        _refuse("contact.theta", f"= {case.contact.theta} is for small strain; use 0, or remove material.kinematics")
     if solid.yield_strength is None:
         if solid.tangent_modulus is not None:
             _refuse(

@@ -163,11 +163,12 @@ class NewtonSolver:
     def _step_length(self, r: Any, y: Any) -> float:
         """Length in (0, 1] of the step -y: where the work rate of the free forces along it nearly vanishes.
 
-        Associative J2 plasticity minimises an incremental energy, convex in small strain, and the work rate is the slope
-        of this energy along the step. A step that turns a finite solid inside out is halved until it does not. Regula falsi (Illinois) shortens a full step that overshoots the minimum; a trial state needs
-        one residual, a hundredth of the time of the linear solve. A step that starts uphill moves prescribed dofs and
-        is not shortened. Nor is a step whose slope at the beginning is negligible compared with the slope that moving
-        them causes, as when it begins in equilibrium: the sign of such a slope is a matter of rounding.
+        Associative J2 plasticity minimises an incremental energy, convex in small strain, and the work rate is the
+        slope of this energy along the step. Regula falsi (Illinois) shortens a full step that overshoots the minimum; a
+        trial state needs one residual, a hundredth of the time of the linear solve. A step that starts uphill moves
+        prescribed dofs and is not shortened. Nor is a step whose slope at the beginning is negligible compared with the
+        slope that moving them causes, as when it begins in equilibrium: the sign of such a slope is a matter of
+        rounding. A step that turns a solid of finite strain inside out is halved until it does not.
         """
         free = np.ones(len(y.array_r), dtype=bool)
         free[self.solid.fixed] = False
