@@ -10,7 +10,7 @@ namespace
 template <typename AtPoint>
 void add_cell(const Cells& cells, std::size_t c, const BlockPattern& pattern, double* values, AtPoint at_point)
 {
-  double A[dofs * dofs] = {};
+  double A[dofs * row_length] = {};
   cells.at_points(c, [&](const Point& p) { at_point(p, A); });
   pattern.add(cells.dofs_of(c), c, A, values);
 }

@@ -105,13 +105,13 @@ struct BlockPattern
   /// Start of an array of values, refused unless of length `size`; `cells` is the number of matrices to add.
   double* start(const Array<double>& values, std::size_t cells) const;
 
-  /// Add a symmetric 30 x 30 element matrix, given by its node pairs a <= b.
+  /// Add a symmetric 30 x 32 element matrix, given by its node pairs a <= b.
   void add(const int* cell_dofs, std::size_t c, const double* A, double* values) const
   {
     add<true>(cell_dofs, c, A, values);
   }
 
-  /// Add a full 30 x 30 element matrix.
+  /// Add a full 30 x 32 element matrix.
   void add_full(const int* cell_dofs, std::size_t c, const double* A, double* values) const
   {
     add<false>(cell_dofs, c, A, values);
@@ -132,7 +132,7 @@ private:
         for (int i = 0; i < 3; ++i)
           for (int j = 0; j < 3; ++j)
             target[i * width + j]
-                += !symmetric || a <= b ? A[(3 * a + i) * dofs + 3 * b + j] : A[(3 * b + j) * dofs + 3 * a + i];
+                += !symmetric || a <= b ? A[(3 * a + i) * row_length + 3 * b + j] : A[(3 * b + j) * row_length + 3 * a + i];
       }
     }
   }

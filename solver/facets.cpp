@@ -217,13 +217,13 @@ void facet_stiffness(const Facets& facets, const ContactLaw& law, const Array<co
   expect("pressure", pressure, {facets.count(), facets.points()});
   double* out = pattern.start(values, facets.count());
   const std::size_t points = facets.points();
-  double A[dofs * dofs];
+  double A[dofs * row_length];
   for (std::size_t f = 0; f < facets.count(); ++f)
   {
     const double* P = pressure.data() + f * points;
     if (law.theta == 0.0 && std::none_of(P, P + points, [](double p) { return p > 0.0; }))
       continue;
-    std::fill_n(A, dofs * dofs, 0.0);
+    std::fill_n(A, dofs * row_length, 0.0);
     const Gradients x = gather(facets.x.data(), facets.x_dofs.data() + nodes * f);
     const Gradients uc = gather(u.data(), facets.dofs_of(f));
     const double g = law.stiffness.data()[f];
@@ -251,7 +251,7 @@ void facet_stiffness(const Facets& facets, const ContactLaw& law, const Array<co
           const double symmetrising = law.theta == 0.0 ? 0.0 : -p.weight * law.theta / g * slope[a][i];
           if (pressing == 0.0 && symmetrising == 0.0)
             continue;
-          double* row = A + (3 * a + i) * dofs;
+          double* row = A + (3 * a + i) * row_length;
           for (int b = 0; b < nodes; ++b)
             for (int j = 0; j < 3; ++j)
               row[3 * b + j] += pressing * dP[b][j] + symmetrising * (dP[b][j] + slope[b][j]);

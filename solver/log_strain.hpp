@@ -32,9 +32,14 @@ inline void diagonalise(Matrix& A, Matrix& N)
     {
       if (A[p][q] == 0.0)
         continue;
-      const double half = 0.5 * (A[q][q] - A[p][p]), root = std::sqrt(half * half + A[p][q] * A[p][q]);
-      const double t = A[p][q] / (half + std::copysign(root, half));
-      const double c = 1.0 / std::sqrt(1.0 + t * t), s = t * c;
+      const double half = 0.5 * (A[q][q] - A[p][p]);
+      double t = 0.5 * A[p][q] / half, c = 1.0 - 0.5 * t * t; // tangent and cosine of a small angle
+      if (!(std::abs(t) < 1e-5))
+      {
+        t = A[p][q] / (half + std::copysign(std::sqrt(half * half + A[p][q] * A[p][q]), half));
+        c = 1.0 / std::sqrt(1.0 + t * t);
+      }
+      const double s = t * c;
       A[p][p] -= t * A[p][q];
       A[q][q] += t * A[p][q];
       A[p][q] = A[q][p] = 0.0;
@@ -247,11 +252,11 @@ inline void add_residual(const Gradients& g, const Matrix& P, double weight, Gra
       b[a][i] += weight * (P[i][0] * g[a][0] + P[i][1] * g[a][1] + P[i][2] * g[a][2]);
 }
 
-/// Add weight * (B^T D B + geometric part) to the row-major 30 x 30 element matrix. Only the node pairs a <= b are filled.
+/// Add weight * (B^T D B + geometric part) to the row-major 30 x 32 element matrix. Only the node pairs a <= b are filled.
 inline void add_stiffness(const Gradients& g, const LogStrain& x, const Sym& S, const Stiffness& D, double weight,
                           double* A)
 {
-  double B[6][dofs], DB[6][dofs];
+  double B[6][row_length] = {}, DB[6][row_length] = {};
   Gradients h, Sh;
   for (int a = 0; a < nodes; ++a)
   {
@@ -266,25 +271,27 @@ inline void add_stiffness(const Gradients& g, const LogStrain& x, const Sym& S, 
   }
   for (int k = 0; k < 6; ++k)
   {
-    std::fill_n(DB[k], dofs, 0.0);
-    for (int l = 0; l < 6; ++l)
-      for (int j = 0; j < dofs; ++j)
-        DB[k][j] += weight * D[k][l] * B[l][j];
+    for (int j = 0; j < row_length; ++j)
+      DB[k][j] = weight
+                 * (D[k][0] * B[0][j] + D[k][1] * B[1][j] + D[k][2] * B[2][j] + D[k][3] * B[3][j] + D[k][4] * B[4][j]
+                    + D[k][5] * B[5][j]);
   }
   for (int a = 0; a < nodes; ++a)
   {
+    constexpr int width = 8; // columns in one go, from the last multiple on
     for (int i = 3 * a; i < 3 * a + 3; ++i)
-    {
-      double* row = A + i * dofs;
-      for (int j = 3 * a; j < dofs; ++j)
-        row[j] += B[0][i] * DB[0][j] + B[1][i] * DB[1][j] + B[2][i] * DB[2][j] + B[3][i] * DB[3][j] + B[4][i] * DB[4][j]
-                  + B[5][i] * DB[5][j];
-    }
+      for (int first = 3 * a / width * width; first < row_length; first += width)
+      {
+        double* row = A + i * row_length + first;
+        for (int j = 0; j < width; ++j)
+          row[j] += B[0][i] * DB[0][first + j] + B[1][i] * DB[1][first + j] + B[2][i] * DB[2][first + j]
+                    + B[3][i] * DB[3][first + j] + B[4][i] * DB[4][first + j] + B[5][i] * DB[5][first + j];
+      }
     for (int b = a; b < nodes; ++b)
     {
       const double geometric = weight * (h[a][0] * Sh[b][0] + h[a][1] * Sh[b][1] + h[a][2] * Sh[b][2]);
       for (int i = 0; i < 3; ++i)
-        A[(3 * a + i) * dofs + 3 * b + i] += geometric;
+        A[(3 * a + i) * row_length + 3 * b + i] += geometric;
     }
   }
 }

@@ -10,6 +10,7 @@ namespace asperity
 {
 constexpr int nodes = 10;
 constexpr int dofs = 3 * nodes;
+constexpr int row_length = 32; // of element matrices, of which dofs are used: a multiple of the width of vectors
 
 using Gradients = std::array<std::array<double, 3>, nodes>;
 
@@ -85,7 +86,7 @@ inline void add_residual(const Gradients& g, const Sym& stress, double weight, G
   }
 }
 
-/// Add weight * B^T C B to the row-major 30 x 30 element matrix. Only the node pairs a <= b are filled.
+/// Add weight * B^T C B to the row-major 30 x 32 element matrix. Only the node pairs a <= b are filled.
 inline void add_stiffness(const Gradients& g, const Moduli& C, const Sym& n, double weight, double* A)
 {
   const auto [lambda, mu, chi] = C;
@@ -99,7 +100,7 @@ inline void add_stiffness(const Gradients& g, const Moduli& C, const Sym& n, dou
       const double dot = g[a][0] * g[b][0] + g[a][1] * g[b][1] + g[a][2] * g[b][2];
       for (int i = 0; i < 3; ++i)
       {
-        double* row = A + (3 * a + i) * dofs + 3 * b;
+        double* row = A + (3 * a + i) * row_length + 3 * b;
         for (int j = 0; j < 3; ++j)
           row[j] += weight * (lambda * g[a][i] * g[b][j] + mu * g[a][j] * g[b][i]);
         row[i] += weight * mu * dot;
