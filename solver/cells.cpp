@@ -131,14 +131,26 @@ std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& la
   };
   const auto finite_strain = [&](const auto& material, const Point& p, const Gradients& uc, Gradients& f)
   {
-    const LogStrain x(p.g, uc);
-    if (!(x.det > 0.0))
+    const Deformation deformation(p.g, uc);
+    const State state = committed.at(p.index);
+    if (!deformation.valid())
     {
-      trial.put(p.index, committed.at(p.index));
+      trial.put(p.index, state);
       ++inverted;
       return false;
     }
-    const auto r = material.respond(x.strain, committed.at(p.index));
+    if (deformation.moderate())
+    {
+      const Resolvents x(deformation.A);
+      const auto r = material.respond(x.strain, state);
+      trial.put(p.index, r.state);
+      const Sym S = x.piola_kirchhoff(r.stress);
+      const auto& F = deformation.F;
+      add_residual(p.g, {times(S, F[0]), times(S, F[1]), times(S, F[2])}, p.volume, f);
+      return r.plastic;
+    }
+    const LogStrain x(deformation);
+    const auto r = material.respond(x.strain, state);
     trial.put(p.index, r.state);
     add_residual(p.g, x.nominal(x.piola_kirchhoff(x.to_frame(r.stress))), p.volume, f);
     return r.plastic;
@@ -197,9 +209,10 @@ void stiffness_finite(const Cells& cells, const Law& law, const Array<const doub
                add_cell(cells, c, pattern, out,
                         [&](const Point& p, double* A)
                         {
-                          const LogStrain x(p.g, uc);
-                          if (!(x.det > 0.0))
+                          const Deformation deformation(p.g, uc);
+                          if (!deformation.valid())
                             return;
+                          const LogStrain x(deformation);
                           const auto r = material.respond(x.strain, committed.at(p.index));
                           const Sym T = x.to_frame(r.stress), n = x.to_frame(r.direction);
                           add_stiffness(p.g, x, x.piola_kirchhoff(T), x.stiffness(T, material.tangent(r), n), p.volume,
@@ -220,9 +233,10 @@ void stress(const Cells& cells, const Law& law, bool finite, bool conjugate, con
     const State state = committed.at(p.index);
     if (!finite)
       return material.respond(strain(p.g, uc), state).stress;
-    const LogStrain x(p.g, uc);
-    if (!(x.det > 0.0))
+    const Deformation deformation(p.g, uc);
+    if (!deformation.valid())
       return {};
+    const LogStrain x(deformation);
     const Sym T = material.respond(x.strain, state).stress;
     return conjugate ? T : x.cauchy(x.piola_kirchhoff(x.to_frame(T)));
   };

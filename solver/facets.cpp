@@ -93,9 +93,10 @@ private:
   template <MaterialLaw L>
   void of_finite(const L& material, const FacetPoint& p, const Gradients& u, bool differentiate)
   {
-    const LogStrain x(p.g, u);
-    if (!(x.det > 0.0)) // the cells reject such a state
+    const Deformation deformation(p.g, u);
+    if (!deformation.valid()) // t = 0; the cells reject such a state
       return;
+    const LogStrain x(deformation);
     const auto r = material.respond(x.strain, state);
     const Sym T = x.to_frame(r.stress), S = x.piola_kirchhoff(T);
     const Matrix P = x.nominal(S);

@@ -66,26 +66,38 @@ inline double log_difference(double a, double b)
   return 2.0 * ratio / (a + b);
 }
 
-/// Relative difference of eigenvalues below which their second divided difference is a series; either way the relative
-/// error is 2e-14 there (measured).
+/// Relative difference of eigenvalues below which second divided differences are series: with these terms the relative
+/// error is 4e-14 at most on either side, measured against 60 digits.
 constexpr double near_eigenvalues = 0.02;
+constexpr int near_terms = 9;
 
-/// Second divided difference ln[a, b, c].
-inline double log_difference(double a, double b, double c)
+/// Second divided difference ln[a, a, b], from ln[a, b].
+inline double log_difference_twice(double a, double b, double ab)
 {
-  const double mean = (a + b + c) / 3.0;
-  if (std::max({a, b, c}) - std::min({a, b, c}) > near_eigenvalues * mean)
+  const double t = b / a - 1.0;
+  if (std::abs(t) > near_eigenvalues)
+    return (1.0 / a - ab) / (a - b);
+  double sum = 0.0; // -1/2 + t/3 - t^2/4 ...
+  for (int n = near_terms - 1; n >= 0; --n)
+    sum = -1.0 / (n + 2) - t * sum;
+  return sum / (a * a);
+}
+
+/// Second divided difference ln[a, b, c], from ln[a, b], ln[b, c] and ln[a, c].
+inline double log_difference(double a, double b, double c, double ab, double bc, double ac)
+{
+  const double mean = (a + b + c) / 3.0, far = near_eigenvalues * mean;
+  const double d_ab = std::abs(a - b), d_bc = std::abs(b - c), d_ac = std::abs(a - c);
+  if (std::max({d_ab, d_bc, d_ac}) > far) // by the two that are farthest apart
   {
-    if (std::abs(a - b) > std::abs(a - c)) // the two that are farthest apart come first and last
-      std::swap(b, c);
-    if (std::abs(b - c) > std::abs(a - c))
-      std::swap(a, b);
-    return (log_difference(a, b) - log_difference(b, c)) / (a - c);
+    if (d_ac >= d_ab && d_ac >= d_bc)
+      return (ab - bc) / (a - c);
+    return d_ab >= d_bc ? (ac - bc) / (a - b) : (ab - ac) / (b - c);
   }
   // sum over n of (-1)^(n+1)/(n + 2) h_n, the complete homogeneous polynomials of the relative distances from the mean
   const double x = a / mean - 1.0, y = b / mean - 1.0, z = c / mean - 1.0;
   double one = 1.0, two = 1.0, three = 1.0, sign = -1.0, sum = -0.5;
-  for (int n = 1; n < 9; ++n)
+  for (int n = 1; n < near_terms; ++n)
   {
     one *= x;
     two = one + y * two;
@@ -102,34 +114,117 @@ constexpr int voigt[3][3] = {{0, 3, 4}, {3, 1, 5}, {4, 5, 2}};
 /// Stiffness from strain components, the shear ones counted twice, to stress components.
 using Stiffness = std::array<std::array<double, 6>, 6>;
 
-/// Deformation of a point. The frame is that of the eigenvectors of C.
-struct LogStrain
+/// Deformation gradient of a point, its determinant, and C - 1, in which small strains keep their digits.
+struct Deformation
 {
-  double det;           // of F; where it is not positive, only this is set
-  Matrix N;             // eigenvectors in the columns
-  Matrix F;             // deformation gradient from the frame, F N
-  double c[3];          // eigenvalues of C
-  Sym theta;            // ln[c_i, c_j]
-  Sym strain;           // E, not in the frame
+  Matrix F;
+  double det;
+  Sym A;
 
-  LogStrain(const Gradients& g, const Gradients& u)
+  Deformation(const Gradients& g, const Gradients& u) : F{}
   {
-    Matrix H{};
     for (int a = 0; a < nodes; ++a)
       for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j)
-          H[i][j] += u[a][i] * g[a][j];
-    Matrix G = H;
+          F[i][j] += u[a][i] * g[a][j];
     for (int i = 0; i < 3; ++i)
-      G[i][i] += 1.0;
-    det = G[0][0] * (G[1][1] * G[2][2] - G[1][2] * G[2][1]) - G[0][1] * (G[1][0] * G[2][2] - G[1][2] * G[2][0])
-          + G[0][2] * (G[1][0] * G[2][1] - G[1][1] * G[2][0]);
-    if (!(det > 0.0))
-      return;
-    Matrix A; // C - 1: small strains keep their digits
+      for (int j = i; j < 3; ++j)
+        A[voigt[i][j]] = F[i][j] + F[j][i] + F[0][i] * F[0][j] + F[1][i] * F[1][j] + F[2][i] * F[2][j];
     for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j)
-        A[i][j] = H[i][j] + H[j][i] + H[0][i] * H[0][j] + H[1][i] * H[1][j] + H[2][i] * H[2][j];
+      F[i][i] += 1.0;
+    det = F[0][0] * (F[1][1] * F[2][2] - F[1][2] * F[2][1]) - F[0][1] * (F[1][0] * F[2][2] - F[1][2] * F[2][0])
+          + F[0][2] * (F[1][0] * F[2][1] - F[1][1] * F[2][0]);
+  }
+
+  bool valid() const { return det > 0.0; }
+
+  /// Whether the eigenvalues of C lie between 0.64 and 1.36, where `Resolvents` are exact to rounding.
+  bool moderate() const { return contract(A, A) < 0.13; }
+};
+
+/// Strain and stress of a moderate deformation without eigenvalues, for the internal force, whose pass over the points
+/// is four times faster so: ln(1 + A) = int A R ds and its derivative along B, int R B R ds, with R = (1 + s A)^-1 and s
+/// from 0 to 1, by Gauss' rule (Higham, section 11.5).
+struct Resolvents
+{
+  static constexpr int count = 8;
+  static constexpr double points[count] = {0.019855071751231912, 0.10166676129318664, 0.2372337950418355, 0.40828267875217511, 0.59171732124782483, 0.7627662049581645, 0.89833323870681336, 0.98014492824876809};
+  static constexpr double weights[count] = {0.050614268145188532, 0.11119051722668721, 0.15685332293894344, 0.18134189168918083, 0.18134189168918083, 0.15685332293894344, 0.11119051722668721, 0.050614268145188532};
+
+  double R[6][count]; // components (xx, yy, zz, xy, xz, yz)
+  Sym strain;         // E
+
+  explicit Resolvents(const Sym& A)
+  {
+    double xx = 0.0, yy = 0.0, zz = 0.0, xy = 0.0, xz = 0.0, yz = 0.0;
+#pragma omp simd reduction(+ : xx, yy, zz, xy, xz, yz)
+    for (int q = 0; q < count; ++q)
+    {
+      const double s = points[q], w = weights[q];
+      const double a = 1.0 + s * A[0], b = 1.0 + s * A[1], c = 1.0 + s * A[2], d = s * A[3], e = s * A[4], f = s * A[5];
+      const double k0 = b * c - f * f, k3 = e * f - d * c, k4 = d * f - b * e;
+      const double inv = 1.0 / (a * k0 + d * k3 + e * k4);
+      R[0][q] = inv * k0;
+      R[1][q] = inv * (a * c - e * e);
+      R[2][q] = inv * (a * b - d * d);
+      R[3][q] = inv * k3;
+      R[4][q] = inv * k4;
+      R[5][q] = inv * (d * e - a * f);
+      xx += w * R[0][q];
+      yy += w * R[1][q];
+      zz += w * R[2][q];
+      xy += w * R[3][q];
+      xz += w * R[4][q];
+      yz += w * R[5][q];
+    }
+    const Matrix mean = {{{xx, xy, xz}, {xy, yy, yz}, {xz, yz, zz}}};
+    for (int j = 0; j < 3; ++j)
+    {
+      const auto column = times(A, mean[j]);
+      for (int i = 0; i <= j; ++i)
+        strain[voigt[i][j]] = 0.5 * column[i];
+    }
+  }
+
+  /// S from T.
+  Sym piola_kirchhoff(const Sym& T) const
+  {
+    double xx = 0.0, yy = 0.0, zz = 0.0, xy = 0.0, xz = 0.0, yz = 0.0;
+#pragma omp simd reduction(+ : xx, yy, zz, xy, xz, yz)
+    for (int q = 0; q < count; ++q)
+    {
+      const double a = R[0][q], b = R[1][q], c = R[2][q], d = R[3][q], e = R[4][q], f = R[5][q], w = weights[q];
+      const double x0 = T[0] * a + T[3] * d + T[4] * e, x1 = T[3] * a + T[1] * d + T[5] * e;
+      const double x2 = T[4] * a + T[5] * d + T[2] * e; // T times the columns of R
+      const double y0 = T[0] * d + T[3] * b + T[4] * f, y1 = T[3] * d + T[1] * b + T[5] * f;
+      const double y2 = T[4] * d + T[5] * b + T[2] * f;
+      const double z0 = T[0] * e + T[3] * f + T[4] * c, z1 = T[3] * e + T[1] * f + T[5] * c;
+      const double z2 = T[4] * e + T[5] * f + T[2] * c;
+      xx += w * (a * x0 + d * x1 + e * x2);
+      yy += w * (d * y0 + b * y1 + f * y2);
+      zz += w * (e * z0 + f * z1 + c * z2);
+      xy += w * (a * y0 + d * y1 + e * y2);
+      xz += w * (a * z0 + d * z1 + e * z2);
+      yz += w * (d * z0 + b * z1 + f * z2);
+    }
+    return {xx, yy, zz, xy, xz, yz};
+  }
+};
+
+/// Logarithmic strain of a point by the eigenvectors of C, the frame.
+struct LogStrain
+{
+  double det;  // of the deformation gradient
+  Matrix N;    // eigenvectors in the columns
+  Matrix F;    // deformation gradient from the frame, F N
+  double c[3]; // eigenvalues of C
+  Sym theta;   // ln[c_i, c_j]
+  Sym strain;  // E, not in the frame
+
+  explicit LogStrain(const Deformation& x) : det(x.det)
+  {
+    const Sym& s = x.A;
+    Matrix A = {{{s[0], s[3], s[4]}, {s[3], s[1], s[5]}, {s[4], s[5], s[2]}}};
     diagonalise(A, N);
     double e[3];
     for (int i = 0; i < 3; ++i)
@@ -139,7 +234,7 @@ struct LogStrain
     }
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j)
-        F[i][j] = G[i][0] * N[0][j] + G[i][1] * N[1][j] + G[i][2] * N[2][j];
+        F[i][j] = x.F[i][0] * N[0][j] + x.F[i][1] * N[1][j] + x.F[i][2] * N[2][j];
     for (int i = 0; i < 3; ++i)
       for (int j = i; j < 3; ++j)
       {
@@ -177,7 +272,7 @@ struct LogStrain
     return S;
   }
 
-  /// Traction stress on undeformed areas, F S: the first stress of Piola and Kirchhoff.
+  /// First stress of Piola and Kirchhoff F S, on undeformed areas, from S in the frame.
   Matrix nominal(const Sym& S) const
   {
     Matrix out;
@@ -212,11 +307,11 @@ struct LogStrain
       for (int j = 0; j < 6; ++j)
         D[i][j] = theta[i] * theta[j]
                   * ((i < 3 && j < 3 ? lambda : 0.0) + (i != j ? 0.0 : (i < 3 ? 2.0 * mu : mu)) + chi * n[i] * n[j]);
-    const double all = log_difference(c[0], c[1], c[2]);
+    const double all = log_difference(c[0], c[1], c[2], theta[3], theta[5], theta[4]);
     double twice[3][3]; // ln[c_i, c_i, c_j]
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j)
-        twice[i][j] = i == j ? -0.5 / (c[i] * c[i]) : log_difference(c[i], c[i], c[j]);
+        twice[i][j] = i == j ? -0.5 / (c[i] * c[i]) : log_difference_twice(c[i], c[j], theta[voigt[i][j]]);
     for (int i = 0; i < 3; ++i)
       for (int k = i; k < 3; ++k)
         for (int j = 0; j < 3; ++j)

@@ -61,8 +61,10 @@ def equivalent_block(
         nu: Poisson's ratio to give the equivalent one; free to choose, because only E' enters the contact.
 
     Raises:
-        InputError: a body yields, or a height is not positive.
+        InputError: a body yields or has finite strain, or a height is not positive.
     """
+    if first.finite or second.finite:
+        raise InputError("two bodies have an equivalent single one in small strain only; leave material.kinematics out")
     if first.yield_strength is not None or second.yield_strength is not None:
         raise InputError("two bodies of which one yields have no equivalent single body; give elastic materials")
     if min(heights) <= 0:
