@@ -10,7 +10,7 @@ namespace
 template <typename AtPoint>
 void add_cell(const Cells& cells, std::size_t c, const BlockPattern& pattern, double* values, AtPoint at_point)
 {
-  double A[dofs * dofs] = {};
+  double A[dofs * row_length] = {};
   cells.at_points(c, [&](const Point& p) { at_point(p, A); });
   pattern.add(cells.dofs_of(c), c, A, values);
 }
@@ -97,37 +97,67 @@ void min_jacobian(const Cells& cells, const Array<double>& out)
   }
 }
 
-std::int64_t residual(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
-                      const History& trial, const Array<bool>& plastic, const Array<double>& b)
+std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& law, bool finite,
+                                               const Array<const double>& u, const History& committed,
+                                               const History& trial, const Array<bool>& plastic,
+                                               const Array<double>& b)
 {
   cells.expect_nodal("u", u);
   committed.expect_shape("committed", cells.count(), cells.points());
   trial.expect_shape("trial", cells.count(), cells.points());
   expect("plastic", plastic, {cells.count()});
   cells.expect_nodal("b", b);
-  std::int64_t total = 0;
-  with_law(law,
-           [&](const auto& material)
-           {
-             for (std::size_t c = 0; c < cells.count(); ++c)
-             {
-               const Gradients uc = gather(u.data(), cells.dofs_of(c));
-               Gradients f{};
-               int flowing = 0;
-               cells.at_points(c,
-                               [&](const Point& p)
-                               {
-                                 const auto r = material.respond(strain(p.g, uc), committed.at(p.index));
-                                 trial.put(p.index, r.state);
-                                 flowing += r.plastic;
-                                 add_residual(p.g, r.stress, p.volume, f);
-                               });
-               plastic.data()[c] = flowing > 0;
-               total += flowing;
-               scatter(f, cells.dofs_of(c), b.data());
-             }
-           });
-  return total;
+  std::int64_t total = 0, inverted = 0;
+  // `at(material, p, uc, f)` adds the force of a point and returns whether it flows
+  const auto all_cells = [&](const auto& material, auto at)
+  {
+    for (std::size_t c = 0; c < cells.count(); ++c)
+    {
+      const Gradients uc = gather(u.data(), cells.dofs_of(c));
+      Gradients f{};
+      int flowing = 0;
+      cells.at_points(c, [&](const Point& p) { flowing += at(material, p, uc, f); });
+      plastic.data()[c] = flowing > 0;
+      total += flowing;
+      scatter(f, cells.dofs_of(c), b.data());
+    }
+  };
+  const auto small_strain = [&](const auto& material, const Point& p, const Gradients& uc, Gradients& f)
+  {
+    const auto r = material.respond(strain(p.g, uc), committed.at(p.index));
+    trial.put(p.index, r.state);
+    add_residual(p.g, r.stress, p.volume, f);
+    return r.plastic;
+  };
+  const auto finite_strain = [&](const auto& material, const Point& p, const Gradients& uc, Gradients& f)
+  {
+    const Deformation deformation(p.g, uc);
+    const State state = committed.at(p.index);
+    if (!deformation.valid())
+    {
+      trial.put(p.index, state);
+      ++inverted;
+      return false;
+    }
+    if (deformation.moderate())
+    {
+      const Resolvents x(deformation.A);
+      const auto r = material.respond(x.strain, state);
+      trial.put(p.index, r.state);
+      const Sym S = x.piola_kirchhoff(r.stress);
+      const auto& F = deformation.F;
+      add_residual(p.g, {times(S, F[0]), times(S, F[1]), times(S, F[2])}, p.volume, f);
+      return r.plastic;
+    }
+    const LogStrain x(deformation);
+    const auto r = material.respond(x.strain, state);
+    trial.put(p.index, r.state);
+    add_residual(p.g, x.nominal(x.piola_kirchhoff(x.to_frame(r.stress))), p.volume, f);
+    return r.plastic;
+  };
+  with_law(law, [&](const auto& material)
+           { finite ? all_cells(material, finite_strain) : all_cells(material, small_strain); });
+  return {total, inverted};
 }
 
 void stiffness_elastic(const Cells& cells, const Law& law, const BlockPattern& pattern, const Array<double>& values)
@@ -164,12 +194,52 @@ void stiffness_plastic(const Cells& cells, const Law& law, const Array<const dou
            });
 }
 
-void stress(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
-            const Array<double>& out)
+void stiffness_finite(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
+                      const BlockPattern& pattern, const Array<double>& values)
+{
+  cells.expect_nodal("u", u);
+  committed.expect_shape("committed", cells.count(), cells.points());
+  double* out = pattern.start(values, cells.count());
+  with_law(law,
+           [&](const auto& material)
+           {
+             for (std::size_t c = 0; c < cells.count(); ++c)
+             {
+               const Gradients uc = gather(u.data(), cells.dofs_of(c));
+               add_cell(cells, c, pattern, out,
+                        [&](const Point& p, double* A)
+                        {
+                          const Deformation deformation(p.g, uc);
+                          if (!deformation.valid())
+                            return;
+                          const LogStrain x(deformation);
+                          const auto r = material.respond(x.strain, committed.at(p.index));
+                          const Sym T = x.to_frame(r.stress), n = x.to_frame(r.direction);
+                          add_stiffness(p.g, x, x.piola_kirchhoff(T), x.stiffness(T, material.tangent(r), n), p.volume,
+                                        A);
+                        });
+             }
+           });
+}
+
+void stress(const Cells& cells, const Law& law, bool finite, bool conjugate, const Array<const double>& u,
+            const History& committed, const Array<double>& out)
 {
   cells.expect_nodal("u", u);
   committed.expect_shape("committed", cells.count(), cells.points());
   expect("out", out, {cells.count(), cells.points(), 6});
+  const auto at_point = [&](const auto& material, const Point& p, const Gradients& uc) -> Sym
+  {
+    const State state = committed.at(p.index);
+    if (!finite)
+      return material.respond(strain(p.g, uc), state).stress;
+    const Deformation deformation(p.g, uc);
+    if (!deformation.valid())
+      return {};
+    const LogStrain x(deformation);
+    const Sym T = material.respond(x.strain, state).stress;
+    return conjugate ? T : x.cauchy(x.piola_kirchhoff(x.to_frame(T)));
+  };
   with_law(law,
            [&](const auto& material)
            {
@@ -179,8 +249,8 @@ void stress(const Cells& cells, const Law& law, const Array<const double>& u, co
                cells.at_points(c,
                                [&](const Point& p)
                                {
-                                 const auto r = material.respond(strain(p.g, uc), committed.at(p.index));
-                                 std::copy_n(r.stress.begin(), 6, out.data() + 6 * p.index);
+                                 const Sym s = at_point(material, p, uc);
+                                 std::copy_n(s.begin(), 6, out.data() + 6 * p.index);
                                });
              }
            });

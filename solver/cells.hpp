@@ -3,9 +3,10 @@
 
 #include "arrays.hpp"
 #include "laws.hpp"
-#include "tet10.hpp"
+#include "log_strain.hpp"
 
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 namespace asperity
@@ -104,13 +105,13 @@ struct BlockPattern
   /// Start of an array of values, refused unless of length `size`; `cells` is the number of matrices to add.
   double* start(const Array<double>& values, std::size_t cells) const;
 
-  /// Add a symmetric 30 x 30 element matrix, given by its node pairs a <= b.
+  /// Add a symmetric 30 x 32 element matrix, given by its node pairs a <= b.
   void add(const int* cell_dofs, std::size_t c, const double* A, double* values) const
   {
     add<true>(cell_dofs, c, A, values);
   }
 
-  /// Add a full 30 x 30 element matrix.
+  /// Add a full 30 x 32 element matrix.
   void add_full(const int* cell_dofs, std::size_t c, const double* A, double* values) const
   {
     add<false>(cell_dofs, c, A, values);
@@ -131,7 +132,7 @@ private:
         for (int i = 0; i < 3; ++i)
           for (int j = 0; j < 3; ++j)
             target[i * width + j]
-                += !symmetric || a <= b ? A[(3 * a + i) * dofs + 3 * b + j] : A[(3 * b + j) * dofs + 3 * a + i];
+                += !symmetric || a <= b ? A[(3 * a + i) * row_length + 3 * b + j] : A[(3 * b + j) * row_length + 3 * a + i];
       }
     }
   }
@@ -143,10 +144,13 @@ void volumes(const Cells& cells, const Array<double>& out);
 /// Smallest Jacobian determinant over the quadrature points of each cell, out (cells).
 void min_jacobian(const Cells& cells, const Array<double>& out);
 
-/// Add the internal force of the displacement `u` (nodes, 3) to `b` (nodes, 3). The same pass writes the trial history
-/// and `plastic` (cells), whether any point of a cell flows. Returns the number of points that flow.
-std::int64_t residual(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
-                      const History& trial, const Array<bool>& plastic, const Array<double>& b);
+/// Add the internal force of the displacement `u` (nodes, 3) to `b` (nodes, 3), of small or `finite` strain. The same
+/// pass writes the trial history and `plastic` (cells), whether any point of a cell flows. Returns the number of points
+/// that flow, and of those where finite strain turns the solid inside out; these add nothing.
+std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& law, bool finite,
+                                               const Array<const double>& u, const History& committed,
+                                               const History& trial, const Array<bool>& plastic,
+                                               const Array<double>& b);
 
 /// Add the elastic stiffness of all cells to the values of the matrix.
 void stiffness_elastic(const Cells& cells, const Law& law, const BlockPattern& pattern, const Array<double>& values);
@@ -155,7 +159,12 @@ void stiffness_elastic(const Cells& cells, const Law& law, const BlockPattern& p
 void stiffness_plastic(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
                        const Array<const bool>& plastic, const BlockPattern& pattern, const Array<double>& values);
 
-/// Stress at the quadrature points, out (cells, points, 6).
-void stress(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
-            const Array<double>& out);
+/// Add the consistent tangent of finite strain of all cells.
+void stiffness_finite(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
+                      const BlockPattern& pattern, const Array<double>& values);
+
+/// Stress at the quadrature points, out (cells, points, 6). Of finite strain: Cauchy's, or if `conjugate` that whose
+/// work per undeformed volume is done on the logarithmic strain.
+void stress(const Cells& cells, const Law& law, bool finite, bool conjugate, const Array<const double>& u,
+            const History& committed, const Array<double>& out);
 } // namespace asperity

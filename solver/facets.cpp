@@ -32,7 +32,7 @@ Gradients traction_slope(const Moduli& C, const Sym& n, const FacetPoint& p)
       out[a][j] = lambda * g[j] * p.normal[2] + mu * (g[2] * p.normal[j] + (j == 2 ? along : 0.0));
     if (flow != 0.0)
     {
-      const auto ng = apply(n, g);
+      const auto ng = times(n, g);
       for (int j = 0; j < 3; ++j)
         out[a][j] += flow * ng[j];
     }
@@ -40,24 +40,70 @@ Gradients traction_slope(const Moduli& C, const Sym& n, const FacetPoint& p)
   return out;
 }
 
+/// The same in finite strain: t = (F S n)_z varies with dS and with dF.
+Gradients traction_slope(const LogStrain& x, const Sym& S, const Stiffness& D, const FacetPoint& p)
+{
+  const auto normal = x.to_frame(p.normal), pulled = times(S, normal);
+  const Sym m = x.variation(2, normal); // twice the symmetric part of F_z n, its diagonal once
+  Sym weights{};
+  for (int k = 0; k < 6; ++k)
+    for (int l = 0; l < 6; ++l)
+      weights[l] += m[k] * D[k][l];
+  Gradients out;
+  for (int a = 0; a < nodes; ++a)
+  {
+    const auto h = x.to_frame(p.g[a]);
+    for (int j = 0; j < 3; ++j)
+    {
+      const Sym v = x.variation(j, h);
+      out[a][j] = 0.0;
+      for (int k = 0; k < 6; ++k)
+        out[a][j] += weights[k] * v[k];
+    }
+    out[a][2] += h[0] * pulled[0] + h[1] * pulled[1] + h[2] * pulled[2];
+  }
+  return out;
+}
+
 /// Traction of the solid at a point, its derivative if wanted, and the new state.
 struct Traction
 {
-  double t;
-  Gradients slope;
+  double t = 0.0;
+  Gradients slope{};
   State state;
 
-  Traction(const Law& law, const FacetPoint& p, const Gradients& u, const State& committed, bool differentiate)
+  Traction(const ContactLaw& law, const FacetPoint& p, const Gradients& u, const State& committed, bool differentiate)
+      : state(committed)
   {
-    with_law(law,
-             [&](const auto& material)
-             {
-               const auto r = material.respond(strain(p.g, u), committed);
-               t = traction(r.stress, p.normal);
-               state = r.state;
-               if (differentiate)
-                 slope = traction_slope(material.tangent(r), r.direction, p);
-             });
+    with_law(law.material, [&](const auto& material)
+             { law.finite ? of_finite(material, p, u, differentiate) : of_small(material, p, u, differentiate); });
+  }
+
+private:
+  template <MaterialLaw L>
+  void of_small(const L& material, const FacetPoint& p, const Gradients& u, bool differentiate)
+  {
+    const auto r = material.respond(strain(p.g, u), state);
+    t = traction(r.stress, p.normal);
+    if (differentiate)
+      slope = traction_slope(material.tangent(r), r.direction, p);
+    state = r.state;
+  }
+
+  template <MaterialLaw L>
+  void of_finite(const L& material, const FacetPoint& p, const Gradients& u, bool differentiate)
+  {
+    const Deformation deformation(p.g, u);
+    if (!deformation.valid()) // t = 0; the cells reject such a state
+      return;
+    const LogStrain x(deformation);
+    const auto r = material.respond(x.strain, state);
+    const Sym T = x.to_frame(r.stress), S = x.piola_kirchhoff(T);
+    const Matrix P = x.nominal(S);
+    t = P[2][0] * p.normal[0] + P[2][1] * p.normal[1] + P[2][2] * p.normal[2];
+    if (differentiate)
+      slope = traction_slope(x, S, x.stiffness(T, material.tangent(r), x.to_frame(r.direction)), p);
+    state = r.state;
   }
 };
 
@@ -90,9 +136,9 @@ Facets::Facets(Array<const double> x, Array<const int> x_dofs, Array<const int> 
   check_range("local", local, 4);
 }
 
-ContactLaw::ContactLaw(const Law& material, Array<const double> stiffness, Array<const double> height, bool traction,
-                       double theta)
-    : material(material), stiffness(stiffness), height(height), traction(traction), theta(theta)
+ContactLaw::ContactLaw(const Law& material, bool finite, Array<const double> stiffness, Array<const double> height,
+                       bool traction, double theta)
+    : material(material), finite(finite), stiffness(stiffness), height(height), traction(traction), theta(theta)
 {
   expect("stiffness", stiffness, {any()});
   expect("height", height, {stiffness.shape(0), any()});
@@ -134,7 +180,7 @@ void facet_pressure(const Facets& facets, const ContactLaw& law, double z, const
         continue;
       }
       const FacetPoint p(facets, x, f, q);
-      const Traction body(law.material, p, uc, committed.at(at), law.theta != 0.0);
+      const Traction body(law, p, uc, committed.at(at), law.theta != 0.0);
       trial.put(at, body.state);
       P = std::max(excess - body.t, 0.0);
       if (law.theta == 0.0)
@@ -172,13 +218,13 @@ void facet_stiffness(const Facets& facets, const ContactLaw& law, const Array<co
   expect("pressure", pressure, {facets.count(), facets.points()});
   double* out = pattern.start(values, facets.count());
   const std::size_t points = facets.points();
-  double A[dofs * dofs];
+  double A[dofs * row_length];
   for (std::size_t f = 0; f < facets.count(); ++f)
   {
     const double* P = pressure.data() + f * points;
     if (law.theta == 0.0 && std::none_of(P, P + points, [](double p) { return p > 0.0; }))
       continue;
-    std::fill_n(A, dofs * dofs, 0.0);
+    std::fill_n(A, dofs * row_length, 0.0);
     const Gradients x = gather(facets.x.data(), facets.x_dofs.data() + nodes * f);
     const Gradients uc = gather(u.data(), facets.dofs_of(f));
     const double g = law.stiffness.data()[f];
@@ -191,7 +237,7 @@ void facet_stiffness(const Facets& facets, const ContactLaw& law, const Array<co
       const double* shape = facets.shape_at(f, q);
       Gradients slope{}, dP{};
       if (law.traction)
-        slope = Traction(law.material, p, uc, committed.at(f * points + q), true).slope;
+        slope = Traction(law, p, uc, committed.at(f * points + q), true).slope;
       if (pressed)
         for (int a = 0; a < nodes; ++a)
         {
@@ -206,7 +252,7 @@ void facet_stiffness(const Facets& facets, const ContactLaw& law, const Array<co
           const double symmetrising = law.theta == 0.0 ? 0.0 : -p.weight * law.theta / g * slope[a][i];
           if (pressing == 0.0 && symmetrising == 0.0)
             continue;
-          double* row = A + (3 * a + i) * dofs;
+          double* row = A + (3 * a + i) * row_length;
           for (int b = 0; b < nodes; ++b)
             for (int j = 0; j < 3; ++j)
               row[3 * b + j] += pressing * dP[b][j] + symmetrising * (dP[b][j] + slope[b][j]);

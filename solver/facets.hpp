@@ -64,13 +64,14 @@ struct FacetPoint
 struct ContactLaw
 {
   Law material;
+  bool finite; // whether strains are finite; t is then the nominal traction, per area projected before deformation
   Array<const double> stiffness; // g of each facet [force/length^3] (facets)
   Array<const double> height;    // of the undeformed surface at the points (facets, points)
   bool traction;                 // k
   double theta;
 
-  ContactLaw(const Law& material, Array<const double> stiffness, Array<const double> height, bool traction,
-             double theta);
+  ContactLaw(const Law& material, bool finite, Array<const double> stiffness, Array<const double> height,
+             bool traction, double theta);
 };
 
 /// Projected weight of each point, out (facets, points).

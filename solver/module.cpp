@@ -3,6 +3,7 @@
 #include "facets.hpp"
 #include "linear.hpp"
 
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/variant.h>
 
 using namespace asperity;
@@ -48,12 +49,14 @@ void bind_cells(nb::module_& m)
       .def(nb::init<Array<const int>, Array<const int>, Array<const int>>(), "cell_dofs"_a, "indptr"_a, "indices"_a);
   m.def("volumes", &volumes, "cells"_a, out("out"), unlocked);
   m.def("min_jacobian", &min_jacobian, "cells"_a, out("out"), unlocked);
-  m.def("residual", &residual, "cells"_a, "law"_a, "u"_a, "committed"_a, "trial"_a, out("plastic"), out("b"),
+  m.def("residual", &residual, "cells"_a, "law"_a, "finite"_a, "u"_a, "committed"_a, "trial"_a, out("plastic"), out("b"),
         unlocked);
   m.def("stiffness_elastic", &stiffness_elastic, "cells"_a, "law"_a, "pattern"_a, out("values"), unlocked);
   m.def("stiffness_plastic", &stiffness_plastic, "cells"_a, "law"_a, "u"_a, "committed"_a, "plastic"_a, "pattern"_a,
         out("values"), unlocked);
-  m.def("stress", &stress, "cells"_a, "law"_a, "u"_a, "committed"_a, out("out"), unlocked);
+  m.def("stiffness_finite", &stiffness_finite, "cells"_a, "law"_a, "u"_a, "committed"_a, "pattern"_a, out("values"),
+        unlocked);
+  m.def("stress", &stress, "cells"_a, "law"_a, "finite"_a, "conjugate"_a, "u"_a, "committed"_a, out("out"), unlocked);
 }
 
 void bind_facets(nb::module_& m)
@@ -63,8 +66,8 @@ void bind_facets(nb::module_& m)
                     Array<const double>, Array<const double>, Array<const double>>(),
            "x"_a, "x_dofs"_a, "u_dofs"_a, "local"_a, "gradients"_a, "shape"_a, "normals"_a, "weights"_a);
   nb::class_<ContactLaw>(m, "ContactLaw")
-      .def(nb::init<const Law&, Array<const double>, Array<const double>, bool, double>(), "material"_a, "stiffness"_a,
-           "height"_a, "traction"_a, "theta"_a);
+      .def(nb::init<const Law&, bool, Array<const double>, Array<const double>, bool, double>(), "material"_a, "finite"_a,
+           "stiffness"_a, "height"_a, "traction"_a, "theta"_a);
   m.def("facet_weights", &facet_weights, "facets"_a, out("out"), unlocked);
   m.def("facet_pressure", &facet_pressure, "facets"_a, "law"_a, "z"_a, "u"_a, "committed"_a, "trial"_a, out("pressure"),
         out("b"), unlocked);

@@ -10,6 +10,7 @@ namespace asperity
 {
 constexpr int nodes = 10;
 constexpr int dofs = 3 * nodes;
+constexpr int row_length = 32; // of element matrices, of which dofs are used: a multiple of the width of vectors
 
 using Gradients = std::array<std::array<double, 3>, nodes>;
 
@@ -68,7 +69,7 @@ inline Sym strain(const Gradients& g, const Gradients& u)
 }
 
 /// Product of a symmetric tensor with a vector.
-inline std::array<double, 3> apply(const Sym& s, const std::array<double, 3>& v)
+inline std::array<double, 3> times(const Sym& s, const std::array<double, 3>& v)
 {
   return {s[0] * v[0] + s[3] * v[1] + s[4] * v[2], s[3] * v[0] + s[1] * v[1] + s[5] * v[2],
           s[4] * v[0] + s[5] * v[1] + s[2] * v[2]};
@@ -79,27 +80,27 @@ inline void add_residual(const Gradients& g, const Sym& stress, double weight, G
 {
   for (int a = 0; a < nodes; ++a)
   {
-    const auto f = apply(stress, g[a]);
+    const auto f = times(stress, g[a]);
     for (int i = 0; i < 3; ++i)
       b[a][i] += weight * f[i];
   }
 }
 
-/// Add weight * B^T C B to the row-major 30 x 30 element matrix. Only the node pairs a <= b are filled.
+/// Add weight * B^T C B to the row-major 30 x 32 element matrix. Only the node pairs a <= b are filled.
 inline void add_stiffness(const Gradients& g, const Moduli& C, const Sym& n, double weight, double* A)
 {
   const auto [lambda, mu, chi] = C;
   std::array<std::array<double, 3>, nodes> ng;
   if (chi != 0.0)
     for (int a = 0; a < nodes; ++a)
-      ng[a] = apply(n, g[a]);
+      ng[a] = times(n, g[a]);
   for (int a = 0; a < nodes; ++a)
     for (int b = a; b < nodes; ++b)
     {
       const double dot = g[a][0] * g[b][0] + g[a][1] * g[b][1] + g[a][2] * g[b][2];
       for (int i = 0; i < 3; ++i)
       {
-        double* row = A + (3 * a + i) * dofs + 3 * b;
+        double* row = A + (3 * a + i) * row_length + 3 * b;
         for (int j = 0; j < 3; ++j)
           row[j] += weight * (lambda * g[a][i] * g[b][j] + mu * g[a][j] * g[b][i]);
         row[i] += weight * mu * dot;

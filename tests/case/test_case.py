@@ -102,6 +102,15 @@ def test_hardening_of_an_elastic_material_is_refused() -> None:
     assert not Case.load(DEMO, [*elastic, "material.hardening=isotropic"]).material.solid.plastic
 
 
+def test_kinematics_reach_the_material() -> None:
+    assert not Case.load(DEMO).material.solid.finite
+    finite = ["material.kinematics=finite"]
+    assert Case.load(DEMO, finite).problem().material.finite
+    elastic = ["material.yield_strength=", "material.tangent_modulus="]
+    with pytest.raises(InputError, match=r"contact\.theta = 1 is for small strain"):
+        Case.load(DEMO, [*finite, *elastic, "contact.method=nitsche", "contact.theta=1"])
+
+
 def test_hash_tells_physics_apart_but_not_output() -> None:
     base = Case.load(DEMO)
     assert Case.load(DEMO, ["material.nu=0.31"]).hash() != base.hash()
@@ -171,6 +180,7 @@ MISTAKES = {
     "material.tangent_modulus=200e9": ("tangent_modulus = 2e+11", "below material.E"),
     "material.hardening=kinetic": ('material.hardening = "kinetic"', '"isotropic", "kinematic" or [0, 1]'),
     "material.hardening=1.5": ("material.hardening = 1.5", "[0, 1]"),
+    "material.kinematics=large": ('material.kinematics = "large"', '"small", "finite"'),
     "material=": ("material", "missing"),
     "block.height=1": ("block.height", "same unit"),
     "contact.method=glue": ("contact.method", '"penalty"'),

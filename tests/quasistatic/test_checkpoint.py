@@ -94,6 +94,7 @@ def test_a_resumed_run_warns_of_the_waves_that_its_mesh_misses(tmp_path: Path) -
         (PLASTIC, "active-set", {"steps": 2, "integrator": "midpoint"}),
         (PLASTIC, "nitsche", {"unload_steps": 2}),
         (dataclasses.replace(PLASTIC, hardening="kinematic"), "active-set", {"steps": 3, "integrator": "midpoint"}),
+        (dataclasses.replace(PLASTIC, kinematics="finite"), "nitsche", {"steps": 3, "integrator": "midpoint"}),
         (PLASTIC, "penalty", {"unload_steps": 2}),
         (PLASTIC, "active-set", {"delta_max": None, "force_max": 1e-3, "steps": 2}),
         (ELASTIC, "active-set", {}),
@@ -435,14 +436,15 @@ def test_what_may_change_before_a_continuation(section: str, change: Any, free: 
     assert (not differences(one, two)) == free
 
 
-def test_hardening_belongs_to_the_identity_where_it_is_given() -> None:
+@pytest.mark.parametrize(("key", "value"), [("hardening", "kinematic"), ("kinematics", "finite")])
+def test_a_later_key_belongs_to_the_identity_where_it_is_given(key: str, value: str) -> None:
     """A case without the key is the one of runs saved before there was one."""
     plain = {**CASE, "material": {**CASE["material"], "yield_strength": 0.005}}  # type: ignore[dict-item]
-    moving = {**CASE, "material": {**plain["material"], "hardening": "kinematic"}}  # type: ignore[dict-item]
-    one, two = (identity(Case.from_dict(case)) for case in (plain, moving))
-    assert "material.hardening" not in one
-    assert differences(one, two) == ['material.hardening = absent there, "kinematic" here']
-    assert Case.from_dict(plain).hash() != Case.from_dict(moving).hash()
+    other = {**CASE, "material": {**plain["material"], key: value}}  # type: ignore[dict-item]
+    one, two = (identity(Case.from_dict(case)) for case in (plain, other))
+    assert f"material.{key}" not in one
+    assert differences(one, two) == [f'material.{key} = absent there, "{value}" here']
+    assert Case.from_dict(plain).hash() != Case.from_dict(other).hash()
 
 
 def test_more_cycles_may_follow() -> None:

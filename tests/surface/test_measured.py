@@ -332,6 +332,8 @@ def test_the_equivalent_block_is_as_compliant_as_both() -> None:
         assert one.height / modulus(one.material) == pytest.approx(both)
     with pytest.raises(InputError, match="yields"):
         equivalent_block(Material(1.0, 0.3, 0.01), steel, (1, 1))
+    with pytest.raises(InputError, match="in small strain only"):
+        equivalent_block(steel, Material(3e6, 0.45, kinematics="finite"), (1, 1))
 
 
 def test_two_spheres_are_one_of_half_the_radius() -> None:

@@ -137,12 +137,16 @@ class MaterialSection(Section):
         "the yield surface grows (isotropic) or moves (kinematic), or the share of hardening that moves it", None,
         shown="isotropic",
     )  # fmt: skip
+    kinematics: Literal["small", "finite"] | None = _key(
+        "strain: small, or finite (the same law in logarithmic strain)", None, shown="small",
+    )  # fmt: skip
 
     @property
     def solid(self) -> Material:
         """The material, with its moduli."""
         hardening = "isotropic" if self.hardening is None else self.hardening
-        return Material(self.E, self.nu, self.yield_strength, self.tangent_modulus or 0.0, hardening)
+        tangent_modulus, kinematics = self.tangent_modulus or 0.0, self.kinematics or "small"
+        return Material(self.E, self.nu, self.yield_strength, tangent_modulus, hardening, kinematics)
 
     @property
     def E_prime(self) -> float:
@@ -165,7 +169,7 @@ class ContactSection(Section):
     gamma: Real | None = _key(
         "factor of (lambda + 2 mu) p^2/h (nitsche)", None, shown="1; 10 if theta is not 0", ge=0.01, le=1e6
     )
-    theta: Whole = _key("symmetry of nitsche; 1 and -1 need an elastic solid", 0, ge=-1, le=1)
+    theta: Whole = _key("symmetry of nitsche; 1 and -1 need an elastic solid in small strain", 0, ge=-1, le=1)
 
 
 class MeshSection(Section):

@@ -80,6 +80,8 @@ def _check_self_affine(surface: SelfAffineSection) -> None:
 
 def _check_material(case: Input) -> None:
     solid = case.material
+    if case.contact.method == "nitsche" and case.contact.theta != 0 and solid.kinematics == "finite":
+        _refuse("contact.theta", f"= {case.contact.theta} is for small strain; use 0, or remove material.kinematics")
     if solid.yield_strength is None:
         if solid.tangent_modulus is not None:
             _refuse(

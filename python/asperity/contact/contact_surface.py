@@ -100,8 +100,9 @@ class ContactSurface:
         sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
         self.diameter = np.max(sides, axis=1, initial=0.0)
         # a facet's load under a pressure of one is an equal force on its edges
-        unit = np.repeat(self.area[:, None] / 3.0, 6, axis=1) * (np.arange(6) >= 3)
-        self._corner_area = self._assemble_corners(_to_corners(unit))
+        self._unit = np.repeat(self.area[:, None] / 3.0, 6, axis=1) * (np.arange(6) >= 3)
+        self._corner_area = self._assemble_corners(_to_corners(self._unit))
+        self._projected = projected_area(solid.points[self.nodes])
 
     def _assemble_corners(self, values: Floats) -> Floats:
         """Sum corner values (F, 3) over facets and ranks; result on local nodes (nodes,)."""
@@ -116,6 +117,13 @@ class ContactSurface:
         vector.scatter_reverse(la.InsertMode.add)
         vector.scatter_forward()
         return vector.array.copy()
+
+    def area_ratio(self) -> Floats:
+        """Area of each facet, projected on the flat, over that before deformation (F,); 1 in small strain."""
+        solid = self.solid
+        if not solid.material.finite:
+            return np.ones(len(self.nodes))
+        return projected_area((solid.points + solid.u.x.array.reshape(-1, 3))[self.nodes]) / self._projected
 
     def pressure(self, nodal_force: Floats) -> Floats:
         """Pressure at the corner nodes from forces on all nodes, zero elsewhere; collective.
@@ -132,9 +140,11 @@ class ContactSurface:
         """
         # a node's force is shared by its facets: split it evenly so that the assembly counts it once
         share = nodal_force / np.maximum(self.valence, 1.0)
-        force = self._assemble_corners(_to_corners(share[self.nodes]))
+        force, area = self._assemble_corners(_to_corners(share[self.nodes])), self._corner_area
+        if self.solid.material.finite:
+            area = self._assemble_corners(_to_corners(self._unit * self.area_ratio()[:, None]))
         with np.errstate(invalid="ignore", divide="ignore"):
-            return np.where(self._corner_area > 0.0, force / self._corner_area, 0.0)
+            return np.where(area > 0.0, force / area, 0.0)
 
     def area_of(self, touched: Flags, weights: Floats) -> Area:
         """Area where points of the facets are touched, and its error; collective.
@@ -146,10 +156,11 @@ class ContactSurface:
 
         Args:
             touched: whether the flat touches a point (F, Q)
-            weights: area of each point (F, Q) [length^2]
+            weights: area of each point before deformation (F, Q) [length^2]
         """
-        cut = touched.any(axis=1) & ~touched.all(axis=1)
-        sums = self.solid.comm.allreduce(np.array([np.sum(weights[touched]), np.sum(self.area[cut] ** 2)]))
+        cut, ratio = touched.any(axis=1) & ~touched.all(axis=1), self.area_ratio()
+        areas = (weights * ratio[:, None])[touched]
+        sums = self.solid.comm.allreduce(np.array([np.sum(areas), np.sum((self.area * ratio)[cut] ** 2)]))
         return Area(float(sums[0]), float(np.sqrt(sums[1] / 3.0)))
 
     def mean(self, values: Floats) -> float:
@@ -172,6 +183,32 @@ class ContactSurface:
 def facet_numbers(surface: ContactSurface) -> Indices:
     """Number of each facet in the built mesh: four times its cell plus its number in the cell (F,)."""
     return 4 * cell_numbers(surface.solid)[surface.cells] + surface.local
+
+
+def projected_area(points: Floats) -> Floats:
+    """Area of second-order facets, projected on the plane z = 0 (F,) [length^2].
+
+    Each edge is an arc of a parabola, which adds two thirds of chord times sagitta to the triangle of the corners.
+
+    Args:
+        points: corners, then the middle of the edge opposite to each corner (F, 6, 3) [length]
+
+    Examples:
+        >>> corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+        >>> middles = 0.5 * (np.roll(corners, -1, axis=0) + np.roll(corners, 1, axis=0))
+        >>> projected_area(np.concatenate([corners, middles])[None])
+        array([0.5])
+    """
+    corners, middles = points[:, :3, :2], points[:, 3:, :2]
+    first, last = np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1)  # ends of the edges, in order around
+    triangle = 0.5 * _cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    segments = _cross(last - first, middles - 0.5 * (first + last)).sum(axis=1)
+    return np.abs(triangle - 2.0 / 3.0 * segments)
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    out: Floats = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return out
 
 
 def _to_corners(values: Floats) -> Floats:

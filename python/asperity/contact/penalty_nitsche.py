@@ -12,7 +12,6 @@ from asperity.errors import InputError
 from asperity.fem.compiled_kernels import compiled, law_of
 from asperity.fem.kernels import History
 from asperity.fem.solid import Solid
-from asperity.model.material import Material
 from asperity.model.settings import gamma_too_small
 
 
@@ -37,11 +36,11 @@ class PressureContact:
         solid, surface: block and its contact surface
         factor: dimensionless beta (penalty) or gamma (Nitsche)
         traction: k
-        theta: 0 unless Nitsche's method for an elastic solid
+        theta: 0 unless Nitsche's method for an elastic solid in small strain
         rule: quadrature on the facets
 
     Raises:
-        InputError: theta needs an elastic solid and Nitsche's method; gamma is too small for theta
+        InputError: theta needs an elastic solid in small strain and Nitsche's method; gamma is too small for theta
     """
 
     def __init__(
@@ -54,10 +53,10 @@ class PressureContact:
         theta: int = 0,
         rule: FacetRule | None = None,
     ) -> None:
-        if theta != 0 and (solid.material.plastic or not traction):
+        if theta != 0 and not (solid.material.linear and traction):
             raise InputError(
-                f'contact.theta = {theta} needs an elastic material and contact.method = "nitsche": leave '
-                "material.yield_strength out or take theta = 0"
+                f'contact.theta = {theta} needs an elastic material in small strain and contact.method = "nitsche": '
+                "leave material.yield_strength and material.kinematics out or take theta = 0"
             )
         if traction and (small := gamma_too_small(factor, theta)):
             raise InputError(small)
@@ -70,10 +69,9 @@ class PressureContact:
             modulus, h = lam + 2.0 * mu, 3.0 * solid.kernels.volumes[surface.cells].sum(axis=1) / surface.area
         else:
             modulus, h = solid.material.E, surface.diameter
-        numbers = factor * modulus * 4.0 / h, self._rule.height, traction, float(theta)
-        elastic = Material(solid.material.E, solid.material.nu)
+        numbers = solid.material.finite, factor * modulus * 4.0 / h, self._rule.height, traction, float(theta)
         self._law = _solver.ContactLaw(law_of(solid.material), *numbers)
-        self._elastic_law = _solver.ContactLaw(law_of(elastic), *numbers)
+        self._elastic_law = _solver.ContactLaw(law_of(solid.material, flows=False), *numbers)
         self._has_history = traction and solid.material.plastic
         rows = len(surface.cells) if self._has_history else 0
         self._committed, self._trial = History.zeros(rows, points[1]), History.zeros(rows, points[1])
@@ -103,17 +101,17 @@ class PressureContact:
         return force + self._force[:, :3], np.empty(0, dtype=np.int32), np.empty(0)
 
     def add_tangent(self) -> None:
-        self._add_stiffness(self._law)
+        self._add_stiffness(self._law, self._committed)
 
     def add_elastic_tangent(self) -> None:
-        self._add_stiffness(self._elastic_law)
+        self._add_stiffness(self._elastic_law, self._trial)
 
-    def _add_stiffness(self, law: _solver.ContactLaw) -> None:
+    def _add_stiffness(self, law: _solver.ContactLaw, history: History) -> None:
         _solver.facet_stiffness(
             self._rule.facets,
             law,
             self._solid.u.x.array.reshape(-1, 3),
-            compiled(self._committed),
+            compiled(history),
             self.points,
             self._pattern,
             self._solid.values,

@@ -18,14 +18,20 @@ def compiled(history: History) -> _solver.History:
     return _solver.History(**history.arrays())
 
 
-def law_of(material: Material) -> _solver.Elastic | _solver.J2:
+def law_of(material: Material, flows: bool = True) -> _solver.Elastic | _solver.J2:
     """The material as the compiled kernels receive it.
+
+    Args:
+        material: elastic or elastic-plastic
+        flows: False keeps the plastic strain as it is, for the stiffness against small vibration
 
     Example:
         >>> law_of(Material(E=1.0, nu=0.0)).mu
         0.5
     """
     name, parameters = material.law
+    if material.plastic and not flows:
+        parameters = {**parameters, "yield_stress": np.inf}
     law: _solver.Elastic | _solver.J2 = getattr(_solver, name)(**parameters)
     return law
 
@@ -33,7 +39,8 @@ def law_of(material: Material) -> _solver.Elastic | _solver.J2:
 class CompiledKernels:
     """Internal force and tangent by the kernels of `asperity._solver`.
 
-    The elastic stiffness is assembled once. A tangent is a copy of it plus the correction of the cells that yield.
+    In small strain the elastic stiffness is assembled once. A tangent is a copy of it plus the correction of the cells
+    that yield.
 
     Args:
         x: nodes of the geometry (n, 3) [L]
@@ -53,13 +60,14 @@ class CompiledKernels:
     ) -> None:
         at, weights = quadrature(QUADRATURE_DEGREE)
         self._cells = _solver.Cells(x, x_nodes, cell_nodes, shape_gradients(at), weights)
-        self._law = law_of(material)
-        self.linear = not material.plastic
+        self._law, self._held = law_of(material), law_of(material, flows=False)
+        self._finite, self.linear = material.finite, material.linear
         cells, points = len(cell_nodes), len(weights)
-        self.plastic_points = 0
+        self.plastic_points = self.inverted_points = 0
         self._pattern = _solver.BlockPattern(cell_nodes, sparsity.indptr, sparsity.indices)
-        self._elastic = np.zeros(len(sparsity.columns))
-        _solver.stiffness_elastic(self._cells, self._law, self._pattern, self._elastic)
+        if not self._finite:
+            self._elastic = np.zeros(len(sparsity.columns))
+            _solver.stiffness_elastic(self._cells, self._law, self._pattern, self._elastic)
         rows = cells if material.plastic else 0  # an elastic material has no history
         self._committed, self._trial = History.zeros(rows, points), History.zeros(rows, points)
         self._flowing = np.zeros(cells, dtype=bool)
@@ -67,9 +75,10 @@ class CompiledKernels:
         _solver.volumes(self._cells, self.volumes)
 
     def add_internal_force(self, u: Floats, b: Floats) -> None:
-        self.plastic_points = _solver.residual(
+        self.plastic_points, self.inverted_points = _solver.residual(
             self._cells,
             self._law,
+            self._finite,
             u,
             compiled(self._committed),
             compiled(self._trial),
@@ -78,6 +87,10 @@ class CompiledKernels:
         )
 
     def tangent(self, u: Floats, values: Floats) -> None:
+        if self._finite:
+            values[:] = 0.0
+            _solver.stiffness_finite(self._cells, self._law, u, compiled(self._committed), self._pattern, values)
+            return
         np.copyto(values, self._elastic)
         if self._flowing.any():
             _solver.stiffness_plastic(
@@ -91,7 +104,11 @@ class CompiledKernels:
             )
 
     def elastic_tangent(self, u: Floats, values: Floats) -> None:
-        np.copyto(values, self._elastic)
+        if self._finite:
+            values[:] = 0.0
+            _solver.stiffness_finite(self._cells, self._held, u, compiled(self._trial), self._pattern, values)
+        else:
+            np.copyto(values, self._elastic)
 
     def commit(self) -> None:
         self._committed.assign(self._trial)
@@ -103,6 +120,12 @@ class CompiledKernels:
         return self._committed
 
     def stress(self, u: Floats) -> Floats:
+        return self._stress(u, conjugate=False)
+
+    def conjugate_stress(self, u: Floats) -> Floats:
+        return self._stress(u, conjugate=True)
+
+    def _stress(self, u: Floats, conjugate: bool) -> Floats:
         out = np.zeros((*self.volumes.shape, 6))
-        _solver.stress(self._cells, self._law, u, compiled(self._committed), out)
+        _solver.stress(self._cells, self._law, self._finite, conjugate, u, compiled(self._committed), out)
         return out

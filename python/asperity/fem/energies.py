@@ -23,7 +23,7 @@ def energies(solid: Solid, force: Floats) -> tuple[float, float]:
     kernels, material = solid.kernels, solid.material
     if kernels.linear:
         return 0.5 * float(np.vdot(u[: solid.owned], force)), 0.0
-    stored = float(np.vdot(kernels.volumes, material.elastic_energy(kernels.stress(u))))
+    stored = float(np.vdot(kernels.volumes, material.elastic_energy(kernels.conjugate_stress(u))))
     history = kernels.history()
     yielded = history.changed()
     volumes = kernels.volumes[yielded]
@@ -45,7 +45,7 @@ def dissipation(solid: Solid, before: History) -> tuple[float, float]:
     if not after.rows:
         return 0.0, 0.0
     yielded = after.changed()
-    driving = solid.kernels.stress(solid.u.x.array.reshape(-1, 3))[yielded]
+    driving = solid.kernels.conjugate_stress(solid.u.x.array.reshape(-1, 3))[yielded]
     driving -= solid.material.back_stress(after.plastic_strain[yielded])
     flow = after.plastic_strain[yielded] - before.plastic_strain[yielded]
     work = float(np.einsum("cq,cqi,cqi,i", solid.kernels.volumes[yielded], driving, flow, PAIRS))

@@ -60,6 +60,11 @@ class InertialKernels:
         """Quadrature points flowing at the last residual."""
         return self.inner.plastic_points
 
+    @property
+    def inverted_points(self) -> int:
+        """Quadrature points turned inside out at the last residual."""
+        return self.inner.inverted_points
+
     def add_internal_force(self, u: Floats, b: Floats) -> None:
         """See `fem.kernels.ElementKernels`; so for the methods below."""
         self.inner.add_internal_force(u, b)
@@ -89,6 +94,9 @@ class InertialKernels:
 
     def stress(self, u: Floats) -> Floats:
         return self.inner.stress(u)
+
+    def conjugate_stress(self, u: Floats) -> Floats:
+        return self.inner.conjugate_stress(u)
 
 
 def consistent_mass(solid: Solid) -> Any:

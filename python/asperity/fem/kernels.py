@@ -84,8 +84,12 @@ class ElementKernels(Protocol):
         """Quadrature points of this rank that yielded in the last residual."""
 
     @property
+    def inverted_points(self) -> int:
+        """Quadrature points of this rank that finite strain turned inside out in the last residual: no valid state."""
+
+    @property
     def volumes(self) -> Floats:
-        """Volumes of the quadrature points of this rank (cells, points) [L^3]."""
+        """Volumes of the quadrature points of this rank before deformation (cells, points) [L^3]."""
 
     def add_internal_force(self, u: Floats, b: Floats) -> None:
         """Add the internal force [E L^2] of the nodal displacement u (nodes, 3) to b; writes the trial history."""
@@ -106,4 +110,8 @@ class ElementKernels(Protocol):
         """Committed history of this rank's cells; without rows for an elastic material."""
 
     def stress(self, u: Floats) -> Floats:
-        """Stress (cells, points, 6) [E] of u over the committed history."""
+        """Cauchy's stress (cells, points, 6) [E] of u over the committed history."""
+
+    def conjugate_stress(self, u: Floats) -> Floats:
+        """Stress (cells, points, 6) [E] whose product with the strain rate of the law is the power per volume before
+        deformation: in small strain the stress, in finite strain that of logarithmic strain."""

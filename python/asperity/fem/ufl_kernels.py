@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from asperity.arrays import Floats
+from asperity.errors import InputError
 from asperity.fem.kernels import QUADRATURE_DEGREE, History
+from asperity.fem.log_strain import displacement_measure, logarithmic_strain, piola_kirchhoff
 from asperity.fem.sparsity import SparsityPattern
 from asperity.model.material import Material
 from asperity.runtime import compat
@@ -42,20 +44,28 @@ class UflKernels:
         points = element.custom_quadrature()[0]
         h = self._history
         plastic_strain = ufl.as_matrix([[h[0], h[3], h[4]], [h[3], h[1], h[5]], [h[4], h[5], h[2]]])
-        strain = ufl.sym(ufl.grad(self._u))
+        gradient, test = ufl.grad(self._u), ufl.TestFunction(V)
+        A = displacement_measure(gradient)
+        strain = logarithmic_strain(A) if material.finite else ufl.sym(gradient)
         parameters = {name: fem.Constant(mesh, np.float64(value)) for name, value in material.law[1].items()}
         stress, flowed, alpha = material.respond_ufl(strain, plastic_strain, h[6], parameters)
-        residual = ufl.inner(stress, ufl.sym(ufl.grad(ufl.TestFunction(V)))) * dx
+        F, cauchy = ufl.Identity(3) + gradient, stress
+        if material.finite:
+            S = piola_kirchhoff(A, stress)
+            residual = ufl.inner(F * S, ufl.grad(test)) * dx
+            cauchy = F * S * F.T / ufl.det(F)
+        else:
+            residual = ufl.inner(stress, ufl.sym(ufl.grad(test))) * dx
         self._residual = fem.form(residual)
         self._tangent = fem.form(ufl.derivative(residual, self._u))
-        outputs = [stress[ij] for ij in SYMMETRIC] + [flowed[ij] for ij in SYMMETRIC] + [alpha]
+        tensors = [tensor[ij] for tensor in (stress, flowed, cauchy) for ij in SYMMETRIC]
+        outputs = [*tensors, alpha, ufl.det(F)]
         self._outputs = fem.Expression(ufl.as_vector(outputs), points, mesh.comm)
         self._matrix = fem.create_matrix(self._tangent)
         self._from, self._to = _positions(self._matrix, sparsity)
         self.volumes = self._quadrature_volumes(len(points))
-        self.plastic_points = 0
-        self._plastic = material.plastic
-        self.linear = not material.plastic
+        self.plastic_points = self.inverted_points = 0
+        self._plastic, self._finite, self.linear = material.plastic, material.finite, material.linear
 
     def _quadrature_volumes(self, points: int) -> Floats:
         import basix
@@ -70,8 +80,10 @@ class UflKernels:
     def add_internal_force(self, u: Floats, b: Floats) -> None:
         self._u.x.array[:] = u.ravel()
         compat.assemble_vector_into(b.reshape(-1), self._residual)
-        if self._plastic:
-            self.plastic_points = int(np.sum(self._state()[..., 12] > self._committed()[..., 6]))
+        if not self.linear:
+            state = self._state()
+            self.plastic_points = int(np.sum(state.accumulated > self._committed()[..., 6])) if self._plastic else 0
+            self.inverted_points = int(np.sum(state.det <= 0.0)) if self._finite else 0
 
     def tangent(self, u: Floats, values: Floats) -> None:
         from dolfinx import fem
@@ -83,6 +95,13 @@ class UflKernels:
         values[self._to] = self._matrix.data[self._from]
 
     def elastic_tangent(self, u: Floats, values: Floats) -> None:
+        if self._finite:
+            if self._plastic:
+                raise InputError(
+                    'output.stiffness of a plastic material in finite strain needs solver.kernels = "compiled"'
+                )
+            self.tangent(u, values)
+            return
         state = [(f.x.array, f.x.array.copy()) for f in (self._u, self._history)]
         self._history.x.array[:] = 0.0
         self.tangent(np.zeros_like(u), values)  # the virgin material does not flow at rest
@@ -92,7 +111,8 @@ class UflKernels:
     def commit(self) -> None:
         if self._plastic:
             values = self._history.x.array.reshape(-1, 7)
-            values[self._at] = self._state()[..., 6:]
+            state = self._state()
+            values[self._at] = np.concatenate([state.plastic_strain, state.accumulated[..., None]], axis=-1)
 
     def restore(self, history: History) -> None:
         if self._plastic:
@@ -107,15 +127,28 @@ class UflKernels:
 
     def stress(self, u: Floats) -> Floats:
         self._u.x.array[:] = u.ravel()
-        return self._state()[..., :6]
+        return self._state().cauchy
+
+    def conjugate_stress(self, u: Floats) -> Floats:
+        self._u.x.array[:] = u.ravel()
+        return self._state().stress
 
     def _committed(self) -> Floats:
         return self._history.x.array.reshape(-1, 7)[self._at]
 
-    def _state(self) -> Floats:
-        """Stress, plastic strain and accumulated plastic strain at the points (cells, points, 13)."""
-        out = self._outputs.eval(self._u.function_space.mesh, self._cells)
-        return out.reshape(len(self._cells), -1, 13)
+    def _state(self) -> _State:
+        out = self._outputs.eval(self._u.function_space.mesh, self._cells).reshape(len(self._cells), -1, 20)
+        return _State(out[..., :6], out[..., 6:12], out[..., 12:18], out[..., 18], out[..., 19])
+
+
+class _State(NamedTuple):
+    """Results at the quadrature points (cells, points, ...)."""
+
+    stress: Floats  # conjugate to the strain of the law
+    plastic_strain: Floats
+    cauchy: Floats
+    accumulated: Floats
+    det: Floats  # of the deformation gradient
 
 
 def _positions(matrix: Any, sparsity: SparsityPattern) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:

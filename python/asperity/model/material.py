@@ -25,6 +25,7 @@ class Material:
         tangent_modulus: slope of the uniaxial curve beyond yield [force/length^2]; 0 is perfectly plastic
         hardening: "isotropic" (the yield surface grows), "kinematic" (it moves, after Prager), or the share in [0, 1]
             of the hardening that is kinematic
+        kinematics: "small" strain, or "finite": the same law in logarithmic strain
 
     Raises:
         InputError: a value is outside its range
@@ -42,6 +43,7 @@ class Material:
     yield_strength: float | None = None
     tangent_modulus: float = 0.0
     hardening: str | float = "isotropic"
+    kinematics: str = "small"
 
     def __post_init__(self) -> None:
         if not self.E > 0:
@@ -52,6 +54,8 @@ class Material:
             raise InputError(f"material.yield_strength = {self.yield_strength!r} must be positive")
         if not 0 <= self.tangent_modulus < self.E:
             raise InputError(f"material.tangent_modulus = {self.tangent_modulus!r} must lie in [0, E), E = {self.E!r}")
+        if self.kinematics not in ("small", "finite"):
+            raise InputError(f'material.kinematics = {self.kinematics!r} must be "small" or "finite"')
         self._check_hardening()
 
     def _check_hardening(self) -> None:
@@ -71,6 +75,16 @@ class Material:
     def plastic(self) -> bool:
         """Whether the material can yield."""
         return self.yield_strength is not None
+
+    @property
+    def finite(self) -> bool:
+        """Whether strains and rotations may be large."""
+        return self.kinematics == "finite"
+
+    @property
+    def linear(self) -> bool:
+        """Whether stresses are proportional to displacements."""
+        return not (self.plastic or self.finite)
 
     @property
     def reduced_modulus(self) -> float:

@@ -71,7 +71,7 @@ def equivalent_block(
         nu: Poisson's ratio to give the equivalent one; free to choose, because only E' enters the contact.
 
     Raises:
-        InputError: a body yields, or a height is not positive.
+        InputError: a body yields or has finite strain, or a height is not positive.
 
     Examples:
         >>> steel = asp.Material(E=200e9, nu=0.3)
@@ -79,6 +79,8 @@ def equivalent_block(
         >>> round(block.material.E / 1e9, 6), round(block.height * 1e6, 6)
         (100.0, 1.0)
     """
+    if first.finite or second.finite:
+        raise InputError("two bodies have an equivalent single one in small strain only; leave material.kinematics out")
     if first.yield_strength is not None or second.yield_strength is not None:
         raise InputError("two bodies of which one yields have no equivalent single body; give elastic materials")
     if min(heights) <= 0:

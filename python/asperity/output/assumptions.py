@@ -27,7 +27,7 @@ def large_strain(curve: Curve) -> str:
         return ""
     return (
         f"the plastic strain reaches {greatest:.2g}, beyond {SMALL_STRAIN:g}: the solid is computed in small strain, "
-        "and approximate where it yields most"
+        'and approximate where it yields most; material.kinematics = "finite" has no such limit'
     )
 
 
@@ -96,7 +96,7 @@ def departures(curve: Curve, material: Material, surface: Surface, sides: str) -
         sides: "rollers" or "free"
     """
     found = (
-        large_strain(curve),
+        "" if material.finite else large_strain(curve),
         bulk_yield(curve, material, surface.L, sides),
         beyond_mean_plane(curve, surface),
     )

@@ -23,6 +23,7 @@ CURVATURE = 10.0  # error after a Newton iteration over the square of that befor
 ROUNDING = 1e-13  # rounding error of the residual, relative to displacements (E = L = 1)
 NOT_YET = np.array([-1], dtype=np.int32)  # differs from any active set
 SLOPE_DROP = 0.3  # the line search ends when the work rate has dropped to this part
+SMALLEST_PART = 1e-3  # of a Newton step, to which it is halved where it turns a solid inside out
 PUSHED = 10.0  # growth of the work rate along a step from which on the flat moves the nodes
 
 
@@ -92,6 +93,7 @@ class NewtonSolver:
     def _function(self, snes: Any, x: Any, r: Any) -> None:
         self.solid.set_displacement(x)
         self.force = self.solid.internal_force().copy()
+        self._inverted = self._is_inverted()
         before = self.rows
         residual, self.rows, self._lacking = self.contact.residual(self.force)
         self._settled = np.array_equal(before, self.rows)
@@ -111,12 +113,19 @@ class NewtonSolver:
         gap = self._greatest_lack()
         contact, unbalanced = np.sqrt(sums)
         reasons = snes.ConvergedReason
+        if self._inverted:
+            return reasons.DIVERGED_FUNCTION_DOMAIN
         if not np.isfinite(unbalanced):
             return reasons.DIVERGED_FNORM_NAN
         self.balance = unbalanced / contact if contact > 0 else unbalanced
         if unbalanced <= self.options.rtol * contact + self._rounding and gap <= self._gap_tolerance():
             return reasons.CONVERGED_FNORM_RELATIVE
         return reasons.DIVERGED_MAX_IT if it >= self.options.newton_max else reasons.ITERATING
+
+    def _is_inverted(self) -> bool:
+        """Whether the last internal force is that of a solid turned inside out somewhere; collective."""
+        solid = self.solid
+        return solid.material.finite and bool(solid.comm.allreduce(solid.kernels.inverted_points > 0, op=_or()))
 
     def _greatest_lack(self) -> float:
         """Greatest displacement increment that a prescribed dof still lacks [L]; collective."""
@@ -135,7 +144,7 @@ class NewtonSolver:
         self._krylov += iterations
         if not solved:
             pc.setFailedReason(_pc_failed())
-        elif self.solid.material.plastic:
+        elif not self.solid.material.linear:
             length = self._step_length(r, y)
             self._shortened += length < 1.0
             y.scale(length)
@@ -154,11 +163,12 @@ class NewtonSolver:
     def _step_length(self, r: Any, y: Any) -> float:
         """Length in (0, 1] of the step -y: where the work rate of the free forces along it nearly vanishes.
 
-        Associative J2 plasticity minimises a convex incremental energy, and the work rate is the slope of this energy
-        along the step. Regula falsi (Illinois) shortens a full step that overshoots the minimum; a trial state needs
-        one residual, a hundredth of the time of the linear solve. A step that starts uphill moves prescribed dofs and
-        is not shortened. Nor is a step whose slope at the beginning is negligible compared with the slope that moving
-        them causes, as when it begins in equilibrium: the sign of such a slope is a matter of rounding.
+        Associative J2 plasticity minimises an incremental energy, convex in small strain, and the work rate is the
+        slope of this energy along the step. Regula falsi (Illinois) shortens a full step that overshoots the minimum; a
+        trial state needs one residual, a hundredth of the time of the linear solve. A step that starts uphill moves
+        prescribed dofs and is not shortened. Nor is a step whose slope at the beginning is negligible compared with the
+        slope that moving them causes, as when it begins in equilibrium: the sign of such a slope is a matter of
+        rounding. A step that turns a solid of finite strain inside out is halved until it does not.
         """
         free = np.ones(len(y.array_r), dtype=bool)
         free[self.solid.fixed] = False
@@ -170,16 +180,24 @@ class NewtonSolver:
             trial.array = start - length * y.array_r
             self.solid.set_displacement(trial)
             force = self.solid.internal_force()
+            if self._is_inverted():
+                return np.inf
             residual = self.contact.residual(force)[0].reshape(-1)
             return -self.solid.comm.allreduce(float(direction @ residual[free]))
 
         s0 = -self.solid.comm.allreduce(float(direction @ r.array_r[free]))
         low, s_low, high, s_high = 0.0, s0, 1.0, slope(1.0)
-        length = 1.0
+        while s_high == np.inf and high > SMALLEST_PART:
+            high *= 0.5
+            s_high = slope(high)
+        length = high
         pushed = s_high > -PUSHED * s0 and self._greatest_lack() > self._gap_tolerance()
-        if s0 < 0.0 and s_high > -SLOPE_DROP * s0 and not pushed:
+        if s0 < 0.0 and np.inf > s_high > -SLOPE_DROP * s0 and not pushed:
             for _ in range(8):
-                length = (low * s_high - high * s_low) / (s_high - s_low)
+                if s_high < np.inf:
+                    length = (low * s_high - high * s_low) / (s_high - s_low)
+                else:
+                    length = 0.5 * (low + high)
                 s = slope(length)
                 if abs(s) <= -SLOPE_DROP * s0:
                     break
@@ -246,6 +264,12 @@ def _and() -> Any:
     from mpi4py import MPI
 
     return MPI.LAND
+
+
+def _or() -> Any:
+    from mpi4py import MPI
+
+    return MPI.LOR
 
 
 def _max() -> Any:
