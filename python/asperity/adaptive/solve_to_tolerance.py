@@ -71,7 +71,8 @@ class Budget:
         algebraic: of the equations left unsolved, from the balance of forces
 
     Examples:
-        >>> budget = Budget(mesh=np.array([0.02]), load_step=np.array([0.01]), algebraic=np.array([0.0]))
+        >>> mesh, none = np.array([0.02]), np.zeros(1)
+        >>> budget = Budget(mesh, roughness=none, load_step=np.array([0.01]), algebraic=none)
         >>> budget.to_dict()["total"]
         [0.03]
     """

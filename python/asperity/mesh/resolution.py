@@ -130,5 +130,5 @@ def judge_smoothing(block: BlockMesh | None, surface: Surface, delta: float) -> 
 
 def advice(h: float) -> str:
     """Advice how to cut off the waves that elements of size h [length] do not resolve."""
-    keys = "surface.f_max or surface.L_s, asperity import-map --cutoff of a map"
+    keys = "surface.f_max, surface.L_s or surface.lambda_short, asperity import-map --cutoff of a map"
     return f"cut off what is shorter than {ELEMENTS * h:.3g} ({keys})"

@@ -149,6 +149,10 @@ def compliance_of_waves(
     Half-space: 2/q, and 0 for the mean. Layer bonded to a rigid base, frictionless top (Carbone
     and Mangialardi, J. Mech. Phys. Solids 56 (2008) 684): times S(q h), which tends to the
     confined compression h E'/M as q -> 0. Free sides change the mean only, M is then E.
+
+    Examples:
+        >>> compliance_of_waves(4, None, 0.3)[0, 1:].round(3)
+        array([0.637, 0.318, 0.212])
     """
     q = np.hypot(*np.meshgrid(math.pi * np.arange(n), math.pi * np.arange(n)))
     q[0, 0] = 1.0
@@ -191,6 +195,12 @@ def corrected_area(contact: Array) -> float:
 
     Yastrebov, Anciaux and Molinari, Tribol. Int. 114 (2017) 161: a cell counts when its centre
     touches, which overestimates the area by (pi - 1 + ln 2)/24 of a cell per face of the boundary.
+
+    Examples:
+        >>> spot = np.zeros((8, 8), dtype=bool)
+        >>> spot[3:5, 3:5] = True
+        >>> round(corrected_area(spot), 4), float(spot.mean())
+        (0.0477, 0.0625)
     """
     faces = np.count_nonzero(np.diff(contact, axis=0)) + np.count_nonzero(np.diff(contact, axis=1))
     correction = (math.pi - 1 + math.log(2)) / 24 * faces / contact.size

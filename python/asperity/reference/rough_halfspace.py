@@ -38,7 +38,7 @@ class RoughHalfSpace:
         >>> layer = asp.reference.RoughHalfSpace(n=64, height=1.0, nu=0.3)
         >>> curve = layer.curve(layer.heights(surface), surface.maximum()[2] / surface.L, [0.01, 0.02])
         >>> curve.P_star.round(4), bool(curve.area_fraction[0] < curve.area_fraction[1])
-        (array([0.002 , 0.0065]), True)
+        (array([0.0011, 0.0047]), True)
     """
 
     n: int
@@ -92,6 +92,12 @@ class RoughCurve:
         P_star: mean pressure over E' (k,)
         area_fraction: true over nominal area of contact, corrected for the perimeter (k,)
         touched_at: first of the approaches at which each cell is in contact, inf for never (n, n) [L]
+
+    Examples:
+        >>> layer = RoughHalfSpace(n=8, height=1.0, nu=0.3)
+        >>> curve = layer.curve(np.zeros((8, 8)), 0.0, [0.01])
+        >>> print(curve.P_star.round(4), curve.area_fraction)
+        [0.0122] [1.]
     """
 
     delta_star: Floats

@@ -30,6 +30,10 @@ class SelfAffineFit:
         lambda_short: shortest wavelength used (length).
         lambda_long: longest wavelength used (length).
         C0: density at the roll-off, or at the longest wavelength used without one (length^4).
+
+    >>> fit = SelfAffineFit(H=0.8, error_H=0.05, lambda_roll=0.3, lambda_short=0.01, lambda_long=0.5, C0=1e-6)
+    >>> fit.H, fit.lambda_roll
+    (0.8, 0.3)
     """
 
     H: float
@@ -102,6 +106,11 @@ def rms_over_cutoff(spectrum: Spectrum, wavelengths: Array) -> tuple[Array, Arra
     Args:
         spectrum: radial, with one density for each multiple of 2 pi over the period.
         wavelengths: cut-offs, any shape (length).
+
+    >>> from asperity.surface import SelfAffine
+    >>> surface = SelfAffine(L=1.0, H=0.8, slope=0.1, lambda_roll=0.5, lambda_short=0.05, seed=1)
+    >>> rms_over_cutoff(surface.psd(128, window="none"), np.array([0.2, 0.05]))[1].round(2)
+    array([0.06, 0.1 ])
     """
     q, C = spectrum.q, spectrum.density
     ring = C * q * q[0] / (2 * np.pi)  # mean square of the heights in a ring of width q[0]
