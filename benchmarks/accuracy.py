@@ -33,7 +33,8 @@ from mpi4py import MPI
 import asperity as asp
 from asperity.adaptive import mesh_plan
 from asperity.adaptive import solve_to_tolerance as module
-from asperity.adaptive.mesh_levels import Level, Runner
+from asperity.adaptive.extrapolation import loading_force, steady
+from asperity.adaptive.mesh_levels import Level, LevelSolver
 from asperity.adaptive.mesh_plan import (
     GUIDE,
     LARGEST_RATIO,
@@ -44,7 +45,7 @@ from asperity.adaptive.mesh_plan import (
     extrapolate_mesh,
     growth,
 )
-from asperity.adaptive.solve_to_tolerance import loading_force, solve_to_tolerance, steady
+from asperity.adaptive.solve_to_tolerance import solve_to_tolerance
 from asperity.arrays import Floats
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.size_field import GRADING, GUIDED, FirstContactMap
@@ -338,7 +339,7 @@ LIGHT = (
 LIGHT_SLOPE, FLATTER = 0.05, 0.2  # heights and approach are scaled by the latter: boundary elements know no slopes
 
 
-class Remembering(Runner):
+class Remembering(LevelSolver):
     """A runner that does not solve a level twice, for runs on one surface that share meshes.
 
     Attributes:
@@ -350,7 +351,7 @@ class Remembering(Runner):
     seconds: ClassVar[float] = 0.0
 
     def __call__(self, h: float, substeps: int = 1) -> ContactResult:
-        """See Runner; elastic material only."""
+        """See LevelSolver; elastic material only."""
         if h not in self.kept:
             start = process_time()
             result = super().__call__(h, substeps)
@@ -367,7 +368,7 @@ def light() -> None:
     row("f_max, seed, D, delta/L", "tolerance %", *(f"{name}: without, with" for name in pairs))
     row(*["---"] * 9)
     shares = (0.0, mesh_plan.SCATTER)
-    module.Runner = Remembering  # type: ignore[misc]
+    module.LevelSolver = Remembering  # type: ignore[misc]
     judged: dict[float, list[Judged]] = {share: [] for share in shares}
     for f_max, seed, D, depth in LIGHT:
         top, at = short_waves(f_max, seed, D, FLATTER * LIGHT_SLOPE), FLATTER * depth * np.arange(1, 11) / 10
@@ -391,7 +392,7 @@ def light() -> None:
     for share in shares:
         summary(judged[share])
     mesh_plan.SCATTER = shares[1]
-    module.Runner = Runner  # type: ignore[misc]
+    module.LevelSolver = LevelSolver  # type: ignore[misc]
 
 
 def demo() -> None:

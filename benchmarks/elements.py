@@ -26,7 +26,8 @@ import numpy as np
 from hexahedra import HEXAHEDRA, Hexahedra, lines
 
 import asperity as asp
-from asperity.adaptive.solve_to_tolerance import extrapolate, loading_force
+from asperity.adaptive.extrapolation import loading_force
+from asperity.adaptive.mesh_plan import extrapolate
 from asperity.arrays import Floats
 from asperity.mesh.size_field import FirstContactMap
 from asperity.model.load_path import BACKWARD_EULER

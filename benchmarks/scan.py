@@ -19,6 +19,7 @@ import numpy as np
 from mpi4py import MPI
 
 import asperity as asp
+from asperity.reference import RoughHalfSpace
 from asperity.surface import HeightMap, SelfAffine
 
 L, AREA, TOLERANCE = 2e-6, 0.01, 0.05
@@ -28,7 +29,7 @@ MATERIALS = {"elastic": asp.Material(100e9, 0.3), "plastic": asp.Material(100e9,
 def approach(surface: HeightMap, material: asp.Material) -> float:
     """Approach at which a half-space has the contact area AREA [length]."""
     hardness = 3.0 * (material.yield_strength or np.inf) / material.reduced_modulus
-    layer = asp.reference.RoughHalfSpace(512, 1.0, material.nu, hardness=hardness)
+    layer = RoughHalfSpace(512, 1.0, material.nu, hardness=hardness)
     curve = layer.curve(layer.heights(surface), surface.maximum()[2] / L, np.linspace(0.001, 0.02, 20))
     return float(np.interp(AREA, curve.area_fraction, curve.delta_star)) * L
 

@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 import asperity as asp
+from asperity.adaptive.extrapolation import loading_force
 from asperity.adaptive.mesh_plan import extrapolate
-from asperity.adaptive.solve_to_tolerance import loading_force
 from asperity.arrays import Floats
 from asperity.mesh.size_field import FirstContactMap
 from asperity.plot import style

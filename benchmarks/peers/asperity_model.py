@@ -10,7 +10,8 @@ import sys
 import scene
 
 import asperity as asp
-from asperity.adaptive.solve_to_tolerance import loading_force, solve_to_tolerance
+from asperity.adaptive.extrapolation import loading_force
+from asperity.adaptive.solve_to_tolerance import solve_to_tolerance
 from asperity.model.settings import Goal
 
 

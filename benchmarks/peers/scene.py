@@ -17,7 +17,8 @@ import numpy as np
 import numpy.typing as npt
 
 import asperity as asp
-from asperity.adaptive.solve_to_tolerance import loading_force, solve_to_tolerance
+from asperity.adaptive.extrapolation import loading_force
+from asperity.adaptive.solve_to_tolerance import solve_to_tolerance
 from asperity.arrays import Floats
 from asperity.model.settings import Goal
 from asperity.surface import Surface

@@ -12,6 +12,7 @@ import numpy.typing as npt
 import pytest
 
 import asperity as asp
+from asperity.adaptive.extrapolation import loading_force, steady
 from asperity.adaptive.mesh_plan import (
     COST_ORDER,
     FIRST,
@@ -31,7 +32,7 @@ from asperity.adaptive.mesh_plan import (
     safety_of,
     scatter,
 )
-from asperity.adaptive.solve_to_tolerance import loading_force, solve_to_tolerance, steady
+from asperity.adaptive.solve_to_tolerance import solve_to_tolerance
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import ResolutionWarning

@@ -72,7 +72,7 @@ PLASTIC = Rates(5.9e-5, 1.5e-5, 1.21, 228e6, 2.98e3)
 
 
 @dataclass(frozen=True)
-class Level:
+class MeshEstimate:
     """One mesh of a run.
 
     Attributes:
@@ -82,7 +82,7 @@ class Level:
         seconds: of one core.
 
     Examples:
-        >>> Level(h_contact=4e-8, dofs=20_000, steps=10, seconds=8.0).dofs
+        >>> MeshEstimate(h_contact=4e-8, dofs=20_000, steps=10, seconds=8.0).dofs
         20000
     """
 
@@ -103,13 +103,13 @@ class Estimate:
         enough: whether the meshes end where the tolerance is expected to be met, not before, at accuracy.max_dofs.
 
     Examples:
-        >>> meshes = Level(8e-8, 5_000, 10, 2.0), Level(4e-8, 20_000, 10, 8.0)
+        >>> meshes = MeshEstimate(8e-8, 5_000, 10, 2.0), MeshEstimate(4e-8, 20_000, 10, 8.0)
         >>> found = Estimate(meshes, ranks=1, memory=3e8)
         >>> found.dofs, found.seconds
         (20000, 10.0)
     """
 
-    levels: tuple[Level, ...]
+    levels: tuple[MeshEstimate, ...]
     ranks: int
     memory: float
     enough: bool = True
@@ -150,14 +150,14 @@ def estimate(case: Case, ranks: int = 1) -> Estimate:
             f"run; replace it, for example --set loading.{case.loading.driver}= --set loading.delta_max=2e-8"
         )
     surface, rates = case.build_surface(), PLASTIC if case.material.yield_strength is not None else ELASTIC
-    levels: list[Level] = []
+    levels: list[MeshEstimate] = []
     enough, most = True, MOST_DOFS if case.accuracy.tolerance is None else min(case.accuracy.max_dofs, MOST_DOFS)
     for h, steps in _plan(case):
         dofs = _given_dofs(case) or count_dofs(surface, case, h, most)
         if dofs > most:
             enough = False
             break
-        levels.append(Level(h, dofs, steps, _seconds(rates, dofs, steps)))
+        levels.append(MeshEstimate(h, dofs, steps, _seconds(rates, dofs, steps)))
     if not levels:
         key = "mesh.h_contact" if case.accuracy.tolerance is None else "accuracy.max_dofs"
         raise InputError(f"the first mesh has more than {most:g} dofs: raise {key}")

@@ -36,7 +36,7 @@ class Level:
     seconds: float
 
 
-class Runner:
+class LevelSolver:
     """Solves one level after the other and keeps the account; collective.
 
     Args:

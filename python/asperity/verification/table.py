@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from asperity.adaptive.solve_to_tolerance import steady
+from asperity.adaptive.extrapolation import steady
 from asperity.arrays import Floats
 from asperity.model.settings import MeshSize
 from asperity.quasistatic.solve_contact import ContactResult, solve_contact

@@ -1,0 +1,201 @@
+"""Force and area of the limit of two meshes, with the parts of their error bars.
+
+The force on a mesh is extrapolated from a coarser one (`mesh_plan.extrapolate_mesh`). What is left of the error of the
+load steps, of the waves that a mesh leaves out, and of the equations is added to the bar.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import inf, nan
+
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import PchipInterpolator
+
+from asperity.adaptive.mesh_plan import bar_share, extrapolate_mesh, scatter
+from asperity.adaptive.roughness import AREA_BAR, FORCE_BAR, Omission
+from asperity.arrays import Floats
+from asperity.curve import Curve
+from asperity.errors import InputError
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Error bars of P* at the rows of a curve, absolute, by their origin; `total` is their sum.
+
+    Attributes:
+        mesh: of the element size, the quadrature included, which the extrapolation removes with it
+        roughness: of the waves that the mesh leaves out
+        load_step: of the integration of plasticity along the path
+        algebraic: of the equations left unsolved, from the balance of forces
+
+    Examples:
+        >>> mesh, none = np.array([0.02]), np.zeros(1)
+        >>> budget = Budget(mesh, roughness=none, load_step=np.array([0.01]), algebraic=none)
+        >>> budget.to_dict()["total"]
+        [0.03]
+    """
+
+    mesh: Floats
+    roughness: Floats
+    load_step: Floats
+    algebraic: Floats
+
+    @property
+    def total(self) -> Floats:
+        """Sum of the parts."""
+        return self.mesh + self.roughness + self.load_step + self.algebraic
+
+    def to_dict(self) -> dict[str, list[float]]:
+        """Columns of the budget for summary.json."""
+        return {k: getattr(self, k).tolist() for k in ("mesh", "roughness", "load_step", "algebraic", "total")}
+
+    @staticmethod
+    def unknown(rows: int) -> Budget:
+        """The budget of a force that has no error bar."""
+        return Budget(*(np.full(rows, nan) for _ in range(4)))
+
+
+@dataclass(frozen=True)
+class Along:
+    """A relative error along the loading: values at approaches (n,), constant before the first and after the last."""
+
+    delta_star: Floats
+    value: Floats
+
+    def at(self, delta_star: Floats) -> Floats:
+        """Value at other approaches."""
+        return np.interp(delta_star, self.delta_star, self.value)
+
+
+def correct(
+    fine: Curve,
+    coarse: Curve,
+    ratio: float,
+    safety: float,
+    judged: npt.NDArray[np.bool_],
+    path: Along | None,
+    algebraic: float,
+    missed: Omission | None,
+) -> tuple[Curve, Budget]:
+    """Extrapolated curve of the finest level with its error bars.
+
+    Later branches start from the end of the first loading: their bars keep its size.
+
+    Args:
+        fine, coarse: of the finest level and of the one to extrapolate from, without the error of their load steps
+        ratio: of their element sizes
+        safety: factor on the bar of the mesh
+        judged: rows whose bars are; those before have larger ones that say nothing about their neighbours
+        path: relative error left of the load steps
+        algebraic: relative error of the equations left unsolved
+        missed: what the mesh leaves out of a rough surface
+    """
+    loading = fine.branch == "load"
+    at = fine.delta_star[loading]
+    raw = fine.P_star[loading]
+    touching = np.where(raw > 0.0, raw, inf)  # what has no force has no relative error
+    _, error, spread = extrapolate_mesh(loading_force(coarse, at), raw, ratio, safety)
+    curve = scaled(fine, 1.0 / (1.0 + error / touching))  # positive, however much too stiff the coarse mesh is
+    bar = spread / touching
+    mesh_bar = steady(bar)
+    mesh_bar[judged[loading]] = steady(bar[judged[loading]])
+    mesh_bar = np.maximum(mesh_bar, scatter(_area_error(coarse, at), _area_error(fine, at), ratio))
+    path_bar = np.zeros(len(raw)) if path is None else path.at(at)
+    rows = _rows_of_loading(loading)
+    rough_bar: Floats = np.zeros(len(raw))
+    if missed is not None:
+        rough_bar = FORCE_BAR * np.abs(missed.at(at)[0])
+        before = coarse.loading()
+        change = fine.area_fraction[loading] - np.interp(at, before.delta_star, before.area_fraction)
+        area_bar = curve.error_area_fraction + (bar_share(ratio, safety) * np.abs(change))[rows]
+        curve = replace(curve, error_area_fraction=area_bar)
+    P = curve.P_star
+    scale = np.where(loading, P, P[loading][-1])
+    mesh_bar, rough_bar, path_bar = (bar[rows] * scale for bar in (mesh_bar, rough_bar, path_bar))
+    budget = Budget(mesh_bar, rough_bar, path_bar, np.full(len(P), algebraic) * scale)
+    return replace(curve, error_P_star=budget.total), budget
+
+
+def with_area(curve: Curve, missed: Omission) -> Curve:
+    """A curve whose areas of contact are corrected for the roughness that its mesh leaves out, with their bars."""
+    loading = curve.branch == "load"
+    change = missed.at(curve.delta_star[loading])[1][_rows_of_loading(loading)]
+    area, error = (column * (1.0 + change) for column in (curve.area_fraction, curve.error_area_fraction))
+    pressure = np.divide(curve.mean_pressure, 1.0 + change)
+    error = error + AREA_BAR * np.abs(area - curve.area_fraction)
+    return replace(curve, area_fraction=area, error_area_fraction=error, mean_pressure=pressure)
+
+
+def loading_force(curve: Curve, delta_star: Floats) -> Floats:
+    """P* of the first loading at given approaches, by shape-preserving interpolation of its logarithms.
+
+    One step with a force is continued as that of a single contact, (delta*)^(3/2).
+
+    Raises:
+        InputError: no step has a force
+    """
+    branch = curve.loading()
+    branch = branch.where(branch.P_star > 0.0)
+    if not len(branch):
+        raise InputError("accuracy.tolerance: the force is zero in every step: raise loading.delta_max")
+    if len(branch) == 1:
+        return np.asarray(branch.P_star[0] * (delta_star / branch.delta_star[0]) ** 1.5)
+    law = PchipInterpolator(np.log(branch.delta_star), np.log(branch.P_star), extrapolate=True)
+    return np.exp(law(np.log(delta_star)))
+
+
+def steady(relative: Floats, reach: int = 2) -> Floats:
+    """Error bars that do not vanish where an error happens to change sign.
+
+    Each is at least the root mean square over its neighbours, `reach` to either side, and over the branch.
+
+    Args:
+        relative: estimated relative errors along a branch (n,)
+    """
+    padded = np.pad(relative**2, reach, mode="edge")
+    window = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)
+    mean_square = np.maximum(window.mean(axis=1), np.mean(relative**2))
+    return np.maximum(np.abs(relative), np.sqrt(mean_square))
+
+
+def judged_rows(curve: Curve, steps: int) -> npt.NDArray[np.bool_]:
+    """Rows whose bar is judged: the first loading from the end of the first of the planned steps on.
+
+    The midpoint rule puts smaller ones before, where the contact is too small for a mesh made for the planned ones.
+    """
+    loading = curve.branch == "load"
+    return loading & (curve.delta_star >= 0.999 * curve.delta_star[loading].max() / steps)
+
+
+def relative(bar: Floats, P_star: Floats) -> Floats:
+    """Error bars over the force; unbounded where there is none."""
+    return np.divide(bar, P_star, out=np.full(len(bar), inf), where=P_star > 0.0)
+
+
+def worst_error(curve: Curve, steps: int) -> float:
+    """Greatest relative error bar along the first loading in `steps` planned steps, from the first one's end on."""
+    judged = judged_rows(curve, steps)
+    return float(np.max(relative(curve.error_P_star[judged], curve.P_star[judged])))
+
+
+def scaled(curve: Curve, factor: Floats) -> Curve:
+    """A curve with the forces of its first loading times a factor (n,), those of later branches times its last one."""
+    of_row = factor[_rows_of_loading(curve.branch == "load")]
+    return replace(
+        curve, force=curve.force * of_row, P_star=curve.P_star * of_row, mean_pressure=curve.mean_pressure * of_row
+    )
+
+
+def _rows_of_loading(loading: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+    """Place of each row among those of the first loading (rows,); of later branches that of its last one."""
+    return np.where(loading, np.cumsum(loading), np.count_nonzero(loading)) - 1
+
+
+def _area_error(curve: Curve, delta_star: Floats) -> Floats:
+    """Error of the area of contact over the area along the first loading, no more than 1, at given approaches."""
+    branch = curve.loading()
+    area, error = branch.area_fraction, branch.error_area_fraction
+    share = np.divide(error, area, out=np.ones(len(branch)), where=area > error)
+    return np.interp(delta_star, branch.delta_star, share)

@@ -1,0 +1,93 @@
+"""Error of the force from the load steps of an elastic-plastic run, and the number of parts that the tolerance takes.
+
+The first guided mesh measures it: it depends little on the mesh, and corrects the forces of all of them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from asperity.adaptive.extrapolation import Along, judged_rows, loading_force, scaled, steady
+from asperity.adaptive.mesh_levels import LevelSolver
+from asperity.adaptive.mesh_plan import (
+    FIRST,
+    GUIDE,
+    STEP_ORDERS,
+    cheapest_substeps,
+    extrapolate,
+    extrapolate_mesh,
+    safety_of,
+)
+from asperity.curve import Curve
+from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
+from asperity.model.settings import AccuracyTarget
+from asperity.quasistatic.solve_contact import ContactResult
+
+# Part of the load-step correction taken for its bar; of the rule of first order much more is corrected
+PATH_TRANSFER = {MIDPOINT: 0.5, BACKWARD_EULER: 1.0}
+
+
+@dataclass(frozen=True)
+class LoadStepError:
+    """Error of the force from the load steps, relative, by the number of parts of each.
+
+    Attributes:
+        correction: error of the force
+        bar: error left after the correction
+    """
+
+    correction: dict[int, Along]
+    bar: dict[int, Along]
+
+
+def choose_substeps(
+    run: LevelSolver, guide: Curve, steps: int, integrator: str, goal: AccuracyTarget
+) -> tuple[ContactResult, LoadStepError, int, str]:
+    """Solve on the first guided mesh for the error of the load steps, and choose the parts of each for the finer ones.
+
+    It is loaded in steps of 1, 2, 4 ... parts, and the limit extrapolated from the last two runs. What is found
+    corrects other meshes as well; a part of the correction, which need not carry over and is itself only known to
+    leading order, is the bar.
+
+    Args:
+        run: solver of levels
+        guide: curve of the guiding mesh with whole steps
+        steps: planned ones
+        integrator: of plasticity
+        goal: tolerance and limits
+
+    Returns:
+        the result with the most parts, at least two; the error; the parts chosen, no more than these; and what limited
+        them, if anything did
+    """
+    order, transfer = STEP_ORDERS[integrator], PATH_TRANSFER[integrator]
+    result = run(FIRST * GUIDE)
+    at = result.curve.delta_star[judged_rows(result.curve, steps)]
+    P, n = {1: loading_force(result.curve, at)}, 1
+    ratio = run.levels[0].h / run.levels[-1].h
+    _, _, spread = extrapolate_mesh(loading_force(guide, at), P[1], ratio, safety_of(True))
+    while True:
+        n *= 2
+        del result
+        result = run(FIRST * GUIDE, n)
+        P[n] = loading_force(result.curve, at)
+        limit, _ = extrapolate(P[n // 2], P[n], 2.0, order)
+        errors = {k: values / limit - 1.0 for k, values in P.items()}
+        bars = {k: transfer * steady(error) for k, error in errors.items()}
+        chosen = cheapest_substeps(bars, steady(spread / P[1]), goal.tolerance, order)
+        stopped = run.limit(goal, FIRST * GUIDE, FIRST * GUIDE, 2 * n) if chosen > n else ""
+        if stopped or chosen <= n:
+            correction, bar = ({k: Along(at, v) for k, v in of.items()} for of in (errors, bars))
+            return result, LoadStepError(correction, bar), min(chosen, n), stopped
+
+
+def without_load_step_error(curve: Curve, path: LoadStepError | None, substeps: int) -> Curve:
+    """The curve corrected for its load steps.
+
+    Along the first loading by the corrections of the rows; later branches start from its end and take its correction
+    there.
+    """
+    if path is None:
+        return curve
+    factor = 1.0 / (1.0 + path.correction[substeps].at(curve.delta_star))
+    return scaled(curve, factor[curve.branch == "load"])
