@@ -33,6 +33,7 @@ def spectrum_figure(
         q = 2 * np.pi / np.array(wavelengths)
         label = f"$H$ = {affine.H:.2f} ± {affine.error_H:.2f}"
         left.loglog(q, affine.density(q), color=style.VERMILION, label=label)
+        left.set_ylim(bottom=affine.density(q).min() / 100)  # what lies below is rounding
         left.legend(loc="lower left")
     left.set_xlabel(style.label("wave number $q$", f"1/{unit}" if unit else ""))
     left.set_ylabel(style.label("density $C(q)$", f"{unit}$^4$" if unit else ""))
