@@ -47,7 +47,11 @@ def test_the_contact_map_holds_the_approaches() -> None:
     assert np.isinf(found.touched_at).any()
 
 
-@pytest.mark.parametrize("material", [ELASTIC, Material(1.0, 0.3, 0.02, 0.05)], ids=["elastic", "plastic"])
+@pytest.mark.parametrize(
+    "material",
+    [ELASTIC, pytest.param(Material(1.0, 0.3, 0.02, 0.05), marks=pytest.mark.slow)],
+    ids=["elastic", "plastic"],
+)
 def test_the_bar_of_an_unresolved_surface_holds(material: Material) -> None:
     """Shortest waves of 0.05 L; the reference resolves them with elements of 0.012 L everywhere in the contact."""
     surface, depth = surface_of(4), 0.015
