@@ -26,6 +26,8 @@ UNRESOLVED = 0.5  # error of the contact area over the area, reached when the co
 
 #: Stiffnesses of the contact [force/length].
 STIFFNESSES = ("k_n", "k_n_elastic", "k_t", "k_n_interface", "k_t_interface")
+#: Columns with error bars in runs with a tolerance, in addition to P_star and area_fraction.
+WITH_ERRORS = ("mean_gap", *STIFFNESSES, "conductance")
 COLUMNS = (
     "step",
     "branch",
@@ -48,6 +50,7 @@ COLUMNS = (
     "largest_spot",
     *STIFFNESSES,
     "conductance",
+    *(f"error_{name}" for name in WITH_ERRORS),
 )
 #: Columns that a stored curve or the rows of a checkpoint may lack.
 OPTIONAL = ("error_P_star", *COLUMNS[COLUMNS.index("seconds") + 1 :])
@@ -94,6 +97,8 @@ class Curve:
         k_t: tangential stiffness without slip, mean of x and y, elastic (force/length).
         k_n_interface, k_t_interface: the same without the compliance of the block (force/length).
         conductance: constriction conductance over the conductivity (length).
+        error_mean_gap, error_k_n, ..., error_conductance: error bars of these columns in their units, known for runs
+            with a tolerance; `WITH_ERRORS` lists the columns that have one.
         header: metadata, stored as JSON in the first line of the file.
 
     Raises:
@@ -126,6 +131,13 @@ class Curve:
     k_n_interface: Array
     k_t_interface: Array
     conductance: Array
+    error_mean_gap: Array
+    error_k_n: Array
+    error_k_n_elastic: Array
+    error_k_t: Array
+    error_k_n_interface: Array
+    error_k_t_interface: Array
+    error_conductance: Array
     header: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -1,13 +1,15 @@
-"""Force and area of the limit of two meshes, with the parts of their error bars.
+"""Force, area, gap and stiffness of the limit of two meshes, with the parts of their error bars.
 
-The force on a mesh is extrapolated from a coarser one (`mesh_plan.extrapolate_mesh`). What is left of the error of the
-load steps, of the waves that a mesh leaves out, and of the equations is added to the bar.
+The force on a mesh is extrapolated from a coarser one (`mesh_plan.extrapolate_mesh`), and so are gap and stiffness.
+What is left of the error of the load steps, of the waves that a mesh leaves out, and of the equations is added to the
+bar.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import inf, nan
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,8 +18,10 @@ from scipy.interpolate import PchipInterpolator
 from asperity.adaptive.mesh_plan import bar_share, extrapolate_mesh, scatter
 from asperity.adaptive.roughness import AREA_BAR, FORCE_BAR, Omission
 from asperity.arrays import Floats
-from asperity.curve import Curve
+from asperity.curve import WITH_ERRORS, Curve
 from asperity.errors import InputError
+
+EDGES = 4.0  # error of a stiffness over that of the force, which facets cut at random leave
 
 
 @dataclass(frozen=True)
@@ -75,7 +79,7 @@ def correct(
     ratio: float,
     safety: float,
     judged: npt.NDArray[np.bool_],
-    path: Along | None,
+    path: Along,
     algebraic: float,
     missed: Omission | None,
 ) -> tuple[Curve, Budget]:
@@ -102,7 +106,7 @@ def correct(
     mesh_bar = steady(bar)
     mesh_bar[judged[loading]] = steady(bar[judged[loading]])
     mesh_bar = np.maximum(mesh_bar, scatter(_area_error(coarse, at), _area_error(fine, at), ratio))
-    path_bar = np.zeros(len(raw)) if path is None else path.at(at)
+    path_bar = path.at(at)
     rows = _rows_of_loading(loading)
     rough_bar: Floats = np.zeros(len(raw))
     if missed is not None:
@@ -126,6 +130,48 @@ def with_area(curve: Curve, missed: Omission) -> Curve:
     pressure = np.divide(curve.mean_pressure, 1.0 + change)
     error = error + AREA_BAR * np.abs(area - curve.area_fraction)
     return replace(curve, area_fraction=area, error_area_fraction=error, mean_pressure=pressure)
+
+
+def with_measures(
+    fine: Curve, coarse: Curve, ratio: float, safety: float, of_force: Floats, compliance: float
+) -> Curve:
+    """A curve whose gap, stiffnesses and conductance are extrapolated from a coarser mesh, with their error bars.
+
+    At a given approach the mean gap is larger by the compression that belongs to an error of the force. A stiffness
+    follows the size of the spots, whose edges cut the facets at random.
+
+    Args:
+        fine, coarse: of the finest level and of the one to extrapolate from
+        ratio: of their element sizes
+        safety: factor on the bar of the mesh
+        of_force: absolute error bars of P* of other origin than the mesh (rows,)
+        compliance: of the block, compression over P* [length]
+    """
+    loading = fine.branch == "load"
+    at, rows = fine.delta_star[loading], _rows_of_loading(loading)
+    before = coarse.loading()
+    before = before.where(before.P_star > 0.0)
+    edges = EDGES * scatter(_area_error(coarse, at), _area_error(fine, at), ratio)
+    # the sum with the approach changes slowly, and does not vanish where the gap closes
+    shift = {"mean_gap": (fine.delta, before.delta)}
+    columns: dict[str, Any] = {}
+    for name in WITH_ERRORS:
+        here, there = shift.get(name, (np.zeros(len(fine)), np.zeros(len(before))))
+        value, other = getattr(fine, name) + here, getattr(before, name) + there
+        if not len(before) or np.isnan(other).any() or not np.nanmax(value[loading], initial=0.0) > 0.0:
+            continue
+        own = value[loading]
+        scale = np.where(own > 0.0, own, inf)
+        _, error, spread = extrapolate_mesh(np.interp(at, before.delta_star, other), own, ratio, safety)
+        factor = (1.0 / (1.0 + error / scale))[rows]
+        bar = steady(np.where(own > 0.0, spread / scale, 0.0))
+        columns[name] = value * factor - here
+        if name == "mean_gap":
+            columns[f"error_{name}"] = bar[rows] * value * factor + compliance * of_force
+        else:
+            share = np.divide(of_force, fine.P_star, out=np.zeros(len(fine)), where=fine.P_star > 0.0)
+            columns[f"error_{name}"] = ((bar + edges)[rows] + share) * value * factor
+    return replace(fine, **columns)
 
 
 def loading_force(curve: Curve, delta_star: Floats) -> Floats:

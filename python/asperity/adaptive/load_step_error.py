@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from asperity.adaptive.extrapolation import Along, judged_rows, loading_force, scaled, steady
 from asperity.adaptive.mesh_levels import LevelSolver
 from asperity.adaptive.mesh_plan import (
@@ -34,15 +36,34 @@ class LoadStepError:
     Attributes:
         correction: error of the force
         bar: error left after the correction
+        substeps: parts chosen for the finer meshes
+        limit: why not more of them, if the tolerance takes more
     """
 
     correction: dict[int, Along]
     bar: dict[int, Along]
+    substeps: int
+    limit: str
+
+    @classmethod
+    def none(cls) -> LoadStepError:
+        """That of an elastic solid without friction, which has none."""
+        zero = {1: Along(np.zeros(1), np.zeros(1))}
+        return cls(zero, zero, 1, "")
+
+    def removed(self, curve: Curve, substeps: int) -> Curve:
+        """A curve computed in so many parts of each step, corrected for the load steps.
+
+        Along the first loading by the corrections of the rows; later branches start from its end and take its
+        correction there.
+        """
+        factor = 1.0 / (1.0 + self.correction[substeps].at(curve.delta_star))
+        return scaled(curve, factor[curve.branch == "load"])
 
 
 def choose_substeps(
     run: LevelSolver, guide: Curve, steps: int, integrator: str, goal: AccuracyTarget
-) -> tuple[ContactResult, LoadStepError, int, str]:
+) -> tuple[ContactResult, LoadStepError]:
     """Solve on the first guided mesh for the error of the load steps, and choose the parts of each for the finer ones.
 
     It is loaded in steps of 1, 2, 4 ... parts, and the limit extrapolated from the last two runs. What is found
@@ -57,8 +78,7 @@ def choose_substeps(
         goal: tolerance and limits
 
     Returns:
-        the result with the most parts, at least two; the error; the parts chosen, no more than these; and what limited
-        them, if anything did
+        the result with the most parts, at least two, and the error; no more parts are chosen than these
     """
     order, transfer = STEP_ORDERS[integrator], PATH_TRANSFER[integrator]
     result = run(FIRST * GUIDE)
@@ -78,16 +98,4 @@ def choose_substeps(
         stopped = run.limit(goal, FIRST * GUIDE, FIRST * GUIDE, 2 * n) if chosen > n else ""
         if stopped or chosen <= n:
             correction, bar = ({k: Along(at, v) for k, v in of.items()} for of in (errors, bars))
-            return result, LoadStepError(correction, bar), min(chosen, n), stopped
-
-
-def without_load_step_error(curve: Curve, path: LoadStepError | None, substeps: int) -> Curve:
-    """The curve corrected for its load steps.
-
-    Along the first loading by the corrections of the rows; later branches start from its end and take its correction
-    there.
-    """
-    if path is None:
-        return curve
-    factor = 1.0 / (1.0 + path.correction[substeps].at(curve.delta_star))
-    return scaled(curve, factor[curve.branch == "load"])
+            return result, LoadStepError(correction, bar, min(chosen, n), stopped)

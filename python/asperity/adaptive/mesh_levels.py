@@ -46,11 +46,17 @@ class LevelSolver:
         hooks: see `solve_contact.Hooks`; each level has a checkpoint of its own
 
     Attributes:
+        comm: communicator
+        side: of the block [length]
+        compliance: of the block under a uniform pressure, compression over P* [length]
         levels: what was computed, in order
     """
 
     def __init__(self, problem: Problem, max_dofs: int, comm: MPI.Comm, hooks: Hooks) -> None:
-        self._problem, self._max_dofs, self._comm, self._hooks = problem, max_dofs, comm, hooks
+        self._problem, self._max_dofs, self._hooks = problem, max_dofs, hooks
+        self.comm, self.side = comm, problem.surface.L
+        material = problem.material
+        self.compliance = problem.height * material.reduced_modulus / material.block_modulus(problem.sides)
         self._start = perf_counter()
         self._reach: ApproachMap | None = None
         self._depth = problem.load_path.delta_max  # that meshes are made for [length]
@@ -65,7 +71,7 @@ class LevelSolver:
             guide: result of the first mesh
             spots: what is touched, on rank 0; None takes what the guide touched
         """
-        L = self._problem.surface.L
+        L = self.side
         xy, touched_at = guide.touched_at()
         self._reach = spots or (FirstContactMap(xy * L, touched_at * L) if len(xy) else None)  # rank 0 makes the meshes
         self._depth = float(guide.curve.loading().delta[-1])
@@ -80,11 +86,11 @@ class LevelSolver:
         """
         if self._made is not None and self._made[0] == h:  # once more, in other steps
             return self._made[1], h
-        comm, surface = self._comm, self._problem.surface
+        comm, surface = self.comm, self._problem.surface
         if self._depth is None:
             self._depth = estimate_approach(self._problem, comm)
         while True:
-            size = MeshSize(h, growth(h / surface.L), reach=self._reach)
+            size = MeshSize(h, growth(h / self.side), reach=self._reach)
             block = make_block(comm, surface, self._problem.height, self._depth, size)
             dofs = comm.bcast(None if block is None else 3 * len(block.points), root=0)
             if dofs <= self._max_dofs:
@@ -103,7 +109,7 @@ class LevelSolver:
     def __call__(self, h: float, substeps: int = 1) -> ContactResult:
         """Curve with elements of size h [L], or of the smallest allowed, and load steps in so many parts."""
         start = perf_counter()
-        L, hooks = self._problem.surface.L, self._hooks
+        L, hooks = self.side, self._hooks
         block, h = self._mesh(h * L)
         if hooks.checkpoint is not None:  # other limits than those of a run continued may give another size
             hooks = replace(
@@ -113,7 +119,7 @@ class LevelSolver:
         hooks = replace(hooks, on_stage=lambda name: self._hooks.stage(f"{level}: {name}"))
         path = replace(self._problem.load_path, substeps=substeps)
         problem = replace(self._problem, load_path=path, size=MeshSize(h, growth=growth(h / L)))
-        result = solve_problem(problem, block=block, comm=self._comm, hooks=hooks)
+        result = solve_problem(problem, block=block, comm=self.comm, hooks=hooks)
         seconds = max(perf_counter() - start, float(result.curve.seconds.sum()))  # of a run continued too
         self.levels.append(Level(h, result.dofs, substeps, seconds))
         return result
@@ -134,7 +140,7 @@ class LevelSolver:
             substeps: of the next level
         """
         reason = self._limit(goal, size / finer, substeps)
-        return str(self._comm.bcast(reason, root=0))
+        return str(self.comm.bcast(reason, root=0))
 
     def _limit(self, goal: AccuracyTarget, refinement: float, substeps: int) -> str:
         last = self.levels[-1]

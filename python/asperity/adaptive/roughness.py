@@ -45,7 +45,7 @@ class Omission:
 
     def at(self, delta_star: Floats) -> tuple[Floats, Floats]:
         """Changes of force and area at other approaches."""
-        return tuple(np.interp(delta_star, self.delta_star, change) for change in (self.force, self.area))  # type: ignore[return-value]
+        return np.interp(delta_star, self.delta_star, self.force), np.interp(delta_star, self.delta_star, self.area)
 
 
 class Roughness:

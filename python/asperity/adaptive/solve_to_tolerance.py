@@ -1,9 +1,8 @@
 """Accuracy as an input: meshes and load steps refined until the force has the requested error bar.
 
 A coarse mesh shows where the surface is touched, which guides the finer meshes. The first of these measures the error
-of the load steps, which depends little on the mesh: the finer ones need no more steps than it found, and all forces are
-corrected for their steps; a part of the correction is its bar. The error of the mesh follows from two of them
-(`refinement`).
+of the load steps (`load_step_error`), which depends little on the mesh: the finer ones need no more steps than it found
+and all forces are corrected for them. The error of the mesh follows from two of them (`mesh_error`).
 """
 
 from __future__ import annotations
@@ -11,36 +10,24 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from math import inf, isfinite, nan
+from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from asperity.adaptive.extrapolation import Budget, correct, judged_rows, relative, with_area, worst_error
-from asperity.adaptive.load_step_error import choose_substeps, without_load_step_error
+from asperity.adaptive.extrapolation import Budget
+from asperity.adaptive.load_step_error import LoadStepError, choose_substeps
+from asperity.adaptive.mesh_error import MeshErrorEstimate
 from asperity.adaptive.mesh_levels import Level, LevelSolver
-from asperity.adaptive.mesh_plan import (
-    FIRST,
-    FIRST_STEP,
-    GUIDE,
-    LEAST_STEP,
-    error_of,
-    partner,
-    plan_next,
-    planned_steps,
-    safety_of,
-)
-from asperity.adaptive.roughness import Omission, Roughness
+from asperity.adaptive.mesh_plan import FIRST, GUIDE, planned_steps
+from asperity.adaptive.roughness import Roughness
 from asperity.curve import Curve
 from asperity.errors import InputError, Interrupted, MeshError
-from asperity.mesh.block import BlockMesh
-from asperity.mesh.resolution import advice, resolving_size
+from asperity.mesh.resolution import resolving_size
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget, penalty_too_soft
 from asperity.quasistatic.solve_contact import ContactResult, Hooks, PartialResult
 from asperity.quasistatic.stepping import Callback
-from asperity.runtime.parallel import on_root, on_root_bcast
+from asperity.runtime.parallel import on_root
 from asperity.surface import Surface
 
 if TYPE_CHECKING:
@@ -107,6 +94,8 @@ def solve_to_tolerance(
     on_curve: Callable[[Curve], None] | None = None,
     checkpoint: Checkpoint | None = None,
     stop: Callable[[], str] | None = None,
+    stiffness: bool = False,
+    conductance: bool = False,
     **problem: Any,
 ) -> AccurateResult:
     """Refine mesh and load steps until the force along the first loading has the requested error bar; collective.
@@ -117,7 +106,7 @@ def solve_to_tolerance(
         surface, material: as in `solve_contact`
         goal: tolerance and limits
         comm: communicator; default all ranks
-        snapshots, on_stage, on_step, checkpoint, stop: see `solve_contact.Hooks`
+        snapshots, on_stage, on_step, checkpoint, stop, stiffness, conductance: see `solve_contact.Hooks`
         on_curve: called with the curve with error bars that each mesh after the guide gives
         problem: delta_max or force_max, steps, height, sides and other arguments of `Problem.of`; the steps of the
             result are a multiple, see `mesh_plan.planned_steps`
@@ -137,7 +126,7 @@ def solve_to_tolerance(
         raise InputError(
             "accuracy.tolerance chooses mesh and substeps: leave out mesh.h_contact, mesh.file and substeps"
         )
-    hooks = Hooks(on_stage, on_step, stop, checkpoint, snapshots)
+    hooks = Hooks(on_stage, on_step, stop, checkpoint, snapshots, stiffness=stiffness, conductance=conductance)
     return refine(Problem.of(surface, material, **problem), goal, comm, hooks, on_curve)
 
 
@@ -172,98 +161,46 @@ def refine(
     """
     from mpi4py import MPI
 
-    surface, material, goal = problem.surface, problem.material, target
     if soft := penalty_too_soft(problem.formulation.method, problem.formulation.penalty):
         raise InputError(soft)
     steps = planned_steps(problem.load_path.steps)
     planned = replace(problem, load_path=replace(problem.load_path, steps=steps))
     comm = MPI.COMM_WORLD if comm is None else comm
-    run = LevelSolver(planned, goal.max_dofs, comm, hooks or Hooks())
+    run = LevelSolver(planned, target.max_dofs, comm, hooks or Hooks())
     guide = run(GUIDE)
     depth = float(guide.curve.loading().delta[-1])
-    roughness = on_root(comm, partial(_roughness, planned, depth, goal.tolerance))
+    roughness = on_root(comm, partial(_roughness, planned, depth, target.tolerance))
     run.aim(guide, None if roughness is None else roughness.contact_map())
-    whole, path, substeps, stopped = guide.curve, None, 1, ""
+    whole = guide.curve
     del guide
-    if material.plastic:
-        integrator = problem.load_path.integrator
-        result, path, substeps, stopped = choose_substeps(run, whole, steps, integrator, goal)
+    if problem.material.plastic:
+        result, path = choose_substeps(run, whole, steps, problem.load_path.integrator, target)
     else:
-        result = run(FIRST * GUIDE)
-    sizes = [run.levels[0].h / surface.L]
-    curves = [without_load_step_error(whole, path, 1)]
+        result, path = run(FIRST * GUIDE), LoadStepError.none()
+    estimate = MeshErrorEstimate(run, target, steps, whole, path, roughness)
     while True:
-        level = run.levels[-1]
-        sizes.append(level.h / surface.L)
-        judged = judged_rows(result.curve, steps)
-        coarse = partner(sizes)
-        settled = without_load_step_error(result.curve, path, level.substeps)
-        path_bar = path.bar[level.substeps] if path else None
-        algebraic = result.checks.force_balance
-        missed = on_root_bcast(comm, partial(_left_out, roughness, result.block))
-        if missed is not None:
-            settled = with_area(settled, missed)
-        # a mesh that misses waves is as rough a partner as the guide
-        ratio, safety = sizes[coarse] / sizes[-1], safety_of(coarse == 0 or missed is not None)
-        curve, budget = correct(settled, curves[coarse], ratio, safety, judged, path_bar, algebraic, missed)
-        worst = worst_error(curve, steps)
-        unresolved = curve.unresolved() or curves[coarse].unresolved()
-        at = curve.delta_star[judged]
-        mesh = relative((budget.mesh + budget.roughness)[judged], curve.P_star[judged])
-        of_steps = path.bar[substeps].at(at) if path else np.zeros(len(at))
-        rest = algebraic + of_steps
-        left = np.maximum(goal.tolerance - rest, 0.1 * goal.tolerance)  # for the mesh, when the load steps have theirs
-        wanted = plan_next(sizes, error_of(float(np.max(mesh / left)), ratio, coarse == 0), 1.0)
-        if unresolved:  # by a single node the force grows with its size, and the difference of two meshes is no error
-            wanted = sizes[-1] / FIRST_STEP
-        room = (goal.max_dofs / result.dofs) ** (1.0 / run.growth_of_dofs())
-        known = f"the force is known to {worst:.2%}, not to the {goal.tolerance:.2%} of accuracy.tolerance"
-        limit = ""
-        if not unresolved:
-            limit = _limit_of_steps(algebraic, float(of_steps.max()), goal.tolerance, stopped)
-        if unresolved:
-            known, worst = f"the force has no error bar, {unresolved}", nan
-            curve = replace(result.curve, error_P_star=np.full(len(curve), nan))
-            budget = Budget.unknown(len(curve))
+        found = estimate.judge(result)
         if on_curve is not None:
-            on_curve(curve)
-        found = AccurateResult(curve, result.curve, budget, tuple(run.levels), result, worst, True, "done")
-        if worst <= goal.tolerance:
-            return found
-        size = max(wanted, sizes[-1] / max(room, LEAST_STEP))
-        limit = limit or run.limit(goal, sizes[-1], wanted if room < LEAST_STEP else size, substeps)
-        if limit:
-            if missed is not None:
-                limit += f"; waves shorter than the elements limit it too, {advice(level.h / max(room, 1.0))}"
-            return replace(found, met=False, reason=f"{known}: {limit}")
-        curves.append(settled)
+            on_curve(found.curve)
+        accurate = AccurateResult(
+            found.curve, result.curve, found.budget, tuple(run.levels), result, found.worst, True, "done"
+        )
+        if found.worst <= target.tolerance:
+            return accurate
+        if found.limit:
+            return replace(accurate, met=False, reason=f"{found.known}: {found.limit}")
         try:
-            result = run(size, substeps)
+            result = run(found.size, path.substeps)
         except (PartialResult, Interrupted, MeshError) as e:
             if isinstance(stop := e.__cause__ or e, Interrupted):
-                raise PartialResult(str(e), replace(result, curve=curve)) from stop
+                raise PartialResult(str(e), replace(result, curve=found.curve)) from stop
             failed = str(e)
             if isinstance(e, PartialResult):
                 failed = (
                     f"on the next mesh, of {e.result.dofs} dofs, no step converges beyond delta/L = "
                     f"{e.result.solver.delta:.6g}, use more loading.steps"
                 )
-            return replace(found, met=False, reason=f"{known}: {failed}")
-
-
-def _limit_of_steps(algebraic: float, of_steps: float, tolerance: float, stopped: str) -> str:
-    """Why no mesh meets the tolerance; empty when one may.
-
-    Args:
-        algebraic, of_steps: relative error bars of the equations and of the load steps
-        tolerance: requested
-        stopped: what limited the parts of the load steps
-    """
-    if algebraic + of_steps <= 0.9 * tolerance:
-        return ""
-    if algebraic > of_steps:
-        return f"{algebraic:.2g} is left by the equations, lower solver.rtol or raise accuracy.tolerance"
-    return stopped or "what is left comes from the load steps, raise loading.steps"
+            return replace(accurate, met=False, reason=f"{found.known}: {failed}")
 
 
 def _roughness(problem: Problem, depth: float, tolerance: float) -> Roughness | None:
@@ -272,7 +209,3 @@ def _roughness(problem: Problem, depth: float, tolerance: float) -> Roughness | 
     if resolving_size(problem.surface, depth, tolerance, largest) == inf:
         return None
     return Roughness(problem, depth, problem.load_path.steps)
-
-
-def _left_out(roughness: Roughness | None, block: BlockMesh | None) -> Omission | None:
-    return None if roughness is None or block is None else roughness.left_out(block)

@@ -1,0 +1,153 @@
+"""Error of the force from the element size: the last level against those before, and the next mesh that follows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+from math import nan
+
+import numpy as np
+
+from asperity.adaptive.extrapolation import (
+    Budget,
+    correct,
+    judged_rows,
+    relative,
+    with_area,
+    with_measures,
+    worst_error,
+)
+from asperity.adaptive.load_step_error import LoadStepError
+from asperity.adaptive.mesh_levels import LevelSolver
+from asperity.adaptive.mesh_plan import FIRST_STEP, LEAST_STEP, error_of, partner, plan_next, safety_of
+from asperity.adaptive.roughness import Omission, Roughness
+from asperity.arrays import Floats
+from asperity.curve import Curve
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.resolution import advice
+from asperity.model.settings import AccuracyTarget
+from asperity.quasistatic.solve_contact import ContactResult
+from asperity.runtime.parallel import on_root_bcast
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What the levels so far show.
+
+    Attributes:
+        curve: of the last level, extrapolated, with error bars; as computed and without them when it has none
+        budget: parts of the error bars
+        worst: greatest relative bar that is judged, NaN without one
+        known: how well the force is known, a clause
+        size: of the elements of the next level [L]
+        limit: why there is no next level; empty when there may be one
+    """
+
+    curve: Curve
+    budget: Budget
+    worst: float
+    known: str
+    size: float
+    limit: str
+
+
+class MeshErrorEstimate:
+    """Judges one level after the other; collective.
+
+    Args:
+        run: solver of levels
+        goal: tolerance and limits
+        steps: planned ones
+        guide: curve of the first level
+        path: error of the load steps
+        roughness: half-space with all waves, on rank 0; None of a smooth surface
+    """
+
+    def __init__(
+        self,
+        run: LevelSolver,
+        goal: AccuracyTarget,
+        steps: int,
+        guide: Curve,
+        path: LoadStepError,
+        roughness: Roughness | None,
+    ) -> None:
+        self._run, self._goal, self._steps, self._path, self._roughness = run, goal, steps, path, roughness
+        self._sizes, self._curves = [run.levels[0].h / run.side], [path.removed(guide, 1)]
+
+    def judge(self, result: ContactResult) -> Judgement:
+        """Judge the force of the last level.
+
+        Args:
+            result: of this level
+        """
+        run, goal, path, levels = self._run, self._goal, self._path, self._run.levels
+        self._sizes.append(levels[-1].h / run.side)
+        sizes, substeps = self._sizes, levels[-1].substeps
+        curve = path.removed(result.curve, substeps)
+        missed = on_root_bcast(run.comm, partial(self._left_out, result.block))
+        if missed is not None:
+            curve = with_area(curve, missed)
+        place = partner(sizes)
+        coarse = self._curves[place]
+        self._curves.append(curve)
+        ratio = sizes[place] / sizes[-1]
+        # a mesh that misses waves is as rough a partner as the guide
+        safety = safety_of(place == 0 or missed is not None)
+        judged, algebraic = judged_rows(result.curve, self._steps), result.checks.force_balance
+        curve, budget = correct(curve, coarse, ratio, safety, judged, path.bar[substeps], algebraic, missed)
+        curve = with_measures(curve, coarse, ratio, safety, budget.total - budget.mesh, run.compliance)
+
+        room = (goal.max_dofs / result.dofs) ** (1.0 / run.growth_of_dofs())
+        hint = f"; waves shorter than the elements limit it too, {advice(levels[-1].h / max(room, 1.0))}"
+        if unresolved := curve.unresolved() or coarse.unresolved():
+            # by a single node the force grows with its size, and the difference of two meshes is no error
+            worst, wanted, limit = nan, sizes[-1] / FIRST_STEP, ""
+            known = f"the force has no error bar, {unresolved}"
+            curve = replace(result.curve, error_P_star=np.full(len(curve), nan))
+            budget = Budget.unknown(len(curve))
+        else:
+            worst = worst_error(curve, self._steps)
+            known = f"the force is known to {worst:.2%}, not to the {goal.tolerance:.2%} of accuracy.tolerance"
+            at, P_star = curve.delta_star[judged], curve.P_star[judged]
+            of_steps = path.bar[path.substeps].at(at)
+            mesh = relative((budget.mesh + budget.roughness)[judged], P_star)
+            wanted = self._wanted(sizes, place, mesh, algebraic + of_steps)
+            limit = self._limit(algebraic, float(of_steps.max()))
+        size = max(wanted, sizes[-1] / max(room, LEAST_STEP))
+        if worst <= goal.tolerance:
+            return Judgement(curve, budget, worst, known, size, "")
+        limit = limit or run.limit(goal, sizes[-1], wanted if room < LEAST_STEP else size, path.substeps)
+        if limit and missed is not None:
+            limit += hint
+        return Judgement(curve, budget, worst, known, size, limit)
+
+    def _left_out(self, block: BlockMesh | None) -> Omission | None:
+        """What the mesh leaves out of a rough surface; on rank 0, which has both."""
+        return None if self._roughness is None or block is None else self._roughness.left_out(block)
+
+    def _wanted(self, sizes: list[float], place: int, mesh: Floats, rest: Floats) -> float:
+        """Element size [L] that meets the tolerance.
+
+        Args:
+            sizes: of the levels [L]
+            place: of the level extrapolated from
+            mesh: relative error bars of the mesh at the judged rows (n,)
+            rest: those that no mesh reduces (n,)
+        """
+        tolerance = self._goal.tolerance
+        left = np.maximum(tolerance - rest, 0.1 * tolerance)  # for the mesh, when the load steps have theirs
+        error = error_of(float(np.max(mesh / left)), sizes[place] / sizes[-1], place == 0)
+        return plan_next(sizes, error, 1.0)
+
+    def _limit(self, algebraic: float, of_steps: float) -> str:
+        """Why no mesh meets the tolerance; empty when one may.
+
+        Args:
+            algebraic, of_steps: relative error bars of the equations and of the load steps
+        """
+        if algebraic + of_steps <= 0.9 * self._goal.tolerance:
+            return ""
+        if algebraic > of_steps:
+            return f"{algebraic:.2g} is left by the equations, lower solver.rtol or raise accuracy.tolerance"
+        return self._path.limit or "what is left comes from the load steps, raise loading.steps"
