@@ -2,7 +2,9 @@
 #include "cells.hpp"
 #include "facets.hpp"
 #include "linear.hpp"
+#include "size_field.hpp"
 
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/variant.h>
 
@@ -87,13 +89,22 @@ void bind_linear(nb::module_& m)
   m.def("galerkin", &galerkin, "indptr"_a, "indices"_a, "values"_a, "kept"_a, "parents"_a, "coarse_indptr"_a,
         "coarse_indices"_a, "coarse_kept"_a, out("coarse"), unlocked);
 }
+
+void bind_size_field(nb::module_& m)
+{
+  nb::class_<SizeField>(m, "SizeField")
+      .def(nb::init<Array<const double>, Array<const double>, std::array<double, 3>, double, double>(), "sizes"_a,
+           "distances"_a, "window"_a, "growth"_a, "h_max"_a)
+      .def("at", &SizeField::at, "x"_a, "y"_a, "depth"_a);
+}
 } // namespace
 
 NB_MODULE(_solver, m)
 {
-  m.doc() = "Kernels for curved second-order tetrahedra: elasticity, J2 plasticity, contact, linear solver.";
+  m.doc() = "Kernels for curved second-order tetrahedra: element sizes, elasticity, J2 plasticity, contact, linear solver.";
   bind_laws(m);
   bind_cells(m);
   bind_facets(m);
   bind_linear(m);
+  bind_size_field(m);
 }

@@ -138,7 +138,7 @@ def make_block(comm: MPI.Comm, surface: Surface, height: float, delta_max: float
         field = SizeField.of(
             surface, delta_max, h, growth=size.growth, h_max=size.h_max, first_contact=size.reach, grading=size.grading
         )
-        return build_block(surface, height, field.at)
+        return build_block(surface, height, field.compiled().at)
 
     return on_root(comm, build)
 

@@ -1,0 +1,26 @@
+// Element size around the contact, which gmsh asks for point by point; see asperity/mesh/size_field.py, whose readable
+// twin gives the same bits.
+#pragma once
+
+#include "arrays.hpp"
+
+#include <array>
+
+namespace asperity
+{
+class SizeField
+{
+public:
+  /// sizes (K,), distances (n, n, K), window x0, y0 and side: as in Python, all in units of L.
+  SizeField(const Array<const double>& sizes, const Array<const double>& distances, std::array<double, 3> window,
+            double growth, double h_max);
+
+  /// Size at a point `depth` below the mean plane of the top.
+  double at(double x, double y, double depth) const;
+
+private:
+  Array<const double> sizes_, distances_;
+  std::array<double, 3> window_;
+  double growth_, h_max_;
+};
+} // namespace asperity

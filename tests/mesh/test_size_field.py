@@ -1,0 +1,31 @@
+"""Element sizes around the contact: the compiled field against its readable twin."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from asperity import _solver
+from asperity.mesh.size_field import SizeField
+from asperity.surface import Sphere
+
+
+@pytest.mark.parametrize("delta_max", [1e-4, 0.01])  # the window is a part of the patch, or all of it
+def test_the_compiled_field_has_the_bits_of_its_twin(rough, delta_max):
+    rng = np.random.default_rng(3)
+    for surface in (rough, Sphere(L=1.0, radius=1.0)):
+        field = SizeField.of(surface, delta_max, 0.04)
+        points = rng.uniform(-0.02, 1.02, (2000, 3))
+        nodes = points[:500]  # halfway between those of the grid, where the nearest one is a matter of rounding
+        x0, y0, side = field.window
+        nodes[:, :2] = [x0, y0] + side * (rng.integers(0, 256, (500, 2)) + 0.5) / 256
+        sizes = [field.compiled().at(*p) for p in points.tolist()]
+        assert sizes == [field.at(*p) for p in points.tolist()]
+        assert max(sizes) > 2.0 * min(sizes)
+
+
+def test_a_field_of_another_shape_is_refused():
+    with pytest.raises(ValueError, match="distances has shape"):
+        _solver.SizeField(np.ones(3), np.ones((5, 5, 2)), (0.0, 0.0, 1.0), 0.25, 0.5)
+    with pytest.raises(ValueError, match="distances has shape"):
+        _solver.SizeField(np.ones(2), np.ones((5, 4, 2)), (0.0, 0.0, 1.0), 0.25, 0.5)
