@@ -19,8 +19,9 @@ def test_the_compiled_field_has_the_bits_of_its_twin(rough, delta_max):
         nodes = points[:500]  # halfway between those of the grid, where the nearest one is a matter of rounding
         x0, y0, side = field.window
         nodes[:, :2] = [x0, y0] + side * (rng.integers(0, 256, (500, 2)) + 0.5) / 256
-        sizes = [field.compiled().at(*p) for p in points.tolist()]
-        assert sizes == [field.at(*p) for p in points.tolist()]
+        compiled = field.compiled()
+        sizes = [compiled.at(x, y, depth) for x, y, depth in points]
+        assert sizes == [field.at(x, y, depth) for x, y, depth in points]
         assert max(sizes) > 2.0 * min(sizes)
 
 

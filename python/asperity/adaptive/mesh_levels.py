@@ -11,6 +11,7 @@ from asperity.adaptive.mesh_plan import DOFS_ORDER, growth
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.size_field import FirstContactMap
+from asperity.mesh.top import mean_plane
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget, ApproachMap, MeshSize
 from asperity.quasistatic.solve_contact import (
@@ -21,6 +22,7 @@ from asperity.quasistatic.solve_contact import (
     make_block,
     solve_problem,
 )
+from asperity.runtime.parallel import on_root_bcast
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -120,6 +122,9 @@ class LevelSolver:
         path = replace(self._problem.load_path, substeps=substeps)
         problem = replace(self._problem, load_path=path, size=MeshSize(h, growth=growth(h / L)))
         result = solve_problem(problem, block=block, comm=self.comm, hooks=hooks)
+        # the mean plane of the surface is that of no mesh
+        plane = on_root_bcast(self.comm, lambda: mean_plane(result.block, problem.surface) if result.block else 0.0)
+        result = replace(result, curve=replace(result.curve, mean_gap=result.curve.mean_gap + plane))
         seconds = max(perf_counter() - start, float(result.curve.seconds.sum()))  # of a run continued too
         self.levels.append(Level(h, result.dofs, substeps, seconds))
         return result

@@ -1,10 +1,11 @@
-"""Heights of the top of a mesh on a regular grid."""
+"""Heights of the top of a mesh on a regular grid, and their mean."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from asperity.arrays import Floats
 from asperity.mesh.block import NEAR, BlockMesh
@@ -28,9 +29,7 @@ def heights_of_top(block: BlockMesh, surface: Surface, n: int) -> Floats:
     from matplotlib.tri import Triangulation
 
     L = block.side
-    on_top = np.abs(block.heights(surface) - block.points[:, 2]) < NEAR * L
-    faces = outer_faces(block.tets)
-    faces = faces[on_top[faces].all(axis=1)]
+    faces = _faces_of_top(block, surface)
     corners, numbers = np.unique(faces[:, :3], return_inverse=True)
     xy = block.points[:, :2] / L
     finder = Triangulation(xy[corners, 0], xy[corners, 1], numbers.reshape(-1, 3)).get_trifinder()
@@ -47,6 +46,37 @@ def heights_of_top(block: BlockMesh, surface: Surface, n: int) -> Floats:
     edge = ((first * second, 3), (second * third, 4), (third * first, 5))
     total = sum(w * (2.0 * w - 1.0) * z[nodes[:, k]] for w, k in corner)
     return np.asarray(total + sum(4.0 * w * z[nodes[:, k]] for w, k in edge)).reshape(n, n)
+
+
+def mean_plane(block: BlockMesh, surface: Surface) -> float:
+    """Height of the mean plane of the facets of the top above that of the surface [length].
+
+    Facets that miss waves have another mean height than the surface; that of the summit is exact.
+
+    Args:
+        block: mesh of the block
+        surface: the top it was made for
+
+    Examples:
+        >>> from asperity.mesh.generate import build_block
+        >>> wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.01)
+        >>> block = build_block(wave, 0.5, lambda x, y, depth: 0.2)
+        >>> abs(mean_plane(block, wave)) < 1e-3
+        True
+    """
+    faces = _faces_of_top(block, surface)
+    xy, z = block.points[:, :2], block.points[:, 2]
+    a, b, c = (xy[faces[:, k]] for k in range(3))
+    area = np.abs(_cross(b - a, c - a))
+    # exact for quadratic facets with straight edges in the plan: the mean of the nodes in the middle of the edges
+    return float(area @ z[faces[:, 3:]].mean(axis=1) / area.sum()) - block.height
+
+
+def _faces_of_top(block: BlockMesh, surface: Surface) -> npt.NDArray[np.int64]:
+    """Nodes of the facets of the top (F, 6), corners first."""
+    on_top = np.abs(block.heights(surface) - block.points[:, 2]) < NEAR * block.side
+    faces = outer_faces(block.tets)
+    return faces[on_top[faces].all(axis=1)]
 
 
 def _cross(a: Floats, b: Floats) -> Floats:

@@ -1,0 +1,54 @@
+"""Mean gap and stiffness of runs with a tolerance against a half-space that knows nothing of meshes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import asperity as asp
+from asperity.curve import WITH_ERRORS
+from asperity.model.material import Material
+from asperity.surface import SelfAffine, Sinusoid, Surface
+
+ELASTIC = Material(1.0, 0.3)
+
+
+@pytest.mark.parametrize(
+    "surface",
+    [
+        Sinusoid(L=1.0, amplitude=0.005, dims=2),
+        SelfAffine(L=1.0, H=0.8, slope=0.03, lambda_roll=0.5, lambda_short=0.25, seed=5),
+    ],
+    ids=["wave", "rough"],
+)
+def test_gap_and_stiffness_are_inside_their_bars(surface: Surface) -> None:
+    depth = 0.004
+    found = asp.solve_to_tolerance(
+        surface, ELASTIC, asp.AccuracyTarget(0.05), delta_max=depth, steps=5, stiffness=True, conductance=True
+    )
+    curve = found.curve.loading()
+    layer = asp.reference.RoughHalfSpace(256, 1.0, ELASTIC.nu)
+    heights, summit = layer.heights(surface), surface.maximum()[2]
+
+    def force(delta: np.ndarray) -> np.ndarray:
+        return layer.curve(heights, summit, delta, tolerance=1e-5).P_star
+
+    delta = curve.delta_star
+    # the identity of a layer between rollers: the mean plane sinks by the approach, less the compression of the block
+    compression = force(delta) * ELASTIC.reduced_modulus / ELASTIC.confined_modulus
+    gap = summit - surface.mean() - delta + compression
+    assert np.all(np.abs(curve.mean_gap - gap) <= curve.error_mean_gap + 1e-6)
+    slope = (force(1.02 * delta) - force(0.98 * delta)) / (0.04 * delta) * ELASTIC.reduced_modulus
+    assert np.all(np.abs(curve.k_n - slope) <= curve.error_k_n + 0.02 * slope)
+    assert np.all(curve.error_k_n < 0.5 * curve.k_n) and np.all(curve.error_mean_gap < 0.02 * gap)
+    for name in WITH_ERRORS:
+        bars = getattr(found.curve, f"error_{name}")
+        assert np.all(np.isfinite(bars) & (bars > 0.0)), name
+
+
+def test_columns_that_were_not_computed_have_no_bar() -> None:
+    curve = asp.solve_to_tolerance(
+        Sinusoid(L=1.0, amplitude=0.01), ELASTIC, asp.AccuracyTarget(0.2), delta_max=0.005, steps=5
+    ).curve
+    assert np.isnan(curve.k_n).all() and np.isnan(curve.error_k_n).all()
+    assert np.isfinite(curve.error_mean_gap).all()
