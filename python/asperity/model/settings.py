@@ -22,16 +22,42 @@ class Formulation:
         penalty: factor of E p^2/h of the penalty method
         gamma: factor of (lambda + 2 mu) p^2/h of Nitsche's method; None takes 1, or 10 for theta = 1 and -1
         theta: 0, or 1 (symmetric) or -1 (skew) for an elastic solid
+        friction: "none", or "stick": the limit of infinite friction, for the active set
 
     Examples:
         >>> asp.Formulation().method, asp.Formulation("nitsche", theta=1).gamma
         ('active-set', None)
+        >>> asp.Formulation(friction="stick").sticks
+        True
     """
 
     method: str = "active-set"
     penalty: float = 10.0
     gamma: float | None = None
     theta: int = 0
+    friction: str = "none"
+
+    @property
+    def sticks(self) -> bool:
+        """Whether the points in contact stick to the flat; the force then depends on the path, elastic or not."""
+        return self.friction == "stick"
+
+
+def wrong_friction(method: str, friction: str) -> str:
+    """Reason why a friction is refused; empty for a legal one.
+
+    Args:
+        method: of the formulation
+        friction: of the formulation
+    """
+    if friction not in ("none", "stick"):
+        return f'contact.friction = "{friction}" is not one of none, stick'
+    if friction == "none" or method == "active-set":
+        return ""
+    return (
+        f'contact.friction = "stick" holds nodes, which contact.method = "{method}" does not: take '
+        'contact.method = "active-set", or contact.friction = "none"'
+    )
 
 
 def penalty_too_soft(method: str, penalty: float) -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from asperity.arrays import Floats
-from asperity.contact import Contact
+from asperity.contact import Contact, Stick
 from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.energies import dissipation, energies
 from asperity.fem.kernels import History
@@ -124,11 +124,15 @@ class ContactSolver:
             if (delta - self.delta) * (self.delta - before) > 0.0:
                 start = self._u + (self._u - u) * (delta - self.delta) / (self.delta - before)
         self.contact.begin(self.summit - delta)
+        if isinstance(self.contact, Stick):
+            self.contact.expect(self.summit - self.delta, self._u, start)
         return self._solve(f"delta/L = {delta:.6g}", start, abs(delta - self.delta))
 
     def _solve(self, where: str, start: Floats, scale: float) -> StepStats:
         self.newton.linear.forget()  # a step of a resumed run is the same to the last bit
         stats = self.newton.solve(start, scale)
+        while isinstance(self.contact, Stick) and stats.converged and self.contact.settle():
+            stats = stats + self.newton.solve(self.newton.x.array_r.reshape(-1, 3).copy(), scale)
         self.counts.newton += stats.newton
         self.counts.krylov += stats.krylov
         self.counts.shortened += stats.shortened

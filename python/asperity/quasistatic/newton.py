@@ -46,6 +46,11 @@ class StepStats:
     shortened: int = 0
     direct: int = 0
 
+    def __add__(self, later: StepStats) -> StepStats:
+        """This solve and a later one of the same step, whose outcome counts."""
+        counts = (getattr(self, k) + getattr(later, k) for k in ("newton", "krylov", "shortened", "direct"))
+        return StepStats(later.converged, later.reason, *counts)
+
 
 class NewtonSolver:
     """Newton's method for the equilibrium displacement of a solid in contact; collective.
