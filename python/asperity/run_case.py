@@ -314,6 +314,8 @@ class _Job:
                 progress.stage("dynamics")
                 start = perf_counter()
                 dynamics = _dynamics(case, result.curve, folder)
+                found = dynamics.to_dict()
+                result.summary["dynamics"] = {name: found[name] for name in ("law", "load", "numbers", "laws", "notes")}
                 seconds["dynamics"] = perf_counter() - start
             writer.summary(result.summary)
             if folder is not None and (case.output.figures or case.output.report):

@@ -93,7 +93,8 @@ def test_before_yield_the_law_is_the_loading(strain: bool) -> None:
         law, load = law_from(curve)
     assert isinstance(law, TableLaw) and law.name == "table" and law.extrapolate
     if strain:
-        assert isinstance(law_from(curve, load=1.25)[0], PowerLaw)
+        with pytest.warns(AsperityWarning, match="yielded"):
+            assert isinstance(law_from(curve, load=1.25)[0], PowerLaw)
     assert float(law.force(0.6)) == pytest.approx(0.6**1.5 + 0.3 * 0.6**3, rel=1e-4) and load < 1.3
 
 
@@ -167,7 +168,8 @@ def test_all_laws_stand_in_one_table(tmp_path: Path) -> None:
     assert leg.stiffness == pytest.approx(elastic.stiffness, rel=1e-3) and laws.spread < 1e-3
     exact = float(stiffness(0.5 * C))
     assert leg.frequency == pytest.approx(math.sqrt(exact / result.numbers.mass) / (2 * math.pi), rel=1e-3)
-    assert table.frequency / leg.frequency == pytest.approx(0.66, abs=0.02)
+    loading = 1.2 * C ** (1 / 1.2) * (0.5 * C) ** (1 - 1 / 1.2)
+    assert table.frequency / leg.frequency == pytest.approx(math.sqrt(loading / exact), rel=1e-3)
     written = result.to_dict()["laws"]
     assert written["chosen"] == "unload-reload" and written["yielded"] and len(written["table"]) == 4
     assert result.uncertainty is not None and "spread of the laws" in result.uncertainty.origin
@@ -255,7 +257,7 @@ def test_contradictory_joints_are_refused(values: dict[str, float], words: str) 
 def test_an_area_without_a_patch_is_refused() -> None:
     with pytest.raises(InputError, match="needs the nominal area of the patch"):
         run_dynamics(contact(), joint=asp.Joint(nominal_area=1.0), **QUICK)
-    with pytest.raises(InputError, match="joint.nominal_area is for a curve"):
+    with pytest.raises(InputError, match=r"joint\.nominal_area is for a curve"):
         run_dynamics(PowerLaw(1.5), joint=asp.Joint(nominal_area=1.0), **QUICK)
     with pytest.raises(InputError, match="the joint has its own"):
         run_dynamics(contact(), joint=asp.Joint(mass=1.0), gravity=9.81, **QUICK)
