@@ -180,11 +180,11 @@ def test_one_power_law_in_all_that_a_run_leaves(full: tuple[Path, RunResult], tm
     pairs = zip(load.delta, load.force, strict=True)
     bare.write_text("delta,force\n" + "".join(f"{1e6 * d:.17g},{1e3 * f:.17g}\n" for d, f in pairs))  # in um and mN
     for source, length, force in ((folder, 1.0, 1.0), (curve, 1.0, 1.0), (result.curve, 1.0, 1.0), (bare, 1e6, 1e3)):
-        law = law_from(source)[0]
+        law = law_from(source, "paper")[0]
         assert isinstance(law, PowerLaw) and law.n == pytest.approx(n, rel=1e-12)
         assert float(law.force(0.02e-6 * length)) == pytest.approx(force * K * 0.02e-6**n, rel=1e-12)
         assert law.fitted_to == pytest.approx(length * 0.03e-6, rel=1e-12)
-    assert f"{n:.5g} (95 % interval" in (folder / "report.html").read_text(encoding="utf-8")
+    assert f"{n:.5g} (misfit of the fit:" in (folder / "report.html").read_text(encoding="utf-8")
 
 
 def test_the_completed_case_runs_to_the_same_curve(full: tuple[Path, RunResult]) -> None:

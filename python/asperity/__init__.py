@@ -26,6 +26,7 @@ _PUBLIC = {
     "fit_power_law": "power_law",
     "Case": "case",
     "ContactOscillator": "dynamics",
+    "Joint": "dynamics",
     "PowerLaw": "dynamics",
     "TableLaw": "dynamics",
     "TaylorLaw": "dynamics",

@@ -1,4 +1,4 @@
-"""Power law P* = k (delta*)^n of a curve, with confidence intervals."""
+"""Power law P* = k (delta*)^n of a curve, with the intervals of the regression: the misfit of the fit."""
 
 from __future__ import annotations
 

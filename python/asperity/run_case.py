@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import (
+    AsperityWarning,
     AssumptionWarning,
     CaseWarning,
     CheckError,
@@ -313,6 +314,8 @@ class _Job:
                 progress.stage("dynamics")
                 start = perf_counter()
                 dynamics = _dynamics(case, result.curve, folder)
+                found = dynamics.to_dict()
+                result.summary["dynamics"] = {name: found[name] for name in ("law", "load", "numbers", "laws", "notes")}
                 seconds["dynamics"] = perf_counter() - start
             writer.summary(result.summary)
             if folder is not None and (case.output.figures or case.output.report):
@@ -402,9 +405,19 @@ def _solve_to_tolerance(job: _Job, hooks: Hooks) -> AccurateResult:
 
 def _dynamics(case: Case, curve: Curve, folder: str | Path | None) -> Any:
     """Vibration on the curve of a case."""
-    from asperity.dynamics import run_dynamics
+    from asperity.dynamics import Joint, run_dynamics
+    from asperity.dynamics.law.choice import LACK
 
     assert case.dynamics is not None
     settings = case.dynamics.model_dump()
     load, models = settings.pop("preload"), settings.pop("model")
-    return run_dynamics(curve, load=load, models=models, out_dir=folder, units=case.units, **settings)
+    joint = None if case.joint is None else Joint(**case.joint.model_dump())
+    if joint is not None and joint.damping is not None:
+        settings["zeta"] = joint.damping
+    result = run_dynamics(
+        curve, load=load, models=models, out_dir=folder, units=case.units, joint=joint,
+        patch_area=case.surface.L**2, **settings,
+    )  # fmt: skip
+    if LACK in result.notes:
+        warnings.warn(LACK, AsperityWarning, stacklevel=2)
+    return result

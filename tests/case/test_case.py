@@ -391,7 +391,7 @@ def test_any_values_give_a_case_or_a_sentence(
 ) -> None:
     data: dict[str, dict[str, object]] = Case.load(DEMO).to_dict()
     for (section, key), value in changes:
-        data[section][key] = value
+        data.setdefault(section, {})[key] = value
     try:
         case = Case.from_dict(data)
     except InputError as error:

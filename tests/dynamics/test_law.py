@@ -250,7 +250,7 @@ def test_the_last_unloading_replaces_reloadings_with_few_rows() -> None:
 
 def test_paper_law_is_the_fit_of_the_loading_branch(tmp_path) -> None:
     curve = _hysteretic()
-    law, load = law_from(curve)
+    law, load = law_from(curve, "paper")
     assert isinstance(law, PowerLaw) and law.n == pytest.approx(1.2, rel=1e-8)
     assert law.K == pytest.approx(1.0, rel=1e-8)
     assert load == 0.5
@@ -259,8 +259,8 @@ def test_paper_law_is_the_fit_of_the_loading_branch(tmp_path) -> None:
         writer = csv.writer(file)
         writer.writerow(curve)
         writer.writerows(zip(*curve.values(), strict=True))
-    assert law_from(path)[0] == law_from(tmp_path)[0]
-    scaled, _ = law_from({**curve, "delta": curve["delta"] * 1e-8, "force": curve["force"] * 1e-3})
+    assert law_from(path, "paper")[0] == law_from(tmp_path, "paper")[0]
+    scaled, _ = law_from({**curve, "delta": curve["delta"] * 1e-8, "force": curve["force"] * 1e-3}, "paper")
     assert float(scaled.force(0.5e-8)) == pytest.approx(1e-3 * 0.5**1.2, rel=1e-8)
 
 
@@ -270,7 +270,9 @@ def test_substeps_and_rows_before_contact_do_not_change_the_paper_law() -> None:
 
     def law(rows: np.ndarray, **units: float) -> PowerLaw:
         force = np.maximum(rows, 0.0) ** 1.5 + 0.3 * np.maximum(rows, 0.0) ** 4
-        found = law_from({"delta": rows * units.get("length", 1.0), "force": force * units.get("force", 1.0)})[0]
+        found = law_from({"delta": rows * units.get("length", 1.0), "force": force * units.get("force", 1.0)}, "paper")[
+            0
+        ]
         assert isinstance(found, PowerLaw)
         return found
 
@@ -290,7 +292,7 @@ def test_substeps_and_rows_before_contact_do_not_change_the_paper_law() -> None:
         (lambda: PowerLaw(1e-3), "n = 0.001 is not legal: it must lie between 0.25 and 100"),
         (lambda: PowerLaw(1e3), "n = 1000"),
         (lambda: PowerLaw(1.5, 1e300), "K = 1e+300"),
-        (lambda: law_from({"delta": 1e-6 * Z, "force": Z**60}), "K = inf"),
+        (lambda: law_from({"delta": 1e-6 * Z, "force": Z**60}, "paper"), "K = inf"),
         (lambda: ContactOscillator(PowerLaw(1.5), load=1e-300), "under load = 1e-300"),
         (lambda: ContactOscillator(PowerLaw(0.25), load=1e300), "under load = 1e+300"),
         (lambda: PowerLaw(1.5, ci_n=(1.6, 1.7)), "ci_n"),

@@ -224,10 +224,15 @@ Model = Literal["exact", "taylor"]
 class DynamicsSection(Section):
     """Vibration of a mass on the contact."""
 
-    law: Literal["paper", "unload-reload", "table"] = _key(
-        "power law of the loading curve as a spring, the unloading branch, or the points of the loading curve", "paper"
-    )
+    law: Literal["auto", "unload-reload", "elastic", "table", "paper"] = _key(
+        "unloading branch, elastic tangent, points of the loading curve, or its power law; auto takes the first that "
+        "the run has after yield, and the points of the loading before", "auto",
+    )  # fmt: skip
     preload: Real | None = _key("weight of the mass", None, shown="half of the greatest force", unit=FORCE, gt=0)
+    overload: Real | None = _key(
+        "greatest force before the vibration; equal to the preload: the weight itself", None,
+        shown="that of the unloading, else the preload", unit=FORCE, gt=0,
+    )  # fmt: skip
     gravity: Real | None = _key(
         "gravity, for mass and omega_s alone", None, shown="9.80665; none with other units, nor mass and omega_s",
         unit="length/time^2", gt=0,
@@ -244,6 +249,22 @@ class DynamicsSection(Section):
     omega: tuple[Annotated[Real, Field(ge=0.01, le=100)], Annotated[Real, Field(ge=0.01, le=100)]] = _key(
         "range of excitation frequency over omega_s", (0.5, 1.3)
     )
+
+
+class JointSection(Section):
+    """A joint whose faces are like the patch, for numbers in N, m, kg and Hz."""
+
+    nominal_area: Real | None = _key("nominal area of the joint", None, shown="L^2", unit="length^2", gt=0)
+    preload: Real | None = _key(
+        "static force, of a bolt for example (or pressure)", None, shown="half of the greatest force", unit=FORCE, gt=0
+    )
+    pressure: Real | None = _key("static nominal pressure (or preload)", None, unit=STRESS, gt=0)
+    mass: Real | None = _key("mass that vibrates (or frequency)", None, unit="mass", gt=0)
+    frequency: Real | None = _key("frequency of small vibration, where that is known", None, unit="1/time", gt=0)
+    gravity: Real | None = _key(
+        "adds the weight of the mass to the preload", None, shown="none", unit="length/time^2", gt=0
+    )
+    damping: Real | None = _key("damping ratio", None, shown="dynamics.zeta", ge=0, lt=1)
 
 
 class SolverSection(Section):
@@ -287,6 +308,7 @@ class Input(BaseModel):
     loading: LoadingSection
     accuracy: AccuracySection = AccuracySection()
     dynamics: DynamicsSection | None = None
+    joint: JointSection | None = None
     solver: SolverSection = SolverSection()
     output: OutputSection = OutputSection()
 

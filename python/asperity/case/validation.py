@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from asperity.case.schema import DRIVERS, Input, SelfAffineSection, show
+from asperity.case.schema import DRIVERS, DynamicsSection, Input, JointSection, SelfAffineSection, show
+from asperity.dynamics.joint import EXCLUSIVE
 from asperity.errors import InputError
 from asperity.model.settings import H_CONTACT, H_MAX, gamma_too_small, penalty_too_soft
 
@@ -55,15 +56,54 @@ def check_together(case: Input) -> None:
         _refuse("dynamics.omega", f"= {show(dynamics.omega)} must rise, for example [0.5, 1.3]")
     if dynamics and dynamics.law == "unload-reload" and not loading.unload:
         _refuse("dynamics.law", '= "unload-reload" needs an unloading; set loading.unload = true')
+    if dynamics and dynamics.overload is not None and dynamics.law != "auto":
+        _refuse("dynamics.overload", f"= {dynamics.overload:g} cannot go with dynamics.law = {show(dynamics.law)}")
+    if case.joint:
+        _check_joint(case, case.joint)
     if dynamics and dynamics.preload is not None:
-        full = case.material.E_prime * case.surface.L**2
-        least, most = 1e-12 * full, case.greatest_force or full
-        if not least <= dynamics.preload <= most:
-            _refuse(
-                "dynamics.preload",
-                f"= {dynamics.preload:g} must lie between {least:.3g} and {most:.3g}, the greatest force the run may "
-                "reach; leave it out for half of what it does reach",
-            )
+        _check_preload(case, "dynamics.preload", dynamics.preload, 1.0)
+    load = dynamics.preload if dynamics else None
+    if dynamics and dynamics.overload is not None and load is not None and dynamics.overload < load:
+        _refuse("dynamics.overload", f"= {dynamics.overload:g} lies below dynamics.preload = {load:g}; raise it")
+
+
+def _check_joint(case: Input, joint: JointSection) -> None:
+    for one, other in EXCLUSIVE:
+        if getattr(joint, one) is not None and getattr(joint, other) is not None:
+            _refuse(f"joint.{one}", f"and joint.{other} are both given; give one of them")
+    if joint.gravity is not None and joint.mass is None:
+        _refuse("joint.gravity", f"= {joint.gravity:g} needs joint.mass, whose weight it adds to the preload")
+    dynamics = case.dynamics or DynamicsSection()
+    of_force = joint.preload is not None or joint.pressure is not None or joint.nominal_area is not None
+    if dynamics.preload is not None and (of_force or joint.gravity is not None):
+        _refuse(
+            "dynamics.preload", "cannot go with the area, preload, pressure or gravity of [joint]; give joint.preload"
+        )
+    if dynamics.gravity is not None and (joint.mass is not None or joint.frequency is not None):
+        _refuse("dynamics.gravity", "takes the mass from the preload, and [joint] has its own; remove one of them")
+    if joint.damping is not None and dynamics.zeta not in (joint.damping, DynamicsSection().zeta):
+        _refuse(
+            "joint.damping", f"= {joint.damping:g} and dynamics.zeta = {dynamics.zeta:g} differ; remove one of them"
+        )
+    patch = case.surface.L**2
+    area = joint.nominal_area if joint.nominal_area is not None else patch
+    if joint.preload is not None:
+        _check_preload(case, "joint.preload", joint.preload, area / patch)
+    if joint.pressure is not None:
+        _check_preload(case, "joint.pressure", joint.pressure, 1.0 / patch)
+
+
+def _check_preload(case: Input, key: str, value: float, factor: float) -> None:
+    """Refuse a preload that no run reaches; `factor` turns the force of the patch into the unit of the key."""
+    full = case.material.E_prime * case.surface.L**2
+    least, most = 1e-12 * full * factor, (case.greatest_force or full) * factor
+    word = "pressure" if key == "joint.pressure" else "force"
+    if not least <= value <= most:
+        _refuse(
+            key,
+            f"= {value:g} must lie between {least:.3g} and {most:.3g}, the greatest {word} the run may "
+            "reach; leave it out for half of what it does reach",
+        )
 
 
 def _check_self_affine(surface: SelfAffineSection) -> None:

@@ -12,9 +12,10 @@ from asperity.errors import InputError
 
 if TYPE_CHECKING:
     from asperity.dynamics import Dynamics
+    from asperity.dynamics.laws import LawTable
 
 DAMPING = ("always", "contact", "hunt-crossley")
-LAWS = ("paper", "unload-reload", "table")
+LAWS = ("auto", "unload-reload", "elastic", "table", "paper")
 MODELS = ("exact", "taylor")
 
 
@@ -22,12 +23,21 @@ MODELS = ("exact", "taylor")
 @click.argument("source", required=False, metavar="[OUT|CURVE.csv]")
 @click.option("--power-law", "exponent", type=float, metavar="N", help="P* = k (delta*)^N instead.")
 @click.option("--k-fit", default=1.0, show_default=True, metavar="K", help="k of the power law.")
-@click.option("--law", type=click.Choice(LAWS), default="paper", show_default=True,
-              help="Law taken from a curve: power law fitted to the loading, computed unloading "
-              "branch, or the points of the loading.")  # fmt: skip
-@click.option("--extrapolate", is_flag=True, help="Continue the laws unload-reload and table beyond their last point.")
-@click.option("--preload", type=float, metavar="W", help="Weight of the mass; default half of the "
+@click.option("--law", type=click.Choice(LAWS), default="auto", show_default=True,
+              help="Law taken from a curve: computed unloading branch, elastic tangent, points of the loading, or "
+              "the paper's power law of the loading. auto: the first that the curve has after yield, the points of "
+              "the loading before.")  # fmt: skip
+@click.option("--extrapolate", is_flag=True, help="Continue laws by name beyond their last point; auto always does.")
+@click.option("--preload", type=float, metavar="W", help="Static force; default that of the joint, or half of the "
               "greatest force.")  # fmt: skip
+@click.option("--overload", type=float, metavar="F", help="Greatest force before the vibration; default that of the "
+              "unloading, if there is one, else the preload.")  # fmt: skip
+@click.option("--area", "nominal_area", type=float, metavar="A", help="Nominal area of the joint; default that of "
+              "the case of OUT, or of the patch.")  # fmt: skip
+@click.option("--pressure", type=float, metavar="P", help="Nominal pressure instead of the preload.")
+@click.option("--mass", type=float, metavar="M", help="Mass that vibrates; default that of the joint of OUT, or the "
+              "preload over gravity.")  # fmt: skip
+@click.option("--frequency", type=float, metavar="F", help="Frequency of small vibration instead of the mass.")
 @click.option("--gravity", type=float, metavar="G", help="In the units of the curve, for mass and omega_s; default "
               "9.80665 with SI units.")  # fmt: skip
 @click.option("--zeta", type=float, help="Damping ratio; default that of the case of OUT, or 0.01.")
@@ -43,7 +53,7 @@ MODELS = ("exact", "taylor")
               help="Also integrate sweeps up and down.")  # fmt: skip
 @click.option("--detached", is_flag=True, help="Also search for detached loops.")
 @click.option("--bands/--no-bands", default=True, show_default=True,
-              help="Carry the confidence of a fitted law to the response.")  # fmt: skip
+              help="Carry the error bar of the force and the spread of the laws to the response.")  # fmt: skip
 @options.output("DIR", "Folder for free.csv, response.csv, "
               "thresholds.json and the figures.")  # fmt: skip
 @options.serial
@@ -53,20 +63,30 @@ def command(
     k_fit: float,
     output: str | None,
     preload: float | None,
+    nominal_area: float | None,
+    pressure: float | None,
+    mass: float | None,
+    frequency: float | None,
     **settings: Any,
 ) -> None:
     """Compute the vibration of a mass on a contact.
 
-    Free and forced vibration about the equilibrium under the weight, with thresholds and stability. The law comes from
+    Free and forced vibration about the equilibrium under the preload, with thresholds and stability. The law comes from
     a run directory, from a CSV file with columns delta and force, or from --power-law. Lengths and forces have the
-    units of the curve.
+    units of the curve; with a joint, that of the case or of --area, --pressure, --mass and --frequency, forces are
+    those of the joint.
     """
     from asperity.dynamics import PowerLaw, run_dynamics
+    from asperity.dynamics.run import joint_of
 
     if (source is None) == (exponent is None):
         raise InputError("give either a run directory or curve, or --power-law N")
     law = PowerLaw(exponent, k_fit) if exponent is not None else source
-    result = run_dynamics(law, load=preload, out_dir=output, **settings)
+    given = {"nominal_area": nominal_area, "pressure": pressure, "mass": mass, "frequency": frequency}
+    if preload is not None and pressure is not None:
+        raise InputError("--preload and --pressure are both given; give one of them")
+    joint = joint_of(source, given)
+    result = run_dynamics(law, load=preload, joint=joint, out_dir=output, **settings)
     if output:
         from asperity.plot.oscillator import plot_dynamics
 
@@ -95,17 +115,34 @@ def _show(result: Dynamics) -> None:
     about = f"{first.law.describe()}, zeta = {first.zeta:g} ({first.damping})"
     values = [threshold.to_dict() for threshold in result.thresholds.values()]
     rows = [(text, *(_text(value.get(name)) for value in values)) for name, text in _ROWS.items()]
-    if result.gravity is not None:
+    if result.numbers.mass == result.numbers.mass:
         omegas = (f"{oscillator.omega_s:.5g}" for oscillator in result.oscillators.values())
-        rows.insert(0, (f"omega_s with gravity = {result.gravity:g}", *omegas))
+        by = "the mass of the joint" if result.gravity is None else f"gravity = {result.gravity:g}"
+        rows.insert(0, (f"omega_s with {by}", *omegas))
     for responses in zip(*result.responses.values(), strict=True):
         setting = responses[0].setting
         name = f"F^ = {setting.F_hat:g}, F/(m g) = {setting.F_over_mg:g}"
         peaks = (response.peak for response in responses)
         rows.append((name, *(f"peak {u:.4g} at {omega:.4g}" for omega, u in peaks)))
     options.table(about, rows, ("", *models))
+    if result.laws is not None:
+        _show_laws(result.laws, "" if result.units == "other" else "SI")
     for note in result.notes:
         options.say(f"note: {note}")
+    options.say(result.numbers.sentence(result.units))
+
+
+def _show_laws(laws: LawTable, units: str) -> None:
+    """Print all laws at the preload, and their spread."""
+    choice = laws.choice
+    header = ("law", "n", "kappa", "k_n in N/m" if units else "k_n", "f in Hz" if units else "f", "")
+    options.table(f"laws at the preload {choice.load:.5g}: {choice.name}, {choice.reason}", laws.texts(), header)
+    bar = f"; error bar of the force {100 * laws.bar:.2g} %" if laws.bar == laws.bar else "; no error bar of the force"
+    options.say(f"spread of the laws that apply: {100 * laws.spread:.2g} % of k_n{bar}")
+    if choice.yields_at:
+        options.say(
+            f"the contact yields again above u = {choice.yields_at:.4g}, where the force passes {choice.reached:.5g}"
+        )
 
 
 def _text(value: Any) -> str:

@@ -23,7 +23,10 @@ SOLIDS: Mapping[str, Mapping[str, Any]] = {
     "elastic": {"E": 200e9, "nu": 0.3},
     "plastic": {"E": 200e9, "nu": 0.3, "yield_strength": 1e9, "tangent_modulus": 10e9},
 }
-SI = {"length": "m", "force": "N", "force/length^2": "Pa", "length/time^2": "m/s^2"}
+SI = {
+    "length": "m", "force": "N", "force/length^2": "Pa", "length/time^2": "m/s^2", "length^2": "m^2", "mass": "kg",
+    "1/time": "Hz",
+}  # fmt: skip
 WIDTH = 34  # of "key = value"
 
 

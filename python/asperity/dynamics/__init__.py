@@ -12,12 +12,16 @@ Examples:
 """
 
 from asperity.dynamics.forcing import Setting
+from asperity.dynamics.joint import Joint
 from asperity.dynamics.law.law import Law
 from asperity.dynamics.law.local_fit import LocalFit
 from asperity.dynamics.law.power import PowerLaw
 from asperity.dynamics.law.restoring import Restoring
 from asperity.dynamics.law.table import TableLaw, unload_reload
+from asperity.dynamics.law.tangent import TangentLaw
 from asperity.dynamics.law.taylor import TaylorLaw
+from asperity.dynamics.law.two_branches import TwoBranchLaw
+from asperity.dynamics.laws import LawAtLoad, LawTable
 from asperity.dynamics.motion.sweep import Attractor, Sweep
 from asperity.dynamics.motion.trajectory import Trajectory
 from asperity.dynamics.orbits.branch import Branch, Event, Solution
@@ -40,7 +44,10 @@ __all__ = [
     "FreeOrbit",
     "FreeVibration",
     "FrequencyResponse",
+    "Joint",
     "Law",
+    "LawAtLoad",
+    "LawTable",
     "LocalFit",
     "PowerLaw",
     "Restoring",
@@ -48,9 +55,11 @@ __all__ = [
     "Solution",
     "Sweep",
     "TableLaw",
+    "TangentLaw",
     "TaylorLaw",
     "Thresholds",
     "Trajectory",
+    "TwoBranchLaw",
     "Uncertainty",
     "ensemble",
     "law_from",

@@ -5,12 +5,15 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 import os
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from asperity.dynamics.joint import Joint, Numbers
+from asperity.dynamics.laws import LawTable
 from asperity.dynamics.motion.sweep import Sweep
 from asperity.dynamics.orbits.free import FreeVibration
 from asperity.dynamics.orbits.response import FrequencyResponse
@@ -20,8 +23,11 @@ from asperity.dynamics.uncertainty import BAND_COLUMNS, Band, Uncertainty
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import BAND, FREE, RESPONSE, THRESHOLDS
 
-FREE_COLUMNS = ("model", "u0", "omega_ratio", "u_min")
-RESPONSE_COLUMNS = ("model", "F_hat", "zeta", "Omega", "u_max", "u_min", "a1", "stable", "branch", "contact_loss")
+FREE_COLUMNS = ("model", "u0", "omega_ratio", "u_min", "frequency", "amplitude")
+RESPONSE_COLUMNS = (
+    "model", "F_hat", "zeta", "Omega", "u_max", "u_min", "a1", "stable", "branch", "contact_loss",
+    "frequency", "force", "x_max", "x_min",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -34,10 +40,15 @@ class Dynamics:
         responses: one per forcing.
         sweeps: one per forcing and direction (empty if not requested).
         thresholds: onsets and resonance peaks.
-        uncertainty: confidence intervals that follow from those of the law, None if the law has none.
-        bands: confidence bands of the exact response, one per forcing, if requested and the law has intervals.
+        uncertainty: intervals by the error bar of the force and the spread of the laws, or by the misfit of the fit of
+            a given law; None if there is neither.
+        bands: bands of the exact response by the same, one per forcing, if requested.
         notes: limits and assumptions of the results, one sentence each.
-        gravity: gravitational acceleration for mass and omega_s (length/time^2), None if unknown.
+        gravity: gravitational acceleration for mass and omega_s (length/time^2), None if unknown or if the joint has a
+            mass.
+        laws: all laws of the curve at the preload; None for a given `Law`.
+        joint: nominal area, preload and mass, None without a joint.
+        units: "SI" or "other"; None if unknown.
 
     Examples:
         >>> result = asp.run_dynamics(asp.PowerLaw(1.5), models=["exact"], omega=(0.9, 1.1), tol=1e-3, sweeps=False)
@@ -55,14 +66,45 @@ class Dynamics:
     bands: tuple[Band, ...]
     notes: tuple[str, ...]
     gravity: float | None = None
+    laws: LawTable | None = None
+    joint: Joint | None = None
+    units: str | None = None
+
+    @property
+    def first(self) -> ContactOscillator:
+        """Oscillator of the first model; both have the same preload, mass and small vibration."""
+        return next(iter(self.oscillators.values()))
+
+    @property
+    def numbers(self) -> Numbers:
+        """Stiffness, mass, frequency, static approach and damping of small vibration."""
+        first = self.first
+        r = first.restoring
+        return Numbers(r.scale / r.z_s, first.mass, first.omega_s / (2 * math.pi), r.z_s, first.zeta)
 
     def write(self, out_dir: str | os.PathLike[str]) -> None:
         """Write free.csv, response.csv and thresholds.json, and band.csv if there are bands, into `out_dir`."""
         path = Path(out_dir)
         path.mkdir(parents=True, exist_ok=True)
-        _write(path / FREE, FREE_COLUMNS, (row for f in self.free.values() for row in f.rows()))
+        z_s, scale, unit = self.first.restoring.z_s, self.first.restoring.scale, self.numbers.frequency
+        free = (row for f in self.free.values() for row in f.rows())
+        _write(
+            path / FREE,
+            FREE_COLUMNS,
+            (row | {"frequency": unit * row["omega_ratio"], "amplitude": z_s * row["u0"]} for row in free),
+        )
         results = [r for group in (self.responses, self.sweeps) for many in group.values() for r in many]
-        _write(path / RESPONSE, RESPONSE_COLUMNS, (row for r in results for row in r.rows()))
+        forced = (row for r in results for row in r.rows())
+        _write(
+            path / RESPONSE,
+            RESPONSE_COLUMNS,
+            (
+                row
+                | {"frequency": unit * row["Omega"], "force": scale * row["F_hat"]}
+                | {"x_max": z_s * row["u_max"], "x_min": z_s * row["u_min"]}
+                for row in forced
+            ),
+        )
         if self.bands:
             _write(path / BAND, BAND_COLUMNS, (row for band in self.bands for row in band.rows()))
         else:
@@ -72,21 +114,26 @@ class Dynamics:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of thresholds.json."""
-        first = next(iter(self.oscillators.values()))
+        first = self.first
+        numbers = self.numbers.to_dict()
         out: dict[str, Any] = {
             "normalisation": "u = (z - z_s)/z_s, Omega = omega/omega_s, F_hat = F/(n_loc m g)",
             "law": first.law.describe(),
             "load": first.restoring.load,
             "z_s": first.restoring.z_s,
             "gravity": self.gravity,
-            "mass": None if self.gravity is None else first.mass,
-            "omega_s": None if self.gravity is None else first.omega_s,
+            "mass": numbers["m"],
+            "omega_s": None if numbers["m"] is None else first.omega_s,
             "n_loc": first.restoring.n_loc,
             "kappa": first.restoring.kappa,
             "zeta": first.zeta,
             "damping": first.damping,
             "uncertainty": self.uncertainty.to_dict() if self.uncertainty else None,
             "notes": list(self.notes),
+            "units": self.units,
+            "numbers": numbers,
+            "joint": None if self.joint is None else {k: v for k, v in asdict(self.joint).items() if v is not None},
+            "laws": None if self.laws is None else self.laws.to_dict(),
         }
         for model, values in self.thresholds.items():
             out[model] = {
@@ -132,7 +179,7 @@ def _write(path: Path, names: tuple[str, ...], rows: Iterable[dict[str, Any]]) -
     for row in rows:
         writer.writerow(
             {
-                k: repr(v) if isinstance(v, float) else str(v).lower() if isinstance(v, bool) else v
+                k: ("" if v != v else repr(v)) if isinstance(v, float) else str(v).lower() if isinstance(v, bool) else v
                 for k, v in row.items()
             }
         )

@@ -4,48 +4,59 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Iterable, Iterator, Sequence
+import warnings
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from asperity.arrays import Array
-from asperity.curve import fitted_rows
 from asperity.dynamics.forcing import forcings, window
+from asperity.dynamics.joint import Joint
 from asperity.dynamics.law.checks import positive
+from asperity.dynamics.law.choice import LAWS, Choice, choose, read_history
 from asperity.dynamics.law.damping import DAMPING
+from asperity.dynamics.law.history import History
 from asperity.dynamics.law.law import Law
-from asperity.dynamics.law.power import PowerLaw
-from asperity.dynamics.law.table import TableLaw, columns, unload_reload
+from asperity.dynamics.law.two_branches import TwoBranchLaw
+from asperity.dynamics.laws import LawTable, tabulate
 from asperity.dynamics.motion.sweep import ESCAPED, Sweep
 from asperity.dynamics.orbits.free import FreeVibration
 from asperity.dynamics.orbits.response import FrequencyResponse
 from asperity.dynamics.orbits.thresholds import Thresholds
 from asperity.dynamics.oscillator import GRAVITY, ContactOscillator
 from asperity.dynamics.results import Dynamics
-from asperity.dynamics.uncertainty import Band, response_band, uncertainty
-from asperity.errors import AsperityError, InputError, RangeError
-from asperity.power_law import fit_power_law
+from asperity.dynamics.uncertainty import Band, Uncertainty, response_band, uncertainty
+from asperity.errors import AsperityError, AsperityWarning, InputError
+
+__all__ = ["LAWS", "MODELS", "law_from", "run_dynamics"]
 
 MODELS = ("exact", "taylor")
-LAWS = ("paper", "unload-reload", "table")
 ZETA = 0.01  # default damping ratio
 _SWEEP_POINTS = 41
-_NOISE = 0.05  # share of the largest force by which the force of a measured curve may fall
 
 
 def law_from(
-    source: Any, law: str = "paper", load: float | None = None, *, extrapolate: bool = False
+    source: Any,
+    law: str = "auto",
+    load: float | None = None,
+    *,
+    overload: float | None = None,
+    extrapolate: bool = False,
 ) -> tuple[Law, float]:
     """Return the static law and the preload (force) of a curve.
 
     Args:
         source: a `Law`, a `Curve`, a CSV file with columns delta and force, or a directory with curve.csv.
-        law: "paper" (power law of `Curve.fit`, as a reversible spring), "unload-reload" (the
-            branch computed about the preload), or "table" (the points of the loading branch).
+        law: "auto": after yield the unload-reload branch through the preload, else the elastic tangent of the states on
+            the loading (columns k_n_elastic), else "paper" with a warning; before yield "table". By name:
+            "unload-reload" (branch computed about the preload), "elastic" (the elastic tangent), "table" (the points
+            of the loading branch), "paper" (power law of `Curve.fit`, as a reversible spring).
         load: preload (force); default half of the largest force of the curve.
-        extrapolate: whether "unload-reload" and "table" continue beyond their last point; a power law always does.
+        overload: for "auto", greatest force before the vibration (force); default that of the unloading through the
+            preload, if there is one, else the preload. Equal to the preload, it is the weight itself.
+        extrapolate: whether the laws by name continue beyond their last point; "auto" and "paper" always do.
 
     Raises:
         InputError: the law is unknown, or the curve does not contain what it needs.
@@ -56,54 +67,16 @@ def law_from(
         >>> delta = np.linspace(0.0, 1.0, 11)
         >>> law, load = law_from({"delta": delta, "force": 2.0 * delta**1.5})
         >>> print(law.describe(), "preload", load)
-        power law n = 1.5, K = 2 preload 1.0
+        table, 10 points, interpolated preload 1.0
+        >>> law_from({"delta": delta, "force": 2.0 * delta**1.5}, "paper")[0].describe()
+        'power law n = 1.5, K = 2'
     """
     if isinstance(source, Law):
         return source, load if load is not None else ContactOscillator(source).restoring.load
-    if law not in LAWS:
-        raise InputError(f'law = "{law}" is unknown: choose one of {", ".join(LAWS)}')
-    if isinstance(source, (str, os.PathLike)):
-        path = Path(source)
-        if path.is_dir():
-            path = path / "curve.csv"
-        if not path.is_file():
-            raise InputError(f"there is no curve at {path}")
-        source = path
-    delta, force, branches = columns(source)
-    if delta.size == 0:
-        raise InputError("the curve is empty: it needs one row per approach")
-    if load is None:
-        load = 0.5 * float(np.max(force))
-    if law == "unload-reload":
-        return unload_reload(source, load, extrapolate=extrapolate), load
-    if law == "table":
-        return TableLaw.from_curve(source, extrapolate=extrapolate), load
-    if branches is not None:
-        delta, force = delta[branches == "load"], force[branches == "load"]
-    length, unit = float(delta.max(initial=0.0)), float(force.max(initial=0.0))
-    if not (length > 0 and unit > 0):
-        raise InputError("the loading branch of the curve never makes contact: no power law can be fitted")
-    _check_rising(delta, force)
-    if load > unit:
-        raise RangeError(
-            f"load = {load:g} lies outside the curve, which ends at force {unit:g}; lower the load, or compute the "
-            "curve further"
-        )
-    rows = fitted_rows(delta, force)
-    fit = fit_power_law(delta[rows] / length, force[rows] / unit)
-    return PowerLaw.from_fit(fit, length, unit), load
-
-
-def _check_rising(delta: Array, force: Array) -> None:
-    """Refuse a curve whose force falls by more than noise: a power law cannot describe it."""
-    f = force[np.argsort(delta, kind="stable")]
-    fall = np.maximum.accumulate(f) - f
-    if fall.max() > _NOISE * f.max():
-        row = int(fall.argmax())
-        raise InputError(
-            f"the force of the curve does not rise with the approach: it falls from {f[:row].max():g} to {f[row]:g}, "
-            f"by more than {100 * _NOISE:g} % of its largest value, the limit for noise: smooth it"
-        )
+    choice = choose(read_history(source), law, load, overload=overload, extrapolate=extrapolate)
+    if choice.note:
+        warnings.warn(choice.note, AsperityWarning, stacklevel=2)
+    return choice.law, choice.load
 
 
 def run_dynamics(
@@ -115,7 +88,10 @@ def run_dynamics(
     models: Sequence[str] = MODELS,
     omega: Sequence[float] = (0.5, 1.3),
     load: float | None = None,
-    law: str = "paper",
+    law: str = "auto",
+    overload: float | None = None,
+    joint: Joint | None = None,
+    patch_area: float | None = None,
     out_dir: str | os.PathLike[str] | None = None,
     sweeps: bool = True,
     detached: bool = False,
@@ -134,16 +110,21 @@ def run_dynamics(
         forcing: F^ = F/(n_loc m g), one or several, each 1e-9 to 1e6.
         models: "exact" and/or "taylor".
         omega: lowest and highest Omega = omega/omega_s, 0.01 to 100.
-        load: preload W = m g (force); default half of the largest force of the curve.
-        law: "paper", "unload-reload" or "table", see `law_from`; ignored when `source` is a `Law`.
+        load: preload W (force); default that of the joint, or half of the largest force of the curve.
+        law: "auto", "unload-reload", "elastic", "table" or "paper", see `law_from`; ignored when `source` is a `Law`.
+        overload: greatest force before the vibration (force), see `law_from`.
+        joint: nominal area, preload and mass; default the section [joint] of the case of a run directory. With a joint
+            all forces are those of the joint, and the mass is that of the joint, not the preload over gravity.
+        patch_area: nominal area of the curve (length^2); default L^2 of the case of a run directory.
         out_dir: directory for free.csv, response.csv, thresholds.json and band.csv; None writes nothing. For figures
             see `asperity.plot.oscillator.plot_dynamics`.
         sweeps: also integrate sweeps up and down (a few seconds; not for zeta = 0).
         detached: also search for branches that no other branch reaches (several seconds).
-        bands: also propagate the confidence of the law, if it has any, to the response (about 1 s per forcing).
+        bands: also carry the error bar of the force and the spread of the laws to the response (about 1 s per forcing);
+            for a `Law` with intervals, these.
         tol: relative truncation error of the response.
         gravity: gravitational acceleration in the units of the source (length/time^2), used for mass and omega_s
-            only; default that of the case of a run directory, or 9.80665 with SI units.
+            only, where no joint has a mass; default that of the case of a run directory, or 9.80665 with SI units.
         units: units of the source, "SI" or "other"; with "other" and no `gravity`, mass and omega_s are left out.
             Default those of the case of a run directory, otherwise SI, which a note reports.
         extrapolate: continue the laws "table" and "unload-reload" beyond their last point, along the last slope in
@@ -173,15 +154,28 @@ def run_dynamics(
             raise InputError(f'model = "{name}" is unknown: choose one of {", ".join(MODELS)}')
     if not names:
         raise InputError("model is empty: choose exact, taylor or both")
-    static, preload = law_from(source, law, load, extrapolate=extrapolate)
     case = _case_of(Path(source)) if isinstance(source, (str, os.PathLike)) else {}
-    gravity, assumed = _gravity(case, gravity, units, "law" if isinstance(source, Law) else "curve")
+    joint = joint_of(source, {}) if joint is None else joint
+    if patch_area is None and "surface" in case:
+        patch_area = float(case["surface"]["L"]) ** 2
+    static, preload, chosen = _law(source, law, load, joint, patch_area, overload=overload, extrapolate=extrapolate)
+    units = case.get("units") if units is None else units
+    gravity, assumed = _gravity(case, gravity, units, joint, "law" if isinstance(source, Law) else "curve")
     of_case = case.get("dynamics", {})
-    zeta = of_case.get("zeta", ZETA) if zeta is None else zeta
+    if zeta is None:
+        zeta = joint.damping if joint is not None and joint.damping is not None else of_case.get("zeta", ZETA)
     damping = of_case.get("damping", DAMPING[0]) if damping is None else damping
     exact = ContactOscillator(static, load=preload, zeta=zeta, damping=damping, gravity=gravity)
+    mass = None if joint is None else joint.mass_at(exact.restoring.scale / exact.restoring.z_s)
+    if mass is not None:
+        exact = replace(exact, gravity=preload / mass)
+    laws = None
+    if chosen is not None:
+        known = exact.mass if np.isfinite(exact.mass) else None
+        laws = tabulate(*chosen, known, extrapolate=extrapolate or law == "auto")
     oscillators = {name: exact if name == "exact" else exact.taylor() for name in names}
     notes = [assumed] if assumed else []
+    notes += [] if laws is None else list(_yield_notes(laws.choice))
     free: dict[str, FreeVibration] = {}
     responses: dict[str, tuple[FrequencyResponse, ...]] = {}
     swept: dict[str, tuple[Sweep, ...]] = {}
@@ -197,21 +191,81 @@ def run_dynamics(
             except AsperityError as error:
                 notes.append(f"{name}: no sweep: {error}")
         notes.extend(_notes(name, oscillator, responses[name], swept[name]))
-    try:
-        spread = uncertainty(exact)
-    except InputError:
-        spread = None
+    members = laws.members() if laws is not None else None
+    spread = _uncertainty(exact, members, laws, notes)
     enveloped: list[Band] = []
     if bands and spread is not None and "exact" in oscillators:
         for f in values:
             try:
-                enveloped.append(response_band(exact, f, omega))
+                enveloped.append(response_band(exact, f, omega, members=members))
             except AsperityError as error:
-                notes.append(f"exact, F^ = {f:g}: no confidence band: {error}")
-    result = Dynamics(oscillators, free, responses, swept, onset, spread, tuple(enveloped), tuple(notes), gravity)
+                notes.append(f"exact, F^ = {f:g}: no band: {error}")
+    result = Dynamics(
+        oscillators, free, responses, swept, onset, spread, tuple(enveloped), tuple(notes), gravity, laws, joint, units
+    )
     if out_dir is not None:
         result.write(out_dir)
     return result
+
+
+def joint_of(source: Any, given: Mapping[str, float | None]) -> Joint | None:
+    """Return the joint of the case of a run directory with some values replaced; None if nothing gives a joint.
+
+    Args:
+        source: as in `run_dynamics`.
+        given: values of `Joint` by name, None where not given.
+    """
+    case = _case_of(Path(source)) if isinstance(source, (str, os.PathLike)) else {}
+    if "joint" not in case and all(value is None for value in given.values()):
+        return None
+    return Joint(**case.get("joint", {})).replaced(given)
+
+
+def _law(
+    source: Any, law: str, load: float | None, joint: Joint | None, patch: float | None, **options: Any
+) -> tuple[Law, float, tuple[History, Choice] | None]:
+    """Return law and preload of a source, with the columns and the choice if it is a curve."""
+    if load is None and joint is not None:
+        load = joint.load(patch)
+    if isinstance(source, Law):
+        if joint is not None and joint.nominal_area is not None:
+            raise InputError("joint.nominal_area is for a curve: a law has the force of the joint already")
+        return *law_from(source, law, load), None
+    history = read_history(source, 1.0 if joint is None else joint.factor(patch))
+    choice = choose(history, law, load, **options)
+    return choice.law, choice.load, (history, choice)
+
+
+def _uncertainty(
+    oscillator: ContactOscillator, members: tuple[Law, ...] | None, laws: LawTable | None, notes: list[str]
+) -> Uncertainty | None:
+    """Return the intervals of an oscillator; None without an error bar, another law, or intervals of the law itself."""
+    try:
+        if members is None or laws is None:
+            return uncertainty(oscillator)
+        return uncertainty(oscillator, members, laws.describe_members()) if members else None
+    except InputError:
+        return None
+    except AsperityError as error:
+        notes.append(f"no interval: {error}")
+        return None
+
+
+def _yield_notes(choice: Choice) -> Iterator[str]:
+    """Yield what a reader must know about the history of the contact before it vibrates."""
+    if choice.note:
+        yield choice.note
+    if choice.reached is not None and choice.reached <= choice.load * (1 + 1e-9):
+        settled = "the law is that of the cycles that follow"
+        if isinstance(choice.law, TwoBranchLaw):
+            settled = (
+                "above the preload the law is that of this cycle, the loading curve; those that follow move on the "
+            )
+            settled += "unloading branch of their own greatest force"
+        yield (
+            "the preload is the greatest force that the contact has met: any motion yields in its first cycle; "
+            f"{settled}"
+        )
 
 
 def _notes(
@@ -230,22 +284,33 @@ def _notes(
             )
 
 
-def _gravity(case: dict[str, Any], gravity: float | None, units: str | None, source: str) -> tuple[float | None, str]:
-    """Return gravity in the units of a source, None if unknown, and a note on it ("" if none is needed).
+def _gravity(
+    case: dict[str, Any], gravity: float | None, units: str | None, joint: Joint | None, source: str
+) -> tuple[float | None, str]:
+    """Return gravity in the units of a source, None if unknown or of no use, and a note on it ("" if none is needed).
 
     Args:
         case: of the source, empty if there is none.
-        gravity, units: as in `run_dynamics`.
+        gravity, units: as in `run_dynamics`; units of the case if there is one.
+        joint: whose mass does not follow from gravity.
         source: what the note calls the source.
     """
     if units not in (None, "SI", "other"):
         raise InputError(f'units = "{units}" is unknown: choose SI or other')
+    with_mass = joint is not None and (joint.mass is not None or joint.frequency is not None)
     if gravity is not None:
+        if with_mass:
+            raise InputError(
+                f"gravity = {gravity:g} takes the mass from the preload, and the joint has its own: give one of them"
+            )
         return positive("gravity", gravity), ""
-    if units is None:
-        units, gravity = case.get("units"), case.get("dynamics", {}).get("gravity")
+    if with_mass:
+        return None, ""
+    gravity = case.get("dynamics", {}).get("gravity")
     if gravity is not None:
         return float(gravity), ""
+    if joint is not None:
+        return None, "m and f are left out: the joint has neither joint.mass nor joint.frequency"
     if units == "other":
         return None, 'mass and omega_s are left out: units = "other" needs gravity (length over time squared)'
     if units is None:
@@ -267,13 +332,20 @@ def _case_of(path: Path) -> dict[str, Any]:
         return {}
 
 
-def _beyond_fit(name: str, oscillator: ContactOscillator, r: FrequencyResponse) -> list[str]:
-    """Return a note if the response goes beyond the points that a power law was fitted to."""
-    known = getattr(oscillator.law, "fitted_to", np.inf) / oscillator.restoring.z_s - 1.0
+def _beyond_fit(name: str, oscillator: ContactOscillator, r: FrequencyResponse) -> Iterator[str]:
+    """Yield notes on a response in which the contact yields again, or which goes beyond the points of the law."""
+    law, z_s = oscillator.law, oscillator.restoring.z_s
     top = max(float(b.u_max.max()) for b in r.branches)
-    if top <= known:
-        return []
-    return [
-        f"{name}, F^ = {r.setting.F_hat:g}: the response reaches u = {top:.4g}, the curve that the law was fitted to "
-        f"ends at u = {known:.4g}: beyond it the law is extrapolated"
-    ]
+    known = round(law.known_to / z_s - 1.0, 9)
+    where = f"{name}, F^ = {r.setting.F_hat:g}: the response reaches u = {top:.4g}"
+    again = law.yields_at / z_s - 1.0 if isinstance(law, TwoBranchLaw) else np.inf
+    if 1e-9 < again < top:
+        yield (
+            f"{where}, and above u = {again:.4g} the contact yields again: there the law is the loading curve, which "
+            "holds for the first cycle of that amplitude; those that follow find a stiffer contact"
+        )
+    if law.extrapolate and known < top:
+        yield (
+            f"{where}, the curve that the law was fitted to ends at u = {max(known, 0.0):.4g}: beyond it the law is "
+            "extrapolated"
+        )

@@ -1,4 +1,4 @@
-"""Propagation of the confidence intervals of the static law to the vibration."""
+"""What the uncertainty of the static law does to the vibration: error bar of the force, spread of the laws."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ BAND_COLUMNS = ("F_hat", "Omega", "upper_low", "upper_high", "lower_low", "lower
 
 @dataclass(frozen=True)
 class Interval:
-    """Value with its 95 % confidence interval."""
+    """Value with the smallest and largest one by the laws that bound it."""
 
     value: float
     low: float
@@ -37,14 +37,15 @@ class Interval:
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Confidence intervals of the oscillator at its preload, from those of the law.
+    """Intervals of the oscillator at its preload, from the laws that bound its own.
 
     Attributes:
         n_loc, kappa: local exponent, backbone curvature.
         omega_s: natural frequency of small motion (rad/time), NaN without gravity.
         z_s: static deflection (length).
         softening: "softening", "hardening", or "undecided" if the interval of kappa contains 0.
-        members: laws on the boundary of the confidence region.
+        members: laws that bound it.
+        origin: what they are made of, in words.
 
     Examples:
         >>> law = asp.PowerLaw(1.5, ci_n=(1.45, 1.55), ci_K=(0.97, 1.03))
@@ -59,18 +60,19 @@ class Uncertainty:
     z_s: Interval
     softening: str
     members: tuple[Law, ...]
+    origin: str = "laws given"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the section "uncertainty" of thresholds.json."""
         out: dict[str, Any] = {name: getattr(self, name).to_list() for name in ("n_loc", "kappa", "omega_s", "z_s")}
         if np.isnan(self.omega_s.value):
             out["omega_s"] = None
-        return {**out, "softening": self.softening, "confidence": 0.95}
+        return {**out, "softening": self.softening, "origin": self.origin}
 
 
 @dataclass(frozen=True)
 class Band:
-    """Envelope of the stable response over the confidence region, at fixed physical forcing and frequency.
+    """Envelope of the stable response over the laws that bound one, at fixed physical forcing and frequency.
 
     Attributes:
         F_hat: forcing of the central law.
@@ -98,9 +100,10 @@ class Band:
 
 
 def ensemble(law: Law) -> tuple[Law, ...]:
-    """Return 12 laws on the boundary of the confidence region.
+    """Return 12 laws on the boundary of the misfit of a fit.
 
-    Their extremes bound every smooth result at 95 %.
+    Their extremes bound every smooth result over the intervals of n and K. For the points of one smooth curve these
+    measure how badly a power law describes it, and not what is known of the force.
 
     Args:
         law: a `PowerLaw` with ci_n and ci_K, or a `TableLaw`, for which its scatter about the power-law fit counts.
@@ -130,12 +133,15 @@ def ensemble(law: Law) -> tuple[Law, ...]:
     return tuple(PowerLaw(float(np.clip(centre.n + dn, *EXPONENT)), centre.K * float(np.exp(dk))) for dn, dk in factors)
 
 
-def uncertainty(oscillator: ContactOscillator, members: Iterable[Law] | None = None) -> Uncertainty:
-    """Propagate the confidence of the law, or an ensemble of laws (seeds), to omega_s, n_loc, kappa and z_s.
+def uncertainty(
+    oscillator: ContactOscillator, members: Iterable[Law] | None = None, origin: str = "laws given"
+) -> Uncertainty:
+    """Carry the intervals of the law, or an ensemble of laws (seeds), to omega_s, n_loc, kappa and z_s.
 
     Args:
         oscillator: oscillator with the central law.
-        members: laws whose extremes are the bounds; default `ensemble` of the law.
+        members: laws whose extremes are the bounds; default `ensemble` of the law, the misfit of its fit.
+        origin: what the members are made of, in words.
 
     Raises:
         InputError: the law has no confidence interval and `members` is not given.
@@ -148,7 +154,10 @@ def uncertainty(oscillator: ContactOscillator, members: Iterable[Law] | None = N
         >>> print(f"omega_s = {result.omega_s.low:.3f} to {result.omega_s.high:.3f} rad/s")
         omega_s = 3.705 to 3.961 rad/s
     """
-    laws = tuple(members) if members is not None else ensemble(oscillator.law)
+    fitted = members is None
+    if members is None:
+        members, origin = ensemble(oscillator.law), "misfit of the fit"
+    laws = tuple(members)
     others = [_with_law(oscillator, law) for law in laws]
 
     def interval(name: str) -> Interval:
@@ -160,14 +169,14 @@ def uncertainty(oscillator: ContactOscillator, members: Iterable[Law] | None = N
         return Interval(centre, min(*values, centre), max(*values, centre))
 
     kappa = interval("kappa")
-    if isinstance(oscillator.law, TableLaw) and oscillator.law.values == "interpolant" and members is None:
+    if isinstance(oscillator.law, TableLaw) and oscillator.law.values == "interpolant" and fitted:
         fit = oscillator.law.local_fit(oscillator.restoring.z_s)
         n_loc = Interval(oscillator.restoring.n_loc, *fit.interval("n_loc"))
         kappa = Interval(oscillator.restoring.kappa, *fit.interval("kappa"))
     else:
         n_loc = interval("n_loc")
     word = "softening" if kappa.high < 0 else "hardening" if kappa.low > 0 else "undecided"
-    return Uncertainty(n_loc, kappa, interval("omega_s"), interval("z_s"), word, laws)
+    return Uncertainty(n_loc, kappa, interval("omega_s"), interval("z_s"), word, laws, origin)
 
 
 def response_band(
@@ -179,13 +188,13 @@ def response_band(
     points: int = 161,
     tol: float = 1e-4,
 ) -> Band:
-    """Compute the envelope of the stable response over the confidence region of the law.
+    """Compute the envelope of the stable response over the laws that bound its own.
 
     Args:
         oscillator: oscillator with the central law.
         forcing: F^ of the central oscillator; the physical force and frequency are the same for all members.
         omega: lowest and highest frequency over the central omega_s.
-        members: laws of the envelope; default `ensemble` of the law.
+        members: laws of the envelope; default `ensemble` of the law, the misfit of its fit.
         points: number of frequencies.
         tol: see `ContactOscillator.response`.
 
@@ -221,7 +230,7 @@ def response_band(
 
 
 def _with_law(oscillator: ContactOscillator, law: Law) -> ContactOscillator:
-    """Return the oscillator with another law of its confidence region, without repeating its warnings."""
+    """Return the oscillator with another law, without repeating its warnings."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return replace(oscillator, law=law, load=oscillator.restoring.load)

@@ -19,7 +19,7 @@ from asperity.dynamics.law.checks import positives
 from asperity.dynamics.law.table import TableLaw
 from asperity.errors import AsperityError
 from asperity.plot import style
-from asperity.plot.vibration import amplitude_frequency, natural_frequency
+from asperity.plot.vibration import Scale, amplitude_frequency, natural_frequency
 
 if TYPE_CHECKING:
     from asperity.dynamics import ContactOscillator, Dynamics, FrequencyResponse, Trajectory
@@ -206,9 +206,10 @@ def plot_dynamics(result: Dynamics, directory: str | os.PathLike[str]) -> list[P
     first = next(iter(result.oscillators.values()))
     responses = [r for group in result.responses.values() for r in group]
     sweeps = [s for group in result.sweeps.values() for s in group]
+    scale = Scale.of(result.to_dict())
     figures = {
-        "frequency": natural_frequency(list(result.oscillators.values())),
-        "response": amplitude_frequency(responses, sweeps, result.bands),
+        "frequency": natural_frequency(list(result.oscillators.values()), scale),
+        "response": amplitude_frequency(responses, sweeps, result.bands, scale),
     }
     if first.model == "exact":
         top = max(max(float(b.u_max.max()) for b in r.branches) for r in result.responses["exact"])

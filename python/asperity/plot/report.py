@@ -49,6 +49,7 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
     results = Results.read(folder)
     summary = dict(results.summary) | ({} if finished is None else {"finished": finished})
     warnings = [*_missed_tolerance(summary), *summary.pop("warnings", [])]
+    summary.pop("dynamics", None)  # as in thresholds.json
     page = Environment(
         loader=PackageLoader("asperity"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
@@ -80,16 +81,15 @@ def _missed_tolerance(summary: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _law(results: Results) -> Rows:
-    """Return the parameters of the power law, with confidence intervals if known."""
+    """Return the parameters of the power law, with the misfit of the fit if known."""
     fit = results.summary.get("fit") or {}
     if not {"k", "n"} <= set(fit):
         return []
     between = fit.get("ci", {})
-    level = f" ({100 * between['confidence']:g} % interval" if "confidence" in between else " ("
     law = []
     for name in ("k", "n"):
         low, high = between.get(name, (None, None))
-        interval = f"{level} {low:.4g} to {high:.4g})" if low is not None else ""
+        interval = f" (misfit of the fit: {low:.4g} to {high:.4g})" if low is not None else ""
         law.append((name, f"{fit[name]:.5g}{interval}"))
     low, high = fit.get("range", (0.0, 0.0))
     law.append(("range of δ*", f"{low:.4g} to {high:.4g}, {fit.get('points', '?')} points"))

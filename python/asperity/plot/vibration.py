@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from asperity.arrays import Array
 from asperity.output.results import Columns, Results
 from asperity.plot import style
+from asperity.units import prefix
 
 if TYPE_CHECKING:
     from asperity.dynamics import Band, ContactOscillator, FrequencyResponse, Sweep
@@ -38,28 +39,81 @@ def heading(zeta: Iterable[float], damping: str | None, n_loc: float | None) -> 
     return f"{exponent}damping ratio $\\zeta$ = {ratios}" + (f", acting {_ACTS[damping]}" if damping else "")
 
 
+@dataclass(frozen=True)
+class Scale:
+    """Physical units of the second axes of a figure.
+
+    Attributes:
+        length: static approach z_s (length).
+        frequency: natural frequency of small vibration (1/time), NaN if unknown.
+        si: whether these are metres and hertz.
+
+    Examples:
+        >>> from asperity.plot.vibration import Scale
+        >>> Scale.of({"laws": {}, "z_s": 5e-9, "numbers": {"f": 100.0}, "units": "SI"})
+        Scale(length=5e-09, frequency=100.0, si=True)
+    """
+
+    length: float
+    frequency: float
+    si: bool
+
+    @classmethod
+    def of(cls, thresholds: Mapping[str, Any]) -> Scale | None:
+        """Return the scale of the content of thresholds.json; None for an assumed law, which has no units."""
+        if not (thresholds.get("laws") is not None or thresholds.get("joint")):
+            return None
+        frequency = (thresholds.get("numbers") or {}).get("f")
+        si = thresholds.get("units") != "other"
+        return cls(float(thresholds["z_s"]), np.nan if frequency is None else float(frequency), si)
+
+    def lengths(self, axis: Any, side: str) -> None:
+        """Draw a second axis of lengths at a side, "top" or "right"."""
+        _, high = axis.get_xlim() if side == "top" else axis.get_ylim()
+        factor, unit = prefix(high * self.length, "m" if self.si else "")
+        _second(axis, side, self.length * factor, f"amplitude in {unit}" if unit else "amplitude")
+
+    def frequencies(self, axis: Any, side: str) -> None:
+        """Draw a second axis of frequencies at a side, "top" or "right", if they are known."""
+        if np.isfinite(self.frequency):
+            factor, unit = prefix(self.frequency, "Hz" if self.si else "")
+            _second(axis, side, self.frequency * factor, f"frequency in {unit}" if unit else "frequency")
+
+
+def _second(axis: Any, side: str, factor: float, label: str) -> None:
+    draw = axis.secondary_xaxis if side == "top" else axis.secondary_yaxis
+    second = draw(side, functions=(lambda x: x * factor, lambda x: x / factor))
+    (second.set_xlabel if side == "top" else second.set_ylabel)(label)
+
+
 # -- natural frequency over amplitude ----------------------------------------------------------------------------
 
 
 def frequency(results: Results) -> Figure:
     """Draw the natural frequency over the release amplitude, from the folder of a run."""
     present = [model for model in MODELS if (results.free["model"] == model).any()]
-    return _frequency([(*MODELS[m], m, _where(results.free, results.free["model"] == m)) for m in present])
+    curves = [(*MODELS[m], m, _where(results.free, results.free["model"] == m)) for m in present]
+    return _frequency(curves, Scale.of(results.thresholds))
 
 
-def natural_frequency(oscillators: Sequence[ContactOscillator]) -> Figure:
-    """Draw the natural frequency over the release amplitude, for the models of one law or for a family of laws."""
+def natural_frequency(oscillators: Sequence[ContactOscillator], scale: Scale | None = None) -> Figure:
+    """Draw the natural frequency over the release amplitude, for the models of one law or for a family of laws.
+
+    Args:
+        oscillators: the models of one law, or a family.
+        scale: physical units of second axes, None without.
+    """
     family = len(oscillators) > 2
     curves = []
     for oscillator, colour in zip(oscillators, np.resize(COLOURS, len(oscillators)), strict=True):
         free = oscillator.free()
         look = (str(colour), "-", free.law) if family else MODELS[free.model]
         curves.append((*look, free.model, _columns(free.rows())))
-    return _frequency(curves)
+    return _frequency(curves, scale)
 
 
 @style.styled
-def _frequency(curves: Sequence[tuple[str, str, str, str, Columns]]) -> Figure:
+def _frequency(curves: Sequence[tuple[str, str, str, str, Columns]], scale: Scale | None) -> Figure:
     """Draw natural frequencies from colour, line style, label, model and rows of each curve."""
     figure, axis = style.figure(style.SINGLE + 0.4, 3.2)
     named: set[str] = set()
@@ -83,6 +137,9 @@ def _frequency(curves: Sequence[tuple[str, str, str, str, Columns]]) -> Figure:
     axis.set_xlim(left=0)
     axis.legend(loc="best")
     style.grid(axis)
+    if scale is not None:
+        scale.lengths(axis, "top")
+        scale.frequencies(axis, "right")
     return figure
 
 
@@ -112,18 +169,23 @@ def response(results: Results) -> Figure:
     ]
     zeta = np.unique(results.response["zeta"])
     n_loc = t.get("n_loc")
-    return _response(results.response, events, heading(zeta, t.get("damping"), n_loc), n_loc, results.band)
+    title = heading(zeta, t.get("damping"), n_loc)
+    return _response(results.response, events, title, n_loc, results.band, Scale.of(t))
 
 
 def amplitude_frequency(
-    responses: Sequence[FrequencyResponse], sweeps: Sequence[Sweep] = (), bands: Sequence[Band] = ()
+    responses: Sequence[FrequencyResponse],
+    sweeps: Sequence[Sweep] = (),
+    bands: Sequence[Band] = (),
+    scale: Scale | None = None,
 ) -> Figure:
     """Draw the largest displacement over the excitation frequency: one panel per model, one colour per forcing.
 
     Args:
         responses: of any models and forcings.
         sweeps: shown as triangles.
-        bands: confidence bands of exact responses.
+        bands: of exact responses, by the error bar of the force and the spread of the laws.
+        scale: physical units of second axes, None without.
     """
     events = [
         _Event(r.setting.model, r.setting.F_hat, e.kind, e.Omega, e.u_max, e.u_min) for r in responses for e in r.events
@@ -132,11 +194,13 @@ def amplitude_frequency(
     rows = _columns(row for result in results for row in result.rows())
     first = responses[0].setting
     title = heading([first.zeta], first.damping, first.n_loc)
-    return _response(rows, events, title, first.n_loc, _columns(row for band in bands for row in band.rows()))
+    return _response(rows, events, title, first.n_loc, _columns(row for band in bands for row in band.rows()), scale)
 
 
 @style.styled
-def _response(rows: Columns, events: Sequence[_Event], title: str, n_loc: float | None, bands: Columns) -> Figure:
+def _response(
+    rows: Columns, events: Sequence[_Event], title: str, n_loc: float | None, bands: Columns, scale: Scale | None
+) -> Figure:
     models = [model for model in MODELS if model in rows["model"]]
     figure, axes = style.figure(0.6 + 3.6 * len(models), 3.8, columns=len(models))
     forcings = np.unique(rows["F_hat"])
@@ -158,6 +222,9 @@ def _response(rows: Columns, events: Sequence[_Event], title: str, n_loc: float 
         axis.set_xlim(rows["Omega"].min(), rows["Omega"].max())
         axis.set_ylim(0, 1.1 * np.nanmax(rows["u_max"][physical]))
         style.grid(axis)
+        if scale is not None:
+            scale.frequencies(axis, "top")
+            scale.lengths(axis, "right")
     shown = {*np.unique(rows["branch"]).tolist(), *(e.kind for e in events if _is_physical(e))}
     keys = [*_forcing_keys(forcings, n_loc), *_line_keys(shown, bool(physical.all()), bool(bands))]
     figure.legend(handles=keys, loc="outside lower center", ncols=2 if len(models) == 1 else 4)
@@ -250,7 +317,7 @@ def _line_keys(shown: set[str], physical: bool, band: bool) -> list[Line2D]:
     if not physical:
         keys.append(Line2D([], [], color=style.GREY, alpha=_FAINT, label="unphysical ($u_{min}<-1$)"))
     if band:
-        keys.append(Line2D([], [], color=style.GREY, lw=6, alpha=0.5 * _FAINT, label="95 % band of the law"))
+        keys.append(Line2D([], [], color=style.GREY, lw=6, alpha=0.5 * _FAINT, label="error bar and laws"))
     return keys
 
 

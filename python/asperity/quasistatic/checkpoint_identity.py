@@ -16,7 +16,10 @@ from asperity.runtime.run_folder import CASE, is_empty
 #: Sections and keys that a continuation may change, because they change the curve only within the tolerance of the
 #: equations; loading.cycles may also grow.
 CHANGEABLE = frozenset(
-    {"units", "dynamics", "output", "solver.kernels", "solver.linear", "accuracy.max_seconds", "accuracy.max_dofs"}
+    {
+        *("units", "dynamics", "joint", "output"),
+        *("solver.kernels", "solver.linear", "accuracy.max_seconds", "accuracy.max_dofs"),
+    }
 )
 CYCLES = "loading.cycles"
 FILES = ("surface.path", "mesh.file")

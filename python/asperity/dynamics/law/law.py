@@ -96,6 +96,11 @@ class Law(ABC):
         """Smallest and largest approach at which the law is known (length)."""
         return (0.0, np.inf)
 
+    @property
+    def known_to(self) -> float:
+        """Largest approach of the points behind the law (length); results beyond it are extrapolated."""
+        return np.inf
+
     def force(self, z: ArrayLike) -> Array:
         """Return the force at `z` (length, any shape).
 
@@ -121,11 +126,13 @@ class Law(ABC):
         load = positive("load", load)
         low, high = self.z_range
         top = float(self.both(np.array([high]))[0][0])
-        if load > top:
+        if load > top * (1 + 1e-12):
             raise RangeError(
                 f"load = {load:g} lies outside the law, which ends at force {top:g}; lower the load, "
                 "or compute the curve further"
             )
+        if load >= top:
+            return float(high)
         return float(
             brentq(lambda z: float(self.both(np.array([z]))[0][0]) - load, low, high, xtol=1e-15 * high, rtol=1e-14)
         )

@@ -82,6 +82,10 @@ class PowerLaw(Law):
             float(fit.range[1] * length),
         )
 
+    @property
+    def known_to(self) -> float:
+        return self.fitted_to
+
     def both(self, z: Array) -> tuple[Array, Array]:
         s = np.maximum(z, 0.0)
         if self.n < 1:  # the stiffness is infinite at the point of separation

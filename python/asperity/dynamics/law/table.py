@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -136,13 +136,18 @@ class TableLaw(Law):
         if isinstance(origin, str):
             if origin != "fit":
                 raise InputError(f'origin = "{origin}" is unknown: give an approach or "fit"')
-            origin = _fit_origin(delta, force)
+            origin = fit_origin(delta, force)
         return cls(delta, force, origin=float(origin), **options)
 
     @property
     def z_range(self) -> tuple[float, float]:
         """Approach from first contact to the last point (length), 1e6 times as far if extrapolated."""
         return (0.0, 1e6 * float(self.z[-1]) if self.extrapolate else float(self.z[-1]))
+
+    @property
+    def known_to(self) -> float:
+        """Approach of the last point (length)."""
+        return float(self.z[-1])
 
     @property
     def knots(self) -> Array:
@@ -312,7 +317,7 @@ def unload_reload(curve: Any, load: float | None = None, **options: Any) -> Tabl
     about = [rows for rows in reaching if load is None or force[rows].min() < load] or reaching
     rows = about[0][np.argsort(delta[about[0]], kind="stable")]
     z, f = delta[rows], force[rows]
-    return TableLaw(z, f, origin=_fit_origin(z, f), name="unload-reload branch", **options)
+    return TableLaw(z, f, origin=fit_origin(z, f), name="unload-reload branch", **options)
 
 
 def _loops(delta: Array, force: Array, branches: Array) -> list[Array]:
@@ -335,6 +340,20 @@ def _loops(delta: Array, force: Array, branches: Array) -> list[Array]:
 
 def columns(curve: Any) -> tuple[Array, Array, Array | None]:
     """Read the columns delta (length), force and branch (or None) of a `Curve`, CSV file or mapping."""
+    get = column_of(curve)
+    for name in ("delta", "force"):
+        if get(name) is None:
+            raise InputError(f'the curve has no column "{name}"')
+    try:
+        delta, force = np.array(get("delta"), float), np.array(get("force"), float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"the curve contains something that is not a number: {error}") from error
+    branches = get("branch")
+    return delta, force, None if branches is None else np.asarray(branches)
+
+
+def column_of(curve: Any) -> Callable[[str], Any]:
+    """Return the function from name to column, None where there is none, of a `Curve`, CSV file or mapping."""
     if isinstance(curve, (str, os.PathLike)):
         table: dict[str, list[str]] = {}
         try:
@@ -349,19 +368,10 @@ def columns(curve: Any) -> tuple[Array, Array, Array | None]:
         except (UnicodeDecodeError, csv.Error) as error:
             raise InputError(f"the curve {os.fspath(curve)} is not a table of text: {error}") from error
         curve = table
-    get = curve.get if isinstance(curve, Mapping) else lambda name: getattr(curve, name, None)
-    for name in ("delta", "force"):
-        if get(name) is None:
-            raise InputError(f'the curve has no column "{name}"')
-    try:
-        delta, force = np.array(get("delta"), float), np.array(get("force"), float)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"the curve contains something that is not a number: {error}") from error
-    branches = get("branch")
-    return delta, force, None if branches is None else np.asarray(branches)
+    return curve.get if isinstance(curve, Mapping) else lambda name: getattr(curve, name, None)
 
 
-def _fit_origin(delta: Array, force: Array) -> float:
+def fit_origin(delta: Array, force: Array) -> float:
     """Return the approach of first contact: the best offset of a power law in (ln z, ln F)."""
     order = np.argsort(delta, kind="stable")
     z, f = delta[order], force[order]

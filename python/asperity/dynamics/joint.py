@@ -1,0 +1,156 @@
+"""What a patch of contact becomes in a joint: nominal area, preload, mass, and the numbers of its small vibration."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+from asperity.dynamics.law.checks import positive
+from asperity.errors import InputError
+
+#: Keys of which at most one is given.
+EXCLUSIVE = (("preload", "pressure"), ("mass", "frequency"))
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint whose faces are like the patch of a curve; all in the units of the curve.
+
+    Attributes:
+        nominal_area: of the joint (length^2); default that of the patch.
+        preload: static force of the joint, of a bolt for example (force).
+        pressure: static nominal pressure instead of `preload` (force/length^2).
+        mass: of what vibrates (mass). It does not follow from the preload.
+        frequency: of small vibration instead of `mass`, for a joint that was measured (1/time).
+        gravity: acceleration that adds the weight of the mass to the preload (length/time^2); none by default.
+        damping: damping ratio of small motion, 0 <= damping < 1.
+
+    Raises:
+        InputError: a value is out of range, or two of them contradict each other.
+
+    Examples:
+        >>> joint = asp.Joint(nominal_area=1e-4, pressure=5e6, mass=0.5)
+        >>> joint.load(patch=1e-12), joint.factor(patch=1e-12)
+        (500.0, 100000000.0)
+        >>> asp.Joint(preload=10.0, pressure=1e6)
+        Traceback (most recent call last):
+            ...
+        asperity.errors.InputError: joint.preload and joint.pressure are both given; give one of them
+    """
+
+    nominal_area: float | None = None
+    preload: float | None = None
+    pressure: float | None = None
+    mass: float | None = None
+    frequency: float | None = None
+    gravity: float | None = None
+    damping: float | None = None
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if value is not None:
+                positive(f"joint.{item.name}", value, zero=item.name == "damping")
+        for one, other in EXCLUSIVE:
+            if getattr(self, one) is not None and getattr(self, other) is not None:
+                raise InputError(f"joint.{one} and joint.{other} are both given; give one of them")
+        if self.gravity is not None and self.mass is None:
+            raise InputError("joint.gravity needs joint.mass, whose weight it adds to the preload")
+        if self.damping is not None and self.damping >= 1:
+            raise InputError(f"joint.damping = {self.damping:g} is not legal: it must be below 1")
+
+    def replaced(self, given: Mapping[str, Any]) -> Joint:
+        """Return the joint with other values; a value removes the one that it contradicts.
+
+        Args:
+            given: values by name; None keeps that of the joint.
+        """
+        new = {name: value for name, value in given.items() if value is not None}
+        for pair in EXCLUSIVE:
+            for one, other in (pair, pair[::-1]):
+                if one in new and other not in new:
+                    new[other] = None
+        return replace(self, **new)
+
+    def factor(self, patch: float | None) -> float:
+        """Return by what the force of a patch of nominal area `patch` (length^2) is multiplied.
+
+        Raises:
+            InputError: the joint has an area, and that of the patch is not known.
+        """
+        if self.nominal_area is None:
+            return 1.0
+        return self.nominal_area / self._known(patch, "nominal_area")
+
+    def load(self, patch: float | None) -> float | None:
+        """Return the static force of the joint, weight included (force); None if nothing gives it.
+
+        Raises:
+            InputError: the joint has a pressure, and no area is known.
+        """
+        force = self.preload
+        if self.pressure is not None:
+            area = self.nominal_area if self.nominal_area is not None else self._known(patch, "pressure")
+            force = self.pressure * area
+        if self.gravity is not None and self.mass is not None:
+            force = (force or 0.0) + self.mass * self.gravity
+        return force
+
+    def mass_at(self, stiffness: float) -> float | None:
+        """Return the mass at a stiffness k_n of the joint (force/length); None if nothing gives it."""
+        if self.frequency is not None:
+            return stiffness / (2 * math.pi * self.frequency) ** 2
+        return self.mass
+
+    @staticmethod
+    def _known(patch: float | None, name: str) -> float:
+        if patch is None:
+            raise InputError(
+                f"joint.{name} needs the nominal area of the patch, which a curve without a case does not give: name "
+                "the folder of the run"
+            )
+        return patch
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """The numbers of a joint's small vibration, in the units of the curve.
+
+    Attributes:
+        stiffness: k_n at the preload (force/length).
+        mass: what vibrates (mass), NaN if unknown.
+        frequency: natural frequency of small vibration (1/time), NaN if unknown.
+        approach: static approach z_s (length).
+        damping: damping ratio.
+
+    Examples:
+        >>> from asperity.dynamics.joint import Numbers
+        >>> print(Numbers(2e5, 0.5, 100.66, 4e-9, 0.01).sentence("SI"))
+        k_n = 2e+05 N/m, m = 0.5 kg, f = 100.66 Hz, z_s = 4e-09 m, zeta = 0.01
+    """
+
+    stiffness: float
+    mass: float
+    frequency: float
+    approach: float
+    damping: float
+
+    def sentence(self, units: str | None) -> str:
+        """Return them as one line, with SI units if `units` is "SI"."""
+        names = {"k_n": "N/m", "m": "kg", "f": "Hz", "z_s": "m", "zeta": ""}
+        values = (self.stiffness, self.mass, self.frequency, self.approach, self.damping)
+        parts = []
+        for (name, unit), value in zip(names.items(), values, strict=True):
+            if math.isfinite(value):
+                parts.append(f"{name} = {value:.5g} {unit if units == 'SI' else ''}".rstrip())
+            else:
+                parts.append(f"{name} unknown (give joint.mass)")
+        return ", ".join(parts)
+
+    def to_dict(self) -> dict[str, float | None]:
+        """Return the section "numbers" of thresholds.json, None where unknown."""
+        names = ("k_n", "m", "f", "z_s", "zeta")
+        values = (self.stiffness, self.mass, self.frequency, self.approach, self.damping)
+        return {n: v if math.isfinite(v) else None for n, v in zip(names, values, strict=True)}

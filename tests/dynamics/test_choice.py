@@ -1,0 +1,289 @@
+"""Which law a curve gives, against contacts whose law is known in closed form; preloads, overloads, and the joint."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import asperity as asp
+from asperity.case import Case
+from asperity.dynamics import PowerLaw, TableLaw, TangentLaw, TwoBranchLaw, law_from, run_dynamics
+from asperity.dynamics.law.choice import LACK
+from asperity.errors import AsperityWarning, InputError, RangeError
+
+QUICK: dict[str, Any] = {"models": ["exact"], "omega": (0.9, 0.91), "sweeps": False, "bands": False, "units": "SI"}
+MINIMAL: dict[str, Any] = {
+    "surface": {"kind": "sphere", "L": 1e-6, "radius": 1e-5},
+    "material": {"E": 200e9, "nu": 0.3},
+    "loading": {"delta_max": 1e-8},
+}
+
+# A contact that yields from the beginning: loading F = C z^1.2; from a greatest force F_0 it unloads by
+# F = K (z - z_r)^1.5 with K the same, so that the elastic stiffness at F is 1.5 K^(2/3) F^(1/3) on any branch.
+C, K = 0.5, 2.0
+
+
+def stiffness(force: Any) -> Any:
+    """Elastic stiffness at a force."""
+    return 1.5 * K ** (2 / 3) * np.asarray(force) ** (1 / 3)
+
+
+def contact(*, unload: bool = True, probe: bool = False, strain: bool = True, lowest: float = 0.0) -> dict[str, Any]:
+    """Columns of its curve, loaded to z = 1; the unloading ends at the force `lowest`."""
+    up = np.linspace(0.0, 1.0, 41)[1:]
+    top = C
+    depth = (top / K) ** (1 / 1.5)
+    down = np.linspace(depth, (lowest / K) ** (1 / 1.5), 21)[1:]
+    delta = np.concatenate([up, 1.0 - depth + down]) if unload else up
+    force = np.concatenate([C * up**1.2, K * down**1.5]) if unload else C * up**1.2
+    curve: dict[str, Any] = {"delta": delta, "force": force}
+    curve["branch"] = np.array(["load"] * up.size + ["unload"] * (delta.size - up.size))
+    if strain:
+        curve["max_plastic_strain"] = np.minimum(delta, 1.0) * 0.01
+    if probe:
+        curve["k_n_elastic"] = stiffness(force)
+    return curve
+
+
+def test_after_yield_small_vibration_is_on_the_unloading_branch() -> None:
+    """The frequency is that of the closed form, and not that of the loading, half as stiff."""
+    law, load = law_from(contact())
+    z = law.deflection(load)
+    assert isinstance(law, TwoBranchLaw) and law.reached == pytest.approx(C)
+    assert law.derivatives(z)[0] == pytest.approx(float(stiffness(load)), rel=1e-6)
+    assert law.n_loc(z) == pytest.approx(1.5, rel=1e-6) and law.kappa(z) == pytest.approx(-1 / 24, rel=1e-3)
+    paper = law_from(contact(), "paper")[0]
+    assert paper.derivatives(paper.deflection(load))[0] < 0.5 * law.derivatives(z)[0]
+
+
+def test_without_an_unloading_the_elastic_stiffness_is_the_law() -> None:
+    for curve in (contact(unload=False, probe=True), contact(probe=True, lowest=0.8 * C)):
+        law, load = law_from(curve, load=0.5 * C)  # the second one is unloaded, but not through the preload
+        z = law.deflection(load)
+        assert isinstance(law, TangentLaw)
+        assert law.derivatives(z)[0] == pytest.approx(float(stiffness(load)), rel=1e-4)
+        assert law.n_loc(z) == pytest.approx(1.5, rel=1e-4) and law.kappa(z) == pytest.approx(-1 / 24, rel=1e-6)
+
+
+def test_the_paper_law_by_lack_of_data_is_reported() -> None:
+    with pytest.warns(AsperityWarning, match="neither an unloading through the preload nor the elastic stiffness"):
+        law, _ = law_from(contact(unload=False))
+    assert isinstance(law, PowerLaw)
+    result = run_dynamics(contact(unload=False), **QUICK)
+    assert LACK in result.notes and result.laws is not None and result.laws.choice.name == "paper"
+
+
+@pytest.mark.parametrize("strain", [True, False])
+def test_before_yield_the_law_is_the_loading(strain: bool) -> None:
+    """Plastic strain that begins above the preload does not count; without the column an unloading that retraces."""
+    z = np.linspace(0.0, 1.0, 41)[1:]
+    curve: dict[str, Any] = {"delta": z, "force": z**1.5 + 0.3 * z**3}
+    if strain:
+        curve["max_plastic_strain"] = np.where(z > 0.9, 1e-3, 0.0)
+    else:
+        curve = {name: np.concatenate([column, column[-2::-1]]) for name, column in curve.items()}
+        curve["branch"] = ["load"] * z.size + ["unload"] * (z.size - 1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        law, load = law_from(curve)
+    assert isinstance(law, TableLaw) and law.name == "table" and law.extrapolate
+    if strain:
+        with pytest.warns(AsperityWarning, match="yielded"):
+            assert isinstance(law_from(curve, load=1.25)[0], PowerLaw)
+    assert float(law.force(0.6)) == pytest.approx(0.6**1.5 + 0.3 * 0.6**3, rel=1e-4) and load < 1.3
+
+
+def test_without_plastic_columns_the_hysteresis_shows_yield() -> None:
+    assert isinstance(law_from(contact(strain=False))[0], TwoBranchLaw)
+    assert isinstance(law_from(contact(strain=False, unload=False))[0], TableLaw)
+
+
+def test_noise_does_not_stop_an_analysis() -> None:
+    z = np.linspace(0.05, 1.0, 40)
+    curve = {"delta": z, "force": z**1.5 + 0.02 * (-1.0) ** np.arange(40)}
+    assert isinstance(law_from(curve)[0], PowerLaw)
+
+
+def test_a_preload_by_the_weight_itself_has_two_branches() -> None:
+    """Elastic below, the loading above: the slopes of both sides, and the period of the first cycle."""
+    curve = contact(probe=True)
+    for load, overload in ((C, None), (0.4 * C, 0.4 * C)):
+        law, _ = law_from(curve, load=load, overload=overload)
+        z = law.deflection(load)
+        below, above = law.stiffness([z * (1 - 1e-6), z * (1 + 1e-6)])
+        loading = 1.2 * C ** (1 / 1.2) * load ** (1 - 1 / 1.2)
+        assert below == pytest.approx(float(stiffness(load)), rel=2e-3)
+        assert above == pytest.approx(loading, rel=2e-2)
+    oscillator = asp.ContactOscillator(law, load=load)
+    ratio = math.sqrt(float(stiffness(load)) / loading)
+    assert oscillator.free(1e-4).omega_ratio[0] == pytest.approx(2 / (1 + ratio), rel=1e-2)
+
+
+def test_an_overload_leaves_the_small_vibration_elastic_and_yields_above_it() -> None:
+    curve = contact(probe=True)
+    law, _ = law_from(curve, load=0.2 * C, overload=0.6 * C)
+    z, top = law.deflection(0.2 * C), law.deflection(0.6 * C)
+    assert law.derivatives(z)[0] == pytest.approx(float(stiffness(0.2 * C)), rel=1e-3)
+    assert float(law.force(top + 0.1)) - 0.6 * C == pytest.approx(
+        C * ((0.6 ** (1 / 1.2) + 0.1) ** 1.2) - 0.6 * C, rel=1e-3
+    )
+    assert float(law.potential(top + 0.1) - law.potential(top)) == pytest.approx(
+        C / 2.2 * ((0.6 ** (1 / 1.2) + 0.1) ** 2.2 - 0.6 ** (2.2 / 1.2)), rel=1e-3
+    )
+    strong = run_dynamics(
+        curve, load=0.2 * C, overload=0.3 * C, zeta=0.05, forcing=0.3, **{**QUICK, "omega": (0.8, 1.1)}
+    )
+    assert any("yields again" in note for note in strong.notes)
+    weak = run_dynamics(curve, load=0.2 * C, zeta=0.05, forcing=0.003, **QUICK)
+    assert not any("yields" in note for note in weak.notes)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({"load": 0.3, "overload": 0.2}, InputError, "overload = 0.2 must lie between the preload 0.3 and 0.5"),
+        ({"overload": 0.9}, InputError, "overload = 0.9 must lie between"),
+        ({"overload": 0.4, "law": "paper"}, InputError, 'cannot go with law = "paper"'),
+        ({"load": 0.2, "overload": 0.3}, InputError, "its branch needs the elastic stiffness"),
+        ({"load": 0.6}, RangeError, "ends at force 0.5"),
+        ({"law": "elastic"}, InputError, "k_n_elastic in 0 rows"),
+    ],
+)
+def test_what_the_curve_does_not_hold_is_refused(options: dict[str, Any], error: type[Exception], words: str) -> None:
+    with pytest.raises(error, match=words):
+        law_from(contact(), options.pop("law", "auto"), **options)
+
+
+def test_all_laws_stand_in_one_table(tmp_path: Path) -> None:
+    result = run_dynamics(contact(probe=True), **QUICK)
+    laws = result.laws
+    assert laws is not None and [row.name for row in laws.rows] == ["unload-reload", "elastic", "table", "paper"]
+    leg, elastic, table, paper = laws.rows
+    assert leg.chosen and leg.applies and elastic.applies and not table.applies and not paper.applies
+    assert leg.stiffness == pytest.approx(elastic.stiffness, rel=1e-3) and laws.spread < 1e-3
+    exact = float(stiffness(0.5 * C))
+    assert leg.frequency == pytest.approx(math.sqrt(exact / result.numbers.mass) / (2 * math.pi), rel=1e-3)
+    loading = 1.2 * C ** (1 / 1.2) * (0.5 * C) ** (1 - 1 / 1.2)
+    assert table.frequency / leg.frequency == pytest.approx(math.sqrt(loading / exact), rel=1e-3)
+    written = result.to_dict()["laws"]
+    assert written["chosen"] == "unload-reload" and written["yielded"] and len(written["table"]) == 4
+    assert result.uncertainty is not None and "spread of the laws" in result.uncertainty.origin
+
+
+def test_the_band_is_made_of_error_bar_and_laws() -> None:
+    """A force that is known to 4 % makes the stiffness uncertain by as much, however well a power law fits."""
+    z = np.linspace(0.0, 1.0, 41)[1:]
+    curve = {"delta": z, "force": z**1.5, "P_star": z**1.5, "error_P_star": 0.04 * z**1.5}
+    options = {**QUICK, "bands": True, "gravity": 1.0, "omega": (0.9, 1.1), "zeta": 0.05}
+    result = run_dynamics(curve, **options)
+    spread = result.uncertainty
+    assert spread is not None and spread.origin.startswith("error bar of the force, 4 %")
+    # omega_s^2 = 1.5 g K^(2/3) W^(-2/3)
+    assert spread.omega_s.high / spread.omega_s.low == pytest.approx((1.04 / 0.96) ** (1 / 3), rel=1e-3)
+    assert result.bands and np.nanmax(result.bands[0].upper[1] - result.bands[0].upper[0]) > 1e-3
+    without = run_dynamics({"delta": z, "force": z**1.5}, law="paper", **options)
+    assert without.uncertainty is not None and "error bar" not in without.uncertainty.origin
+
+
+# -- the joint ---------------------------------------------------------------------------------------------------
+
+
+def test_a_joint_scales_the_law_to_its_area_and_has_its_own_mass() -> None:
+    small, large = 1e-12, 4e-6
+    joint = asp.Joint(nominal_area=large, preload=0.25 * C * large / small, mass=0.7, damping=0.03)
+    result = run_dynamics(contact(), joint=joint, patch_area=small, **QUICK)
+    k = float(stiffness(0.25 * C)) * large / small
+    numbers = result.numbers
+    assert numbers.stiffness == pytest.approx(k, rel=1e-6)
+    assert numbers.mass == pytest.approx(0.7) and numbers.damping == 0.03
+    assert numbers.frequency == pytest.approx(math.sqrt(k / 0.7) / (2 * math.pi), rel=1e-6)
+    assert numbers.approach == pytest.approx((0.25 * C / K) ** (1 / 1.5), rel=1e-6)
+    # dimensionless results do not depend on area and mass
+    patch = run_dynamics(contact(), load=0.25 * C, zeta=0.03, **QUICK)
+    assert result.responses["exact"][0].peak[1] == pytest.approx(patch.responses["exact"][0].peak[1], rel=1e-6)
+    known = run_dynamics(contact(), joint=asp.Joint(preload=0.25 * C, frequency=50.0), **QUICK).numbers
+    assert known.frequency == pytest.approx(50.0) and known.mass == pytest.approx(
+        float(stiffness(0.25 * C)) / (100 * math.pi) ** 2, rel=1e-6
+    )
+
+
+def test_the_weight_of_the_mass_adds_to_the_preload_on_request_only() -> None:
+    patch = 1e-12
+    assert asp.Joint(pressure=2.0, mass=3.0).load(patch) == pytest.approx(2e-12)
+    assert asp.Joint(preload=2.0, mass=3.0, gravity=10.0).load(patch) == 32.0
+    assert asp.Joint(mass=3.0, gravity=10.0).load(None) == 30.0
+    assert asp.Joint(mass=3.0).load(None) is None
+
+
+def test_files_hold_hertz_newton_and_metres(tmp_path: Path) -> None:
+    import csv
+
+    joint = asp.Joint(preload=0.25 * C, mass=0.7)
+    result = run_dynamics(contact(), joint=joint, out_dir=tmp_path, **QUICK)
+    f, z_s = result.numbers.frequency, result.numbers.approach
+    with (tmp_path / "response.csv").open() as file:
+        for row in csv.DictReader(file):
+            assert float(row["frequency"]) == pytest.approx(f * float(row["Omega"]), rel=1e-12)
+            assert float(row["x_max"]) == pytest.approx(z_s * float(row["u_max"]), rel=1e-12)
+            assert float(row["force"]) == pytest.approx(0.01 * result.first.restoring.scale, rel=1e-12)
+    with (tmp_path / "free.csv").open() as file:
+        row = next(csv.DictReader(file))
+    assert float(row["frequency"]) == pytest.approx(f * float(row["omega_ratio"]), rel=1e-12)
+    unknown = run_dynamics(contact(), joint=asp.Joint(preload=0.25 * C), out_dir=tmp_path, **QUICK)
+    assert math.isnan(unknown.numbers.mass) and any("joint.mass" in note for note in unknown.notes)
+    with (tmp_path / "response.csv").open() as file:
+        assert next(csv.DictReader(file))["frequency"] == ""
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"mass": 1.0, "frequency": 2.0}, "joint.mass and joint.frequency are both given"),
+        ({"pressure": -1.0}, "joint.pressure = -1.0 is not legal"),
+        ({"gravity": 9.81}, "joint.gravity needs joint.mass"),
+        ({"damping": 1.0}, "joint.damping = 1 is not legal"),
+    ],
+)
+def test_contradictory_joints_are_refused(values: dict[str, float], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        asp.Joint(**values)
+
+
+def test_an_area_without_a_patch_is_refused() -> None:
+    with pytest.raises(InputError, match="needs the nominal area of the patch"):
+        run_dynamics(contact(), joint=asp.Joint(nominal_area=1.0), **QUICK)
+    with pytest.raises(InputError, match=r"joint\.nominal_area is for a curve"):
+        run_dynamics(PowerLaw(1.5), joint=asp.Joint(nominal_area=1.0), **QUICK)
+    with pytest.raises(InputError, match="the joint has its own"):
+        run_dynamics(contact(), joint=asp.Joint(mass=1.0), gravity=9.81, **QUICK)
+
+
+@pytest.mark.parametrize(
+    ("sections", "words"),
+    [
+        ({"joint": {"preload": 1e-4, "pressure": 1e8}}, "joint.preload and joint.pressure are both given"),
+        ({"joint": {"mass": 1.0, "frequency": 1e8}}, "joint.mass and joint.frequency are both given"),
+        ({"joint": {"gravity": 9.81}}, "joint.gravity = 9.81 needs joint.mass"),
+        ({"joint": {"pressure": 1e8}, "dynamics": {"preload": 1e-4}}, "dynamics.preload cannot go with"),
+        ({"joint": {"mass": 1.0}, "dynamics": {"gravity": 9.81}}, "dynamics.gravity takes the mass"),
+        ({"joint": {"damping": 0.1}, "dynamics": {"zeta": 0.2}}, "joint.damping = 0.1 and dynamics.zeta = 0.2 differ"),
+        ({"joint": {"pressure": 1e18}}, r"joint.pressure = 1e\+18 must lie between"),
+        ({"joint": {"nominal_area": 1e-4, "preload": 1e12}}, r"joint.preload = 1e\+12 must lie between"),
+        ({"dynamics": {"overload": 1e-4, "law": "paper"}}, "dynamics.overload = 0.0001 cannot go with dynamics.law"),
+        ({"dynamics": {"overload": 1e-5, "preload": 1e-4}}, "dynamics.overload = 1e-05 lies below dynamics.preload"),
+        ({"joint": {"area": 1.0}}, "joint.area"),
+    ],
+)
+def test_contradictory_cases_are_refused(sections: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        Case.from_dict({**MINIMAL, **sections})
+
+
+def test_a_completed_case_with_a_joint_is_legal() -> None:
+    case = Case.from_dict({**MINIMAL, "joint": {"pressure": 1e8, "mass": 1.0, "damping": 0.1}, "dynamics": {}})
+    assert Case.from_dict(case.to_dict()) == case and "joint" in case.to_dict()
