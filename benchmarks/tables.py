@@ -78,7 +78,8 @@ def main(arguments: list[str]) -> int:
             printed.append(line)
     tables = list(markdown_tables("".join(printed)))
     if process.returncode or len(tables) != len(files):
-        print(f"{len(tables)} tables for {len(files)} files, exit code {process.returncode}: none stored", file=sys.stderr)
+        found = f"{len(tables)} tables for {len(files)} files, exit code {process.returncode}"
+        print(f"{found}: none stored", file=sys.stderr)
         return process.returncode or 2
     for file, table in zip(files, tables, strict=True):
         if file != "-":
