@@ -1,4 +1,6 @@
-"""Run the paper's studies and write docs/paper.md with its figures:  mpirun -n 2 python3 benchmarks/paper.py out/paper
+"""Run the paper's studies and write docs/paper.md, its figures and its tables.
+
+    ./run mpirun -n 2 python3 benchmarks/paper.py out/paper
 
 What the folder holds already is not repeated.
 """
@@ -18,6 +20,7 @@ from matplotlib.ticker import MaxNLocator
 from mpi4py import MPI
 from pictures import shrink
 from statements import Statement, all_statements, passing
+from tables import csv_text, versions
 
 from asperity.case.schema import WeierstrassMandelbrotSection
 from asperity.dynamics import ContactOscillator, PowerLaw
@@ -29,12 +32,14 @@ from asperity.study.figures import colours, draw_column, draw_curves, label_of
 from asperity.study.trend import CONDITIONS
 
 ROOT = Path(__file__).parent.parent
+COMMAND = "./run mpirun -n 2 python3 benchmarks/paper.py out/paper"
 ZETA, FORCING, OMEGA = 0.01, (0.01, 0.03), (0.6, 1.2)
 FAMILY_FORCING = 0.015
 SCALE = {
     "material.yield_strength": (1e9, " GPa"), "material.tangent_modulus": (1e9, " GPa"), "surface.G": (1.0, " m"),
     "loading.delta_max": (1e-9, " nm"), "mesh.h_contact": (1e-6, " L"),
 }  # fmt: skip
+Table = list[tuple[str, ...]]
 FAMILIES = {"D": ("surface.D",), "G": ("surface.G",), "similar": ("surface.G",), "E_t": ("material.tangent_modulus",),
             "E_t_soft": ("material.tangent_modulus",), "sigma_y": ("material.yield_strength",),
             "sigma_y_free": ("material.yield_strength",)}  # fmt: skip
@@ -56,11 +61,15 @@ def main() -> None:
 def write(results: StudyResults, docs: Path) -> None:
     """Write the page and its figures into the folder of the documentation."""
     pictures = docs / "paper"
-    pictures.mkdir(parents=True, exist_ok=True)
+    for folder in (pictures, docs / "tables"):
+        folder.mkdir(parents=True, exist_ok=True)
     for name, figure in figures(results):
         shrink(style.save(figure, pictures / f"{name}.png"))
     found = all_statements(results)
     (docs / "paper.md").write_text(page(results, found), encoding="utf-8")
+    made = {"paper_fits": fits(results), "paper_conditions": conditions(found), "paper_unloading": physical(results)}
+    for name, rows in made.items():
+        (docs / "tables" / f"{name}.csv").write_text(csv_text(COMMAND, versions(), rows), encoding="utf-8")
     for statement in found:
         print(f"{statement.name}  {statement.verdict}: {statement.note}")
     print(f"written {docs / 'paper.md'}")
@@ -245,9 +254,9 @@ def spread(level: StudyLevel, column: str, form: str = ".3f") -> str:
     return f"{values.mean():{form}}{deviation}"
 
 
-def fits(results: StudyResults) -> str:
+def fits(results: StudyResults) -> Table:
     """Table of k and n of every family."""
-    rows = []
+    rows: Table = []
     for name in FAMILIES:
         for level, text in zip(results.levels(name), labels(name, results.levels(name)), strict=True):
             reach = level.column("delta_star_max")
@@ -257,15 +266,14 @@ def fits(results: StudyResults) -> str:
                 spread(level, "kappa"), spread(level, "omega_loss"), spread(level, "area_fraction", ".2f"),
                 spread(level, "block_load", ".2f"),
             ))  # fmt: skip
-    return table(
-        ("family", "level", "δ*max", "k", "n", "n, log fit", "n, interface", "R²", "κ", "ω_loss/ω_s", "A/A₀",
-         "p / block yield"), rows,
-    )  # fmt: skip
+    header = ("family", "level", "δ*max", "k", "n", "n, log fit", "n, interface", "R²", "κ", "ω_loss/ω_s", "A/A₀",
+              "p / block yield")  # fmt: skip
+    return [header, *rows]
 
 
-def conditions(found: Iterable[Statement], results: StudyResults) -> str:
+def conditions(found: Iterable[Statement]) -> Table:
     """Every finding of every statement."""
-    rows = []
+    rows: Table = []
     for statement in found:
         for f in statement.findings:
             digits = ".2f" if statement.name != "T5" else ".2e" if "height" in f.trend.condition else ".4f"
@@ -276,7 +284,7 @@ def conditions(found: Iterable[Statement], results: StudyResults) -> str:
                 "yes" if f.holds else "no",
             ))  # fmt: skip
     header = ("", "family", "condition", "seeds", "means, level by level", "single steps up / down", "holds")
-    return table(header, rows)
+    return [header, *rows]
 
 
 def half_space(results: StudyResults) -> str:
@@ -294,9 +302,9 @@ def half_space(results: StudyResults) -> str:
     return table(("surface", "n here", "n, half-space theory, six other seeds"), dict.fromkeys(rows))
 
 
-def physical(results: StudyResults) -> str:
+def physical(results: StudyResults) -> Table:
     """The paper's law next to the unload-reload law."""
-    rows = []
+    rows: Table = []
     for name in ("sigma_y", "sigma_y_free", "E_t", "E_t_soft"):
         for level, text in zip(results.levels(name), labels(name, results.levels(name)), strict=True):
             if not np.isfinite(level.column("n_unload")).any():
@@ -307,7 +315,7 @@ def physical(results: StudyResults) -> str:
                 spread(level, "kappa_unload"), f"{np.nanmean(ratio):.2f} ({np.nanstd(ratio, ddof=1):.2f})",
             ))  # fmt: skip
     names = ("n_loc, loading", "κ, loading", "n_loc, unload", "κ, unload", "ω_s unload / loading")
-    return table(("family", "level", *names), rows)
+    return [("family", "level", *names), *rows]
 
 
 def resolution(results: StudyResults) -> str:
@@ -344,7 +352,7 @@ def strains(results: StudyResults) -> str:
     return f"{min(found):.2f} to {max(found):.2f}"
 
 
-def versions(results: StudyResults) -> dict[str, Any]:
+def software_of(results: StudyResults) -> dict[str, Any]:
     """Versions that ran the study."""
     path = results.folder / "cases" / str(results.rows[0]["case"]) / "summary.json"
     found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["versions"]
@@ -360,7 +368,8 @@ def page(results: StudyResults, found: Sequence[Statement]) -> str:
     under = "\n".join(f"- {s.name} passes under: {passing(s)}." for s in found)
     done = [row for row in results.rows if row["exit_reason"] == "done"]
     cost = sum(float(row["seconds"] or 0) for row in results.rows)
-    software = ", ".join(f"{k} {v}" for k, v in versions(results).items() if k in ("asperity", "dolfinx", "petsc4py"))
+    shown = ("asperity", "dolfinx", "petsc4py")
+    software = ", ".join(f"{k} {v}" for k, v in software_of(results).items() if k in shown)
     law = mean_law(base_level(results))
     oscillator = ContactOscillator(law, zeta=ZETA)
     limits = oscillator.thresholds(FORCING)
@@ -369,8 +378,7 @@ def page(results: StudyResults, found: Sequence[Statement]) -> str:
         "title": results.title, "cases": len(results.rows), "done": len(done), "failed": len(results.rows) - len(done),
         "reasons": failures(results), "cost": f"{cost / 60:.0f}", "software": software,
         "verdicts": verdicts, "under": under,
-        "fits": fits(results), "conditions": conditions(found, results),
-        "half_space": half_space(results), "physical": physical(results),
+        "half_space": half_space(results),
         "strains": strains(results),
         "resolution": resolution(results), "n": f"{law.n:.3f}", "u_loss": f"{limits.u_max or 0:.3f}",
         "omega_loss": f"{limits.omega_loss or 0:.4f}", "kappa": f"{limits.kappa:.4f}", "peaks": peaks,
@@ -430,12 +438,10 @@ Mean over the seeds; the band is one standard deviation.
 
 ![Force against approach over D, G, tangent modulus and yield strength](paper/curves.png)
 
-Mean (standard deviation over the seeds); k and n by least squares on the linear scale, over (0, δ*max]. The
-last columns are the contact area and the mean pressure over that at which the block as a whole yields,
-σ_y(1-ν)/(1-2ν) between rollers and σ_y with free sides, at the greatest approach: above 1 the bulk has yielded,
-not only the asperities.
-
-{fits}
+All families: [paper_fits.csv](tables/paper_fits.csv), mean (standard deviation over the seeds); k and n by least
+squares on the linear scale, over (0, δ*max]. The last columns are the contact area and the mean pressure over that
+at which the block as a whole yields, σ_y(1-ν)/(1-2ν) between rollers and σ_y with free sides, at the greatest approach:
+above 1 the bulk has yielded, not only the asperities.
 
 The exponents of the elastic families agree with an independent solver, boundary elements on a half-space with
 the compliance of the block (`asperity.reference`), which shares no code with this one:
@@ -446,7 +452,7 @@ the compliance of the block (`asperity.reference`), which shares no code with th
 
 ## The statements, condition by condition
 
-{conditions}
+Every family, condition and mean: [paper_conditions.csv](tables/paper_conditions.csv).
 
 ## Vibration with the paper's law
 
@@ -478,7 +484,7 @@ frequencies at the same preload.
 
 ![Local exponents of the loading curve and of the unload-reload branch](paper/physical.png)
 
-{physical}
+All families: [paper_unloading.csv](tables/paper_unloading.csv).
 
 ## What the meshes cost in accuracy
 

@@ -1,4 +1,4 @@
-"""What mkdocs takes from elsewhere: the README as the front page, the input reference from the schema, formulas."""
+"""What mkdocs takes from elsewhere: README as front page, input reference from the schema, list of tables, formulas."""
 
 from __future__ import annotations
 
@@ -29,7 +29,18 @@ def keys() -> str:
     return "\n\n".join(f"## {name}\n\n{head}" + "\n".join(rows) for name, rows in tables.items())
 
 
-PARTS = {"readme": readme, "keys": keys}
+def tables() -> str:
+    """The stored tables, with the command that makes each and the day it was recorded."""
+    rows = []
+    for path in sorted((ROOT / "docs/tables").glob("*.csv")):
+        command, made, *table = path.read_text(encoding="utf-8").splitlines()
+        day = made.removeprefix("# ").partition(",")[0]
+        command = command.removeprefix("# ./run ")
+        rows.append(f"| [{path.stem}](tables/{path.name}) | {len(table) - 1} | `{command}` | {day} |")
+    return "| table | rows | command | recorded |\n|---|---|---|---|\n" + "\n".join(rows)
+
+
+PARTS = {"readme": readme, "keys": keys, "tables": tables}
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:

@@ -24,7 +24,7 @@ from asperity.reference.rough_halfspace import HARDNESS
 CELLS = 128, 1024  # fewest and most per side
 PER_WAVE = 4  # cells per shortest wave
 MOST_STEPS = 10  # at which both curves are computed
-FORCE_BAR = 0.5  # bar over the change of the force; elements too stiff make up for a part of it (docs/accuracy.md)
+FORCE_BAR = 0.5  # bar over the change of the force; stiff elements make up for a part (docs/rough_surfaces.md)
 AREA_BAR = 0.3  # bar over the change of the area, which is corrected
 MOST = 10.0  # change beyond which nothing is known
 

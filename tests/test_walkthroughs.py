@@ -1,0 +1,62 @@
+"""Tutorials and how-to pages: what a reader types is run in order, and what a page shows is compared with the output."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PAGES = [*sorted((ROOT / "docs/tutorials").glob("*.md")), *sorted((ROOT / "docs/how-to").glob("*.md"))]
+FENCE = re.compile(r'^```(\w+)(?: title="([\w./-]+)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL)
+ANY = "…"  # for a word that is not compared; alone on a line: lines left out
+NUMBER = re.compile(r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?")
+CLOSE = 0.05  # relative difference of numbers: other versions of gmsh make other meshes
+
+
+def same_word(shown: str, printed: str) -> bool:
+    """Whether a word agrees, its numbers up to `CLOSE`."""
+    if shown == ANY or NUMBER.sub("#", shown) != NUMBER.sub("#", printed):
+        return shown == ANY or (shown.endswith(ANY) and printed.startswith(shown[:-1]))
+    pairs = zip(NUMBER.findall(shown), NUMBER.findall(printed), strict=True)
+    return all(math.isclose(float(a), float(b), rel_tol=CLOSE, abs_tol=1e-30) for a, b in pairs)
+
+
+def same_line(shown: str, printed: str) -> bool:
+    """Whether the words of a line appear next to one another in a printed one."""
+    words, found = shown.split(), printed.split()
+    starts = range(len(found) - len(words) + 1)
+    return any(all(map(same_word, words, found[i : i + len(words)])) for i in starts)
+
+
+def test_lines_are_compared() -> None:
+    assert same_line("P* = 35.179 …", "[  2 s] P* = 35.2 (delta/L)^2.2")
+    assert same_line("0.0177…", "0.01773749")
+    assert not same_line("P* = 35.179", "P* = 39.1")
+    assert not same_line("written to out/first", "written to out/second")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: f"{p.parent.name}/{p.stem}")
+def test_a_page_works_as_typed(page: Path, tmp_path: Path) -> None:
+    (tmp_path / "cases").symlink_to(ROOT / "cases")
+    paths = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    printed = ""
+    for language, title, text in FENCE.findall(page.read_text(encoding="utf-8")):
+        if title:
+            (tmp_path / title).write_text(text, encoding="utf-8")
+        elif language == "text":
+            lines = [line for line in text.splitlines() if line.strip() not in ("", ANY)]
+            assert [line for line in lines if not any(same_line(line, other) for other in printed.splitlines())] == []
+        else:
+            command = ["bash", "-e", "-c", text] if language == "sh" else [sys.executable, "-c", text]
+            done = subprocess.run(
+                command, cwd=tmp_path, env=os.environ | {"PATH": paths}, capture_output=True, text=True, check=False
+            )
+            printed = done.stdout + done.stderr
+            assert done.returncode == 0, f"{text}\n{printed}"
