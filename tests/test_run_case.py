@@ -249,7 +249,7 @@ def test_a_mesh_made_before_is_used_and_is_no_key_of_the_case(full: tuple[Path, 
     again = run(case_of(), block=block)
     assert again.summary["warnings"] == result.summary["warnings"]
     np.testing.assert_array_equal(again.curve.force, result.curve.force)
-    with pytest.raises(InputError, match="leave out mesh.file and accuracy.tolerance"):
+    with pytest.raises(InputError, match=r"leave out mesh\.file and accuracy\.tolerance"):
         run(case_of(accuracy={"tolerance": 0.1}), block=block)
     with pytest.raises(MeshError, match="the top of the mesh is not this surface"):
         run(case_of(surface={**SURFACE, "seed": 1}), block=block)

@@ -109,7 +109,7 @@ def run(
         CheckpointError: the run in `folder` is of another case, or its checkpoint is damaged
         ConvergenceError: the path could not be followed, the files hold the part before; or the tolerance was not met,
             what was found is kept like a finished run
-        Interrupted: SIGTERM or SIGINT requested the end; the files and the checkpoint hold the part before
+        Interrupted: SIGTERM, SIGINT or SIGUSR1 requested the end; the files and the checkpoint hold the part before
         CheckError: the run is complete, but violates a balance
         OutputError: a file cannot be written
 
