@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from asperity.adaptive.solve_to_tolerance import AccurateResult
+    from asperity.mesh.block import BlockMesh
     from asperity.quasistatic.checkpoint import Checkpoint
     from asperity.quasistatic.solve_contact import ContactResult, Hooks
 
@@ -82,6 +83,7 @@ def run(
     progress: Progress | None = None,
     resume: bool = False,
     force: bool = False,
+    block: BlockMesh | None = None,
     comm: MPI.Comm | None = None,
 ) -> RunResult:
     """Run a case and write its results, as `asperity run` does; collective over `comm`.
@@ -100,6 +102,7 @@ def run(
         progress: receives stages and steps
         resume: continue the run of this case in `folder`
         force: replace the run in `folder`; files that no run has written stay
+        block: mesh that was made before for this surface, block, element sizes and approach (on rank 0); None makes it
         comm: communicator; default all ranks
 
     Raises:
@@ -107,7 +110,7 @@ def run(
         CheckpointError: the run in `folder` is of another case, or its checkpoint is damaged
         ConvergenceError: the path could not be followed, the files hold the part before; or the tolerance was not met,
             what was found is kept like a finished run
-        Interrupted: SIGTERM or SIGINT requested the end; the files and the checkpoint hold the part before
+        Interrupted: SIGTERM, SIGINT or SIGUSR1 requested the end; the files and the checkpoint hold the part before
         CheckError: the run is complete, but violates a balance
         OutputError: a file cannot be written
 
@@ -128,8 +131,8 @@ def run(
     comm = MPI.COMM_WORLD if comm is None else comm
     out = None if folder is None else Path(folder)
     with noting(comm) as notices:
-        whole, problem = agree(comm, partial(prepare, case, out, resume=resume, force=force))
-        job = _Job(whole, problem, out, comm, progress or Progress(), notices)
+        whole, problem = agree(comm, partial(prepare, case, out, resume=resume, force=force, block=block))
+        job = _Job(whole, problem, block, out, comm, progress or Progress(), notices)
         if out is not None:
             on_root_bcast(comm, partial(run_folder.check, out, resume=resume, force=force))
             if resume and (done := on_root_bcast(comm, job.writer.finished)) is not None:
@@ -141,7 +144,12 @@ def run(
 
 
 def prepare(
-    case: Case | str | Path, folder: Path | None = None, *, resume: bool = False, force: bool = False
+    case: Case | str | Path,
+    folder: Path | None = None,
+    *,
+    resume: bool = False,
+    force: bool = False,
+    block: BlockMesh | None = None,
 ) -> tuple[Case, Problem]:
     """A case that may be run, and its problem; warns of what is doubtful.
 
@@ -153,6 +161,8 @@ def prepare(
     if resume and folder is None:
         raise InputError("give the folder of the run to resume")
     case = case if isinstance(case, Case) else Case.load(case)
+    if block is not None and not (case.mesh.file is None and case.accuracy.tolerance is None):
+        raise InputError("block is the mesh of the run: leave out mesh.file and accuracy.tolerance, which name another")
     return case, case.problem()
 
 
@@ -163,6 +173,7 @@ class _Job:
     Attributes:
         case: the input
         problem: of the case; its surface keeps what was found about it, such as its summit
+        block: mesh made before, on rank 0
         folder: receives the files, None for none
         comm, progress: as in `run`
         notices: warnings so far
@@ -170,6 +181,7 @@ class _Job:
 
     case: Case
     problem: Problem
+    block: BlockMesh | None
     folder: Path | None
     comm: MPI.Comm
     progress: Progress
@@ -386,9 +398,26 @@ def _solve(job: _Job, hooks: Hooks) -> ContactResult:
     from asperity.mesh.block import BlockMesh
     from asperity.quasistatic.solve_contact import solve_problem
 
-    file = job.case.mesh.file
-    block = BlockMesh.read(file) if file is not None else None
+    file, block = job.case.mesh.file, job.block
+    if file is not None:
+        block = BlockMesh.read(file)
+    elif job.comm.bcast(block is not None):
+        on_root_bcast(job.comm, partial(_judge, job))
     return solve_problem(job.problem, block=block, comm=job.comm, hooks=hooks)
+
+
+def _judge(job: _Job) -> None:
+    """Judge a mesh made before as `solve_problem` judges the mesh that it makes itself.
+
+    Raises:
+        MeshError: the heights of the surface had to be smoothed too much
+    """
+    from asperity.mesh.resolution import judge_smoothing, warn_of_missed_waves
+
+    surface, delta = job.problem.surface, job.case.loading.delta_max
+    if delta is not None:
+        judge_smoothing(job.block, surface, delta)
+        warn_of_missed_waves(surface, job.case.mesh.h_contact, delta)
 
 
 def _solve_to_tolerance(job: _Job, hooks: Hooks) -> AccurateResult:

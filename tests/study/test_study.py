@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import os
 import subprocess
 import sys
@@ -16,10 +17,11 @@ import tomli_w
 
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.errors import InputError, OutputError
+from asperity.errors import AsperityWarning, InputError, OutputError
+from asperity.run_case import run
 from asperity.runtime.files import is_aside
 from asperity.study import Study, StudyLevel, StudyResults, ensemble_curve, run_study, summarise_case
-from asperity.study.results import mean_interval
+from asperity.study.results import case_folder, mean_interval
 from asperity.study.run import mesh_key, portions, shared_mesh
 from asperity.study.trend import CONDITIONAL, FAILS, HOLDS, Condition, Trend, trend, verdict
 from asperity.surface import SurfaceWarning
@@ -232,10 +234,34 @@ def test_a_study_is_run_continued_and_tabled(tmp_path: Path) -> None:
     assert (row["k"], row["n"]) == (whole.fit().k, whole.fit().n)
     assert results.case(row).material.tangent_modulus == 0.01
     # the shared mesh has no effect: the case alone, with its own mesh, gives the same curve
-    from asperity.run_case import run
-
     alone = run(next(e.case for e in made.entries if e.key == row["case"]))
     np.testing.assert_allclose(alone.curve.force, results.curve(row).force, rtol=1e-9)
+
+
+def test_a_case_warns_in_a_study_as_it_does_alone(tmp_path: Path) -> None:
+    """The element sizes are those of the shared mesh, too coarse for the waves of this surface."""
+    rough = BASE | {"surface": ROUGH, "loading": {"delta_max": 0.002, "steps": 1}}
+    made = study(base=rough, grid={"material.tangent_modulus": [0.01, 0.1]})
+    with pytest.warns(AsperityWarning) as caught:
+        run_study(made, tmp_path / "out")
+    with pytest.warns(AsperityWarning):
+        alone = run(made.entries[0].case, tmp_path / "alone")
+    assert not any("is not used" in str(w.message) for w in caught)
+    place = case_folder(tmp_path / "out", made.entries[0].key)
+    summary = json.loads((place / "summary.json").read_text())
+    assert summary["warnings"] == alone.summary["warnings"]
+    assert any("waves shorter than" in text for text in summary["warnings"])
+    assert (place / "case.toml").read_text() == (tmp_path / "alone/case.toml").read_text()
+
+
+def test_a_mesh_too_coarse_for_the_slopes_is_refused_in_a_study_as_alone(tmp_path: Path) -> None:
+    steep = BASE | {"surface": ROUGH | {"G": 2e-3, "f_max": 8}, "loading": {"delta_max": 0.001, "steps": 1}}
+    made = study(base=steep, grid={"material.tangent_modulus": [0.01]})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        assert run_study(made, tmp_path).failed == 1
+    (row,) = StudyResults.read(tmp_path).rows
+    assert row["exit_reason"].startswith("MeshError: the elements are too large for the slopes")
 
 
 def test_the_table_marks_a_first_contact_on_an_edge(tmp_path: Path) -> None:

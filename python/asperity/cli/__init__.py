@@ -56,7 +56,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _outcome(arguments: Sequence[str] | None) -> tuple[int, str]:
     """Exit code and message of a command."""
     try:
-        return group.main(arguments, prog_name="asperity", standalone_mode=False) or 0, ""
+        words = sys.argv[1:] if arguments is None else list(arguments)
+        return group.main(words, prog_name="asperity", standalone_mode=False, obj=words) or 0, ""
     except click.UsageError as error:
         usage = f" ({error.ctx.command_path} --help shows the usage)" if error.ctx else ""
         return 2, error.format_message() + usage

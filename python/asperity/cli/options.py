@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import functools
+import os
+import warnings
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
@@ -12,6 +14,8 @@ from asperity.runtime.progress import world_rank
 
 if TYPE_CHECKING:
     from asperity.case import Case
+
+T = TypeVar("T")
 
 case_file = click.argument("case_file", metavar="CASE.toml")
 run_folder = click.argument("folder", metavar="OUT", type=click.Path(exists=True, file_okay=False))
@@ -25,6 +29,62 @@ overrides = click.option(
 ranks = click.option(
     "--ranks", type=click.IntRange(min=1), default=1, show_default=True, help="Ranks that share the work."
 )
+
+
+class _Ranks(click.ParamType):
+    """A number of ranks, or 0 for "auto"."""
+
+    name = "ranks"
+
+    def convert(self, value: str, parameter: click.Parameter | None, context: click.Context | None) -> int:
+        """The number; any word but auto, or a number below 1, fails."""
+        if value == "auto":
+            return 0
+        count = int(value) if value.isdecimal() else 0
+        return count or self.fail(f"{value} is no number of ranks; give auto, or a number from 1")
+
+
+job_ranks = click.option(
+    "--ranks", metavar="N|auto", type=_Ranks(),
+    help="Start mpirun with so many ranks, one thread each; auto: as many as there are cores and make sense.",
+)  # fmt: skip
+
+
+def start_ranks(
+    ranks: int | None, load: Callable[[], T], most: Callable[[T], int | None], quiet: bool, multiple: int = 1
+) -> int | None:
+    """Start the ranks that are requested and wait for their end.
+
+    Args:
+        ranks: requested, 0 for auto; None for none
+        load: reads the input, so that a wrong one is refused before ranks start
+        most: number of ranks that makes sense for the input, None if unknown; computed for auto only
+        quiet: say nothing
+        multiple: of which auto is one
+
+    Returns:
+        Exit code; None if this process is to do the work.
+    """
+    from asperity.runtime import launch
+
+    if ranks is None or launch.STARTED in os.environ:
+        return None
+    if (size := launch.started_ranks()) is not None:
+        if not quiet:
+            say(f"--ranks starts nothing: the ranks of an MPI job are there{f', {size} of them' if size else ''}")
+        return None
+    room, sensible = launch.find_room(multiple=multiple), None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the ranks warn
+        found = load()
+        if not ranks and not room.scheduled:
+            sensible = most(found)
+    count, words = launch.choose(ranks or None, room, sensible)
+    if words and not quiet:
+        say(words)
+    if count == 1 and all(os.environ.get(name) == "1" for name in launch.THREADS):
+        return None
+    return launch.start(click.get_current_context().find_root().obj, count, room)
 
 
 class _Name(click.ParamType):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from asperity.cli import options
 from asperity.runtime.progress import make_progress, world_rank
 
 if TYPE_CHECKING:
+    from asperity.case import Case
     from asperity.power_law import PowerLawFit
 
 
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
 @options.output("OUT", "Run directory; default out/<name of the case>.")
 @click.option("--resume", is_flag=True, help="Continue the run in OUT, or start it where there is none.")
 @click.option("--force", is_flag=True, help="Replace the run in OUT.")
+@options.job_ranks
 @click.option("-q", "--quiet", is_flag=True, help="Show no progress.")
 @options.overrides
 def command(
@@ -26,9 +29,10 @@ def command(
     output: str | None,
     resume: bool,
     force: bool,
+    ranks: int | None,
     quiet: bool,
     overrides: tuple[str, ...],
-) -> None:
+) -> int | None:
     """Solve a case and write its results.
 
     OUT receives case.toml (the completed input), curve.csv (force against approach), summary.json and, if the case
@@ -37,7 +41,10 @@ def command(
     from asperity import run_case
     from asperity.case import Case
 
-    case = Case.load(case_file, overrides)
+    load = partial(Case.load, case_file, overrides)
+    if (code := options.start_ranks(ranks, load, _most_ranks, quiet)) is not None:
+        return code
+    case = load()
     folder = Path(output) if output else Path("out") / Path(case_file).stem
     progress = make_progress(quiet)
     try:
@@ -49,6 +56,17 @@ def command(
             options.say(f"{folder} holds the complete run of {len(result.curve)} steps; nothing is left to do")
         _show_fit(result.fit)
         options.say(f"written to {folder}")
+    return None
+
+
+def _most_ranks(case: Case) -> int | None:
+    """Ranks that make sense for the dofs of a case; None if these are not known before the run."""
+    from asperity.adaptive.estimate import estimate
+    from asperity.runtime.launch import DOFS_PER_RANK
+
+    if case.loading.delta_max is None:
+        return None
+    return max(1, estimate(case, 1).dofs // DOFS_PER_RANK)
 
 
 def _show_fit(fit: PowerLawFit | None) -> None:

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-SIGNALS = (signal.SIGTERM, signal.SIGINT)
+#: SIGUSR1 is the one that mpirun passes on to its ranks; SIGTERM and SIGINT it answers by killing them.
+SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGUSR1)
 
 
 class StopRequest:
-    """Context in which the first SIGTERM or SIGINT is only recorded; the next one ends the process at once.
+    """Context in which the first SIGTERM, SIGINT or SIGUSR1 is only recorded; the next one ends the process at once.
 
     It has no effect outside the main thread, where Python cannot handle signals.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import time
 import traceback
@@ -10,6 +9,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from asperity.errors import AsperityError, OutputError
+from asperity.runtime.launch import started_ranks
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -27,7 +27,7 @@ class Ranks:
 
     def __init__(self) -> None:
         self._comm: Any = None
-        if _launched_in_parallel():
+        if started_ranks() is not None:
             from mpi4py import MPI
 
             self._comm = MPI.COMM_WORLD.Dup() if MPI.COMM_WORLD.size > 1 else None
@@ -105,7 +105,7 @@ def on_root_bcast(comm: MPI.Comm | None, work: Callable[[], T]) -> T:
         AsperityError: what `work` raised, on every rank
         OutputError: for an OSError of `work`, on every rank
     """
-    if comm is None and _launched_in_parallel():
+    if comm is None and started_ranks() is not None:
         from mpi4py import MPI
 
         comm = MPI.COMM_WORLD
@@ -154,8 +154,3 @@ def _attempt(work: Callable[[], T]) -> tuple[T | None, AsperityError | None]:
 def _print_error(message: str) -> None:
     if message:
         print(f"error: {message}", file=sys.stderr, flush=True)
-
-
-def _launched_in_parallel() -> bool:
-    names = ("OMPI_COMM_WORLD_SIZE", "PMIX_RANK", "PMI_SIZE", "PMI_RANK", "SLURM_NTASKS")
-    return any(name in os.environ for name in names)

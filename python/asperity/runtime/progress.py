@@ -161,7 +161,7 @@ def make_progress(quiet: bool = False) -> Progress:
     """Return the display for this process: silent on ranks above 0, a live bar on a terminal, else lines."""
     if quiet or world_rank() > 0:
         return Progress()
-    return StepTable() if sys.stdout.isatty() else StepLines()
+    return StepTable() if sys.stdout.isatty() and os.environ.get("TERM") != "dumb" else StepLines()
 
 
 def world_rank() -> int:

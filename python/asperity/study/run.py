@@ -182,13 +182,13 @@ def remove_outcome(place: Path) -> None:
 
 
 def _run(case: Case, place: Path, mesh: Path | None, comm: MPI.Comm) -> None:
+    from asperity.mesh.block import BlockMesh
     from asperity.run_case import run
 
-    if mesh is not None:
-        case = case.model_copy(update={"mesh": case.mesh.model_copy(update={"file": str(mesh)})})
+    block = None if mesh is None else on_root(comm, partial(BlockMesh.read, mesh))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AssumptionWarning)  # the summary of each case has them
-        run(case, place, force=True, comm=comm)
+        run(case, place, force=True, block=block, comm=comm)
 
 
 def shares_mesh(case: Case) -> bool:
