@@ -8,14 +8,14 @@ import numpy as np
 
 from asperity.arrays import Floats
 from asperity.mesh.block import NEAR, BlockMesh
-from asperity.mesh.tet10 import outer_faces
+from asperity.mesh.element import cross, face_functions, outer_faces
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
 
 
 def heights_of_top(block: BlockMesh, surface: Surface, n: int) -> Floats:
-    """Heights of the second-order facets of the top, on the scale of the surface, at the centres of n x n cells.
+    """Heights of the curved facets of the top, on the scale of the surface, at the centres of n x n cells.
 
     Args:
         block: mesh of the block
@@ -39,15 +39,9 @@ def heights_of_top(block: BlockMesh, surface: Surface, n: int) -> Floats:
     nodes = faces[np.asarray(finder(x, y))]
     a, b, c = (xy[nodes[:, k]] for k in range(3))
     p = np.column_stack([x, y])
-    area = _cross(b - a, c - a)
-    second, third = _cross(p - a, c - a) / area, _cross(b - a, p - a) / area
+    area = cross(b - a, c - a)
+    second, third = cross(p - a, c - a) / area, cross(b - a, p - a) / area
     first = 1.0 - second - third
     z = (block.points[:, 2] - block.height + surface.mean()) / L
-    corner = ((first, 0), (second, 1), (third, 2))
-    edge = ((first * second, 3), (second * third, 4), (third * first, 5))
-    total = sum(w * (2.0 * w - 1.0) * z[nodes[:, k]] for w, k in corner)
-    return np.asarray(total + sum(4.0 * w * z[nodes[:, k]] for w, k in edge)).reshape(n, n)
-
-
-def _cross(a: Floats, b: Floats) -> Floats:
-    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+    parts = (face_functions(np.column_stack([first, second, third])) * z[nodes]).T
+    return np.asarray(sum(parts[:3]) + sum(parts[3:])).reshape(n, n)
