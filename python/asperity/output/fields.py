@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity.arrays import Array
-from asperity.fem.global_numbering import cell_numbers, collect, node_numbers
+from asperity.fem.global_numbering import cell_numbers, collect, collect_nodes
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.element import FACE_TRIANGLES, GMSH_TO_VTK, NODES, VTK_TYPE, outer_faces, to_face
 from asperity.quasistatic.solve_contact import ContactResult
@@ -65,14 +65,13 @@ def gather_states(result: ContactResult, side: float, E: float) -> list[State]:
         -0.013462
     """
     solid = result.solver.solid
-    owned = slice(0, solid.owned)
     facets = None if result.block is None else top_facets(result.block)
-    nodes, cells = node_numbers(solid)[owned], cell_numbers(solid)
+    cells = cell_numbers(solid)
     states = []
     for s in result.snapshots:
-        u = collect(solid.comm, nodes, s.displacement[owned] * side)
-        p = collect(solid.comm, nodes, s.pressure[owned] * E)
-        gap = collect(solid.comm, nodes, s.gap[owned] * side)
+        u = collect_nodes(solid, s.displacement * side)
+        p = collect_nodes(solid, s.pressure * E)
+        gap = collect_nodes(solid, s.gap * side)
         stress = collect(solid.comm, cells, s.stress * E)
         alpha = None
         if solid.material.plastic:
