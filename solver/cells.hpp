@@ -1,4 +1,4 @@
-// Kernels over cells of second-order tetrahedra: internal force, stiffness, stress, volumes.
+// Kernels over cells: internal force, stiffness, stress, volumes.
 #pragma once
 
 #include "arrays.hpp"
@@ -20,13 +20,13 @@ struct Point
   double det, volume;
 };
 
-/// Second-order tetrahedra with one quadrature rule: geometry, dofs, tabulated basis.
+/// Cells with one quadrature rule: geometry, dofs, tabulated basis.
 struct Cells
 {
   Array<const double> x;         // node coordinates (n, 3)
-  Array<const int> x_dofs;       // (cells, 10)
-  Array<const int> u_dofs;       // (cells, 10)
-  Array<const double> gradients; // reference gradients at the points (points, 10, 3)
+  Array<const int> x_dofs;       // (cells, nodes)
+  Array<const int> u_dofs;       // (cells, nodes)
+  Array<const double> gradients; // reference gradients at the points (points, nodes, 3)
   Array<const double> weights;   // quadrature weights on the reference cell (points)
   std::size_t u_nodes;           // least number of nodes of a nodal array
 
@@ -45,7 +45,7 @@ struct Cells
     Gradients g;
     for (std::size_t q = 0; q < points(); ++q)
     {
-      const double det = push_forward(gradients.data() + 30 * q, corners, g);
+      const double det = push_forward(gradients.data() + dofs * q, corners, g);
       at(Point{c * points() + q, g, det, det * weights.data()[q]});
     }
   }
@@ -91,27 +91,27 @@ struct History
 };
 
 /// Positions of element matrices in the values of a scalar CSR matrix with 3 x 3 node blocks, where the three rows of a
-/// node have the same columns. The node graph (indptr, indices) is that of the local cells; `offsets` (cells, 10, 10)
-/// holds the position of column b in row a.
+/// node have the same columns. The node graph (indptr, indices) is that of the local cells; `offsets` (cells, nodes,
+/// nodes) holds the position of column b in row a.
 struct BlockPattern
 {
   Array<const int> indptr;
   std::size_t size; // number of values
   std::vector<std::uint16_t> offsets;
 
-  /// `cell_dofs` (cells, 10): nodes of the cells whose element matrices will be added.
+  /// `cell_dofs` (cells, nodes): nodes of the cells whose element matrices will be added.
   BlockPattern(Array<const int> cell_dofs, Array<const int> indptr, Array<const int> indices);
 
   /// Start of an array of values, refused unless of length `size`; `cells` is the number of matrices to add.
   double* start(const Array<double>& values, std::size_t cells) const;
 
-  /// Add a symmetric 30 x 32 element matrix, given by its node pairs a <= b.
+  /// Add a symmetric element matrix, given by its node pairs a <= b.
   void add(const int* cell_dofs, std::size_t c, const double* A, double* values) const
   {
     add<true>(cell_dofs, c, A, values);
   }
 
-  /// Add a full 30 x 32 element matrix.
+  /// Add a full element matrix.
   void add_full(const int* cell_dofs, std::size_t c, const double* A, double* values) const
   {
     add<false>(cell_dofs, c, A, values);

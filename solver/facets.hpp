@@ -13,14 +13,14 @@
 
 namespace asperity
 {
-/// Facets of second-order tetrahedra and a quadrature rule on them, tabulated for the four facets of a cell.
+/// Facets of tetrahedra and a quadrature rule on them, tabulated for the four facets of a cell.
 struct Facets
 {
   Array<const double> x;           // node coordinates (n, 3)
-  Array<const int> x_dofs, u_dofs; // of the cells of the facets (facets, 10)
+  Array<const int> x_dofs, u_dofs; // of the cells of the facets (facets, nodes)
   Array<const int> local;          // number of the facet in its cell (facets)
-  Array<const double> gradients;   // reference gradients (4, points, 10, 3)
-  Array<const double> shape;       // shape functions (4, points, 10)
+  Array<const double> gradients;   // reference gradients (4, points, nodes, 3)
+  Array<const double> shape;       // shape functions (4, points, nodes)
   Array<const double> normals;     // outward area vectors of the reference facets (4, 3)
   Array<const double> weights;     // on the reference triangle, of total 1/2 (points)
   std::size_t u_nodes;             // least number of nodes of a nodal array
@@ -48,7 +48,7 @@ struct FacetPoint
   FacetPoint(const Facets& facets, const Gradients& x, std::size_t f, std::size_t q)
   {
     const int k = facets.local.data()[f];
-    const double* reference = facets.gradients.data() + 30 * (k * facets.points() + q);
+    const double* reference = facets.gradients.data() + dofs * (k * facets.points() + q);
     const double* n = facets.normals.data() + 3 * k;
     double K[3][3];
     const double det = cofactors(reference, x, K);

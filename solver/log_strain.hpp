@@ -9,7 +9,7 @@
 // is the readable twin.
 #pragma once
 
-#include "tet10.hpp"
+#include "element.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -351,7 +351,8 @@ inline void add_residual(const Gradients& g, const Matrix& P, double weight, Gra
       b[a][i] += weight * (P[i][0] * g[a][0] + P[i][1] * g[a][1] + P[i][2] * g[a][2]);
 }
 
-/// Add weight * (B^T D B + geometric part) to the row-major 30 x 32 element matrix. Only the node pairs a <= b are filled.
+/// Add weight * (B^T D B + geometric part) to the row-major dofs x row_length element matrix. Only the node pairs
+/// a <= b are filled.
 inline void add_stiffness(const Gradients& g, const LogStrain& x, const Sym& S, const Stiffness& D, double weight,
                           double* A)
 {

@@ -13,7 +13,7 @@ import pytest
 
 from asperity import _solver
 from asperity.fem.compiled_kernels import law_of
-from asperity.mesh import tet10
+from asperity.mesh import element
 from asperity.model.material import Material
 
 SOLID = Material(1.0, 0.3, 0.005, 0.05)
@@ -27,26 +27,26 @@ def many(n: int) -> dict[str, Arguments]:
     """Legal arguments of each class and kernel, by name, for n separate tetrahedra that are the reference one."""
     rng = np.random.default_rng(0)
     corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
-    tet = np.concatenate([corners, [corners[[i, j]].mean(axis=0) for i, j in tet10.BASIX_EDGES]])
+    tet = np.concatenate([corners, [corners[[i, j]].mean(axis=0) for i, j in element.node_ends()[4:]]])
     x, cells = np.tile(tet, (n, 1)), np.arange(NODES * n, dtype=np.int32).reshape(n, NODES)
-    reference, weights = tet10.quadrature(2)
-    gradients = tet10.shape_gradients(reference)
+    reference, weights = element.quadrature(2)
+    gradients = element.shape_gradients(reference)
     points = len(weights)
     indptr = np.arange(0, NODES**2 * n + 1, NODES, dtype=np.int32)
     indices = np.ascontiguousarray(np.repeat(cells, NODES, axis=0).ravel())
     values, u = rng.normal(size=9 * len(indices)), 0.1 * rng.normal(size=x.shape)
 
-    facet_points, facet_weights = tet10.facet_quadrature(2)
-    at_facets = [tet10.at_facet(k, facet_points) for k in range(4)]
-    facet_gradients = np.stack([tet10.shape_gradients(p) for p in at_facets])
-    shape = np.stack([tet10.shape_functions(p) for p in at_facets])
+    facet_points, facet_weights = element.facet_quadrature(2)
+    at_facets = [element.at_facet(k, facet_points) for k in range(4)]
+    facet_gradients = np.stack([element.shape_gradients(p) for p in at_facets])
+    shape = np.stack([element.shape_functions(p) for p in at_facets])
     quadrature = (n, len(facet_weights))
 
     upper = indices >= np.repeat(np.arange(NODES * n), NODES)
     upper_width = np.add.reduceat(upper, indptr[:-1], dtype=np.int32)
     upper_indptr = np.concatenate([[0], np.cumsum(upper_width)]).astype(np.int32)
     singles = {name: rng.normal(size=300 * n).astype(np.float32) for name in ("image", "free", "scaling")}
-    parents = np.array([(k, k) for k in range(4)] + list(tet10.BASIX_EDGES)) + 4 * np.arange(n)[:, None, None]
+    parents = element.node_ends() + 4 * np.arange(n)[:, None, None]
     coarse = np.ascontiguousarray(np.repeat(np.arange(4 * n, dtype=np.int32).reshape(n, 4), 4, axis=0).ravel())
     graph: Arguments = dict(indptr=indptr, indices=indices)
 
@@ -56,7 +56,7 @@ def many(n: int) -> dict[str, Arguments]:
         "BlockPattern": dict(cell_dofs=cells, **graph),
         "Facets": dict(
             x=x, x_dofs=cells, u_dofs=cells, local=np.zeros(n, dtype=np.int32), gradients=facet_gradients,
-            shape=shape, normals=tet10.area_vectors(), weights=facet_weights,
+            shape=shape, normals=element.area_vectors(), weights=facet_weights,
         ),
         "ContactLaw": dict(
             material=law_of(SOLID), finite=False, stiffness=np.ones(n), height=np.ones(quadrature), traction=True,
@@ -235,7 +235,7 @@ def test_volumes_and_jacobians_are_those_of_the_reference_cell() -> None:
     out = np.empty((3, len(SMALL["Cells"]["weights"])))
     _solver.volumes(_solver.Cells(**SMALL["Cells"]), out)
     np.testing.assert_allclose(out.sum(axis=1), 1.0 / 6.0, rtol=1e-14)
-    middle = tet10.shape_gradients(np.full((1, 3), 0.25))
+    middle = element.shape_gradients(np.full((1, 3), 0.25))
     cells = _solver.Cells(**SMALL["Cells"] | {"gradients": middle, "weights": np.ones(1)})
     least = np.empty(3)
     _solver.min_jacobian(cells, least)

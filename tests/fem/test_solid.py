@@ -19,8 +19,8 @@ from asperity.linear.petsc_matrix import assembled, set_rigid_modes
 from asperity.linear.solver import LinearSolver
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
+from asperity.mesh.element import node_ends
 from asperity.mesh.generate import build_block
-from asperity.mesh.tet10 import BASIX_EDGES
 from asperity.model.load_path import MIDPOINT, Schedule
 from asperity.model.material import Material
 from asperity.quasistatic import measures
@@ -269,8 +269,8 @@ def test_galerkin_matrix_is_that_of_the_interpolation(coarse: BlockMesh) -> None
     number = np.full(solid.nodes, -1, dtype=np.int32)
     number[corners] = np.arange(len(corners))
     parents = np.repeat(number[:, None], 2, axis=1)
-    for k, (i, j) in enumerate(BASIX_EDGES, start=4):
-        parents[cells[:, k]] = number[cells[:, [i, j]]]
+    for k, edge in enumerate(node_ends()[4:], start=4):
+        parents[cells[:, k]] = number[cells[:, edge]]
     P = np.zeros((3 * solid.nodes, 3 * len(corners)))
     for node, ends in enumerate(parents):
         for end in ends:

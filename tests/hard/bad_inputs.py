@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity.arrays import Floats
-from asperity.mesh.tet10 import EDGES, outer_faces
+from asperity.mesh.element import EDGES, outer_faces
 
 if TYPE_CHECKING:
     from asperity.mesh.block import BlockMesh

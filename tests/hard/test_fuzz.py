@@ -23,7 +23,7 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import AsperityError, CheckError, ConvergenceError, InputError
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.tet10 import EDGES
+from asperity.mesh.element import EDGES
 from asperity.run_case import prepare, run
 from asperity.surface import Flat
 

@@ -60,7 +60,7 @@ def test_a_run_that_stops_leaves_curve_and_checkpoint() -> None:
 
 
 def test_slivers_are_flat_and_not_turned() -> None:
-    from asperity.mesh.tet10 import least_jacobians
+    from asperity.mesh.element import least_jacobians
     from asperity.runtime.compat import gmsh_to_dolfinx
 
     block = build_block(Sinusoid(L=1.0, amplitude=0.02, dims=2), 1.0, lambda x, y, depth: 0.2)

@@ -10,10 +10,10 @@ import pytest
 
 from asperity.errors import MeshError, ResolutionWarning
 from asperity.mesh.block import NEAR, BlockMesh
+from asperity.mesh.element import least_jacobians
 from asperity.mesh.generate import build_block
 from asperity.mesh.lift import SOUND, _least_stretch, _vertical_gradients
 from asperity.mesh.resolution import judge_smoothing, lowered_height
-from asperity.mesh.tet10 import least_jacobians
 from asperity.model.material import Material
 from asperity.model.settings import MeshSize
 from asperity.quasistatic.solve_contact import solve_contact

@@ -9,6 +9,7 @@ from asperity.arrays import Flags, Floats, Integers
 from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.kernels import History
 from asperity.fem.solid import Solid
+from asperity.mesh.element import BEARING
 
 
 class ActiveSet:
@@ -72,7 +73,7 @@ class ActiveSet:
         pass
 
     def touched(self) -> tuple[Flags, Floats]:
-        """Edge nodes that are active, each with a third of its facet: the midpoint rule; collective.
+        """Edge nodes that are active, each with a third of its facet: the rule of the bearing nodes; collective.
 
         Corner nodes do not indicate contact: under a smooth pressure their consistent force vanishes, so the exact
         solution may leave a small gap there. A small contact may lie around one; it has no area.
@@ -81,7 +82,7 @@ class ActiveSet:
         owned = np.zeros(3 * self._solid.owned)
         owned[3 * self._nodes[self.active]] = 1.0
         held = self._solid.scatter_forward(owned)[:, 0] > 0.0
-        edges = held[surface.nodes[:, 3:]]
-        if comm.allreduce(bool(edges.any()), op=MPI.LOR):
-            return edges, np.repeat(surface.area[:, None] / 3.0, 3, axis=1)
+        bearing = held[surface.nodes[:, BEARING]]
+        if comm.allreduce(bool(bearing.any()), op=MPI.LOR):
+            return bearing, np.repeat(surface.area[:, None] / len(BEARING), len(BEARING), axis=1)
         return held[surface.nodes[:, :3]], np.zeros((len(surface.cells), 3))

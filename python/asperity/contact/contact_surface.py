@@ -11,14 +11,11 @@ from asperity import _solver
 from asperity.arrays import Flags, Floats, Indices
 from asperity.fem.global_numbering import cell_numbers
 from asperity.fem.solid import Solid
-from asperity.mesh import tet10
+from asperity.mesh import element
 from asperity.mesh.distribute import TOP
 from asperity.runtime import compat
 
 FACET_DEGREE = 8  # 16 points: four times closer on cut facets than the 6 of degree 4, at no cost (docs/contact.md)
-
-
-NODES = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.5], [0.0, 0.5], [0.5, 0.0]])  # on the reference triangle
 
 
 @dataclass(frozen=True)
@@ -40,20 +37,20 @@ class FacetRule:
     """
 
     def __init__(self, surface: ContactSurface, degree: int, splits: int = 0) -> None:
-        points, weights = tet10.facet_quadrature(degree, splits)
+        points, weights = element.facet_quadrature(degree, splits)
         solid = surface.solid
-        at_facets = [tet10.at_facet(k, points) for k in range(4)]
-        gradients = np.stack([tet10.shape_gradients(p) for p in at_facets])
-        shape = np.stack([tet10.shape_functions(p) for p in at_facets])
+        at_facets = [element.at_facet(k, points) for k in range(4)]
+        gradients = np.stack([element.shape_gradients(p) for p in at_facets])
+        shape = np.stack([element.shape_functions(p) for p in at_facets])
         x = solid.mesh.geometry.x
         x_nodes = np.ascontiguousarray(compat.geometry_dofmap(solid.mesh)[surface.cells])
         self.facets = _solver.Facets(
-            x, x_nodes, surface.cell_nodes, surface.local, gradients, shape, tet10.area_vectors(), weights
+            x, x_nodes, surface.cell_nodes, surface.local, gradients, shape, element.area_vectors(), weights
         )
         self.weights = np.empty((len(surface.cells), len(weights)))
         _solver.facet_weights(self.facets, self.weights)
-        self.nearest = np.linalg.norm(points[:, None] - NODES, axis=2).argmin(axis=1)
-        self._of_nodes = shape[0][:, tet10.facet_nodes()[0]]
+        self.nearest = np.linalg.norm(points[:, None] - element.FACET_POINTS, axis=2).argmin(axis=1)
+        self._of_nodes = shape[0][:, element.facet_nodes()[0]]
         self.height = self.at_points(solid.points[surface.nodes, 2])
 
     def at_points(self, values: Floats) -> Floats:
@@ -73,7 +70,7 @@ class ContactSurface:
     Attributes:
         cells, local: cell of each facet and the number of the facet in it (F,)
         cell_nodes: displacement nodes of these cells (F, 10)
-        nodes: displacement nodes of each facet, three corners then three edges (F, 6)
+        nodes: displacement nodes of each facet, corners, then the edges opposite to them (F, 6)
         area, diameter: of each facet (F,)
         owned_nodes: nodes of the contact surface that this rank owns
     """
@@ -91,7 +88,7 @@ class ContactSurface:
             dtype=np.int32,
         )
         self.cell_nodes = np.ascontiguousarray(solid.cell_nodes[self.cells])
-        closures = np.array(tet10.facet_nodes())
+        closures = np.array(element.facet_nodes())
         self.nodes = np.take_along_axis(self.cell_nodes, closures[self.local], axis=1)
         self.owned_nodes = solid.nodes_on(TOP)
         rule = FacetRule(self, 2)
@@ -99,10 +96,11 @@ class ContactSurface:
         corners = solid.points[self.nodes[:, :3]]
         sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
         self.diameter = np.max(sides, axis=1, initial=0.0)
-        # a facet's load under a pressure of one is an equal force on its edges
-        self._unit = np.repeat(self.area[:, None] / 3.0, 6, axis=1) * (np.arange(6) >= 3)
-        self._corner_area = self._assemble_corners(_to_corners(self._unit))
-        self._projected = projected_area(solid.points[self.nodes])
+        # the load of each facet under a pressure of one
+        self._unit = np.zeros(self.nodes.shape)
+        self._unit[:, element.BEARING] = self.area[:, None] / len(element.BEARING)
+        self._corner_area = self._assemble_corners(element.to_corners(self._unit))
+        self._projected = element.projected_area(solid.points[self.nodes])
 
     def _assemble_corners(self, values: Floats) -> Floats:
         """Sum corner values (F, 3) over facets and ranks; result on local nodes (nodes,)."""
@@ -123,7 +121,7 @@ class ContactSurface:
         solid = self.solid
         if not solid.material.finite:
             return np.ones(len(self.nodes))
-        return projected_area((solid.points + solid.u.x.array.reshape(-1, 3))[self.nodes]) / self._projected
+        return element.projected_area((solid.points + solid.u.x.array.reshape(-1, 3))[self.nodes]) / self._projected
 
     def pressure(self, nodal_force: Floats) -> Floats:
         """Pressure at the corner nodes from forces on all nodes, zero elsewhere; collective.
@@ -140,9 +138,9 @@ class ContactSurface:
         """
         # a node's force is shared by its facets: split it evenly so that the assembly counts it once
         share = nodal_force / np.maximum(self.valence, 1.0)
-        force, area = self._assemble_corners(_to_corners(share[self.nodes])), self._corner_area
+        force, area = self._assemble_corners(element.to_corners(share[self.nodes])), self._corner_area
         if self.solid.material.finite:
-            area = self._assemble_corners(_to_corners(self._unit * self.area_ratio()[:, None]))
+            area = self._assemble_corners(element.to_corners(self._unit * self.area_ratio()[:, None]))
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(area > 0.0, force / area, 0.0)
 
@@ -183,38 +181,3 @@ class ContactSurface:
 def facet_numbers(surface: ContactSurface) -> Indices:
     """Number of each facet in the built mesh: four times its cell plus its number in the cell (F,)."""
     return 4 * cell_numbers(surface.solid)[surface.cells] + surface.local
-
-
-def projected_area(points: Floats) -> Floats:
-    """Area of second-order facets, projected on the plane z = 0 (F,) [length^2].
-
-    Each edge is an arc of a parabola, which adds two thirds of chord times sagitta to the triangle of the corners.
-
-    Args:
-        points: corners, then the middle of the edge opposite to each corner (F, 6, 3) [length]
-
-    Examples:
-        >>> corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-        >>> middles = 0.5 * (np.roll(corners, -1, axis=0) + np.roll(corners, 1, axis=0))
-        >>> projected_area(np.concatenate([corners, middles])[None])
-        array([0.5])
-    """
-    corners, middles = points[:, :3, :2], points[:, 3:, :2]
-    first, last = np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1)  # ends of the edges, in order around
-    triangle = 0.5 * _cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    segments = _cross(last - first, middles - 0.5 * (first + last)).sum(axis=1)
-    return np.abs(triangle - 2.0 / 3.0 * segments)
-
-
-def _cross(a: Floats, b: Floats) -> Floats:
-    out: Floats = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return out
-
-
-def _to_corners(values: Floats) -> Floats:
-    """Facet node values (F, 6) tested with the corner hats: corner plus half of its two edges (F, 3).
-
-    Edge k of a facet lies opposite corner k.
-    """
-    corners, edges = values[:, :3], values[:, 3:]
-    return corners + 0.5 * (edges.sum(axis=1, keepdims=True) - edges)

@@ -12,6 +12,7 @@ from asperity.errors import InputError
 from asperity.fem.compiled_kernels import compiled, law_of
 from asperity.fem.kernels import History
 from asperity.fem.solid import Solid
+from asperity.mesh.element import DEGREE, FACET_POINTS
 from asperity.model.settings import gamma_too_small
 
 
@@ -19,7 +20,7 @@ class PressureContact:
     """The flat presses with P = <g d - k t>_+, g = factor M p^2/h, d the penetration.
 
     t is the z component of the traction of the solid; P and t are per area projected on the flat. The virtual work is
-    int P v_z - theta/g (P + t(u)) t[v] with p = 2 the degree of the elements. solver/facets.hpp holds the kernels.
+    int P v_z - theta/g (P + t(u)) t[v] with p the degree of the elements. solver/facets.hpp holds the kernels.
 
     k = 0: penalty method. k = 1: Nitsche's method (Chouly, Hild & Renard, Math. Comp. 84 (2015) 1089), consistent,
     with theta = 1 symmetric, 0 without the second term, -1 skew. t of an elastic-plastic solid comes from the return
@@ -69,7 +70,7 @@ class PressureContact:
             modulus, h = lam + 2.0 * mu, 3.0 * solid.kernels.volumes[surface.cells].sum(axis=1) / surface.area
         else:
             modulus, h = solid.material.E, surface.diameter
-        numbers = solid.material.finite, factor * modulus * 4.0 / h, self._rule.height, traction, float(theta)
+        numbers = solid.material.finite, factor * modulus * DEGREE**2 / h, self._rule.height, traction, float(theta)
         self._law = _solver.ContactLaw(law_of(solid.material), *numbers)
         self._elastic_law = _solver.ContactLaw(law_of(solid.material, flows=False), *numbers)
         self._has_history = traction and solid.material.plastic
@@ -132,7 +133,7 @@ class PressureContact:
 
     def _of_surroundings(self, values: Floats) -> Floats:
         """Sums of values at the quadrature points (facets, points) over the surroundings of each node (nodes,)."""
-        sums = np.stack([values[:, self._rule.nearest == k].sum(axis=1) for k in range(6)], axis=1)
+        sums = np.stack([values[:, self._rule.nearest == k].sum(axis=1) for k in range(len(FACET_POINTS))], axis=1)
         return self._surface.assemble(self._surface.nodes, sums)
 
     def nodal_force(self, force: Floats) -> Floats:

@@ -31,7 +31,8 @@ def spots_of(surface: ContactSurface, touched: Flags, weights: Floats) -> Spots:
     """
     comm, index_map = surface.solid.comm, surface.solid.V.dofmap.index_map
     facets = np.flatnonzero(touched.any(axis=1))
-    edges = index_map.local_to_global(surface.nodes[facets, 3:].ravel()).reshape(-1, 3)
+    corners = np.sort(index_map.local_to_global(surface.nodes[facets, :3].ravel()).reshape(-1, 3), axis=1)
+    edges = corners[:, [0, 0, 1]] * index_map.size_global + corners[:, [1, 2, 2]]  # a name for each pair of corners
     areas = np.sum(weights * touched, axis=1)[facets]
     parts = comm.gather((edges, areas), root=0)
     found = None

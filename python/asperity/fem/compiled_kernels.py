@@ -7,9 +7,9 @@ import numpy.typing as npt
 
 from asperity import _solver
 from asperity.arrays import Floats
-from asperity.fem.kernels import QUADRATURE_DEGREE, History
+from asperity.fem.kernels import History
 from asperity.fem.sparsity import SparsityPattern
-from asperity.mesh.tet10 import quadrature, shape_gradients
+from asperity.mesh.element import QUADRATURE_DEGREE, quadrature, shape_gradients
 from asperity.model.material import Material
 
 

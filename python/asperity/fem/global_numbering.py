@@ -15,12 +15,25 @@ if TYPE_CHECKING:
 
 
 def node_numbers(solid: Solid) -> npt.NDArray[np.int64]:
-    """Number in the built mesh of each local displacement node, ghosts included (nodes,)."""
+    """Number in the built mesh of each local displacement node, of one of them where nodes are joined (nodes,)."""
     x_nodes = compat.geometry_dofmap(solid.mesh)
     out = np.full(solid.nodes, -1, dtype=np.int64)
     numbers = solid.mesh.geometry.input_global_indices
     out[solid.V.dofmap.list.ravel()] = np.asarray(numbers)[x_nodes.ravel()]
     return out
+
+
+def collect_nodes(solid: Solid, values: Array) -> Array | None:
+    """Nodal values in the order of the mesh as built on rank 0; None elsewhere; collective.
+
+    Args:
+        solid: on the mesh
+        values: at the displacement nodes, ghosts included (nodes, ...)
+    """
+    numbers = np.asarray(solid.mesh.geometry.input_global_indices)
+    node = np.empty(len(numbers), dtype=np.int64)
+    node[compat.geometry_dofmap(solid.mesh).ravel()] = solid.V.dofmap.list.ravel()
+    return collect(solid.comm, numbers, values[node])
 
 
 def cell_numbers(solid: Solid) -> npt.NDArray[np.int64]:
@@ -29,17 +42,17 @@ def cell_numbers(solid: Solid) -> npt.NDArray[np.int64]:
 
 
 def collect(comm: Any, numbers: npt.NDArray[np.int64], values: Array) -> Array | None:
-    """Assemble owned values on rank 0 in the order of `numbers`; None elsewhere; collective.
+    """Assemble values on rank 0 in the order of `numbers`; None elsewhere; collective.
 
     Args:
         comm: communicator
-        numbers: global position of each owned row (n,), every position owned once
-        values: owned rows (n, ...)
+        numbers: global position of each row (n,), every position at least once
+        values: rows (n, ...), the same on all ranks that have one
     """
     parts = comm.gather((numbers, values), root=0)
     if parts is None:
         return None
-    total = sum(len(n) for n, _ in parts)
+    total = 1 + max(int(n.max(initial=-1)) for n, _ in parts)
     out = np.empty((total, *values.shape[1:]), dtype=values.dtype)
     for n, v in parts:
         out[n] = v

@@ -13,7 +13,7 @@ from asperity import _solver
 from asperity.arrays import Floats
 from asperity.fem.kernels import ElementKernels, History
 from asperity.fem.solid import Solid
-from asperity.mesh.tet10 import quadrature, shape_functions, shape_gradients
+from asperity.mesh.element import quadrature, shape_functions, shape_gradients
 from asperity.runtime import compat
 
 MASS_DEGREE = 6  # of the quadrature of the consistent mass: second-order shapes squared, on curved cells

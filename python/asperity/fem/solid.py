@@ -17,13 +17,14 @@ from asperity.fem.ghosts import Ghosts
 from asperity.fem.kernels import ElementKernels
 from asperity.fem.sparsity import SparsityPattern
 from asperity.mesh.distribute import BASE, SIDE_X, SIDE_Y
+from asperity.mesh.element import DEGREE
 from asperity.model.material import Material
 from asperity.runtime import compat
 from asperity.runtime.timing import Phases
 
 
 class Solid:
-    """Second-order displacement on a distributed mesh, clamped base, rollers or free sides.
+    """Displacement on a distributed mesh, clamped base, rollers or free sides.
 
     Args:
         mesh, tags: returned by `mesh.distribute`
@@ -63,7 +64,7 @@ class Solid:
 
         self.mesh, self.tags, self.material, self.sides = mesh, tags, material, sides
         self.comm = mesh.comm
-        self.V = fem.functionspace(mesh, ("Lagrange", 2, (3,)))
+        self.V = fem.functionspace(mesh, ("Lagrange", DEGREE, (3,)))
         self.u = fem.Function(self.V, name="displacement")
         self.force = fem.Function(self.V, name="internal force")
         index_map = self.V.dofmap.index_map
@@ -143,14 +144,7 @@ class Solid:
         Args:
             add: adds the stiffness of the contact to `values`
         """
-        if self.version and self.kernels.linear and add is None and not self._with_contact:
-            return
-        with self.phases.phase("tangent"):
-            self.kernels.tangent(self.u.x.array.reshape(-1, 3), self.values)
-            if add is not None:
-                add()
-        self._with_contact = add is not None
-        self.version += 1
+        self._assemble(self.kernels.tangent, add)
 
     def assemble_elastic(self, add: Callable[[], None] | None = None) -> None:
         """Write the stiffness without plastic flow to `values`, without boundary conditions.
@@ -158,10 +152,13 @@ class Solid:
         Args:
             add: adds the stiffness of the contact to `values`
         """
+        self._assemble(self.kernels.elastic_tangent, add)
+
+    def _assemble(self, write: Callable[[Floats, Floats], None], add: Callable[[], None] | None) -> None:
         if self.version and self.kernels.linear and add is None and not self._with_contact:
             return
         with self.phases.phase("tangent"):
-            self.kernels.elastic_tangent(self.u.x.array.reshape(-1, 3), self.values)
+            write(self.u.x.array.reshape(-1, 3), self.values)
             if add is not None:
                 add()
         self._with_contact = add is not None

@@ -9,9 +9,10 @@ import numpy.typing as npt
 
 from asperity.arrays import Floats
 from asperity.errors import InputError
-from asperity.fem.kernels import QUADRATURE_DEGREE, History
+from asperity.fem.kernels import History
 from asperity.fem.log_strain import displacement_measure, logarithmic_strain, piola_kirchhoff
 from asperity.fem.sparsity import SparsityPattern
+from asperity.mesh.element import QUADRATURE_DEGREE
 from asperity.model.material import Material
 from asperity.runtime import compat
 

@@ -1,4 +1,4 @@
-"""Two-level p-multigrid: second-order displacements are smoothed, first-order ones solved on the cell corners.
+"""Two-level p-multigrid: displacements are smoothed, and the first-order ones among them solved on the cell corners.
 
 The coarse space is an eighth of the size, so it can be factorised where the second-order problem of the same mesh
 is far too large for that, and is set up in a fraction of the time of an algebraic hierarchy on the fine level.
@@ -19,7 +19,7 @@ from asperity.fem.sparsity import SparsityPattern
 from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.petsc_matrix import NodeMatrix, set_rigid_modes
 from asperity.linear.petsc_options import GAMG, set_defaults
-from asperity.mesh.tet10 import BASIX_EDGES
+from asperity.mesh.element import node_ends
 
 COARSE_DIRECT_LIMIT = 60_000  # coarse dofs up to which the coarse problem is factorised on one rank
 COARSE_SWEEPS = 4  # of its smoother above the limit: a tenth fewer iterations on the fine level than with two
@@ -58,7 +58,7 @@ class PMultigrid:
         self._corners[coarse.list] = solid.V.dofmap.list[:, :4]
         # of each node: the corner it is, twice, or the ends of its edge
         self._parents = np.empty((solid.nodes, 2), dtype=np.int32)
-        for k, ends in enumerate([(k, k) for k in range(4)] + list(BASIX_EDGES)):
+        for k, ends in enumerate(node_ends()):
             self._parents[solid.V.dofmap.list[:, k]] = coarse.list[:, ends]
         self._coarse = NodeMatrix(SparsityPattern(coarse.list, corners), index_map, solid.comm)
         set_rigid_modes(self._coarse.A, solid.points[self._corners])

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from asperity.arrays import Floats, Indices
 from asperity.errors import MeshError
-from asperity.mesh.tet10 import EDGES, outer_faces
+from asperity.mesh.element import EDGES, NODES, ON_EDGES, outer_faces
 from asperity.runtime.files import npz_bytes, read_npz, replace_file
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class BlockMesh:
 
     Attributes:
         points: node coordinates (N, 3), base at z = 0, mean plane of the top at z = `height` [length]
-        tets: node numbers (M, 10) in the order of gmsh
+        tets: node numbers of each element (M, 10) in the order of gmsh
         side: length L of the square base [length]
         height: height of the block [length]
         smoothing: standard deviation of the Gaussian that smooths the surface at each node, see `lift.lift` (N,)
@@ -92,8 +92,8 @@ class BlockMesh:
                 raise ValueError(f"its {name} is {arrays[name].size} numbers instead of one")
         points, tets = arrays["points"].astype(np.float64), arrays["tets"].astype(np.int64)
         side, height = arrays["side"].item(), arrays["height"].item()
-        if not (points.ndim == tets.ndim == 2 and points.shape[1] == 3 and tets.shape[1] == 10 and tets.size):
-            raise ValueError(f"points {points.shape} and tets {tets.shape} should be (N, 3) and (M, 10)")
+        if not (points.ndim == tets.ndim == 2 and points.shape[1] == 3 and tets.shape[1] == NODES and tets.size):
+            raise ValueError(f"points {points.shape} and tets {tets.shape} should be (N, 3) and (M, {NODES})")
         if not (0 <= tets.min() and tets.max() < len(points)):
             raise ValueError(f"tets names the nodes {tets.min()} to {tets.max()} of {len(points)}")
         if not (np.all(np.isfinite(points)) and 0.0 < side < np.inf and 0.0 < height < np.inf):
@@ -156,7 +156,7 @@ class BlockMesh:
         base = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) / surface.L**2
         if abs(base - 1.0) > 1e-6:
             raise MeshError(f"mesh.file: the faces on the base cover {base:.6g} of it; mesh the case again")
-        ends = np.sort(self.tets[:, EDGES].reshape(-1, 2), axis=1)
+        ends = np.sort(self.tets[:, EDGES[:ON_EDGES]].reshape(-1, 2), axis=1)
         edges = np.column_stack([ends, self.tets[:, 4:].ravel()])[np.lexsort(ends.T)]
         torn = (np.diff(edges, axis=0) != 0) @ np.array([2, 2, 1]) == 1
         if torn.any():

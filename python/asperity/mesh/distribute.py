@@ -8,7 +8,7 @@ import numpy as np
 
 from asperity.errors import MeshError
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.tet10 import least_jacobians
+from asperity.mesh.element import DEGREE, NODES, least_jacobians
 from asperity.runtime import compat
 
 if TYPE_CHECKING:
@@ -37,13 +37,13 @@ def distribute(comm: MPI.Comm, block: BlockMesh | None, scale: float) -> tuple[A
 
     from dolfinx import mesh as dmesh
 
-    element = basix.ufl.element("Lagrange", "tetrahedron", 2, shape=(3,))
+    element = basix.ufl.element("Lagrange", "tetrahedron", DEGREE, shape=(3,))
     if comm.rank == 0:
         assert block is not None
-        cells = block.tets[:, compat.gmsh_to_dolfinx(10)]
+        cells = block.tets[:, compat.gmsh_to_dolfinx(NODES)]
         points = block.points * scale
     else:
-        cells, points = np.empty((0, 10), dtype=np.int64), np.empty((0, 3))
+        cells, points = np.empty((0, NODES), dtype=np.int64), np.empty((0, 3))
     mesh = dmesh.create_mesh(comm, cells=cells, x=points, e=ufl.Mesh(element))  # 0.10 changed their order
     return mesh, _tag_facets(mesh)
 

@@ -1,4 +1,4 @@
-"""Second-order tetrahedral mesh of a block whose top is a rough surface.
+"""Tetrahedral mesh of a block whose top is a rough surface.
 
 gmsh meshes the block [0, L]^2 x [0, height] with a flat top; `lift` moves its nodes onto the surface.
 """
@@ -17,6 +17,7 @@ import numpy.typing as npt
 from asperity.arrays import Floats
 from asperity.errors import MeshError
 from asperity.mesh.block import BlockMesh
+from asperity.mesh.element import DEGREE, NODES
 from asperity.mesh.lift import lift
 from asperity.mesh.size_field import rounded
 from asperity.runtime import compat
@@ -69,7 +70,7 @@ def _flat_block(
     size: Callable[[float, float, float], float],
     summit: tuple[float, float],
 ) -> tuple[Floats, npt.NDArray[np.int64]]:
-    """Nodes (N, 3) and second-order tetrahedra (M, 10) of a box with a node of the top at `summit`, the first contact.
+    """Nodes (N, 3) and elements (M, NODES) of a box with a node of the top at `summit`, the first contact.
 
     All lengths are in units of L, to which the absolute tolerances of gmsh are suited.
     """
@@ -83,18 +84,25 @@ def _flat_block(
             gmsh.model.occ.synchronize()
             gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: size(x, y, height - z))
             gmsh.model.mesh.generate(3)
-            gmsh.model.mesh.setOrder(2)
-            tags, xyz, _ = gmsh.model.mesh.getNodes()
-            _, _, connectivity = gmsh.model.mesh.getElements(3)
+            points, tets = nodes_and_elements()
     except Exception as e:
         raise MeshError(f"gmsh could not mesh the block: {e}") from e
-    number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
-    number[tags.astype(np.int64)] = np.arange(len(tags))
-    points = xyz.reshape(-1, 3).copy()
     for axis, end in enumerate((1.0, 1.0, height)):
         for plane in (0.0, end):
             points[np.abs(points[:, axis] - plane) < 1e-9, axis] = plane
-    return points, number[connectivity[0].astype(np.int64)].reshape(-1, 10)
+    return points, tets
+
+
+def nodes_and_elements() -> tuple[Floats, npt.NDArray[np.int64]]:
+    """Nodes (N, 3) of the tetrahedra of the current model of gmsh, and their numbers in each element (M, NODES)."""
+    import gmsh
+
+    gmsh.model.mesh.setOrder(DEGREE)
+    tags, xyz, _ = gmsh.model.mesh.getNodes()
+    _, _, connectivity = gmsh.model.mesh.getElements(3)
+    number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+    number[tags.astype(np.int64)] = np.arange(len(tags))
+    return xyz.reshape(-1, 3).copy(), number[connectivity[0].astype(np.int64)].reshape(-1, NODES)
 
 
 @contextmanager

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from asperity.arrays import Floats, Indices
 from asperity.errors import MeshError
 from asperity.mesh.block import heights_at
-from asperity.mesh.tet10 import EDGES
+from asperity.mesh.element import EDGES, ON_EDGES, corner_derivatives
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
@@ -94,7 +94,7 @@ def _sizes(points: Floats, tets: Indices) -> Floats:
     total = sum(np.bincount(corners[:, k], lengths.ravel(), minlength=n) for k in (0, 1))
     count = sum(np.bincount(corners[:, k], minlength=n) for k in (0, 1))
     size = np.divide(total, count, out=np.zeros(n), where=count > 0)
-    size[tets[:, 4:]] = size[ends].mean(axis=2)
+    size[tets[:, 4:]] = size[ends[:, :ON_EDGES]].mean(axis=2)
     return size
 
 
@@ -110,18 +110,17 @@ def _vertical_gradients(points: Floats, tets: Indices) -> Floats:
 def _least_stretch(gradients: Floats, rise: Floats) -> Floats:
     """Least vertical stretch of each tetrahedron whose nodes rise by the given amounts (M,).
 
-    A vertical displacement u changes volumes by the factor 1 + du/dz. For the second-order interpolant of u this is
-    linear in the element, so it is least at a corner.
+    A vertical displacement u changes volumes by the factor 1 + du/dz. For an interpolant of u of second order at most,
+    this is linear in the element, so it is least at a corner.
 
     Args:
         gradients: see `_vertical_gradients` (M, 4) [1/length]
         rise: of the nodes (M, 10) [length]
     """
     least = np.full(len(rise), np.inf)
-    for corner in range(4):
-        slope = -np.einsum("ij,ij->i", rise[:, :4], gradients) + 4.0 * rise[:, corner] * gradients[:, corner]
-        for edge, (i, j) in enumerate(EDGES):
-            if corner in (i, j):
-                slope += 4.0 * rise[:, 4 + edge] * gradients[:, j if corner == i else i]
+    for derivatives in corner_derivatives():
+        slope = np.zeros(len(rise))
+        for node, coordinate in np.argwhere(derivatives):
+            slope += derivatives[node, coordinate] * rise[:, node] * gradients[:, coordinate]
         least = np.minimum(least, 1.0 + slope)
     return least

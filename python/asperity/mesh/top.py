@@ -5,18 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-from asperity.arrays import Floats
+from asperity.arrays import Floats, Indices
 from asperity.mesh.block import NEAR, BlockMesh
-from asperity.mesh.tet10 import outer_faces
+from asperity.mesh.element import BEARING, cross, face_functions, outer_faces
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
 
 
 def heights_of_top(block: BlockMesh, surface: Surface, n: int) -> Floats:
-    """Heights of the second-order facets of the top, on the scale of the surface, at the centres of n x n cells.
+    """Heights of the curved facets of the top, on the scale of the surface, at the centres of n x n cells.
 
     Args:
         block: mesh of the block
@@ -38,14 +37,12 @@ def heights_of_top(block: BlockMesh, surface: Surface, n: int) -> Floats:
     nodes = faces[np.asarray(finder(x, y))]
     a, b, c = (xy[nodes[:, k]] for k in range(3))
     p = np.column_stack([x, y])
-    area = _cross(b - a, c - a)
-    second, third = _cross(p - a, c - a) / area, _cross(b - a, p - a) / area
+    area = cross(b - a, c - a)
+    second, third = cross(p - a, c - a) / area, cross(b - a, p - a) / area
     first = 1.0 - second - third
     z = (block.points[:, 2] - block.height + surface.mean()) / L
-    corner = ((first, 0), (second, 1), (third, 2))
-    edge = ((first * second, 3), (second * third, 4), (third * first, 5))
-    total = sum(w * (2.0 * w - 1.0) * z[nodes[:, k]] for w, k in corner)
-    return np.asarray(total + sum(4.0 * w * z[nodes[:, k]] for w, k in edge)).reshape(n, n)
+    parts = (face_functions(np.column_stack([first, second, third])) * z[nodes]).T
+    return np.asarray(sum(parts[:3]) + sum(parts[3:])).reshape(n, n)
 
 
 def mean_plane(block: BlockMesh, surface: Surface) -> float:
@@ -67,17 +64,13 @@ def mean_plane(block: BlockMesh, surface: Surface) -> float:
     faces = _faces_of_top(block, surface)
     xy, z = block.points[:, :2], block.points[:, 2]
     a, b, c = (xy[faces[:, k]] for k in range(3))
-    area = np.abs(_cross(b - a, c - a))
-    # exact for quadratic facets with straight edges in the plan: the mean of the nodes in the middle of the edges
-    return float(area @ z[faces[:, 3:]].mean(axis=1) / area.sum()) - block.height
+    area = np.abs(cross(b - a, c - a))
+    # exact where the edges are straight in the plan: the weights of the integral of a facet
+    return float(area @ z[faces[:, BEARING]].mean(axis=1) / area.sum()) - block.height
 
 
-def _faces_of_top(block: BlockMesh, surface: Surface) -> npt.NDArray[np.int64]:
+def _faces_of_top(block: BlockMesh, surface: Surface) -> Indices:
     """Nodes of the facets of the top (F, 6), corners first."""
     on_top = np.abs(block.heights(surface) - block.points[:, 2]) < NEAR * block.side
     faces = outer_faces(block.tets)
     return faces[on_top[faces].all(axis=1)]
-
-
-def _cross(a: Floats, b: Floats) -> Floats:
-    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])

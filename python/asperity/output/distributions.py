@@ -11,7 +11,7 @@ import numpy as np
 
 from asperity.arrays import Floats
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.tet10 import facet_quadrature
+from asperity.mesh.element import cross, face_functions, facet_quadrature
 from asperity.output.fields import State, top_facets
 from asperity.quasistatic.measures import TOUCHED
 from asperity.runtime.files import replace_file
@@ -41,7 +41,7 @@ def distributions(block: BlockMesh, states: list[State]) -> Iterator[tuple[State
     facets = top_facets(block)
     shape, weights = _facet_rule()
     a, b, c = np.moveaxis(block.points[facets[:, :3], :2], 1, 0)
-    areas = np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    areas = np.abs(cross(b - a, c - a))
     shares = (areas[:, None] * weights / (areas.sum() * weights.sum())).ravel()
     for state in states:
         for quantity, least in (("pressure", 0.0), ("gap", TOUCHED * block.side)):
@@ -53,8 +53,6 @@ def distributions(block: BlockMesh, states: list[State]) -> Iterator[tuple[State
 
 
 def _facet_rule() -> tuple[Floats, Floats]:
-    """Shape functions of a facet (Q, 6), corners then edges 01, 12, 20, and weights (Q,)."""
+    """Shape functions of a facet (Q, nodes of a facet) and weights (Q,)."""
     points, weights = facet_quadrature(4, splits=2)
-    corners = np.column_stack([1.0 - points.sum(axis=1), points])
-    edges = 4.0 * corners * np.roll(corners, -1, axis=1)
-    return np.column_stack([corners * (2.0 * corners - 1.0), edges]), weights
+    return face_functions(np.column_stack([1.0 - points.sum(axis=1), points])), weights

@@ -9,16 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity.arrays import Array
-from asperity.contact.contact_surface import ContactSurface
-from asperity.fem.global_numbering import cell_numbers, collect, node_numbers
+from asperity.fem.global_numbering import cell_numbers, collect, collect_nodes
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.tet10 import outer_faces
-from asperity.quasistatic.measures import Snapshot
+from asperity.mesh.element import FACE_TRIANGLES, GMSH_TO_VTK, NODES, VTK_TYPE, outer_faces, to_face
 from asperity.quasistatic.solve_contact import ContactResult
 from asperity.runtime.run_folder import BLOCK, TOP
 
-VTK_QUADRATIC_TETRA = 24
-GMSH_TO_VTK = (0, 1, 2, 3, 4, 5, 6, 7, 9, 8)  # the last two edges are swapped
 TO_VTK_TENSOR = (0, 1, 2, 3, 5, 4)  # xx yy zz xy yz xz
 
 
@@ -35,14 +31,9 @@ class State:
         plastic_strain: mean accumulated plastic strain of each cell (M,); empty for an elastic material
 
     Examples:
-        >>> from asperity.surface import Flat
-        >>> size = asp.MeshSize(h_contact=1.0, h_max=1.0)
-
-        >>> path, elastic = {"delta_max": 0.01, "steps": 1}, asp.Material(E=1.0, nu=0.3)
-        >>> result = asp.solve_contact(Flat(L=1.0), elastic, **path, size=size, snapshots=1)
-        >>> (state,) = gather_states(result, side=1.0, E=1.0)
-        >>> state.step, state.branch, state.delta, state.displacement.shape[1]
-        (1, 'load', 0.01, 3)
+        >>> scalar, vector, tensor = np.zeros(10), np.zeros((10, 3)), np.zeros((1, 6))
+        >>> State(1, "load", 0.01, vector, pressure=scalar, gap=scalar, stress=tensor, plastic_strain=scalar[:1]).step
+        1
     """
 
     step: int
@@ -74,36 +65,26 @@ def gather_states(result: ContactResult, side: float, E: float) -> list[State]:
         -0.013462
     """
     solid = result.solver.solid
-    owned = slice(0, solid.owned)
-    nodes, cells = node_numbers(solid)[owned], cell_numbers(solid)
+    facets = None if result.block is None else top_facets(result.block)
+    cells = cell_numbers(solid)
     states = []
     for s in result.snapshots:
-        u = collect(solid.comm, nodes, s.displacement[owned] * side)
-        p = collect(solid.comm, nodes, _edge_means(result.solver.contact_surface, s)[owned] * E)
-        gap = collect(solid.comm, nodes, s.gap[owned] * side)
+        u = collect_nodes(solid, s.displacement * side)
+        p = collect_nodes(solid, s.pressure * E)
+        gap = collect_nodes(solid, s.gap * side)
         stress = collect(solid.comm, cells, s.stress * E)
         alpha = None
         if solid.material.plastic:
             alpha = collect(solid.comm, cells, s.plastic_strain.mean(axis=1))
-        if u is not None and p is not None and gap is not None and stress is not None:
+        if u is not None and p is not None and gap is not None and stress is not None and facets is not None:
+            p[facets] = to_face(p[facets[:, :3]])
             mean = np.empty(0) if alpha is None else alpha
             states.append(State(s.step, s.branch, s.delta * side, u, p, gap, stress, mean))
     return states
 
 
-def _edge_means(top: ContactSurface, snapshot: Snapshot) -> Array:
-    """Nodal pressure of a snapshot with the edge nodes of the top set to the mean of their corners (nodes,).
-
-    Edge k of a facet is opposite to its corner k.
-    """
-    p = snapshot.pressure.copy()
-    corners = p[top.nodes[:, :3]]
-    p[top.nodes[:, 3:]] = 0.5 * (corners.sum(axis=1, keepdims=True) - corners)
-    return p
-
-
 def top_facets(block: BlockMesh) -> npt.NDArray[np.int64]:
-    """Facets of the top: the outer faces on no plane side or base; corners, then edges 01, 12, 20 (K, 6)."""
+    """Facets of the top: the outer faces on no plane side or base; nodes as in FACES (K, nodes of a face)."""
     outer = outer_faces(block.tets)
     x, L = block.points[outer[:, :3]], block.side
     eps = 1e-9 * L
@@ -118,16 +99,7 @@ def write_figure_data(folder: Path, block: BlockMesh, states: list[State]) -> No
     folder.mkdir(exist_ok=True)
     facets = top_facets(block)
     np.savez_compressed(folder / BLOCK, points=block.points, tets=block.tets, triangles=facets)
-    corners, edges = facets[:, :3], facets[:, 3:]
-    # four linear triangles per facet, so that the edge nodes are used
-    triangles = np.concatenate(
-        [
-            np.stack([corners[:, 0], edges[:, 0], edges[:, 2]], axis=1),
-            np.stack([corners[:, 1], edges[:, 1], edges[:, 0]], axis=1),
-            np.stack([corners[:, 2], edges[:, 2], edges[:, 1]], axis=1),
-            edges,
-        ]
-    )
+    triangles = np.concatenate([facets[:, nodes] for nodes in FACE_TRIANGLES])
     used, number = np.unique(triangles, return_inverse=True)
     np.savez_compressed(
         folder / TOP,
@@ -168,12 +140,12 @@ def write_vtkhdf(path: Path, block: BlockMesh, states: list[State]) -> None:
         root = file.create_group("VTKHDF", track_order=True)
         root.attrs["Version"] = (2, 0)
         root.attrs.create("Type", b"UnstructuredGrid", dtype=h5py.string_dtype("ascii", 16))
-        for name, value in (("NumberOfPoints", n), ("NumberOfCells", m), ("NumberOfConnectivityIds", 10 * m)):
+        for name, value in (("NumberOfPoints", n), ("NumberOfCells", m), ("NumberOfConnectivityIds", NODES * m)):
             root[name] = np.array([value], dtype=np.int64)
         root["Points"] = block.points / block.side
         root["Connectivity"] = block.tets[:, GMSH_TO_VTK].ravel()
-        root["Offsets"] = 10 * np.arange(m + 1, dtype=np.int64)
-        root["Types"] = np.full(m, VTK_QUADRATIC_TETRA, dtype=np.uint8)
+        root["Offsets"] = NODES * np.arange(m + 1, dtype=np.int64)
+        root["Types"] = np.full(m, VTK_TYPE, dtype=np.uint8)
         series = root.create_group("Steps")
         series.attrs["NSteps"] = steps
         series["Values"] = np.array([s.delta / block.side for s in states])

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from asperity.errors import CompatError, InputError
+from asperity.mesh.element import LINEAR_TETS, VTK_TYPE
 from asperity.output.results import Results
 from asperity.runtime.files import files_into
 from asperity.runtime.run_folder import FIELDS, FIGURES, VTKHDF
@@ -88,28 +89,15 @@ def read_step(path: Path, step: int = -1) -> Any:
     return pv.wrap(reader.GetOutput())
 
 
-# eight linear tetrahedra of a second-order one, in VTK's node order
-_PARTS = (
-    (0, 4, 6, 7),
-    (4, 1, 5, 8),
-    (6, 5, 2, 9),
-    (7, 8, 9, 3),
-    (4, 9, 5, 6),
-    (4, 9, 6, 7),
-    (4, 9, 7, 8),
-    (4, 9, 8, 5),
-)
-
-
 def _linear(grid: Any, cell_data: dict[str, Any], point_data: dict[str, Any]) -> Any:
     """Return the deformed block as linear tetrahedra through all nodes, which can be clipped."""
     import pyvista as pv
 
-    tets = grid.cells_dict[pv.CellType.QUADRATIC_TETRA]
-    cells = tets[:, np.array(_PARTS)].reshape(-1, 4)
+    tets = grid.cells_dict[VTK_TYPE]
+    cells = tets[:, np.array(LINEAR_TETS)].reshape(-1, 4)
     block = pv.UnstructuredGrid({pv.CellType.TETRA: cells}, grid.points + grid.point_data["displacement"])
     for name, values in cell_data.items():
-        block.cell_data[name] = np.repeat(values, len(_PARTS))
+        block.cell_data[name] = np.repeat(values, len(LINEAR_TETS))
     for name, values in point_data.items():
         block.point_data[name] = values
     return block

@@ -1,4 +1,4 @@
-"""Section of a second-order tetrahedral mesh by a vertical plane."""
+"""Section of a tetrahedral mesh by a vertical plane."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.arrays import Array
-from asperity.mesh.tet10 import FACES
+from asperity.mesh.element import FACES, face_functions
 
 
 def cut(points: Array, tets: NDArray[np.integer], y: float, parts: int = 3) -> tuple[list[Array], Array]:
@@ -17,7 +17,7 @@ def cut(points: Array, tets: NDArray[np.integer], y: float, parts: int = 3) -> t
 
     Args:
         points: nodes (length), shape (N, 3).
-        tets: second-order tetrahedra in gmsh's node order, shape (M, 10).
+        tets: elements in gmsh's node order, shape (M, 10).
         y: position of the plane (length).
         parts: divisions of each edge.
 
@@ -42,19 +42,17 @@ def cut(points: Array, tets: NDArray[np.integer], y: float, parts: int = 3) -> t
 
 
 def _divided(parts: int) -> tuple[Array, NDArray[np.int64]]:
-    """Return quadratic shape functions at the nodes of a divided triangle, and the small triangles."""
+    """Return the shape functions of a face at the nodes of a divided triangle, and the small triangles."""
     nodes = [(i, j) for j in range(parts + 1) for i in range(parts + 1 - j)]
     number = {node: n for n, node in enumerate(nodes)}
     u, v = np.array(nodes).T / parts
-    w = 1 - u - v
-    values = [w * (2 * w - 1), u * (2 * u - 1), v * (2 * v - 1), 4 * w * u, 4 * u * v, 4 * v * w]
     triangles = []
     for i, j in nodes:
         if i + j < parts:
             triangles.append([number[i, j], number[i + 1, j], number[i, j + 1]])
         if i + j < parts - 1:
             triangles.append([number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]])
-    return np.array(values).T, np.array(triangles)
+    return face_functions(np.column_stack([1 - u - v, u, v])), np.array(triangles)
 
 
 def _crossings(pieces: Array, y: float) -> list[Array]:

@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from asperity.arrays import Array, Indices
+from asperity.arrays import Array, Floats, Indices
 from asperity.contact.contact_surface import facet_numbers
 from asperity.errors import CheckpointError
 from asperity.fem.global_numbering import (
     cell_numbers,
     collect,
+    collect_nodes,
     collect_some,
     node_numbers,
     spread,
@@ -132,7 +133,7 @@ class Saved:
 def solver_fields(solver: ContactSolver, first_contact: FirstContact) -> dict[str, Array]:
     """Fields of a state on rank 0, in the numbering of the mesh as built; empty elsewhere; collective."""
     solid, comm = solver.solid, solver.solid.comm
-    nodes, cells = node_numbers(solid)[: solid.owned], cell_numbers(solid)
+    cells = cell_numbers(solid)
     out: dict[str, Array] = {}
 
     def keep_some(name: str, numbers: Array, values: Array) -> None:
@@ -141,12 +142,13 @@ def solver_fields(solver: ContactSolver, first_contact: FirstContact) -> dict[st
             out[f"{name}.at"], out[name] = rows
 
     for name, u in _displacements(solver.state()).items():
-        values = collect(comm, nodes, u)
+        values = collect_nodes(solid, solid.scatter_forward(u.ravel()))
         if values is not None:
             out[f"displacement.{name}"] = values
-    touched_at = first_contact.delta
-    touched = np.flatnonzero(np.isfinite(touched_at))
-    keep_some("touched_at", nodes[solver.contact_surface.owned_nodes[touched]], touched_at[touched])
+    touched_at = collect_nodes(solid, _nodal(solver, first_contact.delta))
+    if touched_at is not None:
+        out["touched_at.at"] = np.flatnonzero(np.isfinite(touched_at))
+        out["touched_at"] = touched_at[out["touched_at.at"]]
     if solid.material.plastic:
         history = solid.kernels.history()
         changed = history.changed()
@@ -158,6 +160,14 @@ def solver_fields(solver: ContactSolver, first_contact: FirstContact) -> dict[st
         for name, values in of_contact.arrays().items():
             keep_some(OF_CONTACT + name, facets, values)
     return out
+
+
+def _nodal(solver: ContactSolver, touched_at: Floats) -> Floats:
+    """Approach of first contact at the local nodes, inf for never (nodes,) [L]; collective."""
+    solid = solver.solid
+    out = np.full((solid.owned, 3), np.inf)
+    out[solver.contact_surface.owned_nodes[: len(touched_at)], 0] = touched_at
+    return solid.scatter_forward(out.ravel())[:, 0]
 
 
 def solver_numbers(state: SolverState) -> dict[str, Any]:
@@ -193,7 +203,7 @@ def snapshot_fields(solver: ContactSolver, snapshot: Snapshot) -> dict[str, Arra
         if name in OF_CELLS:
             rows = collect(solid.comm, cell_numbers(solid), values)
         else:
-            rows = collect(solid.comm, node_numbers(solid)[: solid.owned], values[: solid.owned])
+            rows = collect_nodes(solid, values)
         if rows is not None:
             out[name] = rows
     return out

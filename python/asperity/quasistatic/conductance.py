@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asperity.arrays import Floats
-from asperity.fem.kernels import QUADRATURE_DEGREE
 from asperity.fem.solid import Solid
 from asperity.linear.petsc_options import GAMG, set_defaults
-from asperity.mesh.tet10 import quadrature, shape_gradients
+from asperity.mesh.element import NODES, QUADRATURE_DEGREE, quadrature, shape_gradients
 from asperity.quasistatic.stiffness import without_block
 from asperity.runtime import compat
 
@@ -36,8 +35,8 @@ class Conductance:
         from scipy import sparse
 
         n, cells = solid.nodes, len(solid.cell_nodes)
-        rows = np.repeat(solid.cell_nodes, 10, axis=1).ravel()
-        columns = np.tile(solid.cell_nodes, (1, 10)).ravel()
+        rows = np.repeat(solid.cell_nodes, NODES, axis=1).ravel()
+        columns = np.tile(solid.cell_nodes, (1, NODES)).ravel()
         local = sparse.coo_array((_laplace(solid).ravel(), (rows, columns)), shape=(n, n)).tocsr()
         index_map = solid.V.dofmap.index_map
         sizes = index_map.size_local, index_map.size_global

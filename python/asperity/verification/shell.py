@@ -12,9 +12,9 @@ from asperity import reference
 from asperity.arrays import Floats
 from asperity.contact import ActiveSet
 from asperity.contact.contact_surface import ContactSurface
-from asperity.fem.kernels import QUADRATURE_DEGREE
 from asperity.fem.solid import Solid
 from asperity.mesh.distribute import distribute
+from asperity.mesh.element import QUADRATURE_DEGREE
 from asperity.model.material import Material
 from asperity.verification.solids import CellRule, eighth_sphere, equilibrium, planes_of_symmetry
 from asperity.verification.table import KINK, LOCAL, Row, VerificationLevel, on_meshes, rows_along

@@ -12,8 +12,9 @@ from asperity.arrays import Floats
 from asperity.contact import Contact
 from asperity.errors import ConvergenceError
 from asperity.fem.solid import Solid
-from asperity.mesh import tet10
+from asperity.mesh import element
 from asperity.mesh.block import BlockMesh
+from asperity.mesh.generate import nodes_and_elements
 from asperity.model.settings import SolverOptions
 from asperity.quasistatic.newton import NewtonSolver
 from asperity.runtime import compat
@@ -45,14 +46,10 @@ def eighth_sphere(outer: float, inner: float, size: Callable[[float, float, floa
         occ.synchronize()
         gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: size(x, y, z))
         gmsh.model.mesh.generate(3)
-        gmsh.model.mesh.setOrder(2)
-        tags, xyz, _ = gmsh.model.mesh.getNodes()
-        _, _, connectivity = gmsh.model.mesh.getElements(3)
+        points, tets = nodes_and_elements()
     finally:
         gmsh.finalize()
-    number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
-    number[tags.astype(np.int64)] = np.arange(len(tags))
-    return BlockMesh(xyz.reshape(-1, 3), number[connectivity[0].astype(np.int64)].reshape(-1, 10), outer, outer)
+    return BlockMesh(points, tets, outer, outer)
 
 
 def planes_of_symmetry(solid: Solid) -> npt.NDArray[np.int32]:
@@ -72,8 +69,8 @@ class CellRule:
     """
 
     def __init__(self, solid: Solid, degree: int) -> None:
-        points, weights = tet10.quadrature(degree)
-        self.shape, gradients = tet10.shape_functions(points), tet10.shape_gradients(points)
+        points, weights = element.quadrature(degree)
+        self.shape, gradients = element.shape_functions(points), element.shape_gradients(points)
         x = solid.points[solid.cell_nodes]
         jacobian = np.einsum("qaj,cai->cqij", gradients, x)
         self.points = np.einsum("qa,cai->cqi", self.shape, x)

@@ -1,4 +1,4 @@
-// Curved second-order tetrahedra: strain, residual and stiffness of one quadrature point.
+// The element of all meshes, the curved second-order tetrahedron: strain, residual and stiffness of a quadrature point.
 #pragma once
 
 #include "law.hpp"
@@ -8,9 +8,9 @@
 
 namespace asperity
 {
-constexpr int nodes = 10;
+constexpr int nodes = 10; // of a cell, the only number that another Lagrange element on tetrahedra changes here
 constexpr int dofs = 3 * nodes;
-constexpr int row_length = 32; // of element matrices, of which dofs are used: a multiple of the width of vectors
+constexpr int row_length = (dofs + 7) / 8 * 8; // of element matrices: a multiple of the width of vectors
 
 using Gradients = std::array<std::array<double, 3>, nodes>;
 
@@ -34,7 +34,7 @@ inline double cofactors(const double* reference, const Gradients& x, double K[3]
   return J[0][0] * K[0][0] + J[0][1] * K[1][0] + J[0][2] * K[2][0];
 }
 
-/// Physical gradients of the ten shape functions from their reference gradients.
+/// Physical gradients of the shape functions from their reference gradients.
 inline void push_forward(const double* reference, const double K[3][3], double det, Gradients& g)
 {
   const double inv = 1.0 / det;
@@ -86,7 +86,7 @@ inline void add_residual(const Gradients& g, const Sym& stress, double weight, G
   }
 }
 
-/// Add weight * B^T C B to the row-major 30 x 32 element matrix. Only the node pairs a <= b are filled.
+/// Add weight * B^T C B to the row-major dofs x row_length element matrix. Only the node pairs a <= b are filled.
 inline void add_stiffness(const Gradients& g, const Moduli& C, const Sym& n, double weight, double* A)
 {
   const auto [lambda, mu, chi] = C;

@@ -1,0 +1,236 @@
+"""The element of all meshes, the second-order tetrahedron: orders of its nodes, shape functions, facets, quadrature.
+
+All that the program knows of it is here and in solver/element.hpp. Another Lagrange element on tetrahedra has other
+constants here and other values in the functions of its faces.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from asperity import _solver
+from asperity.arrays import Array, Floats, Indices, Integers
+
+DEGREE = 2  # of the shape functions
+NODES = 10  # of a cell: the corners, then the middles of the edges
+QUADRATURE_DEGREE = 2  # of the cells: four points; degree 4 moved the force by less than 0.1 %
+
+#: Corners at the ends of the edges in the order of gmsh; the middles of the first ON_EDGES are the nodes from 4 on.
+EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3))
+ON_EDGES = NODES - 4
+#: Nodes of the faces in the order of gmsh: the corners, then the nodes on the edges 01, 12, 20 of the face.
+FACES = ((0, 1, 2, 4, 5, 6), (0, 1, 3, 4, 9, 7), (0, 2, 3, 6, 8, 7), (1, 2, 3, 5, 8, 9))
+FACE_TRIANGLES = ((0, 3, 5), (1, 4, 3), (2, 5, 4), (3, 4, 5))  # linear ones through all nodes of a face in that order
+
+#: Points of the nodes of a facet on the reference triangle, in the order of dolfinx: corners, middles opposite to them.
+FACET_POINTS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.5], [0.0, 0.5], [0.5, 0.0]])
+#: Nodes of a facet that carry a uniform pressure, each an equal part of it; the others carry nothing.
+BEARING = (3, 4, 5)
+
+VTK_TYPE = 24  # quadratic tetrahedron
+GMSH_TO_VTK = (0, 1, 2, 3, 4, 5, 6, 7, 9, 8)  # the last two edges are swapped
+#: Linear tetrahedra through all nodes of a cell, in the order of VTK.
+LINEAR_TETS = (
+    (0, 4, 6, 7),
+    (4, 1, 5, 8),
+    (6, 5, 2, 9),
+    (7, 8, 9, 3),
+    (4, 9, 5, 6),
+    (4, 9, 6, 7),
+    (4, 9, 7, 8),
+    (4, 9, 8, 5),
+)
+
+
+# -- shape functions and quadrature ----------------------------------------------------------------------------
+
+
+def basis() -> Any:
+    """The basix element of the shape functions."""
+    import basix
+
+    family, variant = basix.ElementFamily.P, basix.LagrangeVariant.gll_warped
+    return basix.create_element(family, basix.CellType.tetrahedron, DEGREE, variant)
+
+
+def quadrature(degree: int) -> tuple[Floats, Floats]:
+    """Gauss rule of a given degree on the reference tetrahedron: points (Q, 3), weights (Q,)."""
+    import basix
+
+    points, weights = basix.make_quadrature(basix.CellType.tetrahedron, degree)
+    return points, weights
+
+
+def facet_quadrature(degree: int, splits: int = 0) -> tuple[Floats, Floats]:
+    """Gauss rule on each of the 4^splits equal parts of the reference triangle: points (Q, 2), weights (Q,)."""
+    import basix
+
+    points, weights = basix.make_quadrature(basix.CellType.triangle, degree)
+    n = 2**splits
+    parts = []
+    for i in range(n):
+        for j in range(n - i):
+            parts.append((np.array([i, j]) + points) / n)
+            if i + j < n - 1:
+                parts.append((np.array([i + 1, j + 1]) - points) / n)
+    return np.concatenate(parts), np.tile(weights, n * n) / n**2
+
+
+def shape_functions(points: Floats) -> Floats:
+    """Shape functions at reference points (Q, 3): (Q, NODES)."""
+    return np.ascontiguousarray(basis().tabulate(0, points)[0, :, :, 0])
+
+
+def shape_gradients(points: Floats) -> Floats:
+    """Gradients of the shape functions at reference points (Q, 3): (Q, NODES, 3)."""
+    return np.ascontiguousarray(np.moveaxis(basis().tabulate(1, points)[1:4, :, :, 0], 0, -1))
+
+
+def face_functions(coordinates: Array) -> Array:
+    """Shape functions of a face, in the order of FACES, at barycentric coordinates (Q, 3): (Q, nodes of a face)."""
+    edges = 4.0 * coordinates * np.roll(coordinates, -1, axis=1)
+    return np.column_stack([coordinates * (2.0 * coordinates - 1.0), edges])
+
+
+def to_face(corners: Array) -> Array:
+    """Values at the nodes of faces, in the order of FACES, of the linear functions with these corner values (F, 3)."""
+    return np.column_stack([corners, 0.5 * (corners + np.roll(corners, -1, axis=1))])
+
+
+def corner_derivatives() -> Integers:
+    """Derivatives of the shape functions, in the order of gmsh, with respect to the barycentric coordinates.
+
+    Returns:
+        at each corner, of each function, with respect to each coordinate (4, NODES, 4)
+    """
+    out = np.zeros((4, NODES, 4), dtype=np.int32)
+    for corner in range(4):
+        out[corner, range(4), range(4)] = -1
+        out[corner, corner, corner] = 3
+        for node, (i, j) in enumerate(EDGES, start=4):
+            if corner in (i, j):
+                out[corner, node, j if corner == i else i] = 4
+    return out
+
+
+# -- nodes in the order of dolfinx -----------------------------------------------------------------------------
+
+
+def node_ends() -> Integers:
+    """Corners at the ends of the edge of each node, for a corner itself twice (NODES, 2)."""
+    import basix
+
+    edges = basix.topology(basix.CellType.tetrahedron)[1][:ON_EDGES]
+    return np.array([(corner, corner) for corner in range(4)] + edges, dtype=np.int32)
+
+
+def facet_nodes() -> list[list[int]]:
+    """Local nodes of each facet: its corners, then the nodes on the edges opposite to them."""
+    import basix
+
+    topology = basix.topology(basix.CellType.tetrahedron)
+    found = []
+    for corners in topology[2]:
+        edges = (topology[1].index([v for v in corners if v != opposite]) for opposite in corners)
+        found.append([*corners, *(4 + edge for edge in edges if edge < ON_EDGES)])
+    return found
+
+
+def at_facet(facet: int, points: Floats) -> Floats:
+    """Map points of the reference triangle (Q, 2) to a facet of the reference tetrahedron (Q, 3)."""
+    corners = _corners(facet)
+    return corners[0] + points @ (corners[1:] - corners[0])
+
+
+def area_vectors() -> Floats:
+    """Outward normals of the facets of the reference tetrahedron; their length is twice the area (4, 3)."""
+    out = np.empty((4, 3))
+    for facet in range(4):
+        corners = _corners(facet)
+        n = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+        inside = np.full(3, 0.25) - corners[0]
+        out[facet] = -n * np.sign(n @ inside)
+    return out
+
+
+def _corners(facet: int) -> Floats:
+    """Corners of a facet of the reference tetrahedron (3, 3)."""
+    import basix
+
+    topology = basix.topology(basix.CellType.tetrahedron)
+    return np.asarray(basix.geometry(basix.CellType.tetrahedron)[topology[2][facet]])
+
+
+def to_corners(values: Floats) -> Floats:
+    """Values at the nodes of facets (F, nodes of a facet) tested with the hats of the corners (F, 3).
+
+    The hat of a corner is one there and a half on its two edges.
+    """
+    corners, edges = values[:, :3], values[:, 3:]
+    return corners + 0.5 * (edges.sum(axis=1, keepdims=True) - edges)
+
+
+def projected_area(points: Floats) -> Floats:
+    """Area of facets, projected on the plane z = 0 (F,) [length^2].
+
+    Each edge is an arc of a parabola, which adds two thirds of chord times sagitta to the triangle of the corners.
+
+    Args:
+        points: of the nodes of each facet, in the order of FACET_POINTS (F, nodes of a facet, 3) [length]
+
+    Examples:
+        >>> corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+        >>> middles = 0.5 * (np.roll(corners, -1, axis=0) + np.roll(corners, 1, axis=0))
+        >>> projected_area(np.concatenate([corners, middles])[None])
+        array([0.5])
+    """
+    corners, middles = points[:, :3, :2], points[:, 3:, :2]
+    first, last = np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1)  # ends of the edges, in order around
+    triangle = 0.5 * cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    segments = cross(last - first, middles - 0.5 * (first + last)).sum(axis=1)
+    return np.abs(triangle - 2.0 / 3.0 * segments)
+
+
+def cross(a: Floats, b: Floats) -> Floats:
+    """The z component of the product of plane vectors (..., 2): (...,)."""
+    out: Floats = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return out
+
+
+# -- cells of a mesh -------------------------------------------------------------------------------------------
+
+
+def outer_faces(tets: Indices) -> Indices:
+    """Nodes, ordered as in FACES, of the faces that do not belong to two tetrahedra: the boundary of the mesh.
+
+    Args:
+        tets: node numbers (M, NODES) in the order of gmsh
+
+    Returns:
+        (n, nodes of a face)
+    """
+    faces = np.concatenate([tets[:, nodes] for nodes in FACES])
+    corners = np.sort(faces[:, :3], axis=1)
+    order = np.lexsort(corners.T[::-1])
+    new = np.any(np.diff(corners[order], axis=0) != 0, axis=1)
+    first = np.flatnonzero(np.append(True, new))
+    times = np.diff(np.append(first, len(faces)))
+    return faces[order[first[times != 2]]]
+
+
+def least_jacobians(x: Floats, x_nodes: Integers) -> Floats:
+    """Smallest Jacobian determinant of each curved cell over a lattice of 35 points (cells,) [length^3].
+
+    Args:
+        x: node coordinates (nodes, 3) [length]
+        x_nodes: node numbers of the cells in the order of dolfinx (cells, NODES)
+    """
+    import basix
+
+    lattice = basix.create_lattice(basix.CellType.tetrahedron, 4, basix.LatticeType.equispaced, exterior=True)
+    cells = _solver.Cells(x, x_nodes, x_nodes, shape_gradients(lattice), np.ones(len(lattice)))
+    out = np.empty(len(x_nodes))
+    _solver.min_jacobian(cells, out)
+    return out
