@@ -133,7 +133,7 @@ def with_area(curve: Curve, missed: Omission) -> Curve:
 
 
 def with_measures(
-    fine: Curve, coarse: Curve, ratio: float, safety: float, of_force: Floats, compliance: float
+    fine: Curve, coarse: Curve, ratio: float, safety: float, budget: Budget, compliance: float
 ) -> Curve:
     """A curve whose gap, stiffnesses and conductance are extrapolated from a coarser mesh, with their error bars.
 
@@ -144,7 +144,7 @@ def with_measures(
         fine, coarse: of the finest level and of the one to extrapolate from
         ratio: of their element sizes
         safety: factor on the bar of the mesh
-        of_force: absolute error bars of P* of other origin than the mesh (rows,)
+        budget: error bars of P*
         compliance: of the block, compression over P* [length]
     """
     loading = fine.branch == "load"
@@ -153,6 +153,7 @@ def with_measures(
     before = before.where(before.P_star > 0.0)
     edges = EDGES * scatter(_area_error(coarse, at), _area_error(fine, at), ratio)
     # the sum with the approach changes slowly, and does not vanish where the gap closes
+    rest = budget.total - budget.mesh
     shift = {"mean_gap": (fine.delta, before.delta)}
     columns: dict[str, Any] = {}
     for name in WITH_ERRORS:
@@ -167,9 +168,10 @@ def with_measures(
         bar = steady(np.where(own > 0.0, spread / scale, 0.0))
         columns[name] = value * factor - here
         if name == "mean_gap":
-            columns[f"error_{name}"] = bar[rows] * value * factor + compliance * of_force
+            of_mesh = np.maximum(bar[rows] * value * factor, compliance * budget.mesh)
+            columns[f"error_{name}"] = of_mesh + compliance * rest
         else:
-            share = np.divide(of_force, fine.P_star, out=np.zeros(len(fine)), where=fine.P_star > 0.0)
+            share = np.divide(rest, fine.P_star, out=np.zeros(len(fine)), where=fine.P_star > 0.0)
             columns[f"error_{name}"] = ((bar + edges)[rows] + share) * value * factor
     return replace(fine, **columns)
 

@@ -96,7 +96,7 @@ class MeshErrorEstimate:
         safety = safety_of(place == 0 or missed is not None)
         judged, algebraic = judged_rows(result.curve, self._steps), result.checks.force_balance
         curve, budget = correct(curve, coarse, ratio, safety, judged, path.bar[substeps], algebraic, missed)
-        curve = with_measures(curve, coarse, ratio, safety, budget.total - budget.mesh, run.compliance)
+        curve = with_measures(curve, coarse, ratio, safety, budget, run.compliance)
 
         room = (goal.max_dofs / result.dofs) ** (1.0 / run.growth_of_dofs())
         hint = f"; waves shorter than the elements limit it too, {advice(levels[-1].h / max(room, 1.0))}"
