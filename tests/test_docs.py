@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import csv
 import importlib
 import inspect
 import os
@@ -23,7 +24,11 @@ from asperity.case import Case
 from asperity.cli import group, main
 
 ROOT = Path(__file__).parent.parent
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+ALL_PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+TYPED = ("tutorials", "how-to")  # folders of pages that tests/test_walkthroughs.py runs as typed
+PAGES = [page for page in ALL_PAGES if page.parent.name not in TYPED]
+REFERENCE = {"glossary.md", "troubleshooting.md"}  # pages to look things up in
+LONGEST, MOST_ROWS = 2500, 60  # words and table rows of a page to be read
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 MUST_RUN = {"keys", "check", "estimate", "init", "surface", "compare"}  # commands that take no time
 
@@ -129,6 +134,27 @@ def test_case_files_are_legal(page: Path) -> None:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 Case.from_dict(data)
+
+
+@pytest.mark.parametrize("page", [p for p in ALL_PAGES if p.name not in REFERENCE], ids=lambda p: p.name)
+def test_pages_can_be_read(page: Path) -> None:
+    """Long tables are files in docs/tables."""
+    text = page.read_text(encoding="utf-8")
+    assert len(text.split()) <= LONGEST
+    assert len(re.findall(r"^\|", text, re.MULTILINE)) <= MOST_ROWS
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "docs/tables").glob("*.csv")), ids=lambda p: p.stem)
+def test_tables_name_their_command_and_are_read(path: Path) -> None:
+    command, made, *lines = path.read_text(encoding="utf-8").splitlines()
+    header, *rows = csv.reader(lines)
+    assert rows and {len(row) for row in rows} == {len(header)}
+    assert re.match(r"# \d{4}-\d\d-\d\d, asperity \d", made)
+    words = shlex.split(command)
+    assert words[:2] == ["#", "./run"]
+    assert any((ROOT / word).is_file() or word == "asperity" for word in words[2:])
+    links = [page for page in ALL_PAGES if f"tables/{path.name})" in page.read_text(encoding="utf-8")]
+    assert links, "no page leads to this table"
 
 
 # --- pages of the Python API ----------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Tutorials and how-to pages: what a reader types is run in order, and what a page shows is compared with the output."""
+"""Tutorials and how-to pages: what a reader types is run in order, and the output is compared with what is shown."""
 
 from __future__ import annotations
 

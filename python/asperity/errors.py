@@ -117,13 +117,14 @@ class OutputError(AsperityError):
 class AsperityWarning(UserWarning):
     """Base class of the warnings of this package; a run records them in its summary, log and report.
 
-    >>> import warnings
-    >>> import asperity as asp
-    >>> with warnings.catch_warnings(record=True) as caught:
-    ...     warnings.simplefilter("always", asp.AsperityWarning)
-    ...     _ = asp.Surface.from_spec("weierstrass-mandelbrot", L=1e-6, D=2.1, G=1e-10)
-    >>> [issubclass(w.category, asp.AsperityWarning) for w in caught]
-    [True]
+    Examples:
+        >>> import warnings
+        >>> import asperity as asp
+        >>> with warnings.catch_warnings(record=True) as caught:
+        ...     warnings.simplefilter("always", asp.AsperityWarning)
+        ...     _ = asp.Surface.from_spec("weierstrass-mandelbrot", L=1e-6, D=2.1, G=1e-10)
+        >>> [issubclass(w.category, asp.AsperityWarning) for w in caught]
+        [True]
     """
 
 

@@ -219,12 +219,13 @@ Level = StudyLevel  # former name
 class StudyResults:
     """Contents of the folder of a study.
 
-    >>> from pathlib import Path
-    >>> from asperity.study import Family, StudyResults
-    >>> row = {"case": "c0", "families": "study", "exit_reason": "done", "surface.D": 2.4, "n": 1.2}
-    >>> results = StudyResults(Path("out"), "Title", (Family("study", "Title", ("surface.D",)),), (row,))
-    >>> [level.column("n").tolist() for level in results.levels("study")]
-    [[1.2]]
+    Examples:
+        >>> from pathlib import Path
+        >>> from asperity.study import Family, StudyResults
+        >>> row = {"case": "c0", "families": "study", "exit_reason": "done", "surface.D": 2.4, "n": 1.2}
+        >>> results = StudyResults(Path("out"), "Title", (Family("study", "Title", ("surface.D",)),), (row,))
+        >>> [level.column("n").tolist() for level in results.levels("study")]
+        [[1.2]]
 
     Attributes:
         folder: folder of the study.
