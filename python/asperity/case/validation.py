@@ -245,12 +245,14 @@ def doubt_of_edge(sides: str, surface: Surface) -> str:
 
     Rollers mirror the surface: where it falls away from the edge that the summit lies on, a ridge arises, sharper than
     any summit. A surface that is symmetric about the edge has none. A free side has no solid beyond it to carry a
-    summit near by.
+    summit near by. A periodic surface has no edge.
 
     Args:
-        sides: "rollers" or "free".
+        sides: "rollers", "free" or "periodic".
         surface: the top.
     """
+    if sides == "periodic":
+        return ""
     falls = surface.edges_of_summit(_NEAR_FREE * surface.feature_size if sides == "free" else 0.0)
     if sides == "rollers":
         rms = surface.rms_slope()
