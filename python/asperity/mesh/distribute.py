@@ -46,7 +46,8 @@ def distribute(comm: MPI.Comm, block: BlockMesh | None, scale: float, periodic: 
     from dolfinx import mesh as dmesh
 
     element = basix.ufl.element("Lagrange", "tetrahedron", DEGREE, shape=(3,))
-    cells, points = np.empty((0, NODES), dtype=np.int64), np.empty((0, 3))
+    cells: Indices = np.empty((0, NODES), dtype=np.int64)
+    points: Floats = np.empty((0, 3))
     if block is not None and comm.rank == 0:
         cells, points = block.tets[:, compat.gmsh_to_dolfinx(NODES)], block.points * scale
     joined_cells = cells

@@ -56,9 +56,10 @@ def joined(block: BlockMesh | None) -> Indices:
         )
     same = same_nodes(block.points, block.side)
     faces = outer_faces(same[block.tets])[:, :3]
-    left = np.abs(block.points[faces, :2]) < NEAR * block.side
-    if left.all(axis=1).any():
-        _refuse(int(left.all(axis=1).any(axis=1).sum()))
+    x, y, _ = np.abs(np.moveaxis(block.points[faces], 2, 0)) < NEAR * block.side
+    left = np.flatnonzero(x.all(axis=1) | y.all(axis=1))
+    if len(left):
+        _refuse(len(left))
     return same
 
 

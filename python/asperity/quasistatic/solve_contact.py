@@ -138,9 +138,11 @@ def make_block(
 
     def build() -> BlockMesh:
         h = H_CONTACT * surface.L if size.h_contact is None else size.h_contact
-        periodic, of_size = sides == "periodic", dict(growth=size.growth, h_max=size.h_max, grading=size.grading)
-        field = SizeField.of(surface, delta_max, h, first_contact=size.reach, periodic=periodic, **of_size)
-        return build_block(surface, height, field.at, periodic)
+        field = SizeField.of(
+            surface, delta_max, h, growth=size.growth, h_max=size.h_max, first_contact=size.reach, grading=size.grading,
+            periodic=sides == "periodic",
+        )  # fmt: skip
+        return build_block(surface, height, field.at, field.periodic)
 
     return on_root(comm, build)
 
