@@ -5,8 +5,8 @@
 namespace asperity
 {
 SizeField::SizeField(const Array<const double>& sizes, const Array<const double>& distances,
-                     std::array<double, 3> window, double growth, double h_max)
-    : sizes_(sizes), distances_(distances), window_(window), growth_(growth), h_max_(h_max)
+                     std::array<double, 3> window, double growth, double h_max, bool periodic)
+    : sizes_(sizes), distances_(distances), window_(window), growth_(growth), h_max_(h_max), periodic_(periodic)
 {
   expect("sizes", sizes, {at_least(1)});
   expect("distances", distances, {at_least(2), at_least(2), sizes.shape(0)});
@@ -17,10 +17,15 @@ double SizeField::at(double x, double y, double depth) const
 {
   const auto [x0, y0, side] = window_;
   const std::size_t n = distances_.shape(0), levels = sizes_.shape(0);
+  // nearbyint rounds halves to even, as Python does
+  if (periodic_) // the image next to the window
+  {
+    x -= std::nearbyint(x - x0 - 0.5 * side);
+    y -= std::nearbyint(y - y0 - 0.5 * side);
+  }
   const double inside_x = std::min(std::max(x, x0), x0 + side);
   const double inside_y = std::min(std::max(y, y0), y0 + side);
   const double scale = static_cast<double>(n - 1) / side;
-  // nearbyint rounds halves to even, as Python does
   const auto row = static_cast<std::size_t>(std::nearbyint((inside_y - y0) * scale));
   const auto column = static_cast<std::size_t>(std::nearbyint((inside_x - x0) * scale));
   const double* nearest = distances_.data() + (row * n + column) * levels;

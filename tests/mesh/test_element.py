@@ -14,7 +14,7 @@ RANDOM = np.random.default_rng(0)
 def in_order_of_gmsh() -> np.ndarray:
     """Points of the nodes on the reference tetrahedron (NODES, 3)."""
     middles = [CORNERS[list(ends)].mean(axis=0) for ends in element.EDGES[: element.ON_EDGES]]
-    return np.concatenate([CORNERS, middles])
+    return np.concatenate([CORNERS, np.reshape(middles, (-1, 3))])
 
 
 def test_each_shape_function_is_one_at_its_node_only() -> None:

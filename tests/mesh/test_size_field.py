@@ -10,11 +10,12 @@ from asperity.mesh.size_field import SizeField
 from asperity.surface import Sphere
 
 
+@pytest.mark.parametrize("periodic", [False, True])
 @pytest.mark.parametrize("delta_max", [1e-4, 0.01])  # the window is a part of the patch, or all of it
-def test_the_compiled_field_has_the_bits_of_its_twin(rough, delta_max):
+def test_the_compiled_field_has_the_bits_of_its_twin(rough, delta_max, periodic):
     rng = np.random.default_rng(3)
     for surface in (rough, Sphere(L=1.0, radius=1.0)):
-        field = SizeField.of(surface, delta_max, 0.04)
+        field = SizeField.of(surface, delta_max, 0.04, periodic=periodic)
         points = rng.uniform(-0.02, 1.02, (2000, 3))
         nodes = points[:500]  # halfway between those of the grid, where the nearest one is a matter of rounding
         x0, y0, side = field.window
@@ -27,6 +28,6 @@ def test_the_compiled_field_has_the_bits_of_its_twin(rough, delta_max):
 
 def test_a_field_of_another_shape_is_refused():
     with pytest.raises(ValueError, match="distances has shape"):
-        _solver.SizeField(np.ones(3), np.ones((5, 5, 2)), (0.0, 0.0, 1.0), 0.25, 0.5)
+        _solver.SizeField(np.ones(3), np.ones((5, 5, 2)), (0.0, 0.0, 1.0), 0.25, 0.5, False)
     with pytest.raises(ValueError, match="distances has shape"):
-        _solver.SizeField(np.ones(2), np.ones((5, 4, 2)), (0.0, 0.0, 1.0), 0.25, 0.5)
+        _solver.SizeField(np.ones(2), np.ones((5, 4, 2)), (0.0, 0.0, 1.0), 0.25, 0.5, False)

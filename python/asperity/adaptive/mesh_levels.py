@@ -93,7 +93,7 @@ class LevelSolver:
             self._depth = estimate_approach(self._problem, comm)
         while True:
             size = MeshSize(h, growth(h / self.side), reach=self._reach)
-            block = make_block(comm, surface, self._problem.height, self._depth, size)
+            block = make_block(comm, surface, self._problem.height, self._depth, size, self._problem.sides)
             dofs = comm.bcast(None if block is None else 3 * len(block.points), root=0)
             if dofs <= self._max_dofs:
                 self._made, self._guide = (h, block), None

@@ -158,7 +158,7 @@ class BlockSection(Section):
     """The solid below the surface."""
 
     height: Real = _key("height of the block", unit=LENGTH, shown="L", gt=0)
-    sides: Literal["rollers", "free"] = _key("side faces: no normal motion, or free", "rollers")
+    sides: Literal["rollers", "free", "periodic"] = _key("side faces: no normal motion, free, or joined", "rollers")
 
 
 class ContactSection(Section):

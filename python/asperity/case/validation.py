@@ -285,12 +285,14 @@ def doubt_of_edge(sides: str, surface: Surface) -> str:
 
     Rollers mirror the surface: where it falls away from the edge that the summit lies on, a ridge arises, sharper than
     any summit. A surface that is symmetric about the edge has none. A free side has no solid beyond it to carry a
-    summit near by.
+    summit near by. A periodic surface has no edge.
 
     Args:
-        sides: "rollers" or "free".
+        sides: "rollers", "free" or "periodic".
         surface: the top.
     """
+    if sides == "periodic":
+        return ""
     falls = surface.edges_of_summit(_NEAR_FREE * surface.feature_size if sides == "free" else 0.0)
     if sides == "rollers":
         rms = surface.rms_slope()
@@ -322,22 +324,26 @@ def full_contact_pressure(case: Input, z: np.ndarray[Any, Any]) -> float:
 
     To flatten a wave z(q) of an elastic half-space takes the pressure E' q z(q)/2 (Johnson, Contact
     Mechanics, 1985, eq. 13.5), and of a thin block M z(q)/h at least; contact is full when the mean
-    makes up for the lowest. The sides mirror the surface, hence the cosine transform. Plastic flow
+    makes up for the lowest. Rollers mirror the surface, hence the cosine transform. Plastic flow
     bounds it by twice the hardness: 6 times the flow stress at a strain of the rms slope.
 
     Args:
         case: the input.
         z: (n, n) heights at the nodes of a regular grid over the patch (length).
     """
-    from scipy.fft import dctn, idctn
+    from scipy.fft import dctn, fft2, fftfreq, idctn, ifft2
 
     solid, side, n = case.material, case.surface.L, len(z)
-    wave = np.pi / side * np.arange(n)
+    periodic = case.block.sides == "periodic"
+    wave = 2 * np.pi / side * (n - 1) * fftfreq(n - 1) if periodic else np.pi / side * np.arange(n)
     q = np.hypot(wave[:, None], wave)
     stiffness = np.maximum(
         solid.E_prime * q / 2, case.material.solid.block_modulus(case.block.sides) / case.block.height
     )
-    pressure = -float(idctn(stiffness * dctn(z - z.mean(), type=1), type=1).min())
+    if periodic:
+        pressure = -float(ifft2(stiffness * fft2(z[:-1, :-1] - z[:-1, :-1].mean())).real.min())
+    else:
+        pressure = -float(idctn(stiffness * dctn(z - z.mean(), type=1), type=1).min())
     if solid.yield_strength is None:
         return pressure
     slope = float(np.sqrt(np.mean(np.square(np.gradient(z, side / (n - 1))).sum(axis=0))))

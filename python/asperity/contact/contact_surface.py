@@ -93,14 +93,14 @@ class ContactSurface:
         self.owned_nodes = solid.nodes_on(TOP)
         rule = FacetRule(self, 2)
         self.area = rule.weights.sum(axis=1)
-        corners = solid.points[self.nodes[:, :3]]
+        corners = solid.positions(self.nodes[:, :3])
         sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
         self.diameter = np.max(sides, axis=1, initial=0.0)
         # the load of each facet under a pressure of one
         self._unit = np.zeros(self.nodes.shape)
         self._unit[:, element.BEARING] = self.area[:, None] / len(element.BEARING)
         self._corner_area = self._assemble_corners(element.to_corners(self._unit))
-        self._projected = element.projected_area(solid.points[self.nodes])
+        self._projected = element.projected_area(solid.positions(self.nodes))
 
     def _assemble_corners(self, values: Floats) -> Floats:
         """Sum corner values (F, 3) over facets and ranks; result on local nodes (nodes,)."""
@@ -121,7 +121,8 @@ class ContactSurface:
         solid = self.solid
         if not solid.material.finite:
             return np.ones(len(self.nodes))
-        return element.projected_area((solid.points + solid.u.x.array.reshape(-1, 3))[self.nodes]) / self._projected
+        moved = solid.positions(self.nodes) + solid.u.x.array.reshape(-1, 3)[self.nodes]
+        return element.projected_area(moved) / self._projected
 
     def pressure(self, nodal_force: Floats) -> Floats:
         """Pressure at the corner nodes from forces on all nodes, zero elsewhere; collective.

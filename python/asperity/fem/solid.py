@@ -24,12 +24,12 @@ from asperity.runtime.timing import Phases
 
 
 class Solid:
-    """Displacement on a distributed mesh, clamped base, rollers or free sides.
+    """Displacement on a distributed mesh, clamped base, and sides on rollers, free or periodic.
 
     Args:
         mesh, tags: returned by `mesh.distribute`
         material: with stresses in units of E
-        sides: "rollers" (no normal displacement) or "free"
+        sides: "rollers" (no normal displacement), "free", or "periodic" for a mesh with joined sides
         kernels: "compiled" or "ufl"
         phases: collects the time spent in each phase
 
@@ -37,7 +37,7 @@ class Solid:
         u, force: displacement [L] and internal force [E L^2], functions of dolfinx
         owned, nodes: number of owned displacement nodes, and with ghosts
         dofs: degrees of freedom of all ranks
-        points: coordinates of the nodes (nodes, 3) [L]
+        points: coordinates of the nodes, on one of two joined sides (nodes, 3) [L]
         cell_nodes: displacement nodes of the owned cells (cells, 10)
         sides: as given
         fixed: owned dofs without displacement
@@ -91,6 +91,13 @@ class Solid:
 
         x_nodes = compat.geometry_dofmap(self.mesh)[: len(self.cell_nodes)]
         return CompiledKernels(self.mesh.geometry.x, x_nodes, self.cell_nodes, self.material, self.sparsity)
+
+    def positions(self, nodes: npt.NDArray[np.int32]) -> Floats:
+        """Coordinates of the nodes (n, k) of cells or facets, across joined sides next to the first (n, k, 3) [L]."""
+        x = self.points[nodes]
+        if self.sides == "periodic":  # cells are narrower than half the side, which is one
+            x[:, :, :2] -= np.round(x - x[:, :1])[:, :, :2]
+        return x
 
     def nodes_on(self, tag: int) -> npt.NDArray[np.int32]:
         """Owned nodes on the facets with a tag."""

@@ -6,10 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from asperity.arrays import Floats, Indices
 from asperity.errors import MeshError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.element import DEGREE, NODES, least_jacobians
+from asperity.mesh.periodic import joined
 from asperity.runtime import compat
+from asperity.runtime.parallel import on_root
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -19,16 +22,21 @@ if TYPE_CHECKING:
 BASE, SIDE_X, SIDE_Y, TOP = 1, 2, 3, 4
 
 
-def distribute(comm: MPI.Comm, block: BlockMesh | None, scale: float) -> tuple[Any, Any]:
+def distribute(comm: MPI.Comm, block: BlockMesh | None, scale: float, periodic: bool = False) -> tuple[Any, Any]:
     """Partition the mesh of a block over the ranks of `comm`; collective.
 
     Args:
         comm: communicator
         block: the mesh on rank 0, ignored elsewhere
         scale: factor on the coordinates, 1/L for a block of unit side
+        periodic: whether to join opposite sides: their nodes are the same in the topology of the mesh, and so have the
+            same dofs, but not in its geometry, where each cell keeps its own coordinates
 
     Returns:
-        dolfinx mesh and facet tags (BASE, SIDE_X, SIDE_Y, TOP).
+        dolfinx mesh and facet tags (BASE, SIDE_X, SIDE_Y, TOP); joined sides have no facets.
+
+    Raises:
+        MeshError: opposite sides do not fit, see `periodic.joined`
     """
     import basix.ufl
     import ufl
@@ -38,14 +46,34 @@ def distribute(comm: MPI.Comm, block: BlockMesh | None, scale: float) -> tuple[A
     from dolfinx import mesh as dmesh
 
     element = basix.ufl.element("Lagrange", "tetrahedron", DEGREE, shape=(3,))
-    if comm.rank == 0:
-        assert block is not None
-        cells = block.tets[:, compat.gmsh_to_dolfinx(NODES)]
-        points = block.points * scale
-    else:
-        cells, points = np.empty((0, NODES), dtype=np.int64), np.empty((0, 3))
-    mesh = dmesh.create_mesh(comm, cells=cells, x=points, e=ufl.Mesh(element))  # 0.10 changed their order
+    cells: Indices = np.empty((0, NODES), dtype=np.int64)
+    points: Floats = np.empty((0, 3))
+    if block is not None and comm.rank == 0:
+        cells, points = block.tets[:, compat.gmsh_to_dolfinx(NODES)], block.points * scale
+    joined_cells = cells
+    if periodic and (same := on_root(comm, lambda: joined(block))) is not None:
+        joined_cells = same[cells]
+    mesh = dmesh.create_mesh(comm, cells=joined_cells, x=points, e=ufl.Mesh(element))  # 0.10 changed their order
+    if periodic:
+        mesh = _with_geometry(mesh, cells, points)
     return mesh, _tag_facets(mesh)
+
+
+def _with_geometry(mesh: Any, cells: Indices, points: Floats) -> Any:
+    """Give the cells of a mesh their own coordinates; collective.
+
+    Args:
+        mesh: dolfinx mesh
+        cells: node numbers of all cells in the order of dolfinx, on rank 0 (M, NODES)
+        points: node coordinates, on rank 0 (N, 3)
+    """
+    wanted, parts = mesh.comm.gather(np.asarray(mesh.topology.original_cell_index), root=0), None
+    if wanted is not None:
+        parts = []
+        for numbers in wanted:
+            nodes, x_nodes = np.unique(cells[numbers], return_inverse=True)
+            parts.append((nodes, x_nodes.reshape(-1, NODES).astype(np.int32), points[nodes]))
+    return compat.with_geometry(mesh, *mesh.comm.scatter(parts, root=0))
 
 
 def _tag_facets(mesh: Any) -> Any:

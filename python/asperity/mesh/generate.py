@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -19,6 +20,7 @@ from asperity.errors import MeshError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.element import DEGREE, NODES
 from asperity.mesh.lift import lift
+from asperity.mesh.periodic import same_nodes
 from asperity.mesh.size_field import rounded
 from asperity.runtime import compat
 from asperity.surface.base import EDGE
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
     from asperity.surface import Surface
 
 MODEL = "asperity"  # name of the model in gmsh
+MARGIN = 1e-6  # of a box that holds a side; gmsh adds its tolerance of 1e-7 to each entity [L]
 OPTIONS = {
     "General.Terminal": 0,
     "General.NumThreads": 1,
@@ -39,13 +42,16 @@ OPTIONS = {
 }
 
 
-def build_block(surface: Surface, height: float, size: Callable[[float, float, float], float]) -> BlockMesh:
+def build_block(
+    surface: Surface, height: float, size: Callable[[float, float, float], float], periodic: bool = False
+) -> BlockMesh:
     """Mesh the block under `surface` with gmsh, in one process.
 
     Args:
         surface: top of the block
         height: height of the mean plane above the base [length]
         size: element size at (x, y, depth below the top), all in units of L
+        periodic: whether opposite sides have the same nodes and faces
 
     Raises:
         MeshError: gmsh fails, or see `lift.lift`
@@ -59,9 +65,9 @@ def build_block(surface: Surface, height: float, size: Callable[[float, float, f
     compat.require("gmsh", "python3-gmsh")
     L = surface.L
     x, y, _ = surface.maximum()
-    points, tets = _flat_block(rounded(height / L), size, (_summit_node(x / L), _summit_node(y / L)))
+    points, tets = _flat_block(rounded(height / L), size, (_summit_node(x / L), _summit_node(y / L)), periodic)
     points *= L
-    points, smoothing = lift(points, tets, surface, height)
+    points, smoothing = lift(points, tets, surface, height, same_nodes(points, L) if periodic else None)
     return BlockMesh(points, tets, L, height, smoothing if smoothing.any() else None)
 
 
@@ -69,6 +75,7 @@ def _flat_block(
     height: float,
     size: Callable[[float, float, float], float],
     summit: tuple[float, float],
+    periodic: bool,
 ) -> tuple[Floats, npt.NDArray[np.int64]]:
     """Nodes (N, 3) and elements (M, NODES) of a box with a node of the top at `summit`, the first contact.
 
@@ -79,9 +86,12 @@ def _flat_block(
     try:
         with _separate_model(OPTIONS):
             box = gmsh.model.occ.addBox(0.0, 0.0, 0.0, 1.0, 1.0, height)
-            point = gmsh.model.occ.addPoint(*summit, height)
-            gmsh.model.occ.fragment([(3, box)], [(0, point)])
+            images = product(*((0.0, 1.0) if periodic and c in (0.0, 1.0) else (c,) for c in summit))
+            nodes = [(0, gmsh.model.occ.addPoint(*image, height)) for image in images]
+            gmsh.model.occ.fragment([(3, box)], nodes)
             gmsh.model.occ.synchronize()
+            if periodic:
+                _match_sides(height)
             gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, z, lc: size(x, y, height - z))
             gmsh.model.mesh.generate(3)
             points, tets = nodes_and_elements()
@@ -91,6 +101,21 @@ def _flat_block(
         for plane in (0.0, end):
             points[np.abs(points[:, axis] - plane) < 1e-9, axis] = plane
     return points, tets
+
+
+def _match_sides(height: float) -> None:
+    """Let gmsh copy the meshes of the sides x = 0 and y = 0 of the unit box to the opposite ones."""
+    import gmsh
+
+    for axis in (0, 1):
+        sides = []
+        for plane in (0.0, 1.0):
+            low, high = np.full(3, -MARGIN), np.array([1.0, 1.0, height]) + MARGIN
+            low[axis], high[axis] = plane - MARGIN, plane + MARGIN
+            sides.append([tag for _, tag in gmsh.model.getEntitiesInBoundingBox(*low, *high, dim=2)])
+        shift = np.eye(4)
+        shift[axis, 3] = 1.0
+        gmsh.model.mesh.setPeriodic(2, sides[1], sides[0], shift.ravel().tolist())
 
 
 def nodes_and_elements() -> tuple[Floats, npt.NDArray[np.int64]]:

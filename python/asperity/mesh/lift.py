@@ -28,7 +28,9 @@ SPREAD = 1.5  # largest ratio of the widths at nodes of neighbouring elements, s
 ROUNDS = 100  # after which the width is beyond the side of any block
 
 
-def lift(points: Floats, tets: Indices, surface: Surface, height: float) -> tuple[Floats, Floats]:
+def lift(
+    points: Floats, tets: Indices, surface: Surface, height: float, same: Indices | None = None
+) -> tuple[Floats, Floats]:
     """Lift the nodes of a flat block so that its top follows a surface.
 
     The map is z -> z (1 + f/height) with the height f above the mean plane, so base and sides stay plane. All top
@@ -39,6 +41,7 @@ def lift(points: Floats, tets: Indices, surface: Surface, height: float) -> tupl
         tets: their numbers in the tetrahedra, in the order of gmsh (M, 10)
         surface: top of the block
         height: height of the mean plane above the base [length]
+        same: of periodic sides, see `periodic.same_nodes` (N,)
 
     Returns:
         Nodes of the lifted block (N, 3) [length], and the standard deviation of the Gaussian at each node, 0 where its
@@ -66,6 +69,9 @@ def lift(points: Floats, tets: Indices, surface: Surface, height: float) -> tupl
         if not len(bad):
             return np.column_stack([points[:, :2], z_of_flat * (1.0 + above / height)]), width
         wider = _widened(width, size, tets, bad)
+        if same is not None:
+            np.maximum.at(wider, same, wider)
+            wider = wider[same]
         moved, width = wider > width, wider
     raise MeshError(
         f"the surface is no height field on this block: {len(bad)} elements stay turned inside out, however smooth the "

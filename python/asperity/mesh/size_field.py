@@ -11,7 +11,7 @@ from scipy.ndimage import distance_transform_edt, minimum_filter
 from scipy.spatial import cKDTree
 
 from asperity import _solver
-from asperity.arrays import Floats
+from asperity.arrays import Flags, Floats
 from asperity.model.settings import H_MAX, ApproachMap
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ FLAT = 1e-12  # difference of depths below which a surface touches the flat ever
 #: Exponent of the size in the depth, and least size over h_contact. A spot grows with the root of the depth. With a
 #: first-contact map, a larger exponent equalises the errors of the load steps of a rough surface (docs/accuracy.md).
 GRADING, GUIDED = (0.5, 0.2), (0.75, 0.15)
+WIDEST_JOINED = 0.2  # greatest size with periodic sides: elements are up to twice as wide, see `periodic.joined` [L]
 GRID = 257  # nodes per side of the grid on which the region of each size is found
 NEIGHBOURS = 6  # nodes of a facet: adds a margin of one element around the nodes that were touched
 
@@ -107,6 +108,7 @@ class SizeField:
         window: x0, y0 and side of the square covered by the grid; it contains all points that touch [L]
         growth: increase of size per unit of distance
         h_max: greatest size [L]
+        periodic: whether distances pass through the sides
 
     Examples:
         >>> sphere = asp.Surface.from_spec("sphere", L=1.0, radius=1.0)
@@ -120,6 +122,7 @@ class SizeField:
     window: tuple[float, float, float]
     growth: float
     h_max: float
+    periodic: bool = False
 
     @staticmethod
     def of(
@@ -133,6 +136,7 @@ class SizeField:
         grading: tuple[float, float] | None = None,
         levels: int = 8,
         grid: int | None = None,
+        periodic: bool = False,
     ) -> SizeField:
         """Build the field for a flat that moves by `delta_max` from first contact.
 
@@ -142,12 +146,13 @@ class SizeField:
             h_contact: size at the points that touch last [length]
             h_min: least size [length]; default from the grading
             growth: increase of size per unit of distance
-            h_max: greatest size [length]; default H_MAX
+            h_max: greatest size [length]; default H_MAX, and WIDEST_JOINED at most with periodic sides
             first_contact: approach of first contact, used instead of the depth below the summit, which is only a
                 lower bound of it
             grading: power p, and least size over h_contact; default GRADING, or GUIDED with a first-contact map
             levels: number of different sizes on the surface, K
             grid: nodes per side of the regular grid, n; default GRID, or what the first-contact map resolves
+            periodic: whether the sides of the block are
         """
         L = surface.L
         grid = grid or (GRID if first_contact is None else first_contact.resolution)
@@ -167,17 +172,21 @@ class SizeField:
         distances = np.empty((grid, grid, levels))
         for k, size in enumerate(sizes):
             reached = gap <= _just_above(max((size / h_contact) ** (1.0 / power) * delta_max, float(gap.min())))
-            distances[:, :, k] = distance_transform_edt(~reached) * spacing
+            distances[:, :, k] = _distances(reached, periodic and side == 1.0) * spacing
         greatest = H_MAX if h_max is None else rounded(h_max / L)
-        return SizeField(sizes, distances, (x0, y0, side), growth, greatest)
+        if periodic:
+            greatest = min(greatest, WIDEST_JOINED)
+        return SizeField(sizes, distances, (x0, y0, side), growth, greatest, periodic)
 
     def compiled(self) -> _solver.SizeField:
         """Return the compiled field, whose method `at` gives the same bits as that of this one in less time."""
-        return _solver.SizeField(self.sizes, self.distances, self.window, self.growth, self.h_max)
+        return _solver.SizeField(self.sizes, self.distances, self.window, self.growth, self.h_max, self.periodic)
 
     def at(self, x: float, y: float, depth: float) -> float:
         """Return the size [L] at a point `depth` below the mean plane of the top, x, y and depth in units of L."""
         x0, y0, side = self.window
+        if self.periodic:  # the image next to the window
+            x, y = (c - round(c - low - 0.5 * side) for c, low in ((x, x0), (y, y0)))
         inside_x = min(max(x, x0), x0 + side)
         inside_y = min(max(y, y0), y0 + side)
         scale = (self.distances.shape[0] - 1) / side
@@ -185,6 +194,20 @@ class SizeField:
         d = d + hypot(x - inside_x, y - inside_y)
         size = float(np.min(self.sizes + self.growth * np.sqrt(d * d + depth * depth)))
         return min(size, self.h_max)
+
+
+def _distances(reached: Flags, periodic: bool) -> Floats:
+    """Distance of each node (n, n) of a grid from the nodes that are reached, in spacings of the grid.
+
+    Args:
+        reached: whether a node is (n, n)
+        periodic: whether the grid goes on beyond its edges with the period n - 1
+    """
+    n = len(reached)
+    margin = n // 2 if periodic else 0
+    if periodic:
+        reached = np.pad(reached[:-1, :-1], (margin, margin + 1), mode="wrap")
+    return np.asarray(distance_transform_edt(~reached)[margin : margin + n, margin : margin + n])
 
 
 def _contact_window(surface: Surface, delta_max: float, grid: int) -> tuple[float, float, float, Floats]:

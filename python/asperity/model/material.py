@@ -100,9 +100,9 @@ class Material:
         """Mean pressure over strain of a uniformly compressed block [force/length^2].
 
         Args:
-            sides: "rollers" (uniaxial strain) or "free" (uniaxial stress)
+            sides: "rollers" or "periodic" (uniaxial strain) or "free" (uniaxial stress)
         """
-        return self.confined_modulus if sides == "rollers" else self.E
+        return self.E if sides == "free" else self.confined_modulus
 
     @property
     def lame(self) -> tuple[float, float]:

@@ -28,14 +28,14 @@ class Problem:
         material: of the block
         load_path: approaches [length] and forces [force]; exactly one of delta_max and force_max
         block_height: mean height of the block [length]; None takes the side of the surface
-        sides: "rollers" (no normal displacement) or "free"
+        sides: "rollers" (no normal displacement), "free", or "periodic" (opposite sides joined)
         formulation: of the contact
         size: of the elements
         kernels: "compiled" or "ufl"
         options: of the solver
 
     Raises:
-        InputError: not exactly one of delta_max and force_max
+        InputError: not exactly one of delta_max and force_max, or periodic sides of a surface that is not periodic
     """
 
     surface: Surface
@@ -51,6 +51,12 @@ class Problem:
     def __post_init__(self) -> None:
         if (self.load_path.delta_max is None) == (self.load_path.force_max is None):
             raise InputError(ONE_OF)
+        if self.sides == "periodic" and not self.surface.periodic:
+            kind = self.surface.kind or type(self.surface).__name__
+            raise InputError(
+                f'block.sides = "periodic" needs a surface whose opposite edges agree, and this one ({kind}) does not: '
+                'take block.sides = "rollers", or surface.kind = "self-affine" with surface.periodic = true'
+            )
 
     @staticmethod
     def of(
@@ -78,7 +84,7 @@ class Problem:
             surface: the rough top
             material: elastic or elastic-plastic
             height: mean height of the block [length]; default L
-            sides: "rollers" or "free"
+            sides: "rollers", "free" or "periodic"
             delta_max: greatest approach from first touch [length]
             force_max: greatest force instead [force]
             pressure_max: greatest nominal pressure instead, the force over L^2 [force/length^2]

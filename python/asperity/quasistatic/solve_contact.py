@@ -112,7 +112,9 @@ class PartialResult(ConvergenceError):
         self.result = result
 
 
-def make_block(comm: MPI.Comm, surface: Surface, height: float, delta_max: float, size: MeshSize) -> BlockMesh | None:
+def make_block(
+    comm: MPI.Comm, surface: Surface, height: float, delta_max: float, size: MeshSize, sides: str = "rollers"
+) -> BlockMesh | None:
     """Mesh of the block on rank 0, None elsewhere; collective.
 
     Args:
@@ -121,6 +123,7 @@ def make_block(comm: MPI.Comm, surface: Surface, height: float, delta_max: float
         height: mean height of the block [length]
         delta_max: approach the mesh is made for [length]
         size: element sizes
+        sides: "periodic" makes opposite sides fit
 
     Raises:
         MeshError: the surface cannot be meshed
@@ -136,9 +139,10 @@ def make_block(comm: MPI.Comm, surface: Surface, height: float, delta_max: float
     def build() -> BlockMesh:
         h = H_CONTACT * surface.L if size.h_contact is None else size.h_contact
         field = SizeField.of(
-            surface, delta_max, h, growth=size.growth, h_max=size.h_max, first_contact=size.reach, grading=size.grading
-        )
-        return build_block(surface, height, field.compiled().at)
+            surface, delta_max, h, growth=size.growth, h_max=size.h_max, first_contact=size.reach, grading=size.grading,
+            periodic=sides == "periodic",
+        )  # fmt: skip
+        return build_block(surface, height, field.compiled().at, field.periodic)
 
     return on_root(comm, build)
 
@@ -162,7 +166,7 @@ def make_contact_solver(
         surface: the top the block was built for
         block: mesh on rank 0, None elsewhere
         material: in physical units
-        sides: "rollers" or "free"
+        sides: "rollers", "free" or "periodic"
         formulation: contact formulation
         kernels: "compiled" or "ufl"
         options: of the nonlinear solver
@@ -188,7 +192,7 @@ def make_contact_solver(
         return block.height
 
     height = on_root_bcast(comm, checked_height)
-    mesh, tags = distribute(comm, block, 1.0 / L)
+    mesh, tags = distribute(comm, block, 1.0 / L, sides == "periodic")
     check_distortion(mesh, surface)
     solid = Solid(mesh, tags, material.scaled(material.E), sides, kernels, phases)
     top = ContactSurface(solid)
@@ -328,7 +332,7 @@ def solve_problem(
         delta_max = _depth_of_mesh(problem, comm, phases)
         if given is None:
             with phases.phase("mesh"):
-                block = make_block(comm, problem.surface, problem.height, delta_max, problem.size)
+                block = make_block(comm, problem.surface, problem.height, delta_max, problem.size, problem.sides)
             on_root(comm, lambda: judge_smoothing(block, problem.surface, delta_max))
         h = problem.size.h_contact or H_CONTACT * L
         on_root(comm, partial(warn_of_missed_waves, problem.surface, h, delta_max))
@@ -419,7 +423,7 @@ def estimate_approach(problem: Problem, comm: MPI.Comm) -> float:
     """
     surface, L = problem.surface, problem.surface.L
     depth = surface.maximum()[2] - surface.mean()
-    block = make_block(comm, surface, problem.height, max(depth, 0.01 * L), MeshSize(0.1 * L))
+    block = make_block(comm, surface, problem.height, max(depth, 0.01 * L), MeshSize(0.1 * L), problem.sides)
     solver = solver_of(problem, block, comm)
 
     def give_up(at: Position) -> None:

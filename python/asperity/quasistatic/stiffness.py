@@ -153,10 +153,10 @@ def _mirrored(solid: Solid, axis: int) -> Integers:
     Rollers stand for a solid that continues as its mirror image. A shear along x is antisymmetric about the faces
     normal to x: they move along x only. It is symmetric about the faces normal to y, which stay rollers. Uniform shear
     is free of stress from the sides, so they hold nothing and the compliance of the block is h_b/(A G). Free sides
-    stay free.
+    stay free, periodic ones joined.
     """
     clamped = (3 * solid.base[:, None] + np.arange(3)).ravel()
-    if solid.sides == "free":
+    if solid.sides != "rollers":
         return clamped.astype(np.int32)
     across, along = (3 * solid.nodes_on(side) for side in ((SIDE_X, SIDE_Y) if axis == 0 else (SIDE_Y, SIDE_X)))
     other = 1 - axis

@@ -2,14 +2,14 @@
 
 The patch [0, L]^2 with sides u.n = 0 is one quarter of the period of its even mirror image: on the sides both the
 normal displacement and the shear stress vanish by symmetry. The surface displacement is therefore a cosine series,
-and each wave has the compliance of a half-space, or of a layer on a fixed base.
+and each wave has the compliance of a half-space, or of a layer on a fixed base. With periodic sides the patch is the
+period, and the series has sines too.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -55,11 +55,12 @@ def half_space_contact(
     tolerance: float = 1e-8,
     max_iterations: int = 5000,
     start: Array | None = None,
+    sides: str = "rollers",
 ) -> HalfSpaceContact:
-    """Press a rigid flat on an elastic rough surface with sides u.n = 0.
+    """Press a rigid flat on an elastic rough surface.
 
-    Conjugate gradients on the contact set (Polonsky and Keer, Wear 231 (1999) 206) with a cosine
-    transform. Second order in L/n for force and approach.
+    Conjugate gradients on the contact set (Polonsky and Keer, Wear 231 (1999) 206) with a cosine or
+    Fourier transform. Second order in L/n for force and approach.
 
     Args:
         surface: the surface; its exact maximum is the point of first touch.
@@ -72,6 +73,7 @@ def half_space_contact(
         tolerance: largest gap in contact and penetration elsewhere, over the range of heights.
         max_iterations: largest number of iterations.
         start: initial pressure over E', shape (n, n).
+        sides: "rollers" (u.n = 0) or "periodic".
 
     Raises:
         InputError: not exactly one load is given, or a value is out of range.
@@ -83,18 +85,16 @@ def half_space_contact(
         >>> print(f"delta* = {light.delta_star:.4f}, A/A_0 = {light.area_fraction:.3f}")
         delta* = 0.0193, A/A_0 = 0.154
     """
-    from scipy.fft import dctn, idctn
-
     _check_load(P_star, delta_star, height)
     # lengths over L, pressures over E'
     centres = (np.arange(n) + 0.5) * (surface.L / n)
     z = np.asarray(surface.height(centres[None, :], centres[:, None])) / surface.L
     summit = surface.maximum()[2] / surface.L
-    compliance = compliance_of_waves(n, None if height is None else height / surface.L, nu)
+    compliance = compliance_of_waves(n, None if height is None else height / surface.L, nu, sides)
     scale = max(float(np.ptp(z)), 1e-300)
 
     def displace(p: Array) -> Array:
-        return np.asarray(idctn(compliance * dctn(p, type=2), type=2))
+        return displacement(p, compliance, sides)
 
     p = _start(start, z, P_star, delta_star, compliance, summit)
     direction, previous, conjugate = np.zeros_like(p), 1.0, False
@@ -141,10 +141,31 @@ def _check_load(P_star: float | None, delta_star: float | None, height: float | 
         raise InputError("delta_star needs the height of the block.")
 
 
-def compliance_of_waves(
-    n: int, height: float | None, nu: float, sides: Literal["rollers", "free"] = "rollers"
-) -> Array:
-    """Return displacement over pressure of each cosine wave (n, n), in units of L and 1/E'.
+def displacement(p: Array, compliance: Array, sides: str = "rollers") -> Array:
+    """Return the displacement (n, n) [L] under a pressure over E' (n, n), both at the centres of the cells.
+
+    Args:
+        p: the pressure.
+        compliance: of `compliance_of_waves` for the same sides.
+        sides: of the patch.
+
+    Examples:
+        >>> p = np.cos(2 * np.pi * (np.arange(8) + 0.5) / 8) * np.ones((8, 1))
+        >>> u = displacement(p, compliance_of_waves(8, None, 0.3, "periodic"), "periodic")
+        >>> np.allclose(u, 2 * p / (2 * np.pi))
+        True
+    """
+    from scipy.fft import dctn, fft2, idctn, ifft2
+
+    if sides == "periodic":
+        return np.asarray(ifft2(compliance * fft2(p)).real)
+    return np.asarray(idctn(compliance * dctn(p, type=2), type=2))
+
+
+def compliance_of_waves(n: int, height: float | None, nu: float, sides: str = "rollers") -> Array:
+    """Return displacement over pressure of each wave (n, n), in units of L and 1/E'.
+
+    The waves are cosines of whole half waves, with periodic sides those of the discrete Fourier transform.
 
     Half-space: 2/q, and 0 for the mean. Layer bonded to a rigid base, frictionless top (Carbone
     and Mangialardi, J. Mech. Phys. Solids 56 (2008) 684): times S(q h), which tends to the
@@ -154,7 +175,8 @@ def compliance_of_waves(
         >>> compliance_of_waves(4, None, 0.3)[0, 1:].round(3)
         array([0.637, 0.318, 0.212])
     """
-    q = np.hypot(*np.meshgrid(math.pi * np.arange(n), math.pi * np.arange(n)))
+    along = 2 * math.pi * n * np.fft.fftfreq(n) if sides == "periodic" else math.pi * np.arange(n)
+    q = np.hypot(*np.meshgrid(along, along))
     q[0, 0] = 1.0
     compliance = 2 / q
     if height is None:
@@ -166,7 +188,9 @@ def compliance_of_waves(
     m = 3 - 4 * nu
     layer = (m * tanh - 2 * t * sech) / (m + (5 - 12 * nu + 8 * nu**2 + 2 * t**2) * sech)
     compliance *= layer
-    compliance[0, 0] = height * reduced_modulus(1.0, nu) / block_modulus(1.0, nu, sides)
+    compliance[0, 0] = (
+        height * reduced_modulus(1.0, nu) / block_modulus(1.0, nu, "free" if sides == "free" else "rollers")
+    )
     return compliance
 
 

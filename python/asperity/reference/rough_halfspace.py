@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from asperity.arrays import Array, Floats
 from asperity.errors import InputError
-from asperity.reference.halfspace import compliance_of_waves, corrected_area
+from asperity.reference.halfspace import compliance_of_waves, corrected_area, displacement
 from asperity.surface import Surface
 
 HARDNESS = 3.0  # of a full plastic indentation over the yield strength; Tabor, The Hardness of Metals (1951)
@@ -21,16 +21,16 @@ _ITERATIONS = 200  # at one approach; what is left then is far below the use of 
 
 @dataclass(frozen=True)
 class RoughHalfSpace:
-    """Rigid flat on a layer with sides u.n = 0, small slopes, elastic up to a greatest pressure.
+    """Rigid flat on a layer, small slopes, elastic up to a greatest pressure.
 
     The pressure minimises the complementary energy under 0 <= p <= hardness (Almqvist, Sahlin, Larsson & Glavatskih,
-    Tribol. Int. 40 (2007) 574), by projected conjugate gradients with a cosine transform.
+    Tribol. Int. 40 (2007) 574), by projected conjugate gradients with a cosine or Fourier transform.
 
     Attributes:
         n: cells per side of the patch
         height: thickness of the layer [L]
         nu: Poisson's ratio
-        sides: "rollers" or "free"; free sides change the compression of the layer only
+        sides: "rollers" (u.n = 0), "periodic" or "free"; free sides change the compression of the layer only
         hardness: greatest pressure over E', inf for an elastic layer
 
     Examples:
@@ -71,12 +71,12 @@ class RoughHalfSpace:
         delta = np.asarray(delta_star, dtype=float)
         if not (len(delta) and delta[0] > 0.0 and np.all(np.diff(delta) > 0.0)):
             raise InputError(f"delta_star = {delta.tolist()} must ascend from above 0")
-        compliance = compliance_of_waves(self.n, self.height, self.nu, self.sides)  # type: ignore[arg-type]
+        compliance = compliance_of_waves(self.n, self.height, self.nu, self.sides)
         p = np.zeros_like(heights)
         touched_at = np.full(heights.shape, np.inf)
         force, area = [], []
         for d in delta:
-            p = _press(p, heights - (summit - d), compliance, self.hardness, tolerance * delta[-1])
+            p = _press(p, heights - (summit - d), compliance, self.sides, self.hardness, tolerance * delta[-1])
             touched_at[(p > 0.0) & np.isinf(touched_at)] = d
             force.append(float(p.mean()))
             area.append(max(corrected_area(p > 0.0), 0.0))
@@ -106,20 +106,20 @@ class RoughCurve:
     touched_at: Floats
 
 
-def _press(start: Array, penetration: Array, compliance: Array, hardness: float, tolerance: float) -> Array:
+def _press(start: Array, penetration: Array, compliance: Array, sides: str, hardness: float, tolerance: float) -> Array:
     """Pressure over E' (n, n) under a flat that the undeformed surface penetrates by `penetration` (n, n) [L].
 
     Args:
         start: pressure to start from (n, n)
         penetration: of the undeformed surface [L]
-        compliance: of each cosine wave (n, n) [L]
+        compliance: of each wave (n, n) [L]
+        sides: of the layer
         hardness: greatest pressure over E'
         tolerance: largest gap in contact and penetration elsewhere [L]
     """
-    from scipy.fft import dctn, idctn
 
     def displace(p: Array) -> Array:
-        return np.asarray(idctn(compliance * dctn(p, type=2), type=2))
+        return displacement(p, compliance, sides)
 
     p = np.clip(start if start.any() else np.maximum(penetration, 0.0) / compliance.max(), 0.0, hardness)
     direction, previous, conjugate = np.zeros_like(p), 1.0, False

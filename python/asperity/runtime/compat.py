@@ -55,6 +55,28 @@ def geometry_dofmap(mesh: Any) -> npt.NDArray[np.int32]:
     return np.ascontiguousarray(geometry.dofmap if dofmaps is None else dofmaps[0])
 
 
+def with_geometry(
+    mesh: Any, numbers: npt.NDArray[np.int64], x_nodes: npt.NDArray[np.int32], x: npt.NDArray[np.float64]
+) -> Any:
+    """A mesh of the same topology with another geometry, whose nodes no rank shares with another; collective.
+
+    Args:
+        mesh: dolfinx mesh
+        numbers: global number of each node of this rank (n,)
+        x_nodes: nodes of each local cell (cells, nodes per cell)
+        x: coordinates (n, 3) [length]
+    """
+    from dolfinx import cpp
+    from dolfinx import mesh as dmesh
+
+    old = mesh.geometry._cpp_object
+    element = old.cmap if hasattr(old, "cmap") else old.cmaps[0]  # since 0.11
+    nodes = cpp.common.IndexMap(mesh.comm, len(x))
+    geometry = cpp.mesh.Geometry_float64(nodes, x_nodes, element, x, numbers)
+    made = cpp.mesh.Mesh_float64(mesh.comm, mesh.topology._cpp_object, geometry)
+    return dmesh.Mesh(made, mesh.ufl_domain())
+
+
 def assemble_vector_into(b: npt.NDArray[np.float64], form: Any) -> None:
     """Assemble a form and add it to the array `b` of this rank, (owned and ghost dofs,)."""
     from dolfinx.fem import assemble_vector

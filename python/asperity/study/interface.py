@@ -43,7 +43,7 @@ class Block:
         """Return the block of a case; with free sides, solves a flat block of the same shape, once per process."""
         solid, side, height = case.material.solid, case.surface.L, case.block.height
         yields_at = yield_pressure(solid, case.block.sides)
-        if case.block.sides == "rollers":
+        if case.block.sides != "free":
             return Block(side, height, solid.confined_modulus, yields_at)
         return Block(side, height, solid.E * free_block_modulus(solid.nu, height / side), yields_at)
 

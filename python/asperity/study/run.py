@@ -223,7 +223,7 @@ def shared_mesh(case: Case, folder: Path, comm: MPI.Comm) -> Path | AsperityErro
 
     try:
         size = MeshSize(m.h_contact, m.growth, m.h_max)
-        block = make_block(comm, case.build_surface(), case.block.height, delta, size)
+        block = make_block(comm, case.build_surface(), case.block.height, delta, size, case.block.sides)
         on_root(comm, save)
     except AsperityError as error:
         return error

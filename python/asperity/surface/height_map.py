@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 _FIRST = 0.225  # width that the levels of smoothed maps start from, over the distance of the heights
 _SPACING = 0.5  # distance of the heights of a smoothed map over its width
 _TREND = 8  # degree of the polynomial trend removed before the waves are separated by length
+_SAME = 1e-6  # greatest difference of opposite edges of a periodic map, over the range of heights
 MOST = 6000  # heights along a side: beyond it the spline and its derivatives need more than 6 GiB
 DEEPEST, FARTHEST = 10.0, 1e6  # greatest plausible peak-to-valley height and distance of heights from zero [L]
 
@@ -251,6 +252,21 @@ class HeightMap(Surface):
     def mean(self) -> float:
         """Return the exact mean of the spline over the patch (length)."""
         return float(self._spline.integral(0, self.L, 0, self.L)) / self.L**2
+
+    @property
+    def periodic(self) -> bool:
+        """Whether the first and last rows and columns agree, and are no sharper an edge than there are inside.
+
+        The difference of the slopes on the two sides of the edge, from node to node, is compared with that at the other
+        nodes: its rms value may be twice as large.
+        """
+        z, found = self.heights, []
+        for rows in (z, z.T):
+            bend = np.diff(rows, 2, axis=0)
+            across = (rows[1] - rows[0]) - (rows[-1] - rows[-2])
+            same = np.allclose(rows[0], rows[-1], rtol=0.0, atol=_SAME * np.ptp(z))
+            found.append(same and np.sqrt(np.mean(across**2)) <= 2.0 * np.sqrt(np.mean(bend**2)))
+        return all(found)
 
     def curvature_bound(self) -> float:
         """Return a bound of the Hessian (1/length) from the convex hull of the spline coefficients."""

@@ -1,0 +1,270 @@
+"""Periodic sides against closed forms, a half-space of the same period, translated surfaces and other ranks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from asperity import reference
+from asperity.contact.contact_surface import ContactSurface
+from asperity.curve import Curve
+from asperity.errors import InputError, MeshError
+from asperity.fem.global_numbering import collect_nodes
+from asperity.fem.solid import Solid
+from asperity.mesh.block import NEAR, BlockMesh
+from asperity.mesh.distribute import SIDE_X, SIDE_Y, distribute
+from asperity.mesh.generate import build_block
+from asperity.mesh.periodic import joined
+from asperity.mesh.size_field import SizeField
+from asperity.model.material import Material
+from asperity.model.problem import Problem
+from asperity.model.settings import Formulation, MeshSize, SolverOptions
+from asperity.quasistatic.checkpoint import Checkpoint
+from asperity.quasistatic.solve_contact import PartialResult, make_block, solve_contact
+from asperity.runtime import compat
+from asperity.surface import Flat, SelfAffine, Sinusoid, Sphere, Surface
+
+ELASTIC = Material(E=1.0, nu=0.3)
+PLASTIC = Material(E=1.0, nu=0.3, yield_strength=0.005, tangent_modulus=0.05)
+FINITE = Material(E=1.0, nu=0.3, yield_strength=0.005, tangent_modulus=0.05, kinematics="finite")
+COARSE = MeshSize(h_contact=0.12)
+HERE: dict[str, Any] = dict(sides="periodic", delta_max=0.02, steps=2, size=COARSE)
+
+
+def world() -> Any:
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD
+
+
+def wave(x: float = 0.5, y: float = 0.5, waves: int = 1) -> Sinusoid:
+    return Sinusoid(L=1.0, amplitude=0.02, wavelength=1.0 / waves, dims=2, centre=(x, y))
+
+
+def block_of(surface: Surface, h: float = 0.12) -> BlockMesh | None:
+    return make_block(world(), surface, 1.0, 0.02, MeshSize(h_contact=h), "periodic")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Shifted(Surface):
+    """A surface with the period L, translated."""
+
+    of: Surface
+    shift: tuple[float, float]
+
+    def _back(self, x: Any, y: Any) -> tuple[Any, Any]:
+        return np.mod(np.asarray(x) - self.shift[0], self.L), np.mod(np.asarray(y) - self.shift[1], self.L)
+
+    def height(self, x: Any, y: Any) -> Any:
+        return self.of.height(*self._back(x, y))
+
+    def gradient(self, x: Any, y: Any) -> Any:
+        return self.of.gradient(*self._back(x, y))
+
+    def hessian(self, x: Any, y: Any) -> Any:
+        return self.of.hessian(*self._back(x, y))
+
+    def mean(self) -> float:
+        return self.of.mean()
+
+    def curvature_bound(self) -> float:
+        return self.of.curvature_bound()
+
+    @property
+    def periodic(self) -> bool:
+        return True
+
+
+# -- the mesh --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("centre", [(0.5, 0.5), (0.0, 0.3), (1.0, 1.0)])
+def test_opposite_sides_have_the_same_nodes(centre: tuple[float, float]) -> None:
+    """Also where the first contact, which is a node, lies on a side or in a corner."""
+    block = build_block(wave(*centre), 0.7, lambda x, y, depth: 0.15, periodic=True)
+    block.check(wave(*centre))
+    same = joined(block)
+    moved = block.points - block.points[same]
+    assert set(np.unique(np.abs(moved[:, :2]).round(9))) == {0.0, 1.0} and np.abs(moved[:, 2]).max() < 1e-12
+    for axis in (0, 1):
+        ends = [np.abs(block.points[:, axis] - plane) < NEAR for plane in (0.0, 1.0)]
+        assert ends[0].sum() == ends[1].sum() and not np.any(ends[1][same])
+
+
+@pytest.mark.mpi
+def test_cells_keep_their_coordinates_and_share_dofs() -> None:
+    """Volume and top as without joining; each dof of a joined node once; no facet is left on a side."""
+    surface = wave(0.2, 0.9)
+    block = block_of(surface)
+    mesh, tags = distribute(world(), block, 1.0, periodic=True)
+    solid = Solid(mesh, tags, ELASTIC, "periodic")
+    assert world().allreduce(len(tags.find(SIDE_X)) + len(tags.find(SIDE_Y))) == 0
+    plain = Solid(*distribute(world(), block, 1.0), ELASTIC, "free")
+    for of in (lambda s: s.kernels.volumes.sum(), lambda s: ContactSurface(s).area.sum()):
+        assert world().allreduce(of(solid)) == pytest.approx(world().allreduce(of(plain)), rel=1e-12)
+    nodes = world().bcast(None if block is None else len(np.unique(joined(block))))
+    assert solid.dofs == 3 * nodes < plain.dofs
+    numbers = np.asarray(mesh.geometry.input_global_indices)
+    points = world().bcast(None if block is None else block.points)
+    np.testing.assert_array_equal(mesh.geometry.x, points[numbers])
+    x = mesh.geometry.x[compat.geometry_dofmap(mesh)]
+    off = solid.points[solid.V.dofmap.list] - x  # a dof is at the node of one side or of the other
+    np.testing.assert_allclose(off, off.round(), atol=1e-12)
+    heights = collect_nodes(solid, solid.points[:, 2])
+    if heights is not None:
+        np.testing.assert_allclose(heights, points[:, 2], atol=1e-12)
+
+
+def test_meshes_that_do_not_fit_are_refused() -> None:
+    plain = build_block(wave(), 1.0, lambda x, y, depth: 0.12 + 0.3 * abs(x - 0.3))
+    with pytest.raises(MeshError, match=r"nodes or faces on the sides of the mesh have no partner"):
+        solve_contact(wave(), ELASTIC, block=plain, **HERE)
+    coarse = build_block(Flat(L=1.0), 1.0, lambda x, y, depth: 0.5, periodic=True)
+    with pytest.raises(MeshError, match=r"must be narrower than half the side 1: reduce mesh.h_max"):
+        joined(coarse)
+
+
+def test_sizes_pass_through_the_sides() -> None:
+    """A spot at a side makes the elements at the opposite side small too, and the sizes are those of a spot inside."""
+    aside, inside = (SizeField.of(wave(x, 0.5), 0.005, 0.03, periodic=True) for x in (0.02, 0.5))
+    for x in (0.0, 0.1, 0.5, 0.9, 0.98, 1.0):
+        for y in (0.3, 0.5, 0.9):
+            assert aside.at(x, y, 0.1) == pytest.approx(inside.at((x + 0.48) % 1.0, y, 0.1), rel=0.05)
+    plain, joined_sides = (
+        SizeField.of(wave(0.2, 0.5), 0.005, 0.03, periodic=p).at(0.9, 0.5, 0.0) for p in (False, True)
+    )
+    assert plain > 1.2 * joined_sides
+
+
+def test_smoothed_heights_fit_too() -> None:
+    """A rough surface on elements larger than its waves is smoothed, by the same width at nodes that are joined."""
+    surface = SelfAffine(L=1.0, H=0.8, slope=1.0, lambda_short=0.05, seed=5)
+    block = build_block(surface, 1.0, lambda x, y, depth: 0.15, periodic=True)
+    assert block.smoothing is not None
+    np.testing.assert_array_equal(block.smoothing, block.smoothing[joined(block)])
+
+
+def test_surfaces_that_are_not_periodic_are_refused() -> None:
+    for surface in (Sphere(L=1.0, radius=1.0), SelfAffine(L=1.0, H=0.8, slope=0.1, lambda_short=0.1, periodic=False)):
+        with pytest.raises(InputError, match=r'block\.sides = "periodic" needs a surface whose opposite edges agree'):
+            Problem.of(surface, ELASTIC, delta_max=0.01, sides="periodic")
+
+
+# -- the solution ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.mpi
+def test_a_flat_block_is_in_uniaxial_strain() -> None:
+    """Joined sides keep the mean lateral strain at zero."""
+    result = solve_contact(Flat(L=1.0), ELASTIC, **HERE, height=0.7)
+    np.testing.assert_allclose(result.curve.force, ELASTIC.confined_modulus * result.curve.delta / 0.7, rtol=1e-12)
+
+
+PLACES = ((0.5, 0.5), (0.23, 0.87))  # of the crest
+FORMULATIONS = [None, Formulation("penalty"), Formulation("nitsche"), Formulation("nitsche", theta=1)]
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS, ids=["active set", "penalty", "nitsche", "symmetric"])
+def test_force_does_not_depend_on_where_the_period_begins(formulation: Formulation | None) -> None:
+    """To the accuracy of the mesh; where the surface is symmetric about its sides, rollers give the same force."""
+
+    def loading(at: tuple[float, float], sides: str) -> Curve:
+        return solve_contact(wave(*at), ELASTIC, **HERE | {"sides": sides}, formulation=formulation).curve
+
+    first, second = (loading(at, "periodic") for at in PLACES)
+    symmetric, mirrored = (loading(at, "rollers") for at in PLACES)
+    assert [second.force[-1], symmetric.force[-1]] == pytest.approx([first.force[-1]] * 2, rel=2e-3)
+    assert abs(mirrored.force[-1] / first.force[-1] - 1.0) > 0.02
+    assert first.spots[-1] == second.spots[-1] == 2.0  # the sides cut one of them, and rollers leave its parts apart
+
+
+@pytest.mark.parametrize("material", [PLASTIC, FINITE], ids=["small strain", "finite strain"])
+def test_both_kernels_agree(material: Material) -> None:
+    surface = wave(0.2, 0.9)
+    ours, ufl = (solve_contact(surface, material, **HERE, kernels=kernels) for kernels in ("compiled", "ufl"))
+    assert ours.checks.violated == {}
+    np.testing.assert_allclose(ours.curve.force, ufl.curve.force, rtol=1e-8)
+
+
+def test_a_rough_surface_against_a_half_space_of_its_period() -> None:
+    """Layer of the boundary element solution with Fourier series; the same surface translated gives the same force."""
+    surface = SelfAffine(L=1.0, H=0.8, slope=0.08, lambda_roll=0.7, lambda_short=0.33, seed=2)
+    delta = 0.5 * (surface.maximum()[2] - surface.mean())
+    exact = reference.half_space_contact(surface, 256, delta_star=delta, height=1.0, nu=0.3, sides="periodic")
+    here = HERE | {"size": MeshSize(h_contact=0.05), "delta_max": delta}
+    forces = []
+    for of in (surface, Shifted(L=1.0, of=surface, shift=(0.31, 0.77))):
+        result = solve_contact(of, ELASTIC, **here)
+        forces.append(result.curve.P_star[-1])
+        assert result.checks.violated == {}
+    assert forces == pytest.approx([exact.P_star, exact.P_star], rel=0.01)
+    mirrored = reference.half_space_contact(surface, 256, delta_star=delta, height=1.0, nu=0.3)
+    assert abs(mirrored.P_star / exact.P_star - 1.0) > 0.02
+
+
+@pytest.mark.mpi
+def test_multigrid_solves_joined_systems() -> None:
+    """As many iterations as between rollers, about, and the solution of a factorisation."""
+    surface = wave(0.2, 0.9, waves=2)
+    found = {
+        (sides, linear): solve_contact(
+            surface, ELASTIC, **HERE | {"sides": sides}, options=SolverOptions(linear=linear)
+        )
+        for sides, linear in (("periodic", "cg"), ("periodic", "lu"), ("rollers", "cg"))
+    }
+    ours = found["periodic", "cg"]
+    np.testing.assert_allclose(ours.curve.force, found["periodic", "lu"].curve.force, rtol=1e-7)
+    assert ours.counts.krylov < 1.3 * found["rollers", "cg"].counts.krylov
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("formulation", [None, Formulation("nitsche")], ids=["active set", "nitsche"])
+def test_a_state_saved_on_one_rank_is_continued_on_all(shared_path: Path, formulation: Formulation | None) -> None:
+    """Displacement, plastic history and first contact on both sides; to the last bit on one rank."""
+    from mpi4py import MPI
+
+    surface = wave(0.05, 0.5)
+    here: dict[str, Any] = HERE | dict(steps=3, unload_steps=1, formulation=formulation, snapshots=1)
+    whole = solve_contact(surface, PLASTIC, **here)
+    if world().rank == 0:
+        left = iter(("", "", "the test"))
+        with pytest.raises(PartialResult):
+            alone = Checkpoint(shared_path, {}, MPI.COMM_SELF)
+            solve_contact(surface, PLASTIC, **here, checkpoint=alone, stop=lambda: next(left), comm=MPI.COMM_SELF)
+    world().Barrier()
+    again = solve_contact(surface, PLASTIC, **here, checkpoint=Checkpoint(shared_path, {}, world()))
+    np.testing.assert_allclose(again.curve.force, whole.curve.force, rtol=0.0 if world().size == 1 else 1e-8)
+    (xy, delta), (xy_whole, delta_whole) = again.touched_at(), whole.touched_at()
+    order, order_whole = np.lexsort(xy.T), np.lexsort(xy_whole.T)
+    if world().size == 1:
+        np.testing.assert_array_equal(delta[order], delta_whole[order_whole])
+    assert np.sum(np.isfinite(delta)) == np.sum(np.isfinite(delta_whole))
+
+
+@pytest.mark.mpi
+def test_fields_are_the_same_on_both_sides() -> None:
+    from asperity.output.fields import gather_states
+
+    result = solve_contact(wave(0.05, 0.5), ELASTIC, **HERE, snapshots=1)
+    states = gather_states(result, 1.0, 1.0)
+    if result.block is not None:
+        same = joined(result.block)
+        for values in (states[0].displacement, states[0].pressure, states[0].gap):
+            np.testing.assert_allclose(values, values[same], atol=1e-15)
+        assert states[0].pressure[same != np.arange(len(same))].max() > 0.0
+
+
+def test_stiffness_and_conductance_do_not_depend_on_where_the_period_begins() -> None:
+    found = [
+        solve_contact(
+            wave(*at), ELASTIC, **HERE | {"size": MeshSize(h_contact=0.08)}, stiffness=True, conductance=True
+        ).curve
+        for at in ((0.5, 0.5), (0.23, 0.87))
+    ]
+    for name in ("k_n", "k_t", "conductance"):
+        first, second = (getattr(curve, name)[-1] for curve in found)
+        assert second == pytest.approx(first, rel=0.02), name
