@@ -27,7 +27,7 @@ class Budget:
     Attributes:
         mesh: of the element size, the quadrature included, which the extrapolation removes with it
         roughness: of the waves that the mesh leaves out
-        load_step: of the integration of plasticity along the path
+        load_step: of the integration of plasticity and of stick along the path
         algebraic: of the equations left unsolved, from the balance of forces
 
     Examples:

@@ -29,6 +29,7 @@ from asperity.adaptive.mesh_plan import (
     plan_next,
     planned_steps,
     safety_of,
+    step_rule,
 )
 from asperity.adaptive.roughness import Omission, Roughness
 from asperity.curve import Curve
@@ -172,7 +173,7 @@ def refine(
     """
     from mpi4py import MPI
 
-    surface, material, goal = problem.surface, problem.material, target
+    surface, goal = problem.surface, target
     if soft := penalty_too_soft(problem.formulation.method, problem.formulation.penalty):
         raise InputError(soft)
     steps = planned_steps(problem.load_path.steps)
@@ -185,9 +186,9 @@ def refine(
     run.aim(guide, None if roughness is None else roughness.contact_map())
     whole, path, substeps, stopped = guide.curve, None, 1, ""
     del guide
-    if material.plastic:
-        integrator = problem.load_path.integrator
-        result, path, substeps, stopped = choose_substeps(run, whole, steps, integrator, goal)
+    if problem.path_dependent:
+        rule = step_rule(problem.material.plastic, problem.formulation.sticks, problem.load_path.integrator)
+        result, path, substeps, stopped = choose_substeps(run, whole, steps, rule, goal)
     else:
         result = run(FIRST * GUIDE)
     sizes = [run.levels[0].h / surface.L]

@@ -104,6 +104,11 @@ class Problem:
         return self.surface.L if self.block_height is None else self.block_height
 
     @property
+    def path_dependent(self) -> bool:
+        """Whether the force depends on the load steps, beyond the equations of each position of the flat."""
+        return self.material.plastic or self.formulation.sticks
+
+    @property
     def schedule(self) -> Schedule:
         """The load path in units of the solver: lengths in L, forces in A_0 E'.
 
