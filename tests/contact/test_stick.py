@@ -72,7 +72,7 @@ def corner() -> tuple[Sphere, BlockMesh | None, dict[str, Any]]:
     sphere, a = Sphere(L=1.0, radius=10.0, centre=(0.0, 0.0), shape="paraboloid"), 0.02
     delta = a * a / 10.0
     block = make_block(world(), sphere, 1.0, delta, MeshSize(a / 8, growth=0.4, h_max=0.3))
-    return sphere, block, {"delta_max": delta, "steps": 8}
+    return sphere, block, {"delta_max": delta, "steps": 6}
 
 
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.45])
@@ -127,7 +127,7 @@ def test_cycles(rough: Surface, coarse: BlockMesh | None, material: Material) ->
     if not material.plastic:
         first, second = (curve.where(curve.branch == branch) for branch in ("load", "reload"))
         np.testing.assert_allclose(second.force, first.force, rtol=1e-6)
-        down = curve.where(np.arange(len(curve)) < 8).where(np.arange(8) >= 6)
+        down = curve.where(np.isin(np.arange(len(curve)), (len(first), len(first) + 1)))
         between = np.interp(down.delta, first.delta, first.force)
         np.testing.assert_allclose(down.force, between, rtol=0.03)  # the chord is above a convex curve
 
@@ -138,10 +138,10 @@ def loading(curve: Curve) -> Any:
 
 def test_order_in_the_load_steps(rough: Surface, coarse: BlockMesh | None) -> None:
     found = {
-        n: loading(press(rough, ELASTIC, coarse, delta_max=0.03, steps=6, substeps=n).curve) for n in (1, 4, 32)
+        n: loading(press(rough, ELASTIC, coarse, delta_max=0.03, steps=6, substeps=n).curve) for n in (1, 4, 16)
     }
-    errors = {n: float(np.sqrt(np.mean((found[n] / found[32] - 1.0) ** 2))) for n in (1, 4)}
-    assert errors[1] < 0.03
+    errors = {n: float(np.sqrt(np.mean((found[n] / found[16] - 1.0) ** 2))) for n in (1, 4)}
+    assert errors[1] < 0.01
     assert errors[4] < 0.3 * errors[1]
 
 

@@ -170,12 +170,12 @@ def estimate(case: Case, ranks: int = 1) -> Estimate:
 def _plan(case: Case) -> Iterator[tuple[float, int]]:
     """Size h_contact [length] and load steps of each mesh, one after the other."""
     loading, plastic = case.loading, case.material.yield_strength is not None
-    integrator = loading.integrator if plastic else BACKWARD_EULER
+    integrator, sticks = loading.integrator if plastic else BACKWARD_EULER, case.contact.formulation.sticks
     wanted = case.accuracy.tolerance
     planned = loading.steps if wanted is None else planned_steps(loading.steps)
 
     def steps(substeps: int = 1) -> int:
-        schedule = Schedule(delta_max=1.0, steps=planned, integrator=integrator, substeps=substeps)
+        schedule = Schedule(delta_max=1.0, steps=planned, integrator=integrator, substeps=substeps, sticks=sticks)
         unloading = loading.unload_steps if loading.unload else 0
         return (len(schedule.stops()) + unloading) * loading.cycles
 
@@ -184,7 +184,6 @@ def _plan(case: Case) -> Iterator[tuple[float, int]]:
         return
     L = case.surface.L
     left, substeps = wanted, 1
-    sticks = case.contact.formulation.sticks
     if plastic or sticks:
         rule = step_rule(plastic, sticks, integrator)
         whole, order = TYPICAL_STEP_BAR[rule], STEP_ORDERS[rule]

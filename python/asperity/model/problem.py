@@ -120,4 +120,5 @@ class Problem:
             delta_max=None if path.delta_max is None else path.delta_max / L,
             force_max=None if path.force_max is None else path.force_max / (L**2 * self.material.reduced_modulus),
             integrator=path.integrator if self.material.plastic else BACKWARD_EULER,
+            sticks=self.formulation.sticks,
         )
