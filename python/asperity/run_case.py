@@ -26,7 +26,7 @@ from asperity.errors import (
     ResolutionWarning,
 )
 from asperity.model.problem import Problem
-from asperity.model.settings import AccuracyTarget
+from asperity.model.settings import AccuracyTarget, wrong_friction
 from asperity.output.assumptions import departures
 from asperity.output.run_files import RunFiles
 from asperity.power_law import PowerLawFit
@@ -44,6 +44,10 @@ if TYPE_CHECKING:
     from asperity.mesh.block import BlockMesh
     from asperity.quasistatic.checkpoint import Checkpoint
     from asperity.quasistatic.solve_contact import ContactResult, Hooks
+
+
+FRICTION_BOUNDS = "friction_bounds"  # section of summary.json
+PARTS_OF_STICK = 2  # of a load step of an elastic solid, for the bounds
 
 
 @dataclass(frozen=True)
@@ -84,6 +88,7 @@ def run(
     resume: bool = False,
     force: bool = False,
     block: BlockMesh | None = None,
+    bounds: bool = False,
     comm: MPI.Comm | None = None,
 ) -> RunResult:
     """Run a case and write its results, as `asperity run` does; collective over `comm`.
@@ -103,10 +108,13 @@ def run(
         resume: continue the run of this case in `folder`
         force: replace the run in `folder`; files that no run has written stay
         block: mesh that was made before for this surface, block, element sizes and approach (on rank 0); None makes it
+        bounds: solve the case with the other `contact.friction` too, on the same mesh: the section friction_bounds of
+            the summary has the bracket of any friction
         comm: communicator; default all ranks
 
     Raises:
-        InputError: the case is wrong, its load leaves no gap, or `folder` holds something that would be written over
+        InputError: the case is wrong, its load leaves no gap, its contact has no bounds of friction, or `folder` holds
+            something that would be written over
         CheckpointError: the run in `folder` is of another case, or its checkpoint is damaged
         ConvergenceError: the path could not be followed, the files hold the part before; or the tolerance was not met,
             what was found is kept like a finished run
@@ -131,11 +139,14 @@ def run(
     comm = MPI.COMM_WORLD if comm is None else comm
     out = None if folder is None else Path(folder)
     with noting(comm) as notices:
-        whole, problem = agree(comm, partial(prepare, case, out, resume=resume, force=force, block=block))
-        job = _Job(whole, problem, block, out, comm, progress or Progress(), notices)
+        whole, problem = agree(
+            comm, partial(prepare, case, out, resume=resume, force=force, block=block, bounds=bounds)
+        )
+        job = _Job(whole, problem, block, out, comm, progress or Progress(), notices, bounds)
         if out is not None:
             on_root_bcast(comm, partial(run_folder.check, out, resume=resume, force=force))
-            if resume and (done := on_root_bcast(comm, job.writer.finished)) is not None:
+            done = on_root_bcast(comm, job.writer.finished) if resume else None
+            if done is not None and (not bounds or FRICTION_BOUNDS in done[1]):
                 return RunResult(done[0], done[0].fit_or_none(), done[1], None)
         continues = job.continues(resume)
         with log_file(None if out is None or comm.rank > 0 else out / LOG, append=continues) as open_log:
@@ -150,6 +161,7 @@ def prepare(
     resume: bool = False,
     force: bool = False,
     block: BlockMesh | None = None,
+    bounds: bool = False,
 ) -> tuple[Case, Problem]:
     """A case that may be run, and its problem; warns of what is doubtful.
 
@@ -163,6 +175,8 @@ def prepare(
     case = case if isinstance(case, Case) else Case.load(case)
     if block is not None and not (case.mesh.file is None and case.accuracy.tolerance is None):
         raise InputError("block is the mesh of the run: leave out mesh.file and accuracy.tolerance, which name another")
+    if bounds and (wrong := wrong_friction(case.contact.method, "stick")):
+        raise InputError(wrong)
     return case, case.problem()
 
 
@@ -177,6 +191,7 @@ class _Job:
         folder: receives the files, None for none
         comm, progress: as in `run`
         notices: warnings so far
+        bounds: whether the case is solved with the other friction too
     """
 
     case: Case
@@ -186,6 +201,7 @@ class _Job:
     comm: MPI.Comm
     progress: Progress
     notices: Notices
+    bounds: bool = False
 
     @cached_property
     def writer(self) -> RunFiles:
@@ -251,7 +267,7 @@ class _Job:
 
         case, comm, writer = self.case, self.comm, self.writer
         failure: ConvergenceError | None = None
-        accurate = None
+        accurate = other = None
         with nullcontext() if self.folder is None else StopRequest(comm) as request:
             hooks = _hooks(self, begin, None if request is None else request.agreed)
             try:
@@ -261,6 +277,8 @@ class _Job:
                     accurate = _solve_to_tolerance(self, hooks)
                     contact = replace(accurate.contact, curve=accurate.curve, reason=accurate.reason)
                     failure = None if accurate.met else ConvergenceError(accurate.reason)
+                if self.bounds and failure is None:
+                    other, failure = _other_friction(self, hooks, contact, accurate)
             except PartialResult as e:
                 stopped = isinstance(e.__cause__, Interrupted)
                 failure = Interrupted(str(e)) if stopped else ConvergenceError(str(e))
@@ -272,6 +290,10 @@ class _Job:
         summary = summarise(case, contact, fit, comm.size)
         if accurate is not None:
             summary |= accurate.to_dict()
+        if other is not None:
+            summary[FRICTION_BOUNDS] = _bounds_of(
+                self.problem, contact.curve if accurate is None else accurate.raw, other
+            )
         doubts = "; ".join(contact.checks.violated.values())
         if doubts and not isinstance(failure, Interrupted):
             failure = CheckError(f"the result is wrong, do not use it: {doubts}")
@@ -430,6 +452,46 @@ def _solve_to_tolerance(job: _Job, hooks: Hooks) -> AccurateResult:
     return refine(
         job.problem, target, job.comm, hooks, lambda curve: on_root_bcast(job.comm, lambda: job.writer.curve(curve))
     )
+
+
+def _other_friction(
+    job: _Job, hooks: Hooks, contact: ContactResult, accurate: AccurateResult | None
+) -> tuple[Curve | None, ConvergenceError | None]:
+    """Curve of the problem with the other friction on the mesh of a result, or what stopped it; collective.
+
+    Without plastic flow the load steps matter to stick alone, which has them in parts.
+    """
+    from asperity.adaptive.mesh_plan import planned_steps
+    from asperity.quasistatic.solve_contact import PartialResult, solve_problem
+
+    problem, path = job.problem, job.problem.load_path
+    if accurate is not None:
+        path = replace(path, steps=planned_steps(path.steps), substeps=accurate.levels[-1].substeps)
+    friction = "none" if problem.formulation.sticks else "stick"
+    if friction == "stick" and not problem.material.plastic:
+        path = replace(path, substeps=max(path.substeps, PARTS_OF_STICK))
+    path = replace(path, unload_steps=0, cycles=1)
+    other = replace(problem, load_path=path, formulation=replace(problem.formulation, friction=friction))
+    name = f"friction {friction}"
+    again = replace(
+        hooks,
+        on_stage=lambda stage: hooks.stage(f"{name}: {stage}"),
+        on_step=lambda rows, fraction: job.progress.step(rows[-1], fraction),
+        checkpoint=None if hooks.checkpoint is None else hooks.checkpoint.part(f"friction-{friction}"),
+        on_ready=None, snapshots=0, stiffness=False, conductance=False,
+    )  # fmt: skip
+    try:
+        return solve_problem(other, block=contact.block, comm=job.comm, hooks=again).curve, None
+    except (PartialResult, Interrupted) as e:
+        kind = Interrupted if isinstance(e.__cause__ or e, Interrupted) else ConvergenceError
+        return None, kind(f"{name}: {e}")
+
+
+def _bounds_of(problem: Problem, curve: Curve, other: Curve) -> dict[str, Any]:
+    """Section of the summary, from the curve of a problem and that with the other friction."""
+    from asperity.output.friction_bounds import friction_bounds
+
+    return friction_bounds(other, curve) if problem.formulation.sticks else friction_bounds(curve, other)
 
 
 def _dynamics(case: Case, curve: Curve, folder: str | Path | None) -> Any:

@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Floats
+from asperity.contact import Stick
 from asperity.errors import ConvergenceError, InputError
 from asperity.fem.energies import energies
 from asperity.fem.inertia import InertialKernels
@@ -151,7 +152,7 @@ class Transient:
             omega falls by sqrt(1 + added_mass/mass) (Rayleigh) [E L T^2]
 
     Raises:
-        InputError: density or mass is not positive, or load or dashpot is negative
+        InputError: density or mass is not positive, load or dashpot is negative, or the contact sticks
 
     Examples:
         >>> from asperity.surface import Flat
@@ -180,6 +181,10 @@ class Transient:
         for name, value in (("load", load), ("dashpot", dashpot)):
             if not (np.isfinite(value) and value >= 0.0):
                 raise InputError(f"{name} = {value!r} must be finite and at least 0")
+        if isinstance(solver.contact, Stick):
+            raise InputError(
+                'contact.friction = "stick" has no motion in time yet: give Transient a solver without friction'
+            )
         self.solver, self.mass, self.load, self.dashpot = solver, mass, load, dashpot
         self.scheme = scheme or Scheme()
         solid = solver.solid

@@ -98,6 +98,8 @@ def test_a_resumed_run_warns_of_the_waves_that_its_mesh_misses(tmp_path: Path) -
         (PLASTIC, "penalty", {"unload_steps": 2}),
         (PLASTIC, "active-set", {"delta_max": None, "force_max": 1e-3, "steps": 2}),
         (ELASTIC, "active-set", {}),
+        (ELASTIC, "active-set", {"formulation": Formulation(friction="stick"), "unload_steps": 2, "cycles": 2}),
+        (PLASTIC, "active-set", {"formulation": Formulation(friction="stick"), "steps": 2, "integrator": "midpoint"}),
     ],
 )
 def test_a_run_in_pieces_gives_the_same_curve(
@@ -153,9 +155,9 @@ def test_a_run_in_pieces_has_the_same_stiffness(
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("method", ["active-set", "nitsche"])
+@pytest.mark.parametrize("formulation", [Formulation(), Formulation("nitsche"), Formulation(friction="stick")])
 def test_a_run_goes_on_on_another_number_of_ranks(
-    wave: Surface, coarse_wave: BlockMesh | None, shared_path: Path, method: str
+    wave: Surface, coarse_wave: BlockMesh | None, shared_path: Path, formulation: Formulation
 ) -> None:
     from mpi4py import MPI
 
@@ -164,7 +166,7 @@ def test_a_run_goes_on_on_another_number_of_ranks(
         "steps": 4,
         "integrator": "backward-euler",
         "unload_steps": 2,
-        "formulation": Formulation(method),
+        "formulation": formulation,
         "block": coarse_wave,
     }
     straight = solve_contact(wave, PLASTIC, **settings)

@@ -18,10 +18,12 @@ from asperity.adaptive.mesh_plan import (
     GUIDE,
     SMALLEST_RATIO,
     STEP_ORDERS,
+    STICK,
     cheapest_substeps,
     growth,
     meshes,
     planned_steps,
+    step_rule,
 )
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
@@ -40,7 +42,7 @@ Size = Callable[[float, float, float], float]
 NODES, NODES_OF_GROWTH = 4.5, 19.0
 
 TYPICAL_BAR = 0.06  # relative, of the second mesh of a run driven by a tolerance
-TYPICAL_STEP_BAR = {MIDPOINT: 0.005, BACKWARD_EULER: 0.1}  # relative, of whole load steps
+TYPICAL_STEP_BAR = {MIDPOINT: 0.005, STICK: 0.01, BACKWARD_EULER: 0.1}  # relative, of whole load steps
 MOST_DOFS = 1e8  # that are counted
 
 
@@ -168,12 +170,12 @@ def estimate(case: Case, ranks: int = 1) -> Estimate:
 def _plan(case: Case) -> Iterator[tuple[float, int]]:
     """Size h_contact [length] and load steps of each mesh, one after the other."""
     loading, plastic = case.loading, case.material.yield_strength is not None
-    integrator = loading.integrator if plastic else BACKWARD_EULER
+    integrator, sticks = loading.integrator if plastic else BACKWARD_EULER, case.contact.formulation.sticks
     wanted = case.accuracy.tolerance
     planned = loading.steps if wanted is None else planned_steps(loading.steps)
 
     def steps(substeps: int = 1) -> int:
-        schedule = Schedule(delta_max=1.0, steps=planned, integrator=integrator, substeps=substeps)
+        schedule = Schedule(delta_max=1.0, steps=planned, integrator=integrator, substeps=substeps, sticks=sticks)
         unloading = loading.unload_steps if loading.unload else 0
         return (len(schedule.stops()) + unloading) * loading.cycles
 
@@ -182,8 +184,9 @@ def _plan(case: Case) -> Iterator[tuple[float, int]]:
         return
     L = case.surface.L
     left, substeps = wanted, 1
-    if plastic:
-        whole, order = TYPICAL_STEP_BAR[integrator], STEP_ORDERS[integrator]
+    if plastic or sticks:
+        rule = step_rule(plastic, sticks, integrator)
+        whole, order = TYPICAL_STEP_BAR[rule], STEP_ORDERS[rule]
         substeps = cheapest_substeps({1: np.array([whole])}, np.array([TYPICAL_BAR]), left, order)
         left = max(left - whole * substeps**-order, 0.1 * left)
     delta = loading.delta_max
@@ -193,7 +196,9 @@ def _plan(case: Case) -> Iterator[tuple[float, int]]:
     if sizes[-1] > finest:  # the waves that the last mesh leaves out take a finer one
         sizes.append(max(finest, sizes[-1] / SMALLEST_RATIO))
     for k, h in enumerate(sizes):
-        if k == 1 and plastic:  # the second mesh measures the error of the steps, with two parts at the least
+        if k == 1 and (
+            plastic or sticks
+        ):  # the second mesh measures the error of the steps, with two parts or more
             yield from ((h * L, steps(2**n)) for n in range(max(int(log2(substeps)), 1) + 1))
         else:
             yield h * L, steps(substeps if k else 1)

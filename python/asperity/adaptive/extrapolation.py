@@ -31,7 +31,7 @@ class Budget:
     Attributes:
         mesh: of the element size, the quadrature included, which the extrapolation removes with it
         roughness: of the waves that the mesh leaves out
-        load_step: of the integration of plasticity along the path
+        load_step: of the integration of plasticity and of stick along the path
         algebraic: of the equations left unsolved, from the balance of forces
 
     Examples:
@@ -132,9 +132,7 @@ def with_area(curve: Curve, missed: Omission) -> Curve:
     return replace(curve, area_fraction=area, error_area_fraction=error, mean_pressure=pressure)
 
 
-def with_measures(
-    fine: Curve, coarse: Curve, ratio: float, safety: float, budget: Budget, compliance: float
-) -> Curve:
+def with_measures(fine: Curve, coarse: Curve, ratio: float, safety: float, budget: Budget, compliance: float) -> Curve:
     """A curve whose gap, stiffnesses and conductance are extrapolated from a coarser mesh, with their error bars.
 
     At a given approach the mean gap is larger by the compression that belongs to an error of the force. A stiffness

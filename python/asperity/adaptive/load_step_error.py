@@ -1,4 +1,6 @@
-"""Error of the force from the load steps of an elastic-plastic run, and the number of parts that the tolerance takes.
+"""Error of the force from the load steps, and the number of parts that the tolerance takes.
+
+Plastic flow and stick make the force depend on the load steps.
 
 The first guided mesh measures it: it depends little on the mesh, and corrects the forces of all of them.
 """
@@ -15,6 +17,7 @@ from asperity.adaptive.mesh_plan import (
     FIRST,
     GUIDE,
     STEP_ORDERS,
+    STICK,
     cheapest_substeps,
     extrapolate,
     extrapolate_mesh,
@@ -26,7 +29,7 @@ from asperity.model.settings import AccuracyTarget
 from asperity.quasistatic.solve_contact import ContactResult
 
 # Part of the load-step correction taken for its bar; of the rule of first order much more is corrected
-PATH_TRANSFER = {MIDPOINT: 0.5, BACKWARD_EULER: 1.0}
+PATH_TRANSFER = {MIDPOINT: 0.5, STICK: 1.0, BACKWARD_EULER: 1.0}
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,7 @@ class LoadStepError:
 
 
 def choose_substeps(
-    run: LevelSolver, guide: Curve, steps: int, integrator: str, goal: AccuracyTarget
+    run: LevelSolver, guide: Curve, steps: int, rule: str, goal: AccuracyTarget
 ) -> tuple[ContactResult, LoadStepError]:
     """Solve on the first guided mesh for the error of the load steps, and choose the parts of each for the finer ones.
 
@@ -74,13 +77,13 @@ def choose_substeps(
         run: solver of levels
         guide: curve of the guiding mesh with whole steps
         steps: planned ones
-        integrator: of plasticity
+        rule: see `mesh_plan.step_rule`
         goal: tolerance and limits
 
     Returns:
         the result with the most parts, at least two, and the error; no more parts are chosen than these
     """
-    order, transfer = STEP_ORDERS[integrator], PATH_TRANSFER[integrator]
+    order, transfer = STEP_ORDERS[rule], PATH_TRANSFER[rule]
     result = run(FIRST * GUIDE)
     at = result.curve.delta_star[judged_rows(result.curve, steps)]
     P, n = {1: loading_force(result.curve, at)}, 1

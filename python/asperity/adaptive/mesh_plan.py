@@ -29,10 +29,25 @@ FIRST_STEP = 2.5  # greatest one after the second mesh, for the guide only shows
 MARGIN = 0.9  # part of the tolerance that is planned for
 COST_ORDER = 2.6  # time grows as h^-COST_ORDER
 DOFS_ORDER = 2.0  # dofs grow as h^-DOFS_ORDER: refinement is nearly confined to the contact
-STEP_ORDERS = {MIDPOINT: 2.0, BACKWARD_EULER: 1.0}  # of the force in the load step
+STICK = "stick"  # where nodes are touched within a step (docs/contact.md)
+STEP_ORDERS = {MIDPOINT: 2.0, STICK: 1.5, BACKWARD_EULER: 1.0}  # of the force in the load step
 MOST_SUBSTEPS = 32
 LEAST_STEPS = 5  # planned ones, for the difference of two meshes at one or two approaches may vanish by chance
 GROWTH = 0.25, 0.04  # growth of the element size around the contact, and the size in it that this belongs to [L]
+
+
+def step_rule(plastic: bool, sticks: bool, integrator: str) -> str:
+    """What the error of the load steps follows: the rule of plasticity, or that of stick, whose order is lower.
+
+    Args:
+        plastic: whether the solid yields
+        sticks: whether the points in contact stick
+        integrator: of plasticity
+
+    Returns:
+        key of STEP_ORDERS
+    """
+    return STICK if sticks and not (plastic and integrator == BACKWARD_EULER) else integrator
 
 
 def planned_steps(steps: int) -> int:

@@ -17,7 +17,7 @@ from asperity.adaptive.extrapolation import Budget
 from asperity.adaptive.load_step_error import LoadStepError, choose_substeps
 from asperity.adaptive.mesh_error import MeshErrorEstimate
 from asperity.adaptive.mesh_levels import Level, LevelSolver
-from asperity.adaptive.mesh_plan import FIRST, GUIDE, planned_steps
+from asperity.adaptive.mesh_plan import FIRST, GUIDE, planned_steps, step_rule
 from asperity.adaptive.roughness import Roughness
 from asperity.curve import Curve
 from asperity.errors import InputError, Interrupted, MeshError
@@ -173,8 +173,9 @@ def refine(
     run.aim(guide, None if roughness is None else roughness.contact_map())
     whole = guide.curve
     del guide
-    if problem.material.plastic:
-        result, path = choose_substeps(run, whole, steps, problem.load_path.integrator, target)
+    if problem.path_dependent:
+        rule = step_rule(problem.material.plastic, problem.formulation.sticks, problem.load_path.integrator)
+        result, path = choose_substeps(run, whole, steps, rule, target)
     else:
         result, path = run(FIRST * GUIDE), LoadStepError.none()
     estimate = MeshErrorEstimate(run, target, steps, whole, path, roughness)

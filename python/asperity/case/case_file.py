@@ -24,7 +24,7 @@ from asperity.case.schema import Input, LoadingSection, show
 from asperity.case.validation import Mistake, check_loading, check_together, doubts, unused
 from asperity.errors import CaseWarning, InputError
 from asperity.model.problem import Problem
-from asperity.model.settings import H_CONTACT, Formulation, MeshSize, SolverOptions
+from asperity.model.settings import H_CONTACT, MeshSize, SolverOptions
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
@@ -165,7 +165,7 @@ class Case(Input):
             cycles=loading.cycles,
             integrator=loading.integrator,
             size=MeshSize(mesh.h_contact, mesh.growth, mesh.h_max),
-            formulation=Formulation(**self.contact.model_dump()),
+            formulation=self.contact.formulation,
             kernels=solver.kernels,
             options=SolverOptions(solver.linear, solver.rtol, solver.newton_max),
         )

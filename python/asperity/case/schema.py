@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, Strict
 
 from asperity.model.load_path import greatest_force
 from asperity.model.material import Material
+from asperity.model.settings import Formulation
 
 Real = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Whole = Annotated[int, Strict()]
@@ -170,6 +171,14 @@ class ContactSection(Section):
         "factor of (lambda + 2 mu) p^2/h (nitsche)", None, shown="1; 10 if theta is not 0", ge=0.01, le=1e6
     )
     theta: Whole = _key("symmetry of nitsche; 1 and -1 need an elastic solid in small strain", 0, ge=-1, le=1)
+    friction: Literal["none", "stick"] | None = _key(
+        "points in contact slide freely, or stick where they are touched (active-set)", None, shown="none",
+    )  # fmt: skip
+
+    @property
+    def formulation(self) -> Formulation:
+        """The formulation, with its parameters."""
+        return Formulation(self.method, self.penalty, self.gamma, self.theta, self.friction or "none")
 
 
 class MeshSection(Section):

@@ -10,7 +10,7 @@ import numpy as np
 from asperity.case.schema import DRIVERS, DynamicsSection, Input, JointSection, SelfAffineSection, show
 from asperity.dynamics.joint import EXCLUSIVE
 from asperity.errors import InputError
-from asperity.model.settings import H_CONTACT, H_MAX, gamma_too_small, penalty_too_soft
+from asperity.model.settings import H_CONTACT, H_MAX, gamma_too_small, penalty_too_soft, wrong_friction
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
@@ -39,6 +39,9 @@ def check_together(case: Input) -> None:
         key, _, rest = soft.partition(" ")
         _refuse(key, rest)
     contact = case.contact
+    if wrong := wrong_friction(contact.method, contact.friction or "none"):
+        key, _, rest = wrong.partition(" ")
+        _refuse(key, rest)
     if contact.method == "nitsche" and contact.gamma and (small := gamma_too_small(contact.gamma, contact.theta)):
         key, _, rest = small.partition(" ")
         _refuse(key, rest)

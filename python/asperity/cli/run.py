@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 @options.output("OUT", "Run directory; default out/<name of the case>.")
 @click.option("--resume", is_flag=True, help="Continue the run in OUT, or start it where there is none.")
 @click.option("--force", is_flag=True, help="Replace the run in OUT.")
+@click.option("--bounds", is_flag=True, help="Bracket friction: solve without friction and with stick, on one mesh.")
 @options.job_ranks
 @click.option("-q", "--quiet", is_flag=True, help="Show no progress.")
 @options.overrides
@@ -30,6 +31,7 @@ def command(
     resume: bool,
     force: bool,
     ranks: int | None,
+    bounds: bool,
     quiet: bool,
     overrides: tuple[str, ...],
 ) -> int | None:
@@ -40,6 +42,7 @@ def command(
     """
     from asperity import run_case
     from asperity.case import Case
+    from asperity.output.friction_bounds import bounds_line
 
     load = partial(Case.load, case_file, overrides)
     if (code := options.start_ranks(ranks, load, _most_ranks, quiet)) is not None:
@@ -48,13 +51,15 @@ def command(
     folder = Path(output) if output else Path("out") / Path(case_file).stem
     progress = make_progress(quiet)
     try:
-        result = run_case.run(case, folder, progress=progress, resume=resume, force=force)
+        result = run_case.run(case, folder, progress=progress, resume=resume, force=force, bounds=bounds)
     finally:
         progress.done()
     if not quiet and world_rank() == 0:
         if result.contact is None:
             options.say(f"{folder} holds the complete run of {len(result.curve)} steps; nothing is left to do")
         _show_fit(result.fit)
+        if result.summary.get("friction_bounds"):
+            options.say(bounds_line(result.summary["friction_bounds"]))
         options.say(f"written to {folder}")
     return None
 

@@ -8,7 +8,7 @@ from math import inf
 from asperity.errors import InputError
 
 BACKWARD_EULER, MIDPOINT = "backward-euler", "midpoint"
-FIRST_PIECES = (4, 4, 3, 2, 2, 2)  # into which the midpoint rule divides the first planned steps
+FIRST_PIECES = (4, 4, 3, 2, 2, 2)  # into which the midpoint rule and stick divide the first planned steps
 
 
 def greatest_force(force_max: float | None, pressure_max: float | None, side: float) -> float | None:
@@ -45,6 +45,7 @@ class Schedule:
         cycles: loadings, each followed by an unloading; one when there is none
         integrator: of plasticity along a loading, "backward-euler" (first order) or "midpoint" (second)
         substeps: equal parts that each step of a loading is divided into
+        sticks: whether the points in contact stick, which divides the first steps too
     """
 
     delta_max: float | None = None
@@ -54,6 +55,7 @@ class Schedule:
     cycles: int = 1
     integrator: str = BACKWARD_EULER
     substeps: int = 1
+    sticks: bool = False
 
     def __post_init__(self) -> None:
         for name, least in (("steps", 1), ("unload_steps", 0), ("cycles", 1), ("substeps", 1)):
@@ -68,13 +70,14 @@ class Schedule:
     def stops(self) -> list[float]:
         """Ends of the steps of a loading, as fractions of it; the planned steps are among them.
 
-        The midpoint rule starts with half a step, and its first steps are divided: its error goes with the square of
-        the step over the approach.
+        The midpoint rule starts with half a step. Its first steps and those of stick are divided: the error goes with a
+        power of the step over the approach.
         """
         midpoint = self.integrator == MIDPOINT
+        divided = FIRST_PIECES if midpoint or self.sticks else ()
         stops: list[float] = []
         for k in range(self.steps):
-            pieces = self.substeps * (FIRST_PIECES[k] if midpoint and k < len(FIRST_PIECES) else 1)
+            pieces = self.substeps * (divided[k] if k < len(divided) else 1)
             stops += [(k + j / pieces) / self.steps for j in range(1, pieces + 1)]
         return [0.5 * stops[0], *stops] if midpoint else stops
 

@@ -110,6 +110,11 @@ class Problem:
         return self.surface.L if self.block_height is None else self.block_height
 
     @property
+    def path_dependent(self) -> bool:
+        """Whether the force depends on the load steps, beyond the equations of each position of the flat."""
+        return self.material.plastic or self.formulation.sticks
+
+    @property
     def schedule(self) -> Schedule:
         """The load path in units of the solver: lengths in L, forces in A_0 E'.
 
@@ -121,4 +126,5 @@ class Problem:
             delta_max=None if path.delta_max is None else path.delta_max / L,
             force_max=None if path.force_max is None else path.force_max / (L**2 * self.material.reduced_modulus),
             integrator=path.integrator if self.material.plastic else BACKWARD_EULER,
+            sticks=self.formulation.sticks,
         )

@@ -10,6 +10,7 @@ from typing import Any
 
 import asperity
 from asperity.curve import COLUMNS, Curve
+from asperity.output.friction_bounds import bounds_line
 from asperity.output.results import Results
 from asperity.plot import CAPTIONS, figures_of, plot_run
 from asperity.plot.citations import publications
@@ -48,6 +49,10 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
 
     results = Results.read(folder)
     summary = dict(results.summary) | ({} if finished is None else {"finished": finished})
+    if bounds := summary.pop("friction_bounds", None):
+        summary["difference of stick from no friction"] = {
+            "at the greatest load": bounds_line(bounds).partition(": ")[2]
+        }
     warnings = [*_missed_tolerance(summary), *summary.pop("warnings", [])]
     summary.pop("dynamics", None)  # as in thresholds.json
     page = Environment(

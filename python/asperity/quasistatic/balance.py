@@ -5,7 +5,9 @@ With exact contact and associative plasticity with linear hardening the energy o
     F_n d_delta <= d(stored) + d(dissipated) <= F_n+1 d_delta,
 
 because the flat moves each node that it touches at the end by at most d_delta, and each node that it touched at the
-beginning by at least d_delta. The dissipation (sigma - X) : d eps_p, X the back stress of kinematic hardening, lies
+beginning by at least d_delta. Nodes that stick do no tangential work, except in the step in which they are touched or
+released: f_n du on the left and f_n+1 du on the right, f the tangential forces, which are zero in the limit of small
+steps. The dissipation (sigma - X) : d eps_p, X the back stress of kinematic hardening, lies
 between those with the stress of either end (maximum dissipation). The dissipated energy sigma_y a + (1 - beta) H a^2/2
 follows from the accumulated plastic strain a; the rest of the hardening, beta H eps_p:eps_p/3, is stored.
 """
@@ -111,6 +113,7 @@ class StepBalance:
         dissipation: of the step, sum (sigma - X) : d eps_p with the back stress X
         sinking: force times penetration of a compliant contact
         work_low, work_high: work of the internal force at the beginning and at the end of the step along it
+        tangential_low, tangential_high: the same of the tangential forces of the flat, for nodes that stick
         penetration: greatest, of a node into the flat
         suction: greatest tension
         pressure: greatest
@@ -128,6 +131,8 @@ class StepBalance:
     sinking: float
     work_low: float
     work_high: float
+    tangential_low: float
+    tangential_high: float
     penetration: float
     suction: float
     pressure: float
@@ -211,6 +216,7 @@ def _judge_energy(checks: Checks, step: StepBalance, judge: Judge, rtol: float, 
     else:
         left = max(step.force, step.force_before) * step.penetration
         low, high = step.force_before * move - left, step.force * move + left
+        low, high = low + step.tangential_low, high + step.tangential_high
     beyond = max(low - gained, gained - high)
     checks.work += 0.5 * (step.force_before + step.force) * move
     checks.stored, checks.dissipated = step.stored, step.dissipated

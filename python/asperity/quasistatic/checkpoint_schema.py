@@ -113,7 +113,7 @@ def wrong_array(arrays: Mapping[str, Array], fresh: Mapping[str, Array], nodes: 
             return f"{name} is not finite"
         if not name.endswith(".at"):
             continue
-        count = nodes if name.startswith("touched_at") else cells
+        count = nodes if name.startswith(("touched_at", "held")) else cells
         rising = np.all(np.diff(here, prepend=-1, append=count) > 0)
         if not (np.array_equal(here, there) if there.size else rising):
             return f"{name} are other numbers than those of the mesh"

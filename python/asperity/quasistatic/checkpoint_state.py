@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Array, Floats, Indices
+from asperity.contact import Stick
 from asperity.contact.contact_surface import facet_numbers
 from asperity.errors import CheckpointError
 from asperity.fem.global_numbering import (
@@ -36,6 +37,7 @@ from asperity.runtime.run_folder import SNAPSHOT, STATE
 
 OF_CELLS = ("stress", "plastic_strain")  # fields of a snapshot with a row per cell
 OF_CONTACT = "contact."  # prefix of the names of the contact's history
+HELD = "held"  # tangential displacement of the nodes that stick
 
 
 @dataclass(frozen=True)
@@ -90,6 +92,9 @@ class Saved:
             solid.kernels.restore(history(cells))
         if solver.contact.history() is not None:
             solver.contact.restore(history(facet_numbers(solver.contact_surface), OF_CONTACT))
+        if isinstance(solver.contact, Stick):
+            top = nodes[solver.contact_surface.owned_nodes]
+            solver.contact.held = spread_some(comm, top, rows(HELD), np.nan)
         solver.restore(_state(self.meta["press"], displacements))
         record.first_contact.delta = touched
         record.rows[:] = self.meta["rows"]
@@ -154,6 +159,10 @@ def solver_fields(solver: ContactSolver, first_contact: FirstContact) -> dict[st
         changed = history.changed()
         for name, values in history.arrays().items():
             keep_some(name, cells[changed], values[changed])
+    if isinstance(solver.contact, Stick):
+        held = solver.contact.held
+        sticking = np.flatnonzero(~np.isnan(held[:, 0]))
+        keep_some(HELD, node_numbers(solid)[solver.contact_surface.owned_nodes[sticking]], held[sticking])
     of_contact = solver.contact.history()
     if of_contact is not None:
         facets = facet_numbers(solver.contact_surface)

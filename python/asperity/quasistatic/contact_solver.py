@@ -118,14 +118,15 @@ class ContactSolver:
 
     def solve(self, delta: float) -> StepStats:
         """Solve with the flat at `delta` without committing; rolled back on failure."""
-        start = self._u
+        start, ratio = self._u, 1.0
         if self._previous is not None:
             before, u = self._previous
             if (delta - self.delta) * (self.delta - before) > 0.0:
                 start = self._u + (self._u - u) * (delta - self.delta) / (self.delta - before)
+                ratio = (delta - self.delta) / (self.delta - before)
         self.contact.begin(self.summit - delta)
         if isinstance(self.contact, Stick):
-            self.contact.expect(self.summit - self.delta, self._u, start)
+            self.contact.expect(self.summit - self.delta, self._u, start, ratio)
         return self._solve(f"delta/L = {delta:.6g}", start, abs(delta - self.delta))
 
     def _solve(self, where: str, start: Floats, scale: float) -> StepStats:
@@ -202,7 +203,7 @@ class ContactSolver:
             solid.kernels.restore(midpoint.extrapolate(history, self._own, lead))
             if contact_before is not None and (contact_after := self.contact.history()) is not None:
                 self.contact.restore(midpoint.extrapolate(contact_before, contact_after, lead))
-            if self.contact.stiff:  # the energy balance of a compliant contact needs it, as after a restart
+            if self.contact.stiff or isinstance(self.contact, Stick):  # for the energy balance, as after a restart
                 self._internal = solid.internal_force().copy()
         self.counts.steps += 1
 
@@ -212,13 +213,16 @@ class ContactSolver:
         """Numbers of the step just committed, from the state before it and the reaction of the base; collective."""
         from mpi4py import MPI
 
-        solid, internal = self.solid, self.newton.force
+        solid, internal, contact = self.solid, self.newton.force, self.contact
         owned = self.contact_surface.owned_nodes
         pressure = self.pressure[owned]
         dissipated, decrease = dissipation(solid, history)
         move = solid.u.x.array.reshape(-1, 3)[: solid.owned] - displacement
         works = [float(np.vdot(f, move)) for f in (self._internal, internal)]
-        sums = np.array([*energies(solid, internal), dissipated, self.contact.sinking(), *works])
+        along = [0.0, 0.0]
+        if isinstance(contact, Stick):
+            along = [contact.tangential_work(f, move) for f in (self._internal, internal)]
+        sums = np.array([*energies(solid, internal), dissipated, contact.sinking(), *works, *along])
         peaks = np.array(
             [
                 np.max(-self.gap()[owned], initial=0.0),
