@@ -1,7 +1,8 @@
 """Measure the cost of a degree of freedom:  python3 benchmarks/estimate.py
 
-Runs the surface of the demo on a row of meshes, each in a process of its own, and prints the table of docs/cluster.md
-and the constants of `asperity.adaptive.estimate`. CPU seconds, so that other work on the machine matters little.
+Runs the surface of the demo on a row of meshes, each in a process of its own, and prints the table of
+docs/tables/estimate.csv and the constants of `asperity.adaptive.estimate`. CPU seconds, so that other work on the
+machine matters little.
 """
 
 from __future__ import annotations

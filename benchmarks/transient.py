@@ -1,7 +1,7 @@
 """Where the one-degree model of a mass on a contact holds: against the full solid in time, docs/transient.md.
 
 The surface of cases/demo.toml on a coarse mesh, elastic and plastic; the law comes from the same mesh, so all
-that differs is the inertia of the block. Prints the tables of docs/transient.md.
+that differs is the inertia of the block. Prints the tables docs/tables/transient_*.csv.
 """
 
 from __future__ import annotations

@@ -5,11 +5,17 @@ from __future__ import annotations
 import math
 import os
 import re
+import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
+import click
 import pytest
+
+from asperity.case import Case
+from asperity.cli import group
 
 ROOT = Path(__file__).parent.parent
 PAGES = [*sorted((ROOT / "docs/tutorials").glob("*.md")), *sorted((ROOT / "docs/how-to").glob("*.md"))]
@@ -39,6 +45,27 @@ def test_lines_are_compared() -> None:
     assert same_line("0.0177…", "0.01773749")
     assert not same_line("P* = 35.179", "P* = 39.1")
     assert not same_line("written to out/first", "written to out/second")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: f"{p.parent.name}/{p.stem}")
+def test_what_a_page_types_is_legal(page: Path) -> None:
+    """The quick part: case files, Python and options, without running them."""
+    for language, title, text in FENCE.findall(page.read_text(encoding="utf-8")):
+        if language == "python":
+            compile(text, page.name, "exec")
+        elif language == "toml":
+            data = tomllib.loads(text)
+            if "surface" in data:
+                Case.from_dict(data)
+            assert title, "a case file has a name"
+        elif language == "sh":
+            for line in re.findall(r"\basperity [^|&;#}\n]+", text):
+                name, *arguments = shlex.split(line.partition(" 2>")[0])[1:]
+                command = group.get_command(click.Context(group), name)
+                assert command is not None, line
+                given = [argument.replace("$", "") for argument in arguments]
+                options = {option for p in command.params for option in p.opts}
+                assert {a for a in given if a.startswith("-") and not a[1:2].isdigit()} <= options, line
 
 
 @pytest.mark.slow
