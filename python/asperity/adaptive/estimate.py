@@ -28,6 +28,7 @@ from asperity.mesh.block import BlockMesh
 from asperity.mesh.resolution import resolving_size
 from asperity.mesh.size_field import GRADING, GUIDED, SizeField
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
+from asperity.runtime.display import short_repr
 
 if TYPE_CHECKING:
     from asperity.case import Case
@@ -113,6 +114,8 @@ class Estimate:
     ranks: int
     memory: float
     enough: bool = True
+
+    __repr__ = short_repr
 
     @property
     def dofs(self) -> int:

@@ -46,6 +46,7 @@ MODELS = ("exact", "taylor")
               help="Carry the confidence of a fitted law to the response.")  # fmt: skip
 @options.output("DIR", "Folder for free.csv, response.csv, "
               "thresholds.json and the figures.")  # fmt: skip
+@options.as_json
 @options.serial
 def command(
     source: str | None,
@@ -53,6 +54,7 @@ def command(
     k_fit: float,
     output: str | None,
     preload: float | None,
+    as_json: bool,
     **settings: Any,
 ) -> None:
     """Compute the vibration of a mass on a contact.
@@ -71,6 +73,9 @@ def command(
         from asperity.plot.oscillator import plot_dynamics
 
         plot_dynamics(result, output)
+    if as_json:
+        options.print_json(result.to_dict())
+        return
     _show(result)
     if output:
         options.say(f"written to {Path(output)}")

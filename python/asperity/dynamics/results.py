@@ -17,6 +17,7 @@ from asperity.dynamics.orbits.response import FrequencyResponse
 from asperity.dynamics.orbits.thresholds import Thresholds
 from asperity.dynamics.oscillator import ContactOscillator
 from asperity.dynamics.uncertainty import BAND_COLUMNS, Band, Uncertainty
+from asperity.runtime.display import short_repr
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import BAND, FREE, RESPONSE, THRESHOLDS
 
@@ -55,6 +56,8 @@ class Dynamics:
     bands: tuple[Band, ...]
     notes: tuple[str, ...]
     gravity: float | None = None
+
+    __repr__ = short_repr
 
     def write(self, out_dir: str | os.PathLike[str]) -> None:
         """Write free.csv, response.csv and thresholds.json, and band.csv if there are bands, into `out_dir`."""

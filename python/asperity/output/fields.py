@@ -15,6 +15,7 @@ from asperity.mesh.block import BlockMesh
 from asperity.mesh.tet10 import outer_faces
 from asperity.quasistatic.measures import Snapshot
 from asperity.quasistatic.solve_contact import ContactResult
+from asperity.runtime.display import short_repr
 from asperity.runtime.run_folder import BLOCK, TOP
 
 VTK_QUADRATIC_TETRA = 24
@@ -53,6 +54,8 @@ class State:
     gap: Array
     stress: Array
     plastic_strain: Array
+
+    __repr__ = short_repr
 
 
 def gather_states(result: ContactResult, side: float, E: float) -> list[State]:
