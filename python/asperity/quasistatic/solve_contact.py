@@ -112,7 +112,10 @@ class ContactResult:
         return u
 
     def stress(self) -> Any:
-        """Mean (Cauchy) stress of each cell in the last state, a tensor function of dolfinx, cellwise [E]; collective."""
+        """Mean Cauchy stress of the cells in the last state, a tensor function of dolfinx [E]; collective.
+
+        Its mesh is that of `displacement`.
+        """
         from dolfinx import fem
 
         solid = self.solver.solid
