@@ -21,10 +21,9 @@ def short_repr(thing: Any) -> str:
         thing: of a dataclass
 
     Examples:
-        >>> from asperity.surface.statistics import Spectrum
-        >>> q = np.arange(1.0, 100.0)
-        >>> short_repr(Spectrum(q, q**-3.6, q**-2.6))
-        'Spectrum(q=<99>, radial=<99>, profile=<99>)'
+        >>> from asperity.reference import Hertz
+        >>> short_repr(Hertz(R=1.0 / 3.0, E_prime=2e11))
+        'Hertz(R=0.333333, E_prime=2e+11)'
     """
     shown = (f"{f.name}={brief(getattr(thing, f.name))}" for f in fields(thing) if f.repr)
     return f"{type(thing).__name__}({', '.join(shown)})"
@@ -51,24 +50,18 @@ def brief(value: Any) -> str:
         return text if len(text) <= LONGEST else f"<{len(value)}>"
     text = repr(value)
     return text if len(text) <= LONGEST and "\n" not in text else f"{type(value).__name__}(…)"
-
-
 def html_table(caption: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     """Return a table for a notebook.
-
     Args:
         caption: above it
         header: names of the columns
         rows: their values
-
     Examples:
         >>> html_table("a law", ["k", "n"], [[1.0, 1.5]])[:38]
         '<table><caption>a law</caption><thead>'
     """
-
     def row(cells: Iterable[str], tag: str) -> str:
         return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
-
     body = "".join(row((text if isinstance(text, str) else brief(text) for text in cells), "td") for cells in rows)
     head = row(header, "th")
     return f"<table><caption>{html.escape(caption)}</caption><thead>{head}</thead><tbody>{body}</tbody></table>"
