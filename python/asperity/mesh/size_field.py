@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import hypot
+from functools import cached_property
+from math import hypot, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -176,10 +177,18 @@ class SizeField:
         inside_x = min(max(x, x0), x0 + side)
         inside_y = min(max(y, y0), y0 + side)
         scale = (self.distances.shape[0] - 1) / side
-        d = self.distances[round((inside_y - y0) * scale), round((inside_x - x0) * scale)]
-        d = d + hypot(x - inside_x, y - inside_y)
-        size = float(np.min(self.sizes + self.growth * np.sqrt(d * d + depth * depth)))
-        return min(size, self.h_max)
+        distances = self.distances[round((inside_y - y0) * scale), round((inside_x - x0) * scale)].tolist()
+        outside, growth, squared = hypot(x - inside_x, y - inside_y), self.growth, depth * depth
+        nearest = self.h_max
+        for size, distance in zip(self._sizes, distances, strict=True):  # so few that NumPy would take longer
+            d = distance + outside
+            nearest = min(nearest, size + growth * sqrt(d * d + squared))
+        return nearest
+
+    @cached_property
+    def _sizes(self) -> list[float]:
+        """`sizes` as numbers of Python."""
+        return [float(size) for size in self.sizes]
 
 
 def _contact_window(surface: Surface, delta_max: float, grid: int) -> tuple[float, float, float, Floats]:

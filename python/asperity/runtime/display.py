@@ -50,6 +50,8 @@ def brief(value: Any) -> str:
         return text if len(text) <= LONGEST else f"<{len(value)}>"
     text = repr(value)
     return text if len(text) <= LONGEST and "\n" not in text else f"{type(value).__name__}(…)"
+
+
 def html_table(caption: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     """Return a table for a notebook.
     Args:
@@ -60,8 +62,10 @@ def html_table(caption: str, header: Sequence[str], rows: Iterable[Sequence[Any]
         >>> html_table("a law", ["k", "n"], [[1.0, 1.5]])[:38]
         '<table><caption>a law</caption><thead>'
     """
+
     def row(cells: Iterable[str], tag: str) -> str:
         return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+
     body = "".join(row((text if isinstance(text, str) else brief(text) for text in cells), "td") for cells in rows)
     head = row(header, "th")
     return f"<table><caption>{html.escape(caption)}</caption><thead>{head}</thead><tbody>{body}</tbody></table>"
