@@ -8,12 +8,12 @@ import os
 import subprocess
 import sys
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from conftest import make_curve
 
 import asperity as asp
@@ -191,15 +191,20 @@ def test_the_schema_describes_every_key() -> None:
     assert '"shown"' not in text and '"hint"' not in text and '"null"' not in text
 
 
-def call(*arguments: str | Path, code: int = 0) -> Any:
-    """JSON that a command prints; nothing else is on its standard output."""
-    answer = CliRunner().invoke(group, [str(a) for a in arguments])
-    assert answer.exit_code == code or answer.return_value == code, answer.output
-    return json.loads(answer.stdout)
+@pytest.fixture
+def call(capsys: pytest.CaptureFixture[str]) -> Callable[..., Any]:
+    """Runs a command; the JSON that it prints, with nothing else on its standard output."""
+
+    def run(*arguments: str | Path, code: int = 0) -> Any:
+        capsys.readouterr()
+        assert (group.main([str(a) for a in arguments], "asperity", standalone_mode=False) or 0) == code
+        return json.loads(capsys.readouterr().out)
+
+    return run
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_commands_print_json(tmp_path: Path, result: Any) -> None:
+def test_commands_print_json(tmp_path: Path, result: Any, call: Callable[..., Any]) -> None:
     demo = ROOT / "cases/demo.toml"
     assert call("keys", "--schema") == json_schema()
     estimate = call("estimate", demo, "--json", "--ranks", "2")["estimate"]
@@ -209,13 +214,16 @@ def test_commands_print_json(tmp_path: Path, result: Any) -> None:
     assert surface["statistics"]["Sq"] > 0 and len(surface["first_touch"]) == 3
     thresholds = call("dynamics", "--power-law", "1.5", "--no-sweeps", "--model", "exact", "--json")
     assert thresholds["exact"]["kappa"] == pytest.approx(-1 / 24)
+    rows = call("verify", "patch", "--json")
+    assert rows and all(row["passed"] and row["error"] <= row["bar"] for row in rows)
+    np.save(tmp_path / "map.npy", 1e-8 * np.random.default_rng(0).standard_normal((65, 65)))
+    about = call("import-map", tmp_path / "map.npy", "--pixel", "1e-8", "-o", tmp_path / "map", "--json")
+    assert about == json.loads((tmp_path / "map/measured.json").read_text()) and about["statistics"]["Sq"] > 0
     a, b = tmp_path / "a.csv", tmp_path / "b.csv"
     result.curve.write(a)
-    rows = [row | {"force": 1.1 * row["force"]} for row in result.curve.rows()]
-    asp.Curve.from_rows(rows).write(b)
+    asp.Curve.from_rows([row | {"force": 1.1 * row["force"]} for row in result.curve.rows()]).write(b)
     assert call("compare", a, a, "--json") == {"agree": True, "steps": len(result.curve), "differences": []}
-    differ = CliRunner().invoke(group, ["compare", str(a), str(b), "--json"], standalone_mode=False)
-    assert differ.return_value == 1 and json.loads(differ.stdout)["differences"][0]["column"] == "force"
+    assert call("compare", a, b, "--json", code=1)["differences"][0]["column"] == "force"
 
 
 def test_the_shell_completes_commands_and_options() -> None:

@@ -100,6 +100,7 @@ def print_json(data: Any) -> None:
             return {key: legal(item) for key, item in value.items()}
         if isinstance(value, list | tuple):
             return [legal(item) for item in value]
+        value = value.item() if hasattr(value, "item") else value  # of NumPy
         return None if isinstance(value, float) and not math.isfinite(value) else value
 
     say(json.dumps(legal(data), indent=2, allow_nan=False))
