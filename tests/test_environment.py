@@ -258,6 +258,18 @@ def test_debian_13_serves_as_it_is_unless_another_suite_is_requested(clone: Clon
     assert own or "making the virtual environment failed" in errors
 
 
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root installs")
+def test_packages_are_named_before_they_are_installed(clone: Clone) -> None:
+    clone.system.write_text("ID=debian\nVERSION_ID=13\nVERSION_CODENAME=trixie\n")
+    (clone.path.parent / "tools/dpkg-query").write_text("#!/bin/sh\n")  # nothing is installed
+    (clone.path.parent / "tools/apt-get").write_text("#!/bin/sh\necho E: no; exit 1\n")
+    process = clone.start()
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 4
+    named = errors.partition("apt-get failed")[0]
+    assert f"installing {len(PACKAGES)} Debian packages" in named and set(PACKAGES) <= set(named.split())
+
+
 @pytest.mark.parametrize(
     ("suite", "sources"),
     [

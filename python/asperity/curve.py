@@ -16,7 +16,9 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.errors import InputError
+from asperity.runtime.display import html_table
 from asperity.runtime.files import replace_file
+from asperity.runtime.optional import optional_module
 
 if TYPE_CHECKING:
     from asperity.power_law import PowerLawFit
@@ -57,6 +59,8 @@ OPTIONAL = ("error_P_star", *COLUMNS[COLUMNS.index("seconds") + 1 :])
 BRANCHES = ("load", "unload", "reload")
 _COUNTS = ("step", "newton", "krylov", "spots")
 _REQUIRED = ("delta", "force")
+_KEYS = ("step", "branch", *_REQUIRED)
+SHOWN = 50  # steps in the table of a notebook
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,6 +184,46 @@ class Curve:
     def __len__(self) -> int:
         """Return the number of steps."""
         return int(self.delta.size)
+
+    def __repr__(self) -> str:
+        parts = ", ".join(f"{np.sum(self.branch == name)} {name}" for name in BRANCHES if name in self.branch)
+        if not len(self):
+            return "Curve(no steps)"
+        return f"Curve({parts}; delta up to {self.delta.max():.6g}, force up to {self.force.max():.6g})"
+
+    def _repr_html_(self) -> str:
+        """Table of the known columns in a notebook, at most SHOWN steps."""
+        names = [name for name in COLUMNS if name in _KEYS or self._known(name)]
+        rows = [[row[name] for name in names] for row in self.where(np.arange(len(self))[:SHOWN]).rows()]
+        more = f"; the first {SHOWN} steps" if len(self) > SHOWN else ""
+        return html_table(f"{self!r}{more}", names, rows)
+
+    def _known(self, name: str) -> bool:
+        """Whether a column has a value."""
+        column = getattr(self, name)
+        return bool(np.any(column != 0) if name in _COUNTS else not np.all(np.isnan(column)))
+
+    def to_pandas(self) -> Any:
+        """Return a pandas DataFrame with the columns of the file; `header` is in its `attrs`.
+
+        Raises:
+            CompatError: pandas is not installed
+        """
+        pandas = optional_module("pandas", "data")
+        frame = pandas.DataFrame({name: getattr(self, name) for name in COLUMNS})
+        frame.attrs = dict(self.header)
+        return frame
+
+    def to_xarray(self) -> Any:
+        """Return an xarray Dataset over the dimension "row", with the approach and the branch as coordinates.
+
+        Raises:
+            CompatError: xarray is not installed
+        """
+        xarray = optional_module("xarray", "data")
+        columns = {name: ("row", getattr(self, name)) for name in COLUMNS}
+        coordinates = {name: columns.pop(name) for name in ("step", "branch", "delta")}
+        return xarray.Dataset(columns, coordinates, dict(self.header))
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Yield the steps as dictionaries of Python numbers."""

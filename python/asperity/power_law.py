@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
 from asperity.errors import InputError
+from asperity.runtime.display import short_repr
 
 _LARGEST_LN = 700.0  # of numbers in floating-point range
 
@@ -47,6 +48,8 @@ class PowerLawFit:
     ci_n: tuple[float, float]
     correlation: float
     confidence: float
+
+    __repr__ = short_repr
 
     def __call__(self, delta_star: ArrayLike) -> Array:
         """Return P* at delta*, same shape; 0 where delta* is not positive."""

@@ -172,7 +172,7 @@ def test_a_signal_to_the_command_ends_the_ranks_after_their_step(tmp_path: Path,
     process.send_signal(number)
     _, err = process.communicate(timeout=120)
     assert process.returncode == 3, err
-    assert err.count("after step") == 1 and "Traceback" not in err
+    assert err.count("stopped by SIGTERM or SIGINT after step") == 1 and "Traceback" not in err
     again = start(tmp_path, "-o", out, "--ranks", "2", "--resume")
     assert again.communicate(timeout=300) and again.returncode == 0
 
@@ -201,6 +201,15 @@ def test_killed_with_the_command_no_rank_is_left(tmp_path: Path) -> None:
             break
         time.sleep(0.02)
     assert not left()
+
+
+def test_a_module_of_the_current_folder_does_not_replace_one_of_the_package(tmp_path: Path) -> None:
+    (tmp_path / "numpy.py").write_text("raise SystemExit(9)\n")
+    (tmp_path / "case.toml").write_text(CASE)
+    script = "import sys; sys.path.remove(''); from asperity.cli import main; main()"  # like the installed command
+    command = [sys.executable, "-c", script, "run", "case.toml", "-o", "out", "-q", "--ranks", "1"]
+    done = subprocess.run(command, cwd=tmp_path, env=CLEAN, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def test_ranks_that_are_there_are_used(tmp_path: Path) -> None:

@@ -30,6 +30,7 @@ from asperity.mesh.block import BlockMesh
 from asperity.mesh.resolution import resolving_size
 from asperity.mesh.size_field import GRADING, GUIDED, SizeField
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
+from asperity.runtime.display import short_repr
 
 if TYPE_CHECKING:
     from asperity.case import Case
@@ -116,6 +117,8 @@ class Estimate:
     memory: float
     enough: bool = True
 
+    __repr__ = short_repr
+
     @property
     def dofs(self) -> int:
         """Dofs of the finest mesh."""
@@ -196,9 +199,7 @@ def _plan(case: Case) -> Iterator[tuple[float, int]]:
     if sizes[-1] > finest:  # the waves that the last mesh leaves out take a finer one
         sizes.append(max(finest, sizes[-1] / SMALLEST_RATIO))
     for k, h in enumerate(sizes):
-        if k == 1 and (
-            plastic or sticks
-        ):  # the second mesh measures the error of the steps, with two parts or more
+        if k == 1 and (plastic or sticks):  # the second mesh measures the error of the steps, with two parts or more
             yield from ((h * L, steps(2**n)) for n in range(max(int(log2(substeps)), 1) + 1))
         else:
             yield h * L, steps(substeps if k else 1)

@@ -27,6 +27,7 @@ from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget, penalty_too_soft
 from asperity.quasistatic.solve_contact import ContactResult, Hooks, PartialResult
 from asperity.quasistatic.stepping import Callback
+from asperity.runtime.display import brief
 from asperity.runtime.parallel import on_root
 from asperity.surface import Surface
 
@@ -68,6 +69,9 @@ class AccurateResult:
     worst: float
     met: bool
     reason: str
+
+    def __repr__(self) -> str:
+        return f"AccurateResult({self.curve!r}, met={self.met}, worst={self.worst:.3g}, {brief(self.reason)})"
 
     def to_dict(self) -> dict[str, Any]:
         """Sections "accuracy" and "error_budget" of summary.json."""

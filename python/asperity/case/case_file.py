@@ -52,6 +52,11 @@ class Case(Input):
         0.001
     """
 
+    def __repr__(self) -> str:
+        load = f"{self.loading.driver} = {getattr(self.loading, self.loading.driver):g}"
+        solid = "elastic" if self.material.yield_strength is None else "plastic"
+        return f"Case({self.surface.kind} of side {self.surface.L:g}, {solid}, {load})"
+
     @classmethod
     def load(cls, path: str | Path, overrides: Iterable[str] = ()) -> Case:
         """Read a case file.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from asperity.cli import options
-from asperity.cli.estimate import show_estimate
+from asperity.cli.estimate import estimated, show_estimate
 
 if TYPE_CHECKING:
     from asperity.case import Case
@@ -15,13 +15,17 @@ if TYPE_CHECKING:
 
 @click.command()
 @options.case_and_ranks
-def command(case_file: str, case: Case, ranks: int) -> int:
+def command(case_file: str, case: Case, ranks: int, as_json: bool) -> int:
     """Check and estimate a case without solving it.
 
     Refuses and warns as a run does, then estimates degrees of freedom, memory and time. What depends on the solution,
     such as plastic strains, only the run can judge. Exit code 0 when a run accepts the case, 2 when it refuses it.
     """
     judge(case)
+    if as_json:
+        estimate = None if case.loading.delta_max is None else estimated(case, ranks)
+        options.print_json({"case": case_file, "accepted": True, "estimate": estimate})
+        return 0
     if case.loading.delta_max is None:
         options.say(f"no estimate: the approach at loading.{case.loading.driver} is only known after a run")
     else:

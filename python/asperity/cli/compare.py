@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 
 import click
@@ -14,8 +15,9 @@ from asperity.runtime.run_folder import CURVE
 @click.argument("first", metavar="A", type=click.Path(exists=True, path_type=Path))
 @click.argument("second", metavar="B", type=click.Path(exists=True, path_type=Path))
 @options.tolerances
+@options.as_json
 @options.serial
-def command(first: Path, second: Path, tolerances: dict[str, float] | None) -> int:
+def command(first: Path, second: Path, tolerances: dict[str, float] | None, as_json: bool) -> int:
     """Compare two curves, column by column.
 
     A is the run, B the reference; each is a run directory or a curve.csv. Exit code 0 when they agree, 1 when not.
@@ -25,6 +27,10 @@ def command(first: Path, second: Path, tolerances: dict[str, float] | None) -> i
 
     a, b = (Curve.read(_curve_file(path)) for path in (first, second))
     differences = compare_curves(a, b, tolerances)
+    if as_json:
+        found = [asdict(difference) for difference in differences]
+        options.print_json({"agree": not found, "steps": len(a), "differences": found})
+        return 1 if found else 0
     for difference in differences:
         options.say(str(difference))
     if not differences:

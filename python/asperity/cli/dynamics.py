@@ -56,6 +56,7 @@ MODELS = ("exact", "taylor")
               help="Carry the error bar of the force and the spread of the laws to the response.")  # fmt: skip
 @options.output("DIR", "Folder for free.csv, response.csv, "
               "thresholds.json and the figures.")  # fmt: skip
+@options.as_json
 @options.serial
 def command(
     source: str | None,
@@ -67,6 +68,7 @@ def command(
     pressure: float | None,
     mass: float | None,
     frequency: float | None,
+    as_json: bool,
     **settings: Any,
 ) -> None:
     """Compute the vibration of a mass on a contact.
@@ -91,6 +93,9 @@ def command(
         from asperity.plot.oscillator import plot_dynamics
 
         plot_dynamics(result, output)
+    if as_json:
+        options.print_json(result.to_dict())
+        return
     _show(result)
     if output:
         options.say(f"written to {Path(output)}")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -15,13 +16,32 @@ if TYPE_CHECKING:
 
 @click.command()
 @options.case_and_ranks
-def command(case_file: str, case: Case, ranks: int) -> None:
+def command(case_file: str, case: Case, ranks: int, as_json: bool) -> None:
     """Estimate dofs, memory and time of a case.
 
     Solves nothing: the size field of the mesh gives the degrees of freedom (dofs), rates measured on one machine give
     memory and time. Expect a factor of two.
     """
-    show_estimate(case_file, case, ranks)
+    if as_json:
+        options.print_json({"case": case_file, "estimate": estimated(case, ranks)})
+    else:
+        show_estimate(case_file, case, ranks)
+
+
+def estimated(case: Case, ranks: int) -> dict[str, Any]:
+    """Return the estimate of a case: seconds of one core, bytes of all ranks.
+
+    Args:
+        case: the input
+        ranks: that share the work
+
+    Raises:
+        InputError: the case is driven by a force, or its first mesh is too large
+    """
+    from asperity.adaptive.estimate import estimate
+
+    found = estimate(case, ranks)
+    return asdict(found) | {"dofs": found.dofs, "seconds": found.seconds}
 
 
 def show_estimate(title: str, case: Case, ranks: int) -> None:

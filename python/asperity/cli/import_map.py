@@ -49,6 +49,7 @@ SPIKE = 8.0  # height of the summit above the mean plane over the rms height tha
 @click.option("--fit", "fitted", is_flag=True, help="Fit D and G of the fractal surface as well.")
 @click.option("--shortest", type=float, metavar="LENGTH",
               help="Shortest wavelength for the Hurst exponent, D and G; default 4 pixels.")  # fmt: skip
+@options.as_json
 @options.serial
 def command(
     map_file: str,
@@ -59,6 +60,7 @@ def command(
     cutoff: float | None,
     fitted: bool,
     shortest: float | None,
+    as_json: bool,
 ) -> None:
     """Make a case from a measured height map.
 
@@ -67,13 +69,13 @@ def command(
     patch.npz, case.toml to start from, measured.json, surface.png and spectrum.png.
     """
     from asperity.runtime.files import replace_file
-    from asperity.runtime.progress import StepLines
+    from asperity.runtime.progress import Progress, StepLines
     from asperity.surface import Surface
     from asperity.surface.height_map import MOST
     from asperity.surface.measured import HeightField
     from asperity.surface.statistics import psd
 
-    progress = StepLines()
+    progress = Progress() if as_json else StepLines()
     progress.stage(f"read {map_file}")
     whole = HeightField.read(map_file, pixel=pixel)
     ny, nx = whole.z.shape
@@ -121,6 +123,9 @@ def command(
     replace_file(folder / "measured.json", f"{json.dumps(about, indent=2)}\n".encode())
     replace_file(folder / "case.toml", CASE.format(delta=min(0.5 * statistics.Sp, 0.1 * surface.L)).encode())
     progress.done()
+    if as_json:
+        options.print_json(about)
+        return
     _show(map_file, surface.L, len(patch.z), statistics, affine, fit, cutoffs)
     options.say(f"written to {folder}; next: asperity check {folder / 'case.toml'}")
 
@@ -131,7 +136,7 @@ def _self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit | None:
     try:
         return fit_self_affine(spectrum, shortest)
     except InputError as error:
-        options.say(f"no Hurst exponent: {error}")
+        click.echo(f"no Hurst exponent: {error}", err=True)
         return None
 
 
@@ -141,7 +146,7 @@ def _fractal(patch: Any, shortest: float, level: str) -> FractalFit | None:
     try:
         return fit_fractal(patch, shortest=shortest, trend=level)  # type: ignore[arg-type]
     except InputError as error:
-        options.say(f"no D and G: {error}")
+        click.echo(f"no D and G: {error}", err=True)
         return None
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+import json
+import math
 import os
 import warnings
 from collections.abc import Callable, Iterable
@@ -87,6 +89,23 @@ def start_ranks(
     return launch.start(click.get_current_context().find_root().obj, count, room)
 
 
+as_json = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+
+
+def print_json(data: Any) -> None:
+    """Print data as JSON, on the first rank; numbers that are not finite become null, because JSON has none."""
+
+    def legal(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {key: legal(item) for key, item in value.items()}
+        if isinstance(value, list | tuple):
+            return [legal(item) for item in value]
+        value = value.item() if hasattr(value, "item") else value  # of NumPy
+        return None if isinstance(value, float) and not math.isfinite(value) else value
+
+    say(json.dumps(legal(data), indent=2, allow_nan=False))
+
+
 class _Name(click.ParamType):
     """Name of a file or folder."""
 
@@ -130,18 +149,19 @@ def serial(function: Callable[..., Any]) -> Callable[..., Any]:
     return on_root
 
 
-def case_and_ranks(function: Callable[[str, Case, int], int | None]) -> Callable[..., Any]:
-    """Arguments of a command that reads a case and the number of ranks it would use; on the first rank only."""
+def case_and_ranks(function: Callable[[str, Case, int, bool], int | None]) -> Callable[..., Any]:
+    """Arguments of a command that reads a case and the ranks it would use, and --json; on the first rank only."""
 
     @case_file
     @ranks
+    @as_json
     @overrides
     @serial
     @functools.wraps(function)
-    def command(case_file: str, ranks: int, overrides: tuple[str, ...]) -> int | None:
+    def command(case_file: str, ranks: int, as_json: bool, overrides: tuple[str, ...]) -> int | None:
         from asperity.case import Case
 
-        return function(case_file, Case.load(case_file, overrides), ranks)
+        return function(case_file, Case.load(case_file, overrides), ranks, as_json)
 
     return command
 

@@ -14,9 +14,10 @@ from asperity.units import quantity
 @click.command()
 @options.case_file
 @options.output("DIR", "Folder for surface.png.")
+@options.as_json
 @options.overrides
 @options.serial
-def command(case_file: str, output: str | None, overrides: tuple[str, ...]) -> None:
+def command(case_file: str, output: str | None, as_json: bool, overrides: tuple[str, ...]) -> None:
     """Show the roughness of a case's surface.
 
     Its statistics, shortest wavelength and point of first contact; with -o also a picture.
@@ -30,7 +31,11 @@ def command(case_file: str, output: str | None, overrides: tuple[str, ...]) -> N
     rows = [(_LABELS[key], _text(values[key], dim, metre)) for key, dim in _DIMENSIONS.items()]
     shortest = ("shortest wavelength", quantity(surface.feature_size, metre))
     spot = ", ".join(quantity(value, metre) for value in surface.maximum())
-    options.table(f"{case.surface.kind}", [*rows, shortest, ("first touch x, y, z", spot)])
+    if as_json:
+        touch = {"shortest_wavelength": surface.feature_size, "first_touch": surface.maximum()}
+        options.print_json({"kind": case.surface.kind, "statistics": values} | touch)
+    else:
+        options.table(f"{case.surface.kind}", [*rows, shortest, ("first touch x, y, z", spot)])
     if output:
         from asperity.plot import save, surface_map
 
@@ -39,7 +44,9 @@ def command(case_file: str, output: str | None, overrides: tuple[str, ...]) -> N
         n = 401
         peak = surface.maximum()
         figure = surface_map(surface.grid(n), surface.L, peak, unit=metre)
-        options.say(f"written {save(figure, folder / 'surface.png')}")
+        path = save(figure, folder / "surface.png")
+        if not as_json:
+            options.say(f"written {path}")
 
 
 # key of SurfaceStatistics -> power of length

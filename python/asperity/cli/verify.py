@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import asdict
 from pathlib import Path
 from time import process_time
 from typing import TYPE_CHECKING
@@ -24,8 +25,9 @@ HEADER = ("case", "quantity", "reference", "its value", "computed", "error", "ba
 @click.option("--level", type=click.Choice(["quick", "full"]), default="quick", show_default=True)
 @options.output("FILE", "Write all columns as CSV.")
 @click.option("--markdown", is_flag=True, help="Print a Markdown table.")
+@options.as_json
 @options.serial
-def command(names: tuple[str, ...], level: str, output: str | None, markdown: bool) -> int:
+def command(names: tuple[str, ...], level: str, output: str | None, markdown: bool, as_json: bool) -> int:
     """Compare the solver with reference solutions.
 
     The references are closed forms, tables and fits of the literature. NAME: patch, material, hertz, westergaard,
@@ -47,7 +49,10 @@ def command(names: tuple[str, ...], level: str, output: str | None, markdown: bo
     rows = verify(names, level, done)
     if output is not None:
         write_csv(rows, Path(output))
-    if markdown:
+    if as_json:
+        derived = ("error", "bar", "passed")
+        options.print_json([asdict(row) | {name: getattr(row, name) for name in derived} for row in rows])
+    elif markdown:
         for line in (HEADER, ("---",) * len(HEADER), *map(_texts, rows)):
             options.say("| " + " | ".join(line) + " |")
     else:

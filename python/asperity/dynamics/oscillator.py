@@ -27,6 +27,7 @@ from asperity.dynamics.orbits.harmonic_balance import Balance
 from asperity.dynamics.orbits.response import FrequencyResponse, frequency_response
 from asperity.dynamics.orbits.thresholds import Backbone, Thresholds
 from asperity.errors import AsperityWarning, InputError, RangeError
+from asperity.runtime.display import short_repr
 
 GRAVITY = 9.80665  # m/s^2
 
@@ -75,6 +76,8 @@ class ContactOscillator:
     damping: str = "always"
     gravity: float | None = GRAVITY
     restoring: Restoring = field(init=False, repr=False)
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         if not isinstance(self.law, Law):

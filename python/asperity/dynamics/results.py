@@ -20,6 +20,7 @@ from asperity.dynamics.orbits.response import FrequencyResponse
 from asperity.dynamics.orbits.thresholds import Thresholds
 from asperity.dynamics.oscillator import ContactOscillator
 from asperity.dynamics.uncertainty import BAND_COLUMNS, Band, Uncertainty
+from asperity.runtime.display import short_repr
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import BAND, FREE, RESPONSE, THRESHOLDS
 
@@ -81,6 +82,8 @@ class Dynamics:
         first = self.first
         r = first.restoring
         return Numbers(r.scale / r.z_s, first.mass, first.omega_s / (2 * math.pi), r.z_s, first.zeta)
+
+    __repr__ = short_repr
 
     def write(self, out_dir: str | os.PathLike[str]) -> None:
         """Write free.csv, response.csv and thresholds.json, and band.csv if there are bands, into `out_dir`."""

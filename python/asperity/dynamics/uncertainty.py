@@ -17,6 +17,7 @@ from asperity.dynamics.law.table import TableLaw
 from asperity.dynamics.orbits.response import FrequencyResponse, frequency_response
 from asperity.dynamics.oscillator import ContactOscillator
 from asperity.errors import InputError
+from asperity.runtime.display import short_repr
 
 _MEMBERS = 12
 BAND_COLUMNS = ("F_hat", "Omega", "upper_low", "upper_high", "lower_low", "lower_high")
@@ -62,6 +63,8 @@ class Uncertainty:
     members: tuple[Law, ...]
     origin: str = "laws given"
 
+    __repr__ = short_repr
+
     def to_dict(self) -> dict[str, Any]:
         """Return the section "uncertainty" of thresholds.json."""
         out: dict[str, Any] = {name: getattr(self, name).to_list() for name in ("n_loc", "kappa", "omega_s", "z_s")}
@@ -92,6 +95,8 @@ class Band:
     Omega: Array
     upper: Array
     lower: Array
+
+    __repr__ = short_repr
 
     def rows(self) -> Iterator[dict[str, float]]:
         """Yield the rows of band.csv."""

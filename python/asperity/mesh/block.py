@@ -13,6 +13,7 @@ import numpy.typing as npt
 from asperity.arrays import Floats, Indices
 from asperity.errors import MeshError
 from asperity.mesh.element import EDGES, NODES, ON_EDGES, outer_faces
+from asperity.runtime.display import short_repr
 from asperity.runtime.files import npz_bytes, read_npz, replace_file
 
 if TYPE_CHECKING:
@@ -62,6 +63,8 @@ class BlockMesh:
     side: float
     height: float
     smoothing: Floats | None = None
+
+    __repr__ = short_repr
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
         """Return the arrays of a mesh file by name."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from asperity.arrays import Floats
 from asperity.errors import InputError
+from asperity.runtime.display import short_repr
 
 SHARES = {"isotropic": 0.0, "kinematic": 1.0}  # of the hardening that are kinematic
 PAIRS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # in products of tensors (..., 6): off-diagonal components count twice
@@ -44,6 +45,8 @@ class Material:
     tangent_modulus: float = 0.0
     hardening: str | float = "isotropic"
     kinematics: str = "small"
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         if not self.E > 0:

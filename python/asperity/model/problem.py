@@ -8,6 +8,7 @@ from asperity.errors import InputError
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule, greatest_force
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
+from asperity.runtime.display import short_repr
 from asperity.surface import Surface
 
 ONE_OF = "give exactly one of delta_max, force_max and pressure_max"
@@ -47,6 +48,8 @@ class Problem:
     size: MeshSize = field(default_factory=MeshSize)
     kernels: str = "compiled"
     options: SolverOptions = field(default_factory=SolverOptions)
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         if (self.load_path.delta_max is None) == (self.load_path.force_max is None):

@@ -13,6 +13,7 @@ from asperity.fem.global_numbering import cell_numbers, collect, collect_nodes
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.element import FACE_TRIANGLES, GMSH_TO_VTK, NODES, VTK_TYPE, outer_faces, to_face
 from asperity.quasistatic.solve_contact import ContactResult
+from asperity.runtime.display import short_repr
 from asperity.runtime.run_folder import BLOCK, TOP
 
 TO_VTK_TENSOR = (0, 1, 2, 3, 5, 4)  # xx yy zz xy yz xz
@@ -44,6 +45,8 @@ class State:
     gap: Array
     stress: Array
     plastic_strain: Array
+
+    __repr__ = short_repr
 
 
 def gather_states(result: ContactResult, side: float, E: float) -> list[State]:

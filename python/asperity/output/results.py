@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from asperity.curve import Curve
 from asperity.errors import InputError
+from asperity.runtime.display import short_repr
 from asperity.runtime.files import UNREADABLE, one_line, read_npz
 from asperity.runtime.run_folder import BAND, BLOCK, CASE, CURVE, FIELDS, FREE, RESPONSE, SUMMARY, THRESHOLDS, TOP
 from asperity.surface import Surface
@@ -61,6 +62,8 @@ class Results:
     top: Columns = field(default_factory=dict)
     mesh: Columns = field(default_factory=dict)
     built: Surface | None = None
+
+    __repr__ = short_repr
 
     @classmethod
     def read(cls, folder: str | Path, surface: Surface | None = None) -> Results:

@@ -5,6 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import asperity
+
+_ITSELF = (
+    f"The asperity developers, asperity {asperity.__version__}: contact of rough elastic-plastic surfaces with a rigid "
+    "flat, and vibration on it"
+)
 _TOOLS = (
     "Baratta et al., DOLFINx: the next generation FEniCS problem solving environment (2023), "
     "doi:10.5281/zenodo.10447666",
@@ -27,12 +33,12 @@ _DYNAMICS = (
 
 
 def publications(case: Mapping[str, Any]) -> list[str]:
-    """Return the references for the models and programs that a case uses.
+    """Return what to cite for a case: this package, then the models and programs that the case uses.
 
     Args:
         case: the completed input as nested tables, for example `Case.to_dict()`.
     """
-    found = []
+    found = [_ITSELF]
     if case.get("surface", {}).get("kind") == "weierstrass-mandelbrot":
         found.append(_SURFACE)
     if "yield_strength" in case.get("material", {}):

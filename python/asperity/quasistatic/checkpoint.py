@@ -22,7 +22,6 @@ from asperity.arrays import Array
 from asperity.errors import CheckpointError
 from asperity.mesh.block import BlockMesh
 from asperity.quasistatic.checkpoint_identity import refuse_another
-from asperity.quasistatic.checkpoint_schema import wrong_number
 from asperity.quasistatic.checkpoint_state import Saved, damaged, snapshot_fields, solver_fields, solver_numbers
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.stepping import Position, Record
@@ -133,6 +132,8 @@ class Checkpoint:
         digest = arrays.pop("digest", None)
         if digest is None or digest.tobytes() != _digest(arrays).encode():
             raise damaged(path, "its content is not what was written")
+        from asperity.quasistatic.checkpoint_schema import wrong_number  # takes time, and only a continued run needs it
+
         wrong = wrong_number(text, meta)
         if wrong:
             raise damaged(path, wrong)

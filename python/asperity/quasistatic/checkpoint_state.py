@@ -28,7 +28,6 @@ from asperity.fem.global_numbering import (
 from asperity.fem.kernels import History
 from asperity.mesh.block import BlockMesh
 from asperity.quasistatic.balance import Checks
-from asperity.quasistatic.checkpoint_schema import wrong_array
 from asperity.quasistatic.contact_solver import ContactSolver, Counts, SolverState
 from asperity.quasistatic.measures import FirstContact, Snapshot, snapshot
 from asperity.quasistatic.stepping import Position, Record
@@ -118,6 +117,8 @@ class Saved:
         """Refuse arrays of other names, types or shapes than those that `solver` would save; collective."""
         fresh = solver_fields(solver, first_contact)
         fields = snapshot_fields(solver, snapshot(solver, 0, "load")) if self.meta["snapshots"] else {}
+
+        from asperity.quasistatic.checkpoint_schema import wrong_array  # takes time, and only a continued run needs it
 
         def judge() -> None:
             assert self.block is not None

@@ -68,10 +68,10 @@ def row(solver: ContactSolver) -> dict[str, Any]:
 def snapshot(solver: ContactSolver, step: int, branch: str) -> Snapshot:
     """Copy of the fields for figures and files; part of this rank."""
     u = solver.solid.u.x.array.reshape(-1, 3).copy()
-    return Snapshot(step, branch, solver.delta, solver.pressure, solver.gap(), u, *_mean_stress(solver, u))
+    return Snapshot(step, branch, solver.delta, solver.pressure, solver.gap(), u, *mean_stress(solver, u))
 
 
-def _mean_stress(solver: ContactSolver, u: Floats) -> tuple[Floats, Floats]:
+def mean_stress(solver: ContactSolver, u: Floats) -> tuple[Floats, Floats]:
     """Mean stress of the owned cells (cells, 6) and accumulated plastic strain (cells, points) at u."""
     kernels, history = solver.solid.kernels, solver.history
     committed = kernels.history().copy()

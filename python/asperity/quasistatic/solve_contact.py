@@ -27,9 +27,10 @@ from asperity.model.settings import H_CONTACT, Formulation, MeshSize, SolverOpti
 from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.conductance import Conductance
 from asperity.quasistatic.contact_solver import ContactSolver, Counts, Probe
-from asperity.quasistatic.measures import FirstContact, Snapshot
+from asperity.quasistatic.measures import FirstContact, Snapshot, mean_stress
 from asperity.quasistatic.stepping import Callback, Position, Record, follow
 from asperity.quasistatic.stiffness import stiffness_of
+from asperity.runtime.display import brief
 from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.timing import Phases
 from asperity.surface import Surface
@@ -82,10 +83,49 @@ class ContactResult:
     complete: bool
     reason: str
 
+    def __repr__(self) -> str:
+        return f"ContactResult({self.curve!r}, dofs={self.dofs}, cells={self.cells}, {brief(self.reason)})"
+
     @property
     def checks(self) -> Checks:
         """Worst figures of the balances that every step has to keep."""
         return self.solver.checks
+
+    def displacement(self) -> Any:
+        """Displacement of the last state, a function of dolfinx, second-order [L]; collective.
+
+        Its mesh is the undeformed block, with coordinates in units of L.
+
+        Examples:
+            >>> wave = asp.Surface.from_spec("sinusoid", L=1e-6, amplitude=2e-8)
+            >>> size = asp.MeshSize(h_contact=0.3e-6, h_max=0.6e-6)
+            >>> result = asp.solve_contact(wave, asp.Material(E=200e9, nu=0.3), delta_max=2e-8, steps=2, size=size)
+            >>> import ufl
+            >>> from dolfinx import fem
+            >>> u = result.displacement()
+            >>> pushed_down = fem.assemble_scalar(fem.form(-u[2] * ufl.dx))
+            >>> bool(0.0 < pushed_down < 0.02), result.stress().x.array.reshape(-1, 3, 3).shape[0] == result.cells
+            (True, True)
+        """
+        u = self.solver.solid.u.copy()
+        u.name = "displacement"
+        return u
+
+    def stress(self) -> Any:
+        """Mean Cauchy stress of the cells in the last state, a tensor function of dolfinx [E]; collective.
+
+        Its mesh is that of `displacement`.
+        """
+        from dolfinx import fem
+
+        solid = self.solver.solid
+        values, _ = mean_stress(self.solver, solid.u.x.array.reshape(-1, 3))
+        V = fem.functionspace(solid.mesh, ("DG", 0, (3, 3)))
+        stress = fem.Function(V, name="stress")
+        cells = V.dofmap.list[: len(values), 0]
+        stress.x.array.reshape(-1, 9)[cells] = values[:, (0, 3, 4, 3, 1, 5, 4, 5, 2)]  # of xx yy zz xy xz yz
+        stress.x.scatter_forward()
+        return stress
 
     def touched_at(self) -> tuple[Floats, Floats]:
         """Position of each node of the top and the approach that first touched it [L], see `FirstContact.gather`."""

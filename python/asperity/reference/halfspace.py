@@ -16,6 +16,7 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.errors import ConvergenceError, InputError
 from asperity.reference.elastic import block_modulus, reduced_modulus
+from asperity.runtime.display import short_repr
 from asperity.surface import Surface
 
 
@@ -42,6 +43,8 @@ class HalfSpaceContact:
     area_fraction: float
     pressure: Array
     iterations: int
+
+    __repr__ = short_repr
 
 
 def half_space_contact(

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from asperity.arrays import Array, Floats
 from asperity.errors import InputError
 from asperity.reference.halfspace import compliance_of_waves, corrected_area, displacement
+from asperity.runtime.display import short_repr
 from asperity.surface import Surface
 
 HARDNESS = 3.0  # of a full plastic indentation over the yield strength; Tabor, The Hardness of Metals (1951)
@@ -104,6 +105,8 @@ class RoughCurve:
     P_star: Floats
     area_fraction: Floats
     touched_at: Floats
+
+    __repr__ = short_repr
 
 
 def _press(start: Array, penetration: Array, compliance: Array, sides: str, hardness: float, tolerance: float) -> Array:

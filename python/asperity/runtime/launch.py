@@ -81,7 +81,8 @@ def _find_room(environ: Mapping[str, str]) -> Room:
 
 def available_cores() -> int:
     """Physical cores that this process may use: those of its affinity, no more than the CPU limit of its cgroup."""
-    cores = physical_cores(os.sched_getaffinity(0))
+    every = range(os.cpu_count() or 1)
+    cores = physical_cores(os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else every)
     return min(cores, int(min(cpu_limit(), cores)))
 
 
@@ -169,7 +170,7 @@ def start(arguments: Sequence[str], ranks: int, room: Room) -> int:
         CompatError: there is no mpirun
     """
     environ = environment(ranks, room)
-    command = [sys.executable, "-m", "asperity", *arguments]
+    command = [sys.executable, "-P", "-m", "asperity", *arguments]  # -P: no module of the current folder
     if ranks == 1:
         sys.stdout.flush()
         os.execve(sys.executable, command, environ)

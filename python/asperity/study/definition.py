@@ -37,6 +37,7 @@ import numpy as np
 from asperity.case.case_file import Case, _override, _read_toml
 from asperity.case.schema import Input, sections, show
 from asperity.errors import InputError
+from asperity.runtime.display import short_repr
 from asperity.study.edges import RULES, Rule, describe_replaced, without_edge_summits
 from asperity.surface import SurfaceWarning
 
@@ -95,6 +96,8 @@ class Entry:
     case: Case
     families: tuple[str, ...]
 
+    __repr__ = short_repr
+
     def value(self, key: str) -> Any:
         """Return the value of a dotted key in the completed case, None if it is absent."""
         section, name = key.split(".")
@@ -129,6 +132,8 @@ class Study:
     keys: tuple[str, ...]
     edge_summits: Rule = "keep"
     replaced: Mapping[int, int | None] = field(default_factory=dict)
+
+    __repr__ = short_repr
 
     @staticmethod
     def load(path: str | Path, overrides: Iterable[str] = ()) -> Study:

@@ -19,6 +19,7 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import AsperityError, InputError
 from asperity.power_law import PowerLawFit, fit_or_none
+from asperity.runtime.display import short_repr
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import CASE, CURVE, SUMMARY
 from asperity.study.definition import ENSEMBLE, Family, Study
@@ -207,6 +208,8 @@ class StudyLevel:
     parameters: Mapping[str, Any]
     rows: tuple[Row, ...]
 
+    __repr__ = short_repr
+
     def column(self, name: str) -> Array:
         """Return the values of a column for all rows (rows,), NaN where missing."""
         return np.array([math.nan if row.get(name) in (None, "") else float(row[name]) for row in self.rows])
@@ -238,6 +241,8 @@ class StudyResults:
     title: str
     families: tuple[Family, ...]
     rows: tuple[Row, ...]
+
+    __repr__ = short_repr
 
     @staticmethod
     def read(folder: str | Path) -> StudyResults:

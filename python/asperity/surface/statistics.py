@@ -8,6 +8,7 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.errors import InputError
+from asperity.runtime.display import short_repr
 
 #: rms slope up to which small-strain, small-slope contact theory is accurate.
 SMALL_SLOPE = 0.1
@@ -46,6 +47,8 @@ class SurfaceStatistics:
     rms_slope: float
     rms_curvature: float
 
+    __repr__ = short_repr
+
     @property
     def small_slope(self) -> bool:
         """Whether the rms slope is within the range of small-slope theory (0.1)."""
@@ -72,6 +75,8 @@ class Spectrum:
     density: Array
     direction: str
     window: str
+
+    __repr__ = short_repr
 
 
 def surface_statistics(

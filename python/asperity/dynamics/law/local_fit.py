@@ -8,6 +8,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from asperity.arrays import Array
+from asperity.runtime.display import short_repr
 
 _NEAR = 9  # smallest number of points from which the scatter is estimated
 _AROUND = float(np.log(1.5))  # distance in ln z within which all points are used
@@ -39,6 +40,8 @@ class LocalFit:
     freedom: int
     scatter: float
     spacing: float
+
+    __repr__ = short_repr
 
     def logarithmic(self) -> Array:
         """Return the first three derivatives of ln F with respect to ln z."""

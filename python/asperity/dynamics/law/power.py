@@ -12,6 +12,7 @@ from asperity.arrays import Array
 from asperity.dynamics.law.checks import positive, within
 from asperity.dynamics.law.law import SMALL, Law
 from asperity.errors import InputError
+from asperity.runtime.display import short_repr
 
 EXPONENT = (0.25, 100.0)  # outside, no practical number of harmonics describes the orbits
 COEFFICIENT = (1e-100, 1e100)
@@ -48,6 +49,8 @@ class PowerLaw(Law):
     fitted_to: float = np.inf
 
     scalar = True
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         within("n", self.n, EXPONENT)

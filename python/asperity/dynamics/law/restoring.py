@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from asperity.arrays import Array
 from asperity.dynamics.law.law import EXTRAPOLATE, Law
 from asperity.errors import InputError, RangeError
+from asperity.runtime.display import short_repr
 
 _SMALLEST = 1e-75  # its cube must not underflow
 
@@ -50,6 +51,8 @@ class Restoring:
     a3: float = field(init=False)
     kappa: float = field(init=False)
     u_range: tuple[float, float] = field(init=False)
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         z = self.law.deflection(self.load)

@@ -26,6 +26,7 @@ from asperity.dynamics.law.law import Law
 from asperity.dynamics.law.local_fit import LocalFit, log_derivatives, regress, roughness
 from asperity.dynamics.law.power import PowerLaw
 from asperity.errors import InputError, RangeError
+from asperity.runtime.display import short_repr
 
 _POINTS = 5  # smallest number of points of a table
 _TOUCH = 1e-9  # share of the largest force above which a row is in contact
@@ -69,6 +70,8 @@ class TableLaw(Law):
     extrapolate: bool = False
     name: str = "table"
     contact: bool = field(default=True, init=False)
+
+    __repr__ = short_repr
 
     def __post_init__(self) -> None:
         try:

@@ -20,6 +20,7 @@ from asperity.dynamics.law.law import EXTRAPOLATE
 from asperity.dynamics.motion.runge_kutta import advance, has_escaped, steps_for
 from asperity.dynamics.orbits.harmonic_balance import Balance
 from asperity.errors import RangeError
+from asperity.runtime.display import short_repr
 
 SETTLED, NOT_SETTLED, ESCAPED = "settled", "not settled", "escaped"
 _LONGEST = 4  # longest period distinguished from chaos, in forcing periods
@@ -56,6 +57,8 @@ class Sweep:
     periods: Array
     tolerance: float
     valid: Array
+
+    __repr__ = short_repr
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Yield the rows of response.csv, without escaped points, which have no amplitude."""
@@ -106,6 +109,8 @@ class Attractor:
     state: tuple[float, float]
     tolerance: float
     valid: bool
+
+    __repr__ = short_repr
 
 
 @dataclass

@@ -21,6 +21,7 @@ from asperity.dynamics.law.damping import in_flight, primitive, rate
 from asperity.dynamics.motion.flight import Flight
 from asperity.dynamics.orbits.harmonic_balance import Balance
 from asperity.errors import ConvergenceError, RangeError
+from asperity.runtime.display import short_repr
 
 _ESCAPE = 1e3  # displacement beyond which motion has left a Taylor well
 
@@ -50,6 +51,8 @@ class Trajectory:
     setting: Setting | None = None
     tolerance: float = np.nan
     valid: bool = True
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from asperity.dynamics.motion.shooting import state_at_phase_zero
 from asperity.dynamics.orbits.continuation import Point
 from asperity.dynamics.orbits.harmonic_balance import Balance
 from asperity.dynamics.orbits.stability import Floquet, extrema, floquet, stack, unstack
+from asperity.runtime.display import short_repr
 
 _ROUND_OFF = 1e-15  # relative round-off of the contact force
 
@@ -40,6 +41,8 @@ class Event:
     u_max: float
     u_min: float
     a1: float
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,8 @@ class Branch:
     valid: Array
     end: str
 
+    __repr__ = short_repr
+
     def __len__(self) -> int:
         return self.Omega.size
 
@@ -123,6 +128,8 @@ class Solution:
     stable: bool
     error: float
     coefficients: Array
+
+    __repr__ = short_repr
 
     @property
     def start(self) -> tuple[float, float]:

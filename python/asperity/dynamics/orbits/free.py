@@ -22,6 +22,7 @@ from asperity.dynamics.law.damping import in_flight, rate
 from asperity.dynamics.law.restoring import Restoring
 from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.errors import ConvergenceError, RangeError
+from asperity.runtime.display import short_repr
 
 _ORDERS = (24, 48, 96, 192, 384)
 _RTOL = 2e-13
@@ -55,6 +56,8 @@ class FreeOrbit:
     flight: float
     dissipation: float
     error: float
+
+    __repr__ = short_repr
 
     @property
     def contact_loss(self) -> bool:
@@ -99,6 +102,8 @@ class FreeVibration:
     orbits: tuple[FreeOrbit, ...]
     valid: tuple[bool, ...]
     tolerance: float
+
+    __repr__ = short_repr
 
     @property
     def u0(self) -> Array:

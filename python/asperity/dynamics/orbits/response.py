@@ -21,6 +21,7 @@ from asperity.dynamics.orbits.initial_orbits import backbone_chart, edge_orbits,
 from asperity.dynamics.orbits.search import orbits_on_no_branch
 from asperity.dynamics.orbits.stability import floquet, stack
 from asperity.errors import ConvergenceError, InputError
+from asperity.runtime.display import short_repr
 
 _SAME = 1e-6  # relative distance, in addition to their errors, within which two orbits may be identical
 _UNRELIABLE = 1e-3  # deviation of the determinant from Liouville's above which stability is unreliable
@@ -58,6 +59,8 @@ class FrequencyResponse:
     valid: bool
     notes: tuple[str, ...]
     balance: Balance = field(repr=False)
+
+    __repr__ = short_repr
 
     def __getitem__(self, kind: str) -> tuple[Event, ...]:
         """Return the events of one kind: "fold", "period doubling" or "grazing"."""

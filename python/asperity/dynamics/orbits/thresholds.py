@@ -20,6 +20,7 @@ from asperity.dynamics.law.restoring import Restoring
 from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.dynamics.orbits.free import FreeOrbit, column, contact_limit, free_orbit
 from asperity.errors import RangeError
+from asperity.runtime.display import short_repr
 
 _LARGEST = 1e6  # amplitude at which the search for a peak ends
 
@@ -48,6 +49,8 @@ class Backbone:
     orbits: tuple[FreeOrbit, ...]
     tolerance: float
     valid: tuple[bool, ...]
+
+    __repr__ = short_repr
 
     @property
     def u_max(self) -> Array:
@@ -136,6 +139,8 @@ class Thresholds:
     F_over_mg: float
     tolerance: float
     valid: bool
+
+    __repr__ = short_repr
 
     def to_dict(self) -> dict[str, Any]:
         """Return the section of thresholds.json."""

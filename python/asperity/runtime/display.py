@@ -1,0 +1,71 @@
+"""Objects in one line for a prompt, and as a table for a notebook."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+LONGEST = 60  # of the text of a part
+
+
+def short_repr(thing: Any) -> str:
+    """Return a dataclass in one line: numbers to six digits, arrays by their shape, collections by their size.
+
+    Classes take it as their `__repr__`.
+
+    Args:
+        thing: of a dataclass
+
+    Examples:
+        >>> from asperity.reference import Hertz
+        >>> short_repr(Hertz(R=1.0 / 3.0, E_prime=2e11))
+        'Hertz(R=0.333333, E_prime=2e+11)'
+    """
+    shown = (f"{f.name}={brief(getattr(thing, f.name))}" for f in fields(thing) if f.repr)
+    return f"{type(thing).__name__}({', '.join(shown)})"
+
+
+def brief(value: Any) -> str:
+    """Return a value in a few words."""
+    if isinstance(value, np.ndarray):
+        return f"<{' x '.join(map(str, value.shape))}>"
+    if isinstance(value, bool | np.bool_ | int | np.integer) or value is None:
+        return str(value)
+    if isinstance(value, float | np.floating):
+        return f"{value:.6g}"
+    if isinstance(value, str):
+        return repr(value if len(value) <= LONGEST else value[: LONGEST - 1] + "…")
+    if is_dataclass(value):
+        text = short_repr(value)
+        return text if len(text) <= LONGEST else f"{type(value).__name__}(…)"
+    if isinstance(value, Mapping):
+        text = "{" + ", ".join(f"{key!r}: {brief(item)}" for key, item in value.items()) + "}"
+        return text if len(text) <= LONGEST else f"<{len(value)} keys>"
+    if isinstance(value, Sequence | set | frozenset):
+        text = "(" + ", ".join(map(brief, value)) + ("," if len(value) == 1 else "") + ")"
+        return text if len(text) <= LONGEST else f"<{len(value)}>"
+    text = repr(value)
+    return text if len(text) <= LONGEST and "\n" not in text else f"{type(value).__name__}(…)"
+
+
+def html_table(caption: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
+    """Return a table for a notebook.
+    Args:
+        caption: above it
+        header: names of the columns
+        rows: their values
+    Examples:
+        >>> html_table("a law", ["k", "n"], [[1.0, 1.5]])[:38]
+        '<table><caption>a law</caption><thead>'
+    """
+
+    def row(cells: Iterable[str], tag: str) -> str:
+        return "<tr>" + "".join(f"<{tag}>{html.escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+
+    body = "".join(row((text if isinstance(text, str) else brief(text) for text in cells), "td") for cells in rows)
+    head = row(header, "th")
+    return f"<table><caption>{html.escape(caption)}</caption><thead>{head}</thead><tbody>{body}</tbody></table>"

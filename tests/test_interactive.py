@@ -1,0 +1,241 @@
+"""The package at a prompt and in a notebook: representations, tables, data frames, functions of dolfinx."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import make_curve
+
+import asperity as asp
+from asperity.case.schema import Input, json_schema, sections
+from asperity.cli import group
+from asperity.curve import COLUMNS
+from asperity.errors import CompatError
+from asperity.output.results import Results
+from asperity.surface.statistics import psd
+
+MAIN = "from asperity.cli import main; main()"  # as the script of the package does
+ROOT = Path(__file__).parent.parent
+FLAT: dict[str, Any] = {
+    "units": "other", "surface": {"kind": "flat", "L": 2.0}, "material": {"E": 5.0, "nu": 0.3},
+    "mesh": {"h_contact": 2.0, "h_max": 2.0}, "loading": {"delta_max": 0.01, "steps": 3, "unload": True},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def result() -> Any:
+    return asp.run(asp.Case.from_dict(FLAT))
+
+
+def objects(result: Any) -> list[Any]:
+    """One of each public class with data."""
+    wave = asp.Surface.from_spec("weierstrass-mandelbrot", L=1e-6, D=2.4, G=1e-12)
+    law = asp.TableLaw(np.linspace(0.01, 1.0, 30), np.linspace(0.01, 1.0, 30) ** 1.5)
+    oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.05)
+    response = oscillator.response(0.01, (0.9, 1.1), tol=1e-3)
+    free = oscillator.free([0.1, 0.2])
+    sweeps = oscillator.sweep(0.01, [0.9, 0.95])
+    case = asp.Case.from_dict(FLAT)
+    return [
+        wave, wave.statistics(), psd(wave.grid(65), 1e-6), asp.Material(E=1.0, nu=0.3), asp.MeshSize(),
+        asp.Formulation(), asp.SolverOptions(), asp.AccuracyTarget(0.1), case, case.problem(), result, result.contact,
+        result.contact.block, result.curve, result.fit, make_curve(), make_curve().where(np.zeros(4, dtype=bool)),
+        asp.PowerLaw(1.5), law, oscillator, oscillator.taylor(), free, *free.orbits[:1],
+        response, response.branches[0], oscillator.thresholds(0.01), oscillator.backbone(), *sweeps,
+        asp.run_dynamics(asp.PowerLaw(1.5), forcing=[0.01], sweeps=False, zeta=0.05), asp.Scheme(),
+        asp.reference.Hertz(R=1.0, E_prime=1.0), Results(Path("out"), result.curve),
+    ]  # fmt: skip
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_every_object_is_one_short_line(result: Any) -> None:
+    for thing in objects(result):
+        text = repr(thing)
+        assert "\n" not in text and len(text) < 400, text
+        assert type(thing).__name__ in text and " object at 0x" not in text
+
+
+def test_a_representation_has_the_numbers_of_its_object(result: Any) -> None:
+    assert repr(result.curve) == "Curve(3 load, 1 unload; delta up to 0.01, force up to 0.134615)"
+    assert repr(asp.Case.from_dict(FLAT)) == "Case(flat of side 2, elastic, delta_max = 0.01)"
+    assert "n=1.5" in repr(asp.PowerLaw(1.5)) and "dofs=" in repr(result.contact) and "'done'" in repr(result)
+
+
+def test_tables_of_a_notebook_are_escaped_and_have_the_known_columns(result: Any) -> None:
+    page = result.curve._repr_html_()
+    assert page.count("<tr>") == 1 + len(result.curve) and "<th>force</th>" in page
+    assert "<th>k_n</th>" not in page  # not computed
+    assert "&lt;" not in page and "exit_reason" in result._repr_html_()
+    long = make_curve().where(np.zeros(70, dtype=int))
+    assert long._repr_html_().count("<tr>") == 51 and "the first 50 steps" in long._repr_html_()
+
+
+def test_a_curve_becomes_a_data_frame() -> None:
+    pandas = pytest.importorskip("pandas")
+    curve = make_curve(note="x")
+    frame = curve.to_pandas()
+    assert list(frame.columns) == list(COLUMNS) and frame.attrs == {"note": "x"}
+    for name in COLUMNS:
+        np.testing.assert_array_equal(frame[name].to_numpy(), getattr(curve, name))
+    assert pandas.isna(frame["error_P_star"][1])
+
+
+def test_a_curve_becomes_a_dataset() -> None:
+    pytest.importorskip("xarray")
+    curve = make_curve(note="x")
+    data = curve.to_xarray()
+    assert data.sizes == {"row": len(curve)} and data.attrs == {"note": "x"}
+    np.testing.assert_array_equal(data["force"], curve.force)
+    assert data.where(data.branch == "load", drop=True).sizes["row"] == 2
+
+
+@pytest.mark.parametrize("name", ["pandas", "xarray"])
+def test_an_absent_package_is_named(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(CompatError, match=f"this needs the package {name}"):
+        getattr(make_curve(), f"to_{name}")()
+
+
+def test_the_package_declares_its_types() -> None:
+    assert (Path(asp.__file__).parent / "py.typed").is_file()
+
+
+# --- functions of dolfinx -------------------------------------------------------------------------------------
+
+
+@pytest.mark.mpi
+def test_displacement_and_stress_of_a_block_in_uniaxial_strain() -> None:
+    """Closed form: u_z = -delta z/h, sigma_zz = -M delta/h, sigma_xx = sigma_yy = lambda/M sigma_zz, no shear."""
+    import ufl
+    from dolfinx import fem
+
+    case = asp.Case.from_dict(FLAT | {"loading": {"delta_max": 0.02, "steps": 1}, "block": {"height": 4.0}})
+    contact = asp.run(case).contact
+    assert contact is not None
+    u, stress = contact.displacement(), contact.stress()
+    z, strain = u.function_space.tabulate_dof_coordinates()[:, 2], 0.02 / 4.0
+    np.testing.assert_allclose(u.x.array.reshape(-1, 3)[:, 2], -strain * z, atol=1e-10)
+    nu = 0.3
+    confined = (1 - nu) / ((1 + nu) * (1 - 2 * nu))  # in units of E
+    expected = -confined * strain * np.diag([nu / (1 - nu), nu / (1 - nu), 1.0])
+    tensors = stress.x.array.reshape(-1, 3, 3)
+    np.testing.assert_allclose(tensors, np.broadcast_to(expected, tensors.shape), atol=1e-9)
+    energy = 0.5 * contact.solver.solid.comm.allreduce(
+        fem.assemble_scalar(fem.form(ufl.inner(stress, ufl.sym(ufl.grad(u))) * ufl.dx))
+    )
+    assert energy == pytest.approx(0.5 * confined * strain**2 * 2.0, rel=1e-8)  # volume 2 in units of L^3
+
+
+def test_the_stress_function_is_that_of_the_fields() -> None:
+    """Of a plastic wave, whose stress varies and has shear."""
+    from asperity.output.fields import gather_states
+
+    wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.05, dims=2)
+    solid = asp.Material(1.0, 0.3, 0.005, 0.05)
+    size = asp.MeshSize(h_contact=0.3, h_max=0.8)
+    result = asp.solve_contact(wave, solid, delta_max=0.02, steps=2, size=size, snapshots=1)
+    state = gather_states(result, 1.0, 1.0)[-1]
+    from asperity.fem.global_numbering import cell_numbers
+
+    tensors = result.stress().x.array.reshape(-1, 3, 3)
+    rows = state.stress[cell_numbers(result.solver.solid)]
+    for i, (a, b) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))):
+        np.testing.assert_allclose(tensors[:, a, b], rows[:, i], atol=1e-14)
+        np.testing.assert_array_equal(tensors[:, a, b], tensors[:, b, a])
+    assert np.abs(rows[:, 3:]).max() > 1e-4
+
+
+# --- JSON -----------------------------------------------------------------------------------------------------
+
+
+def test_the_schema_accepts_the_shipped_cases_and_refuses_mistakes() -> None:
+    jsonschema = pytest.importorskip("jsonschema")
+    schema = json_schema()
+    validator = jsonschema.Draft202012Validator(schema)
+    jsonschema.Draft202012Validator.check_schema(schema)
+    cases = [path for path in (ROOT / "cases").rglob("*.toml") if path.name not in ("study.toml", "full.toml")]
+    assert len(cases) >= 6
+    for path in cases:
+        table = tomllib.loads(path.read_text())
+        validator.validate(table)
+        validator.validate(asp.Case.load(path).to_dict())
+    good = tomllib.loads((ROOT / "cases/demo.toml").read_text())
+    for section, key, value in (
+        ("material", "nu", 0.7), ("material", "nuu", 0.3), ("surface", "kind", "cube"), ("loading", "steps", 1.5),
+        ("loading", "unload", "yes"), ("dynamics", "model", ["linear"]), ("mesh", "h_contact", -1.0),
+    ):  # fmt: skip
+        wrong = good | {section: good.get(section, {}) | {key: value}}
+        assert not validator.is_valid(wrong), (section, key)
+    without = {name: table for name, table in good.items() if name != "material"}
+    assert not validator.is_valid(without)
+
+
+def test_the_schema_describes_every_key() -> None:
+    schema = json_schema()
+    for name in Input.model_fields:
+        for model in sections(name):
+            known = schema["$defs"][model.__name__]["properties"]
+            assert set(known) == set(model.model_fields)
+            assert all(about.get("description") for key, about in known.items() if key != "kind")
+    text = json.dumps(schema)
+    assert '"shown"' not in text and '"hint"' not in text and '"null"' not in text
+
+
+@pytest.fixture
+def call(capsys: pytest.CaptureFixture[str]) -> Callable[..., Any]:
+    """Runs a command; the JSON that it prints, with nothing else on its standard output."""
+
+    def run(*arguments: str | Path, code: int = 0) -> Any:
+        capsys.readouterr()
+        assert (group.main([str(a) for a in arguments], "asperity", standalone_mode=False) or 0) == code
+        return json.loads(capsys.readouterr().out)
+
+    return run
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_commands_print_json(tmp_path: Path, result: Any, call: Callable[..., Any]) -> None:
+    demo = ROOT / "cases/demo.toml"
+    assert call("keys", "--schema") == json_schema()
+    estimate = call("estimate", demo, "--json", "--ranks", "2")["estimate"]
+    assert call("check", demo, "--json", "--ranks", "2") == {"case": str(demo), "accepted": True, "estimate": estimate}
+    assert estimate["ranks"] == 2 and estimate["levels"][-1]["dofs"] == estimate["dofs"] > 10_000
+    surface = call("surface", demo, "--json")
+    assert surface["statistics"]["Sq"] > 0 and len(surface["first_touch"]) == 3
+    thresholds = call("dynamics", "--power-law", "1.5", "--no-sweeps", "--model", "exact", "--json")
+    assert thresholds["exact"]["kappa"] == pytest.approx(-1 / 24)
+    rows = call("verify", "patch", "--json")
+    assert rows and all(row["passed"] and row["error"] <= row["bar"] for row in rows)
+    np.save(tmp_path / "map.npy", 1e-8 * np.random.default_rng(0).standard_normal((65, 65)))
+    about = call("import-map", tmp_path / "map.npy", "--pixel", "1e-8", "-o", tmp_path / "map", "--json")
+    assert about == json.loads((tmp_path / "map/measured.json").read_text()) and about["statistics"]["Sq"] > 0
+    a, b = tmp_path / "a.csv", tmp_path / "b.csv"
+    result.curve.write(a)
+    asp.Curve.from_rows([row | {"force": 1.1 * row["force"]} for row in result.curve.rows()]).write(b)
+    assert call("compare", a, a, "--json") == {"agree": True, "steps": len(result.curve), "differences": []}
+    assert call("compare", a, b, "--json", code=1)["differences"][0]["column"] == "force"
+
+
+def test_the_shell_completes_commands_and_options() -> None:
+    for words, expected in (("asperity ru", "plain,run"), ("asperity run --ra", "plain,--ranks")):
+        count = str(len(words.split()) - 1)
+        environ = {**os.environ, "_ASPERITY_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": count}
+        done = subprocess.run([sys.executable, "-c", MAIN], env=environ, capture_output=True, text=True, timeout=60)
+        assert expected in done.stdout.split(), done.stderr
+
+
+def test_json_has_no_numbers_that_are_not_finite(capsys: pytest.CaptureFixture[str]) -> None:
+    from asperity.cli import options
+
+    options.print_json({"a": [math.nan, 1.0, (math.inf, "x")]})
+    assert json.loads(capsys.readouterr().out) == {"a": [None, 1.0, [None, "x"]]}

@@ -1,0 +1,107 @@
+"""What a release consists of: one version, its citation, recipes of environments, sdist and wheel."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import re
+import subprocess
+import sys
+import tarfile
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+import asperity
+from asperity.plot.citations import publications
+
+ROOT = Path(__file__).parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+in_a_clone = pytest.mark.skipif(not (ROOT / ".ci").is_dir(), reason="an unpacked sdist has no .ci")
+
+
+def test_the_version_is_in_one_place() -> None:
+    assert "version" not in PROJECT and PROJECT["dynamic"] == ["version"]
+    assert importlib.metadata.version("asperity") == asperity.__version__
+    assert f"\nversion: {asperity.__version__}\n" in (ROOT / "CITATION.cff").read_text()
+
+
+def test_the_package_is_cited_first() -> None:
+    first = publications({"surface": {"kind": "weierstrass-mandelbrot"}})[0]
+    assert first.startswith(PROJECT["authors"][0]["name"]) and asperity.__version__ in first
+    assert PROJECT["description"].partition(" ")[2] in first
+    citation = (ROOT / "CITATION.cff").read_text()
+    assert PROJECT["authors"][0]["name"] in citation and PROJECT["license"] in citation
+
+
+@in_a_clone
+def test_the_recipes_of_containers_are_those_of_the_packages(tmp_path: Path) -> None:
+    script = ROOT / ".ci/containers"
+    assert subprocess.run([sys.executable, script, "--check"], timeout=60, check=False).returncode == 0
+    copy = tmp_path / ".ci/containers"
+    copy.parent.mkdir()
+    copy.write_text(script.read_text())
+    for name in ("packages.txt", "Containerfile", "apptainer.def"):
+        (tmp_path / name).write_text((ROOT / name).read_text())
+    (tmp_path / "packages.txt").write_text("python3-other # new\n")
+    assert (
+        subprocess.run([sys.executable, copy, "--check"], timeout=60, capture_output=True, check=False).returncode == 1
+    )
+
+
+def test_conda_forge_has_what_the_package_needs() -> None:
+    names = set(re.findall(r"^  - ([a-z0-9-]+)", (ROOT / "environment.yml").read_text(), re.MULTILINE))
+    needed = {re.split("[<>=]", text)[0] for text in PROJECT["dependencies"]}
+    assert {"matplotlib-base" if name == "matplotlib" else name for name in needed} <= names
+    assert {"fenics-dolfinx", "petsc4py", "mpi4py", "python-gmsh", "h5py", "nanobind", "scikit-build-core"} <= names
+
+
+@in_a_clone
+def test_the_workflow_runs_the_checks_on_the_suites_that_are_documented() -> None:
+    text = (ROOT / ".github/workflows/checks.yml").read_text()
+    assert "run: bash .ci/run" in text
+    suites = re.search(r"suite: \[(.*)\]", text)
+    assert suites is not None
+    page = (ROOT / "docs/install.md").read_text()
+    assert all(suite in page for suite in suites[1].split(", ")) and "container: debian:${{ matrix.suite }}" in text
+
+
+@pytest.mark.slow
+@in_a_clone
+def test_sdist_and_wheel_are_built_and_work(tmp_path: Path) -> None:
+    """The sdist from the clone, the wheel from the sdist, installed where the clone is out of sight."""
+    environ = {name: value for name, value in os.environ.items() if name not in ("PYTHONPATH", "ASPERITY_ENTERED")}
+
+    def call(*command: str | Path, folder: Path = tmp_path) -> str:
+        done = subprocess.run(
+            command, cwd=folder, env=environ, capture_output=True, text=True, timeout=900, check=False
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+        return done.stdout
+
+    build = f"from scikit_build_core.build import build_sdist; build_sdist({str(tmp_path)!r})"
+    call(sys.executable, "-c", build, folder=ROOT)
+    (sdist,) = tmp_path.glob("asperity-*.tar.gz")
+    with tarfile.open(sdist) as archive:
+        held = {name.partition("/")[2] for name in archive.getnames()}
+        archive.extractall(tmp_path, filter="data")
+    assert {"solver/cells.cpp", "tests/curves/plastic.csv", "COPYING", "run", "packages.txt", "CITATION.cff"} <= held
+    assert not [name for name in held if name.startswith((".ci", "out/", ".git/"))]
+    source = tmp_path / sdist.name.removesuffix(".tar.gz")
+    offline = ("--no-build-isolation", "--no-deps", "--quiet")
+    call(sys.executable, "-m", "pip", "wheel", *offline, "--wheel-dir", tmp_path, source)
+    (wheel,) = tmp_path.glob("asperity-*.whl")
+    with zipfile.ZipFile(wheel) as package:
+        names = set(package.namelist())
+    assert {"asperity/py.typed", "asperity/templates/report.html.j2"} <= names
+    assert sum(re.fullmatch(r"asperity/_solver.*\.so", name) is not None for name in names) == 1
+    call(sys.executable, "-m", "venv", "--system-site-packages", tmp_path / "venv")
+    python = tmp_path / "venv/bin/python"
+    call(python, "-m", "pip", "install", *offline, "--force-reinstall", wheel)
+    where = call(python, "-I", "-c", "import asperity, asperity._solver as s; print(s.__file__)")
+    assert str(tmp_path) in where
+    assert asperity.__version__ in call(tmp_path / "venv/bin/asperity", "--version")
+    verified = call(tmp_path / "venv/bin/asperity", "verify", "patch")
+    assert "patch" in verified
