@@ -18,7 +18,7 @@ FORMATS = ("calculix", "abaqus", "csv", "python")
               help="First loading (table), or the branch through the preload; default auto (after yield the branch) "
               "for python, table for the others.")  # fmt: skip
 @click.option("--preload", "load", type=float, metavar="W", help="Force on the patch that the branch passes through; "
-              "default half of the greatest force.")  # fmt: skip
+              "default that of the joint, or half of the greatest force.")  # fmt: skip
 @options.output("FILE", "File to write; default in OUT.")
 @options.serial
 def command(folder: str, to: str, output: str | None, **settings: Any) -> None:

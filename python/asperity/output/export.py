@@ -18,6 +18,7 @@ import asperity
 from asperity.arrays import Array
 from asperity.case import Case
 from asperity.curve import Curve
+from asperity.dynamics.joint import Joint
 from asperity.dynamics.law.choice import choose
 from asperity.dynamics.law.history import History
 from asperity.dynamics.law.table import TableLaw, unload_reload
@@ -89,11 +90,19 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
         folder: of the run, with curve.csv and case.toml.
         law: "table" (first loading), "unload-reload" (branch through the preload), or "auto": after yield
             "unload-reload" where the curve has it, else "table".
-        load: preload on the patch (force), for the branch; default half of the greatest force.
+        load: preload on the patch (force), for the branch; default that of the joint, or half of the greatest force.
 
     Raises:
         InputError: the folder has no curve or no case, or the curve does not contain the branch.
         RangeError: the branch does not reach the preload.
+
+    Examples:
+        See `Interface`; a folder without a run is refused:
+
+        >>> interface("nowhere")
+        Traceback (most recent call last):
+            ...
+        asperity.errors.InputError: nowhere holds no curve.csv; give the folder of a run
     """
     if law not in LAWS:
         raise InputError(f'law = "{law}" is not for an export: choose one of {", ".join(LAWS)}')
@@ -101,9 +110,13 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
     if not results.case:
         raise InputError(f"{folder} holds no case.toml, which has the nominal area; give the folder of a run")
     case, curve = Case.from_dict(results.case, folder=folder), results.curve
+    patch = case.surface.L**2
+    joint = Joint(**case.joint.model_dump()) if case.joint else Joint()
+    area = patch * joint.factor(patch)
+    if load is None and (of_joint := joint.load(patch)) is not None:
+        load = of_joint / joint.factor(patch)
     if law == "auto":
         law = "unload-reload" if choose(History.of(curve), "auto", load).name == "unload-reload" else "table"
-    patch = case.surface.L**2
     approach, measure = _approach(curve, case)
     columns = {"delta": approach, "force": curve.force / patch, "branch": curve.branch}
     if law == "table":
@@ -113,11 +126,10 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
         found = unload_reload(columns, preload / patch)
     z = _refined(found.z)
     pressure, slope = found.both(z)
-    joint = case.joint.nominal_area if case.joint and case.joint.nominal_area else patch
     stiffness = _stiffness(curve, case, law)
     return Interface(
-        z, pressure, slope, *(stiffness(name, pressure) for name in COLUMNS[3:]), joint,
-        tuple(_about(results, case, found, law, measure)),
+        z, pressure, slope, stiffness("k_n", pressure), stiffness("k_n_elastic", pressure), stiffness("k_t", pressure),
+        area, tuple(_about(results, case, found, law, measure)),
     )  # fmt: skip
 
 
@@ -247,7 +259,7 @@ def _deck(rows: Array, table: Interface, *advice: str) -> str:
             i = known[-1]
             lines.append(f"** {name} at {table.pressure[i]:.6g}: {getattr(table, name)[i]:.6g} ({words})")
     lines += ["*SURFACE INTERACTION, NAME=ASPERITY", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR", "0., 0."]
-    lines += [f"{p:.8e}, {z:.8e}" for p, z in rows.tolist()]
+    lines += [f"{float(p):.8e}, {float(z):.8e}" for p, z in rows]
     return "\n".join(lines) + "\n"
 
 
