@@ -46,7 +46,7 @@ def full(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunResult]:
     folder = tmp_path_factory.mktemp("full") / "new" / "folder"
     everything = {"figures": True, "fields": True, "report": True, "snapshots": 2, "distributions": True}
     everything |= {"stiffness": True, "conductance": True}
-    case = case_of(output=everything, dynamics={"zeta": 0.05, "forcing": [0.02], "model": ["exact"]})
+    case = case_of(output=everything, dynamics={"law": "paper", "zeta": 0.05, "forcing": [0.02], "model": ["exact"]})
     return folder, run(case, folder)
 
 

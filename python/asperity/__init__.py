@@ -37,6 +37,7 @@ _PUBLIC = {
     "Transient": "transient",
     "Scheme": "transient",
     "run": "run_case",
+    "export": "output.export",
     "Material": "model.material",
     "MeshSize": "model.settings",
     "Formulation": "model.settings",

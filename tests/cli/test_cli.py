@@ -368,6 +368,27 @@ def test_dynamics_of_a_run(cli: Cli, tmp_path: Path) -> None:
     assert sorted(folder.iterdir()) == before
 
 
+def test_dynamics_prints_all_laws_and_the_numbers_of_a_joint(cli: Cli, tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run", n=2)
+    quick = ("--no-sweeps", "--model", "exact", "--omega", "0.9", "1.1")
+    code, out, _ = cli("dynamics", folder, *quick, "--area", "1e-4", "--pressure", "2e8", "--mass", "0.5")
+    assert code == 0 and "unload-reload branch" in out and "of the first loading, not of a vibration" in out
+    numbers = [line for line in out.splitlines() if line.startswith("k_n = ")]
+    assert len(numbers) == 1 and all(
+        part in numbers[0] for part in ("N/m", "m = 0.5 kg", "Hz", "z_s = ", "zeta = 0.01")
+    )
+    code, _, err = cli("dynamics", folder, *quick, "--preload", "1", "--pressure", "2e8")
+    assert code == 2 and "--preload and --pressure are both given" in err
+
+
+@pytest.mark.parametrize("program", ["calculix", "abaqus", "csv", "python"])
+def test_export_writes_a_file(cli: Cli, tmp_path: Path, program: str) -> None:
+    folder = write_run(tmp_path / "run", n=2)
+    code, out, _ = cli("export", folder, "--to", program)
+    assert code == 0 and out.startswith("written ") and Path(out.split()[1]).stat().st_size > 500
+    assert cli("export", folder, "--to", program, "-o", tmp_path / "mine")[0] == 0 and (tmp_path / "mine").is_file()
+
+
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 from html_page import Page
@@ -91,3 +92,14 @@ def test_only_models_and_programs_in_use_are_cited() -> None:
     plastic = {**elastic, "material": {"yield_strength": 1.0}, "dynamics": {}}
     assert set(publications(plastic)) > set(publications(elastic))
     assert any("DOLFINx" in text for text in publications({}))
+
+
+def test_the_laws_of_vibration_stand_side_by_side(tmp_path: Path) -> None:
+    from asperity.dynamics import run_dynamics
+
+    folder = write_run(tmp_path / "run", n=2)
+    quick: dict[str, Any] = {"models": ["exact"], "omega": (0.9, 0.95), "sweeps": False, "bands": False}
+    run_dynamics(folder, out_dir=folder, **quick)
+    page = write_report(folder).read_text(encoding="utf-8")
+    assert "Laws of vibration at the preload" in page and "(chosen)" in page and "(not of this vibration)" in page
+    assert "table 1.law" not in page

@@ -39,6 +39,14 @@ class LawAtLoad:
             not, unless there is no other, nor does an unloading from a force that the contact has not met.
         chosen: whether it is the law of the vibration.
         missing: why there is no law, or "".
+
+    Examples:
+        >>> delta = np.linspace(0.0, 1.0, 21)
+        >>> result = asp.run_dynamics({"delta": delta, "force": delta**1.5}, units="SI", models=["exact"],
+        ...                           omega=(0.9, 1.0), sweeps=False, bands=False)
+        >>> row = result.laws.rows[0]
+        >>> row.name, row.chosen, row.applies, f"{row.stiffness:.3f}"
+        ('table', True, True, '1.191')
     """
 
     name: str

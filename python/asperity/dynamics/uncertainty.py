@@ -225,10 +225,9 @@ def response_band(
         setting = other.setting(f * centre.scale / other.restoring.scale)
         found = frequency_response(other.balance(), setting, (low * ratio, high * ratio), tol=tol, subharmonics=False)
         greatest, smallest = stable_range(found, grid * ratio)
-        size = other.restoring.z_s / centre.z_s
-        shift = size - 1.0  # displacement is measured from the static deflection of the central law
-        upper.append(greatest * size + shift)
-        lower.append(smallest * size + shift)
+        size = other.restoring.z_s / centre.z_s  # each moves about its own position of rest
+        upper.append(greatest * size)
+        lower.append(smallest * size)
     with np.errstate(all="ignore"):
         pack = [np.array([np.fmin.reduce(v), np.fmax.reduce(v)]) for v in (np.array(upper), np.array(lower))]
     return Band(f, grid, pack[0], pack[1])

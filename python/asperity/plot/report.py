@@ -68,7 +68,8 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
         law=_law(results),
         outcome=_outcome(results),
         figures=[_figure(path) for path in _figures(results)],
-        tables=_tables("run", summary) + _tables("dynamics", results.thresholds),
+        tables=_tables("run", summary) + _tables("dynamics", _without_table(results.thresholds)),
+        laws=_laws(results.thresholds),
         inputs=[(name, list(_flat(table))) for name, table in _sections(results.case)],
         columns=COLUMNS,
         rows=[[_text(value) for value in row.values()] for row in results.curve.rows()],
@@ -169,6 +170,25 @@ def _tables(title: str, data: Mapping[str, Any]) -> list[tuple[str, Rows]]:
     nested = [(n, v) for n, v in data.items() if isinstance(v, Mapping) and n != "fit"]
     tables = [(title, plain), *nested] if plain else nested
     return [(_words(name), [(_words(key), v) for key, v in _flat(t)]) for name, t in tables]
+
+
+def _laws(thresholds: Mapping[str, Any]) -> Rows:
+    """Return the laws of the curve at the preload, one row each, the chosen one marked."""
+    rows: Rows = []
+    for row in (thresholds.get("laws") or {}).get("table", ()):
+        if row["k_n"] is None:
+            rows.append((row["law"], f"– ({row['missing']})"))
+            continue
+        known = ", ".join(f"{name} = {row[name]:.4g}" for name in ("n", "kappa", "k_n", "f") if row[name] is not None)
+        other = "" if row["applies"] else " (not of this vibration)"
+        rows.append((row["law"], f"{known}{' (chosen)' if row['chosen'] else other}"))
+    return rows
+
+
+def _without_table(thresholds: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the content of thresholds.json without the rows of its laws."""
+    laws = thresholds.get("laws")
+    return {**thresholds, "laws": {k: v for k, v in laws.items() if k != "table"}} if laws else dict(thresholds)
 
 
 def _words(name: str) -> str:

@@ -81,6 +81,7 @@ class Scale:
 
 
 def _second(axis: Any, side: str, factor: float, label: str) -> None:
+    axis.tick_params(**{side: False}, which="both")
     draw = axis.secondary_xaxis if side == "top" else axis.secondary_yaxis
     second = draw(side, functions=(lambda x: x * factor, lambda x: x / factor))
     (second.set_xlabel if side == "top" else second.set_ylabel)(label)

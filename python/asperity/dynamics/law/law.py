@@ -24,6 +24,8 @@ from asperity.errors import RangeError
 EXTRAPOLATE = "extrapolate the law (extrapolate=True, asperity dynamics --extrapolate)"  # advice of messages
 SMALL = 0.05  # below this |u| the potential is integrated or summed: differences of potentials cancel
 
+_DENSE = 40_000  # approaches between which the force for time integration is interpolated
+
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(16)
 
 
@@ -178,3 +180,20 @@ class Law(ABC):
                     f"compute the curve further, or {EXTRAPOLATE}"
                 )
         return z
+
+
+def dense(law: Law, end: float, knots: Array) -> tuple[Array, Array]:
+    """Return approaches from 0 to a thousand times `end`, and the forces there, for time integration.
+
+    They are so dense that straight lines between them err by about 1e-9 of the force at `end`, and by 1e-6 of the force
+    beyond twice `end`.
+
+    Args:
+        law: the law.
+        end: an approach (length).
+        knots: approaches that are kept, where the law is not smooth (length).
+    """
+    even, light = np.linspace(0.0, 2.0 * end, _DENSE), np.geomspace(1e-9, 1.0, _DENSE // 8) * end
+    far = np.geomspace(2.0, 1e3, _DENSE // 8) * end
+    z = np.union1d(np.concatenate([even, light, far]), knots)
+    return z, law.both(z)[0]

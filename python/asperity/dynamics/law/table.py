@@ -22,7 +22,7 @@ from scipy.stats import t as student
 
 from asperity.arrays import Array
 from asperity.dynamics.law.checks import positive
-from asperity.dynamics.law.law import Law
+from asperity.dynamics.law.law import Law, dense
 from asperity.dynamics.law.local_fit import LocalFit, log_derivatives, regress, roughness
 from asperity.dynamics.law.power import PowerLaw
 from asperity.errors import InputError, RangeError
@@ -194,6 +194,11 @@ class TableLaw(Law):
         force = np.where(z > 0, np.exp(y), 0.0)
         return force, np.where(z > 0, force * slope / s, 0.0)
 
+    def push(self, z: Array) -> Array:
+        if self.values == "fit":
+            return self._smooth.push(z)
+        return np.interp(z, *self._dense)
+
     def potential(self, z: ArrayLike) -> Array:
         if self.values == "fit":
             return self._smooth.potential(z)
@@ -260,6 +265,10 @@ class TableLaw(Law):
         first = float(self._curve[1](x[0]))
         last = float(self._curve[1](x[-1]))
         return np.array([x[0], y[0], x[-1], y[-1]]), max(first, 0.1), max(last, 1e-3)
+
+    @cached_property
+    def _dense(self) -> tuple[Array, Array]:
+        return dense(self, self.known_to, self.knots)
 
     @cached_property
     def _energy(self) -> tuple[Array, Array]:

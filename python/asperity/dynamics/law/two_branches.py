@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
-from asperity.dynamics.law.law import Law
+from asperity.dynamics.law.law import SMALL, Law, dense
 from asperity.errors import InputError
+
+_GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(16)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +84,31 @@ class TwoBranchLaw(Law):
         low, high = self.below.both(np.minimum(z, top)), self.above.both(np.maximum(z, top) + self.shift)
         return np.where(z <= top, low[0], high[0]), np.where(z <= top, low[1], high[1])
 
+    def push(self, z: Array) -> Array:
+        return np.interp(z, *self._dense)
+
+    def at(self, z: float) -> tuple[float, float]:
+        return self.below.at(z) if z <= self.yields_at else self.above.at(z + self.shift)
+
+    def well(self, u: Array, z_s: float, load: float, scale: float) -> Array:
+        kink = self.yields_at / z_s - 1.0
+        if kink < 0.0:
+            return super().well(u, z_s, load, scale)
+        u = np.asarray(u, float)
+        value = self.below.well(np.minimum(u, kink), z_s, load, scale)
+        far = u > kink
+        if np.any(far):  # split at the kink, which no quadrature across it would see
+            more = 0.5 * (u[far] - kink)
+            force = self.above.both(self.shift + z_s * (1.0 + kink + more[..., None] * (1.0 + _GAUSS_X)))[0]
+            value = np.array(value)
+            value[far] += more * ((force - load) / scale @ _GAUSS_W)
+            wide = far & (u > kink + SMALL)
+            start = self.yields_at + self.shift
+            rise = self.above.potential(z_s * (1.0 + u[wide]) + self.shift) - self.above.potential(start)
+            base = self.below.well(np.array(kink), z_s, load, scale)
+            value[wide] = base + (rise / z_s - load * (u[wide] - kink)) / scale
+        return np.asarray(value)
+
     def potential(self, z: ArrayLike) -> Array:
         z = np.asarray(z, float)
         start = self.yields_at + self.shift
@@ -102,3 +130,7 @@ class TwoBranchLaw(Law):
 
     def describe(self) -> str:
         return f"{self.below.describe()}, yielding above {self.reached:.5g}"
+
+    @cached_property
+    def _dense(self) -> tuple[Array, Array]:
+        return dense(self, max(self.yields_at, self.known_to), self.knots)

@@ -1,0 +1,279 @@
+"""The contact of a run for other programs: nominal pressure over the approach of the mean planes.
+
+In a model of the joint's bodies their own compliance must not count twice: the approach is that of the mean planes of
+the two faces, from first touch, without the compression of the block.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from textwrap import wrap
+
+import numpy as np
+
+import asperity
+from asperity.arrays import Array
+from asperity.case import Case
+from asperity.curve import Curve
+from asperity.dynamics.joint import Joint
+from asperity.dynamics.law.choice import choose
+from asperity.dynamics.law.history import History
+from asperity.dynamics.law.table import TableLaw, unload_reload
+from asperity.errors import InputError
+from asperity.output.export_element import python_module
+from asperity.output.results import Results
+from asperity.power_law import interface_approach
+from asperity.runtime.files import replace_file
+
+#: Program or kind of file, with the name of the file in the folder of the run.
+FORMATS = {
+    "calculix": "contact_calculix.inp",
+    "abaqus": "contact_abaqus.inp",
+    "csv": "contact.csv",
+    "python": "contact.py",
+}
+LAWS = ("auto", "table", "unload-reload")
+_WIDTH = 110  # of a comment in a deck
+_BETWEEN = 4  # points from one of the curve to the next
+_BELOW = (0.125, 0.25, 0.5)  # of the first point of the curve, points added below it
+_ROWS = 40  # of a table in CalculiX 2.20, with that of zero pressure; more overflow an array of its contact elements
+_RANGE = 50.0  # greatest over smallest overclosure there
+_ADVICE = (
+    "contact pair of TYPE=NODE TO SURFACE: surface to surface contact of CalculiX 2.20 finds no force from a table"
+)
+_BEYOND = 10.0  # times the greatest pressure: so far CalculiX finds the last slope
+COLUMNS = ("approach", "pressure", "slope", "k_n", "k_n_elastic", "k_t")
+
+
+@dataclass(frozen=True, eq=False)
+class Interface:
+    """The rough interface per nominal area, at rising pressure; arrays of shape (m,), NaN where unknown.
+
+    Attributes:
+        approach: of the mean planes from first touch, or from where an unloading separates (length).
+        pressure: nominal (force/length^2).
+        slope: dp/dz of the table (force/length^3).
+        k_n, k_n_elastic, k_t: normal stiffness of the loading and of small vibration, tangential stiffness, over the
+            nominal area and without the block (force/length^3), from the columns of the curve.
+        area: nominal area of the joint, or of the patch (length^2).
+        about: what the numbers are, one line each.
+
+    Examples:
+        >>> Path("out").mkdir()
+        >>> z = np.linspace(0.1, 1.0, 10)
+        >>> asp.Curve.from_rows([{"delta": d, "force": 2 * d**1.5} for d in z]).write("out/curve.csv")
+        >>> case = {"units": "other", "surface": {"kind": "flat", "L": 1.0}, "material": {"E": 1e6, "nu": 0.3}}
+        >>> case |= {"loading": {"delta_max": 0.9}}
+        >>> _ = Path("out/case.toml").write_text(asp.Case.from_dict(case).to_toml())
+        >>> table = interface("out")
+        >>> table.approach.size, f"{np.interp(0.5, table.approach, table.pressure):.3f}"
+        (40, '0.707')
+    """
+
+    approach: Array
+    pressure: Array
+    slope: Array
+    k_n: Array
+    k_n_elastic: Array
+    k_t: Array
+    area: float
+    about: tuple[str, ...]
+
+
+def interface(folder: str | Path, law: str = "table", load: float | None = None) -> Interface:
+    """Return the interface of a run.
+
+    Args:
+        folder: of the run, with curve.csv and case.toml.
+        law: "table" (first loading), "unload-reload" (branch through the preload), or "auto": after yield
+            "unload-reload" where the curve has it, else "table".
+        load: preload on the patch (force), for the branch; default that of the joint, or half of the greatest force.
+
+    Raises:
+        InputError: the folder has no curve or no case, or the curve does not contain the branch.
+        RangeError: the branch does not reach the preload.
+
+    Examples:
+        See `Interface`; a folder without a run is refused:
+
+        >>> interface("nowhere")
+        Traceback (most recent call last):
+            ...
+        asperity.errors.InputError: nowhere holds no curve.csv; give the folder of a run
+    """
+    if law not in LAWS:
+        raise InputError(f'law = "{law}" is not for an export: choose one of {", ".join(LAWS)}')
+    results = Results.read(folder)
+    if not results.case:
+        raise InputError(f"{folder} holds no case.toml, which has the nominal area; give the folder of a run")
+    case, curve = Case.from_dict(results.case, folder=folder), results.curve
+    patch = case.surface.L**2
+    joint = Joint(**case.joint.model_dump()) if case.joint else Joint()
+    area = patch * joint.factor(patch)
+    if load is None and (of_joint := joint.load(patch)) is not None:
+        load = of_joint / joint.factor(patch)
+    if law == "auto":
+        law = "unload-reload" if choose(History.of(curve), "auto", load).name == "unload-reload" else "table"
+    approach, measure = _approach(curve, case)
+    columns = {"delta": approach, "force": curve.force / patch, "branch": curve.branch}
+    if law == "table":
+        found = TableLaw.from_curve(columns)
+    else:
+        preload = 0.5 * float(curve.force.max()) if load is None else load
+        found = unload_reload(columns, preload / patch)
+    z = _refined(found.z)
+    pressure, slope = found.both(z)
+    stiffness = _stiffness(curve, case, law)
+    return Interface(
+        z, pressure, slope, stiffness("k_n", pressure), stiffness("k_n_elastic", pressure), stiffness("k_t", pressure),
+        area, tuple(_about(results, case, found, law, measure)),
+    )  # fmt: skip
+
+
+def export(
+    folder: str | Path, to: str, path: str | Path | None = None, *, law: str | None = None, load: float | None = None
+) -> Path:
+    """Write the contact of a run for another program; return the file written.
+
+    Args:
+        folder: of the run.
+        to: "calculix" or "abaqus" (a contact property with tabular pressure-overclosure, to be included in a deck),
+            "csv", or "python" (a module that needs NumPy only: force and stiffness over the approach).
+        path: of the file; default in the folder.
+        law: see `interface`; default "auto" for "python", whose use is vibration, and "table" for the others.
+        load: see `interface`.
+
+    Raises:
+        InputError: `to` is unknown, or as for `interface`.
+        RangeError: as for `interface`.
+
+    Examples:
+        >>> Path("out").mkdir()
+        >>> z = np.linspace(0.1, 1.0, 10)
+        >>> asp.Curve.from_rows([{"delta": d, "force": 2 * d**1.5} for d in z]).write("out/curve.csv")
+        >>> case = {"units": "other", "surface": {"kind": "flat", "L": 1.0}, "material": {"E": 1e6, "nu": 0.3}}
+        >>> case |= {"loading": {"delta_max": 0.9}}
+        >>> _ = Path("out/case.toml").write_text(asp.Case.from_dict(case).to_toml())
+        >>> lines = asp.export("out", "abaqus").read_text().splitlines()
+        >>> [line for line in lines if line.startswith("*S")]
+        ['*SURFACE INTERACTION, NAME=ASPERITY', '*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR']
+    """
+    if to not in FORMATS:
+        raise InputError(f'to = "{to}" is unknown: choose one of {", ".join(FORMATS)}')
+    table = interface(folder, law or ("auto" if to == "python" else "table"), load)
+    writers: dict[str, Callable[[Interface], str]] = {
+        "calculix": lambda t: _deck(_short(t), t, _ADVICE),
+        "abaqus": lambda t: _deck(np.stack([t.pressure, t.approach], axis=1), t),
+        "csv": _csv,
+        "python": lambda t: python_module(*_hermite(t), t.area, t.about),
+    }
+    target = Path(folder) / FORMATS[to] if path is None else Path(path)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    replace_file(target, writers[to](table).encode())
+    return target
+
+
+def _approach(curve: Curve, case: Case) -> tuple[Array, str]:
+    """Return the approach of the mean planes at each step (length), and how it was found."""
+    modulus = case.material.solid.block_modulus(case.block.sides)
+    patch = case.surface.L**2
+    without = interface_approach(curve.delta, curve.force, height=case.block.height, area=patch, modulus=modulus)
+    if np.isnan(curve.mean_gap).any() or not len(curve):
+        return without, "approach of the flat less the elastic compression of the block"
+    # the first step carries hardly any force: there the block is elastic
+    return without[0] + curve.mean_gap[0] - curve.mean_gap, "decrease of the mean gap from first touch"
+
+
+def _refined(z: Array) -> Array:
+    """Return the points of a law with others between and below them."""
+    share = np.arange(_BETWEEN) / _BETWEEN
+    inner = (z[:-1, None] * (z[1:] / z[:-1])[:, None] ** share).ravel()
+    return np.concatenate([z[0] * np.array(_BELOW), inner, z[-1:]])
+
+
+def _stiffness(curve: Curve, case: Case, law: str) -> Callable[[str, Array], Array]:
+    """Return the function from column and nominal pressure to stiffness over the nominal area, NaN where unknown."""
+    patch = case.surface.L**2
+    modulus = case.material.solid.block_modulus(case.block.sides)
+    history = History.of(curve)
+    rows = history.rows_of(unloading=law != "table")
+    source = {"k_n": curve.k_n_interface, "k_t": curve.k_t_interface}
+    with np.errstate(all="ignore"):
+        left = 1.0 / curve.k_n_elastic - case.block.height / (patch * modulus)
+        source["k_n_elastic"] = np.where(left > 0, 1.0 / left, np.nan)
+
+    def over(name: str, pressure: Array) -> Array:
+        known = rows[(source[name][rows] > 0) & (curve.force[rows] > 0)]
+        if known.size < 2:
+            return np.full(pressure.shape, np.nan)
+        x, y = np.log(curve.force[known] / patch), np.log(source[name][known] / patch)
+        inside = (np.log(pressure) >= x[0] - 1e-9) & (np.log(pressure) <= x[-1] + 1e-9)
+        return np.where(inside, np.exp(np.interp(np.log(pressure), x, y)), np.nan)
+
+    return over
+
+
+def _about(results: Results, case: Case, law: TableLaw, name: str, measure: str) -> Iterator[str]:
+    """Yield units and provenance."""
+    si = case.units == "SI"
+    yield f"contact of a rough surface by asperity {asperity.__version__}"
+    yield f"case {case.hash()[:16]}, {results.summary.get('exit_reason', 'exit reason unknown')}"
+    yield f"surface: {json.dumps(case.surface.model_dump(exclude_none=True), sort_keys=True)}"
+    yield f"material: {json.dumps(case.material.model_dump(exclude_none=True), sort_keys=True)}"
+    yield "units: lengths m, pressures Pa, stiffness over area Pa/m" if si else "units: those of the case"
+    yield f"law: {'first loading' if name == 'table' else 'unloading and reloading'}, {law.z.size} computed points"
+    yield f"approach: of the mean planes ({measure}), from {'first touch' if name == 'table' else 'separation'}"
+    yield f"pressure: nominal, force over {case.surface.L**2:.6g}; greatest {law.F[-1]:.6g}"
+    bar = results.curve.error_P_star[-1:] / results.curve.P_star[-1:]
+    yield (
+        f"error bar of the force: {100 * bar[0]:.2g} %"
+        if np.isfinite(bar).all() and bar.size
+        else ("error bar of the force: unknown (no accuracy.tolerance)")
+    )
+
+
+def _short(table: Interface) -> Array:
+    """Return pressure and overclosure in as few rows as CalculiX reads, (rows, 2).
+
+    Its lines end in a row at constant pressure, so a further row continues the last slope.
+    """
+    z, p = table.approach, table.pressure
+    points = np.geomspace(max(z[-1] / _RANGE, z[0]), z[-1], _ROWS - 2)
+    values = np.exp(np.interp(np.log(points), np.log(z), np.log(p)))
+    far = z[-1] + (_BEYOND - 1) * p[-1] / table.slope[-1]
+    return np.stack([np.append(values, _BEYOND * p[-1]), np.append(points, far)], axis=1)
+
+
+def _deck(rows: Array, table: Interface, *advice: str) -> str:
+    """Contact property with the tabular pressure-overclosure of CalculiX and Abaqus, to be included in a deck.
+
+    Both read lines of pressure and overclosure that rise from zero. Beyond the last line Abaqus keeps the slope.
+    """
+    lines = [f"** {line}" for text in (*table.about, *advice) for line in wrap(text, _WIDTH)]
+    for name, words in (("k_n", "loading"), ("k_n_elastic", "small vibration"), ("k_t", "tangential, without slip")):
+        known = np.flatnonzero(np.isfinite(getattr(table, name)))
+        if known.size:
+            i = known[-1]
+            lines.append(f"** {name} at {table.pressure[i]:.6g}: {getattr(table, name)[i]:.6g} ({words})")
+    lines += ["*SURFACE INTERACTION, NAME=ASPERITY", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR", "0., 0."]
+    lines += [f"{float(p):.8e}, {float(z):.8e}" for p, z in rows]
+    return "\n".join(lines) + "\n"
+
+
+def _csv(table: Interface) -> str:
+    lines = [f"# {text}" for text in table.about] + [",".join(COLUMNS)]
+    for values in zip(*(getattr(table, name).tolist() for name in COLUMNS), strict=True):
+        lines.append(",".join("" if value != value else repr(value) for value in values))
+    return "\n".join(lines) + "\n"
+
+
+def _hermite(table: Interface) -> tuple[Array, Array, Array]:
+    """Return points and slopes of a monotone cubic with a continuous slope, also where contact is lost (at 0)."""
+    z, p = np.append(0.0, table.approach), np.append(0.0, table.pressure)
+    secant = np.diff(p) / np.diff(z)
+    # monotone up to three times the secants next to it (Fritsch & Carlson, SIAM J. Numer. Anal. 17 (1980) 238)
+    limit = 3.0 * np.minimum(secant, np.append(secant[1:], np.inf))
+    return z, p, np.append(0.0, np.minimum(table.slope, limit))

@@ -1,0 +1,179 @@
+"""The contact of a run in other programs: CalculiX finds the curve, and so does a module that needs NumPy only."""
+
+from __future__ import annotations
+
+import csv
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import asperity as asp
+from asperity.arrays import Array
+from asperity.case import Case
+from asperity.errors import InputError
+from asperity.output.export import FORMATS, interface
+
+L, HEIGHT, E, NU = 1e-6, 1e-6, 200e9, 0.3
+MODULUS = E * (1 - NU) / ((1 + NU) * (1 - 2 * NU))
+P0, Z0 = 1e9, 2e-8  # p = P0 (z/Z0)^2 of the interface
+SUMMIT = 3e-8  # mean gap at first touch
+RESIDUE = 8e-9  # approach of the mean planes after unloading
+
+
+def pressure(z: Any) -> Any:
+    """Of the interface, first loading."""
+    return P0 * (np.asarray(z) / Z0) ** 2
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A run whose interface is known: the flat's approach contains the compression of the block."""
+    up, down = np.linspace(0.0, Z0, 21)[1:], np.linspace(Z0, RESIDUE, 13)[1:]
+    z = np.append(up, down)
+    p = np.append(pressure(up), P0 * ((down - RESIDUE) / (Z0 - RESIDUE)) ** 1.5)
+    slope = np.append(2 * P0 * up / Z0**2, 1.5 * p[up.size :] / np.maximum(down - RESIDUE, 1e-30))
+    rows = [
+        {
+            "branch": "load" if i < up.size else "unload",
+            "delta": z[i] + p[i] * HEIGHT / MODULUS, "force": p[i] * L**2,
+            "mean_gap": SUMMIT - z[i], "max_plastic_strain": 0.01, "k_n_interface": slope[i] * L**2,
+            "k_t_interface": 0.8 * slope[i] * L**2, "delta_star": z[i] / L, "P_star": p[i] / E,
+        }
+        for i in range(z.size)
+    ]  # fmt: skip
+    asp.Curve.from_rows(rows).write(tmp_path / "curve.csv")
+    case = {
+        "surface": {"kind": "sphere", "L": L, "radius": 1e-5}, "block": {"height": HEIGHT},
+        "material": {"E": E, "nu": NU, "yield_strength": 1e9}, "loading": {"delta_max": 2e-8, "unload": True},
+        "joint": {"nominal_area": 3e-4},
+    }  # fmt: skip
+    (tmp_path / "case.toml").write_text(Case.from_dict(case).to_toml(), encoding="utf-8")
+    return tmp_path
+
+
+def deck(path: Path) -> Array:
+    """Lines of numbers of a table, (m, 2): pressure, overclosure."""
+    lines = path.read_text(encoding="ascii").splitlines()
+    start = lines.index("*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR") + 1
+    return np.array([[float(x) for x in line.split(",")] for line in lines[start:]])
+
+
+def test_the_table_is_the_interface_without_the_block(folder: Path) -> None:
+    table = interface(folder)
+    np.testing.assert_allclose(table.pressure, pressure(table.approach), rtol=1e-6)
+    np.testing.assert_allclose(table.slope, 2 * P0 * table.approach / Z0**2, rtol=1e-5)
+    known = np.isfinite(table.k_n)
+    assert known.sum() > 60
+    np.testing.assert_allclose(table.k_n[known], table.slope[known], rtol=1e-2)
+    np.testing.assert_allclose(table.k_t[known], 0.8 * table.k_n[known], rtol=1e-12)
+    assert table.area == pytest.approx(3e-4, rel=1e-12)
+
+
+def test_the_branch_after_yield_is_that_of_the_preload(folder: Path) -> None:
+    table = interface(folder, "auto", load=0.5 * P0 * L**2)
+    expected = P0 * (table.approach / (Z0 - RESIDUE)) ** 1.5
+    np.testing.assert_allclose(table.pressure, expected, rtol=1e-3)
+
+
+@pytest.mark.parametrize("program", ["calculix", "abaqus"])
+def test_a_deck_begins_at_zero_and_rises(folder: Path, program: str) -> None:
+    path = asp.export(folder, program)
+    table = deck(path)
+    assert path.name == FORMATS[program] and (table[0] == 0).all()
+    assert (np.diff(table, axis=0) > 0).all() and table.shape[1] == 2
+    inside = table[1:, 1] <= Z0 * (1 + 1e-6)
+    np.testing.assert_allclose(table[1:][inside, 0], pressure(table[1:][inside, 1]), rtol=1e-6)
+    assert len(table) <= 40 or program == "abaqus"
+    assert inside.sum() == len(table) - (2 if program == "calculix" else 1)
+    head = path.read_text(encoding="ascii").split("*SURFACE INTERACTION")[0].splitlines()
+    assert all(line.startswith("** ") and len(line) < 125 for line in head)
+    assert any("Pa/m" in line for line in head) and any("k_t at" in line for line in head)
+
+
+def test_a_csv_file_holds_stiffness(folder: Path, tmp_path: Path) -> None:
+    path = asp.export(folder, "csv", tmp_path / "other.csv")
+    with path.open() as file:
+        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    assert float(rows[-1]["pressure"]) == pytest.approx(P0, rel=1e-6) and rows[0]["k_t"] == ""
+    assert float(rows[-1]["k_t"]) == pytest.approx(0.8 * 2 * P0 / Z0, rel=1e-6)
+
+
+def test_the_module_needs_numpy_only_and_has_a_continuous_slope(folder: Path) -> None:
+    path = asp.export(folder, "python", law="table")
+    code = "import sys, contact; print(sorted(m for m in sys.modules if m.startswith(('scipy', 'asperity'))))"
+    found = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "[]"
+    names: dict[str, Any] = {}
+    exec(path.read_text(encoding="utf-8"), names)
+    element = names["Contact"]()
+    z = np.linspace(-0.2 * Z0, 1.5 * Z0, 4001)
+    force, stiffness = element(z)
+    inside = (z > 0.02 * Z0) & (z < Z0)
+    np.testing.assert_allclose(force[inside], 3e-4 * pressure(z[inside]), rtol=2e-3)
+    assert (force[z <= 0] == 0).all() and (stiffness >= 0).all() and (np.diff(force) >= 0).all()
+    h = 1e-5 * Z0
+    slope = (element.force(z + h) - element.force(z - h)) / (2 * h)
+    np.testing.assert_allclose(stiffness, slope, atol=1e-3 * stiffness.max())
+    assert np.abs(np.diff(stiffness)).max() < 0.01 * stiffness.max()  # no jump
+    assert element.force(element.approach(2e5)) == pytest.approx(2e5, rel=1e-12)
+    assert element(np.zeros((2, 3)))[0].shape == (2, 3)
+
+
+def test_after_yield_the_module_is_the_reloading(folder: Path) -> None:
+    """Small vibration about the preload, by the module and by the vibration of the run, without the block."""
+    names: dict[str, Any] = {}
+    exec(asp.export(folder, "python").read_text(encoding="utf-8"), names)
+    load = 0.5 * P0 * 3e-4
+    element = names["Contact"](area=3e-4)
+    k = float(element.stiffness(element.approach(load)))
+    assert k == pytest.approx(1.5 * load / ((Z0 - RESIDUE) * 0.5 ** (2 / 3)), rel=5e-3)
+
+
+def test_what_cannot_be_exported_is_refused(folder: Path) -> None:
+    with pytest.raises(InputError, match='to = "ansys" is unknown'):
+        asp.export(folder, "ansys")
+    with pytest.raises(InputError, match='law = "paper" is not for an export'):
+        asp.export(folder, "csv", law="paper")
+    (folder / "case.toml").unlink()
+    with pytest.raises(InputError, match=r"holds no case.toml, which has the nominal area"):
+        asp.export(folder, "csv")
+
+
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed")
+def test_calculix_presses_a_plate_and_finds_the_curve(folder: Path) -> None:
+    """A stiff cube is moved onto a stiff cube; the force over the area is the pressure at the overclosure."""
+    asp.export(folder, "calculix")
+    a, steps, gap = L, 10, 0.1 * Z0
+    corners = [(0, 0), (a, 0), (a, a), (0, a)]
+    nodes = [(x, y, z) for z in (-a, 0.0, gap, a + gap) for x, y in corners]
+    lines = ["*NODE, NSET=ALL", *(f"{i}, {x:.9e}, {y:.9e}, {z:.9e}" for i, (x, y, z) in enumerate(nodes, 1))]
+    for name, first, number in (("LOW", 1, 1), ("HIGH", 9, 2)):
+        lines.append(f"*ELEMENT, TYPE=C3D8, ELSET={name}")
+        lines.append(", ".join(str(k) for k in [number, *range(first, first + 8)]))
+    lines += ["*NSET, NSET=BASE, GENERATE", "1, 4", "*NSET, NSET=TOP, GENERATE", "13, 16"]
+    lines += ["*SURFACE, NAME=SLOW", "1, S2", "*SURFACE, NAME=SHIGH", "2, S1"]
+    lines += ["*MATERIAL, NAME=STIFF", "*ELASTIC", "1e15, 0.0"]
+    lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL=STIFF" for name in ("LOW", "HIGH")]
+    lines += [f"*INCLUDE, INPUT={FORMATS['calculix']}"]
+    lines += ["*CONTACT PAIR, INTERACTION=ASPERITY, TYPE=NODE TO SURFACE", "SHIGH, SLOW"]
+    lines += ["*BOUNDARY", "BASE, 1, 3", "ALL, 1, 2"]
+    lines += ["*STEP, INC=1000", "*STATIC", f"{1 / steps}, 1.0, 1e-6, {1 / steps}"]
+    lines += ["*BOUNDARY", f"TOP, 3, 3, {-1.2 * Z0 - gap:.9e}"]
+    lines += ["*NODE PRINT, NSET=TOP, TOTALS=ONLY", "RF", "*END STEP"]
+    (folder / "model.inp").write_text("\n".join(lines) + "\n", encoding="ascii")
+    done = subprocess.run(["ccx", "model"], cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[-2000:]
+    text = (folder / "model.dat").read_text(encoding="ascii")
+    found = np.array([(float(t), -float(f)) for t, f in re.findall(r"time\s+(\S+)\s+(?:\S+\s+){2}(\S+)", text)])
+    p = found[:, 1] / L**2
+    z = found[:, 0] * (1.2 * Z0 + gap) - gap - 2 * a * p / 1e15  # without the compression of the cubes
+    inside, beyond = (z > 0.1 * Z0) & (z < Z0), z > Z0
+    assert inside.sum() >= 6 and beyond.any()
+    np.testing.assert_allclose(p[inside], pressure(z[inside]), rtol=8e-3)
+    np.testing.assert_allclose(p[beyond], P0 * (1 + 2 * (z[beyond] / Z0 - 1)), rtol=1e-3)  # the last slope
