@@ -48,6 +48,8 @@ COLUMNS = (
     "largest_spot",
     *STIFFNESSES,
     "conductance",
+    "max_strain",
+    "strained_fraction",
 )
 #: Columns that a stored curve or the rows of a checkpoint may lack.
 OPTIONAL = ("error_P_star", *COLUMNS[COLUMNS.index("seconds") + 1 :])
@@ -94,6 +96,8 @@ class Curve:
         k_t: tangential stiffness without slip, mean of x and y, elastic (force/length).
         k_n_interface, k_t_interface: the same without the compliance of the block (force/length).
         conductance: constriction conductance over the conductivity (length).
+        max_strain: largest equivalent strain, sqrt(2/3 e:e) of its deviator; logarithmic in finite strain.
+        strained_fraction: volume with an equivalent strain above 5 % over the volume of the block.
         header: metadata, stored as JSON in the first line of the file.
 
     Raises:
@@ -126,6 +130,8 @@ class Curve:
     k_n_interface: Array
     k_t_interface: Array
     conductance: Array
+    max_strain: Array
+    strained_fraction: Array
     header: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -36,6 +36,7 @@ def command(
     """
     from asperity import run_case
     from asperity.case import Case
+    from asperity.output.assumptions import doubtful
 
     case = Case.load(case_file, overrides)
     folder = Path(output) if output else Path("out") / Path(case_file).stem
@@ -48,6 +49,8 @@ def command(
         if result.contact is None:
             options.say(f"{folder} holds the complete run of {len(result.curve)} steps; nothing is left to do")
         _show_fit(result.fit)
+        for line in doubtful(result.summary.get("assumptions", [])):
+            options.say(f"doubtful: {line.describe()}")
         options.say(f"written to {folder}")
 
 
