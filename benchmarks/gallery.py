@@ -19,9 +19,9 @@ from asperity.run_case import run
 ROOT = Path(__file__).parent.parent
 # run -> case, changes, figures
 RUNS = {
-    "demo": ("demo", [], ("surface", "mesh", "curve", "response", "frequency")),
+    "demo": ("demo", [], ("surface", "mesh", "curve")),
     "deep": ("demo", ["loading.delta_max=0.03e-6", "material.kinematics=small"],
-             ("pressure", "area", "plasticity", "scene")),
+             ("pressure", "area", "plasticity", "response", "frequency", "scene")),
     "wavy": ("sinusoid", ["surface.dims=2", "surface.wavelength=0.5e-6", "surface.amplitude=10e-9",
                           "surface.centre=[0.25e-6, 0.25e-6]", "loading.delta_max=10e-9", "mesh.h_contact=0.06e-6",
                           "output.fields=true"], ("pressure",)),

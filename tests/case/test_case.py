@@ -228,12 +228,12 @@ def test_a_force_too_large_for_the_material_is_a_unit_mistake() -> None:
 
 
 def test_nitsche_variants_need_an_elastic_material() -> None:
-    assert "elastic" in refusal("contact.method=nitsche", "contact.theta=1")
+    assert "elastic" in refusal("contact.method=nitsche", "contact.theta=1", "material.kinematics=")
 
 
 @pytest.mark.parametrize(("gamma", "theta"), [("0.7", "0"), ("2", "1")])
 def test_a_factor_of_nitsche_that_is_too_small_is_refused(gamma: str, theta: str) -> None:
-    elastic = ("material.yield_strength=", "material.tangent_modulus=")
+    elastic = ("material.yield_strength=", "material.tangent_modulus=", "material.kinematics=")
     message = refusal("contact.method=nitsche", f"contact.gamma={gamma}", f"contact.theta={theta}", *elastic)
     assert f"contact.gamma = {gamma} is below" in message
 

@@ -160,7 +160,8 @@ def test_approach_beyond_the_mean_plane() -> None:
     depth = 1 / 120  # mean of (x^2 + y^2)/(2 R) over the square of side 1
     line = mean_plane(evidence(cap, delta=0.999 * depth))
     assert line is not None and line.value == pytest.approx(0.999) and line.verdict == FINE
-    assert mean_plane(evidence(Flat(L=1.0), delta=0.5)) is None
+    plane = evidence(Flat(L=1.0), sides="free", delta=0.5, si=True, h=0.1)
+    assert {line.name.partition(":")[0] for line in ledger(plane)} == {"small strain", "resolution", "block"}
 
 
 def test_all_assumptions_are_checked() -> None:

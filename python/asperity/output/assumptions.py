@@ -124,6 +124,12 @@ class Evidence:
     small_strain: tuple[float, float] | None = None
 
     @property
+    def plane(self) -> bool:
+        """Whether the top is a plane, in full contact from the start."""
+        surface = self.problem.surface
+        return surface.maximum()[2] - surface.mean() <= FLAT * surface.L
+
+    @property
     def top(self) -> int:
         """Row of the greatest force."""
         return int(self.curve.force.argmax())
@@ -228,7 +234,7 @@ def facets(run: Evidence) -> Assumption | None:
 
 def summit_on_edge(run: Evidence) -> Assumption | None:
     """Slope of the surface across an edge that the summit lies on; the case warns of it before the run."""
-    edge = edge_of_summit(run.problem.sides, run.problem.surface)
+    edge = None if run.plane else edge_of_summit(run.problem.sides, run.problem.surface)
     if edge is None:
         return None
     source = (
@@ -280,7 +286,7 @@ def mean_plane(run: Evidence) -> Assumption | None:
     """
     surface = run.problem.surface
     delta, depth = float(run.curve.delta.max()), surface.maximum()[2] - surface.mean()
-    if depth <= FLAT * surface.L:
+    if run.plane:
         return None
     return Assumption(
         "block: approach over the depth of the mean plane", delta / depth, 1.0, "", "a rigid flat there has full contact",
@@ -298,7 +304,7 @@ def block_height(run: Evidence) -> Assumption | None:
     some a/h.
     """
     surface, height = run.problem.surface, run.problem.height
-    if surface.maximum()[2] - surface.mean() <= FLAT * surface.L:
+    if run.plane:
         return None
     if surface.rough:
         depth = pi * height / surface.L
@@ -316,7 +322,7 @@ def block_height(run: Evidence) -> Assumption | None:
 def sticking(run: Evidence) -> Assumption | None:
     """Stickiness of a rough surface; SI units only."""
     surface = run.problem.surface
-    if not (run.si and surface.rough):
+    if run.plane or not (run.si and surface.rough):
         return None
     slope = surface.rms_slope()
     xx, _, yy = surface.grid_hessian(POINTS)
