@@ -1,10 +1,10 @@
 """What small strain costs, and how well a coarse mesh shows it.
 
     python3 benchmarks/small_strain.py mesh      greatest difference of the force by the size of the coarse mesh
-    python3 benchmarks/small_strain.py slopes    force, area and exponent over rms slope and yield strain, with a picture
+    python3 benchmarks/small_strain.py slopes    force, area and exponent over rms slope and yield strain, and a picture
 
-Each writes docs/tables/small_strain_NAME.csv and prints it. `slopes` presses a self-affine surface (H = 0.8, shortest wave
-0.1 L) of rising rms slope to a third of the depth of its mean plane, in small and in finite strain on one mesh of 0.07 L.
+Each writes docs/tables/small_strain_NAME.csv and prints it. `slopes` presses a self-affine surface (H = 0.8, shortest
+wave 0.1 L) of rising rms slope to a third of the depth of its mean plane, both ways on one mesh of 0.07 L.
 """
 
 from __future__ import annotations
@@ -81,7 +81,8 @@ def slopes() -> Iterator[Mapping[str, object]]:
             delta = (surface.maximum()[2] - surface.mean()) / 3.0
             small, finite = both(surface, material, delta, 0.07, STEPS)
             force, area = (
-                100.0 * (getattr(small, name)[-1] / getattr(finite, name)[-1] - 1.0) for name in ("force", "area_fraction")
+                100.0 * (getattr(small, name)[-1] / getattr(finite, name)[-1] - 1.0)
+                for name in ("force", "area_fraction")
             )
             yield {
                 "yield strain": "elastic" if strength is None else f"{strength:g}",
@@ -119,7 +120,7 @@ def main() -> None:
     parser.add_argument("tables", nargs="+", choices=("mesh", "slopes"))
     warnings.simplefilter("ignore")
     for name in parser.parse_args().tables:
-        rows = []
+        rows: list[Mapping[str, object]] = []
         for row in {"mesh": mesh, "slopes": slopes}[name]():
             if not rows:
                 print(",".join(row), flush=True)

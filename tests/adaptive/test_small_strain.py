@@ -1,4 +1,4 @@
-"""Small against finite strain on a coarse mesh: closed forms of a plane block, the choice, its record and a resumed run."""
+"""Small against finite strain on a coarse mesh: closed forms of a plane block, the choice, its record, resuming."""
 
 from __future__ import annotations
 

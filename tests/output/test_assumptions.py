@@ -65,7 +65,11 @@ def curve(**columns: float) -> Curve:
 
 
 def evidence(
-    surface: Surface = WAVE, material: Material = STEEL, sides: str = "rollers", height: float | None = None, **columns: Any
+    surface: Surface = WAVE,
+    material: Material = STEEL,
+    sides: str = "rollers",
+    height: float | None = None,
+    **columns: Any,
 ) -> Evidence:
     """Of a curve with a light step, and one with the given values; other attributes of the evidence by name."""
     others = {name: columns.pop(name) for name in tuple(columns) if name in Evidence.__dataclass_fields__}
@@ -93,7 +97,7 @@ def test_plastic_strain_beyond_small_strain() -> None:
 
 def test_a_comparison_replaces_the_limit_of_strain() -> None:
     """What small strain changes in the force says more than the strain of a point."""
-    strained = {"max_plastic_strain": 0.24}
+    strained: dict[str, Any] = {"max_plastic_strain": 0.24}
     assert verdict(small_strain(evidence(**strained, small_strain=(0.4, 1.0)))) == FINE
     line = small_strain(evidence(**strained, small_strain=(2.6, 1.0)))
     assert verdict(line) == DOUBTFUL
@@ -171,9 +175,7 @@ def test_all_assumptions_are_checked() -> None:
     assert [line.verdict for line in near] == [FINE] * len(near)
     assert ledger(Evidence(Curve.from_rows([]), evidence().problem)) == []
     records = [line.to_dict() for line in far]
-    assert all(
-        {"name", "value", "limit", "unit", "source", "verdict", "advice"} <= record.keys() for record in records
-    )
+    assert all({"name", "value", "limit", "unit", "source", "verdict", "advice"} <= record.keys() for record in records)
     assert [line.to_dict() for line in doubtful(records)] == [r for r in records if r["verdict"] == DOUBTFUL]
 
 
@@ -187,7 +189,9 @@ def test_an_edge_and_the_base_of_the_block() -> None:
     for height, expected in ((1e-6, FINE), (0.5e-6, DOUBTFUL)):
         line = block_height(evidence(fractal(), height=height))
         depth = np.pi * height / 1e-6
-        assert verdict(line) == expected and line is not None and line.value == pytest.approx((1 + depth) / np.exp(depth))
+        assert (
+            verdict(line) == expected and line is not None and line.value == pytest.approx((1 + depth) / np.exp(depth))
+        )
 
 
 def fractal() -> Surface:
@@ -233,7 +237,7 @@ def test_pull_off_of_a_sphere(sphere: Evidence) -> None:
 
 
 def test_stickiness_of_waves() -> None:
-    """A soft rough surface sticks, a hard one does not; the formula as the paper writes it, with the diameter of spots."""
+    """A soft rough surface sticks, a hard one does not; the formula as in the paper, with the diameter of spots."""
     soft, hard = Material(1e6, 0.49), Material(200e9, 0.3)
     lines = [sticking(evidence(fractal(), material, si=True)) for material in (soft, hard)]
     assert [verdict(line) for line in lines] == [DOUBTFUL, FINE]
@@ -246,7 +250,7 @@ def test_stickiness_of_waves() -> None:
 
 def test_small_metal_contacts_are_doubtful_once_they_yield() -> None:
     """A mean spot of radius a = sqrt(A/(pi N))."""
-    columns = {"area_fraction": 0.01, "spots": 4, "force": 1e-5}
+    columns: dict[str, Any] = {"area_fraction": 0.01, "spots": 4, "force": 1e-5}
     assert size_effect(evidence(**columns, si=True)) is None
     line = size_effect(evidence(**columns, si=True, max_plastic_strain=0.01))
     assert verdict(line) == DOUBTFUL

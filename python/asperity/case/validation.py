@@ -273,9 +273,7 @@ def edge_of_summit(sides: str, surface: Surface) -> Edge | None:
         return None
     falls = {edge: slope for edge, slope in surface.edges_of_summit().items() if slope > _FALLS * rms}
     slope = max(falls.values(), default=0.0)
-    return Edge(
-        "slope across an edge over the rms slope", slope / rms, _FALLS, " and ".join(falls), slope
-    )
+    return Edge("slope across an edge over the rms slope", slope / rms, _FALLS, " and ".join(falls), slope)
 
 
 def doubt_of_edge(sides: str, surface: Surface) -> str:

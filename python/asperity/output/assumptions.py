@@ -227,8 +227,8 @@ def facets(run: Evidence) -> Assumption | None:
     if not len(load) or not load.area_fraction[-1] > 0.0:
         return None
     return Assumption(
-        "resolution: error of the contact area over the area", float(load.error_area_fraction[-1] / load.area_fraction[-1]),
-        UNRESOLVED, "", "about six facets in contact", "a smaller mesh.h_contact, or accuracy.tolerance",
+        "resolution: error of the contact area over the area",
+        float(load.error_area_fraction[-1] / load.area_fraction[-1]), UNRESOLVED, "", "about six facets in contact", "a smaller mesh.h_contact, or accuracy.tolerance",
     )  # fmt: skip
 
 
@@ -241,8 +241,8 @@ def summit_on_edge(run: Evidence) -> Assumption | None:
         "a ridge where rollers mirror the surface" if run.problem.sides == "rollers" else "no solid beyond the side"
     )
     return Assumption(
-        f"summit on edge: {edge.name}", edge.value, edge.limit, "", source, "another surface.seed, or another window of a map",
-        least=run.problem.sides == "free",
+        f"summit on edge: {edge.name}", edge.value, edge.limit, "", source,
+        "another surface.seed, or another window of a map", least=run.problem.sides == "free",
     )  # fmt: skip
 
 
@@ -289,8 +289,8 @@ def mean_plane(run: Evidence) -> Assumption | None:
     if run.plane:
         return None
     return Assumption(
-        "block: approach over the depth of the mean plane", delta / depth, 1.0, "", "a rigid flat there has full contact",
-        "a smaller load, or a lower block",
+        "block: approach over the depth of the mean plane", delta / depth, 1.0, "",
+        "a rigid flat there has full contact", "a smaller load, or a lower block",
         warning=f"the flat has moved {delta:.3g} down, beyond the mean plane of the surface, {depth:.3g} below its "
         "summit: the compression of the whole block is a large part of the curve",
     )  # fmt: skip
@@ -330,8 +330,8 @@ def sticking(run: Evidence) -> Assumption | None:
     values = [stickiness(slope, curvature, w, run.problem.material.reduced_modulus) for w in WORKS]
     known = ", ".join(f"{value:.3g} for {w:g} J/m²" for w, value in zip(WORKS, values, strict=True))
     return Assumption(
-        f"adhesion: stickiness for {WORKS[1]:g} J/m²", values[1], 1.0, "", "Pastewka & Robbins, PNAS 111 (2014) 3298, eq. 10",
-        "the surface sticks: contact without adhesion is not enough", known, least=True,
+        f"adhesion: stickiness for {WORKS[1]:g} J/m²", values[1], 1.0, "",
+        "Pastewka & Robbins, PNAS 111 (2014) 3298, eq. 10", "the surface sticks: contact without adhesion is not enough", known, least=True,
     )  # fmt: skip
 
 
@@ -349,7 +349,8 @@ def first_pull_off(run: Evidence) -> Assumption | None:
         return None
     known = ", ".join(f"{F:.2g} N (Tabor {mu:.2g}) for {w:g} J/m²" for w, mu, F in parts)
     return Assumption(
-        f"adhesion: pull-off of the first summit over the greatest force, {WORKS[1]:g} J/m²", parts[1][2] / force, WEAK, "",
+        f"adhesion: pull-off of the first summit over the greatest force, {WORKS[1]:g} J/m²", parts[1][2] / force, WEAK,
+        "",
         "Tabor, J. Colloid Interface Sci. 58 (1977) 2; Carpick et al., ibid. 211 (1999) 395",
         "a greater load: adhesion adds to a light one", known,
     )  # fmt: skip

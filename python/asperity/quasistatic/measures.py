@@ -72,7 +72,7 @@ def row(solver: ContactSolver) -> dict[str, Any]:
 
 
 def equivalent_strain(solver: ContactSolver) -> Floats:
-    """Equivalent strain sqrt(2/3 e:e) at the quadrature points (cells, points), e the deviator of the strain of the law.
+    """Equivalent strain sqrt(2/3 e:e) at the quadrature points (cells, points), e the deviator of the strain.
 
     From the stress, and the plastic strain that the history holds.
     """
