@@ -228,7 +228,8 @@ def facets(run: Evidence) -> Assumption | None:
         return None
     return Assumption(
         "resolution: error of the contact area over the area",
-        float(load.error_area_fraction[-1] / load.area_fraction[-1]), UNRESOLVED, "", "about six facets in contact", "a smaller mesh.h_contact, or accuracy.tolerance",
+        float(load.error_area_fraction[-1] / load.area_fraction[-1]), UNRESOLVED,
+        "", "about six facets in contact", "a smaller mesh.h_contact, or accuracy.tolerance",
     )  # fmt: skip
 
 
@@ -331,7 +332,8 @@ def sticking(run: Evidence) -> Assumption | None:
     known = ", ".join(f"{value:.3g} for {w:g} J/m²" for w, value in zip(WORKS, values, strict=True))
     return Assumption(
         f"adhesion: stickiness for {WORKS[1]:g} J/m²", values[1], 1.0, "",
-        "Pastewka & Robbins, PNAS 111 (2014) 3298, eq. 10", "the surface sticks: contact without adhesion is not enough", known, least=True,
+        "Pastewka & Robbins, PNAS 111 (2014) 3298, eq. 10", "the surface sticks: contact without adhesion is not enough",
+        known, least=True,
     )  # fmt: skip
 
 
