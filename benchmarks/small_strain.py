@@ -107,7 +107,7 @@ def draw(rows: Sequence[Mapping[str, object]]) -> None:
             x, y = ([float(str(row[key])) for row in own] for key in ("rms slope", name))
             axes.plot(x, np.abs(y), "o-", ms=4, label=label if label == "elastic" else f"$\\sigma_y/E$ = {label}")
         axes.axhline(1.0, color="0.6", lw=0.8)
-        axes.set(xscale="log", yscale="log", xlabel="rms slope", ylabel="change by small strain, %", title=title)
+        axes.set(xscale="log", yscale="log", xlabel="rms slope", ylabel="magnitude of the change, %", title=title)
         axes.set_xticks(SLOPES, [f"{s:g}" for s in SLOPES], minor=False)
         axes.set_xticks([], minor=True)
     axes.legend(fontsize=8, frameon=False)
