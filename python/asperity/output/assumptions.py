@@ -332,8 +332,8 @@ def sticking(run: Evidence) -> Assumption | None:
     known = ", ".join(f"{value:.3g} for {w:g} J/m²" for w, value in zip(WORKS, values, strict=True))
     return Assumption(
         f"adhesion: stickiness for {WORKS[1]:g} J/m²", values[1], 1.0, "",
-        "Pastewka & Robbins, PNAS 111 (2014) 3298, eq. 10", "the surface sticks: contact without adhesion is not enough",
-        known, least=True,
+        "Pastewka & Robbins, PNAS 111 (2014) 3298, eq. 10",
+        "the surface sticks: contact without adhesion is not enough", known, least=True,
     )  # fmt: skip
 
 
