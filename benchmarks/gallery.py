@@ -19,8 +19,9 @@ from asperity.run_case import run
 ROOT = Path(__file__).parent.parent
 # run -> case, changes, figures
 RUNS = {
-    "demo": ("demo", [], ("surface", "mesh", "curve", "pressure", "area", "plasticity", "response", "frequency",
-                          "scene")),
+    "demo": ("demo", [], ("surface", "mesh", "curve")),
+    "deep": ("demo", ["loading.delta_max=0.03e-6", "material.kinematics=small"],
+             ("pressure", "area", "plasticity", "response", "frequency", "scene")),
     "wavy": ("sinusoid", ["surface.dims=2", "surface.wavelength=0.5e-6", "surface.amplitude=10e-9",
                           "surface.centre=[0.25e-6, 0.25e-6]", "loading.delta_max=10e-9", "mesh.h_contact=0.06e-6",
                           "output.fields=true"], ("pressure",)),
@@ -43,7 +44,7 @@ def main() -> None:
         if "scene" in wanted:
             scene(out)
         for figure in wanted:
-            target = pictures / (f"{figure}.png" if name == "demo" else f"{name}_{figure}.png")
+            target = pictures / (f"{name}_{figure}.png" if name == "wavy" else f"{figure}.png")
             shrink(out / f"figures/{figure}.png", target)
             print(f"{target.relative_to(ROOT)}  {target.stat().st_size / 1000:.0f} kB")
 

@@ -48,6 +48,7 @@ _PUBLIC = {
     "AccuracyTarget": "model.settings",
     "Goal": "model.settings",
     "solve_to_tolerance": "adaptive.solve_to_tolerance",
+    "choose_kinematics": "adaptive.small_strain",
     "reference": "",
 }
 

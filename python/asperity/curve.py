@@ -53,6 +53,8 @@ COLUMNS = (
     *STIFFNESSES,
     "conductance",
     *(f"error_{name}" for name in WITH_ERRORS),
+    "max_strain",
+    "strained_fraction",
 )
 #: Columns that a stored curve or the rows of a checkpoint may lack.
 OPTIONAL = ("error_P_star", *COLUMNS[COLUMNS.index("seconds") + 1 :])
@@ -103,6 +105,8 @@ class Curve:
         conductance: constriction conductance over the conductivity (length).
         error_mean_gap, error_k_n, ..., error_conductance: error bars of these columns in their units, known for runs
             with a tolerance; `WITH_ERRORS` lists the columns that have one.
+        max_strain: largest equivalent strain, sqrt(2/3 e:e) of its deviator; logarithmic in finite strain.
+        strained_fraction: volume with an equivalent strain above 5 % over the volume of the block.
         header: metadata, stored as JSON in the first line of the file.
 
     Raises:
@@ -142,6 +146,8 @@ class Curve:
     error_k_n_interface: Array
     error_k_t_interface: Array
     error_conductance: Array
+    max_strain: Array
+    strained_fraction: Array
     header: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -25,9 +25,10 @@ from asperity.errors import (
     OutputError,
     ResolutionWarning,
 )
+from asperity.model.material import AUTO
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget, wrong_friction
-from asperity.output.assumptions import departures
+from asperity.output.assumptions import DOUBTFUL, Evidence, ledger
 from asperity.output.run_files import RunFiles
 from asperity.power_law import PowerLawFit
 from asperity.runtime import run_folder
@@ -41,6 +42,7 @@ from asperity.runtime.run_folder import CHECKPOINT, DISTRIBUTIONS, FIELDS, LOG, 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from asperity.adaptive.small_strain import SmallStrain
     from asperity.adaptive.solve_to_tolerance import AccurateResult
     from asperity.mesh.block import BlockMesh
     from asperity.quasistatic.checkpoint import Checkpoint
@@ -282,11 +284,12 @@ class _Job:
         accurate = other = None
         with nullcontext() if self.folder is None else StopRequest(comm) as request:
             hooks = _hooks(self, begin, None if request is None else request.agreed)
+            problem, strain = _with_kinematics(self, hooks)
             try:
                 if case.accuracy.tolerance is None:
-                    contact = _solve(self, hooks)
+                    contact = _solve(self, problem, hooks)
                 else:
-                    accurate = _solve_to_tolerance(self, hooks)
+                    accurate = _solve_to_tolerance(self, problem, hooks)
                     contact = replace(accurate.contact, curve=accurate.curve, reason=accurate.reason)
                     failure = None if accurate.met else ConvergenceError(accurate.reason)
                 if self.bounds and failure is None:
@@ -300,6 +303,10 @@ class _Job:
                 raise OutputError(f"{e}{hint}") from None
         fit = contact.curve.fit_or_none()
         summary = summarise(case, contact, fit, comm.size)
+        summary["model"] = {
+            "kinematics": problem.material.kinematics,
+            "small_strain": None if strain is None else strain.to_dict(),
+        }
         if accurate is not None:
             summary |= accurate.to_dict()
         if other is not None:
@@ -310,8 +317,13 @@ class _Job:
         if doubts and not isinstance(failure, Interrupted):
             failure = CheckError(f"the result is wrong, do not use it: {doubts}")
             summary["exit_reason"] = str(failure)
-        for text in departures(contact.curve, self.problem.material, self.problem.surface, self.problem.sides):
-            warnings.warn(text, AssumptionWarning, stacklevel=3)
+        lines = on_root_bcast(comm, partial(ledger, _evidence(case, problem, contact, accurate, strain)))
+        summary["assumptions"] = [line.to_dict() for line in lines]
+        for line in lines:
+            if line.verdict == DOUBTFUL and line.warning:
+                warnings.warn(line.warning, AssumptionWarning, stacklevel=3)
+            elif line.verdict == DOUBTFUL:
+                logging.getLogger(__name__).info("doubtful: %s", line.describe())
         if case.output.fields and self.folder is not None and contact.complete and not contact.snapshots:
             warnings.warn(_no_fields(case), CaseWarning, stacklevel=3)
         if summary["unresolved"] and accurate is None and not isinstance(failure, Interrupted):
@@ -427,7 +439,40 @@ def _hooks(job: _Job, begin: Callable[[], None], stop: Callable[[], str] | None)
     )
 
 
-def _solve(job: _Job, hooks: Hooks) -> ContactResult:
+def _with_kinematics(job: _Job, hooks: Hooks) -> tuple[Problem, SmallStrain | None]:
+    """The problem with the kinematics of the run, and what small strain changes; collective.
+
+    Raises:
+        Interrupted: the run was stopped
+    """
+    from asperity.adaptive.small_strain import choose_kinematics
+
+    material, case = job.problem.material, job.case
+    if material.kinematics == "small" and not case.output.small_strain:
+        return job.problem, None
+    problem, found = choose_kinematics(job.problem, case.accuracy.tolerance, job.comm, hooks)
+    if material.kinematics == AUTO:
+        on_root_bcast(job.comm, partial(job.writer.note, f'kinematics = "auto" took "{problem.material.kinematics}"'))
+    return problem, found
+
+
+def _evidence(
+    case: Case, problem: Problem, contact: ContactResult, accurate: AccurateResult | None, strain: SmallStrain | None
+) -> Evidence:
+    """What the ledger of a run is made of."""
+    h = case.mesh.h_contact if case.mesh.file is None else None
+    change = None
+    if strain is not None and strain.greatest is not None:
+        change = strain.greatest, strain.limit
+    curve, tolerance = contact.curve, case.accuracy.tolerance
+    if accurate is None:
+        h = h if tolerance is None else None  # a run with a tolerance that has no bar
+        return Evidence(curve, problem, case.units == "SI", tolerance, h, small_strain=change)
+    part = accurate.roughness_share()
+    return Evidence(curve, problem, case.units == "SI", tolerance, accurate.levels[-1].h, part, change)
+
+
+def _solve(job: _Job, problem: Problem, hooks: Hooks) -> ContactResult:
     """The static part of a case on one mesh; collective."""
     from asperity.mesh.block import BlockMesh
     from asperity.quasistatic.solve_contact import solve_problem
@@ -437,7 +482,7 @@ def _solve(job: _Job, hooks: Hooks) -> ContactResult:
         block = BlockMesh.read(file)
     elif job.comm.bcast(block is not None):
         on_root_bcast(job.comm, partial(_judge, job))
-    return solve_problem(job.problem, block=block, comm=job.comm, hooks=hooks)
+    return solve_problem(problem, block=block, comm=job.comm, hooks=hooks)
 
 
 def _judge(job: _Job) -> None:
@@ -454,7 +499,7 @@ def _judge(job: _Job) -> None:
         warn_of_missed_waves(surface, job.case.mesh.h_contact, delta)
 
 
-def _solve_to_tolerance(job: _Job, hooks: Hooks) -> AccurateResult:
+def _solve_to_tolerance(job: _Job, problem: Problem, hooks: Hooks) -> AccurateResult:
     """The static part of a case on meshes that its tolerance chooses; collective."""
     from asperity.adaptive.solve_to_tolerance import refine
 
@@ -462,7 +507,7 @@ def _solve_to_tolerance(job: _Job, hooks: Hooks) -> AccurateResult:
     assert wanted.tolerance is not None
     target = AccuracyTarget(wanted.tolerance, wanted.max_dofs, wanted.max_seconds)
     return refine(
-        job.problem, target, job.comm, hooks, lambda curve: on_root_bcast(job.comm, lambda: job.writer.curve(curve))
+        problem, target, job.comm, hooks, lambda curve: on_root_bcast(job.comm, lambda: job.writer.curve(curve))
     )
 
 

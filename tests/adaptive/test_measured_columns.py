@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import asperity as asp
+from asperity import reference
 from asperity.curve import WITH_ERRORS
 from asperity.model.material import Material
 from asperity.surface import SelfAffine, Sinusoid, Surface
@@ -27,7 +28,7 @@ def test_gap_and_stiffness_are_inside_their_bars(surface: Surface) -> None:
         surface, ELASTIC, asp.AccuracyTarget(0.05), delta_max=depth, steps=5, stiffness=True, conductance=True
     )
     curve = found.curve.loading()
-    layer = asp.reference.RoughHalfSpace(256, 1.0, ELASTIC.nu)
+    layer = reference.RoughHalfSpace(256, 1.0, ELASTIC.nu)
     heights, summit = layer.heights(surface), surface.maximum()[2]
 
     def force(delta: np.ndarray) -> np.ndarray:

@@ -55,7 +55,7 @@ def test_demo_is_the_documented_case() -> None:
     assert (case.material.E, case.material.nu) == (200e9, 0.3)
     assert (case.material.yield_strength, case.material.tangent_modulus) == (1e9, 10e9)
     assert case.block.height == case.surface.L
-    assert case.loading.delta_max == 0.03e-6
+    assert case.loading.delta_max == 0.008e-6 and case.material.kinematics == "auto"
     assert case.loading.steps >= 20 and case.loading.unload
     assert case.dynamics is not None and case.dynamics.zeta == 0.01
 
@@ -228,12 +228,12 @@ def test_a_force_too_large_for_the_material_is_a_unit_mistake() -> None:
 
 
 def test_nitsche_variants_need_an_elastic_material() -> None:
-    assert "elastic" in refusal("contact.method=nitsche", "contact.theta=1")
+    assert "elastic" in refusal("contact.method=nitsche", "contact.theta=1", "material.kinematics=")
 
 
 @pytest.mark.parametrize(("gamma", "theta"), [("0.7", "0"), ("2", "1")])
 def test_a_factor_of_nitsche_that_is_too_small_is_refused(gamma: str, theta: str) -> None:
-    elastic = ("material.yield_strength=", "material.tangent_modulus=")
+    elastic = ("material.yield_strength=", "material.tangent_modulus=", "material.kinematics=")
     message = refusal("contact.method=nitsche", f"contact.gamma={gamma}", f"contact.theta={theta}", *elastic)
     assert f"contact.gamma = {gamma} is below" in message
 

@@ -79,16 +79,17 @@ def test_a_quiet_run_prints_nothing(cli: Cli, calls: list[Any], tmp_path: Path) 
 
 def test_an_earlier_run_is_kept_unless_resumed_or_forced(cli: Cli, calls: list[dict[str, Any]], tmp_path: Path) -> None:
     out = tmp_path / "out"
-    code, _, err = cli("run", DEMO, "-o", out)
+    steep = "--set", "material.kinematics=small"
+    code, _, err = cli("run", DEMO, "-o", out, *steep)
     assert code == 0 and err.count("rms slope") == 1  # a warning is shown once
     (out / "curve.csv").write_text("precious")
-    code, _, err = cli("run", DEMO, "-o", out)
+    code, _, err = cli("run", DEMO, "-o", out, *steep)
     assert code == 2 and "--resume" in err and "--force" in err
     assert (out / "curve.csv").read_text() == "precious"
-    assert cli("run", DEMO, "-o", out, "--resume")[0] == 0
+    assert cli("run", DEMO, "-o", out, *steep, "--resume")[0] == 0
     assert len(calls) == 2 and (out / "curve.csv").read_text() == "precious"
     (out / "notes.txt").write_text("mine")
-    assert cli("run", DEMO, "-o", out, "--force")[0] == 0
+    assert cli("run", DEMO, "-o", out, *steep, "--force")[0] == 0
     assert not (out / "curve.csv").exists() and (out / "notes.txt").read_text() == "mine"
 
 

@@ -174,6 +174,12 @@ SCENES: tuple[Scene, ...] = (
         twin=DIRECT,
     ),
     Scene(
+        "yield/beyond-mean-plane",
+        "the surface of the demo, to 0.03 L and released: beyond its mean plane, strains of a quarter",
+        {"loading.steps": 20, "loading.unload": True},
+        twin=DIRECT,
+    ),
+    Scene(
         "steps/1",
         "one huge step",
         {"loading.steps": 1},

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,22 +17,34 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import AsperityWarning, AssumptionWarning, ConvergenceError, Interrupted, ResolutionWarning
 from asperity.model.material import Material
+from asperity.model.problem import Problem
 from asperity.model.settings import MeshSize
 from asperity.output.assumptions import (
+    DOUBTFUL,
+    FINE,
     SMALL_STRAIN,
-    beyond_mean_plane,
+    Assumption,
+    Evidence,
+    block_height,
     bulk_yield,
-    departures,
-    large_strain,
+    doubtful,
+    first_pull_off,
+    ledger,
+    mean_plane,
+    size_effect,
+    small_strain,
+    sticking,
+    summit_on_edge,
     yield_pressure,
 )
-from asperity.quasistatic.solve_contact import solve_contact
+from asperity.quasistatic.solve_contact import solve_contact, solve_problem
 from asperity.run_case import run
 from asperity.runtime.notices import noting
-from asperity.surface import Flat, Sinusoid, Sphere
+from asperity.surface import Flat, Sinusoid, Sphere, Surface
 from asperity.surface import fractal as fractal_module
 
 STEEL = Material(200e9, 0.3, 1e9, 10e9)
+WAVE = Sinusoid(L=1e-6, amplitude=1e-8)
 ALUMINIUM = {"E": 1.0, "nu": 0.3, "yield_strength": 0.003, "tangent_modulus": 0.05}
 YIELDING: dict[str, Any] = {
     "units": "other",
@@ -51,23 +64,58 @@ def curve(**columns: float) -> Curve:
 # --- limits ---------------------------------------------------------------------------------------------------
 
 
+def evidence(
+    surface: Surface = WAVE,
+    material: Material = STEEL,
+    sides: str = "rollers",
+    height: float | None = None,
+    **columns: Any,
+) -> Evidence:
+    """Of a curve with a light step, and one with the given values; other attributes of the evidence by name."""
+    others = {name: columns.pop(name) for name in tuple(columns) if name in Evidence.__dataclass_fields__}
+    problem = Problem.of(surface, material, height=height, sides=sides, delta_max=1e-9)
+    return Evidence(curve(**columns), problem, **others)
+
+
+def verdict(line: Assumption | None) -> str:
+    assert line is not None
+    return line.verdict
+
+
 def test_plastic_strain_beyond_small_strain() -> None:
     """At the limit the logarithmic strain is 5 % below the change of length."""
     assert 1 - np.log1p(SMALL_STRAIN) / SMALL_STRAIN == pytest.approx(0.05, abs=0.005)
-    assert large_strain(curve(max_plastic_strain=0.999 * SMALL_STRAIN)) == ""
-    assert "the plastic strain reaches 0.24, beyond 0.1" in large_strain(curve(max_plastic_strain=0.24))
-    assert large_strain(curve(max_plastic_strain=1.001 * SMALL_STRAIN)) != ""
-    assert large_strain(curve()) == ""  # unknown column
-    assert large_strain(Curve.from_rows([])) == ""
+    assert verdict(small_strain(evidence(max_plastic_strain=0.999 * SMALL_STRAIN))) == FINE
+    line = small_strain(evidence(max_plastic_strain=0.24, strained_fraction=0.02))
+    assert verdict(line) == DOUBTFUL
+    assert line is not None and "the plastic strain reaches 0.24, beyond 0.1" in line.warning
+    assert "in 2 % of the volume" in line.detail
+    assert verdict(small_strain(evidence())) == FINE  # unknown column
+    elastic = small_strain(evidence(material=Material(200e9, 0.3), max_strain=0.2))
+    assert elastic is not None and "the equivalent strain reaches 0.2, beyond 0.1" in elastic.warning
+
+
+def test_a_comparison_replaces_the_limit_of_strain() -> None:
+    """What small strain changes in the force says more than the strain of a point."""
+    strained: dict[str, Any] = {"max_plastic_strain": 0.24}
+    assert verdict(small_strain(evidence(**strained, small_strain=(0.4, 1.0)))) == FINE
+    line = small_strain(evidence(**strained, small_strain=(2.6, 1.0)))
+    assert verdict(line) == DOUBTFUL
+    assert line is not None and line.warning.startswith("small strain changes the force by up to 2.6 %, beyond 1 %")
+    finite = replace(STEEL, kinematics="finite")
+    assert small_strain(evidence(material=finite, **strained)) is None
+    line = small_strain(evidence(material=finite, **strained, small_strain=(2.6, 1.0)))
+    assert verdict(line) == FINE and line is not None and "2.6 %" in line.detail
 
 
 @pytest.mark.parametrize("sides", ["rollers", "free"])
 def test_mean_pressure_beyond_that_of_the_yielding_block(sides: str) -> None:
     side, limit = 1e-6, yield_pressure(STEEL, sides)
     assert limit == pytest.approx(1e9 * (0.7 / 0.4 if sides == "rollers" else 1.0))
-    assert bulk_yield(curve(force=0.999 * limit * side**2), STEEL, side, sides) == ""
-    assert f"beyond {limit:.3g}" in bulk_yield(curve(force=1.001 * limit * side**2), STEEL, side, sides)
-    assert bulk_yield(curve(force=1e3 * limit * side**2), Material(200e9, 0.3), side, sides) == ""
+    assert verdict(bulk_yield(evidence(sides=sides, force=0.999 * limit * side**2))) == FINE
+    line = bulk_yield(evidence(sides=sides, force=1.001 * limit * side**2))
+    assert verdict(line) == DOUBTFUL and line is not None and f"beyond {limit:.3g}" in line.warning
+    assert bulk_yield(evidence(sides=sides, material=Material(200e9, 0.3), force=1e3 * limit * side**2)) is None
 
 
 @pytest.mark.parametrize(("sides", "nu"), [("rollers", 0.1), ("rollers", 0.3), ("free", 0.0)])
@@ -82,33 +130,133 @@ def test_a_plane_block_yields_at_that_pressure(sides: str, nu: float) -> None:
     lame = material.E * nu / ((1 + nu) * (1 - 2 * nu))
     modulus = lame + material.E / (1 + nu) if sides == "rollers" else material.E
     for part in (0.99, 1.01):
-        result = solve_contact(
+        problem = Problem.of(
             Flat(L=1.0), material, sides=sides, delta_max=part * yield_pressure(material, sides) / modulus, steps=1,
-            integrator="backward-euler", size=MeshSize(0.5, 1.0, 1.0), comm=MPI.COMM_SELF,
+            integrator="backward-euler", size=MeshSize(0.5, 1.0, 1.0),
         )  # fmt: skip
+        result = solve_problem(problem, comm=MPI.COMM_SELF)
         yielded = float(result.curve.plastic_fraction[-1])
         assert yielded == pytest.approx(1.0 if part > 1 else 0.0, abs=1e-12)
-        assert bool(bulk_yield(result.curve, material, 1.0, sides)) == (part > 1)
+        assert verdict(bulk_yield(Evidence(result.curve, problem))) == (DOUBTFUL if part > 1 else FINE)
+
+
+@pytest.mark.parametrize("kinematics", ["small", "finite"])
+@pytest.mark.parametrize("yield_strength", [None, 0.01])
+def test_the_strain_of_a_plane_block(kinematics: str, yield_strength: float | None) -> None:
+    """Uniaxial strain e, or ln(1 - e): the equivalent strain is two thirds of it, plastic or not."""
+    from mpi4py import MPI
+
+    material = Material(1.0, 0.3, yield_strength, 0.0 if yield_strength is None else 0.2, kinematics=kinematics)
+    size = MeshSize(0.5, 1.0, 1.0)
+    found = solve_contact(Flat(L=1.0), material, delta_max=0.08, steps=2, size=size, comm=MPI.COMM_SELF).curve
+    strain = found.delta_star if kinematics == "small" else -np.log1p(-found.delta_star)
+    assert found.max_strain == pytest.approx(2 / 3 * strain, rel=1e-6)
+    assert found.strained_fraction == pytest.approx((2 / 3 * strain > 0.05).astype(float))
 
 
 def test_approach_beyond_the_mean_plane() -> None:
     """A cosine rises above its mean by its amplitude, a shallow cap in the middle of the patch by L^2/(12 R)."""
     wave = Sinusoid(L=1e-6, amplitude=1e-8, dims=2)
-    assert beyond_mean_plane(curve(delta=0.999e-8), wave) == ""
-    assert "1e-08 below its summit" in beyond_mean_plane(curve(delta=1.001e-8), wave)
+    assert verdict(mean_plane(evidence(wave, delta=0.999e-8))) == FINE
+    line = mean_plane(evidence(wave, delta=1.001e-8))
+    assert verdict(line) == DOUBTFUL and line is not None and "1e-08 below its summit" in line.warning
     cap = Sphere(L=1.0, radius=10.0, shape="paraboloid")
     depth = 1 / 120  # mean of (x^2 + y^2)/(2 R) over the square of side 1
-    assert beyond_mean_plane(curve(delta=0.999 * depth), cap) == ""
-    assert beyond_mean_plane(curve(delta=1.001 * depth), cap) != ""
-    assert beyond_mean_plane(curve(delta=0.5), Flat(L=1.0)) == ""
-    assert beyond_mean_plane(Curve.from_rows([]), wave) == ""
+    line = mean_plane(evidence(cap, delta=0.999 * depth))
+    assert line is not None and line.value == pytest.approx(0.999) and line.verdict == FINE
+    plane = evidence(Flat(L=1.0), sides="free", delta=0.5, si=True, h=0.1)
+    assert {line.name.partition(":")[0] for line in ledger(plane)} == {"small strain", "resolution", "block"}
 
 
 def test_all_assumptions_are_checked() -> None:
-    far = curve(delta=1e-7, force=1.0, max_plastic_strain=0.5)
-    found = departures(far, STEEL, Sinusoid(L=1e-6, amplitude=1e-8), "rollers")
-    assert len(found) == 3 and all("beyond" in text for text in found)
-    assert departures(curve(max_plastic_strain=0.05), STEEL, Sinusoid(L=1e-6, amplitude=1e-8), "rollers") == []
+    far = ledger(evidence(delta=1e-7, force=1.0, max_plastic_strain=0.5, si=True, h=1e-8))
+    assert len(far) >= 6 and sum(bool(line.warning) and line.verdict == DOUBTFUL for line in far) == 3
+    near = ledger(evidence(max_plastic_strain=0.05))
+    assert [line.verdict for line in near] == [FINE] * len(near)
+    assert ledger(Evidence(Curve.from_rows([]), evidence().problem)) == []
+    records = [line.to_dict() for line in far]
+    assert all({"name", "value", "limit", "unit", "source", "verdict", "advice"} <= record.keys() for record in records)
+    assert [line.to_dict() for line in doubtful(records)] == [r for r in records if r["verdict"] == DOUBTFUL]
+
+
+def test_an_edge_and_the_base_of_the_block() -> None:
+    """A wave whose crest lies inside or falls off at an edge; the longest wave keeps (1 + pi) exp(-pi) at depth L."""
+    inside = summit_on_edge(evidence(Sinusoid(L=1.0, amplitude=0.01)))
+    assert inside is not None and (inside.value, inside.verdict) == (0.0, FINE)
+    cut = Sphere(L=1.0, radius=2.0, centre=(0.0, 0.5))  # symmetric about the edge
+    assert verdict(summit_on_edge(evidence(cut))) == FINE
+    assert verdict(summit_on_edge(evidence(cut, sides="free"))) == DOUBTFUL
+    for height, expected in ((1e-6, FINE), (0.5e-6, DOUBTFUL)):
+        line = block_height(evidence(fractal(), height=height))
+        depth = np.pi * height / 1e-6
+        assert (
+            verdict(line) == expected and line is not None and line.value == pytest.approx((1 + depth) / np.exp(depth))
+        )
+
+
+def fractal() -> Surface:
+    return Surface.from_spec("weierstrass-mandelbrot", L=1e-6, D=2.4, G=1e-13)
+
+
+# --- adhesion and size ----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def sphere() -> Evidence:
+    """An elastic sphere pressed to a contact radius of a fifth of the patch, SI units."""
+    from mpi4py import MPI
+
+    surface = Sphere(L=1e-6, radius=4e-6, shape="paraboloid")
+    problem = Problem.of(surface, Material(200e9, 0.3), height=2e-6, delta_max=4e-9, steps=4, size=MeshSize(0.02e-6))
+    return Evidence(solve_problem(problem, comm=MPI.COMM_SELF).curve, problem, si=True, h=0.02e-6)
+
+
+def test_the_contact_radius_of_a_sphere_is_that_of_hertz(sphere: Evidence) -> None:
+    """sqrt(R delta), by 3 %: rollers and base stiffen the patch."""
+    delta, force, E = float(sphere.curve.delta[-1]), float(sphere.curve.force[-1]), 200e9 / 0.91
+    assert sphere.contact_radius == pytest.approx((0.75 * force * 4e-6 / E) ** (1 / 3), rel=0.02)
+    assert sphere.contact_radius == pytest.approx(np.sqrt(4e-6 * delta), rel=0.05)
+    assert sphere.summit_radius == pytest.approx(4e-6)
+    line = block_height(sphere)
+    assert line is not None and line.value == pytest.approx(sphere.contact_radius / 2e-6, rel=1e-9)
+
+
+def test_pull_off_of_a_sphere(sphere: Evidence) -> None:
+    """Between 3/2 (JKR) and 2 pi w R (DMT), as Tabor's parameter says; the stickiness is one of rough surfaces."""
+    line = first_pull_off(sphere)
+    assert line is not None and sticking(sphere) is None
+    R, w, E = 4e-6, 0.2, 200e9 / 0.91
+    mu = (R * w**2 / (E**2 * 0.3e-9**3)) ** (1 / 3)
+    F = line.value * float(sphere.curve.force.max())
+    assert 1.5 < F / (np.pi * w * R) < 2.0
+    assert f"(Tabor {mu:.2g}) for 0.2" in line.detail
+    heavy = evidence(sphere.problem.surface, Material(200e9, 0.3), si=True, force=1.0)
+    light = evidence(sphere.problem.surface, Material(200e9, 0.3), si=True, force=1e-6)
+    assert (verdict(first_pull_off(heavy)), verdict(first_pull_off(light))) == (FINE, DOUBTFUL)
+    assert first_pull_off(replace(sphere, si=False)) is None
+
+
+def test_stickiness_of_waves() -> None:
+    """A soft rough surface sticks, a hard one does not; the formula as in the paper, with the diameter of spots."""
+    soft, hard = Material(1e6, 0.49), Material(200e9, 0.3)
+    lines = [sticking(evidence(fractal(), material, si=True)) for material in (soft, hard)]
+    assert [verdict(line) for line in lines] == [DOUBTFUL, FINE]
+    surface = fractal()
+    slope, curvature, z0 = surface.rms_slope(), surface.statistics(257).rms_curvature, 0.3e-9
+    d = 4 * slope / curvature
+    expected = slope * z0 / (2 * 0.2 / hard.reduced_modulus) * (slope * d / (4 * z0)) ** (2 / 3)
+    assert lines[1] is not None and lines[1].value == pytest.approx(expected, rel=1e-9)
+
+
+def test_small_metal_contacts_are_doubtful_once_they_yield() -> None:
+    """A mean spot of radius a = sqrt(A/(pi N))."""
+    columns: dict[str, Any] = {"area_fraction": 0.01, "spots": 4, "force": 1e-5}
+    assert size_effect(evidence(**columns, si=True)) is None
+    line = size_effect(evidence(**columns, si=True, max_plastic_strain=0.01))
+    assert verdict(line) == DOUBTFUL
+    assert line is not None and line.value == pytest.approx(np.sqrt(0.01 * 1e-12 / 4 / np.pi))
+    large = Sphere(L=1.0, radius=2.0)
+    assert verdict(size_effect(evidence(large, **columns, si=True, max_plastic_strain=0.01))) == FINE
 
 
 # --- in the files of a run ------------------------------------------------------------------------------------

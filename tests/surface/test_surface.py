@@ -529,10 +529,10 @@ def test_cut_off_and_its_warning():
 
 def test_steep_surfaces_warn():
     with pytest.warns(SurfaceWarning, match=r"rms slope 0\.134 exceeds 0\.1"):
-        Surface.from_spec("weierstrass-mandelbrot", L=L)
+        Surface.from_spec("weierstrass-mandelbrot", L=L).check_small_slope()
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        Surface.from_spec("weierstrass-mandelbrot", L=L, D=2.5)
+        Surface.from_spec("weierstrass-mandelbrot", L=L, D=2.5).check_small_slope()
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,9 @@ from functools import partial
 from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
-from asperity.adaptive.extrapolation import Budget
+import numpy as np
+
+from asperity.adaptive.extrapolation import Budget, judged_rows, relative
 from asperity.adaptive.load_step_error import LoadStepError, choose_substeps
 from asperity.adaptive.mesh_error import MeshErrorEstimate
 from asperity.adaptive.mesh_levels import Level, LevelSolver
@@ -72,6 +74,12 @@ class AccurateResult:
 
     def __repr__(self) -> str:
         return f"AccurateResult({self.curve!r}, met={self.met}, worst={self.worst:.3g}, {brief(self.reason)})"
+
+    def roughness_share(self) -> float | None:
+        """Greatest part of the bar that the waves left out take, over the force; None where no such part is judged."""
+        judged = judged_rows(self.curve, len(self.curve.planned()))
+        parts = relative(self.budget.roughness[judged], self.curve.P_star[judged])
+        return float(np.max(parts)) if parts.size and np.isfinite(parts).all() and parts.any() else None
 
     def to_dict(self) -> dict[str, Any]:
         """Sections "accuracy" and "error_budget" of summary.json."""
@@ -151,7 +159,8 @@ def refine(
         on_curve: called with the curve with error bars that each mesh after the guide gives
 
     Raises:
-        InputError: target.max_dofs does not even allow the guide; or the contact is a penalty too soft for an error bar
+        InputError: target.max_dofs does not even allow the guide; the contact is a penalty too soft for an error bar;
+            or the kinematics of the material is not chosen yet
         PartialResult: a load step does not converge before there is an error bar, the run was stopped, or
             target.max_dofs allows no mesh except the guide
 
@@ -165,6 +174,7 @@ def refine(
     """
     from mpi4py import MPI
 
+    problem.material.check_decided()
     if soft := penalty_too_soft(problem.formulation.method, problem.formulation.penalty):
         raise InputError(soft)
     steps = planned_steps(problem.load_path.steps)

@@ -138,8 +138,9 @@ class MaterialSection(Section):
         "the yield surface grows (isotropic) or moves (kinematic), or the share of hardening that moves it", None,
         shown="isotropic",
     )  # fmt: skip
-    kinematics: Literal["small", "finite"] | None = _key(
-        "strain: small, or finite (the same law in logarithmic strain)", None, shown="small",
+    kinematics: Literal["small", "finite", "auto"] | None = _key(
+        "strain: small, finite (the same law in logarithmic strain), or chosen by pressing a coarse mesh both ways",
+        None, shown="small",
     )  # fmt: skip
 
     @property
@@ -296,6 +297,7 @@ class OutputSection(Section):
     distributions: Flag = _key("fields/distributions.csv: shares of the patch by pressure and by gap", False)
     stiffness: Flag = _key("columns k_n to k_t_interface of the curve; the load steps take half as long again", False)
     conductance: Flag = _key("column conductance of the curve", False)
+    small_strain: Flag = _key("what small strain changes in the force; always with finite or auto kinematics", False)
     snapshots: Whole = _key("load levels kept for pressure maps and distributions", 4, ge=0, le=1000)
     checkpoint: Whole = _key("accepted steps from one checkpoint to the next, 0 for none", 1, ge=0)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
@@ -123,7 +124,7 @@ def _check_self_affine(surface: SelfAffineSection) -> None:
 
 def _check_material(case: Input) -> None:
     solid = case.material
-    if case.contact.method == "nitsche" and case.contact.theta != 0 and solid.kinematics == "finite":
+    if case.contact.method == "nitsche" and case.contact.theta != 0 and solid.kinematics in ("finite", "auto"):
         _refuse("contact.theta", f"= {case.contact.theta} is for small strain; use 0, or remove material.kinematics")
     if solid.yield_strength is None:
         if solid.tangent_modulus is not None:
@@ -283,6 +284,44 @@ def check_loading(case: Input, surface: Surface) -> list[str]:
     return doubts
 
 
+@dataclass(frozen=True)
+class Edge:
+    """Where the summit lies with respect to the edges of the patch, and how doubtful that is."""
+
+    name: str  # of the value
+    value: float
+    limit: float  # greatest value between rollers, smallest one with free sides
+    edges: str  # that the summit lies on
+    slope: float  # of the surface across them, away from the edge
+
+
+def edge_of_summit(sides: str, surface: Surface) -> Edge | None:
+    """Return how an edge of the patch affects the first contact; None of a surface in contact along a whole edge.
+
+    Between rollers the value is the slope across the edge that the summit lies on, over the rms slope, 0 inside; with
+    free sides the distance of the summit from the nearest one, over the shortest wavelength. A periodic surface has no
+    edge.
+
+    Args:
+        sides: "rollers", "free" or "periodic".
+        surface: the top.
+    """
+    if sides == "periodic":
+        return None
+    if sides == "free":
+        x, y, _ = surface.maximum()
+        distance = min(x, y, surface.L - x, surface.L - y) / surface.feature_size
+        falls = surface.edges_of_summit(_NEAR_FREE * surface.feature_size)
+        return Edge("distance from a free side over the shortest wave", distance, _NEAR_FREE,
+                    " and ".join(falls), max(falls.values(), default=0.0))  # fmt: skip
+    rms = surface.rms_slope()
+    if not rms > 0.0:
+        return None
+    falls = {edge: slope for edge, slope in surface.edges_of_summit().items() if slope > _FALLS * rms}
+    slope = max(falls.values(), default=0.0)
+    return Edge("slope across an edge over the rms slope", slope / rms, _FALLS, " and ".join(falls), slope)
+
+
 def doubt_of_edge(sides: str, surface: Surface) -> str:
     """Return why an edge of the patch spoils the first contact, in a sentence; empty when none does.
 
@@ -294,23 +333,18 @@ def doubt_of_edge(sides: str, surface: Surface) -> str:
         sides: "rollers", "free" or "periodic".
         surface: the top.
     """
-    if sides == "periodic":
+    edge = edge_of_summit(sides, surface)
+    if edge is None or not edge.edges:
         return ""
-    falls = surface.edges_of_summit(_NEAR_FREE * surface.feature_size if sides == "free" else 0.0)
-    if sides == "rollers":
-        rms = surface.rms_slope()
-        falls = {edge: slope for edge, slope in falls.items() if slope > _FALLS * rms}
-    if not falls:
-        return ""
-    edges, other = " and ".join(falls), "take another surface.seed, or another window of a map"
+    other = "take another surface.seed, or another window of a map"
     if sides == "free":
         return (
-            f"the flat first touches the surface at the free side {edges} of the patch, beyond which no solid carries "
-            f"the summit: light loads meet a softer contact than inside; {other}"
+            f"the flat first touches the surface at the free side {edge.edges} of the patch, beyond which no solid "
+            f"carries the summit: light loads meet a softer contact than inside; {other}"
         )
     return (
-        f"the flat first touches the surface on the edge {edges} of the patch, where it slopes by "
-        f"{max(falls.values()):.2g}: mirrored by the rollers it has a sharp ridge there, and the exponent at light "
+        f"the flat first touches the surface on the edge {edge.edges} of the patch, where it slopes by "
+        f"{edge.slope:.2g}: mirrored by the rollers it has a sharp ridge there, and the exponent at light "
         f"loads is that of the ridge; {other}"
     )
 

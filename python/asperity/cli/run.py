@@ -42,6 +42,7 @@ def command(
     """
     from asperity import run_case
     from asperity.case import Case
+    from asperity.output.assumptions import doubtful
     from asperity.output.friction_bounds import bounds_line
 
     load = partial(Case.load, case_file, overrides)
@@ -60,6 +61,8 @@ def command(
         _show_fit(result.fit)
         if result.summary.get("friction_bounds"):
             options.say(bounds_line(result.summary["friction_bounds"]))
+        for line in doubtful(result.summary.get("assumptions", [])):
+            options.say(f"doubtful: {line.describe()}")
         options.say(f"written to {folder}")
     return None
 

@@ -11,6 +11,8 @@ from asperity.arrays import Floats
 from asperity.errors import InputError
 from asperity.runtime.display import short_repr
 
+AUTO = "auto"  # kinematics that a run chooses, see adaptive.small_strain
+KINEMATICS = ("small", "finite", AUTO)
 SHARES = {"isotropic": 0.0, "kinematic": 1.0}  # of the hardening that are kinematic
 PAIRS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # in products of tensors (..., 6): off-diagonal components count twice
 
@@ -26,7 +28,8 @@ class Material:
         tangent_modulus: slope of the uniaxial curve beyond yield [force/length^2]; 0 is perfectly plastic
         hardening: "isotropic" (the yield surface grows), "kinematic" (it moves, after Prager), or the share in [0, 1]
             of the hardening that is kinematic
-        kinematics: "small" strain, or "finite": the same law in logarithmic strain
+        kinematics: "small" strain, "finite": the same law in logarithmic strain, or "auto": see
+            `adaptive.small_strain.choose_kinematics`
 
     Raises:
         InputError: a value is outside its range
@@ -57,8 +60,8 @@ class Material:
             raise InputError(f"material.yield_strength = {self.yield_strength!r} must be positive")
         if not 0 <= self.tangent_modulus < self.E:
             raise InputError(f"material.tangent_modulus = {self.tangent_modulus!r} must lie in [0, E), E = {self.E!r}")
-        if self.kinematics not in ("small", "finite"):
-            raise InputError(f'material.kinematics = {self.kinematics!r} must be "small" or "finite"')
+        if self.kinematics not in KINEMATICS:
+            raise InputError(f'material.kinematics = {self.kinematics!r} must be "small", "finite" or "auto"')
         self._check_hardening()
 
     def _check_hardening(self) -> None:
@@ -83,6 +86,18 @@ class Material:
     def finite(self) -> bool:
         """Whether strains and rotations may be large."""
         return self.kinematics == "finite"
+
+    def check_decided(self) -> None:
+        """Refuse a material whose kinematics is not chosen yet.
+
+        Raises:
+            InputError: it is "auto"
+        """
+        if self.kinematics == AUTO:
+            raise InputError(
+                'material.kinematics = "auto" is chosen by asp.run: in a script call asp.choose_kinematics first, or '
+                'take "finite"'
+            )
 
     @property
     def linear(self) -> bool:

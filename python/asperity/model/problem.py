@@ -103,6 +103,8 @@ class Problem:
         if (delta_max, force_max, pressure_max).count(None) != 2:
             raise InputError(ONE_OF)
         force_max = greatest_force(force_max, pressure_max, surface.L)
+        if surface.rough and material.kinematics == "small":
+            surface.check_small_slope()
         path = Schedule(delta_max, force_max, steps, unload_steps, cycles, integrator, substeps)
         settings = formulation or Formulation(), size or MeshSize(), kernels, options or SolverOptions()
         return Problem(surface, material, path, height, sides, *settings)

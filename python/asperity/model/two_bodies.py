@@ -79,7 +79,7 @@ def equivalent_block(
         >>> round(block.material.E / 1e9, 6), round(block.height * 1e6, 6)
         (100.0, 1.0)
     """
-    if first.finite or second.finite:
+    if not first.kinematics == second.kinematics == "small":
         raise InputError("two bodies have an equivalent single one in small strain only; leave material.kinematics out")
     if first.yield_strength is not None or second.yield_strength is not None:
         raise InputError("two bodies of which one yields have no equivalent single body; give elastic materials")

@@ -1,34 +1,250 @@
-"""Check the assumptions of the model on the curve of a run.
+"""The ledger of a run: each assumption of the model with its value in this run, its limit and a verdict.
 
-Each function returns a sentence with the value that violates an assumption, or an empty string while it holds.
+A line is computed by a function of its own from the evidence, or is missing where it does not apply. A warning of a run
+that says the same takes its number from here.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from math import exp, inf, pi, sqrt
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from asperity.curve import Curve
-    from asperity.model.material import Material
-    from asperity.surface import Surface
+from asperity.case.validation import edge_of_summit
+from asperity.curve import UNRESOLVED, Curve
+from asperity.mesh.resolution import ELEMENTS, ONE_MESH, SHARE, unresolved_height
+from asperity.model.material import Material
+from asperity.model.problem import Problem
+from asperity.reference import pull_off, stickiness, tabor_parameter
 
+FINE, DOUBTFUL = "fine", "doubtful"
 FLAT = 1e-12  # depth below which a surface counts as a plane [L]
-#: Plastic strain up to which small-strain theory applies. The engineering strain e and the logarithmic strain
-#: ln(1 + e) have a relative difference of e/2 to first order: 5 % here.
+#: Strain up to which small-strain theory applies. The engineering strain e and the logarithmic strain ln(1 + e) have a
+#: relative difference of e/2 to first order: 5 % here.
 SMALL_STRAIN = 0.1
+AT_BASE = 0.2  # part of the pressure of the longest wave that arrives at the base
+SPOT = 0.1  # contact radius over the height of the block, which stiffens a bonded layer by about as much
+SMALL_CONTACT = 1e-6  # radius below which metals are harder [m]
+WORKS = (0.05, 0.2, 1.0)  # of adhesion: surfaces in air, in between, clean metals [J/m^2]
+WEAK = 0.01  # pull-off over the greatest force
+POINTS = 257  # per side, for slope and curvature
 
 
-def large_strain(curve: Curve) -> str:
-    """Compare the greatest accumulated plastic strain with the limit of small strain."""
-    greatest = float(np.max(np.nan_to_num(curve.max_plastic_strain), initial=0.0))
-    if not greatest > SMALL_STRAIN:
-        return ""
-    return (
-        f"the plastic strain reaches {greatest:.2g}, beyond {SMALL_STRAIN:g}: the solid is computed in small strain, "
-        'and approximate where it yields most; material.kinematics = "finite" has no such limit'
+@dataclass(frozen=True)
+class Assumption:
+    """A line of the ledger.
+
+    Attributes:
+        name: of the assumption
+        value: in this run [unit]
+        limit: that the value must not exceed, or not fall below where `least` is set [unit]
+        unit: of both, empty for a ratio
+        source: of the limit
+        advice: what to do where it is doubtful
+        detail: what else is known
+        least: whether the limit is a lower one
+        warning: sentence for a run that violates an assumption of its own model; empty where another one was given
+
+    Examples:
+        >>> line = Assumption("approach over depth", 1.2, 1.0, "", "geometry", "a smaller load")
+        >>> line.verdict, line.describe()
+        ('doubtful', 'approach over depth: 1.2, at most 1; a smaller load')
+    """
+
+    name: str
+    value: float
+    limit: float
+    unit: str
+    source: str
+    advice: str
+    detail: str = ""
+    least: bool = False
+    warning: str = ""
+
+    @property
+    def verdict(self) -> str:
+        """Whether the value is within the limit: "fine" or "doubtful"."""
+        fine = self.value >= self.limit if self.least else self.value <= self.limit
+        return FINE if fine else DOUBTFUL
+
+    def bound(self) -> str:
+        """The limit in words."""
+        return f"at {'least' if self.least else 'most'} {self.limit:.3g} {self.unit}".rstrip()
+
+    def describe(self) -> str:
+        """One line for the terminal."""
+        value = f"{self.value:.3g} {self.unit}".rstrip()
+        return f"{self.name}: {value}, {self.bound()}; {self.advice}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Record of summary.json."""
+        return {
+            "name": self.name,
+            "value": self.value,
+            "limit": self.limit,
+            "bound": "least" if self.least else "most",
+            "unit": self.unit,
+            "source": self.source,
+            "verdict": self.verdict,
+            "advice": self.advice,
+            "detail": self.detail,
+        }
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What is known of a run.
+
+    Attributes:
+        curve: its curve
+        problem: what was solved, with the kinematics of the run
+        si: whether lengths are in m and stresses in Pa
+        tolerance: of the force, None on one mesh
+        h: size of the finest elements in the contact [length]; None where unknown
+        roughness: greatest part of the bar, over the force, of waves that the finest mesh leaves out; None on one mesh
+        small_strain: greatest change of the force by small strain and its limit [per cent]; None where unknown
+
+    Examples:
+        >>> from asperity.surface import Flat
+        >>> block = asp.Problem.of(Flat(L=1.0), asp.Material(E=1.0, nu=0.3), delta_max=0.01)
+        >>> curve = asp.Curve.from_rows([{"delta": 0.01, "force": 0.0135}])
+        >>> [line.verdict for line in ledger(Evidence(curve, block))]
+        ['fine']
+    """
+
+    curve: Curve
+    problem: Problem
+    si: bool = False
+    tolerance: float | None = None
+    h: float | None = None
+    roughness: float | None = None
+    small_strain: tuple[float, float] | None = None
+
+    @property
+    def plane(self) -> bool:
+        """Whether the top is a plane, in full contact from the start."""
+        surface = self.problem.surface
+        return surface.maximum()[2] - surface.mean() <= FLAT * surface.L
+
+    @property
+    def top(self) -> int:
+        """Row of the greatest force."""
+        return int(self.curve.force.argmax())
+
+    @property
+    def contact_radius(self) -> float:
+        """Radius of the mean contact spot at the greatest force, taken as a circle [length]; nan where unknown."""
+        spots = int(self.curve.spots[self.top])
+        area = float(self.curve.area_fraction[self.top]) * self.problem.surface.L**2
+        return sqrt(area / (pi * spots)) if spots else float("nan")
+
+    @property
+    def summit_radius(self) -> float:
+        """Radius of the mean curvature of the summit [length]; inf for a plane one."""
+        x, y, _ = self.problem.surface.maximum()
+        xx, _, yy = self.problem.surface.hessian(x, y)
+        curvature = -0.5 * float(xx + yy)
+        return 1.0 / curvature if curvature > 0.0 else inf
+
+
+def ledger(evidence: Evidence) -> list[Assumption]:
+    """All lines that apply to a run; none for a run without a step."""
+    if not len(evidence.curve):
+        return []
+    found = (line(evidence) for line in LINES)
+    return [line for line in found if line is not None and line.value == line.value]
+
+
+def doubtful(records: Iterable[dict[str, Any]]) -> list[Assumption]:
+    """The doubtful lines among the records of summary.json."""
+    names = [name for name in Assumption.__dataclass_fields__ if name not in ("least", "warning")]
+    return [
+        Assumption(**{name: record[name] for name in names}, least=record["bound"] == "least")
+        for record in records
+        if record["verdict"] == DOUBTFUL
+    ]
+
+
+def small_strain(run: Evidence) -> Assumption | None:
+    """What small strain changes in the force, or else the greatest strain of a run in small strain."""
+    detail, share = "", float(np.nan_to_num(run.curve.strained_fraction).max())
+    if np.isfinite(run.curve.strained_fraction).any():
+        detail = f"equivalent strain above 5 % in {100 * share:.2g} % of the volume"
+    finite = run.problem.material.finite
+    advice = 'material.kinematics = "finite", or a smaller load'
+    if run.small_strain is not None:
+        value, limit = run.small_strain
+        if finite:
+            return Assumption(
+                "finite strain", 0.0, limit, "% of the force", "finite strain has no limit of strain", advice,
+                detail=f"small strain would change the force by up to {value:.2g} %; {detail}".rstrip("; "),
+            )  # fmt: skip
+        return Assumption(
+            "small strain", value, limit, "% of the force", "small and finite strain on a coarse mesh", advice, detail,
+            warning=f"small strain changes the force by up to {value:.2g} %, beyond {limit:.2g} %: "
+            'material.kinematics = "finite" has no such limit',
+        )  # fmt: skip
+    if finite:
+        return None
+    plastic = float(np.nan_to_num(run.curve.max_plastic_strain).max())
+    value = plastic if run.problem.material.plastic else float(np.nan_to_num(run.curve.max_strain).max())
+    what = "plastic strain" if run.problem.material.plastic else "equivalent strain"
+    return Assumption(
+        "small strain", value, SMALL_STRAIN, "", "e and ln(1 + e) differ by 5 % at 0.1", advice, detail,
+        warning=f"the {what} reaches {value:.2g}, beyond {SMALL_STRAIN:g}: the solid is computed in small strain, and "
+        'approximate where it is strained most; material.kinematics = "finite" has no such limit, "auto" shows what it '
+        "changes",
+    )  # fmt: skip
+
+
+def resolution(run: Evidence) -> Assumption | None:
+    """Waves too short for the elements; the warning of one mesh comes before the run."""
+    surface = run.problem.surface
+    if run.h is None:
+        return None
+    waves = f"{surface.feature_size / run.h:.2g} elements in the shortest wave" if surface.rough else ""
+    if run.roughness is not None:
+        assert run.tolerance is not None
+        return Assumption(
+            "resolution: waves left out, part of the bar", run.roughness, run.tolerance, "of the force",
+            "half-space with and without them (docs/accuracy.md)", "a higher accuracy.max_dofs, or a cut-off", waves,
+        )  # fmt: skip
+    tolerance = run.tolerance or ONE_MESH
+    return Assumption(
+        f"resolution: waves shorter than {ELEMENTS:g} elements, rms height over approach",
+        unresolved_height(surface, run.h, float(run.curve.delta.max())), SHARE * tolerance, "",
+        f"error of the force of {100 * tolerance:.2g} % (docs/accuracy.md)", "a smaller mesh.h_contact, or a cut-off",
+        waves,
+    )  # fmt: skip
+
+
+def facets(run: Evidence) -> Assumption | None:
+    """Error of the contact area at the end of the first loading; the run warns of it by `Curve.unresolved`."""
+    load = run.curve.loading()
+    if not len(load) or not load.area_fraction[-1] > 0.0:
+        return None
+    return Assumption(
+        "resolution: error of the contact area over the area",
+        float(load.error_area_fraction[-1] / load.area_fraction[-1]), UNRESOLVED,
+        "", "about six facets in contact", "a smaller mesh.h_contact, or accuracy.tolerance",
+    )  # fmt: skip
+
+
+def summit_on_edge(run: Evidence) -> Assumption | None:
+    """Slope of the surface across an edge that the summit lies on; the case warns of it before the run."""
+    edge = None if run.plane else edge_of_summit(run.problem.sides, run.problem.surface)
+    if edge is None:
+        return None
+    source = (
+        "a ridge where rollers mirror the surface" if run.problem.sides == "rollers" else "no solid beyond the side"
     )
+    return Assumption(
+        f"summit on edge: {edge.name}", edge.value, edge.limit, "", source,
+        "another surface.seed, or another window of a map", least=run.problem.sides == "free",
+    )  # fmt: skip
 
 
 def yield_pressure(material: Material, sides: str) -> float:
@@ -43,61 +259,128 @@ def yield_pressure(material: Material, sides: str) -> float:
         sides: "rollers" or "free"
     """
     if material.yield_strength is None:
-        return float("inf")
+        return inf
     if sides == "free":
         return material.yield_strength
     return material.yield_strength * (1.0 - material.nu) / (1.0 - 2.0 * material.nu)
 
 
-def bulk_yield(curve: Curve, material: Material, side: float, sides: str) -> str:
-    """Compare the greatest mean pressure with that at which the block below the surface yields.
+def bulk_yield(run: Evidence) -> Assumption | None:
+    """Greatest mean pressure over that at which the block below the surface yields."""
+    problem = run.problem
+    if not problem.material.plastic:
+        return None
+    pressure = float(run.curve.force.max()) / problem.surface.L**2
+    limit = yield_pressure(problem.material, problem.sides)
+    return Assumption(
+        "block: mean pressure over that at which it yields", pressure / limit, 1.0, "",
+        "Johnson, Contact Mechanics (1985), eq. 6.1", "a smaller load, or read the curve up to there",
+        warning=f"the mean pressure reaches {pressure:.3g}, beyond {limit:.3g} where the block yields as a whole, not "
+        "only under its contacts",
+    )  # fmt: skip
 
-    Args:
-        curve: curve of the run
-        material: material of the block
-        side: side L of the patch [length]
-        sides: "rollers" or "free"
+
+def mean_plane(run: Evidence) -> Assumption | None:
+    """Greatest approach over the depth of the mean plane below the summit; none for a plane surface.
+
+    A rigid flat reaches the mean plane of a rough solid at full contact, beyond which only the block deforms.
     """
-    pressure, limit = float(np.max(curve.force, initial=0.0)) / side**2, yield_pressure(material, sides)
-    if not pressure > limit:
-        return ""
-    return (
-        f"the mean pressure reaches {pressure:.3g}, beyond {limit:.3g} where the block yields as a whole, not only "
-        "under its contacts"
-    )
+    surface = run.problem.surface
+    delta, depth = float(run.curve.delta.max()), surface.maximum()[2] - surface.mean()
+    if run.plane:
+        return None
+    return Assumption(
+        "block: approach over the depth of the mean plane", delta / depth, 1.0, "",
+        "a rigid flat there has full contact", "a smaller load, or a lower block",
+        warning=f"the flat has moved {delta:.3g} down, beyond the mean plane of the surface, {depth:.3g} below its "
+        "summit: the compression of the whole block is a large part of the curve",
+    )  # fmt: skip
 
 
-def beyond_mean_plane(curve: Curve, surface: Surface) -> str:
-    """Compare the greatest approach with the depth of the mean plane below the summit.
+def block_height(run: Evidence) -> Assumption | None:
+    """Whether the clamped base is far from the contact: from the longest wave, or from the single spot of a bump.
 
-    A rigid flat reaches the mean plane of a rough solid at full contact, beyond which only the block deforms. A plane
-    surface is in full contact from the start and is not checked.
-
-    Args:
-        curve: curve of the run
-        surface: top of the block
+    The stress below a pressure wave of wave number q falls as (1 + q z) exp(-q z) (Johnson, 1985, chapter 13);
+    mirrored at the sides, the longest wave has q = pi/L. A spot of radius a on a bonded layer of height h is stiffer by
+    some a/h.
     """
-    delta, depth = float(np.max(curve.delta, initial=0.0)), surface.maximum()[2] - surface.mean()
-    if depth <= FLAT * surface.L or not delta > depth:
-        return ""
-    return (
-        f"the flat has moved {delta:.3g} down, beyond the mean plane of the surface, {depth:.3g} below its summit: the "
-        "compression of the whole block is a large part of the curve"
-    )
+    surface, height = run.problem.surface, run.problem.height
+    if run.plane:
+        return None
+    if surface.rough:
+        depth = pi * height / surface.L
+        return Assumption(
+            "block: pressure of the longest wave at the base", (1.0 + depth) * exp(-depth), AT_BASE, "",
+            "Johnson, Contact Mechanics (1985), chapter 13", "a greater block.height",
+        )  # fmt: skip
+    spot = sqrt(float(run.curve.largest_spot.max()) / pi) if np.isfinite(run.curve.largest_spot).any() else float("nan")
+    return Assumption(
+        "block: contact radius over the height", spot / height, SPOT, "",
+        "Dimitriadis et al., Biophys. J. 82 (2002) 2798", "a greater block.height",
+    )  # fmt: skip
 
 
-def departures(curve: Curve, material: Material, surface: Surface, sides: str) -> list[str]:
-    """Return the sentences on all violated assumptions.
+def sticking(run: Evidence) -> Assumption | None:
+    """Stickiness of a rough surface; SI units only."""
+    surface = run.problem.surface
+    if run.plane or not (run.si and surface.rough):
+        return None
+    slope = surface.rms_slope()
+    xx, _, yy = surface.grid_hessian(POINTS)
+    curvature = 0.5 * float(np.sqrt(np.mean((xx + yy) ** 2)))
+    values = [stickiness(slope, curvature, w, run.problem.material.reduced_modulus) for w in WORKS]
+    known = ", ".join(f"{value:.3g} for {w:g} J/m²" for w, value in zip(WORKS, values, strict=True))
+    return Assumption(
+        f"adhesion: stickiness for {WORKS[1]:g} J/m²", values[1], 1.0, "",
+        "Pastewka & Robbins, PNAS 111 (2014) 3298, eq. 10",
+        "the surface sticks: contact without adhesion is not enough", known, least=True,
+    )  # fmt: skip
 
-    Args:
-        curve: curve of the run
-        material: material of the block
-        surface: top of the block
-        sides: "rollers" or "free"
-    """
-    found = (
-        "" if material.finite else large_strain(curve),
-        bulk_yield(curve, material, surface.L, sides),
-        beyond_mean_plane(curve, surface),
-    )
-    return [text for text in found if text]
+
+def first_pull_off(run: Evidence) -> Assumption | None:
+    """Force that pulls the flat off the first summit, over the greatest force; SI units only."""
+    radius = run.summit_radius
+    if not run.si or radius == inf:
+        return None
+    parts = []
+    for w in WORKS:
+        tabor = tabor_parameter(radius, w, run.problem.material.reduced_modulus)
+        parts.append((w, tabor, pull_off(radius, w, tabor)))
+    force = float(run.curve.force.max())
+    if not force > 0.0:
+        return None
+    known = ", ".join(f"{F:.2g} N (Tabor {mu:.2g}) for {w:g} J/m²" for w, mu, F in parts)
+    return Assumption(
+        f"adhesion: pull-off of the first summit over the greatest force, {WORKS[1]:g} J/m²", parts[1][2] / force, WEAK,
+        "",
+        "Tabor, J. Colloid Interface Sci. 58 (1977) 2; Carpick et al., ibid. 211 (1999) 395",
+        "a greater load: adhesion adds to a light one", known,
+    )  # fmt: skip
+
+
+def size_effect(run: Evidence) -> Assumption | None:
+    """Radius of contact or summit below which metals are harder than in bulk; of a solid that has yielded, SI only."""
+    if not run.si or not np.nan_to_num(run.curve.max_plastic_strain).max() > 0.0:
+        return None
+    contact, summit = run.contact_radius, run.summit_radius
+    return Assumption(
+        "size effect: radius of contact and summit", float(np.fmin(contact, summit)), SMALL_CONTACT, "m",
+        "Nix & Gao, J. Mech. Phys. Solids 46 (1998) 411; Swadener et al., ibid. 50 (2002) 681",
+        "a yield strength measured at this size: metals are harder there than in bulk",
+        f"mean contact spot {contact:.2g} m, summit {summit:.2g} m", least=True,
+    )  # fmt: skip
+
+
+#: Lines in their order; a new one is a function of the evidence.
+LINES: tuple[Callable[[Evidence], Assumption | None], ...] = (
+    small_strain,
+    resolution,
+    facets,
+    summit_on_edge,
+    bulk_yield,
+    mean_plane,
+    block_height,
+    sticking,
+    first_pull_off,
+    size_effect,
+)

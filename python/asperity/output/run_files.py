@@ -19,7 +19,8 @@ class RunFiles:
 
     def __init__(self, case: Case, folder: Path | None) -> None:
         self._case, self._folder = case, folder
-        self._whole = False
+        self._whole = self._begun = False
+        self._note = ""
 
     def begin(self) -> None:
         """Make the folder and write the completed input.
@@ -33,7 +34,18 @@ class RunFiles:
             if before.get("finished"):
                 self.summary(before | {"finished": False})
             clear(self._folder, dropped(self._earlier_case(), self._case.to_dict()))
-            replace_file(self._folder / CASE, self._case.to_toml().encode())
+            self._begun = True
+            self._write_case()
+
+    def note(self, text: str) -> None:
+        """Put a choice of the run as a comment above the completed input."""
+        self._note = f"# {text}\n"
+        if self._begun:
+            self._write_case()
+
+    def _write_case(self) -> None:
+        assert self._folder is not None
+        replace_file(self._folder / CASE, (self._note + self._case.to_toml()).encode())
 
     def _earlier_case(self) -> dict[str, Any]:
         """Tables of case.toml; nothing where it is absent or damaged."""
@@ -63,7 +75,7 @@ class RunFiles:
             curve = Curve.read(self._folder / CURVE)
         except (*UNREADABLE, InputError):
             return None
-        return (curve, summary) if text == self._case.to_toml() else None
+        return (curve, summary) if text.endswith(self._case.to_toml()) else None
 
     def steps(self, curve: Curve) -> None:
         """Write the curve so far; a killed run keeps it, unless it has had a whole one on a coarser mesh."""

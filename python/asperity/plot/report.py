@@ -55,6 +55,7 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
         }
     warnings = [*_missed_tolerance(summary), *summary.pop("warnings", [])]
     summary.pop("dynamics", None)  # as in thresholds.json
+    assumptions = [_assumption(record) for record in summary.pop("assumptions", [])]
     page = Environment(
         loader=PackageLoader("asperity"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
@@ -67,6 +68,7 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
         fit=summary.get("fit") or {},
         law=_law(results),
         outcome=_outcome(results),
+        assumptions=assumptions,
         figures=[_figure(path) for path in _figures(results)],
         tables=_tables("run", summary) + _tables("dynamics", _without_table(results.thresholds)),
         laws=_laws(results.thresholds),
@@ -84,6 +86,17 @@ def _missed_tolerance(summary: Mapping[str, Any]) -> Iterator[str]:
     """Yield a warning if the run has not met its tolerance."""
     if (summary.get("accuracy") or {}).get("met") is False:
         yield f"the tolerance is not met: {summary.get('exit_reason', '')}"
+
+
+def _assumption(record: Mapping[str, Any]) -> dict[str, str]:
+    """Return the cells of a line of the ledger."""
+    unit, sign = record["unit"], "≥" if record["bound"] == "least" else "≤"
+    return {
+        **{name: record[name] for name in ("name", "verdict", "source", "detail")},
+        "value": f"{record['value']:.3g} {unit}".rstrip(),
+        "limit": f"{sign} {record['limit']:.3g} {unit}".rstrip(),
+        "advice": record["advice"] if record["verdict"] == "doubtful" else "",
+    }
 
 
 def _law(results: Results) -> Rows:

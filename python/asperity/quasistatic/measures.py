@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -9,9 +10,11 @@ import numpy as np
 
 from asperity.arrays import Floats
 from asperity.contact.spots import spots_of
+from asperity.model.material import PAIRS
 from asperity.quasistatic.contact_solver import ContactSolver
 
 TOUCHED = 1e-9  # gap below which a node counts as touched [L]
+STRAINED = 0.05  # equivalent strain above which the volume is counted
 
 
 @dataclass(frozen=True)
@@ -45,8 +48,9 @@ def row(solver: ContactSolver) -> dict[str, Any]:
     strain = solver.history.accumulated
     volumes = solid.kernels.volumes
     yielded = float(volumes[strain > 0.0].sum()) if strain.size else 0.0
-    sums = comm.allreduce(np.array([yielded, volumes.sum()]))
-    peaks = np.array([np.max(solver.pressure, initial=0.0), np.max(strain, initial=0.0)])
+    total = equivalent_strain(solver)
+    sums = comm.allreduce(np.array([yielded, volumes.sum(), volumes[total > STRAINED].sum()]))
+    peaks = np.array([np.max(values, initial=0.0) for values in (solver.pressure, strain, total)])
     comm.Allreduce(MPI.IN_PLACE, peaks, op=MPI.MAX)
     surface, points = solver.contact_surface, solver.contact.touched()
     area, spots = surface.area_of(*points), spots_of(surface, *points)
@@ -62,7 +66,24 @@ def row(solver: ContactSolver) -> dict[str, Any]:
         "spots": spots.count,
         "largest_spot": spots.largest,
         **solver.probed,
+        "max_strain": float(peaks[2]),
+        "strained_fraction": float(sums[2] / sums[1]),
     }
+
+
+def equivalent_strain(solver: ContactSolver) -> Floats:
+    """Equivalent strain sqrt(2/3 e:e) at the quadrature points (cells, points), e the deviator of the strain.
+
+    From the stress, and the plastic strain that the history holds.
+    """
+    kernels, history, material = solver.solid.kernels, solver.history, solver.solid.material
+    stress = _with_history(solver, kernels.conjugate_stress, solver.solid.u.x.array.reshape(-1, 3))
+    stress[..., :3] -= stress[..., :3].mean(axis=-1, keepdims=True)
+    deviator = stress / (2.0 * material.lame[1])
+    if history.rows:
+        deviator += history.plastic_strain
+    squared = np.einsum("cqi,cqi,i->cq", deviator, deviator, PAIRS)
+    return np.asarray(np.sqrt(2.0 / 3.0 * squared))
 
 
 def snapshot(solver: ContactSolver, step: int, branch: str) -> Snapshot:
@@ -73,13 +94,20 @@ def snapshot(solver: ContactSolver, step: int, branch: str) -> Snapshot:
 
 def mean_stress(solver: ContactSolver, u: Floats) -> tuple[Floats, Floats]:
     """Mean stress of the owned cells (cells, 6) and accumulated plastic strain (cells, points) at u."""
-    kernels, history = solver.solid.kernels, solver.history
-    committed = kernels.history().copy()
-    kernels.restore(history)
-    stress = kernels.stress(u)
-    kernels.restore(committed)
+    kernels = solver.solid.kernels
+    stress = _with_history(solver, kernels.stress, u)
     mean = np.einsum("cq,cqi->ci", kernels.volumes, stress) / kernels.volumes.sum(axis=1, keepdims=True)
-    return mean, history.accumulated.copy()
+    return mean, solver.history.accumulated.copy()
+
+
+def _with_history(solver: ContactSolver, stress: Callable[[Floats], Floats], u: Floats) -> Floats:
+    """Stress of a displacement over its own history, where the committed one is ahead of it."""
+    kernels = solver.solid.kernels
+    committed = kernels.history().copy()
+    kernels.restore(solver.history)
+    found = stress(u)
+    kernels.restore(committed)
+    return found
 
 
 @dataclass

@@ -213,6 +213,7 @@ def make_contact_solver(
         phases: collects where the time goes
 
     Raises:
+        InputError: the kinematics of the material is not chosen yet
         MeshError: the block is another surface's, or an element is turned inside out
 
     Examples:
@@ -224,6 +225,7 @@ def make_contact_solver(
         >>> solver.step(0.01).converged, round(solver.force / 0.01, 6), round(elastic.confined_modulus, 6)
         (True, 1.346154, 1.346154)
     """
+    material.check_decided()
     L = surface.L
 
     def checked_height() -> float:
@@ -343,6 +345,7 @@ def solve_problem(
         hooks: progress, checkpoint, snapshots
 
     Raises:
+        InputError: the kinematics of the material is not chosen yet
         MeshError, CheckpointError, OutputError, PartialResult: see `solve_contact`
 
     Examples:
@@ -355,6 +358,7 @@ def solve_problem(
     """
     from mpi4py import MPI
 
+    problem.material.check_decided()
     comm = MPI.COMM_WORLD if comm is None else comm
     hooks = hooks or Hooks()
     checkpoint, phases = hooks.checkpoint, Phases()

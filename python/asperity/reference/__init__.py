@@ -10,6 +10,7 @@ Examples:
 
 from __future__ import annotations
 
+from asperity.reference.adhesion import pull_off, stickiness, tabor_parameter
 from asperity.reference.elastic import (
     DoubleSinusoid,
     Hertz,
@@ -64,8 +65,11 @@ __all__ = [
     "jackson_green",
     "kogut_etsion",
     "patch_test_slope",
+    "pull_off",
     "reduced_modulus",
     "rough_elastic_surface",
     "similar_coefficient",
+    "stickiness",
+    "tabor_parameter",
     "uniaxial_stress",
 ]

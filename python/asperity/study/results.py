@@ -18,6 +18,7 @@ from asperity.arrays import Array
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import AsperityError, InputError
+from asperity.output.assumptions import doubtful
 from asperity.power_law import PowerLawFit, fit_or_none
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import replace_file
@@ -29,14 +30,14 @@ Row = Mapping[str, Any]
 
 TABLE, ABOUT = "results.csv", "study.json"
 DONE = "done.json"  # exit reason and time of a case
-TEXTS = ("case", "families", "exit_reason", "norm", "interface_void")
+TEXTS = ("case", "families", "exit_reason", "norm", "interface_void", "doubtful")
 #: Columns of results.csv after "case", "families" and the keys that vary.
 RESULT_COLUMNS = (
     "exit_reason", "summit_on_edge", "delta_star_max", "P_star_max", "k", "n", "n_low", "n_high", "norm", "range_low",
     "range_high", "points", "r2", "n_log", "n_interface", "interface_void", "stiffness", "preload", "slope", "n_loc",
     "n_loc_low", "n_loc_high", "kappa_loc", "kappa", "u_loss", "omega_loss", "drive_loss", "slope_unload", "n_unload",
     "kappa_unload", "omega_loss_unload", "area_fraction", "plastic_fraction", "max_plastic_strain", "block_load",
-    "dofs", "cells", "newton", "seconds",
+    "doubtful", "dofs", "cells", "newton", "seconds",
 )  # fmt: skip
 
 
@@ -73,7 +74,8 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
         frequency at which contact is lost, F^/(2 zeta) at which contact is lost in resonance;
         ..._unload: the same for the unloading branch about the preload;
         block_load: mean pressure over the pressure at which the block itself yields (sigma_y (1-nu)/(1-2nu) between
-        rollers, sigma_y with free sides).
+        rollers, sigma_y with free sides);
+        doubtful: names of the doubtful assumptions of the run.
     """
     load = curve.loading()
     if not len(load):
@@ -86,6 +88,7 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
         "plastic_fraction": float(load.plastic_fraction[-1]),
         "max_plastic_strain": float(load.max_plastic_strain[-1]),
         "seconds": sum((summary.get("seconds") or {}).values()) or None,
+        "doubtful": "; ".join(line.name for line in doubtful(summary.get("assumptions", []))) or None,
         **{name: summary.get(name) for name in ("dofs", "cells", "newton")},
     }
     block = Block.of(case)

@@ -107,10 +107,7 @@ class Surface(ABC):
         missing = [key for key, name in names.items() if name in required and key not in parameters]
         if missing:
             raise InputError(f"surface.{missing[0]} is missing: kind {kind!r} needs it.")
-        surface = cls(**{names[key]: value for key, value in parameters.items()})
-        if surface.rough:
-            surface.check_small_slope()
-        return surface
+        return cls(**{names[key]: value for key, value in parameters.items()})
 
     @abstractmethod
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
@@ -260,11 +257,12 @@ class Surface(ABC):
         return float(np.sqrt(np.mean(zx**2 + zy**2)))
 
     def check_small_slope(self, limit: float = SMALL_SLOPE) -> None:
-        """Warn (SurfaceWarning) when the rms slope exceeds `limit`."""
+        """Warn (SurfaceWarning) when the rms slope exceeds `limit`: a limit of small strain, not of finite strain."""
         slope = self.rms_slope()
         if slope > limit:
             warnings.warn(
-                f"surface: rms slope {slope:.3g} exceeds {limit:g}; small-strain results are approximate"
+                f"surface: rms slope {slope:.3g} exceeds {limit:g}; small-strain results are approximate, "
+                'material.kinematics = "auto" shows by how much'
                 + (f" ({self.smoother} is smoother)." if self.smoother else "."),
                 SurfaceWarning,
                 stacklevel=3,

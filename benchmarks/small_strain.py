@@ -1,0 +1,142 @@
+"""What small strain costs, and how well a coarse mesh shows it.
+
+    python3 benchmarks/small_strain.py mesh      greatest difference of the force by the size of the coarse mesh
+    python3 benchmarks/small_strain.py slopes    force, area and exponent over rms slope and yield strain, and a picture
+
+Each writes docs/tables/small_strain_NAME.csv and prints it. `slopes` presses a self-affine surface (H = 0.8, shortest
+wave 0.1 L) of rising rms slope to a third of the depth of its mean plane, both ways on one mesh of 0.1 L.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from mpi4py import MPI
+from tables import versions
+
+import asperity as asp
+from asperity.adaptive.mesh_plan import growth
+from asperity.adaptive.small_strain import differences
+from asperity.curve import Curve
+from asperity.quasistatic.solve_contact import make_block, solve_problem
+
+ROOT = Path(__file__).parent.parent
+ELASTIC = asp.Material(1.0, 0.3)
+YIELDS = (0.01, 0.003)  # yield strength over E; the tangent modulus is E/20
+SLOPES = (0.03, 0.1, 0.3)
+SIZES = (0.1, 0.071, 0.05)
+STEPS = 5
+
+
+def plastic(strength: float) -> asp.Material:
+    return asp.Material(1.0, 0.3, strength, 0.05)
+
+
+def both(surface: asp.Surface, material: asp.Material, delta: float, h: float, steps: int) -> tuple[Curve, Curve]:
+    """Curves in small and in finite strain on one mesh of size h [L]."""
+    problem = asp.Problem.of(surface, material, delta_max=delta, steps=steps)
+    block = make_block(MPI.COMM_WORLD, surface, problem.height, delta, asp.MeshSize(h, growth(h)))
+    small, finite = (
+        solve_problem(replace(problem, material=replace(material, kinematics=kinematics)), block=block).curve
+        for kinematics in ("small", "finite")
+    )
+    return small, finite
+
+
+def mesh() -> Iterator[Mapping[str, object]]:
+    """Greatest difference in per cent on meshes of several sizes."""
+    fractal = asp.Surface.from_spec("weierstrass-mandelbrot", L=1.0, D=2.4, G=1.36e-5)
+    rough, even = (
+        asp.Surface.from_spec("self-affine", L=1.0, H=0.8, rms_slope=slope, lambda_short=0.05, seed=seed)
+        for slope, seed in ((0.3, 1), (0.1, 2))
+    )
+    ball = asp.Surface.from_spec("sphere", L=1.0, radius=0.7)
+    scenes = {
+        "fractal, 0.03 L": (fractal, plastic(0.005), 0.03),
+        "fractal, 0.01 L": (fractal, plastic(0.005), 0.01),
+        "fractal, 0.03 L, elastic": (fractal, ELASTIC, 0.03),
+        "self-affine, slope 0.3, 0.03 L": (rough, plastic(0.005), 0.03),
+        "self-affine, slope 0.1, 0.008 L, elastic": (even, ELASTIC, 0.008),
+        "sphere of 0.7 L, 0.01 L": (ball, plastic(0.005), 0.01),
+    }
+    for name, (surface, material, delta) in scenes.items():
+        row: dict[str, object] = {"scene": name, "rms slope": f"{surface.rms_slope():.2f}"}
+        for h in SIZES:
+            _, _, percent = differences(*both(surface, material, delta, h, 5), 5)
+            row[f"{h:g} L"] = f"{np.abs(percent).max():.2f}"
+        yield row
+
+
+def slopes() -> Iterator[Mapping[str, object]]:
+    """Differences of force, area and exponent over rms slope and yield strain."""
+    for strength in (None, *YIELDS):
+        material = ELASTIC if strength is None else plastic(strength)
+        for slope in SLOPES:
+            surface = asp.Surface.from_spec("self-affine", L=1.0, H=0.8, rms_slope=slope, lambda_short=0.1, seed=1)
+            delta = (surface.maximum()[2] - surface.mean()) / 3.0
+            small, finite = both(surface, material, delta, 0.1, STEPS)
+            force, area = (
+                100.0 * (getattr(small, name)[-1] / getattr(finite, name)[-1] - 1.0)
+                for name in ("force", "area_fraction")
+            )
+            yield {
+                "yield strain": "elastic" if strength is None else f"{strength:g}",
+                "rms slope": f"{slope:g}",
+                "delta/L": f"{delta:.4f}",
+                "force %": f"{force:.2f}",
+                "area %": f"{area:.2f}",
+                "n, finite strain": f"{finite.fit().n:.3f}",
+                "n, small - finite": f"{small.fit().n - finite.fit().n:.3f}",
+                "greatest strain": f"{finite.max_strain[-1]:.3f}",
+            }
+
+
+def draw(rows: Sequence[Mapping[str, object]]) -> None:
+    """docs/pictures/small_strain.png: differences of force and area over the rms slope."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.5, 3.4), layout="constrained")
+    for axes, name, title in zip(figure.subplots(1, 2), ("force %", "area %"), ("force", "contact area"), strict=True):
+        for label in dict.fromkeys(str(row["yield strain"]) for row in rows):
+            own = [row for row in rows if row["yield strain"] == label]
+            x, y = ([float(str(row[key])) for row in own] for key in ("rms slope", name))
+            axes.plot(x, np.abs(y), "o-", ms=4, label=label if label == "elastic" else f"$\\sigma_y/E$ = {label}")
+        axes.axhline(1.0, color="0.6", lw=0.8)
+        axes.set(xscale="log", yscale="log", xlabel="rms slope", ylabel="magnitude of the change, %", title=title)
+        axes.set_xticks(SLOPES, [f"{s:g}" for s in SLOPES], minor=False)
+        axes.set_xticks([], minor=True)
+    axes.legend(fontsize=8, frameon=False)
+    figure.savefig(ROOT / "docs/pictures/small_strain.png", dpi=110)
+
+
+def main() -> None:
+    """Write and print the tables that are named."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("tables", nargs="+", choices=("mesh", "slopes"))
+    warnings.simplefilter("ignore")
+    for name in parser.parse_args().tables:
+        rows: list[Mapping[str, object]] = []
+        for row in {"mesh": mesh, "slopes": slopes}[name]():
+            if not rows:
+                print(",".join(row), flush=True)
+            print(*row.values(), sep=",", flush=True)
+            rows.append(row)
+        target = ROOT / f"docs/tables/small_strain_{name}.csv"
+        target.parent.mkdir(exist_ok=True)
+        with target.open("w", encoding="utf-8", newline="") as file:
+            file.write(f"# ./run python3 benchmarks/small_strain.py {name}\n# {versions()}\n")
+            table = csv.DictWriter(file, rows[0], lineterminator="\n")
+            table.writeheader()
+            table.writerows(rows)
+        if name == "slopes":
+            draw(rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,284 @@
+"""What small strain changes in the force: both kinematics pressed on one coarse mesh, and the choice between them.
+
+The difference of two forces on one mesh is known much better than the forces, because both have the same error of the
+mesh. A coarse mesh has larger differences than a fine one, see docs/accuracy.md; they are divided by the share of the
+slopes that it sees. Where it shows nothing, finite strain is chosen, which is right in any case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import islice, pairwise
+from math import ceil, log2
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from asperity.adaptive.extrapolation import judged_rows, loading_force
+from asperity.adaptive.mesh_plan import GUIDE, growth
+from asperity.arrays import Floats
+from asperity.curve import Curve
+from asperity.errors import Interrupted, MeshError
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.top import heights_of_top
+from asperity.model.material import AUTO
+from asperity.model.problem import Problem
+from asperity.model.settings import Formulation, MeshSize
+from asperity.quasistatic.solve_contact import Hooks, PartialResult, estimate_approach, make_block, solve_problem
+from asperity.runtime.parallel import on_root_bcast
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from asperity.surface import Surface
+
+SHARE = 1.0 / 3.0  # of the tolerance that small strain may change
+LIMIT = 0.01  # relative change of the force accepted without a tolerance
+COARSER = 2.5  # elements of the coarse mesh over those of the run, and over those of a finer attempt
+ATTEMPTS, MOST_DOFS = 4, 30_000  # coarse meshes tried where one shows nothing, and their greatest size
+DIGITS = 4  # of the per cent, so that ranks, which sum in another order, do not change the choice
+CELLS = 256, 1024  # fewest and most per side, on which slopes are compared
+PER_WAVE = 4  # cells per shortest wave
+
+
+@dataclass(frozen=True, eq=False)
+class SmallStrain:
+    """Difference of the force between small and finite strain on a coarse mesh.
+
+    Attributes:
+        kinematics: of the run, "small" or "finite", chosen or given
+        limit: greatest difference with which small strain is chosen [per cent]
+        branch: of each step compared (n,)
+        delta: approach of each (n,) [length]
+        percent: force in small strain over that in finite strain minus 1; on later branches than the first loading the
+            difference over the greatest force (n,) [per cent]
+        slope_seen: rms slope of the top of the coarse mesh over that of the surface, where the flat may reach it
+        h: element size of the coarse mesh [length]
+        dofs: of the coarse mesh
+        reason: why the path was not compared to its end; empty where it was
+
+    Examples:
+        >>> found = SmallStrain("small", 1.0, ("load",), np.array([0.1]), np.array([-0.4]), 0.8, 0.1, 5000, "")
+        >>> round(found.greatest, 6), found.enough
+        (0.5, True)
+    """
+
+    kinematics: str
+    limit: float
+    branch: tuple[str, ...]
+    delta: Floats
+    percent: Floats
+    slope_seen: float
+    h: float
+    dofs: int
+    reason: str
+
+    @property
+    def greatest(self) -> float | None:
+        """Estimate of the greatest difference, over the share of the slopes seen [per cent]; None where unknown."""
+        if not len(self.percent):
+            return None
+        return round(float(np.abs(self.percent).max()) / self.slope_seen, DIGITS)
+
+    @property
+    def enough(self) -> bool:
+        """Whether small strain is known to be accurate enough."""
+        return not self.reason and self.greatest is not None and self.greatest <= self.limit
+
+    def describe(self) -> str:
+        """One line for the log."""
+        run = f"kinematics = {self.kinematics}"
+        if self.greatest is None:
+            return f"{run}: small and finite strain could not be compared, {self.reason}"
+        known = f"small strain changes the force by up to {self.greatest:.2g} %, the limit is {self.limit:.2g} %"
+        return f"{run}: {known}" + (f"; {self.reason}" if self.reason else "")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Section model.small_strain of summary.json."""
+        return {
+            "greatest_percent": self.greatest,
+            "limit_percent": self.limit,
+            "branch": list(self.branch),
+            "delta": self.delta.tolist(),
+            "percent": self.percent.tolist(),
+            "slope_seen": self.slope_seen,
+            "h": self.h,
+            "dofs": self.dofs,
+            "not_compared": self.reason,
+        }
+
+
+def choose_kinematics(
+    problem: Problem, tolerance: float | None = None, comm: MPI.Comm | None = None, hooks: Hooks | None = None
+) -> tuple[Problem, SmallStrain]:
+    """The problem with small or finite strain, and what small strain changes in its force; collective.
+
+    Both are pressed on one coarse mesh along the load path. Of "auto", small strain is chosen where the difference of
+    the force is below a third of the tolerance, LIMIT without one; another choice is kept.
+
+    Args:
+        problem: with any material.kinematics
+        tolerance: relative, of the force
+        comm: communicator; default all ranks
+        hooks: stages, stop and checkpoint; the coarse runs have checkpoints of their own
+
+    Raises:
+        Interrupted: the run was stopped
+
+    Examples:
+        >>> from asperity.surface import Flat
+        >>> rubber = asp.Material(E=1.0, nu=0.3, kinematics="auto")
+        >>> size = asp.MeshSize(h_contact=0.5, h_max=1.0)
+        >>> for delta in (0.001, 0.1):  # a block in uniaxial strain: ln(1 - e)/(1 - e) against -e
+        ...     block = asp.Problem.of(Flat(L=1.0), rubber, delta_max=delta, steps=1, size=size)
+        ...     chosen, found = choose_kinematics(block)
+        ...     print(chosen.material.kinematics, round(found.greatest, 2))
+        small 0.15
+        finite 14.58
+    """
+    from mpi4py import MPI
+
+    comm, hooks = MPI.COMM_WORLD if comm is None else comm, hooks or Hooks()
+    limit = 100.0 * (LIMIT if tolerance is None else SHARE * tolerance)
+    found = None
+    for found in islice(_comparisons(problem, tolerance, limit, comm, hooks), ATTEMPTS):
+        if not found.reason or found.dofs * COARSER > MOST_DOFS:
+            break
+    assert found is not None
+    kinematics = problem.material.kinematics
+    if kinematics == AUTO:
+        kinematics = comm.bcast("small" if found.enough else "finite", root=0)
+    found = replace(found, kinematics=kinematics)
+    hooks.stage(found.describe())
+    return replace(problem, material=replace(problem.material, kinematics=kinematics)), found
+
+
+def _comparisons(
+    problem: Problem, tolerance: float | None, limit: float, comm: MPI.Comm, hooks: Hooks
+) -> Iterator[SmallStrain]:
+    """Comparisons on meshes from coarse to fine."""
+    surface, L = problem.surface, problem.surface.L
+    depth = problem.load_path.delta_max or estimate_approach(_with(problem, "small"), comm)
+    own = problem.size.h_contact
+    h = GUIDE * L if tolerance is not None or own is None else min(GUIDE * L, COARSER * own)
+    while True:
+        nothing = SmallStrain("", limit, (), np.empty(0), np.empty(0), 1.0, h, 0, "")
+        try:
+            block = make_block(comm, surface, problem.height, depth, MeshSize(h, growth(GUIDE)))
+        except MeshError as error:
+            yield replace(nothing, reason=str(error))
+            h /= COARSER
+            continue
+        seen = on_root_bcast(comm, partial(slope_seen, block, surface, depth))
+        dofs = comm.bcast(None if block is None else 3 * len(block.points), root=0)
+        nothing = replace(nothing, slope_seen=seen, dofs=dofs)
+        small, failed = _press(problem, "small", block, h, comm, hooks)
+        reason = failed or small.unresolved()
+        if reason and not failed:
+            yield replace(nothing, reason=reason)
+        else:
+            finite, stopped = _press(problem, "finite", block, h, comm, hooks)
+            branch, delta, percent = differences(small, finite, problem.load_path.steps)
+            yield replace(nothing, branch=branch, delta=delta, percent=percent, reason=failed or stopped)
+        h /= COARSER
+
+
+def _with(problem: Problem, kinematics: str) -> Problem:
+    """The problem with exact contact, which both kinematics have, and one of them."""
+    material = replace(problem.material, kinematics=kinematics)
+    return replace(problem, material=material, formulation=Formulation())
+
+
+def _press(
+    problem: Problem, kinematics: str, block: BlockMesh | None, h: float, comm: MPI.Comm, hooks: Hooks
+) -> tuple[Curve, str]:
+    """Curve on the coarse mesh, and why it ends early; empty where it does not; collective.
+
+    Raises:
+        Interrupted: the run was stopped
+    """
+    name = f"coarse mesh, {kinematics} strain"
+    checkpoint = hooks.checkpoint
+    part = None if checkpoint is None else checkpoint.part(f"{kinematics}-{h / problem.surface.L:.6g}")
+    own = Hooks(
+        on_stage=lambda stage: hooks.stage(f"{name}: {stage}"),
+        stop=hooks.stop,
+        checkpoint=part,
+        on_ready=hooks.on_ready,
+    )
+    try:
+        return solve_problem(_with(problem, kinematics), block=block, comm=comm, hooks=own).curve, ""
+    except PartialResult as error:
+        if isinstance(error.__cause__, Interrupted):
+            raise Interrupted(f"{name}: {error}") from None
+        return error.result.curve, f"{name}: {error}"
+
+
+def differences(small: Curve, finite: Curve, steps: int) -> tuple[tuple[str, ...], Floats, Floats]:
+    """Difference of the force in small strain from that in finite strain, at the steps of both.
+
+    The first loading counts from the end of its first planned step on, relative to the force there; on later branches
+    the force vanishes, and the difference is relative to the greatest force.
+
+    Args:
+        small, finite: curves on one mesh
+        steps: planned ones of a loading
+
+    Returns:
+        branch (n,), approach (n,) [length] and difference (n,) [per cent]
+    """
+    loads, other = small.loading(), finite.loading()
+    if not (loads.force > 0.0).any() or not (other.force > 0.0).any():
+        return (), np.empty(0), np.empty(0)
+    loads = loads.where(judged_rows(loads, steps) & (loads.delta <= other.delta[-1] * (1.0 + 1e-9)))
+    shared = np.asarray(np.isclose(loads.delta[:, None], other.delta, rtol=1e-9, atol=0.0).any(axis=1))
+    loads = loads.where(shared) if shared.any() else loads  # driven by a force, none is
+    branches, deltas = [loads.branch], [loads.delta]
+    percents = [100.0 * (loads.P_star / loading_force(other, loads.delta_star) - 1.0)]
+    greatest = float(finite.force.max())
+    for here, there in zip(_legs(small), _legs(finite), strict=False):
+        order = np.argsort(there.delta)
+        force = np.interp(here.delta, there.delta[order], there.force[order])
+        branches.append(here.branch[1:])
+        deltas.append(here.delta[1:])
+        percents.append(np.asarray(100.0 * (here.force - force)[1:] / greatest, dtype=float))
+    percent = np.asarray(np.round(np.concatenate(percents), DIGITS), dtype=float)
+    return tuple(map(str, np.concatenate(branches))), np.concatenate(deltas), percent
+
+
+def _legs(curve: Curve) -> Iterator[Curve]:
+    """Legs after the first loading, each with the end of the one before it."""
+    starts = np.flatnonzero(curve.branch[1:] != curve.branch[:-1]) + 1
+    for start, stop in pairwise([*starts, len(curve)]):
+        yield curve.where(np.arange(start - 1, stop))
+
+
+def slope_seen(block: BlockMesh | None, surface: Surface, depth: float) -> float:
+    """Rms slope of the top of a mesh over that of the surface, where the flat may reach it; at most 1.
+
+    Args:
+        block: mesh of the block
+        surface: its top
+        depth: greatest approach [length]
+
+    Examples:
+        >>> from mpi4py import MPI
+        >>> wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.01, wavelength=0.5, dims=2)
+        >>> blunt, fine = (make_block(MPI.COMM_SELF, wave, 1.0, 0.02, MeshSize(h, h_max=h)) for h in (0.6, 0.1))
+        >>> slope_seen(blunt, wave, 0.02) < slope_seen(fine, wave, 0.02) > 0.98
+        True
+    """
+    assert block is not None
+    n = int(np.clip(2 ** ceil(log2(PER_WAVE * surface.L / surface.feature_size)), *CELLS))
+    centres = (np.arange(n) + 0.5) * surface.L / n
+    heights = surface.height(centres[None, :], centres[:, None]) / surface.L
+    reached = heights >= surface.maximum()[2] / surface.L - depth / surface.L
+    if not reached.any():
+        return 1.0
+    whole, seen = (
+        float(np.sqrt(np.mean(sum(slope[reached] ** 2 for slope in np.gradient(z, 1.0 / n)))))
+        for z in (heights, heights_of_top(block, surface, n))
+    )
+    return 1.0 if whole == 0.0 else float(np.clip(seen / whole, 1e-3, 1.0))

@@ -1,0 +1,66 @@
+"""Adhesion that a contact without adhesion leaves out: Tabor's parameter, pull-off of a sphere, stickiness."""
+
+from __future__ import annotations
+
+from math import pi
+
+RANGE = 0.3e-9  # of the attraction between two surfaces, about the distance of atoms [m]
+KAPPA = 2.0  # of the contact area of a rough surface, A p^-1 E' h'
+
+
+def tabor_parameter(R: float, w: float, E_prime: float, z0: float = RANGE) -> float:
+    """Return mu = (R w^2/(E'^2 z0^3))^(1/3): large for JKR, small for DMT.
+
+    Tabor, J. Colloid Interface Sci. 58 (1977) 2.
+
+    Args:
+        R: radius of the sphere (m).
+        w: work of adhesion (J/m^2).
+        E_prime: contact modulus (Pa).
+        z0: range of the attraction (m).
+
+    Examples:
+        >>> round(asp.reference.tabor_parameter(R=1e-6, w=0.1, E_prime=1e9, z0=1e-9), 3)
+        2.154
+    """
+    return float((R * w**2 / (E_prime**2 * z0**3)) ** (1.0 / 3.0))
+
+
+def pull_off(R: float, w: float, tabor: float) -> float:
+    """Return the force that pulls an elastic sphere off a flat (N), between 3/2 pi w R (JKR) and 2 pi w R (DMT).
+
+    Carpick, Ogletree & Salmeron, J. Colloid Interface Sci. 211 (1999) 395, with lambda = 1.157 mu (Johnson & Greenwood,
+    ibid. 192 (1997) 326).
+
+    Args:
+        R: radius of the sphere (m).
+        w: work of adhesion (J/m^2).
+        tabor: see `tabor_parameter`.
+
+    Examples:
+        >>> from math import pi
+        >>> [round(asp.reference.pull_off(1.0, 1.0, mu) / pi, 3) for mu in (1e-6, 1e6)]
+        [2.0, 1.5]
+    """
+    scale = 4.04 * (1.157 * tabor) ** 1.4
+    return pi * w * R * (1.75 - 0.25 * (scale - 1.0) / (scale + 1.0))
+
+
+def stickiness(slope: float, curvature: float, w: float, E_prime: float, z0: float = RANGE) -> float:
+    """Return h' E' z0/(kappa w) (h'^2/(h'' z0))^(2/3): a rough elastic surface is sticky below 1.
+
+    Pastewka & Robbins, PNAS 111 (2014) 3298, eq. 10 with kappa = 2, diameter of contacts 4 h'/h'' and
+    pi (3/16)^(2/3) = 1.03 as 1. A plastic surface is less sticky.
+
+    Args:
+        slope: rms slope h'.
+        curvature: rms curvature h'', half of the rms Laplacian (1/m).
+        w: work of adhesion (J/m^2).
+        E_prime: contact modulus (Pa).
+        z0: range of the attraction (m).
+
+    Examples:
+        >>> round(asp.reference.stickiness(slope=0.1, curvature=1e7, w=0.05, E_prime=1e11), 1)
+        66.9
+    """
+    return float(slope * E_prime * z0 / (KAPPA * w) * (slope**2 / (curvature * z0)) ** (2.0 / 3.0))
