@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from asperity.arrays import Floats, Indices
 from asperity.errors import MeshError
-from asperity.mesh.block import heights_at
+from asperity.mesh.block import NEAR, heights_at
 from asperity.mesh.element import EDGES, ON_EDGES, corner_derivatives
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def lift(
         height is exact (N,) [length].
 
     Raises:
-        MeshError: a valley reaches the base, or no smoothing makes the elements sound
+        MeshError: a valley reaches the base, no smoothing makes the elements sound, or periodic sides do not fit
     """
     mean, gradients = surface.mean(), _vertical_gradients(points, tets)
     size, n = _sizes(points, tets), len(points)
@@ -65,6 +65,11 @@ def lift(
                 "plane: make the block higher or the surface smoother"
             )
         above[moved] = f
+        if same is not None and (apart := float(np.ptp([above, above[same]], axis=0).max())) > NEAR * surface.L:
+            raise MeshError(
+                'block.sides = "periodic": smoothed for elements larger than its waves, this surface differs by '
+                f"{apart:.3g} at opposite sides: reduce mesh.h_contact"
+            )
         bad = tets[_least_stretch(gradients, np.take(z_of_flat * above / height, tets)) < SOUND]
         if not len(bad):
             return np.column_stack([points[:, :2], z_of_flat * (1.0 + above / height)]), width
