@@ -154,7 +154,7 @@ def test_a_periodic_map_needs_elements_that_resolve_it(tmp_path: Path) -> None:
     np.savez(tmp_path / "map.npz", z=rough.grid(257), L=1.0)
     surface = HeightMap(path=tmp_path / "map.npz")
     assert surface.periodic
-    with pytest.raises(MeshError, match=r"this surface differs by .* at opposite sides: reduce mesh.h_contact"):
+    with pytest.raises(MeshError, match=r"heights at opposite sides of the mesh differ by .*: reduce mesh.h_contact"):
         build_block(surface, 1.0, lambda x, y, depth: 0.15, periodic=True)
     np.savez(tmp_path / "map.npz", z=0.1 * rough.grid(257), L=1.0)
     surface = HeightMap(path=tmp_path / "map.npz")

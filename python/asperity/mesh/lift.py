@@ -65,10 +65,11 @@ def lift(
                 "plane: make the block higher or the surface smoother"
             )
         above[moved] = f
-        if same is not None and (apart := float(np.ptp([above, above[same]], axis=0).max())) > NEAR * surface.L:
+        apart = 0.0 if same is None else float(np.abs(above - above[same]).max())
+        if apart > NEAR * surface.L:
             raise MeshError(
-                'block.sides = "periodic": smoothed for elements larger than its waves, this surface differs by '
-                f"{apart:.3g} at opposite sides: reduce mesh.h_contact"
+                f'block.sides = "periodic": heights at opposite sides of the mesh differ by {apart:.3g}, because the '
+                "surface is not periodic, or a map smoothed for elements larger than its waves: reduce mesh.h_contact"
             )
         bad = tets[_least_stretch(gradients, np.take(z_of_flat * above / height, tets)) < SOUND]
         if not len(bad):
