@@ -26,7 +26,7 @@ from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.checkpoint import Checkpoint
 from asperity.quasistatic.solve_contact import PartialResult, make_block, solve_contact
 from asperity.runtime import compat
-from asperity.surface import Flat, SelfAffine, Sinusoid, Sphere, Surface
+from asperity.surface import Flat, HeightMap, SelfAffine, Sinusoid, Sphere, Surface
 
 ELASTIC = Material(E=1.0, nu=0.3)
 PLASTIC = Material(E=1.0, nu=0.3, yield_strength=0.005, tangent_modulus=0.05)
@@ -148,6 +148,21 @@ def test_smoothed_heights_fit_too() -> None:
     np.testing.assert_array_equal(block.smoothing, block.smoothing[joined(block)])
 
 
+def test_a_periodic_map_needs_elements_that_resolve_it(tmp_path: Path) -> None:
+    """Smoothed, a map is mirrored at its edges."""
+    rough = SelfAffine(L=1.0, H=0.8, slope=1.0, lambda_short=0.1, seed=5)
+    np.savez(tmp_path / "map.npz", z=rough.grid(257), L=1.0)
+    surface = HeightMap(path=tmp_path / "map.npz")
+    assert surface.periodic
+    with pytest.raises(MeshError, match=r"heights at opposite sides of the mesh differ by .*: reduce mesh.h_contact"):
+        build_block(surface, 1.0, lambda x, y, depth: 0.15, periodic=True)
+    np.savez(tmp_path / "map.npz", z=0.1 * rough.grid(257), L=1.0)
+    surface = HeightMap(path=tmp_path / "map.npz")
+    block = build_block(surface, 1.0, lambda x, y, depth: 0.06 + 0.2 * depth, periodic=True)
+    assert block.smoothing is None
+    joined(block)
+
+
 def test_surfaces_that_are_not_periodic_are_refused() -> None:
     for surface in (Sphere(L=1.0, radius=1.0), SelfAffine(L=1.0, H=0.8, slope=0.1, lambda_short=0.1, periodic=False)):
         with pytest.raises(InputError, match=r'block\.sides = "periodic" needs a surface whose opposite edges agree'):
@@ -188,6 +203,19 @@ def test_both_kernels_agree(material: Material) -> None:
     ours, ufl = (solve_contact(surface, material, **HERE, kernels=kernels) for kernels in ("compiled", "ufl"))
     assert ours.checks.violated == {}
     np.testing.assert_allclose(ours.curve.force, ufl.curve.force, rtol=1e-8)
+
+
+def test_a_wave_cut_by_the_sides_against_westergaard() -> None:
+    """Plane strain; the height of the block is twice the wavelength, so its top answers like a half-space."""
+    theory = reference.Westergaard(0.01, 0.5, ELASTIC.reduced_modulus)
+    mean = 0.3 * theory.full_pressure
+    approach = float(theory.approach(mean)) + mean / ELASTIC.confined_modulus
+    surface = Sinusoid(L=1.0, amplitude=0.01, wavelength=0.5, dims=1, centre=(0.03, 0.0))
+    here = HERE | {"delta_max": approach, "steps": 1, "size": MeshSize(h_contact=0.06)}
+    curve = solve_contact(surface, ELASTIC, **here).curve
+    assert curve.force[-1] == pytest.approx(mean, rel=0.01)
+    assert curve.area_fraction[-1] == pytest.approx(float(theory.area_fraction(mean)), rel=0.03)
+    assert curve.spots[-1] == 2.0
 
 
 def test_a_rough_surface_against_a_half_space_of_its_period() -> None:

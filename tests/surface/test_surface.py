@@ -17,6 +17,7 @@ from asperity.errors import InputError
 from asperity.surface import (
     Flat,
     HeightMap,
+    SelfAffine,
     Sinusoid,
     Sphere,
     Surface,
@@ -709,3 +710,15 @@ def test_unreadable_height_maps_are_refused(tmp_path):
     (tmp_path / "points.csv").write_text("x,y,z\n0,0,1\n1,0,1\n0,1,1\n")
     with pytest.raises(InputError, match="3 points do not fill a regular map"):
         HeightMap(path=tmp_path / "points.csv")
+
+
+def test_a_map_is_periodic_if_its_edges_agree_and_are_smooth(tmp_path: Path) -> None:
+    """Samples of a periodic surface are; a map with other edges is not, nor one with equal edges and a ridge there."""
+    rough = SelfAffine(L=1.0, H=0.8, slope=0.1, lambda_short=0.05, seed=1).grid(129)
+    s = np.linspace(0.0, 1.0, 129)
+    assert height_map(tmp_path, rough).periodic
+    assert not height_map(tmp_path, rough[:, :100][:100]).periodic
+    ridge = np.sin(np.pi * s)[:, None] * np.sin(np.pi * s)
+    assert not height_map(tmp_path, ridge).periodic
+    assert not height_map(tmp_path, np.cos(2 * np.pi * s)[:, None] + 0.01 * s).periodic
+    assert height_map(tmp_path, np.cos(2 * np.pi * s)[:, None] + np.zeros(129)).periodic

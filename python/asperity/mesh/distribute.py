@@ -48,7 +48,8 @@ def distribute(comm: MPI.Comm, block: BlockMesh | None, scale: float, periodic: 
     element = basix.ufl.element("Lagrange", "tetrahedron", DEGREE, shape=(3,))
     cells: Indices = np.empty((0, NODES), dtype=np.int64)
     points: Floats = np.empty((0, 3))
-    if block is not None and comm.rank == 0:
+    if comm.rank == 0:
+        assert block is not None
         cells, points = block.tets[:, compat.gmsh_to_dolfinx(NODES)], block.points * scale
     joined_cells = cells
     if periodic and (same := on_root(comm, lambda: joined(block))) is not None:

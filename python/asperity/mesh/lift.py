@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from asperity.arrays import Floats, Indices
 from asperity.errors import MeshError
-from asperity.mesh.block import heights_at
+from asperity.mesh.block import NEAR, heights_at
 from asperity.mesh.element import EDGES, ON_EDGES, corner_derivatives
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def lift(
         height is exact (N,) [length].
 
     Raises:
-        MeshError: a valley reaches the base, or no smoothing makes the elements sound
+        MeshError: a valley reaches the base, no smoothing makes the elements sound, or periodic sides do not fit
     """
     mean, gradients = surface.mean(), _vertical_gradients(points, tets)
     size, n = _sizes(points, tets), len(points)
@@ -65,6 +65,12 @@ def lift(
                 "plane: make the block higher or the surface smoother"
             )
         above[moved] = f
+        apart = 0.0 if same is None else float(np.abs(above - above[same]).max())
+        if apart > NEAR * surface.L:
+            raise MeshError(
+                f'block.sides = "periodic": heights at opposite sides of the mesh differ by {apart:.3g}, because the '
+                "surface is not periodic, or a map smoothed for elements larger than its waves: reduce mesh.h_contact"
+            )
         bad = tets[_least_stretch(gradients, np.take(z_of_flat * above / height, tets)) < SOUND]
         if not len(bad):
             return np.column_stack([points[:, :2], z_of_flat * (1.0 + above / height)]), width

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from asperity import reference
+from asperity.mesh.element import BEARING
 from asperity.model.material import Material
 from asperity.quasistatic.solve_contact import ContactResult
 from asperity.surface import Sinusoid
@@ -64,9 +65,9 @@ def westergaard(level: VerificationLevel) -> Iterator[Row]:
 
 
 def _mean_gap(result: ContactResult) -> float:
-    """Mean gap between top and flat, by the midpoint rule of second-order facets [L]."""
+    """Mean gap between top and flat, by the rule of the bearing nodes of the facets [L]."""
     top = result.solver.contact_surface
-    return float(np.sum(top.area[:, None] / 3.0 * result.snapshots[-1].gap[top.nodes[:, 3:]]))
+    return float(np.sum(top.area[:, None] / len(BEARING) * result.snapshots[-1].gap[top.nodes[:, BEARING]]))
 
 
 def _pressure_error(result: ContactResult, theory: reference.Westergaard, mean: float) -> float:
