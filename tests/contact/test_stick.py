@@ -1,4 +1,4 @@
-"""Stick: closed forms of a sphere, energy, history, unloading, order in the load steps, and where it changes nothing."""
+"""Stick: closed forms of a sphere, energy, history, unloading, order in the load steps, no effect where none is due."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def press(surface: Surface, material: Material, block: BlockMesh | None = None, 
 
 
 def bonded_punch(nu: float) -> float:
-    """Normal stiffness of a bonded circular punch over that without friction (Spence, Proc. R. Soc. A 305 (1968) 55)."""
+    """Normal stiffness of a bonded circular punch over that without friction: Spence, Proc. R. Soc. A 305 (1968) 55."""
     return (1.0 - nu) * np.log(3.0 - 4.0 * nu) / (1.0 - 2.0 * nu)
 
 
@@ -137,9 +137,7 @@ def loading(curve: Curve) -> Any:
 
 
 def test_order_in_the_load_steps(rough: Surface, coarse: BlockMesh | None) -> None:
-    found = {
-        n: loading(press(rough, ELASTIC, coarse, delta_max=0.03, steps=6, substeps=n).curve) for n in (1, 4, 16)
-    }
+    found = {n: loading(press(rough, ELASTIC, coarse, delta_max=0.03, steps=6, substeps=n).curve) for n in (1, 4, 16)}
     errors = {n: float(np.sqrt(np.mean((found[n] / found[16] - 1.0) ** 2))) for n in (1, 4)}
     assert errors[1] < 0.01
     assert errors[4] < 0.3 * errors[1]

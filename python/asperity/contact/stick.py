@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from mpi4py import MPI
 
 from asperity.arrays import Floats, Integers
 from asperity.contact.active_set import ActiveSet
