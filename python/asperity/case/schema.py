@@ -273,7 +273,7 @@ class OutputSection(Section):
     fields: Flag = _key("fields/ for ParaView", False)
     report: Flag = _key("report.html", False)
     distributions: Flag = _key("fields/distributions.csv: shares of the patch by pressure and by gap", False)
-    stiffness: Flag = _key("columns k_n to k_t_interface of the curve; the load steps take a third to a half longer", False)
+    stiffness: Flag = _key("columns k_n to k_t_interface of the curve; load steps take a third to a half longer", False)
     conductance: Flag = _key("column conductance of the curve", False)
     snapshots: Whole = _key("load levels kept for pressure maps and distributions", 4, ge=0, le=1000)
     checkpoint: Whole = _key("accepted steps from one checkpoint to the next, 0 for none", 1, ge=0)

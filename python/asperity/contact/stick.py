@@ -34,12 +34,12 @@ class Stick(ActiveSet):
         free = np.ones(3 * solid.owned, dtype=bool)
         free[solid.fixed] = False
         self._free = free.reshape(-1, 3)[self._nodes, :2]
-        self.held = np.full((len(self._nodes), 2), np.nan)
+        self.held: Floats = np.full((len(self._nodes), 2), np.nan)
         self.begin(np.inf)
 
     def begin(self, z: float) -> None:
         super().begin(z)
-        self._at = self.held  # where a node sticks; NaN slips
+        self._at: Floats = self.held  # where a node sticks; NaN slips
         self._stuck = ~np.isnan(self.held[:, 0]) & (z < np.inf)
         self._freed = np.zeros(len(self._nodes), dtype=bool)  # nodes released in this step
         self._additions = 0
