@@ -62,4 +62,3 @@ if __name__ == "__main__":
     print("scene,parts of a step,Newton iterations,rms error %,greatest error %")
     sphere()
     demo("demo elastic nu 0.3", Material(200e9, 0.3))
-    demo("demo plastic", Material(200e9, 0.3, 1e9, 10e9), most=8)
