@@ -310,9 +310,8 @@ class _Job:
         if accurate is not None:
             summary |= accurate.to_dict()
         if other is not None:
-            summary[FRICTION_BOUNDS] = _bounds_of(
-                self.problem, contact.curve if accurate is None else accurate.raw, other
-            )
+            computed = contact.curve if accurate is None else accurate.raw
+            summary[FRICTION_BOUNDS] = _bounds_of(self.problem, computed, other)
         doubts = "; ".join(contact.checks.violated.values())
         if doubts and not isinstance(failure, Interrupted):
             failure = CheckError(f"the result is wrong, do not use it: {doubts}")

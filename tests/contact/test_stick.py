@@ -1,4 +1,4 @@
-"""Stick: closed forms of a sphere, energy, history, unloading, order in the load steps, where it changes nothing."""
+"""Stick: closed forms of a sphere, energy, history, unloading, order in the load steps, no effect where none is due."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def press(surface: Surface, material: Material, block: BlockMesh | None = None, 
 
 
 def bonded_punch(nu: float) -> float:
-    """Normal stiffness of a bonded circular punch over the frictionless one (Spence, Proc. R. Soc. A 305 (1968) 55)."""
+    """Normal stiffness of a bonded circular punch over that without friction: Spence, Proc. R. Soc. A 305 (1968) 55."""
     return (1.0 - nu) * np.log(3.0 - 4.0 * nu) / (1.0 - 2.0 * nu)
 
 

@@ -17,7 +17,7 @@ from asperity.output.summary import stiffness_per_area
 from asperity.quasistatic.conductance import Conductance
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.solve_contact import make_contact_solver, solve_contact
-from asperity.quasistatic.stiffness import stiffness_of
+from asperity.quasistatic.stiffness import stiffness_of, without_block
 from asperity.surface import Flat, Sphere, Surface
 
 NU = 0.3
@@ -103,6 +103,9 @@ def test_tangents_are_slopes_of_the_force(
     assert solver.step(delta - move).converged
     assert found["k_n_elastic"] == pytest.approx((force - solver.force) / move, rel=2e-3)
     assert found["k_n"] < 0.8 * found["k_n_elastic"]
+    height = solver.contact_surface.mean(solver.solid.points[:, 2])
+    interface = without_block(found["k_n_elastic"], PLASTIC.confined_modulus / height)
+    assert found["k_n_interface"] == pytest.approx(interface, rel=1e-12)
 
 
 @pytest.mark.parametrize("material", [ELASTIC, PLASTIC], ids=["elastic", "plastic"])

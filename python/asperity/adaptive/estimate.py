@@ -199,7 +199,7 @@ def _plan(case: Case) -> Iterator[tuple[float, int]]:
     if sizes[-1] > finest:  # the waves that the last mesh leaves out take a finer one
         sizes.append(max(finest, sizes[-1] / SMALLEST_RATIO))
     for k, h in enumerate(sizes):
-        if k == 1 and (plastic or sticks):  # the second mesh measures the error of the steps, with two parts or more
+        if k == 1 and (plastic or sticks):  # which measures the error of the steps, in two parts at the least
             yield from ((h * L, steps(2**n)) for n in range(max(int(log2(substeps)), 1) + 1))
         else:
             yield h * L, steps(substeps if k else 1)

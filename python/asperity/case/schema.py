@@ -295,7 +295,7 @@ class OutputSection(Section):
     fields: Flag = _key("fields/ for ParaView", False)
     report: Flag = _key("report.html", False)
     distributions: Flag = _key("fields/distributions.csv: shares of the patch by pressure and by gap", False)
-    stiffness: Flag = _key("columns k_n to k_t_interface of the curve; the load steps take half as long again", False)
+    stiffness: Flag = _key("columns k_n to k_t_interface of the curve; load steps take a third to a half longer", False)
     conductance: Flag = _key("column conductance of the curve", False)
     small_strain: Flag = _key("what small strain changes in the force; always with finite or auto kinematics", False)
     snapshots: Whole = _key("load levels kept for pressure maps and distributions", 4, ge=0, le=1000)

@@ -39,7 +39,7 @@ class Stick(ActiveSet):
 
     def begin(self, z: float) -> None:
         super().begin(z)
-        self._at = self.held  # where a node sticks; NaN slips
+        self._at: Floats = self.held  # where a node sticks; NaN slips
         self._stuck = ~np.isnan(self.held[:, 0]) & (z < np.inf)
         self._freed = np.zeros(len(self._nodes), dtype=bool)  # nodes released in this step
         self._additions = 0

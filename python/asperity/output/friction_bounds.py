@@ -26,9 +26,10 @@ def friction_bounds(free: Curve, stuck: Curve) -> dict[str, Any]:
         greatest load
 
     Examples:
-        >>> rows = [{"delta": d, "force": d, "area_fraction": 0.1} for d in (1.0, 2.0, 3.0)]
-        >>> free = asp.Curve.from_rows(rows)
-        >>> stuck = asp.Curve.from_rows([{**row, "force": 1.02 * row["force"]} for row in rows])
+        >>> free, stuck = (
+        ...     asp.Curve.from_rows([{"delta": d, "force": k * d, "area_fraction": 0.1} for d in (1.0, 2.0, 3.0)])
+        ...     for k in (1.0, 1.02)
+        ... )
         >>> found = friction_bounds(free, stuck)
         >>> print(bounds_line(found))
         from no friction to stick, at the greatest load: force +2.0 %, area +0.0 %, stiffness +2.0 %

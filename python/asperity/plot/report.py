@@ -50,9 +50,8 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
     results = Results.read(folder)
     summary = dict(results.summary) | ({} if finished is None else {"finished": finished})
     if bounds := summary.pop("friction_bounds", None):
-        summary["difference of stick from no friction"] = {
-            "at the greatest load": bounds_line(bounds).partition(": ")[2]
-        }
+        at_greatest_load = bounds_line(bounds).partition(": ")[2]
+        summary["difference of stick from no friction"] = {"at the greatest load": at_greatest_load}
     warnings = [*_missed_tolerance(summary), *summary.pop("warnings", [])]
     summary.pop("dynamics", None)  # as in thresholds.json
     assumptions = [_assumption(record) for record in summary.pop("assumptions", [])]
