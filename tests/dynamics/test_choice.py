@@ -147,7 +147,7 @@ def test_small_motion_over_the_kink_is_integrated_on_both_sides() -> None:
     """Just below the greatest force: the potential is the integral of the force, and the force for sweeps the law."""
     law, load = law_from(contact(), load=0.999 * C)
     r = asp.ContactOscillator(law, load=load).restoring
-    kink = r.law.yields_at / r.z_s - 1.0  # type: ignore[attr-defined]
+    kink = r.law.yields_at / r.z_s - 1.0
     assert 0 < kink < 1e-2
     for u in (0.5 * kink, 2 * kink, 0.03, kink + 0.06, 0.4):
         pieces = np.concatenate([np.linspace(0.0, min(u, kink), 4001), np.linspace(min(u, kink), u, 40001)])
