@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """What the accuracy of the force costs on the demo surface: element size, load steps, tolerance.
 
     python3 benchmarks/accuracy.py mesh          order in the element size, elastic, 10 steps to 0.03 L

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Draw docs/pictures/architecture.png: the packages of asperity in their order, with arrows from the imports.
 
 Run: python3 benchmarks/architecture.py [FILE]. Order and imports are those of tests/test_architecture.py. An arrow that

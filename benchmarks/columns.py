@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Error bars of mean gap, stiffnesses and conductance against runs of a tolerance five times smaller.
 
     python3 benchmarks/columns.py

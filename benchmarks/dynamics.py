@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Work and precision of the frequency response: this package, pyHarm-os, and solve_ivp sweeps.
 
     python3 benchmarks/dynamics.py [--figure work_precision.png] [--points 81]

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Which element carries contact: error of the force against dofs and CPU time, tetrahedra and hexahedra.
 
     ./run python3 benchmarks/elements.py [hertz] [elastic] [plastic]

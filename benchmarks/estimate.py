@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Measure the cost of a degree of freedom:  python3 benchmarks/estimate.py
 
 Runs the surface of the demo on a row of meshes, each in a process of its own, and prints the table of

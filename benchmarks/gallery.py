@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """The pictures of the documentation:  python3 benchmarks/gallery.py out/gallery
 
 Runs what the pictures show where it is not there yet, and writes docs/pictures/*.png, made small.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Rough contact on structured hexahedra, for comparison with the program's tetrahedra (elements.py).
 
 Eight nodes with full integration (Q1), with the volumetric part at one point (Q1 SRI, for J2 the same as B-bar on

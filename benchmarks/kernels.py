@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """What the compiled kernels buy: internal force and tangent against FFCx's code of the UFL twin.
 
     ./run python3 benchmarks/kernels.py

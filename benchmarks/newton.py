@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """What the Newton solvers of the comparison programs share (hexahedra.py, sphere.py)."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Run the paper's studies and write docs/paper.md, its figures and its tables.
 
     ./run mpirun -n 2 python3 benchmarks/paper.py out/paper

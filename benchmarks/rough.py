@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Error against error bar of tolerance runs on self-affine surfaces.
 
     python3 benchmarks/rough.py [elastic] [plastic]

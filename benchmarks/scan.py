@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """A rough height map at full resolution, pressed to one per cent of contact area: time, memory, dofs, error bar.
 
     mpirun -n 2 python3 benchmarks/scan.py [1024] [elastic | plastic]

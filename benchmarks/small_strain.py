@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """What small strain costs, and how well a coarse mesh shows it.
 
     python3 benchmarks/small_strain.py mesh      greatest difference of the force by the size of the coarse mesh

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Axisymmetric solution of the flattened sphere with hardening: the table in `asperity.reference`.
 
     ./run python3 benchmarks/sphere.py

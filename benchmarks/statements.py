@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """The five statements of the paper's abstract, tested on a finished study of cases/paper."""
 
 from __future__ import annotations

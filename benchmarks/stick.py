@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Error of stick in the load steps: a sphere against the closed form, the demo surface against its finest steps.
 
 ./run python3 benchmarks/stick.py > benchmarks/stick.csv

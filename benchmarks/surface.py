@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Print the CPU time and memory of surface evaluation as a Markdown table."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Where the one-degree model of a mass on a contact holds: against the full solid in time, docs/transient.md.
 
 The surface of cases/demo.toml on a coarse mesh, elastic and plastic; the law comes from the same mesh, so all

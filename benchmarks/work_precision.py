@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Work against precision: error of the force against CPU time for each choice the program offers.
 
     ./run python3 benchmarks/work_precision.py [-o FOLDER] [hertz] [elastic] [plastic]

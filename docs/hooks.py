@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """What mkdocs takes from elsewhere: README as front page, input reference from the schema, list of tables, formulas."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: The asperity developers
+// SPDX-License-Identifier: LGPL-3.0-or-later
+
 // Kernels over cells: internal force, stiffness, stress, volumes.
 #pragma once
 

@@ -1,3 +1,6 @@
+// SPDX-FileCopyrightText: The asperity developers
+// SPDX-License-Identifier: LGPL-3.0-or-later
+
 // Element size around the contact, which gmsh asks for point by point; see asperity/mesh/size_field.py, whose readable
 // twin gives the same bits.
 #pragma once

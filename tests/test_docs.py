@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """The documentation: its Python runs, its commands and case files are legal, and it knows every error message."""
 
 from __future__ import annotations

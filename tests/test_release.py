@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """What a release consists of: one version, its citation, recipes of environments, sdist and wheel."""
 
 from __future__ import annotations
@@ -105,3 +108,9 @@ def test_sdist_and_wheel_are_built_and_work(tmp_path: Path) -> None:
     assert asperity.__version__ in call(tmp_path / "venv/bin/asperity", "--version")
     verified = call(tmp_path / "venv/bin/asperity", "verify", "patch")
     assert "patch" in verified
+
+
+@in_a_clone
+def test_every_source_file_names_its_licence() -> None:
+    done = subprocess.run([sys.executable, ROOT / ".ci/headers", "--check"], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr

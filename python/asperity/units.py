@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Numbers with SI prefixes, for tables and the axes of figures."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """What coarse meshes leave out of a rough surface, and tolerance runs of surfaces that no mesh of theirs resolves."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Completeness of the orbits of a response, checked independently, and dense rows between its points."""
 
 from __future__ import annotations

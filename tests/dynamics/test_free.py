@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Free vibration: closed forms, published values, direct integration, grazing, refusals."""
 
 from __future__ import annotations

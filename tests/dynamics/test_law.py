@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Static laws: closed forms, derivatives against differences, tables with noise, refusals."""
 
 from __future__ import annotations

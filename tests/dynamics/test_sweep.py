@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Time integration, sweeps, attractors, thresholds and result files."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Material points, both kernels: closed forms, rate equations, each other, and tangents by differences."""
 
 from __future__ import annotations

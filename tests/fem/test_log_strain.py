@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Finite strain: closed forms in Hencky strain, objectivity, twin kernels, tangent, Newton's order, whole solver."""
 
 from __future__ import annotations

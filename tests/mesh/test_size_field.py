@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Element sizes around the contact: the compiled field against its readable twin."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """The bracket of friction: `run(..., bounds=True)`, its section in the summary and its line."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Run-time checks: silent on correct runs, loud on each kind of wrong one."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """The load path: roll-back, cutback, must-points, unloading, force control, cycles, predictor, memory."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Reference solutions against independent identities, textbook values and each other."""
 
 from __future__ import annotations

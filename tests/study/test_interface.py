@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """The interface without its block: stiffness of the flat block, and conditions that make the interface void."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Height maps of instruments, their fractal equivalent, and two rough bodies replaced by one."""
 
 from __future__ import annotations

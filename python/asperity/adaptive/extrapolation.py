@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Force, area, gap and stiffness of the limit of two meshes, with the parts of their error bars.
 
 The force on a mesh is extrapolated from a coarser one (`mesh_plan.extrapolate_mesh`), and so are gap and stiffness.

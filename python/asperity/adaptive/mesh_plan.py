@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """The next mesh, and the limit of the force estimated from two meshes or from two sizes of load steps.
 
 The meshes of a family differ by one number, the element size in the contact. The force differs from the limit by

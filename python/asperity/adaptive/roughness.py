@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """What a mesh leaves out of a rough surface: its top against the whole surface, both pressed as half-spaces.
 
 Elements larger than the shortest waves see these waves at their nodes only, and the spots under the flat are too large.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Accuracy as an input: meshes and load steps refined until the force has the requested error bar.
 
 A coarse mesh shows where the surface is touched, which guides the finer meshes. The first of these measures the error

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Checks of a case that need more than one key, or the surface built from it."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """`asperity check`: what a run of a case would refuse or warn of, and what it would take."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Contact spots: connected patches of the contact surface that the flat touches."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Setting of a forced result, and the legal frequencies and forcings."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """What the uncertainty of the static law does to the vibration: error bar of the force, spread of the laws."""
 
 from __future__ import annotations

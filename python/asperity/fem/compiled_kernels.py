@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Compiled element kernels: one pass over the cells for stress, tangent and history (solver/)."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Gather and scatter fields in a rank-independent numbering: that of the mesh as built."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Interface of the element kernels, compiled or as UFL forms, and the history that they own."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Finite strain in logarithmic strain space, in UFL: the readable twin of solver/log_strain.hpp.
 
 Miehe, Apel & Lambrecht, Comput. Methods Appl. Mech. Engrg. 191 (2002) 3383: the law of small strain receives the Hencky

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Element kernels as UFL forms: the readable twin of the compiled kernels, differentiated automatically."""
 
 from __future__ import annotations

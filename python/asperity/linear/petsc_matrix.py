@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Assembled tangent: the sum of the parts of all ranks as a PETSc matrix, and its rigid-body modes."""
 
 from __future__ import annotations

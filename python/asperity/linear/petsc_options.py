@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Options of PETSc that several solvers share, and defaults for options that the user did not set."""
 
 from __future__ import annotations

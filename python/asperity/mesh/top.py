@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Heights of the top of a mesh on a regular grid, and their mean."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Bracket of friction: force, area and stiffness without friction and with stick, along the first loading."""
 
 from __future__ import annotations

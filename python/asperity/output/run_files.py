@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Input, curve and summary of a run, written as it proceeds."""
 
 from __future__ import annotations

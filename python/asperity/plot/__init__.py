@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Figures of a run, from the files in its folder; most functions return a matplotlib Figure."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Figures of load over approach with its power law, and of plasticity."""
 
 from __future__ import annotations

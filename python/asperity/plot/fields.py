@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Figures of geometry and contact: surface, section of the mesh, pressure, contact area."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Figures of an oscillator: operating point, backbone, phase portrait and time history, stability chart.
 
 Each function returns a matplotlib Figure, except `plot_dynamics`, which writes all figures. Figures of damped motion

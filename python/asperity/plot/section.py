@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Section of a tetrahedral mesh by a vertical plane."""
 
 from __future__ import annotations

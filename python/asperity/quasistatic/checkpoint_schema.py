@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Types, shapes and consistency of the numbers and arrays of a saved state; each check names the first fault."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """State of a contact solver as plain arrays and numbers: gathered for a checkpoint, checked and restored from one.
 
 Arrays are on rank 0, in the numbering of the mesh as built, so the number of ranks may differ between the two.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Measurements after a step: row of the curve, fields for figures, map of first contact."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """From a surface and a material to the force-approach curve: mesh, solid, contact, load path in one call."""
 
 from __future__ import annotations

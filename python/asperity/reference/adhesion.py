@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Adhesion that a contact without adhesion leaves out: Tabor's parameter, pull-off of a sphere, stickiness."""
 
 from __future__ import annotations

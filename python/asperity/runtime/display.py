@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Objects in one line for a prompt, and as a table for a notebook."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """The ranks of a job: how many there is room for, and their start by mpirun, with signals and exit code handed through.
 
 Only variables of the environment tell mpirun what to do, because the options of Open MPI and MPICH differ.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Packages that only some functions need, imported where they are used."""
 
 from __future__ import annotations

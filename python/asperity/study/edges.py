@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Omit cases of a study whose first contact is on an edge of the patch, or replace their seeds."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Run the cases of a study: groups of ranks pull them from a queue, meshes are shared, failures are recorded."""
 
 from __future__ import annotations

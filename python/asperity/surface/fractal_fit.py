@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """The Weierstrass-Mandelbrot equivalent of a measured patch: D and G with their uncertainty.
 
 The spectrum of the patch is summed in bands, one per frequency index of the function, and compared with the spectra

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """The self-affine equivalent of a spectrum: Hurst exponent and roll-off, and heights and slopes over a cut-off."""
 
 from __future__ import annotations

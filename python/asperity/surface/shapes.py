@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Surfaces with a textbook contact solution: sphere, sinusoid, flat."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Roughness parameters, bearing curve and power spectra of a sampled surface."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Which law of a curve is the spring of a vibration, and which others stand next to it."""
 
 from __future__ import annotations

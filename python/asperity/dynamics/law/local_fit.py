@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Local polynomial fit of ln F against ln z: the derivatives of a table, with their confidence intervals."""
 
 from __future__ import annotations

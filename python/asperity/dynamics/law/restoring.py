@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Normal form of a law about a preload: the restoring force of the equations of motion."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Laws from computed or measured points: loading curves and unload-reload branches.
 
 Values come from a shape-preserving cubic through the points in (ln z, ln F), where every power law is a

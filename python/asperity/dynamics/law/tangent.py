@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Law of a contact whose stiffness is known at some forces."""
 
 from __future__ import annotations

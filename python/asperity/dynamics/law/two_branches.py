@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Law of a contact that has yielded: reversible up to the greatest force it has met, yielding above."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Free flight of the mass under gravity, forcing and, for some damping models, linear damping, in closed form."""
 
 from __future__ import annotations

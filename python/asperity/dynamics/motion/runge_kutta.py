@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """One forcing period of many oscillators in parallel.
 
 Runge-Kutta method of order 4 with fixed steps in Lienard's variable (see `asperity.dynamics.law.damping`), one lane

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Shooting: periodic orbits by Newton's method on the event-accurate flow."""
 
 from __future__ import annotations

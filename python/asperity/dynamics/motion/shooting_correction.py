@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Correction of harmonic-balance orbits by shooting, and the reverse."""
 
 from __future__ import annotations

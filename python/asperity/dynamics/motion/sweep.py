@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Time integration of many oscillators in parallel: frequency sweeps and attractors.
 
 Each forcing, direction or initial state is a lane, integrated period by period

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Event-accurate time integration.
 
 Contact is integrated by an explicit Runge-Kutta method of order 8 (DOP853) up to the instant of separation, flight

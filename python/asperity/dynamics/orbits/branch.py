@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Branches of periodic orbits with their extremes, stability and events."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Branch switching: period-2 branches and detached loops, each traced once."""
 
 from __future__ import annotations

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """All orbits of a path at one value of the parameter.
 
 Between two points the branch is approximated by the cubic through both and their tangents. Where the cubic turns

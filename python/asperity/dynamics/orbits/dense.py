@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Dense rows along a branch, for files and figures.
 
 Between two points the orbits follow the cubic through coefficients and tangents, the predictor of the continuation.

@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Initial orbits of branches: from rest and from the backbone, at the ends of a window of frequencies."""
 
 from __future__ import annotations

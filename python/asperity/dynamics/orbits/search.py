@@ -1,3 +1,6 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
 """Search for orbits that are on no branch, from rest and other initial states at a few frequencies.
 
 Where the forcing is strong and the damping light, superharmonic resonances cut the branch from rest into pieces
