@@ -27,6 +27,7 @@ ORDER = (
     ("quasistatic",),
     ("adaptive", "transient", "output"),
     ("plot", "verification"),
+    ("run_outputs",),
     ("run_case",),
     ("study",),
     ("cli",),

@@ -12,13 +12,11 @@ from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import (
-    AsperityWarning,
     AssumptionWarning,
     CaseWarning,
     CheckError,
@@ -34,13 +32,13 @@ from asperity.model.settings import AccuracyTarget, wrong_friction
 from asperity.output.assumptions import DOUBTFUL, Evidence, ledger
 from asperity.output.run_files import RunFiles
 from asperity.power_law import PowerLawFit
+from asperity.run_outputs import write_outputs
 from asperity.runtime import run_folder
 from asperity.runtime.display import brief, html_table
-from asperity.runtime.files import files_into
 from asperity.runtime.notices import Notices, noting
 from asperity.runtime.parallel import agree, on_root_bcast
 from asperity.runtime.progress import Progress, log_file
-from asperity.runtime.run_folder import CHECKPOINT, DISTRIBUTIONS, FIELDS, LOG, VTKHDF
+from asperity.runtime.run_folder import CHECKPOINT, LOG
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -53,7 +51,6 @@ if TYPE_CHECKING:
 
 
 FRICTION_BOUNDS = "friction_bounds"  # section of summary.json
-PARTS_OF_STICK = 2  # of a load step of an elastic solid, for the bounds
 
 
 @dataclass(frozen=True)
@@ -278,6 +275,8 @@ class _Job:
             begin: called once there is a mesh, before the first file is written: a case whose surface cannot be meshed
                 leaves the folder as it is
         """
+        from asperity.adaptive.other_friction import solve_other_friction
+        from asperity.output.friction_bounds import friction_bounds
         from asperity.output.summary import summarise
         from asperity.quasistatic.solve_contact import PartialResult
         from asperity.runtime.interrupt import StopRequest
@@ -296,7 +295,8 @@ class _Job:
                     contact = replace(accurate.contact, curve=accurate.curve, reason=accurate.reason)
                     failure = None if accurate.met else ConvergenceError(accurate.reason)
                 if self.bounds and failure is None:
-                    other, failure = _other_friction(self, hooks, contact, accurate)
+                    shown = replace(hooks, on_step=lambda rows, fraction: self.progress.step(rows[-1], fraction))
+                    other, failure = solve_other_friction(problem, contact, accurate, comm, shown)
             except PartialResult as e:
                 stopped = isinstance(e.__cause__, Interrupted)
                 failure = Interrupted(str(e)) if stopped else ConvergenceError(str(e))
@@ -314,12 +314,16 @@ class _Job:
             summary |= accurate.to_dict()
         if other is not None:
             computed = contact.curve if accurate is None else accurate.raw
-            summary[FRICTION_BOUNDS] = _bounds_of(self.problem, computed, other)
+            sticks = problem.formulation.sticks
+            summary[FRICTION_BOUNDS] = friction_bounds(*((other, computed) if sticks else (computed, other)))
         doubts = "; ".join(contact.checks.violated.values())
         if doubts and not isinstance(failure, Interrupted):
             failure = CheckError(f"the result is wrong, do not use it: {doubts}")
             summary["exit_reason"] = str(failure)
-        lines = on_root_bcast(comm, partial(ledger, _evidence(case, problem, contact, accurate, strain)))
+        evidence = _evidence(case, problem, contact, accurate, strain)
+        if bounds := summary.get(FRICTION_BOUNDS):
+            evidence = replace(evidence, friction=bounds["at_greatest_load"]["force"])
+        lines = on_root_bcast(comm, partial(ledger, evidence))
         summary["assumptions"] = [line.to_dict() for line in lines]
         for line in lines:
             if line.verdict == DOUBTFUL and line.warning:
@@ -341,61 +345,12 @@ class _Job:
         complete = accurate is not None and not doubts  # though perhaps not as accurate as requested
         if failure is not None and not complete:
             raise failure
-        result = self._after(RunResult(contact.curve, fit, summary, contact), finished=failure is None)
+        dynamics = write_outputs(case, self.problem.surface, contact, summary, self.folder, writer, self.progress,
+                                 finished=failure is None)  # fmt: skip
+        result = RunResult(contact.curve, fit, summary, contact, dynamics)
         if failure is not None:
             raise failure
         return result
-
-    def _after(self, result: RunResult, finished: bool) -> RunResult:
-        """Write what follows a complete curve: fields, dynamics, figures, report; collective."""
-        from asperity.output.distributions import write_distributions
-        from asperity.output.fields import gather_states, write_figure_data, write_vtkhdf
-
-        case, comm, folder, progress, writer = self.case, self.comm, self.folder, self.progress, self.writer
-        seconds, contact = result.summary["seconds"], result.contact
-        assert contact is not None
-        if contact.snapshots and folder is not None:
-            progress.stage("fields")
-            start = perf_counter()
-            states = gather_states(contact, case.surface.L, case.material.E)
-            block = contact.block
-            if comm.rank == 0 and block is not None:
-                with files_into(folder / FIELDS) as aside:
-                    write_figure_data(aside, block, states)
-                    if case.output.fields:
-                        write_vtkhdf(aside / VTKHDF, block, states)
-                    if case.output.distributions:
-                        write_distributions(aside / DISTRIBUTIONS, block, states)
-            seconds["fields"] = perf_counter() - start
-
-        def serial() -> Any:
-            dynamics = None
-            if case.dynamics is not None:
-                progress.stage("dynamics")
-                start = perf_counter()
-                dynamics = _dynamics(case, result.curve, folder)
-                found = dynamics.to_dict()
-                result.summary["dynamics"] = {name: found[name] for name in ("law", "load", "numbers", "laws", "notes")}
-                seconds["dynamics"] = perf_counter() - start
-            writer.summary(result.summary)
-            if folder is not None and (case.output.figures or case.output.report):
-                progress.stage("figures")
-                start = perf_counter()
-                from asperity.plot import plot_run
-
-                plot_run(folder, self.problem.surface)
-                seconds["figures"] = perf_counter() - start
-                writer.summary(result.summary)
-            if folder is not None and case.output.report:
-                from asperity.plot.report import write_report
-
-                write_report(folder, finished)
-            result.summary["finished"] = finished  # not before all is there: a finished run is not continued
-            writer.summary(result.summary)
-            return dynamics
-
-        # the others wait, for a process that ends with an error would end all
-        return replace(result, dynamics=on_root_bcast(comm, serial))
 
 
 def _no_fields(case: Case) -> str:
@@ -511,63 +466,3 @@ def _solve_to_tolerance(job: _Job, problem: Problem, hooks: Hooks) -> AccurateRe
     return refine(
         problem, target, job.comm, hooks, lambda curve: on_root_bcast(job.comm, lambda: job.writer.curve(curve))
     )
-
-
-def _other_friction(
-    job: _Job, hooks: Hooks, contact: ContactResult, accurate: AccurateResult | None
-) -> tuple[Curve | None, ConvergenceError | None]:
-    """Curve of the problem with the other friction on the mesh of a result, or what stopped it; collective.
-
-    Without plastic flow the load steps matter to stick alone, which has them in parts.
-    """
-    from asperity.adaptive.mesh_plan import planned_steps
-    from asperity.quasistatic.solve_contact import PartialResult, solve_problem
-
-    problem, path = job.problem, job.problem.load_path
-    if accurate is not None:
-        path = replace(path, steps=planned_steps(path.steps), substeps=accurate.levels[-1].substeps)
-    friction = "none" if problem.formulation.sticks else "stick"
-    if friction == "stick" and not problem.material.plastic:
-        path = replace(path, substeps=max(path.substeps, PARTS_OF_STICK))
-    path = replace(path, unload_steps=0, cycles=1)
-    other = replace(problem, load_path=path, formulation=replace(problem.formulation, friction=friction))
-    name = f"friction {friction}"
-    again = replace(
-        hooks,
-        on_stage=lambda stage: hooks.stage(f"{name}: {stage}"),
-        on_step=lambda rows, fraction: job.progress.step(rows[-1], fraction),
-        checkpoint=None if hooks.checkpoint is None else hooks.checkpoint.part(f"friction-{friction}"),
-        on_ready=None, snapshots=0, stiffness=False, conductance=False,
-    )  # fmt: skip
-    try:
-        return solve_problem(other, block=contact.block, comm=job.comm, hooks=again).curve, None
-    except (PartialResult, Interrupted) as e:
-        kind = Interrupted if isinstance(e.__cause__ or e, Interrupted) else ConvergenceError
-        return None, kind(f"{name}: {e}")
-
-
-def _bounds_of(problem: Problem, curve: Curve, other: Curve) -> dict[str, Any]:
-    """Section of the summary, from the curve of a problem and that with the other friction."""
-    from asperity.output.friction_bounds import friction_bounds
-
-    return friction_bounds(other, curve) if problem.formulation.sticks else friction_bounds(curve, other)
-
-
-def _dynamics(case: Case, curve: Curve, folder: str | Path | None) -> Any:
-    """Vibration on the curve of a case."""
-    from asperity.dynamics import Joint, run_dynamics
-    from asperity.dynamics.law.choice import LACK
-
-    assert case.dynamics is not None
-    settings = case.dynamics.model_dump()
-    load, models = settings.pop("preload"), settings.pop("model")
-    joint = None if case.joint is None else Joint(**case.joint.model_dump())
-    if joint is not None and joint.damping is not None:
-        settings["zeta"] = joint.damping
-    result = run_dynamics(
-        curve, load=load, models=models, out_dir=folder, units=case.units, joint=joint,
-        patch_area=case.surface.L**2, **settings,
-    )  # fmt: skip
-    if LACK in result.notes:
-        warnings.warn(LACK, AsperityWarning, stacklevel=2)
-    return result

@@ -63,6 +63,14 @@ def test_a_finished_run_gets_its_bracket_later(tmp_path: Path, capsys: pytest.Ca
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["friction_bounds"] == again
 
 
+def test_the_bracket_is_a_line_of_the_ledger_and_has_the_kinematics_of_the_run() -> None:
+    material = DATA["material"] | {"kinematics": "auto"}
+    summary = run(Case.from_dict(DATA | {"material": material}), bounds=True).summary
+    (line,) = (line for line in summary["assumptions"] if line["name"].startswith("friction"))
+    assert line["value"] == pytest.approx(100.0 * summary["friction_bounds"]["at_greatest_load"]["force"])
+    assert (line["verdict"] == "doubtful") == (line["value"] > line["limit"] == 5.0)
+
+
 def test_a_contact_without_stick_is_refused() -> None:
     with pytest.raises(InputError, match=r'contact\.friction = "stick" holds nodes'):
         run(Case.from_dict(DATA | {"contact": {"method": "penalty"}}), bounds=True)

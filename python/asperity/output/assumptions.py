@@ -109,6 +109,7 @@ class Evidence:
         h: size of the finest elements in the contact [length]; None where unknown
         roughness: greatest part of the bar, over the force, of waves that the finest mesh leaves out; None on one mesh
         small_strain: greatest change of the force by small strain and its limit [per cent]; None where unknown
+        friction: change of the force by stick at the greatest load, over that without friction; None where unknown
 
     Examples:
         >>> from asperity.surface import Flat
@@ -125,6 +126,7 @@ class Evidence:
     h: float | None = None
     roughness: float | None = None
     small_strain: tuple[float, float] | None = None
+    friction: float | None = None
 
     @property
     def plane(self) -> bool:
@@ -200,6 +202,16 @@ def small_strain(run: Evidence) -> Assumption | None:
         warning=f"the {what} reaches {value:.2g}, beyond {SMALL_STRAIN:g}: the solid is computed in small strain, and "
         'approximate where it is strained most; material.kinematics = "finite" has no such limit, "auto" shows what it '
         "changes",
+    )  # fmt: skip
+
+
+def friction(run: Evidence) -> Assumption | None:
+    """What any friction could change, where both bounds were computed."""
+    if run.friction is None:
+        return None
+    return Assumption(
+        "friction: difference of no friction and stick", 100 * abs(run.friction), 100 * (run.tolerance or ONE_MESH),
+        "% of the force", "both were computed (friction_bounds)", "quote both: Coulomb friction lies between them",
     )  # fmt: skip
 
 
@@ -377,6 +389,7 @@ def size_effect(run: Evidence) -> Assumption | None:
 #: Lines in their order; a new one is a function of the evidence.
 LINES: tuple[Callable[[Evidence], Assumption | None], ...] = (
     small_strain,
+    friction,
     resolution,
     facets,
     summit_on_edge,
