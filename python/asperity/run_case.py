@@ -29,7 +29,7 @@ from asperity.errors import (
 from asperity.model.material import AUTO
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget, wrong_friction
-from asperity.output.assumptions import DOUBTFUL, Evidence, ledger
+from asperity.output.assumptions import DOUBTFUL, Assumption, Evidence, ledger
 from asperity.output.run_files import RunFiles
 from asperity.power_law import PowerLawFit
 from asperity.run_outputs import write_outputs
@@ -275,20 +275,53 @@ class _Job:
             begin: called once there is a mesh, before the first file is written: a case whose surface cannot be meshed
                 leaves the folder as it is
         """
+        case, comm, writer = self.case, self.comm, self.writer
+        solved = self._solve(begin)
+        contact, failure = solved.contact, solved.failure
+        fit = contact.curve.fit_or_none()
+        summary = solved.summary(case, fit, comm.size)
+        doubts = "; ".join(contact.checks.violated.values())
+        if doubts and not isinstance(failure, Interrupted):
+            failure = CheckError(f"the result is wrong, do not use it: {doubts}")
+            summary["exit_reason"] = str(failure)
+        lines = on_root_bcast(comm, partial(ledger, solved.evidence(case, summary.get(FRICTION_BOUNDS))))
+        summary["assumptions"] = [line.to_dict() for line in lines]
+        self._warn(lines, solved, summary["unresolved"])
+        self.notices.share()
+        summary["warnings"] = self.notices.texts  # those of what follows join them
+
+        def write() -> None:
+            (writer.steps if solved.accurate is None else writer.curve)(contact.curve)
+            writer.summary(summary)
+
+        on_root_bcast(comm, write)
+        complete = solved.accurate is not None and not doubts  # though perhaps not as accurate as requested
+        if failure is not None and not complete:
+            raise failure
+        dynamics = write_outputs(
+            case, self.problem.surface, contact, summary, self.folder, writer, self.progress, failure is None
+        )
+        if failure is not None:
+            raise failure
+        return RunResult(contact.curve, fit, summary, contact, dynamics)
+
+    def _solve(self, begin: Callable[[], None]) -> _Solved:
+        """The static part; collective.
+
+        Raises:
+            OutputError: a file cannot be written
+        """
         from asperity.adaptive.other_friction import solve_other_friction
-        from asperity.output.friction_bounds import friction_bounds
-        from asperity.output.summary import summarise
         from asperity.quasistatic.solve_contact import PartialResult
         from asperity.runtime.interrupt import StopRequest
 
-        case, comm, writer = self.case, self.comm, self.writer
         failure: ConvergenceError | None = None
         accurate = other = None
-        with nullcontext() if self.folder is None else StopRequest(comm) as request:
+        with nullcontext() if self.folder is None else StopRequest(self.comm) as request:
             hooks = _hooks(self, begin, None if request is None else request.agreed)
             problem, strain = _with_kinematics(self, hooks)
             try:
-                if case.accuracy.tolerance is None:
+                if self.case.accuracy.tolerance is None:
                     contact = _solve(self, problem, hooks)
                 else:
                     accurate = _solve_to_tolerance(self, problem, hooks)
@@ -296,61 +329,84 @@ class _Job:
                     failure = None if accurate.met else ConvergenceError(accurate.reason)
                 if self.bounds and failure is None:
                     shown = replace(hooks, on_step=lambda rows, fraction: self.progress.step(rows[-1], fraction))
-                    other, failure = solve_other_friction(problem, contact, accurate, comm, shown)
+                    other, failure = solve_other_friction(problem, contact, accurate, self.comm, shown)
             except PartialResult as e:
                 stopped = isinstance(e.__cause__, Interrupted)
                 failure = Interrupted(str(e)) if stopped else ConvergenceError(str(e))
                 contact = e.result
             except OutputError as e:
-                hint = "; --resume continues from the last step saved" if case.output.checkpoint else ""
+                hint = "; --resume continues from the last step saved" if self.case.output.checkpoint else ""
                 raise OutputError(f"{e}{hint}") from None
-        fit = contact.curve.fit_or_none()
-        summary = summarise(case, contact, fit, comm.size)
-        summary["model"] = {
-            "kinematics": problem.material.kinematics,
-            "small_strain": None if strain is None else strain.to_dict(),
-        }
-        if accurate is not None:
-            summary |= accurate.to_dict()
-        if other is not None:
-            computed = contact.curve if accurate is None else accurate.raw
-            sticks = problem.formulation.sticks
-            summary[FRICTION_BOUNDS] = friction_bounds(*((other, computed) if sticks else (computed, other)))
-        doubts = "; ".join(contact.checks.violated.values())
-        if doubts and not isinstance(failure, Interrupted):
-            failure = CheckError(f"the result is wrong, do not use it: {doubts}")
-            summary["exit_reason"] = str(failure)
-        evidence = _evidence(case, problem, contact, accurate, strain)
-        if bounds := summary.get(FRICTION_BOUNDS):
-            evidence = replace(evidence, friction=bounds["at_greatest_load"]["force"])
-        lines = on_root_bcast(comm, partial(ledger, evidence))
-        summary["assumptions"] = [line.to_dict() for line in lines]
+        return _Solved(problem, contact, accurate, other, strain, failure)
+
+    def _warn(self, lines: Sequence[Assumption], solved: _Solved, unresolved: str) -> None:
+        """Warn of what is doubtful in the result, and put the rest into the log."""
         for line in lines:
             if line.verdict == DOUBTFUL and line.warning:
-                warnings.warn(line.warning, AssumptionWarning, stacklevel=3)
+                warnings.warn(line.warning, AssumptionWarning, stacklevel=4)
             elif line.verdict == DOUBTFUL:
                 logging.getLogger(__name__).info("doubtful: %s", line.describe())
-        if case.output.fields and self.folder is not None and contact.complete and not contact.snapshots:
-            warnings.warn(_no_fields(case), CaseWarning, stacklevel=3)
-        if summary["unresolved"] and accurate is None and not isinstance(failure, Interrupted):
-            warnings.warn(f"{summary['unresolved']}; make mesh.h_contact smaller", ResolutionWarning, stacklevel=3)
-        self.notices.share()
-        summary["warnings"] = self.notices.texts  # those of what follows join them
+        contact = solved.contact
+        if self.case.output.fields and self.folder is not None and contact.complete and not contact.snapshots:
+            warnings.warn(_no_fields(self.case), CaseWarning, stacklevel=4)
+        if unresolved and solved.accurate is None and not isinstance(solved.failure, Interrupted):
+            warnings.warn(f"{unresolved}; make mesh.h_contact smaller", ResolutionWarning, stacklevel=4)
 
-        def write() -> None:
-            (writer.steps if accurate is None else writer.curve)(contact.curve)
-            writer.summary(summary)
 
-        on_root_bcast(comm, write)
-        complete = accurate is not None and not doubts  # though perhaps not as accurate as requested
-        if failure is not None and not complete:
-            raise failure
-        dynamics = write_outputs(case, self.problem.surface, contact, summary, self.folder, writer, self.progress,
-                                 finished=failure is None)  # fmt: skip
-        result = RunResult(contact.curve, fit, summary, contact, dynamics)
-        if failure is not None:
-            raise failure
-        return result
+@dataclass(frozen=True)
+class _Solved:
+    """The static part of a case.
+
+    Attributes:
+        problem: that was solved, with the kinematics of the run
+        contact: its result
+        accurate: the same of a run with a tolerance
+        other: curve with the other friction, when requested
+        strain: what small strain changes, where known
+        failure: what stopped the run
+    """
+
+    problem: Problem
+    contact: ContactResult
+    accurate: AccurateResult | None
+    other: Curve | None
+    strain: SmallStrain | None
+    failure: ConvergenceError | None
+
+    def summary(self, case: Case, fit: PowerLawFit | None, ranks: int) -> dict[str, Any]:
+        """Contents of summary.json that are known so far."""
+        from asperity.output.friction_bounds import friction_bounds
+        from asperity.output.summary import summarise
+
+        found = summarise(case, self.contact, fit, ranks)
+        strain = None if self.strain is None else self.strain.to_dict()
+        found["model"] = {"kinematics": self.problem.material.kinematics, "small_strain": strain}
+        if self.accurate is not None:
+            found |= self.accurate.to_dict()
+        if self.other is not None:
+            computed = self.contact.curve if self.accurate is None else self.accurate.raw
+            sticks = self.problem.formulation.sticks
+            found[FRICTION_BOUNDS] = friction_bounds(*((self.other, computed) if sticks else (computed, self.other)))
+        return found
+
+    def evidence(self, case: Case, bounds: Mapping[str, Any] | None) -> Evidence:
+        """What the ledger of the run is made of.
+
+        Args:
+            case: the input
+            bounds: section friction_bounds of the summary, if there is one
+        """
+        accurate, tolerance = self.accurate, case.accuracy.tolerance
+        h = roughness = None
+        if accurate is not None:
+            h, roughness = accurate.levels[-1].h, accurate.roughness_share()
+        elif case.mesh.file is None and tolerance is None:  # a run with a tolerance may have no bar
+            h = case.mesh.h_contact
+        change = None
+        if self.strain is not None and self.strain.greatest is not None:
+            change = self.strain.greatest, self.strain.limit
+        friction = bounds["at_greatest_load"]["force"] if bounds else None
+        return Evidence(self.contact.curve, self.problem, case.units == "SI", tolerance, h, roughness, change, friction)
 
 
 def _no_fields(case: Case) -> str:
@@ -411,22 +467,6 @@ def _with_kinematics(job: _Job, hooks: Hooks) -> tuple[Problem, SmallStrain | No
     if material.kinematics == AUTO:
         on_root_bcast(job.comm, partial(job.writer.note, f'kinematics = "auto" took "{problem.material.kinematics}"'))
     return problem, found
-
-
-def _evidence(
-    case: Case, problem: Problem, contact: ContactResult, accurate: AccurateResult | None, strain: SmallStrain | None
-) -> Evidence:
-    """What the ledger of a run is made of."""
-    h = case.mesh.h_contact if case.mesh.file is None else None
-    change = None
-    if strain is not None and strain.greatest is not None:
-        change = strain.greatest, strain.limit
-    curve, tolerance = contact.curve, case.accuracy.tolerance
-    if accurate is None:
-        h = h if tolerance is None else None  # a run with a tolerance that has no bar
-        return Evidence(curve, problem, case.units == "SI", tolerance, h, small_strain=change)
-    part = accurate.roughness_share()
-    return Evidence(curve, problem, case.units == "SI", tolerance, accurate.levels[-1].h, part, change)
 
 
 def _solve(job: _Job, problem: Problem, hooks: Hooks) -> ContactResult:

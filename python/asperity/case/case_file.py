@@ -188,7 +188,7 @@ def read_bytes(path: Path, what: str) -> bytes:
         return path.read_bytes()
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"{what}: cannot read {show(str(path))}: {reason}") from None
+        raise InputError(f"{what}: cannot read {json.dumps(str(path))}: {reason}") from None
 
 
 def _read_toml(path: Path) -> dict[str, Any]:

@@ -63,10 +63,11 @@ def patch(level: VerificationLevel) -> Iterator[Row]:
 def material_point(level: VerificationLevel) -> Iterator[Row]:
     """Bilinear hardening along uniform stress histories of a flat block, loaded and unloaded twice."""
     E, nu, Y = 1.0, 0.3, 0.005
-    schedule = Schedule(delta_max=0.03, steps=6, unload_steps=4, cycles=2)
+    path = {"delta_max": 0.03, "steps": 6, "unload_steps": 4, "cycles": 2}
+    schedule = Schedule(**path)
     for tangent in (0.0, 0.1):
         material = Material(E, nu, Y, tangent)
-        result = solve_on_one_rank(Flat(L=1.0), material, size=SIZE, **vars(schedule) | {"force_max": None})
+        result = solve_on_one_rank(Flat(L=1.0), material, size=SIZE, **path)
         confined, _, flow = reference.confined_stress(result.curve.delta_star, E, nu, Y, tangent)
         stress = result.curve.P_star * material.reduced_modulus
         histories = {"confined": (stress, confined)}
