@@ -91,6 +91,13 @@ def test_small_strain_is_chosen_below_the_limit(tolerance: float | None, delta: 
     assert kinematics == ["small", "finite"]
 
 
+def test_the_coarse_mesh_has_the_sides_of_the_block() -> None:
+    rough = Surface.from_spec("self-affine", L=1.0, H=0.8, rms_height=0.002, lambda_short=0.5, seed=1)
+    block = Problem.of(rough, AUTO, sides="periodic", delta_max=0.004, steps=2, size=MeshSize(0.15))
+    chosen, strain = choose_kinematics(block, comm=alone())
+    assert chosen.sides == "periodic" and chosen.material.kinematics == "small" and not strain.reason
+
+
 def test_another_choice_is_kept_and_judged() -> None:
     for kinematics in ("small", "finite"):
         problem = plane(0.05)
