@@ -287,6 +287,9 @@ class _Job:
         with nullcontext() if self.folder is None else StopRequest(comm) as request:
             hooks = _hooks(self, begin, None if request is None else request.agreed)
             problem, strain = _with_kinematics(self, hooks)
+            if self.problem.material.kinematics == AUTO and hooks.checkpoint is not None:
+                # another choice, as of a continued run with more cycles, starts the path again
+                hooks = replace(hooks, checkpoint=hooks.checkpoint.part(problem.material.kinematics))
             try:
                 if case.accuracy.tolerance is None:
                     contact = _solve(self, problem, hooks)

@@ -223,6 +223,23 @@ def test_a_run_keeps_its_choice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert "kinematics = small: small strain changes the force by up to" in log
 
 
+def test_a_path_is_not_continued_in_other_kinematics(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A continued run may choose otherwise, for more cycles show more: its path starts again."""
+    from asperity.runtime import interrupt
+
+    case, folder = Case.from_dict(WAVY), tmp_path / "out"
+    with monkeypatch.context() as patch:
+        answers = iter([""] * 20 + ["the test"] * 100)
+        patch.setattr(interrupt.StopRequest, "agreed", lambda self: next(answers))
+        with pytest.raises(Interrupted, match=r"^stopped by the test after step 2"):
+            run(case, folder)
+    monkeypatch.setattr(small_strain, "LIMIT", 1e-6)
+    resumed = run(case, folder, resume=True)
+    finite = run(Case.from_dict(WAVY | {"material": {"E": 1.0, "nu": 0.3, "kinematics": "finite"}}))
+    assert resumed.summary["model"]["kinematics"] == "finite"
+    assert resumed.curve.force.tolist() == finite.curve.force.tolist()
+
+
 def test_a_run_in_finite_strain_or_on_request_reports_the_difference(tmp_path: Path) -> None:
     finite = Case.from_dict(WAVY | {"material": {"E": 1.0, "nu": 0.3, "kinematics": "finite"}})
     asked = Case.from_dict(WAVY | {"material": {"E": 1.0, "nu": 0.3}, "output": {"small_strain": True, "report": True}})
