@@ -211,7 +211,7 @@ def friction(run: Evidence) -> Assumption | None:
         return None
     return Assumption(
         "friction: difference of no friction and stick", 100 * abs(run.friction), 100 * (run.tolerance or ONE_MESH),
-        "% of the force", "both were computed (friction_bounds)", "quote both: Coulomb friction is expected between them",
+        "% of the force", "both were computed (friction_bounds)", "quote both: real friction is expected between them",
     )  # fmt: skip
 
 
