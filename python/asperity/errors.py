@@ -125,7 +125,7 @@ class AsperityWarning(UserWarning):
         >>> import asperity as asp
         >>> with warnings.catch_warnings(record=True) as caught:
         ...     warnings.simplefilter("always", asp.AsperityWarning)
-        ...     _ = asp.Surface.from_spec("weierstrass-mandelbrot", L=1e-6, D=2.1, G=1e-10)
+        ...     asp.Surface.from_spec("weierstrass-mandelbrot", L=1e-6, D=2.1, G=1e-10).check_small_slope()
         >>> [issubclass(w.category, asp.AsperityWarning) for w in caught]
         [True]
     """
