@@ -322,6 +322,7 @@ class _Job:
         doubts = "; ".join(contact.checks.violated.values())
         if doubts and not isinstance(failure, Interrupted):
             failure = CheckError(f"the result is wrong, do not use it: {doubts}")
+        if failure is not None:
             summary["exit_reason"] = str(failure)
         evidence = _evidence(case, problem, contact, accurate, strain)
         if bounds := summary.get(FRICTION_BOUNDS):
