@@ -104,7 +104,7 @@ class Curve:
         k_n: normal stiffness of the loading, dF/d(delta) with the points in contact held (force/length).
         k_n_elastic: normal stiffness of unloading and small vibration (force/length).
         k_t: tangential stiffness without slip, mean of x and y, elastic (force/length).
-        k_n_interface, k_t_interface: the same without the compliance of the block (force/length).
+        k_n_interface, k_t_interface: k_n_elastic and k_t without the compliance of the block (force/length).
         conductance: constriction conductance over the conductivity (length).
         error_mean_gap, error_k_n, ..., error_conductance: error bars of these columns in their units, known for runs
             with a tolerance; `WITH_ERRORS` lists the columns that have one.

@@ -283,6 +283,7 @@ class _Job:
         doubts = "; ".join(contact.checks.violated.values())
         if doubts and not isinstance(failure, Interrupted):
             failure = CheckError(f"the result is wrong, do not use it: {doubts}")
+        if failure is not None:
             summary["exit_reason"] = str(failure)
         lines = on_root_bcast(comm, partial(ledger, solved.evidence(case, summary.get(FRICTION_BOUNDS))))
         summary["assumptions"] = [line.to_dict() for line in lines]
@@ -320,6 +321,9 @@ class _Job:
         with nullcontext() if self.folder is None else StopRequest(self.comm) as request:
             hooks = _hooks(self, begin, None if request is None else request.agreed)
             problem, strain = _with_kinematics(self, hooks)
+            if self.problem.material.kinematics == AUTO and hooks.checkpoint is not None:
+                # another choice, as of a continued run with more cycles, starts the path again
+                hooks = replace(hooks, checkpoint=hooks.checkpoint.part(problem.material.kinematics))
             try:
                 if self.case.accuracy.tolerance is None:
                     contact = _solve(self, problem, hooks)

@@ -51,6 +51,14 @@ def test_dofs_steps_and_memory_are_those_of_the_run() -> None:
     assert found.seconds > 0
 
 
+def test_periodic_sides_take_more_dofs() -> None:
+    """Elements there are narrower than a fifth of the side."""
+    case = {"units": "other", "surface": {"kind": "flat", "L": 1.0}, "material": {"E": 1.0, "nu": 0.3}}
+    case |= {"mesh": {"h_contact": 0.25}, "loading": {"delta_max": 0.01, "steps": 1}, "block": {"sides": "periodic"}}
+    found = Case.from_dict(case)
+    assert estimate(found).dofs == pytest.approx(run(found).summary["dofs"], rel=0.25)
+
+
 def test_the_integral_of_a_graded_field() -> None:
     # h = 0.01 + 0.2 depth: integral of h^-3 over depth in closed form
     exact = (0.01**-2 - (0.01 + 0.2 * 1.5) ** -2) / (2 * 0.2)

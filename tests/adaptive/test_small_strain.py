@@ -91,6 +91,13 @@ def test_small_strain_is_chosen_below_the_limit(tolerance: float | None, delta: 
     assert kinematics == ["small", "finite"]
 
 
+def test_the_coarse_mesh_has_the_sides_of_the_block() -> None:
+    rough = Surface.from_spec("self-affine", L=1.0, H=0.8, rms_height=0.002, lambda_short=0.5, seed=1)
+    block = Problem.of(rough, AUTO, sides="periodic", delta_max=0.004, steps=2, size=MeshSize(0.15))
+    chosen, strain = choose_kinematics(block, comm=alone())
+    assert chosen.sides == "periodic" and chosen.material.kinematics == "small" and not strain.reason
+
+
 def test_another_choice_is_kept_and_judged() -> None:
     for kinematics in ("small", "finite"):
         problem = plane(0.05)
@@ -214,6 +221,23 @@ def test_a_run_keeps_its_choice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert run(case, folder, resume=True).contact is None  # finished: nothing is computed
     log = (folder / "run.log").read_text()
     assert "kinematics = small: small strain changes the force by up to" in log
+
+
+def test_a_path_is_not_continued_in_other_kinematics(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A continued run may choose otherwise, for more cycles show more: its path starts again."""
+    from asperity.runtime import interrupt
+
+    case, folder = Case.from_dict(WAVY), tmp_path / "out"
+    with monkeypatch.context() as patch:
+        answers = iter([""] * 20 + ["the test"] * 100)
+        patch.setattr(interrupt.StopRequest, "agreed", lambda self: next(answers))
+        with pytest.raises(Interrupted, match=r"^stopped by the test after step 2"):
+            run(case, folder)
+    monkeypatch.setattr(small_strain, "LIMIT", 1e-6)
+    resumed = run(case, folder, resume=True)
+    finite = run(Case.from_dict(WAVY | {"material": {"E": 1.0, "nu": 0.3, "kinematics": "finite"}}))
+    assert resumed.summary["model"]["kinematics"] == "finite"
+    assert resumed.curve.force.tolist() == finite.curve.force.tolist()
 
 
 def test_a_run_in_finite_strain_or_on_request_reports_the_difference(tmp_path: Path) -> None:

@@ -312,7 +312,7 @@ def test_flat_block_pressed_to_half_its_height(material: Material, method: str) 
 @METHODS
 @EACH
 def test_rough_contact(rough: Surface, coarse: BlockMesh | None, material: Material, method: str) -> None:
-    """Loading and unloading; all balances hold, and the force is that of small strain but for some per cent."""
+    """Loading and unloading; all balances hold, and the force is that of small strain within some per cent."""
     forces = []
     for kinematics in ("finite", "small"):
         solver = press_of(rough, coarse, replace(material, kinematics=kinematics), method)

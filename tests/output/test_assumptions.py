@@ -183,7 +183,7 @@ def test_all_assumptions_are_checked() -> None:
 
 
 def test_an_edge_and_the_base_of_the_block() -> None:
-    """A wave whose crest lies inside or falls off at an edge; the longest wave keeps (1 + pi) exp(-pi) at depth L."""
+    """A wave whose crest lies inside or falls off at an edge; the longest wave keeps (1 + q L) exp(-q L) at depth L."""
     inside = summit_on_edge(evidence(Sinusoid(L=1.0, amplitude=0.01)))
     assert inside is not None and (inside.value, inside.verdict) == (0.0, FINE)
     cut = Sphere(L=1.0, radius=2.0, centre=(0.0, 0.5))  # symmetric about the edge
@@ -195,6 +195,10 @@ def test_an_edge_and_the_base_of_the_block() -> None:
         assert (
             verdict(line) == expected and line is not None and line.value == pytest.approx((1 + depth) / np.exp(depth))
         )
+    periodic = Surface.from_spec("self-affine", L=1.0, H=0.8, rms_height=1e-3, lambda_short=0.2)
+    line = block_height(evidence(periodic, sides="periodic", height=0.6))
+    depth = 2.0 * np.pi * 0.6
+    assert line is not None and line.value == pytest.approx((1 + depth) / np.exp(depth))
 
 
 def fractal() -> Surface:

@@ -12,10 +12,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from asperity.adaptive import other_friction
 from asperity.case import Case
 from asperity.cli import main
 from asperity.curve import Curve
-from asperity.errors import InputError
+from asperity.errors import ConvergenceError, InputError
 from asperity.output.friction_bounds import bounds_line, friction_bounds
 from asperity.run_case import run
 
@@ -69,6 +70,19 @@ def test_the_bracket_is_a_line_of_the_ledger_and_has_the_kinematics_of_the_run()
     (line,) = (line for line in summary["assumptions"] if line["name"].startswith("friction"))
     assert line["value"] == pytest.approx(100.0 * summary["friction_bounds"]["at_greatest_load"]["force"])
     assert (line["verdict"] == "doubtful") == (line["value"] > line["limit"] == 5.0)
+
+
+def test_a_bracket_that_fails_is_the_reason_of_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The curve of the case is kept, and a continued run computes what is left."""
+    case, stopped = Case.from_dict(DATA), ConvergenceError("friction stick: no convergence")
+    with monkeypatch.context() as patch:
+        patch.setattr(other_friction, "solve_other_friction", lambda *_: (None, stopped))
+        with pytest.raises(ConvergenceError, match="friction stick: no convergence"):
+            run(case, tmp_path, bounds=True)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["exit_reason"] == str(stopped) and not summary["finished"]
+    np.testing.assert_array_equal(Curve.read(tmp_path / "curve.csv").force, run(case).curve.force)
+    assert run(case, tmp_path, bounds=True, resume=True).summary["exit_reason"] == "done"
 
 
 def test_a_contact_without_stick_is_refused() -> None:

@@ -204,6 +204,17 @@ def test_materials_share_a_mesh_and_portions_keep_groups_busy() -> None:
     assert mesh_key(free) != mesh_key(other)
 
 
+def test_periodic_sides_have_a_mesh_of_their_own(tmp_path: Path) -> None:
+    """Opposite sides of a mesh made for rollers do not fit."""
+    surface = {"kind": "self-affine", "L": 1.0, "H": 0.8, "rms_height": 0.002, "lambda_short": 0.5, "seed": 1}
+    base = BASE | {"surface": surface, "material": {"E": 1.0, "nu": 0.3}, "mesh": {"h_contact": 0.15, "h_max": 0.3}}
+    base |= {"loading": {"delta_max": 0.004, "steps": 1}}
+    made = Study.from_dict({"base": base, "grid": {"block.sides": ["rollers", "free", "periodic"]}})
+    rollers, free, periodic = (mesh_key(e.case) for e in made.entries)
+    assert rollers == free != periodic
+    assert run_study(made, tmp_path / "out").failed == 0
+
+
 def test_a_height_map_that_changed_has_another_mesh(tmp_path: Path) -> None:
     path, keys = tmp_path / "map.npy", []
     for height in (0.01, 0.02):

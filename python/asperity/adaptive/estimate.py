@@ -219,7 +219,10 @@ def count_dofs(surface: Surface, case: Case, h_contact: float, most: float = inf
     adaptive = case.accuracy.tolerance is not None
     rate, h_max = (growth(h_contact / L), None) if adaptive else (mesh.growth, mesh.h_max)
     grading = GUIDED if adaptive and h_contact < GUIDE * L else GRADING
-    field = SizeField.of(surface, case.loading.delta_max, h_contact, growth=rate, h_max=h_max, grading=grading)
+    field = SizeField.of(
+        surface, case.loading.delta_max, h_contact, growth=rate, h_max=h_max, grading=grading,
+        periodic=case.block.sides == "periodic",
+    )  # fmt: skip
     nodes = NODES + NODES_OF_GROWTH * rate
     return round(3 * nodes * integral(field.at, case.block.height / L, most / (3 * nodes)))
 

@@ -169,7 +169,7 @@ def _comparisons(
     while True:
         nothing = SmallStrain("", limit, (), np.empty(0), np.empty(0), 1.0, h, 0, "")
         try:
-            block = make_block(comm, surface, problem.height, depth, MeshSize(h, growth(GUIDE)))
+            block = make_block(comm, surface, problem.height, depth, MeshSize(h, growth(GUIDE)), problem.sides)
         except MeshError as error:
             yield replace(nothing, reason=str(error))
             h /= COARSER

@@ -211,7 +211,7 @@ def friction(run: Evidence) -> Assumption | None:
         return None
     return Assumption(
         "friction: difference of no friction and stick", 100 * abs(run.friction), 100 * (run.tolerance or ONE_MESH),
-        "% of the force", "both were computed (friction_bounds)", "quote both: Coulomb friction lies between them",
+        "% of the force", "both were computed (friction_bounds)", "quote both: real friction is expected between them",
     )  # fmt: skip
 
 
@@ -265,13 +265,13 @@ def summit_on_edge(run: Evidence) -> Assumption | None:
 def yield_pressure(material: Material, sides: str) -> float:
     """Mean pressure at which the block itself yields [force/length^2]; infinite for an elastic material.
 
-    Between rollers the block is in uniaxial strain: under the pressure p the lateral stress is p nu/(1 - nu) and the
-    equivalent stress p (1 - 2 nu)/(1 - nu). With free sides it is in uniaxial stress. The criterion is that of von
-    Mises (Johnson, Contact Mechanics, 1985, eq. 6.1).
+    Between rollers and with periodic sides the block is in uniaxial strain: under the pressure p the lateral stress is
+    p nu/(1 - nu) and the equivalent stress p (1 - 2 nu)/(1 - nu). With free sides it is in uniaxial stress. The
+    criterion is that of von Mises (Johnson, Contact Mechanics, 1985, eq. 6.1).
 
     Args:
         material: material of the block
-        sides: "rollers" or "free"
+        sides: "rollers", "periodic" or "free"
     """
     if material.yield_strength is None:
         return inf
@@ -316,14 +316,14 @@ def block_height(run: Evidence) -> Assumption | None:
     """Whether the clamped base is far from the contact: from the longest wave, or from the single spot of a bump.
 
     The stress below a pressure wave of wave number q falls as (1 + q z) exp(-q z) (Johnson, 1985, chapter 13);
-    mirrored at the sides, the longest wave has q = pi/L. A spot of radius a on a bonded layer of height h is stiffer by
-    some a/h.
+    mirrored at the sides, the longest wave has q = pi/L, with periodic sides 2 pi/L. A spot of radius a on a bonded
+    layer of height h is stiffer by some a/h.
     """
     surface, height = run.problem.surface, run.problem.height
     if run.plane:
         return None
     if surface.rough:
-        depth = pi * height / surface.L
+        depth = (2.0 if run.problem.sides == "periodic" else 1.0) * pi * height / surface.L
         return Assumption(
             "block: pressure of the longest wave at the base", (1.0 + depth) * exp(-depth), AT_BASE, "",
             "Johnson, Contact Mechanics (1985), chapter 13", "a greater block.height",

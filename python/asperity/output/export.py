@@ -203,10 +203,11 @@ def _stiffness(curve: Curve, case: Case, law: str) -> Callable[[str, Array], Arr
     modulus = case.material.solid.block_modulus(case.block.sides)
     history = History.of(curve)
     rows = history.rows_of(unloading=law != "table")
-    source = {"k_n": curve.k_n_interface, "k_t": curve.k_t_interface}
+    source = {"k_t": curve.k_t_interface}
     with np.errstate(all="ignore"):
-        left = 1.0 / curve.k_n_elastic - case.block.height / (patch * modulus)
-        source["k_n_elastic"] = np.where(left > 0, 1.0 / left, np.nan)
+        for name in ("k_n", "k_n_elastic"):
+            left = 1.0 / getattr(curve, name) - case.block.height / (patch * modulus)
+            source[name] = np.where(left > 0, 1.0 / left, np.nan)
 
     def over(name: str, pressure: Array) -> Array:
         known = rows[(source[name][rows] > 0) & (curve.force[rows] > 0)]

@@ -27,7 +27,7 @@ STIFFNESS_WORDS = {
     "k_n": "normal stiffness of the loading",
     "k_n_elastic": "elastic normal stiffness",
     "k_t": "tangential stiffness",
-    "k_n_interface": "normal stiffness without the block",
+    "k_n_interface": "elastic normal stiffness without the block",
     "k_t_interface": "tangential stiffness without the block",
 }
 

@@ -134,7 +134,7 @@ def half_space_contact(
     if delta_star is None:
         flat = float(np.mean((z - displace(p))[p > 0]))
         delta_star = summit - flat
-    return HalfSpaceContact(float(p.mean()), delta_star, corrected_area(p > 0), p, iteration)
+    return HalfSpaceContact(float(p.mean()), delta_star, corrected_area(p > 0, sides), p, iteration)
 
 
 def _check_load(P_star: float | None, delta_star: float | None, height: float | None) -> None:
@@ -220,18 +220,26 @@ def _start(
     return p if P_star is None else p * (P_star / p.mean())
 
 
-def corrected_area(contact: Array) -> float:
+def corrected_area(contact: Array, sides: str = "rollers") -> float:
     """Return the contact fraction corrected for the perimeter.
 
     Yastrebov, Anciaux and Molinari, Tribol. Int. 114 (2017) 161: a cell counts when its centre
     touches, which overestimates the area by (pi - 1 + ln 2)/24 of a cell per face of the boundary.
+
+    Args:
+        contact: whether each cell is in contact (n, n).
+        sides: of the patch; with periodic ones the faces between opposite sides count too.
 
     Examples:
         >>> spot = np.zeros((8, 8), dtype=bool)
         >>> spot[3:5, 3:5] = True
         >>> round(corrected_area(spot), 4), float(spot.mean())
         (0.0477, 0.0625)
+        >>> corrected_area(np.roll(spot, 4, axis=0), "periodic") == corrected_area(spot, "periodic")
+        True
     """
-    faces = np.count_nonzero(np.diff(contact, axis=0)) + np.count_nonzero(np.diff(contact, axis=1))
+    faces = sum(np.count_nonzero(np.diff(contact, axis=axis)) for axis in (0, 1))
+    if sides == "periodic":
+        faces += np.count_nonzero(contact[0] != contact[-1]) + np.count_nonzero(contact[:, 0] != contact[:, -1])
     correction = (math.pi - 1 + math.log(2)) / 24 * faces / contact.size
     return float(contact.mean()) - correction

@@ -4,7 +4,7 @@
 """Elastic-plastic references: material point, thick sphere under pressure, flattened sphere.
 
 The material is J2 with linear hardening: Young's modulus E, yield strength Y, tangent modulus E_t, plastic modulus
-H = E E_t/(E - E_t). It is isotropic but for functions with the kinematic share beta, after Prager.
+H = E E_t/(E - E_t). It is isotropic, except in functions with the kinematic share beta, after Prager.
 """
 
 from __future__ import annotations

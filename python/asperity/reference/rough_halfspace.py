@@ -83,7 +83,7 @@ class RoughHalfSpace:
             p = _press(p, heights - (summit - d), compliance, self.sides, self.hardness, tolerance * delta[-1])
             touched_at[(p > 0.0) & np.isinf(touched_at)] = d
             force.append(float(p.mean()))
-            area.append(max(corrected_area(p > 0.0), 0.0))
+            area.append(max(corrected_area(p > 0.0, self.sides), 0.0))
         return RoughCurve(delta, np.array(force), np.array(area), touched_at)
 
 

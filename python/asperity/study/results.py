@@ -76,8 +76,8 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
         kappa, u_loss, omega_loss, drive_loss: of the fitted law as a spring: backbone curvature, amplitude and
         frequency at which contact is lost, F^/(2 zeta) at which contact is lost in resonance;
         ..._unload: the same for the unloading branch about the preload;
-        block_load: mean pressure over the pressure at which the block itself yields (sigma_y (1-nu)/(1-2nu) between
-        rollers, sigma_y with free sides);
+        block_load: mean pressure over the pressure at which the block itself yields (sigma_y with free sides,
+        otherwise sigma_y (1-nu)/(1-2nu));
         doubtful: names of the doubtful assumptions of the run.
     """
     load = curve.loading()

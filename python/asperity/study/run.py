@@ -203,6 +203,8 @@ def mesh_key(case: Case) -> str:
     """Return the name of the mesh of a case; cases with the same name can share it."""
     data = case.content()
     parts = [data["surface"], data["block"]["height"], data["mesh"], data["loading"].get("delta_max")]
+    if case.block.sides == "periodic":  # opposite sides of its mesh fit
+        parts.append(case.block.sides)
     if not shares_mesh(case):
         parts.append(case.hash())
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]

@@ -15,8 +15,9 @@ from asperity import reference
 from asperity.case.schema import ContactSection
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
+from asperity.model.problem import Problem
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
-from asperity.quasistatic.solve_contact import make_block, make_contact_solver
+from asperity.quasistatic.solve_contact import make_block, make_contact_solver, solve_problem
 from asperity.quasistatic.stepping import Record, follow
 from asperity.surface import Flat
 from asperity.verification.solids import planes_of_symmetry
@@ -62,12 +63,14 @@ def patch(level: VerificationLevel) -> Iterator[Row]:
 
 def material_point(level: VerificationLevel) -> Iterator[Row]:
     """Bilinear hardening along uniform stress histories of a flat block, loaded and unloaded twice."""
+    from mpi4py import MPI
+
     E, nu, Y = 1.0, 0.3, 0.005
     path = {"delta_max": 0.03, "steps": 6, "unload_steps": 4, "cycles": 2}
     schedule = Schedule(**path)
     for tangent in (0.0, 0.1):
         material = Material(E, nu, Y, tangent)
-        result = solve_on_one_rank(Flat(L=1.0), material, size=SIZE, **path)
+        result = solve_problem(Problem(Flat(L=1.0), material, schedule, size=SIZE), comm=MPI.COMM_SELF)
         confined, _, flow = reference.confined_stress(result.curve.delta_star, E, nu, Y, tangent)
         stress = result.curve.P_star * material.reduced_modulus
         histories = {"confined": (stress, confined)}
