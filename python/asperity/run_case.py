@@ -123,7 +123,7 @@ def run(
         force: replace the run in `folder`; files that no run has written stay
         block: mesh that was made before for this surface, block, element sizes and approach (on rank 0); None makes it
         bounds: solve the case with the other `contact.friction` too, on the same mesh: the section friction_bounds of
-            the summary has the bracket of any friction
+            the summary has what both differ by
         comm: communicator; default all ranks
 
     Raises:
@@ -331,7 +331,9 @@ class _Job:
                     accurate = _solve_to_tolerance(self, problem, hooks)
                     contact = replace(accurate.contact, curve=accurate.curve, reason=accurate.reason)
                     failure = None if accurate.met else ConvergenceError(accurate.reason)
-                if self.bounds and failure is None:
+                if self.bounds and failure is not None:
+                    logging.getLogger(__name__).info("--bounds is left out: %s", failure)
+                elif self.bounds:
                     shown = replace(hooks, on_step=lambda rows, fraction: self.progress.step(rows[-1], fraction))
                     other, failure = solve_other_friction(problem, contact, accurate, self.comm, shown)
             except PartialResult as e:

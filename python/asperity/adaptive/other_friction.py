@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""The problem of a result with the other friction, on the same mesh: both together bracket any friction."""
+"""The problem of a result with the other friction, on the same mesh: which bounds what friction does."""
 
 from __future__ import annotations
 

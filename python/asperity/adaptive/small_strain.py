@@ -189,9 +189,9 @@ def _comparisons(
 
 
 def _with(problem: Problem, kinematics: str) -> Problem:
-    """The problem with exact contact, which both kinematics have, and one of them."""
+    """The problem with exact contact, which both kinematics have, with its friction, and one of them."""
     material = replace(problem.material, kinematics=kinematics)
-    return replace(problem, material=material, formulation=Formulation())
+    return replace(problem, material=material, formulation=Formulation(friction=problem.formulation.friction))
 
 
 def _press(

@@ -66,8 +66,7 @@ def material_point(level: VerificationLevel) -> Iterator[Row]:
     from mpi4py import MPI
 
     E, nu, Y = 1.0, 0.3, 0.005
-    path = {"delta_max": 0.03, "steps": 6, "unload_steps": 4, "cycles": 2}
-    schedule = Schedule(**path)
+    schedule = Schedule(delta_max=0.03, steps=6, unload_steps=4, cycles=2)
     for tangent in (0.0, 0.1):
         material = Material(E, nu, Y, tangent)
         result = solve_problem(Problem(Flat(L=1.0), material, schedule, size=SIZE), comm=MPI.COMM_SELF)
