@@ -153,8 +153,9 @@ def with_measures(fine: Curve, coarse: Curve, ratio: float, safety: float, budge
     before = coarse.loading()
     before = before.where(before.P_star > 0.0)
     edges = EDGES * scatter(_area_error(coarse, at), _area_error(fine, at), ratio)
-    # the sum with the approach changes slowly, and does not vanish where the gap closes
     rest = budget.total - budget.mesh
+    share = np.divide(rest, fine.P_star, out=np.zeros(len(fine)), where=fine.P_star > 0.0)
+    # the sum with the approach changes slowly, and does not vanish where the gap closes
     shift = {"mean_gap": (fine.delta, before.delta)}
     columns: dict[str, Any] = {}
     for name in WITH_ERRORS:
@@ -172,7 +173,6 @@ def with_measures(fine: Curve, coarse: Curve, ratio: float, safety: float, budge
             of_mesh = np.maximum(bar[rows] * value * factor, compliance * budget.mesh)
             columns[f"error_{name}"] = of_mesh + compliance * rest
         else:
-            share = np.divide(rest, fine.P_star, out=np.zeros(len(fine)), where=fine.P_star > 0.0)
             columns[f"error_{name}"] = ((bar + edges)[rows] + share) * value * factor
     return replace(fine, **columns)
 

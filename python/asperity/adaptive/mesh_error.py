@@ -102,7 +102,6 @@ class MeshErrorEstimate:
         curve = with_measures(curve, coarse, ratio, safety, budget, run.compliance)
 
         room = (goal.max_dofs / result.dofs) ** (1.0 / run.growth_of_dofs())
-        hint = f"; waves shorter than the elements limit it too, {advice(levels[-1].h / max(room, 1.0))}"
         if unresolved := curve.unresolved() or coarse.unresolved():
             # by a single node the force grows with its size, and the difference of two meshes is no error
             worst, wanted, limit = nan, sizes[-1] / FIRST_STEP, ""
@@ -122,7 +121,7 @@ class MeshErrorEstimate:
             return Judgement(curve, budget, worst, known, size, "")
         limit = limit or run.limit(goal, sizes[-1], wanted if room < LEAST_STEP else size, path.substeps)
         if limit and missed is not None:
-            limit += hint
+            limit += f"; waves shorter than the elements limit it too, {advice(levels[-1].h / max(room, 1.0))}"
         return Judgement(curve, budget, worst, known, size, limit)
 
     def _left_out(self, block: BlockMesh | None) -> Omission | None:
