@@ -3,7 +3,8 @@
 
 """Self-affine surfaces, elastic and elastic-plastic, against half-space solutions and the literature.
 
-    python3 benchmarks/self_affine.py area | ensemble | influence | challenge | plastic | stiffness | interface | picture
+    python3 benchmarks/self_affine.py PART, one of area, ensemble, influence, challenge, plastic, stiffness, interface,
+    picture
 
 Each part but the last prints one Markdown table. `area`: area coefficient kappa = A h'/(P* A0) of the solid, of the
 half-space of asperity and of Tamaas (where benchmarks/peers/install has fetched it) at the same forces. `ensemble`:
