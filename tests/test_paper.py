@@ -12,6 +12,8 @@ from typing import Any
 
 import pytest
 
+from asperity.verification import NAMES
+
 ROOT = Path(__file__).parent.parent
 PAPER, BIB = ROOT / "paper/paper.md", ROOT / "paper/paper.bib"
 in_a_clone = pytest.mark.skipif(not (ROOT / ".ci").is_dir(), reason="an unpacked sdist has no .ci")
@@ -50,8 +52,8 @@ def test_the_table_of_the_evidence_is_that_of_the_stored_tables(evidence: Any) -
     page = evidence["PAGE"].read_text(encoding="utf-8")
     stored = page.split(evidence["BEGIN"])[1].split(evidence["END"])[0]
     assert stored == evidence["text"](), "run benchmarks/evidence.py --write"
-    cases = {row["case"] for row in evidence["table"]("verification")[1]}
-    assert cases == set(evidence["CASES"])
+    assert set(evidence["CASES"]) == set(NAMES)
+    assert {row["case"] for row in evidence["table"]("verification")[1]} <= set(NAMES)
 
 
 @in_a_clone
