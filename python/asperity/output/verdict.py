@@ -20,10 +20,8 @@ def verdict(results: Results) -> list[str]:
         results: files of a finished or partial run.
 
     Examples:
-        >>> Path("out").mkdir()
         >>> rows = [{"delta": 1e-9, "force": 2e-6, "P_star": 4e-5, "error_P_star": 8e-7, "area_fraction": 0.01}]
-        >>> asp.Curve.from_rows(rows).write("out/curve.csv")
-        >>> verdict(asp.output.results.Results.read("out"))
+        >>> verdict(Results("out", asp.Curve.from_rows(rows), case={"units": "SI"}))
         ['The force is 2 µN ± 2 % at an approach of 1 nm; 1 % of the nominal area is in contact.']
     """
     return [*_contact(results), *_vibration(results), *_doubts(results)]

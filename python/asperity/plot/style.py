@@ -88,7 +88,8 @@ def figure(
     """
     if ax is not None:
         axes = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
-        return axes[0].figure, axes
+        own: Any = axes[0].get_figure()
+        return own, axes
     new = Figure(figsize=(width, height), layout="constrained")
     axes = list(np.ravel(new.subplots(rows, columns, **grid)))
     for axis in axes:
