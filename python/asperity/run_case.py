@@ -292,7 +292,8 @@ class _Job:
             writer.summary(summary)
 
         on_root_bcast(comm, write)
-        complete = solved.accurate is not None and not doubts  # though perhaps not as accurate as requested
+        # though perhaps not as accurate as requested, or without the bounds of friction
+        complete = contact.complete and not doubts and not isinstance(failure, Interrupted)
         if failure is not None and not complete:
             raise failure
         dynamics = write_outputs(
