@@ -38,7 +38,6 @@ from asperity.output.assumptions import (
     small_strain,
     sticking,
     summit_on_edge,
-    yield_pressure,
 )
 from asperity.quasistatic.solve_contact import solve_contact, solve_problem
 from asperity.run_case import run
@@ -113,7 +112,7 @@ def test_a_comparison_replaces_the_limit_of_strain() -> None:
 
 @pytest.mark.parametrize("sides", ["rollers", "free"])
 def test_mean_pressure_beyond_that_of_the_yielding_block(sides: str) -> None:
-    side, limit = 1e-6, yield_pressure(STEEL, sides)
+    side, limit = 1e-6, STEEL.yield_pressure(sides)
     assert limit == pytest.approx(1e9 * (0.7 / 0.4 if sides == "rollers" else 1.0))
     assert verdict(bulk_yield(evidence(sides=sides, force=0.999 * limit * side**2))) == FINE
     line = bulk_yield(evidence(sides=sides, force=1.001 * limit * side**2))
@@ -134,7 +133,7 @@ def test_a_plane_block_yields_at_that_pressure(sides: str, nu: float) -> None:
     modulus = lame + material.E / (1 + nu) if sides == "rollers" else material.E
     for part in (0.99, 1.01):
         problem = Problem.of(
-            Flat(L=1.0), material, sides=sides, delta_max=part * yield_pressure(material, sides) / modulus, steps=1,
+            Flat(L=1.0), material, sides=sides, delta_max=part * material.yield_pressure(sides) / modulus, steps=1,
             integrator="backward-euler", size=MeshSize(0.5, 1.0, 1.0),
         )  # fmt: skip
         result = solve_problem(problem, comm=MPI.COMM_SELF)

@@ -251,7 +251,7 @@ def check_loading(case: Input, surface: Surface) -> list[str]:
     """Refuse a load at which no gap is left; warn when the flat passes the lowest valley, or begins on an edge.
 
     At full contact the top is flat: the flat has come down to the mean plane, and the block is
-    compressed by p h/M under the mean pressure p, see `full_contact_pressure`.
+    compressed by the mean pressure, see `full_contact_pressure` and `Material.block_strain`.
 
     Args:
         case: the input.
@@ -271,7 +271,7 @@ def check_loading(case: Input, surface: Surface) -> list[str]:
     doubts = [text] if (text := doubt_of_edge(case.block.sides, surface)) else []
     if delta is None:
         return doubts
-    squeeze = full_contact_pressure(case, z) * case.block.height / case.material.solid.block_modulus(case.block.sides)
+    squeeze = case.block.height * case.material.solid.block_strain(full_contact_pressure(case, z), case.block.sides)
     limit = summit - float(z.mean()) + _MARGIN * squeeze
     if delta >= limit:
         raise InputError(

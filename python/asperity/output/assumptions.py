@@ -19,7 +19,6 @@ import numpy as np
 from asperity.case.validation import edge_of_summit
 from asperity.curve import UNRESOLVED, Curve
 from asperity.mesh.resolution import ELEMENTS, ONE_MESH, SHARE, unresolved_height
-from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.reference import pull_off, stickiness, tabor_parameter
 
@@ -263,31 +262,13 @@ def summit_on_edge(run: Evidence) -> Assumption | None:
     )  # fmt: skip
 
 
-def yield_pressure(material: Material, sides: str) -> float:
-    """Mean pressure at which the block itself yields [force/length^2]; infinite for an elastic material.
-
-    Between rollers and with periodic sides the block is in uniaxial strain: under the pressure p the lateral stress is
-    p nu/(1 - nu) and the equivalent stress p (1 - 2 nu)/(1 - nu). With free sides it is in uniaxial stress. The
-    criterion is that of von Mises (Johnson, Contact Mechanics, 1985, eq. 6.1).
-
-    Args:
-        material: material of the block
-        sides: "rollers", "periodic" or "free"
-    """
-    if material.yield_strength is None:
-        return inf
-    if sides == "free":
-        return material.yield_strength
-    return material.yield_strength * (1.0 - material.nu) / (1.0 - 2.0 * material.nu)
-
-
 def bulk_yield(run: Evidence) -> Assumption | None:
     """Greatest mean pressure over that at which the block below the surface yields."""
     problem = run.problem
     if not problem.material.plastic:
         return None
     pressure = float(run.curve.force.max()) / problem.surface.L**2
-    limit = yield_pressure(problem.material, problem.sides)
+    limit = problem.material.yield_pressure(problem.sides)
     return Assumption(
         "block: mean pressure over that at which it yields", pressure / limit, 1.0, "",
         "Johnson, Contact Mechanics (1985), eq. 6.1", "a smaller load, or read the curve up to there",
