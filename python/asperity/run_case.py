@@ -29,10 +29,11 @@ from asperity.errors import (
 from asperity.model.material import AUTO
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget, wrong_friction
-from asperity.output.assumptions import DOUBTFUL, Assumption, Evidence, ledger
+from asperity.output.assumption import DOUBTFUL, Assumption
+from asperity.output.assumptions import Evidence, ledger
 from asperity.output.run_files import RunFiles
 from asperity.power_law import PowerLawFit
-from asperity.run_outputs import write_outputs
+from asperity.run_outputs import small_vibration_of, write_outputs
 from asperity.runtime import run_folder
 from asperity.runtime.display import brief, html_table
 from asperity.runtime.notices import Notices, noting
@@ -411,8 +412,11 @@ class _Solved:
         change = None
         if self.strain is not None and self.strain.greatest is not None:
             change = self.strain.greatest, self.strain.limit
-        friction = bounds["at_greatest_load"]["force"] if bounds else None
-        return Evidence(self.contact.curve, self.problem, case.units == "SI", tolerance, h, roughness, change, friction)
+        return Evidence(
+            self.contact.curve, self.problem, case.units == "SI", tolerance, h, roughness, change,
+            friction=bounds["at_greatest_load"]["force"] if bounds else None, density=case.material.density,
+            vibration=small_vibration_of(case, self.contact.curve),
+        )  # fmt: skip
 
 
 def _no_fields(case: Case) -> str:

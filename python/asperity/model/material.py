@@ -140,30 +140,6 @@ class Material:
             return inf
         return self.yield_strength * (1.0 if sides == "free" else (1.0 - self.nu) / (1.0 - 2.0 * self.nu))
 
-    def block_strain(self, pressure: float, sides: str) -> float:
-        """Strain of a uniformly compressed block; infinite where a perfectly plastic one flows.
-
-        Beyond yield the tangent modulus is E_t in uniaxial stress, and lambda + 2 mu - 4 mu^2/(3 mu + H) in uniaxial
-        strain, from the consistency condition of J2 flow with linear hardening.
-
-        Args:
-            pressure: mean pressure [force/length^2]
-            sides: "rollers" or "periodic" (uniaxial strain) or "free" (uniaxial stress)
-
-        Examples:
-            >>> steel = asp.Material(E=200.0, nu=0.3, yield_strength=1.0, tangent_modulus=20.0)
-            >>> round(steel.block_strain(2.0, "free"), 4)  # 1/200 + 1/20
-            0.055
-        """
-        modulus, limit = self.block_modulus(sides), self.yield_pressure(sides)
-        if pressure <= limit:
-            return pressure / modulus
-        tangent = self.tangent_modulus
-        if sides != "free":
-            mu = self.lame[1]
-            tangent = modulus - 4.0 * mu**2 / (3.0 * mu + self.plastic_modulus)
-        return limit / modulus + ((pressure - limit) / tangent if tangent > 0.0 else inf)
-
     @property
     def lame(self) -> tuple[float, float]:
         """First Lame modulus and shear modulus [force/length^2]."""
