@@ -428,3 +428,20 @@ def test_first_frequency_of_a_rod():
     elastic = np.mean((0.5 * math.pi / height * np.cos(0.5 * math.pi * x)) ** 2) * modulus
     kinetic = np.mean(np.sin(0.5 * math.pi * x) ** 2) * density
     assert 2 * math.pi * ref.first_frequency(modulus, density, height) == pytest.approx(math.sqrt(elastic / kinetic))
+
+
+@pytest.mark.parametrize("tabor", [0.05, 0.3, 1.0, 3.0])
+def test_pull_off_against_the_equations_of_maugis(tabor):
+    """Dugdale zone of outer radius m a, lambda = 1.157 mu: Maugis, J. Colloid Interface Sci. 150 (1992) 243.
+
+    In units of pi w R the load is a^3 - lambda a^2 (s + m^2 t), s = sqrt(m^2 - 1), t = arcsec m, where a is the root of
+    lambda a^2/2 ((m^2 - 2) t + s) + 4 lambda^2 a/3 (s t - m + 1) = 1; the pull-off force is its minimum.
+    """
+    m = 1.0 + np.geomspace(1e-4, 1e4, 20001)
+    lam = 1.157 * tabor
+    s = np.sqrt(m**2 - 1)
+    t = np.arccos(1 / m)
+    square, line = lam / 2 * ((m**2 - 2) * t + s), 4 * lam**2 / 3 * (s * t - m + 1)
+    a = (-line + np.sqrt(line**2 + 4 * square)) / (2 * square)
+    least = np.min(a**3 - lam * a**2 * (s + m**2 * t))
+    assert ref.pull_off(1.0, 1.0, tabor) / math.pi == pytest.approx(-least, rel=0.02)
