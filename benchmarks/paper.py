@@ -444,7 +444,138 @@ def page(results: StudyResults, found: Sequence[Statement], closed: Sequence[dic
     )  # fmt: skip
 
 
-TEMPLATE = """TODO"""
+TEMPLATE = """# The paper's studies
+
+Jana, Mitra and Sahoo, *Dynamic contact interactions of fractal surfaces*, Appl. Surf. Sci. 392 (2017) 872-882,
+state in their abstract how surface and material change the vibration of a mass on a rough contact. This page tests
+each statement over ensembles of surfaces, with the sides and the height of the block, the kind of hardening and the
+kinematics as factors. A script writes it; every figure and number comes from
+
+    ./run mpirun -n 2 python3 benchmarks/paper.py out/paper
+
+which runs `cases/paper/study.toml` and `cases/paper/map.toml` and repeats nothing that is there already.
+
+The paper's own D, G, material and block are not given in the part of it that we have, so the values here are ours
+(`cases/paper/base.toml`): Eq. (1) with L = 1 µm, M = 10, γ = 1.5, f_max = 5, D = 2.4, G = 1.36e-11 m; a block as
+high as wide, fixed below; E = 200 GPa, ν = 0.3, bilinear hardening; a rigid flat without friction. P* = P/(A₀E'),
+δ* = δ/L from first touch. Only seeds whose summit lies inside the patch are used. {cases} cases, {failed} refused
+or failed{reasons}; {cost} minutes, one processor each ({software}).
+
+## What is tested
+
+n is the exponent of P* = k (δ*)ⁿ. As a spring, the law softens when n > 1 and hardens when n < 1 (κ =
+-(n-1)(2n+1)/48 is the curvature of its backbone).
+
+{statements}
+
+Each test is repeated under up to {ways} conditions: least squares on linear and on logarithmic scales, over the
+whole range and over its first half, for the whole block and for the interface alone (the elastic compression of the
+block taken off; left out where it means nothing, because the block has yielded or contact is nearly full). A
+statement **holds** in a regime when it passes under all conditions of all families there, **holds under
+conditions** when under some, **does not hold** when under none; **the opposite holds** when every step has the
+other sign with 95 % confidence, under all.
+
+## Three regimes
+
+What n measures depends on what carries the load at the end of the range, because surface and block act in series:
+
+- **surface alone**: mean pressure below the yield pressure p_Y of the block (σ_y(1-ν)/(1-2ν) between rollers, σ_y
+  with free sides), contact far from full. More summits come into contact, n is well above 1.
+- **contact nearly full** (A/A₀ > 0.9): the block is most of the curve, n falls towards its own exponent, 1.
+- **block yields**: with free sides its stiffness falls to E_t, the curve bends over, and n can fall below 1.
+  Between rollers only its shape yields, not its volume: stiffness falls by a third at most.
+
+![Exponent over depth of the mean plane and yield ratio of the block](paper/regimes.png)
+
+The map: D = 2.4 at heights by G, E_t = 2 GPa, mean of two surfaces. Abscissa: depth of the mean plane below the
+summit over the range of approach; ordinate: pressure of the elastic block at the end of the range over p_Y. y: the
+block has yielded; c: contact nearly full; full: no gap is left, and the load is refused. Blue is hardening, n < 1:
+with free sides only, where the range passes the mean plane and the block yields. All points:
+[paper_map.csv](tables/paper_map.csv).
+
+## Verdicts
+
+The means of n are those of the linear fit over the whole range; in brackets in how many conditions the statement
+passes. Levels are in the order of the tables below: D and σ_y upwards (the last σ_y, where there are four or six,
+elastic), G and E_t upwards.
+
+{verdicts}
+
+VERDICT_TEXT
+
+Every family, condition and mean: [paper_conditions.csv](tables/paper_conditions.csv); every fit with its spread:
+[paper_fits.csv](tables/paper_fits.csv).
+
+![Exponents of families](paper/exponents.png)
+
+### Two other readings of T4
+
+**Full contact.** Between rollers, a smooth surface (D = 2.6, E_t = 2 GPa) pressed by 0.05 L:
+
+{closed}
+
+Here n > 1 for soft solids and n < 1 for harder ones, on linear scales alone. But contact is full from the share of
+the range in the last column but one, and the block has yielded: it is the bilinear block, not the surface, that
+changes, and a case file with this load is refused. Printed by `benchmarks/full_contact.py`.
+
+**The cubic law.** The paper expands the power law to third order. At ζ = 0.01 and F̂ = 0.03 the peak of that cubic
+lies above Ω = 1, as that of a hardening spring, from n between 3.3 and 3.4 on; the power law itself softens:
+
+{cubic}
+
+All of these motions leave the contact (u < -1), where the cubic pulls: the hardening is false. CUBIC_TEXT
+
+## Force against approach
+
+![Force against approach over D, G, tangent modulus (free sides) and yield strength (rollers)](paper/curves.png)
+
+Mean over the seeds; the band is one standard deviation.
+
+The exponents of the elastic families agree with an independent solver, boundary elements on a half-space with the
+compliance of the block (`asperity.reference`), which shares no code with this one:
+
+{half_space}
+
+## Vibration with the paper's law
+
+The fitted loading curve as a reversible spring. For the base surface, elastic, n = {n}: κ = {kappa}; a free release
+keeps contact up to u₀ = {u_loss}, where ω/ω_s = {omega_loss}. With ζ = {zeta} (damping always acting) the resonance
+bends over (hysteresis) above F̂ = {hysteresis} and loses contact above F̂ = {onset}. F̂ = F/(n m g); the forcings
+F̂ = {forcing} give peaks u_max = {peaks}.
+
+![Natural frequency against amplitude](paper/frequency.png)
+
+Lines: exact law with the mean exponent of a level; band: one standard deviation of n; dashed: third-order Taylor
+law, as far as it keeps contact.
+
+![Frequency response, exact and Taylor](paper/response.png)
+
+Solid: stable, dashed: unstable, by continuation; triangles: Runge-Kutta sweeps up and down, as in the paper.
+
+![Frequency response of all families](paper/response_families.png)
+
+Exact law with the mean exponent of a level at F̂ = {family_forcing} (dotted white where unstable) and its Taylor
+law (thin).
+
+A plastic contact does not unload along its loading curve. Its vibration about a preload follows the unload-reload
+branch, here from the greatest load, about half of it ([paper_unloading.csv](tables/paper_unloading.csv)):
+
+![Local exponents of the loading curve and of the unload-reload branch](paper/physical.png)
+
+## What the meshes cost in accuracy
+
+{resolution}
+
+Seed 0; light: up to half the depth of the mean plane. Mesh and steps change n by up to {most}; the smallest step of
+n between levels in T2 and T3, where they hold, is {smallest}. An error of the mesh is the same for all levels of a
+family in large part, since they share mesh and surface.
+
+## Limits
+
+The base surface has an rms slope of 0.13, and the block is compressed by up to 5 %: the families with finite strain
+show what small strain changes. Frictionless. Only the seeds vary within a level; the intervals are of the ensemble
+mean. A verdict is about the values studied here, not about those of the paper, which are unknown to us.
+"""
 
 
 if __name__ == "__main__":
