@@ -36,6 +36,7 @@ from asperity.reference.plastic import (
     kogut_etsion,
     uniaxial_stress,
 )
+from asperity.reference.radiation import radiation_compliance, radiation_loss
 from asperity.reference.rough_halfspace import RoughCurve, RoughHalfSpace
 from asperity.reference.tables import (
     FLATTENED_DEPTHS,
@@ -69,6 +70,8 @@ __all__ = [
     "kogut_etsion",
     "patch_test_slope",
     "pull_off",
+    "radiation_compliance",
+    "radiation_loss",
     "reduced_modulus",
     "rough_elastic_surface",
     "similar_coefficient",

@@ -22,6 +22,7 @@ from asperity.runtime.files import is_aside
 
 CASE, CURVE, SUMMARY, LOG = "case.toml", "curve.csv", "summary.json", "run.log"
 FREE, RESPONSE, BAND, THRESHOLDS = "free.csv", "response.csv", "band.csv", "thresholds.json"
+LOOPS = "loops.csv"
 REPORT = "report.html"
 FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
 TOP, BLOCK, VTKHDF = "top.npz", "mesh.npz", "contact.vtkhdf"  # in fields
@@ -33,7 +34,7 @@ MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpo
 
 #: All files and folders that a run writes, folders after their files; without those of the checkpoint.
 PRODUCTS = (
-    CURVE, SUMMARY, LOG, FREE, RESPONSE, BAND, THRESHOLDS, REPORT,
+    CURVE, SUMMARY, LOG, LOOPS, FREE, RESPONSE, BAND, THRESHOLDS, REPORT,
     *(f"{FIELDS}/{name}" for name in (BLOCK, TOP, VTKHDF, DISTRIBUTIONS)), FIELDS,
     *(f"{FIGURES}/{name}.png" for name in PICTURES), FIGURES,
     CASE,
@@ -43,6 +44,7 @@ PRODUCTS = (
 #: Files of parts of a case, which are removed when a run continues without the part.
 _PARTS = {
     "dynamics": (FREE, RESPONSE, BAND, THRESHOLDS, f"{FIGURES}/frequency.png", f"{FIGURES}/response.png"),
+    "loops": (LOOPS,),
     "fields": (f"{FIELDS}/{VTKHDF}",),
     "figures": (*(f"{FIGURES}/{name}.png" for name in PICTURES if name != "scene"), FIGURES),
     "report": (REPORT,),
@@ -148,6 +150,7 @@ def _parts(case: Mapping[str, Any]) -> set[str]:
     output = case.get("output", {})
     requested = {
         "dynamics": "dynamics" in case,
+        "loops": "loops" in case,
         "fields": output.get("fields"),
         "figures": output.get("figures") or output.get("report"),  # which contains them
         "report": output.get("report"),
