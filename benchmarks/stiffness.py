@@ -17,6 +17,8 @@ from pathlib import Path
 from time import process_time
 from typing import Any
 
+import numpy as np
+
 import asperity as asp
 from asperity.arrays import Floats
 from asperity.case import Case
