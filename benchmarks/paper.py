@@ -21,7 +21,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpi4py import MPI
-from pictures import shrink
 from statements import Statement, all_statements, passing
 from tables import csv_text, versions
 
@@ -67,7 +66,7 @@ def write(results: StudyResults, docs: Path) -> None:
     for folder in (pictures, docs / "tables"):
         folder.mkdir(parents=True, exist_ok=True)
     for name, figure in figures(results):
-        shrink(style.save(figure, pictures / f"{name}.png"))
+        style.save(figure, pictures / f"{name}.png")
     found = all_statements(results)
     (docs / "paper.md").write_text(page(results, found), encoding="utf-8")
     made = {"paper_fits": fits(results), "paper_conditions": conditions(found), "paper_unloading": physical(results)}
@@ -105,12 +104,12 @@ def figures(results: StudyResults) -> Iterable[tuple[str, Figure]]:
 def curve_families(results: StudyResults) -> Figure:
     """Force against approach over D, G, E_t and sigma_y."""
     figure, axes = style.figure(style.DOUBLE, 6.2, columns=2, rows=2)
-    for axis, name in zip(axes.ravel(), ("D", "G", "E_t", "sigma_y"), strict=True):
+    for axis, name in zip(axes, ("D", "G", "E_t", "sigma_y"), strict=True):
         levels = results.levels(name)
         draw_curves(axis, results, levels, labels(name, levels))
         axis.xaxis.set_major_locator(MaxNLocator(5))
         axis.legend(loc="upper left")
-    style.letters(*axes.ravel())
+    style.titles(axes, [""] * len(axes))
     return figure
 
 
@@ -125,7 +124,7 @@ def exponent_families(results: StudyResults) -> Figure:
         "E_t_soft": "$E_t$ (GPa), $\\sigma_y$ = 0.4 GPa",
         "sigma_y_free": "$\\sigma_y$ (GPa), $E_t$ = 20 GPa, free sides",
     }  # fmt: skip
-    for axis, name in zip(axes.ravel(), names, strict=False):
+    for axis, name in zip(axes, names, strict=False):
         levels = results.levels(name)
         ticks = short(name, levels)
         draw_column(axis, levels, ticks, "n", style.BLUE, "linear fit", -0.15)
@@ -133,10 +132,10 @@ def exponent_families(results: StudyResults) -> Figure:
         axis.axhline(1.0, color=style.GREY, lw=0.8)
         axis.set_xlabel(axis_names[name])
         axis.set_ylabel("exponent $n$")
-    handles, texts = axes[0, 0].get_legend_handles_labels()
-    axes[-1, -1].axis("off")
-    axes[-1, -1].legend(handles, texts, loc="center")
-    style.letters(*axes.ravel()[:-1])
+    handles, texts = axes[0].get_legend_handles_labels()
+    axes[-1].axis("off")
+    axes[-1].legend(handles, texts, loc="center")
+    style.titles(axes[:-1], [""] * len(names))
     return figure
 
 
@@ -151,7 +150,7 @@ def mean_law(level: StudyLevel, shift: float = 0.0) -> PowerLaw:
 def frequencies(results: StudyResults) -> Figure:
     """Natural frequency against amplitude of the mean law of each level; band: one standard deviation of n."""
     figure, axes = style.figure(style.DOUBLE, 6.2, columns=2, rows=2)
-    for axis, name in zip(axes.ravel(), ("D", "G", "E_t", "sigma_y"), strict=True):
+    for axis, name in zip(axes, ("D", "G", "E_t", "sigma_y"), strict=True):
         levels = results.levels(name)
         for level, text, colour in zip(levels, labels(name, levels), colours(len(levels)), strict=True):
             middle = ContactOscillator(mean_law(level))
@@ -171,7 +170,7 @@ def frequencies(results: StudyResults) -> Figure:
         axis.set_xlim(left=0)
         axis.legend(loc="lower left", fontsize=7)
         style.grid(axis)
-    style.letters(*axes.ravel())
+    style.titles(axes, [""] * len(axes))
     return figure
 
 
@@ -193,7 +192,7 @@ def base_level(results: StudyResults) -> StudyLevel:
 def response_families(results: StudyResults) -> Figure:
     """Response of the mean law of each level: exact, its unstable part dotted white, and Taylor (thin)."""
     figure, axes = style.figure(style.DOUBLE, 6.2, columns=2, rows=2)
-    for axis, name in zip(axes.ravel(), ("D", "G", "E_t", "sigma_y"), strict=True):
+    for axis, name in zip(axes, ("D", "G", "E_t", "sigma_y"), strict=True):
         levels = results.levels(name)
         for level, text, colour in zip(levels, labels(name, levels), colours(len(levels)), strict=True):
             exact = ContactOscillator(mean_law(level), zeta=ZETA)
@@ -210,7 +209,7 @@ def response_families(results: StudyResults) -> Figure:
         axis.set_ylabel("$u_{max}$")
         axis.legend(loc="upper left", fontsize=6.5)
         style.grid(axis)
-    style.letters(*axes.ravel())
+    style.titles(axes, [""] * len(axes))
     return figure
 
 
@@ -229,7 +228,7 @@ def physical_law(results: StudyResults) -> Figure:
         axis.set_xlabel(text)
         axis.set_ylabel("local exponent at half load")
     axes[0].legend(loc="best")
-    style.letters(*axes)
+    style.titles(axes, [""] * len(axes))
     return figure
 
 

@@ -25,7 +25,7 @@ from asperity.runtime.run_folder import DISTRIBUTIONS, FIELDS, LOOPS, VTKHDF
 
 if TYPE_CHECKING:
     from asperity.dynamics import Dynamics, Joint
-    from asperity.quasistatic.solve_contact import ContactResult
+    from asperity.quasistatic.contact_result import ContactResult
 
 
 def write_outputs(

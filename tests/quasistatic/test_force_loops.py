@@ -18,7 +18,8 @@ from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.force_loops import force_loops
-from asperity.quasistatic.solve_contact import make_contact_solver, solve_contact
+from asperity.quasistatic.make import make_contact_solver
+from asperity.quasistatic.solve_contact import solve_contact
 from asperity.surface import Flat, Surface
 
 Y, TANGENT = 0.001, 0.05

@@ -13,8 +13,8 @@ from math import isfinite
 from asperity.errors import CheckError, ConvergenceError, InputError
 from asperity.loops import SETTLED, SHAKEN_DOWN, Loop, LoopTable
 from asperity.model.problem import Problem
+from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.solve_contact import ContactResult
 
 CLOSE = 1e-4  # tolerance of the force at the ends of a leg, over the amplitude
 ROUGHLY = 0.3  # the same of a step on the way, over the step
