@@ -110,7 +110,7 @@ def test_loops_are_the_damping_of_the_vibration(full: tuple[Path, RunResult]) ->
     assert section["amplitudes"][1]["eta"] == table.loops[3].eta and 0 < section["radiation"]["eta"] < 0.01
     oscillator = result.dynamics.first
     assert oscillator.damping == replace(LoopDamping.of(table), background=0.05)
-    again = run_dynamics(folder, models=["exact"], forcing=0.02, sweeps=False, bands=False)
+    again = run_dynamics(folder, law="paper", models=["exact"], forcing=0.02, sweeps=False, bands=False)
     assert again.first.damping == oscillator.damping
     assert again.responses["exact"][0].peak == result.dynamics.responses["exact"][0].peak
     assert "micro-slip" in (folder / "report.html").read_text(encoding="utf-8")
