@@ -34,7 +34,9 @@ from asperity.reference.plastic import (
     j2_path,
     jackson_green,
     kogut_etsion,
+    residual_of_perfect_sphere,
     uniaxial_stress,
+    unloaded_sphere,
 )
 from asperity.reference.radiation import radiation_compliance, radiation_loss
 from asperity.reference.rough_halfspace import RoughCurve, RoughHalfSpace
@@ -73,9 +75,11 @@ __all__ = [
     "radiation_compliance",
     "radiation_loss",
     "reduced_modulus",
+    "residual_of_perfect_sphere",
     "rough_elastic_surface",
     "similar_coefficient",
     "stickiness",
     "tabor_parameter",
     "uniaxial_stress",
+    "unloaded_sphere",
 ]
