@@ -3,16 +3,15 @@
 
 """Self-affine surfaces, elastic and elastic-plastic, against half-space solutions and the literature.
 
-    python3 benchmarks/self_affine.py PART, one of area, ensemble, influence, challenge, plastic, stiffness, interface,
-    picture
+    python3 benchmarks/self_affine.py PART, one of area, ensemble, influence, challenge, plastic, stiffness, interface
 
-Each part but the last prints one Markdown table. `area`: area coefficient kappa = A h'/(P* A0) of the solid, of the
+Each part prints one Markdown table. `area`: area coefficient kappa = A h'/(P* A0) of the solid, of the
 half-space of asperity and of Tamaas (where benchmarks/peers/install has fetched it) at the same forces. `ensemble`:
 kappa of 20 half-spaces for each cut-off. `influence`:
 what height of the block, Poisson's ratio and slope change. `challenge`: cases/challenge.toml, columns as of `area`.
 `plastic`: mean pressure over the yield strength. `stiffness`: exponents of the stiffness over the force of 20
-half-spaces. `interface`: stiffness of the solid and of the half-space. `picture` draws
-docs/pictures/self_affine.png from the stored tables.
+half-spaces. `interface`: stiffness of the solid and of the half-space.
+benchmarks/pictures.py draws docs/pictures/self_affine.svg from the stored tables.
 """
 
 from __future__ import annotations
@@ -26,19 +25,17 @@ from os import environ
 from pathlib import Path
 
 import numpy as np
-from tables import read
 
 import asperity as asp
 from asperity.adaptive.solve_to_tolerance import AccurateResult, refine
 from asperity.arrays import Floats
 from asperity.curve import Curve
-from asperity.quasistatic.solve_contact import Hooks
+from asperity.quasistatic.hooks import Hooks
 from asperity.reference import RoughHalfSpace, half_space_contact
 from asperity.reference.halfspace import corrected_area
 from asperity.surface import SelfAffine, Surface
 
 ROOT = Path(__file__).resolve().parents[1]
-TABLES = ROOT / "docs" / "tables"
 H, ROLL, SLOPE = 0.8, 0.5, 0.05  # Hurst exponent, roll-off [L], rms slope
 HEIGHT = 0.01  # rms height where the surface has no roll-off [L]
 TOLERANCE, STEPS, SHOWN = 0.02, 6, 4  # of the force; load steps, and how many of the last are shown
@@ -290,57 +287,7 @@ def interface() -> None:
             )
 
 
-def picture() -> None:
-    """Draw the stored tables."""
-    from matplotlib.figure import Figure
-
-    from asperity.plot import style
-
-    def columns(name: str) -> dict[str, list[str]]:
-        header, *rows = read(TABLES / f"self_affine_{name}.csv")[2]
-        return {title: [row[i] for row in rows] for i, title in enumerate(header)}
-
-    def numbers(table: dict[str, list[str]], title: str) -> Floats:
-        return np.array([float(cell) for cell in table[title]])
-
-    figure = Figure(figsize=(style.DOUBLE, 2.6), layout="constrained")
-    kappa, pressure, stiff = figure.subplots(1, 3)
-    for name, colour, marker, label in (
-        ("area", style.BLUE, "o", "L/16, L/32"),
-        ("challenge", style.VERMILION, "s", "challenge's class, L/64"),
-    ):
-        table = columns(name)
-        P, value = numbers(table, "P*/h'"), numbers(table, "kappa")
-        bar = value * numbers(table, "bar of kappa %") / 100
-        kappa.errorbar(P, value, bar, fmt=marker, color=colour, markersize=3, linewidth=0.8, label=label)
-        kappa.plot(P, numbers(table, "kappa, half-space"), "+", color="black", markersize=5)
-        kappa.plot(P, numbers(table, "kappa, Tamaas"), "x", color=style.GREY, markersize=4)
-    kappa.plot([], [], "+", color="black", label="half-space")
-    kappa.plot([], [], "x", color=style.GREY, label="Tamaas")
-    kappa.set(xlabel="P*/h'", ylabel="$\\kappa$ = A h'/(P* A$_0$)", ylim=(0, 3))
-    kappa.legend(loc="lower left")
-    table = columns("plastic")
-    for strength, colour in zip(YIELD, (style.BLUE, style.VERMILION), strict=True):
-        rows = numbers(table, "yield strength/E") == strength
-        P, value = numbers(table, "P*/h'")[rows], numbers(table, "mean pressure/yield strength")[rows]
-        bar = value * numbers(table, "bar %")[rows] / 100
-        pressure.errorbar(P, value, bar, fmt="o", color=colour, markersize=3, linewidth=0.8, label=f"{strength:g} E")
-    pressure.set(xlabel="P*/h'", ylabel="mean pressure/$\\sigma_y$", xscale="log", ylim=(0, 3.5))
-    pressure.legend(loc="lower right")
-    table = columns("interface")
-    for seed, colour in (("0", style.BLUE), ("1", style.VERMILION)):
-        rows = np.array(table["seed"]) == seed
-        P, value = numbers(table, "P*/rms height")[rows], numbers(table, "k* of the interface")[rows]
-        bar = value * numbers(table, "bar %")[rows] / 100
-        stiff.errorbar(P, value, bar, fmt="o", color=colour, markersize=3, linewidth=0.8, label=f"solid, seed {seed}")
-        stiff.plot(P, numbers(table, "half-space")[rows], "+", color="black", markersize=5)
-    stiff.plot([], [], "+", color="black", label="half-space")
-    stiff.set(xlabel="P* L/rms height", ylabel="k* of the interface", xscale="log", yscale="log")
-    stiff.legend()
-    figure.savefig(ROOT / "docs" / "pictures" / "self_affine.png", dpi=110)
-
-
-PARTS = {part.__name__: part for part in (area, ensemble, influence, challenge, plastic, stiffness, interface, picture)}
+PARTS = {part.__name__: part for part in (area, ensemble, influence, challenge, plastic, stiffness, interface)}
 
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
