@@ -27,7 +27,8 @@ import asperity as asp
 from asperity.adaptive.mesh_plan import growth
 from asperity.adaptive.small_strain import differences
 from asperity.curve import Curve
-from asperity.quasistatic.solve_contact import make_block, solve_problem
+from asperity.quasistatic.make import make_block
+from asperity.quasistatic.solve_contact import solve_problem
 
 ROOT = Path(__file__).parent.parent
 ELASTIC = asp.Material(1.0, 0.3)

@@ -16,7 +16,7 @@ from mpi4py import MPI
 from asperity import Formulation, Material, MeshSize, Surface, solve_contact
 from asperity.curve import Curve
 from asperity.mesh.block import BlockMesh
-from asperity.quasistatic.solve_contact import make_block
+from asperity.quasistatic.make import make_block
 from asperity.surface import Sphere
 
 STICK = Formulation(friction="stick")

@@ -22,7 +22,7 @@ from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.settings import SolverOptions
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.solve_contact import make_contact_solver
+from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.runtime.parallel import on_root
 from asperity.surface import Flat, Sinusoid, Surface

@@ -22,6 +22,7 @@ from asperity.surface import SelfAffine, Sinusoid, Sphere, Surface, WeierstrassM
 from asperity.surface.fractal_fit import fit_fractal
 from asperity.surface.measured import HeightField
 from asperity.surface.self_affine_fit import fit_self_affine, rms_over_cutoff
+from asperity.surface.statistics import psd
 
 L = 1e-6
 
@@ -287,6 +288,26 @@ def test_the_spectrum_gives_hurst_exponent_and_roll_off(H: float, lambda_roll: f
         assert fit.H == pytest.approx(H, abs=0.13) and fit.error_H < 0.1
         assert fit.lambda_roll == pytest.approx(lambda_roll, rel=0.35)
         assert 0.008 < fit.lambda_short < 0.012  # the end of the spectrum is seen
+
+
+@pytest.mark.parametrize("H", [0.5, 0.8, 1.0])
+def test_long_roll_offs_are_told_from_none(H: float) -> None:
+    """Two rings of waves only are longer than a roll-off at a quarter of the patch; the map is levelled."""
+    found: dict[float, list[float | None]] = {}
+    for lambda_roll in (2.0, 0.25, 0.2):
+        for seed in range(6):
+            surface = SelfAffine(
+                L=1.0, H=H, slope=0.2, lambda_roll=lambda_roll, lambda_short=0.012, periodic=False, seed=seed
+            )
+            patch = HeightField(surface.grid(513), 1 / 512, 1 / 512).levelled("plane")
+            fit = fit_self_affine(psd(patch.z, 1.0), shortest=4 / 512)
+            assert fit.H == pytest.approx(H, abs=0.12)
+            found.setdefault(lambda_roll, []).append(fit.lambda_roll)
+    assert found[2.0] == [None] * 6
+    for lambda_roll in (0.25, 0.2):
+        seen = [roll for roll in found[lambda_roll] if roll is not None]
+        assert len(seen) >= (6 if lambda_roll == 0.2 else 4) and np.median(seen) == pytest.approx(lambda_roll, rel=0.15)
+        assert seen == pytest.approx([lambda_roll] * len(seen), rel=0.4)
 
 
 def test_a_power_law_over_the_whole_patch_has_no_roll_off() -> None:

@@ -213,7 +213,7 @@ def mesh_key(case: Case) -> str:
 def shared_mesh(case: Case, folder: Path, comm: MPI.Comm) -> Path | AsperityError:
     """Return the file of the mesh of a case, built if missing, or the error of building it; collective."""
     from asperity.model.settings import MeshSize
-    from asperity.quasistatic.solve_contact import make_block
+    from asperity.quasistatic.make import make_block
 
     path = (folder / MESHES / f"{mesh_key(case)}.npz").absolute()
     if comm.bcast(path.is_file() if comm.rank == 0 else None):
