@@ -14,6 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
@@ -243,6 +244,7 @@ def _spots(axis: Any, results: Results) -> None:
         return
     draw_branches(axis, results, "P_star", "spots")
     axis.set_ylabel("number of spots")
+    axis.yaxis.set_major_locator(MaxNLocator(integer=True))
     axis.set_ylim(bottom=0)
     load_axis(axis, results, "top")
 
