@@ -154,7 +154,8 @@ class _Raster:
         mesh = Triangulation(x, y, top["triangles"])
         middles = (np.arange(PIXELS) + 0.5) / PIXELS
         at = np.meshgrid(x.min() + middles * np.ptp(x), y.min() + middles * np.ptp(y))
-        self._nodes = mesh.triangles[mesh.get_trifinder()(*at)]
+        found: Any = mesh.get_trifinder()(*at)
+        self._nodes = top["triangles"][found]
         a, b, c = np.moveaxis(top["points"][self._nodes], 2, 0)
         p = np.stack(at, axis=-1)
         twice = cross(b - a, c - a)
