@@ -13,6 +13,7 @@ from typing import Any
 
 ROOT = Path(__file__).parent.parent
 MARK = re.compile(r"^<!-- insert (\w+) -->$", re.MULTILINE)
+OUTSIDE = re.compile(r"\[(`[^`]+`)\]\((?:\.\./)+(?:benchmarks|python|tests|solver|cases|examples|\.ci)[^)]*\)")
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
 
@@ -58,8 +59,8 @@ PARTS = {"readme": readme, "keys": keys, "tables": tables, "notebooks": notebook
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Replace the marks of a page."""
-    return MARK.sub(lambda mark: PARTS[mark[1]](), markdown)
+    """Replace the marks of a page; links to files outside docs/, which a forge follows, become names."""
+    return OUTSIDE.sub(r"\1", MARK.sub(lambda mark: PARTS[mark[1]](), markdown))
 
 
 def on_page_content(content: str, **_: Any) -> str:

@@ -6,13 +6,15 @@
 from __future__ import annotations
 
 import warnings
+from math import isfinite
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from asperity.case import Case
+from asperity.case.schema import DynamicsSection
 from asperity.curve import Curve
-from asperity.errors import AsperityWarning
+from asperity.errors import AsperityError, AsperityWarning
 from asperity.output.run_files import RunFiles
 from asperity.runtime.files import files_into
 from asperity.runtime.parallel import on_root_bcast
@@ -22,6 +24,7 @@ from asperity.surface import Surface
 
 if TYPE_CHECKING:
     from asperity.dynamics import Dynamics
+    from asperity.dynamics.joint import Numbers
     from asperity.quasistatic.contact_result import ContactResult
 
 
@@ -103,20 +106,47 @@ def _write_fields(case: Case, contact: ContactResult, folder: Path) -> None:
                 write_distributions(aside / DISTRIBUTIONS, block, states)
 
 
+def _of_small_vibration(case: Case) -> dict[str, Any]:
+    """Law, preload, mass and damping of the vibration of a case, as `run_dynamics` takes them."""
+    from asperity.dynamics import Joint
+
+    section = case.dynamics or DynamicsSection()
+    joint = None if case.joint is None else Joint(**case.joint.model_dump())
+    zeta = section.zeta if joint is None or joint.damping is None else joint.damping
+    return {
+        "law": section.law, "load": section.preload, "overload": section.overload, "zeta": zeta,
+        "gravity": section.gravity, "joint": joint, "units": case.units, "patch_area": case.surface.L**2,
+    }  # fmt: skip
+
+
+def small_vibration_of(case: Case, curve: Curve) -> Numbers | None:
+    """Stiffness, mass, frequency and damping of the vibration of a case; None where it has none, or no mass.
+
+    The ledger needs them before `write_outputs`; what is wrong with them is reported there.
+    """
+    from asperity.dynamics.run import small_vibration
+
+    if (case.dynamics is None and case.joint is None) or not len(curve):
+        return None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            found = small_vibration(curve, **_of_small_vibration(case))
+        except AsperityError:
+            return None
+    return found if isfinite(found.frequency) else None
+
+
 def _vibration(case: Case, curve: Curve, folder: Path | None) -> Dynamics:
     """Vibration on the curve of a case."""
-    from asperity.dynamics import Joint, run_dynamics
+    from asperity.dynamics import run_dynamics
     from asperity.dynamics.law.choice import LACK
 
-    assert case.dynamics is not None
-    settings = case.dynamics.model_dump()
-    load, models = settings.pop("preload"), settings.pop("model")
-    joint = None if case.joint is None else Joint(**case.joint.model_dump())
-    if joint is not None and joint.damping is not None:
-        settings["zeta"] = joint.damping
+    section = case.dynamics
+    assert section is not None
     result = run_dynamics(
-        curve, load=load, models=models, out_dir=folder, units=case.units, joint=joint,
-        patch_area=case.surface.L**2, **settings,
+        curve, models=section.model, damping=section.damping, forcing=section.forcing, omega=section.omega,
+        out_dir=folder, **_of_small_vibration(case),
     )  # fmt: skip
     if LACK in result.notes:
         warnings.warn(LACK, AsperityWarning, stacklevel=2)

@@ -146,9 +146,14 @@ class MaterialSection(Section):
         None, shown="small",
     )  # fmt: skip
 
+    density: Real | None = _key(
+        "of the solid, with which the ledger of a case with [dynamics] or [joint] has lines of inertia", None,
+        shown="none", unit="mass/length^3", gt=0, hint="7800 kg/m^3 for steel",
+    )  # fmt: skip
+
     @property
     def solid(self) -> Material:
-        """The material, with its moduli."""
+        """The material, with its moduli; the contact does not depend on the density."""
         hardening = "isotropic" if self.hardening is None else self.hardening
         tangent_modulus, kinematics = self.tangent_modulus or 0.0, self.kinematics or "small"
         return Material(self.E, self.nu, self.yield_strength, tangent_modulus, hardening, kinematics)
