@@ -25,6 +25,7 @@ from typing import Any
 import architecture
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 from asperity.case import Case
 from asperity.dynamics import run_dynamics
@@ -62,26 +63,25 @@ def contact_run(name: str, folder: Path) -> Path:
     return folder / name
 
 
-def tutorial(name: str, folder: Path) -> Path:
-    """Folder in which the blocks of a tutorial have been run as typed."""
+def tutorial(name: str, folder: Path, file: str) -> Path:
+    """A file that the blocks of a tutorial write; they are run as typed until it is there."""
     place = folder / f"tutorial_{name}"
-    if (place / "done").is_file():
-        return place
     place.mkdir(parents=True, exist_ok=True)
     paths = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     for language, title, text in FENCE.findall((ROOT / f"docs/tutorials/{name}.md").read_text(encoding="utf-8")):
+        if (place / file).is_file():
+            break
         if title:
             (place / title).write_text(text, encoding="utf-8")
         elif language in ("sh", "python"):
             command = ["bash", "-e", "-c", text] if language == "sh" else [sys.executable, "-c", text]
             subprocess.run(command, cwd=place, env=os.environ | {"PATH": paths}, stdout=subprocess.DEVNULL, check=True)
-    (place / "done").touch()
-    return place
+    return place / file
 
 
 def joint_vibration(folder: Path) -> Results:
     """Vibration of the joint of the tutorial by the exact law and its Taylor series."""
-    joint = tutorial("vibration", folder) / "out/joint"
+    joint = tutorial("vibration", folder, "out/vibration/response.svg").parents[1] / "joint"
     run_dynamics(joint, forcing=(0.005, 0.02), models=["exact", "taylor"], out_dir=folder / "joint")
     if not (folder / "joint/curve.csv").exists():
         (folder / "joint/curve.csv").write_bytes((joint / "curve.csv").read_bytes())
@@ -98,17 +98,19 @@ def table(name: str) -> Rows:
 
 
 def draw_costs(axis: Any, rows: Rows, x: str, y: str, look: Mapping[str, Any]) -> None:
-    """Draw error over cost of some rows, the unknown ones left out."""
-    points = np.array(
-        [(float(row[x]), float(row[y])) for row in rows if row[x] not in ("", "—") and row[y] not in ("", "—")]
-    )
-    if len(points):
-        axis.loglog(*points.T, **{"marker": "o", "lw": 1.3, **look})
+    """Draw error over cost of some rows, in the order of the cost, the unknown ones left out."""
+    known = [row for row in rows if not {row[x], row[y]} & {"", "—"}]
+    points = sorted((float(row[x]), float(row[y])) for row in known)
+    if points:
+        axis.loglog(*np.transpose(points), **{"marker": "o", "lw": 1.3, **look})
 
 
 def plain_log_ticks(axis: Any) -> None:
-    """Label logarithmic axes 1, 10, 100."""
+    """Label logarithmic axes 1, 10, 100, and those of less than two decades 1, 2, 5, 10."""
     for scale in (axis.xaxis, axis.yaxis):
+        low, high = scale.get_view_interval()
+        if high < 100 * low:
+            scale.set_major_locator(LogLocator(subs=(1, 2, 5)))
         scale.set_major_formatter("{x:g}")
         scale.set_minor_formatter("")
 
@@ -157,16 +159,18 @@ def peers() -> Figure:
     for number, axis in enumerate(axes):
         rows = list(tables.values())[number // 3]
         names = list(programs.values())[number % 3]
+        if number == 5:
+            axis.remove()  # elastic only
+            continue
         present = [name for name in names if any(row["program"] == name for row in rows)]
         own = {"asperity": (style.BLACK, "o"), "asperity, by tolerance": (style.GREY, "o")}
         others = dict(zip(present, ((style.VERMILION, "s"), (style.BLUE, "^")), strict=False))
         for name, (colour, marker) in (own | others).items():
             draw_costs(axis, [row for row in rows if row["program"] == name], "CPU s", "rms error %",
                        {"color": colour, "marker": marker, "mfc": "white", "label": name})  # fmt: skip
-        if not present:
-            axis.annotate("elastic only", (0.5, 0.9), xycoords="axes fraction", ha="center", color=style.GREY)
-        axis.legend(loc="upper right")
-        axis.set_xlabel("CPU time (s)" if number // 3 else "")
+        axis.legend(loc="best", fontsize="x-small")
+        axis.set_xlabel("CPU time (s)" if number // 3 or number == 2 else "")
+        axis.tick_params(labelbottom=True)
         axis.set_ylabel("" if number % 3 else "rms error of the force (%)")
         plain_log_ticks(axis)
         style.grid(axis)
@@ -208,9 +212,8 @@ def small_strain() -> Figure:
         axis.set_xlabel("rms slope")
         axis.set_ylabel("magnitude of the change (%)")
         slopes = sorted({float(row["rms slope"]) for row in rows})
+        plain_log_ticks(axis)
         axis.set_xticks(slopes, [f"{slope:g}" for slope in slopes])
-        axis.xaxis.set_minor_formatter("")
-        axis.yaxis.set_major_formatter("{x:g}")
         style.grid(axis)
     axes[0].legend(loc="best")
     return figure
@@ -233,7 +236,7 @@ def make(name: str, folder: Path) -> Path:
     """Make a picture; return its file."""
     if name in OF_TUTORIALS:
         page, file = OF_TUTORIALS[name]
-        source = tutorial(page, folder) / file
+        source = tutorial(page, folder, file)
         target = PICTURES / f"{name}{source.suffix}"
         target.write_bytes(source.read_bytes())
         return target

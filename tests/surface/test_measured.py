@@ -120,7 +120,7 @@ def test_instrument_files_are_read_by_surfacetopography(tmp_path: Path, monkeypa
         def heights(self) -> Any:
             return heights * 1e-6
 
-    channel = types.SimpleNamespace(physical_sizes=(5.0, 8.0), nb_grid_pts=(10, 8))
+    channel = types.SimpleNamespace(physical_sizes=(5.0, 8.0), nb_grid_pts=(10, 8), name="Height")
     reader = types.SimpleNamespace(default_channel=channel, topography=lambda: Topography())
     package, errors = types.ModuleType("SurfaceTopography"), types.ModuleType("SurfaceTopography.Exceptions")
     package.open_topography = lambda path: reader  # type: ignore[attr-defined]
@@ -132,6 +132,12 @@ def test_instrument_files_are_read_by_surfacetopography(tmp_path: Path, monkeypa
     assert read.z.shape == (8, 10) and (read.dx, read.dy) == (0.5e-6, 1e-6)
     assert read.z[3, 5] == pytest.approx((5 * 8 + 3) * 1e-6)
     assert np.isnan(read.z[7, 9]) and read.missing == pytest.approx(1 / 80)
+    channel.physical_sizes = None
+    with pytest.raises(InputError, match="without lengths, as channel 'Height' of 10 x 8 heights by SimpleNamespace"):
+        HeightField.read(tmp_path / "scan.sur")
+    channel.nb_grid_pts = (1213222996, 131)  # of a file mistaken for one of another format
+    with pytest.raises(InputError, match=r"1213222996 x 131 heights .* probably a file of another format"):
+        HeightField.read(tmp_path / "scan.sur", pixel=1e-9)
 
 
 # ---------------------------------------------------------------------------------------- treatment

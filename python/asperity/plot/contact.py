@@ -15,6 +15,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.tri import LinearTriInterpolator, Triangulation
+from numpy.typing import NDArray
 
 from asperity.arrays import Array
 from asperity.output.results import Results
@@ -24,7 +25,6 @@ from asperity.units import prefix, quantity
 
 PIXELS = 400  # of a map, along each side
 BINS = 40
-_NEGLIGIBLE = 1e-3  # share of the largest pressure below which a point is shown as not in contact
 
 
 @style.styled
@@ -108,8 +108,7 @@ def _maps(axes: Sequence[Any], results: Results, chosen: Sequence[int]) -> tuple
     on_grid = _Raster(top)
     image: Any = None
     for axis, i in zip(axes, chosen, strict=False):
-        values = on_grid(top["pressure"][i])
-        shown = np.where(values > _NEGLIGIBLE * highest, values * scale, np.nan)
+        shown = np.where(_touching(on_grid, top, i), on_grid(top["pressure"][i]) * scale, np.nan)
         axis.set_facecolor(style.PALE)
         image = axis.imshow(
             shown, origin="lower", extent=extent, cmap="inferno_r", vmin=0.0, vmax=highest * scale or 1.0,
@@ -130,8 +129,7 @@ def _histogram(axis: Any, results: Results, chosen: Sequence[int]) -> None:
     edges = np.linspace(0.0, highest * scale or 1.0, BINS + 1)
     on_grid = _Raster(top)
     for i, colour in zip(chosen, colormaps["viridis"](np.linspace(0.85, 0.0, len(chosen))), strict=True):
-        values = on_grid(top["pressure"][i])
-        values = values[values > _NEGLIGIBLE * highest] * scale
+        values = on_grid(top["pressure"][i])[_touching(on_grid, top, i)] * scale
         if values.size:
             density, _ = np.histogram(values, edges, density=True)
             name = str(top["branch"][i])
@@ -157,6 +155,23 @@ class _Raster:
 
     def __call__(self, values: Array) -> Array:
         return np.asarray(LinearTriInterpolator(self._mesh, values)(*self._at).filled(0.0))
+
+
+def _touching(on_grid: _Raster, top: Any, i: int) -> NDArray[np.bool_]:
+    """Return where a snapshot is in contact.
+
+    The edge runs between nodes with pressure and nodes with a gap, on average in the middle: both are measured by what
+    is usual at the edge.
+    """
+    pressure, gap = top["pressure"][i], top["gap"][i]
+    loaded = pressure > 0
+    corners = loaded[top["triangles"]]
+    at_edge = np.unique(top["triangles"][corners.any(axis=1) & ~corners.all(axis=1)])
+    inner, outer = at_edge[loaded[at_edge]], at_edge[~loaded[at_edge]]
+    if not len(at_edge):
+        return np.full((PIXELS, PIXELS), bool(loaded.any()))
+    scale = np.median(pressure[inner]), np.median(gap[outer]) or 1.0
+    return np.asarray(on_grid(pressure / scale[0] - gap / scale[1]) > 0.0, dtype=bool)
 
 
 @style.styled
@@ -190,10 +205,7 @@ def _patches(axis: Any, results: Results, count: int) -> None:
     on_grid = _Raster(top)
     first = np.full((PIXELS, PIXELS), np.nan)  # the level at which a point comes into contact
     for n, i in reversed(list(enumerate(loads))):
-        pressure, gap = top["pressure"][i], top["gap"][i]
-        if pressure.max() > 0:
-            # positive in contact, negative outside: its zero line runs between the nodes
-            first[on_grid(pressure / pressure.max() - gap / (gap.max() or 1.0)) > 0.0] = n
+        first[_touching(on_grid, top, i)] = n
     axis.imshow(
         first, origin="lower", extent=extent, cmap=ListedColormap(shades), vmin=-0.5, vmax=len(loads) - 0.5,
         interpolation="nearest",

@@ -182,9 +182,12 @@ def physical_axis(axis: Any, side: str, quantity: str, scale: float, unit: str) 
 
 
 def logarithmic(axis: Axes) -> None:
-    """Make both scales logarithmic, with x labelled at 1, 2 and 5."""
+    """Make both scales logarithmic, labelled at 1, 2 and 5 where they are shorter than one and a half decades."""
     axis.set_xscale("log")
     axis.set_yscale("log")
-    axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.xaxis.set_minor_formatter(NullFormatter())
+    for scale in (axis.xaxis, axis.yaxis):
+        low, high = scale.get_view_interval()
+        if high < 30 * low:
+            scale.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            scale.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            scale.set_minor_formatter(NullFormatter())

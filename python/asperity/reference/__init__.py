@@ -34,7 +34,9 @@ from asperity.reference.plastic import (
     j2_path,
     jackson_green,
     kogut_etsion,
+    residual_of_perfect_sphere,
     uniaxial_stress,
+    unloaded_sphere,
 )
 from asperity.reference.rough_halfspace import RoughCurve, RoughHalfSpace
 from asperity.reference.tables import (
@@ -70,9 +72,11 @@ __all__ = [
     "patch_test_slope",
     "pull_off",
     "reduced_modulus",
+    "residual_of_perfect_sphere",
     "rough_elastic_surface",
     "similar_coefficient",
     "stickiness",
     "tabor_parameter",
     "uniaxial_stress",
+    "unloaded_sphere",
 ]
