@@ -27,7 +27,8 @@ from asperity.errors import (
 )
 from asperity.model.problem import Problem
 from asperity.model.settings import wrong_friction
-from asperity.output.assumptions import DOUBTFUL, Assumption, ledger
+from asperity.output.assumption import DOUBTFUL, Assumption
+from asperity.output.assumptions import ledger
 from asperity.output.friction_bounds import FRICTION_BOUNDS
 from asperity.output.run_files import RunFiles
 from asperity.power_law import PowerLawFit
@@ -297,7 +298,7 @@ class _Job:
         if failure is not None and not complete:
             raise failure
         dynamics = write_outputs(
-            case, self.problem.surface, contact, summary, self.folder, writer, self.progress, failure is None
+            case, self.problem, contact, summary, self.folder, writer, self.progress, failure is None
         )
         if failure is not None:
             raise failure
