@@ -5,6 +5,7 @@
 
     python3 benchmarks/stiffness.py cost      share of the columns in the time of a run, and in its iterations
     python3 benchmarks/stiffness.py accuracy  error that their loose linear systems leave
+    python3 benchmarks/stiffness.py barber    stiffness against conductance over slope, block, Poisson's ratio, mesh
     python3 benchmarks/stiffness.py matrix    stiffness against six motions of a paraboloid, over that of a bonded disc
 
 Each prints a table.
@@ -138,11 +139,44 @@ def matrix() -> None:
         print(f"| {a:.4f} | {result.dofs} | {' | '.join(cells)} | {skew:.0e} |", flush=True)
 
 
+def barber() -> None:
+    """Stiffness of the interface over E' C/2, which is one on a half-space, with one thing changed at a time.
+
+    The surface of the demo, elastic, under the approach of the demo. Heights and approach scaled down together have the
+    same contact and a smaller slope.
+    """
+    heads("slopes times", "height over L", "nu", "element size over L", "sides", "dofs", "area", "k_n_interface",
+          "E' C/2", "deviation")  # fmt: skip
+    standard: dict[str, Any] = {"scale": 1.0, "height": 1.0, "nu": 0.3, "h": 0.03, "sides": "rollers"}
+    changes: list[dict[str, Any]] = [
+        {}, {"scale": 0.5}, {"scale": 0.1}, {"scale": 0.01}, {"height": 2.0}, {"nu": 0.0}, {"nu": 0.45}, {"h": 0.06},
+        {"h": 0.02}, {"sides": "free"}, {"scale": 0.01, "height": 2.0}, {"scale": 0.01, "nu": 0.0},
+        {"scale": 0.01, "nu": 0.45}, {"scale": 0.01, "h": 0.06}, {"scale": 0.01, "sides": "free"},
+    ]  # fmt: skip
+    base = Case.load(CASE)
+    for change in changes:
+        of = standard | change
+        G = 1.36e-5 * of["scale"] ** (1.0 / (base.surface.D - 2.0))  # heights go with G^(D - 2)
+        surface = asp.Surface.from_spec("weierstrass-mandelbrot", L=1.0, D=base.surface.D, G=G)
+        solid = asp.Material(1.0, of["nu"])
+        curve = asp.solve_contact(
+            surface, solid, delta_max=0.012 * of["scale"], steps=3, height=of["height"], sides=of["sides"],
+            size=asp.MeshSize(of["h"]), stiffness=True, conductance=True,
+        )  # fmt: skip
+        k, C = curve.curve.k_n_interface[-1], curve.curve.conductance[-1]
+        expected = 0.5 * solid.reduced_modulus * C
+        print(
+            f"| {of['scale']:g} | {of['height']:g} | {of['nu']:g} | {of['h']:g} | {of['sides']} | {curve.dofs} | "
+            f"{curve.curve.area_fraction[-1]:.4f} | {k:.4f} | {expected:.4f} | {k / expected - 1.0:+.1%} |",
+            flush=True,
+        )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("part", choices=("cost", "accuracy", "matrix"))
+    parser.add_argument("part", choices=("cost", "accuracy", "barber", "matrix"))
     warnings.simplefilter("ignore")
-    {"cost": cost, "accuracy": accuracy, "matrix": matrix}[parser.parse_args().part]()
+    {"cost": cost, "accuracy": accuracy, "barber": barber, "matrix": matrix}[parser.parse_args().part]()
 
 
 if __name__ == "__main__":

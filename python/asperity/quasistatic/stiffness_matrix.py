@@ -31,6 +31,12 @@ class StiffnessMatrix:
         whole: matrix (6, 6), translations [force/length], rotations [force length], coupling [force]
         interface: the same without the block, whose compliance is that of its whole top stuck to the flat; None where
             that is all there is
+
+    Examples:
+        >>> from asperity.quasistatic.stiffness_matrix import StiffnessMatrix
+        >>> unit = StiffnessMatrix(np.array([0.5, 0.5, 1.0]), np.eye(6), None)
+        >>> unit.scaled(E=2e11, side=1e-6).whole.diagonal()[[2, 5]]  # N/m, N m
+        array([2.e+05, 2.e-07])
     """
 
     point: Floats
