@@ -26,7 +26,7 @@ from asperity.arrays import Floats
 from asperity.case import Case
 from asperity.quasistatic import stiffness
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.solve_contact import Hooks
+from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.stiffness_matrix import stiffness_matrix
 
 CASE = Path(__file__).parent.parent / "cases" / "demo.toml"

@@ -52,8 +52,9 @@ def full(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunResult]:
     everything = {"figures": True, "fields": True, "report": True, "snapshots": 2, "distributions": True}
     everything |= {"stiffness": True, "conductance": True}
     dynamics = {"law": "paper", "zeta": 0.05, "forcing": [0.02], "model": ["exact"], "damping": "loops"}
-    loops = {"amplitudes": [0.3, 0.6], "cycles": 2, "steps": 1, "density": 7800.0}
-    case = case_of(output=everything, dynamics=dynamics, loops=loops)
+    loops = {"amplitudes": [0.3, 0.6], "cycles": 2, "steps": 1}
+    material = CASE["material"] | {"density": 7800.0}
+    case = case_of(material=material, output=everything, dynamics=dynamics, loops=loops)
     return folder, run(case, folder)
 
 

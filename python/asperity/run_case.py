@@ -27,7 +27,8 @@ from asperity.errors import (
 )
 from asperity.model.problem import Problem
 from asperity.model.settings import wrong_friction
-from asperity.output.assumptions import DOUBTFUL, Assumption, ledger
+from asperity.output.assumption import DOUBTFUL, Assumption
+from asperity.output.assumptions import ledger
 from asperity.output.friction_bounds import FRICTION_BOUNDS
 from asperity.output.run_files import RunFiles
 from asperity.power_law import PowerLawFit

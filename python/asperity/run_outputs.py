@@ -13,8 +13,9 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from asperity.case import Case
+from asperity.case.schema import DynamicsSection
 from asperity.curve import Curve
-from asperity.errors import AsperityWarning, InputError
+from asperity.errors import AsperityError, AsperityWarning, InputError
 from asperity.loops import LoopTable
 from asperity.model.problem import Problem
 from asperity.output.run_files import RunFiles
@@ -25,6 +26,7 @@ from asperity.runtime.run_folder import DISTRIBUTIONS, FIELDS, LOOPS, VTKHDF
 
 if TYPE_CHECKING:
     from asperity.dynamics import Dynamics, Joint
+    from asperity.dynamics.joint import Numbers
     from asperity.quasistatic.contact_result import ContactResult
 
 
@@ -191,9 +193,8 @@ def _radiation(case: Case, dynamics: Dynamics) -> dict[str, float]:
     """Loss factor by radiation at the frequency of small vibration, where density and frequency are known."""
     from asperity.reference import radiation_loss
 
-    assert case.loops is not None
-    numbers, density, solid = dynamics.numbers, case.loops.density, case.material
-    if density is None or not numbers.frequency == numbers.frequency:
+    numbers, density, solid = dynamics.numbers, case.material.density, case.material
+    if density is None or not math.isfinite(numbers.frequency):
         return {}
     omega = 2.0 * math.pi * numbers.frequency
     speed = math.sqrt(solid.solid.lame[1] / density)
@@ -208,22 +209,49 @@ def _joint(case: Case) -> Joint:
     return Joint(**case.joint.model_dump())
 
 
+def _of_small_vibration(case: Case) -> dict[str, Any]:
+    """Law, preload, mass and damping of the vibration of a case, as `run_dynamics` takes them."""
+    section = case.dynamics or DynamicsSection()
+    joint = None if case.joint is None else _joint(case)
+    zeta = section.zeta if joint is None or joint.damping is None else joint.damping
+    return {
+        "law": section.law, "load": section.preload, "overload": section.overload, "zeta": zeta,
+        "gravity": section.gravity, "joint": joint, "units": case.units, "patch_area": case.surface.L**2,
+    }  # fmt: skip
+
+
+def small_vibration_of(case: Case, curve: Curve) -> Numbers | None:
+    """Stiffness, mass, frequency and damping of the vibration of a case; None where it has none, or no mass.
+
+    The ledger needs them before `write_outputs`; what is wrong with them is reported there.
+    """
+    from asperity.dynamics.run import small_vibration
+
+    if (case.dynamics is None and case.joint is None) or not len(curve):
+        return None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            found = small_vibration(curve, **_of_small_vibration(case))
+        except AsperityError:
+            return None
+    return found if math.isfinite(found.frequency) else None
+
+
 def _vibration(case: Case, curve: Curve, folder: Path | None, loops: LoopTable | None) -> Dynamics:
     """Vibration on the curve of a case."""
     from asperity.dynamics import LoopDamping, run_dynamics
     from asperity.dynamics.law.choice import LACK
+    from asperity.dynamics.law.damping import LOOPS
 
-    assert case.dynamics is not None
-    settings = case.dynamics.model_dump()
-    load, models = settings.pop("preload"), settings.pop("model")
-    joint = None if case.joint is None else _joint(case)
-    if settings["damping"] == "loops" and loops is not None:
-        settings["damping"] = LoopDamping.of(loops)
-    if joint is not None and joint.damping is not None:
-        settings["zeta"] = joint.damping
+    section = case.dynamics
+    assert section is not None
+    damping: Any = section.damping
+    if damping == LOOPS and loops is not None:
+        damping = LoopDamping.of(loops)
     result = run_dynamics(
-        curve, load=load, models=models, out_dir=folder, units=case.units, joint=joint,
-        patch_area=case.surface.L**2, **settings,
+        curve, models=section.model, damping=damping, forcing=section.forcing, omega=section.omega,
+        out_dir=folder, **_of_small_vibration(case),
     )  # fmt: skip
     if LACK in result.notes:
         warnings.warn(LACK, AsperityWarning, stacklevel=2)

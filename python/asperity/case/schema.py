@@ -146,9 +146,14 @@ class MaterialSection(Section):
         None, shown="small",
     )  # fmt: skip
 
+    density: Real | None = _key(
+        "of the solid: for the inertia and the radiation that vibration has", None,
+        shown="none", unit="mass/length^3", gt=0, hint="7800 kg/m^3 for steel",
+    )  # fmt: skip
+
     @property
     def solid(self) -> Material:
-        """The material, with its moduli."""
+        """The material, with its moduli; the contact does not depend on the density."""
         hardening = "isotropic" if self.hardening is None else self.hardening
         tangent_modulus, kinematics = self.tangent_modulus or 0.0, self.kinematics or "small"
         return Material(self.E, self.nu, self.yield_strength, tangent_modulus, hardening, kinematics)
@@ -293,10 +298,6 @@ class LoopsSection(Section):
     )  # fmt: skip
     cycles: Whole = _key("greatest number of loops of an amplitude; fewer when two are alike", 4, ge=1, le=1000)
     steps: Whole = _key("steps of a quarter of a loop", 4, ge=1, le=1000)
-    density: Real | None = _key(
-        "density of the solid, for what vibration radiates into it", None, shown="no radiation",
-        unit="mass/length^3", gt=0,
-    )  # fmt: skip
 
 
 class SolverSection(Section):

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 ELEMENTS = 1.5  # per wavelength: with fewer, the difference of two meshes does not show the error
 SHARE = 0.25  # greatest height of unresolved waves, over the approach times the tolerance
-ONE_MESH = 0.05  # tolerance assumed for a run on one mesh, for the warning
+ONE_MESH = 0.05  # error of the force accepted without a tolerance
 MOST_LOWERED = 0.5  # change of height by smoothing, over the approach, beyond which the mesh is not of this surface
 _CLOSE = 1.02  # ratio below which two sizes count as equal
 

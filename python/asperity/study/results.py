@@ -21,7 +21,7 @@ from asperity.arrays import Array
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import AsperityError, InputError
-from asperity.output.assumptions import doubtful
+from asperity.output.assumption import doubtful
 from asperity.power_law import PowerLawFit, fit_or_none
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import replace_file

@@ -15,7 +15,7 @@ from asperity.arrays import Floats
 from asperity.dynamics import ContactOscillator, PowerLaw
 from asperity.mesh.generate import build_block
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.solve_contact import make_block, make_contact_solver
+from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.surface import Flat
 from asperity.transient import TimeSeries, Transient
 from asperity.verification.hertz import HERTZ, MATERIAL, SPHERE
