@@ -74,6 +74,11 @@ def check_together(case: Input) -> None:
         _refuse("dynamics.damping", '= "loops" needs the section [loops], which computes them')
     if case.loops:
         _check_loops(case, case.loops)
+    if case.output.stiffness_matrix and loading.unload:
+        _refuse(
+            "output.stiffness_matrix",
+            "= true is for the end of the load path, where loading.unload has lifted the flat off; set it to false",
+        )
     if dynamics and dynamics.preload is not None:
         _check_preload(case, "dynamics.preload", dynamics.preload, 1.0)
     load = dynamics.preload if dynamics else None
