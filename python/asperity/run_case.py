@@ -298,7 +298,7 @@ class _Job:
         if failure is not None and not complete:
             raise failure
         dynamics = write_outputs(
-            case, self.problem.surface, contact, summary, self.folder, writer, self.progress, failure is None
+            case, self.problem, contact, summary, self.folder, writer, self.progress, failure is None
         )
         if failure is not None:
             raise failure
