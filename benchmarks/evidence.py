@@ -28,6 +28,7 @@ CASES = {
     "patch": ("patch tests", "closed form", "patch"),
     "material": ("plasticity, uniaxial and confined, two cycles", "closed form", "patch"),
     "hertz": ("Hertz", "theory of a layer", "hertz"),
+    "stiffness": ("stiffness and conductance of a spot", "closed form", "stiffness"),
     "westergaard": ("wave", "closed form", "waves"),
     "double-sinusoid": ("double wave", "tabulated boundary elements", "waves"),
     "thick-sphere": ("elastic-plastic thick sphere", "Hill", "shell"),
