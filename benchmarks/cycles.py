@@ -27,7 +27,7 @@ from tables import csv_text, versions
 import asperity as asp
 from asperity.arrays import Floats
 from asperity.plot import style
-from asperity.quasistatic.solve_contact import make_block, make_contact_solver
+from asperity.quasistatic.make import make_block, make_contact_solver
 
 ROOT = Path(__file__).parent.parent
 TOP, CYCLES, STEPS = 0.02, 20, 5  # greatest approach [L], cycles, steps down and up

@@ -27,7 +27,7 @@ from asperity.adaptive.mesh_plan import GUIDE, growth, step_rule
 from asperity.curve import Curve
 from asperity.mesh.block import BlockMesh
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
-from asperity.quasistatic.solve_contact import make_block
+from asperity.quasistatic.make import make_block
 from asperity.surface import Sphere
 
 STICK = Formulation(friction="stick")

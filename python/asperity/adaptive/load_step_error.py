@@ -31,7 +31,7 @@ from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
 from asperity.model.settings import AccuracyTarget
-from asperity.quasistatic.solve_contact import ContactResult
+from asperity.quasistatic.contact_result import ContactResult
 
 # Part of the load-step correction taken for its bar; of the rule of first order much more is corrected
 PATH_TRANSFER = {MIDPOINT: 0.5, STICK: 1.0, BACKWARD_EULER: 1.0}
@@ -112,7 +112,9 @@ def choose_substeps(
         the result with the most parts, at least two, and the error; no more parts are chosen than these
     """
     result = run(FIRST * GUIDE)
-    at = result.curve.delta_star[judged_rows(result.curve, steps)]
+    # a coarse mesh of a rough surface is touched late: a row without a force has no error of its own
+    judged = judged_rows(result.curve, steps)
+    at = result.curve.delta_star[judged & (result.curve.P_star > 0.0)]
     P, n = {1: loading_force(result.curve, at)}, 1
     ratio = run.levels[0].h / run.levels[-1].h
     _, _, spread = extrapolate_mesh(loading_force(guide, at), P[1], ratio, safety_of(True))

@@ -25,11 +25,14 @@ _CASES = {
     "patch": "patch.patch",
     "material": "patch.material_point",
     "hertz": "hertz.hertz",
+    "stiffness": "stiffness.stiffness",
     "westergaard": "waves.westergaard",
     "double-sinusoid": "waves.double_sinusoid",
     "thick-sphere": "shell.pressurised_sphere",
     "flattened-sphere": "flattening.flattened_sphere",
     "rough": "rough.rough",
+    "impact": "motion.impact",
+    "vibration": "motion.vibration",
     "rates": "rates.rates",
 }
 NAMES = tuple(_CASES)
