@@ -314,7 +314,7 @@ class SolverSection(Section):
 class OutputSection(Section):
     """Files in addition to the curve and the summary."""
 
-    figures: Flag = _key("figures/*.png", False)
+    figures: Flag = _key("figures/*.png, and *.svg of those that consist of lines", False)
     fields: Flag = _key("fields/ for ParaView", False)
     report: Flag = _key("report.html", False)
     distributions: Flag = _key("fields/distributions.csv: shares of the patch by pressure and by gap", False)
