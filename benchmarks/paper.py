@@ -23,7 +23,6 @@ from full_contact import full_contact
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpi4py import MPI
-from pictures import shrink
 from regimes import cubic, regime_map
 from regimes import table as map_table
 from statements import WHOLE, Finding, Statement, all_statements, smoother_surfaces, verdict_of
@@ -71,7 +70,7 @@ def main() -> None:
 
 def write_map(study: Study, results: StudyResults, docs: Path) -> None:
     """Write the map of the regimes, picture and table."""
-    shrink(style.save(regime_map(study, results), docs / "paper/regimes.png"))
+    style.save(regime_map(study, results), docs / "paper/regimes.png")
     text = csv_text(COMMAND, versions(), map_table(study, results))
     (docs / "tables/paper_map.csv").write_text(text, encoding="utf-8")
 
@@ -88,7 +87,7 @@ def write(results: StudyResults, docs: Path, closed: Sequence[dict[str, float]])
     for folder in (pictures, docs / "tables"):
         folder.mkdir(parents=True, exist_ok=True)
     for name, figure in figures(results):
-        shrink(style.save(figure, pictures / f"{name}.png"))
+        style.save(figure, pictures / f"{name}.png")
     found = all_statements(results)
     (docs / "paper.md").write_text(page(results, found, closed), encoding="utf-8")
     made = {"paper_fits": fits(results), "paper_conditions": conditions(found), "paper_unloading": physical(results)}
@@ -127,12 +126,12 @@ def figures(results: StudyResults) -> Iterable[tuple[str, Figure]]:
 def curve_families(results: StudyResults) -> Figure:
     """Force against approach over D, G, E_t (free sides) and sigma_y (rollers)."""
     figure, axes = style.figure(style.DOUBLE, 6.2, columns=2, rows=2)
-    for axis, name in zip(axes.ravel(), CURVES, strict=True):
+    for axis, name in zip(axes, CURVES, strict=True):
         levels = results.levels(name)
         draw_curves(axis, results, levels, labels(name, levels))
         axis.xaxis.set_major_locator(MaxNLocator(5))
         axis.legend(loc="upper left")
-    style.letters(*axes.ravel())
+    style.titles(axes, [""] * len(axes))
     return figure
 
 
@@ -146,7 +145,7 @@ def exponent_families(results: StudyResults) -> Figure:
         "E_t_light": "$E_t$ (GPa), rollers, light load", "sigma_y_light": "$\\sigma_y$ (GPa), rollers, light load",
         "sigma_y": "$\\sigma_y$ (GPa), rollers", "sigma_y_free": "$\\sigma_y$ (GPa), free sides",
     }  # fmt: skip
-    for axis, (name, text) in zip(axes.ravel(), axis_names.items(), strict=True):
+    for axis, (name, text) in zip(axes, axis_names.items(), strict=True):
         levels = results.levels(name)
         ticks = short(name, levels)
         draw_column(axis, levels, ticks, "n", style.BLUE, "linear fit", -0.15)
@@ -154,8 +153,8 @@ def exponent_families(results: StudyResults) -> Figure:
         axis.axhline(1.0, color=style.GREY, lw=0.8)
         axis.set_xlabel(text)
         axis.set_ylabel("exponent $n$")
-    axes[0, 0].legend(loc="upper right")
-    style.letters(*axes.ravel())
+    axes[0].legend(loc="upper right")
+    style.titles(axes, [""] * len(axes))
     return figure
 
 
@@ -170,7 +169,7 @@ def mean_law(level: StudyLevel, shift: float = 0.0) -> PowerLaw:
 def frequencies(results: StudyResults) -> Figure:
     """Natural frequency against amplitude of the mean law of each level; band: one standard deviation of n."""
     figure, axes = style.figure(style.DOUBLE, 6.2, columns=2, rows=2)
-    for axis, name in zip(axes.ravel(), CURVES, strict=True):
+    for axis, name in zip(axes, CURVES, strict=True):
         levels = results.levels(name)
         for level, text, colour in zip(levels, labels(name, levels), colours(len(levels)), strict=True):
             middle = ContactOscillator(mean_law(level))
@@ -190,7 +189,7 @@ def frequencies(results: StudyResults) -> Figure:
         axis.set_xlim(left=0)
         axis.legend(loc="lower left", fontsize=7)
         style.grid(axis)
-    style.letters(*axes.ravel())
+    style.titles(axes, [""] * len(axes))
     return figure
 
 
@@ -212,7 +211,7 @@ def base_level(results: StudyResults) -> StudyLevel:
 def response_families(results: StudyResults) -> Figure:
     """Response of the mean law of each level: exact, its unstable part dotted white, and Taylor (thin)."""
     figure, axes = style.figure(style.DOUBLE, 6.2, columns=2, rows=2)
-    for axis, name in zip(axes.ravel(), CURVES, strict=True):
+    for axis, name in zip(axes, CURVES, strict=True):
         levels = results.levels(name)
         for level, text, colour in zip(levels, labels(name, levels), colours(len(levels)), strict=True):
             exact = ContactOscillator(mean_law(level), zeta=ZETA)
@@ -229,7 +228,7 @@ def response_families(results: StudyResults) -> Figure:
         axis.set_ylabel("$u_{max}$")
         axis.legend(loc="upper left", fontsize=6.5)
         style.grid(axis)
-    style.letters(*axes.ravel())
+    style.titles(axes, [""] * len(axes))
     return figure
 
 
@@ -247,7 +246,7 @@ def physical_law(results: StudyResults) -> Figure:
         axis.set_xlabel(text)
         axis.set_ylabel("local exponent at half load")
     axes[0].legend(loc="best")
-    style.letters(*axes)
+    style.titles(axes, [""] * len(axes))
     return figure
 
 

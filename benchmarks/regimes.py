@@ -71,11 +71,10 @@ def regime_map(study: Study, results: StudyResults) -> Figure:
     norm = TwoSlopeNorm(1.0, *LIMITS)
     for axis, (family, sides) in zip(axes, SIDES.items(), strict=True):
         image = draw_map(axis, points(study, results, family), norm)
-        axis.set_title(sides)
         axis.set_xlabel("depth of the mean plane / range of approach")
         axis.set_ylabel("elastic pressure of the block / its yield pressure")
     figure.colorbar(image, ax=axes, label="exponent $n$", extend="max")
-    style.letters(*axes)
+    style.titles(axes, list(SIDES.values()))
     return figure
 
 

@@ -25,7 +25,7 @@ from asperity.surface import Surface
 if TYPE_CHECKING:
     from asperity.dynamics import Dynamics
     from asperity.dynamics.joint import Numbers
-    from asperity.quasistatic.solve_contact import ContactResult
+    from asperity.quasistatic.contact_result import ContactResult
 
 
 def write_outputs(

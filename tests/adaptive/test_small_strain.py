@@ -24,7 +24,9 @@ from asperity.errors import InputError, Interrupted
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget, MeshSize
-from asperity.quasistatic.solve_contact import Hooks, make_contact_solver, solve_contact, solve_problem
+from asperity.quasistatic.hooks import Hooks
+from asperity.quasistatic.make import make_contact_solver
+from asperity.quasistatic.solve_contact import solve_contact, solve_problem
 from asperity.run_case import run
 from asperity.surface import Flat, Sinusoid, Surface
 

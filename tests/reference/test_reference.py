@@ -245,6 +245,15 @@ def test_jackson_green_numbers():
     assert np.isnan(ref.kogut_etsion(200 * critical_approach(R), R, **STEEL)[0])
 
 
+def test_fits_of_the_released_sphere_agree_until_full_plasticity():
+    """Two groups, with and without hardening; they part beyond w = 20."""
+    w = np.array([2.0, 5.0, 10.0, 20.0])
+    residual, exponent = ref.unloaded_sphere(w)
+    np.testing.assert_allclose(ref.residual_of_perfect_sphere(w), residual, atol=0.03)
+    assert ref.unloaded_sphere(1.0)[0] == ref.residual_of_perfect_sphere(1.0) == 0.0
+    assert ref.unloaded_sphere(1.0)[1] == 1.5 and (np.diff(exponent) < 0.0).all()
+
+
 def test_ghaednia_numbers():
     R = 1e-3
     delta = 50 * critical_approach(R)

@@ -29,7 +29,10 @@ from asperity.mesh.top import heights_of_top
 from asperity.model.material import AUTO
 from asperity.model.problem import Problem
 from asperity.model.settings import Formulation, MeshSize
-from asperity.quasistatic.solve_contact import Hooks, PartialResult, estimate_approach, make_block, solve_problem
+from asperity.quasistatic.contact_result import PartialResult
+from asperity.quasistatic.hooks import Hooks
+from asperity.quasistatic.make import make_block
+from asperity.quasistatic.solve_contact import estimate_approach, solve_problem
 from asperity.runtime.parallel import on_root_bcast
 
 if TYPE_CHECKING:

@@ -131,6 +131,12 @@ def judge_smoothing(block: BlockMesh | None, surface: Surface, delta: float) -> 
     warnings.warn(text, ResolutionWarning, stacklevel=2)
 
 
+def judge_mesh(block: BlockMesh | None, surface: Surface, h: float, delta: float) -> None:
+    """Judge a mesh with elements of size h in the contact by `judge_smoothing` and `warn_of_missed_waves`; rank 0."""
+    judge_smoothing(block, surface, delta)
+    warn_of_missed_waves(surface, h, delta)
+
+
 def advice(h: float) -> str:
     """Advice how to cut off the waves that elements of size h [length] do not resolve."""
     keys = "surface.f_max, surface.L_s or surface.lambda_short, asperity import-map --cutoff of a map"

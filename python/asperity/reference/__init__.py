@@ -35,7 +35,9 @@ from asperity.reference.plastic import (
     j2_path,
     jackson_green,
     kogut_etsion,
+    residual_of_perfect_sphere,
     uniaxial_stress,
+    unloaded_sphere,
 )
 from asperity.reference.rough_halfspace import RoughCurve, RoughHalfSpace
 from asperity.reference.tables import (
@@ -74,9 +76,11 @@ __all__ = [
     "radiation_damping",
     "range_of_stickiness",
     "reduced_modulus",
+    "residual_of_perfect_sphere",
     "rough_elastic_surface",
     "similar_coefficient",
     "stickiness",
     "tabor_parameter",
     "uniaxial_stress",
+    "unloaded_sphere",
 ]

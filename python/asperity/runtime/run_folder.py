@@ -28,23 +28,26 @@ TOP, BLOCK, VTKHDF = "top.npz", "mesh.npz", "contact.vtkhdf"  # in fields
 DISTRIBUTIONS = "distributions.csv"  # in fields
 PICTURES = (
     "surface", "mesh", "curve", "area", "pressure", "stiffness", "plasticity", "frequency", "response", "scene",
-)  # in figures, .png # fmt: skip
+)  # in figures # fmt: skip
+FIELD_PICTURES = ("surface", "mesh", "pressure", "scene")  # the others consist of lines and are in .svg too
+_FIGURES = {name: [f"{FIGURES}/{name}.{form}" for form in ("png", "svg") if form == "png" or name not in FIELD_PICTURES]
+            for name in PICTURES}  # fmt: skip
 MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpoint and in the folders in it
 
 #: All files and folders that a run writes, folders after their files; without those of the checkpoint.
 PRODUCTS = (
     CURVE, SUMMARY, LOG, FREE, RESPONSE, BAND, THRESHOLDS, REPORT,
     *(f"{FIELDS}/{name}" for name in (BLOCK, TOP, VTKHDF, DISTRIBUTIONS)), FIELDS,
-    *(f"{FIGURES}/{name}.png" for name in PICTURES), FIGURES,
+    *(path for paths in _FIGURES.values() for path in paths), FIGURES,
     CASE,
 )  # fmt: skip
 
 
 #: Files of parts of a case, which are removed when a run continues without the part.
 _PARTS = {
-    "dynamics": (FREE, RESPONSE, BAND, THRESHOLDS, f"{FIGURES}/frequency.png", f"{FIGURES}/response.png"),
+    "dynamics": (FREE, RESPONSE, BAND, THRESHOLDS, *_FIGURES["frequency"], *_FIGURES["response"]),
     "fields": (f"{FIELDS}/{VTKHDF}",),
-    "figures": (*(f"{FIGURES}/{name}.png" for name in PICTURES if name != "scene"), FIGURES),
+    "figures": (*(path for name, paths in _FIGURES.items() if name != "scene" for path in paths), FIGURES),
     "report": (REPORT,),
 }
 
