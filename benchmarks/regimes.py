@@ -69,7 +69,7 @@ def regime_map(study: Study, results: StudyResults) -> Figure:
     """Exponent over depth of the mean plane and block yield ratio, for both kinds of sides."""
     figure, axes = style.figure(style.DOUBLE, 4.0, columns=2)
     norm = TwoSlopeNorm(1.0, *LIMITS)
-    for axis, (family, sides) in zip(axes, SIDES.items(), strict=True):
+    for axis, family in zip(axes, SIDES, strict=True):
         image = draw_map(axis, points(study, results, family), norm)
         axis.set_xlabel("depth of the mean plane / range of approach")
         axis.set_ylabel("elastic pressure of the block / its yield pressure")
