@@ -32,7 +32,7 @@ import asperity as asp
 from asperity.adaptive.solve_to_tolerance import AccurateResult, refine
 from asperity.arrays import Floats
 from asperity.curve import Curve
-from asperity.quasistatic.solve_contact import Hooks
+from asperity.quasistatic.hooks import Hooks
 from asperity.reference import RoughHalfSpace, half_space_contact
 from asperity.reference.halfspace import corrected_area
 from asperity.surface import SelfAffine, Surface

@@ -32,7 +32,7 @@ from asperity.output.assumptions import ledger
 from asperity.output.friction_bounds import FRICTION_BOUNDS
 from asperity.output.run_files import RunFiles
 from asperity.power_law import PowerLawFit
-from asperity.run_outputs import small_vibration_of, write_outputs
+from asperity.run_outputs import write_outputs
 from asperity.runtime import run_folder
 from asperity.runtime.display import brief, html_table
 from asperity.runtime.notices import Notices, noting
@@ -302,7 +302,7 @@ class _Job:
         if failure is not None and not complete:
             raise failure
         dynamics = write_outputs(
-            case, self.problem.surface, contact, summary, self.folder, writer, self.progress, failure is None
+            case, self.problem, contact, summary, self.folder, writer, self.progress, failure is None
         )
         if failure is not None:
             raise failure

@@ -147,7 +147,7 @@ class MaterialSection(Section):
     )  # fmt: skip
 
     density: Real | None = _key(
-        "of the solid, with which the ledger of a case with [dynamics] or [joint] has lines of inertia", None,
+        "of the solid: for the inertia and the radiation that vibration has", None,
         shown="none", unit="mass/length^3", gt=0, hint="7800 kg/m^3 for steel",
     )  # fmt: skip
 
@@ -256,7 +256,9 @@ class DynamicsSection(Section):
         unit="length/time^2", gt=0,
     )  # fmt: skip
     zeta: Real = _key("damping ratio", 0.01, ge=0, lt=1)
-    damping: Literal["always", "contact", "hunt-crossley"] = _key("when damping acts", "always")
+    damping: Literal["always", "contact", "hunt-crossley", "loops"] = _key(
+        "when damping acts; loops adds that of [loops], in contact", "always"
+    )
     forcing: tuple[Annotated[Real, Field(ge=1e-9, le=1e6)], ...] = _key(
         "amplitudes F/(m omega_s^2 z_s)", (0.01,), min_length=1, max_length=100
     )
@@ -285,6 +287,19 @@ class JointSection(Section):
     damping: Real | None = _key("damping ratio", None, shown="dynamics.zeta", ge=0, lt=1)
 
 
+class LoopsSection(Section):
+    """Loops of the force about a preload after the load path: the damping of plastic flow."""
+
+    amplitudes: tuple[Annotated[Real, Field(ge=1e-3, le=0.99)], ...] = _key(
+        "amplitudes of the force over the preload", (0.1, 0.3, 0.6), min_length=1, max_length=100
+    )
+    preload: Real | None = _key(
+        "mean force on the patch", None, shown="that of the vibration", unit=FORCE, gt=0
+    )  # fmt: skip
+    cycles: Whole = _key("greatest number of loops of an amplitude; fewer when two are alike", 4, ge=1, le=1000)
+    steps: Whole = _key("steps of a quarter of a loop", 4, ge=1, le=1000)
+
+
 class SolverSection(Section):
     """Solution of the equations."""
 
@@ -299,11 +314,14 @@ class SolverSection(Section):
 class OutputSection(Section):
     """Files in addition to the curve and the summary."""
 
-    figures: Flag = _key("figures/*.png", False)
+    figures: Flag = _key("figures/*.png, and *.svg of those that consist of lines", False)
     fields: Flag = _key("fields/ for ParaView", False)
     report: Flag = _key("report.html", False)
     distributions: Flag = _key("fields/distributions.csv: shares of the patch by pressure and by gap", False)
     stiffness: Flag = _key("columns k_n to k_t_interface of the curve; load steps take a third to a half longer", False)
+    stiffness_matrix: Flag = _key(
+        "stiffness against all six motions of the flat at the end of the load path, in summary.json", False
+    )
     conductance: Flag = _key("column conductance of the curve", False)
     small_strain: Flag = _key("what small strain changes in the force; always with finite or auto kinematics", False)
     snapshots: Whole = _key("load levels kept for pressure maps and distributions", 4, ge=0, le=1000)
@@ -328,6 +346,7 @@ class Input(BaseModel):
     accuracy: AccuracySection = AccuracySection()
     dynamics: DynamicsSection | None = None
     joint: JointSection | None = None
+    loops: LoopsSection | None = None
     solver: SolverSection = SolverSection()
     output: OutputSection = OutputSection()
 

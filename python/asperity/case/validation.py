@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from math import inf
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from asperity.case.schema import DRIVERS, DynamicsSection, Input, JointSection, SelfAffineSection, show
+from asperity.case.schema import DRIVERS, DynamicsSection, Input, JointSection, LoopsSection, SelfAffineSection, show
 from asperity.dynamics.joint import EXCLUSIVE
 from asperity.errors import InputError
 from asperity.model.settings import H_CONTACT, H_MAX, gamma_too_small, penalty_too_soft, wrong_friction
@@ -69,6 +70,15 @@ def check_together(case: Input) -> None:
         _refuse("dynamics.overload", f"= {dynamics.overload:g} cannot go with dynamics.law = {show(dynamics.law)}")
     if case.joint:
         _check_joint(case, case.joint)
+    if dynamics and dynamics.damping == "loops" and case.loops is None:
+        _refuse("dynamics.damping", '= "loops" needs the section [loops], which computes them')
+    if case.loops:
+        _check_loops(case, case.loops)
+    if case.output.stiffness_matrix and loading.unload:
+        _refuse(
+            "output.stiffness_matrix",
+            "= true is for the end of the load path, where loading.unload has lifted the flat off; set it to false",
+        )
     if dynamics and dynamics.preload is not None:
         _check_preload(case, "dynamics.preload", dynamics.preload, 1.0)
     load = dynamics.preload if dynamics else None
@@ -100,6 +110,13 @@ def _check_joint(case: Input, joint: JointSection) -> None:
         _check_preload(case, "joint.preload", joint.preload, area / patch)
     if joint.pressure is not None:
         _check_preload(case, "joint.pressure", joint.pressure, 1.0 / patch)
+
+
+def _check_loops(case: Input, loops: LoopsSection) -> None:
+    if any(b <= a for a, b in pairwise(loops.amplitudes)):
+        _refuse("loops.amplitudes", f"= {show(loops.amplitudes)} must rise, for example [0.1, 0.3, 0.6]")
+    if loops.preload is not None:
+        _check_preload(case, "loops.preload", loops.preload, 1.0)
 
 
 def _check_preload(case: Input, key: str, value: float, factor: float) -> None:

@@ -137,7 +137,7 @@ class Dynamics:
             "n_loc": first.restoring.n_loc,
             "kappa": first.restoring.kappa,
             "zeta": first.zeta,
-            "damping": first.damping,
+            "damping": str(first.damping),
             "uncertainty": self.uncertainty.to_dict() if self.uncertainty else None,
             "notes": list(self.notes),
             "units": self.units,

@@ -19,9 +19,10 @@ from asperity.dynamics.forcing import forcings, window
 from asperity.dynamics.joint import Joint, Numbers
 from asperity.dynamics.law.checks import positive
 from asperity.dynamics.law.choice import LAWS, Choice, choose, read_history
-from asperity.dynamics.law.damping import DAMPING
+from asperity.dynamics.law.damping import DAMPING, LOOPS, Damping
 from asperity.dynamics.law.history import History
 from asperity.dynamics.law.law import Law
+from asperity.dynamics.law.loop_damping import LoopDamping
 from asperity.dynamics.law.two_branches import TwoBranchLaw
 from asperity.dynamics.laws import LawTable, tabulate
 from asperity.dynamics.motion.sweep import ESCAPED, Sweep
@@ -32,6 +33,8 @@ from asperity.dynamics.oscillator import GRAVITY, ContactOscillator
 from asperity.dynamics.results import Dynamics, numbers_of
 from asperity.dynamics.uncertainty import Band, Uncertainty, response_band, uncertainty
 from asperity.errors import AsperityError, AsperityWarning, InputError
+from asperity.loops import LoopTable
+from asperity.runtime import run_folder
 
 __all__ = ["LAWS", "MODELS", "law_from", "run_dynamics", "small_vibration"]
 
@@ -86,7 +89,7 @@ def run_dynamics(
     source: Any,
     *,
     zeta: float | None = None,
-    damping: str | None = None,
+    damping: str | LoopDamping | None = None,
     forcing: float | Iterable[float] = (0.01,),
     models: Sequence[str] = MODELS,
     omega: Sequence[float] = (0.5, 1.3),
@@ -109,7 +112,8 @@ def run_dynamics(
     Args:
         source: a `Law`, a `Curve`, a CSV file with columns delta and force, or a run directory (curve.csv).
         zeta: damping ratio of small motion, 0 <= zeta < 1; default that of the case of a run directory, or 0.01.
-        damping: "always", "contact" or "hunt-crossley"; default that of the case of a run directory, or "always".
+        damping: "always", "contact", "hunt-crossley", or "loops": in addition to zeta that of the loops.csv of a run
+            directory (or a `LoopDamping`); default that of the case of a run directory, or "always".
         forcing: F^ = F/(n_loc m g), one or several, each 1e-9 to 1e6.
         models: "exact" and/or "taylor".
         omega: lowest and highest Omega = omega/omega_s, 0.01 to 100.
@@ -168,6 +172,8 @@ def run_dynamics(
     if zeta is None:
         zeta = joint.damping if joint is not None and joint.damping is not None else of_case.get("zeta", ZETA)
     damping = of_case.get("damping", DAMPING[0]) if damping is None else damping
+    if damping == LOOPS:
+        damping = _loops_of(source)
     exact = _oscillator(static, preload, gravity, joint, zeta=zeta, damping=damping)
     laws = None
     if chosen is not None:
@@ -247,6 +253,16 @@ def _oscillator(law: Law, load: float, gravity: float | None, joint: Joint | Non
     exact = ContactOscillator(law, load=load, gravity=gravity, **damping)
     mass = None if joint is None else joint.mass_at(exact.restoring.scale / exact.restoring.z_s)
     return exact if mass is None else replace(exact, gravity=load / mass)
+
+
+def _loops_of(source: Any) -> Damping:
+    """Return the damping of the loops of a run directory, "loops" where there are none."""
+    folder = Path(source) if isinstance(source, (str, os.PathLike)) else None
+    if folder is not None and not folder.is_dir():
+        folder = folder.parent
+    if folder is None or not (folder / run_folder.LOOPS).is_file():
+        return LOOPS
+    return LoopDamping.of(LoopTable.read(folder / run_folder.LOOPS))
 
 
 def joint_of(source: Any, given: Mapping[str, float | None]) -> Joint | None:

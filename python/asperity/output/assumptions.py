@@ -24,7 +24,7 @@ from asperity.output.assumption import Assumption
 from asperity.reference import (
     first_frequency,
     pull_off,
-    radiation_damping,
+    radiation_loss,
     range_of_stickiness,
     stickiness,
     tabor_parameter,
@@ -337,10 +337,11 @@ def radiation(run: Evidence) -> Assumption | None:
     if run.vibration is None or run.density is None:
         return None
     vibration, solid = run.vibration, run.problem.material
-    value = radiation_damping(vibration.stiffness, vibration.frequency, run.density, solid.E, solid.nu)
+    omega = 2.0 * pi * vibration.frequency
+    value = 0.5 * radiation_loss(vibration.stiffness, omega, E=solid.E, nu=solid.nu, density=run.density)
     return Assumption(
         "inertia: damping ratio by radiation", value, NEGLIGIBLE * vibration.damping, "",
-        "Lysmer & Richart, J. Soil Mech. Found. Div. ASCE 92 (1966) 65", "a damping ratio greater by the value",
+        "Miller & Pursey, Proc. R. Soc. Lond. A 223 (1954) 521", "a damping ratio greater by the value",
         f"the model has {vibration.damping:.3g}; a block on a rigid base radiates less than the half-space",
     )  # fmt: skip
 

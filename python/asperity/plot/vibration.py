@@ -30,7 +30,12 @@ COLOURS = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE, style.ORANGE,
 DASHES = (0, (3, 1.5))
 _SWEEPS = {"sweep-up": ("^", "sweep up"), "sweep-down": ("v", "sweep down")}
 _MARKS = {"fold": ("o", "fold, with jump"), "period doubling": ("s", "period doubling")}
-_ACTS = {"always": "always", "contact": "in contact", "hunt-crossley": "after Hunt and Crossley"}
+_ACTS = {
+    "always": "always",
+    "contact": "in contact",
+    "hunt-crossley": "after Hunt and Crossley",
+    "loops": "as the loops",
+}
 _FAINT = 0.35
 _CLOSE = 0.03  # share of the extent of a curve within which consecutive rows are always joined
 

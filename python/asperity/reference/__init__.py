@@ -26,7 +26,7 @@ from asperity.reference.elastic import (
     similar_coefficient,
 )
 from asperity.reference.halfspace import HalfSpaceContact, half_space_contact
-from asperity.reference.inertia import first_frequency, radiation_damping
+from asperity.reference.inertia import first_frequency
 from asperity.reference.plastic import (
     PressurisedSphere,
     confined_stress,
@@ -39,6 +39,7 @@ from asperity.reference.plastic import (
     uniaxial_stress,
     unloaded_sphere,
 )
+from asperity.reference.radiation import radiation_compliance, radiation_loss
 from asperity.reference.rough_halfspace import RoughCurve, RoughHalfSpace
 from asperity.reference.tables import (
     FLATTENED_DEPTHS,
@@ -73,7 +74,8 @@ __all__ = [
     "kogut_etsion",
     "patch_test_slope",
     "pull_off",
-    "radiation_damping",
+    "radiation_compliance",
+    "radiation_loss",
     "range_of_stickiness",
     "reduced_modulus",
     "residual_of_perfect_sphere",

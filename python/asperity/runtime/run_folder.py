@@ -22,6 +22,7 @@ from asperity.runtime.files import is_aside
 
 CASE, CURVE, SUMMARY, LOG = "case.toml", "curve.csv", "summary.json", "run.log"
 FREE, RESPONSE, BAND, THRESHOLDS = "free.csv", "response.csv", "band.csv", "thresholds.json"
+LOOPS = "loops.csv"
 REPORT = "report.html"
 FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
 TOP, BLOCK, VTKHDF = "top.npz", "mesh.npz", "contact.vtkhdf"  # in fields
@@ -36,7 +37,7 @@ MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpo
 
 #: All files and folders that a run writes, folders after their files; without those of the checkpoint.
 PRODUCTS = (
-    CURVE, SUMMARY, LOG, FREE, RESPONSE, BAND, THRESHOLDS, REPORT,
+    CURVE, SUMMARY, LOG, LOOPS, FREE, RESPONSE, BAND, THRESHOLDS, REPORT,
     *(f"{FIELDS}/{name}" for name in (BLOCK, TOP, VTKHDF, DISTRIBUTIONS)), FIELDS,
     *(path for paths in _FIGURES.values() for path in paths), FIGURES,
     CASE,
@@ -46,6 +47,7 @@ PRODUCTS = (
 #: Files of parts of a case, which are removed when a run continues without the part.
 _PARTS = {
     "dynamics": (FREE, RESPONSE, BAND, THRESHOLDS, *_FIGURES["frequency"], *_FIGURES["response"]),
+    "loops": (LOOPS,),
     "fields": (f"{FIELDS}/{VTKHDF}",),
     "figures": (*(path for name, paths in _FIGURES.items() if name != "scene" for path in paths), FIGURES),
     "report": (REPORT,),
@@ -151,6 +153,7 @@ def _parts(case: Mapping[str, Any]) -> set[str]:
     output = case.get("output", {})
     requested = {
         "dynamics": "dynamics" in case,
+        "loops": "loops" in case,
         "fields": output.get("fields"),
         "figures": output.get("figures") or output.get("report"),  # which contains them
         "report": output.get("report"),
