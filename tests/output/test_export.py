@@ -20,7 +20,8 @@ import asperity as asp
 from asperity.arrays import Array
 from asperity.case import Case
 from asperity.errors import InputError
-from asperity.output.export import FORMATS, interface
+from asperity.output.export import interface
+from asperity.runtime.run_folder import EXPORTS
 
 L, HEIGHT, E, NU = 1e-6, 1e-6, 200e9, 0.3
 MODULUS = E * (1 - NU) / ((1 + NU) * (1 - 2 * NU))
@@ -96,7 +97,7 @@ def test_the_branch_after_yield_is_that_of_the_preload(folder: Path) -> None:
 def test_a_deck_begins_at_zero_and_rises(folder: Path, program: str) -> None:
     path = asp.export(folder, program)
     table = deck(path)
-    assert path.name == FORMATS[program] and (table[0] == 0).all()
+    assert path.name == EXPORTS[program] and (table[0] == 0).all()
     assert (np.diff(table, axis=0) > 0).all() and table.shape[1] == 2
     inside = table[1:, 1] <= Z0 * (1 + 1e-6)
     np.testing.assert_allclose(table[1:][inside, 0], pressure(table[1:][inside, 1]), rtol=1e-6)
@@ -171,7 +172,7 @@ def test_calculix_presses_a_plate_and_finds_the_curve(folder: Path) -> None:
     lines += ["*SURFACE, NAME=SLOW", "1, S2", "*SURFACE, NAME=SHIGH", "2, S1"]
     lines += ["*MATERIAL, NAME=STIFF", "*ELASTIC", "1e15, 0.0"]
     lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL=STIFF" for name in ("LOW", "HIGH")]
-    lines += [f"*INCLUDE, INPUT={FORMATS['calculix']}"]
+    lines += [f"*INCLUDE, INPUT={EXPORTS['calculix']}"]
     lines += ["*CONTACT PAIR, INTERACTION=ASPERITY, TYPE=NODE TO SURFACE", "SHIGH, SLOW"]
     lines += ["*BOUNDARY", "BASE, 1, 3", "ALL, 1, 2"]
     lines += ["*STEP, INC=1000", "*STATIC", f"{1 / steps}, 1.0, 1e-6, {1 / steps}"]

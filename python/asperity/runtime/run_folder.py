@@ -22,18 +22,27 @@ from asperity.runtime.files import is_aside
 
 CASE, CURVE, SUMMARY, LOG = "case.toml", "curve.csv", "summary.json", "run.log"
 FREE, RESPONSE, BAND, THRESHOLDS = "free.csv", "response.csv", "band.csv", "thresholds.json"
+RANDOM = "random.csv"
 REPORT = "report.html"
 FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
 TOP, BLOCK, VTKHDF = "top.npz", "mesh.npz", "contact.vtkhdf"  # in fields
 DISTRIBUTIONS = "distributions.csv"  # in fields
 PICTURES = (
-    "surface", "mesh", "curve", "area", "pressure", "stiffness", "plasticity", "frequency", "response", "scene",
+    "surface", "mesh", "curve", "area", "pressure", "stiffness", "plasticity", "frequency", "response", "receptance",
+    "random", "scene",
 )  # in figures, .png # fmt: skip
+#: Files of `asperity export` in the folder of a run, by program or kind of file.
+EXPORTS = {
+    "calculix": "contact_calculix.inp",
+    "abaqus": "contact_abaqus.inp",
+    "csv": "contact.csv",
+    "python": "contact.py",
+}
 MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpoint and in the folders in it
 
 #: All files and folders that a run writes, folders after their files; without those of the checkpoint.
 PRODUCTS = (
-    CURVE, SUMMARY, LOG, FREE, RESPONSE, BAND, THRESHOLDS, REPORT,
+    CURVE, SUMMARY, LOG, FREE, RESPONSE, BAND, RANDOM, THRESHOLDS, REPORT,
     *(f"{FIELDS}/{name}" for name in (BLOCK, TOP, VTKHDF, DISTRIBUTIONS)), FIELDS,
     *(f"{FIGURES}/{name}.png" for name in PICTURES), FIGURES,
     CASE,
@@ -42,7 +51,14 @@ PRODUCTS = (
 
 #: Files of parts of a case, which are removed when a run continues without the part.
 _PARTS = {
-    "dynamics": (FREE, RESPONSE, BAND, THRESHOLDS, f"{FIGURES}/frequency.png", f"{FIGURES}/response.png"),
+    "dynamics": (
+        FREE,
+        RESPONSE,
+        BAND,
+        RANDOM,
+        THRESHOLDS,
+        *(f"{FIGURES}/{name}.png" for name in ("frequency", "response", "receptance", "random")),
+    ),
     "fields": (f"{FIELDS}/{VTKHDF}",),
     "figures": (*(f"{FIGURES}/{name}.png" for name in PICTURES if name != "scene"), FIGURES),
     "report": (REPORT,),
