@@ -20,10 +20,9 @@ from pathlib import Path
 import calculix
 import numpy as np
 import scene
+from unpacked import PEERS, command_in
 
 HERE = Path(__file__).parent
-PEERS = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "asperity" / "peers"
-LOADER = "ld-linux-x86-64.so.2"
 
 
 @dataclass(frozen=True)
@@ -111,17 +110,6 @@ class Job:
         return run
 
 
-def _inside(suite: str, program: str) -> tuple[list[str], dict[str, str]]:
-    """Command and environment of a program of an unpacked Debian, run by that one's own loader and libraries."""
-    root = PEERS / suite
-    places = [root / "usr/lib/x86_64-linux-gnu", root / "lib/x86_64-linux-gnu"]
-    # the links in lib64 are absolute, and lead to the loader of the surrounding system
-    loader = next((p / LOADER for p in places if (p / LOADER).exists()), Path(LOADER))
-    paths = [places[0] / "openblas-pthread", *places]
-    command = [str(loader), "--library-path", ":".join(map(str, paths)), str(root / program)]
-    return command, {"PYTHONHOME": str(root / "usr"), "PYTHONPATH": str(PEERS / "pypi")}
-
-
 def _read_json(path: Path) -> Callable[[], tuple[int, list[float]]]:
     def read() -> tuple[int, list[float]]:
         if not path.exists():
@@ -169,7 +157,7 @@ def _calculix(program: str, material: str, mesh: str, write: Callable[[Path], in
     def prepare(place: Path) -> Start:
         dofs = write(place / "model.inp")
         (place / "model.dat").unlink(missing_ok=True)
-        command, environment = _inside("bookworm", "usr/bin/ccx")
+        command, environment = command_in("bookworm", "usr/bin/ccx")
         return Start([*command, "model"], environment, lambda: (dofs, calculix.read(place / "model.dat")))
 
     return Job(program, material, mesh, prepare)
@@ -190,7 +178,7 @@ def getfem(material: str, n: int, degree: int) -> Job:
             hardening=scene.HARDENING,
             path=scene.AT,
         )
-        command, environment = _inside("trixie", "usr/bin/python3.13")
+        command, environment = command_in("trixie", "usr/bin/python3.13")
         out = place / "out.json"
         out.unlink(missing_ok=True)
         return Start(
@@ -213,7 +201,7 @@ def tamaas(n: int, exact: tuple[float, float]) -> Job:
             place / "mesh.npz", heights=heights, summit=top.maximum()[2] - top.mean(), E=scene.E, nu=scene.NU,
             path=scene.AT, forces=[0.5 * exact[0], 2.0 * exact[1]],
         )  # fmt: skip
-        command, environment = _inside("bookworm", "usr/bin/python3.11")
+        command, environment = command_in("bookworm", "usr/bin/python3.11")
         out = place / "out.json"
         return Start([*command, str(HERE / "tamaas_model.py"), "mesh.npz", "out.json"], environment, _read_json(out))
 

@@ -62,7 +62,7 @@ class RandomResponse:
         >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.0), zeta=0.1)
         >>> motion = oscillator.random(0.05, (0.05, 8.0), records=2)
         >>> wide = np.sqrt(np.pi * 0.05**2 / 7.95 / 0.4)
-        >>> motion.lost, abs(motion.rms / wide - 1) < 0.05
+        >>> motion.lost, bool(abs(motion.rms / wide - 1) < 0.05)
         (0.0, True)
     """
 
