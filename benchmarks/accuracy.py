@@ -53,7 +53,8 @@ from asperity.arrays import Floats
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.size_field import GRADING, GUIDED, FirstContactMap
 from asperity.model.settings import Goal
-from asperity.quasistatic.solve_contact import ContactResult, make_block
+from asperity.quasistatic.contact_result import ContactResult
+from asperity.quasistatic.make import make_block
 from asperity.reference import half_space_contact
 
 Judged = tuple[Floats, Floats]  # relative error and bar at some approaches

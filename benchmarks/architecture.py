@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Draw docs/pictures/architecture.png: the packages of asperity in their order, with arrows from the imports.
+"""Draw docs/pictures/architecture.svg: the packages of asperity in their order, with arrows from the imports.
 
 Run: python3 benchmarks/architecture.py [FILE]. Order and imports are those of tests/test_architecture.py. An arrow that
 others imply is left out (the transitive reduction of the imports), and so are those to what nearly every package uses.
@@ -22,6 +22,8 @@ ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "tests"))
 
 from test_architecture import IMPORTS, ORDER, root  # noqa: E402
+
+from asperity.plot import style  # noqa: E402
 
 COMMON = ("errors", "arrays", "units", "runtime")
 NOT_SHOWN = (*COMMON, "__version__", "__main__", "_solver")
@@ -107,8 +109,8 @@ def _box(axis: Any, text: str, x: float, y: float, wide: float) -> None:
 
 
 def main() -> None:
-    path = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs/pictures/architecture.png"
-    draw().savefig(path, dpi=150, facecolor="white")
+    path = Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs/pictures/architecture.svg"
+    style.save(draw(), path)
     print(f"written {path}")
 
 

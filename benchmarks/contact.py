@@ -29,7 +29,7 @@ from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize
 from asperity.quasistatic import measures
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.solve_contact import make_block, make_contact_solver
+from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.surface import Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 from asperity.verification.hertz import CONTACT, RADIUS, SPHERE, layer_force, press_sphere
 from asperity.verification.table import solve_on_one_rank as press_alone

@@ -3,7 +3,7 @@
 
 """Work and precision of the frequency response: this package, pyHarm-os, and solve_ivp sweeps.
 
-    python3 benchmarks/dynamics.py [--figure work_precision.png] [--points 81]
+    python3 benchmarks/dynamics.py [--points 81]
 
 The case is the reference of the documentation: n = 1.5, zeta = 0.01, F^ = 0.05, Omega from 0.5 to 1.3. Times
 are CPU seconds of a warm run on one core. The error is that of u_max, relative, against the balance at 1e-9
@@ -167,30 +167,9 @@ def peer(reference: FrequencyResponse) -> list[Result]:
     return rows
 
 
-def draw(rows: list[Result], path: str) -> None:
-    """Work-precision figure."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6.4, 4.2), layout="constrained")
-    axes = figure.add_subplot()
-    for method, marker in (("asperity", "o"), ("asperity sweep", "s"), ("pyHarm-os", "^"), ("solve_ivp sweep", "D")):
-        chosen = [r for r in rows if r.method == method]
-        if chosen:
-            axes.loglog([r.seconds for r in chosen], [r.worst for r in chosen], marker + "-", label=method)
-    axes.set_xlabel("CPU time / s")
-    axes.set_ylabel("largest relative error of $u_{max}$")
-    axes.set_title(
-        f"frequency response, n = {N}, ζ = {ZETA}, F^ = {FORCING}, Ω {WINDOW[0]} to {WINDOW[1]}", fontsize=10
-    )
-    axes.grid(which="major", alpha=0.3)
-    axes.legend()
-    figure.savefig(path, dpi=150)
-
-
 def main() -> None:
     """Run all methods and print the table and the ratios."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--figure", help="write the work-precision figure here")
     parser.add_argument("--points", type=int, default=81, help="frequencies of the sweeps (default 81)")
     options = parser.parse_args()
     reference = ContactOscillator(PowerLaw(N), zeta=ZETA).response(FORCING, WINDOW, tol=1e-9)
@@ -217,8 +196,6 @@ def main() -> None:
                 f"  {other.method} ({other.setting}): {other.seconds / best.seconds:.1f} times faster at "
                 f"{best.worst / other.worst:.2g} of its error ({best.setting})"
             )
-    if options.figure:
-        draw(rows, options.figure)
 
 
 if __name__ == "__main__":

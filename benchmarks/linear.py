@@ -28,7 +28,7 @@ from asperity.linear import multigrid
 from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.multigrid import PMultigrid
 from asperity.linear.petsc_matrix import assembled
-from asperity.quasistatic.solve_contact import ContactResult
+from asperity.quasistatic.contact_result import ContactResult
 
 L = 1e-6
 STEEL = asp.Material(200e9, 0.3, 1e9, 10e9)

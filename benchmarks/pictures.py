@@ -1,21 +1,272 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Small PNG files for the documentation."""
+"""Make the pictures of the documentation, docs/pictures/*.
+
+    ./run python3 benchmarks/pictures.py [-o out/pictures] [NAME]...
+
+All of them, or those that are named. Runs that a picture shows are made in the folder where they are not there yet, the
+tutorials as they are typed; figures of cost and error are drawn from the tables in docs/tables. Fields are PNG files,
+figures of lines SVG files. The picture scene needs PyVista.
+"""
 
 from __future__ import annotations
 
+import argparse
+import csv
+import os
+import subprocess
+import sys
+import warnings
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-from PIL import Image
+import architecture
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
-WIDTH, COLOURS = 1200, 256
+from asperity.case import Case
+from asperity.dynamics import run_dynamics
+from asperity.output.results import Results
+from asperity.plot import figures_of, style
+from asperity.plot.scene import scene
+from asperity.run_case import run
+from asperity.runtime.run_folder import FIELD_PICTURES
+
+ROOT = Path(__file__).parent.parent
+PICTURES, TABLES = ROOT / "docs/pictures", ROOT / "docs/tables"
+sys.path.insert(0, str(ROOT / "tests"))
+
+from test_walkthroughs import FENCE  # noqa: E402
+
+WAVY = ("surface.dims=2", "surface.wavelength=0.5e-6", "surface.amplitude=10e-9", "surface.centre=[0.25e-6, 0.25e-6]",
+        "loading.delta_max=10e-9", "mesh.h_contact=0.04e-6", "output.fields=true")  # fmt: skip
+# run -> case, changes
+RUNS: dict[str, tuple[str, Sequence[str]]] = {
+    "demo": ("demo", ()),
+    "deep": ("demo", ("loading.delta_max=0.03e-6", "material.kinematics=small")),
+    "wavy": ("sinusoid", WAVY),
+}
+# picture -> run, figure
+OF_RUNS = {"surface": ("demo", "surface"), "mesh": ("demo", "mesh"), "curve": ("demo", "curve"),
+           "pressure": ("deep", "pressure"), "area": ("deep", "area"), "plasticity": ("deep", "plasticity"),
+           "wavy_pressure": ("wavy", "pressure")}  # fmt: skip
+Rows = list[dict[str, str]]
 
 
-def shrink(source: Path, target: Path | None = None) -> None:
-    """Write a picture with fewer pixels and colours, over itself unless a target is given."""
-    with Image.open(source) as image:
-        flat = image.convert("RGB")
-    if flat.width > WIDTH:
-        flat = flat.resize((WIDTH, round(flat.height * WIDTH / flat.width)), Image.Resampling.LANCZOS)
-    flat.quantize(COLOURS, kmeans=4, dither=Image.Dither.NONE).save(target or source, optimize=True)
+def contact_run(name: str, folder: Path) -> Path:
+    """Folder of a run, which is made unless it is finished."""
+    case, changes = RUNS[name]
+    run(Case.load(ROOT / f"cases/{case}.toml", list(changes)), folder / name, resume=True)
+    return folder / name
+
+
+def tutorial(name: str, folder: Path, file: str) -> Path:
+    """A file that the blocks of a tutorial write; they are run as typed until it is there."""
+    place = folder / f"tutorial_{name}"
+    place.mkdir(parents=True, exist_ok=True)
+    paths = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    for language, title, text in FENCE.findall((ROOT / f"docs/tutorials/{name}.md").read_text(encoding="utf-8")):
+        if (place / file).is_file():
+            break
+        if title:
+            (place / title).write_text(text, encoding="utf-8")
+        elif language in ("sh", "python"):
+            command = ["bash", "-e", "-c", text] if language == "sh" else [sys.executable, "-c", text]
+            subprocess.run(command, cwd=place, env=os.environ | {"PATH": paths}, stdout=subprocess.DEVNULL, check=True)
+    return place / file
+
+
+def joint_vibration(folder: Path) -> Results:
+    """Vibration of the joint of the tutorial by the exact law and its Taylor series."""
+    joint = tutorial("vibration", folder, "out/vibration/response.svg").parents[1] / "joint"
+    run_dynamics(joint, forcing=(0.005, 0.02), models=["exact", "taylor"], out_dir=folder / "joint")
+    if not (folder / "joint/curve.csv").exists():
+        (folder / "joint/curve.csv").write_bytes((joint / "curve.csv").read_bytes())
+    return Results.read(folder / "joint")
+
+
+# --------------------------------------------------------------------------------- figures of the stored tables
+
+
+def table(name: str) -> Rows:
+    """Rows of a table in docs/tables."""
+    with (TABLES / f"{name}.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(line for line in file if not line.startswith("#")))
+
+
+def draw_costs(axis: Any, rows: Rows, x: str, y: str, look: Mapping[str, Any]) -> None:
+    """Draw error over cost of some rows, in the order of the cost, the unknown ones left out."""
+    known = [row for row in rows if not {row[x], row[y]} & {"", "—"}]
+    points = sorted((float(row[x]), float(row[y])) for row in known)
+    if points:
+        axis.loglog(*np.transpose(points), **{"marker": "o", "lw": 1.3, **look})
+
+
+def plain_log_ticks(axis: Any) -> None:
+    """Label logarithmic axes 1, 10, 100, and those of less than two decades 1, 2, 5, 10."""
+    for scale in (axis.xaxis, axis.yaxis):
+        low, high = scale.get_view_interval()
+        if high < 100 * low:
+            scale.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        scale.set_major_formatter("{x:g}")
+        scale.set_minor_formatter("")
+
+
+GROUPS = {
+    "meshes": ("guided mesh", "uniform mesh"),
+    "contact": ("penalty, factor 10", "penalty, factor 100", "Nitsche, theta 0"),
+    "kernels and flow": ("UFL kernels", "backward Euler"),
+}
+
+
+@style.styled
+def work_precision() -> Figure:
+    """Error against CPU time: a row a scene, a column a kind of choice, the default black in each panel."""
+    rows = table("work_precision")
+    scenes = list(dict.fromkeys(row["scene"] for row in rows))
+    default = rows[0]["choice"]
+    figure, axes = style.figure(style.WIDE, 8.6, columns=3, rows=len(scenes), sharex="row", sharey="row")
+    style.titles(axes, [f"{scene}: {group}" for scene in scenes for group in GROUPS])
+    for number, axis in enumerate(axes):
+        scene, group = scenes[number // 3], list(GROUPS)[number % 3]
+        own = [row for row in rows if row["scene"] == scene]
+        draw_costs(axis, [row for row in own if row["choice"] == default], "CPU s", "rms error %",
+                   {"color": style.BLACK, "label": "default", "zorder": 3})  # fmt: skip
+        for choice, colour, marker in zip(
+            GROUPS[group], (style.BLUE, style.VERMILION, style.GREEN), "s^D", strict=False
+        ):
+            draw_costs(axis, [row for row in own if row["choice"] == choice], "CPU s", "rms error %",
+                       {"color": colour, "marker": marker, "mfc": "white", "label": choice})  # fmt: skip
+        axis.legend(loc="best")
+        axis.set_xlabel("CPU time (s)" if number // 3 == len(scenes) - 1 else "")
+        axis.set_ylabel("rms error of the force (%)" if number % 3 == 0 else "")
+        plain_log_ticks(axis)
+        style.grid(axis)
+    return figure
+
+
+@style.styled
+def peers() -> Figure:
+    """Error against CPU time: a row a material, a column a program, asperity black in each panel."""
+    tables = {"elastic": table("peers_elastic"), "plastic": table("peers_plastic")}
+    programs = {"CalculiX": ("CalculiX", "CalculiX, mesh of asperity"), "GetFEM": ("GetFEM, Q1", "GetFEM, Q2"),
+                "Tamaas (half-space)": ("Tamaas (half-space)",)}  # fmt: skip
+    figure, axes = style.figure(style.WIDE, 6.4, columns=3, rows=2, sharex="row", sharey="row")
+    style.titles(axes, [f"{material}: {name}" for material in tables for name in programs])
+    for number, axis in enumerate(axes):
+        rows = list(tables.values())[number // 3]
+        names = list(programs.values())[number % 3]
+        if number == 5:
+            axis.remove()  # elastic only
+            continue
+        present = [name for name in names if any(row["program"] == name for row in rows)]
+        own = {"asperity": (style.BLACK, "o"), "asperity, by tolerance": (style.GREY, "o")}
+        others = dict(zip(present, ((style.VERMILION, "s"), (style.BLUE, "^")), strict=False))
+        for name, (colour, marker) in (own | others).items():
+            draw_costs(axis, [row for row in rows if row["program"] == name], "CPU s", "rms error %",
+                       {"color": colour, "marker": marker, "mfc": "white", "label": name})  # fmt: skip
+        axis.legend(loc="best", fontsize="x-small")
+        axis.set_xlabel("CPU time (s)" if number // 3 or number == 2 else "")
+        axis.tick_params(labelbottom=True)
+        axis.set_ylabel("" if number % 3 else "rms error of the force (%)")
+        plain_log_ticks(axis)
+        style.grid(axis)
+    return figure
+
+
+@style.styled
+def dynamics_work_precision() -> Figure:
+    """Largest error of a frequency response against CPU time, each program."""
+    rows = table("vibration_work_precision")
+    figure, (axis,) = style.figure(style.SINGLE + 1.4, 3.9)
+    axis.set_title("frequency response through resonance", loc="left")
+    looks = zip((style.BLACK, style.GREY, style.VERMILION, style.BLUE), "os^D", strict=True)
+    for name, (colour, marker) in zip(dict.fromkeys(row["method"] for row in rows), looks, strict=False):
+        draw_costs(axis, [row for row in rows if row["method"] == name], "CPU s", "largest error",
+                   {"color": colour, "marker": marker, "mfc": "white", "label": name})  # fmt: skip
+    axis.set_xlabel("CPU time (s)")
+    axis.set_ylabel("largest relative error of $u_{\\max}$")
+    axis.legend(loc="best")
+    style.grid(axis)
+    return figure
+
+
+@style.styled
+def small_strain() -> Figure:
+    """Differences of force and area between small and finite strain over the rms slope."""
+    rows = table("small_strain_slopes")
+    figure, axes = style.figure(style.DOUBLE, 3.4, columns=2)
+    style.titles(axes, ("force", "contact area"))
+    names = list(dict.fromkeys(row["yield strain"] for row in rows))
+    for axis, column in zip(axes, ("force %", "area %"), strict=True):
+        for name, colour, marker in zip(names, (style.BLUE, style.VERMILION, style.GREEN), "os^", strict=True):
+            own = [row | {column: row[column].lstrip("-+")} for row in rows if row["yield strain"] == name]
+            text = name if name == "elastic" else f"$\\sigma_y/E$ = {name}"
+            draw_costs(
+                axis, own, "rms slope", column, {"color": colour, "marker": marker, "mfc": "white", "label": text}
+            )
+        axis.axhline(1.0, color=style.GREY, lw=0.8)
+        axis.set_xlabel("rms slope")
+        axis.set_ylabel("magnitude of the change (%)")
+        slopes = sorted({float(row["rms slope"]) for row in rows})
+        plain_log_ticks(axis)
+        axis.set_xticks(slopes, [f"{slope:g}" for slope in slopes])
+        style.grid(axis)
+    axes[0].legend(loc="best")
+    return figure
+
+
+DRAWN: dict[str, Callable[[], Figure]] = {
+    "architecture": architecture.draw,
+    "work_precision": work_precision,
+    "peers": peers,
+    "dynamics_work_precision": dynamics_work_precision,
+    "small_strain": small_strain,
+}
+OF_JOINT = ("frequency", "response")
+OF_TUTORIALS = {"tutorial_scan": ("scan", "out/scan/surface.png"),
+                "tutorial_response": ("vibration", "out/vibration/response.svg")}  # fmt: skip
+NAMES = (*DRAWN, *OF_RUNS, "scene", *OF_JOINT, *OF_TUTORIALS)
+
+
+def make(name: str, folder: Path) -> Path:
+    """Make a picture; return its file."""
+    if name in OF_TUTORIALS:
+        page, file = OF_TUTORIALS[name]
+        source = tutorial(page, folder, file)
+        target = PICTURES / f"{name}{source.suffix}"
+        target.write_bytes(source.read_bytes())
+        return target
+    if name == "scene":
+        return scene(contact_run("deep", folder), PICTURES / "scene.png")
+    if name in DRAWN:
+        return style.save(DRAWN[name](), PICTURES / f"{name}.svg")
+    if name in OF_JOINT:
+        vibration = joint_vibration(folder)
+        return style.save(figures_of(vibration)[name](vibration), PICTURES / f"{name}.svg")
+    which, kind = OF_RUNS[name]
+    results = Results.read(contact_run(which, folder))
+    form = "png" if kind in FIELD_PICTURES else "svg"
+    return style.save(figures_of(results)[kind](results), PICTURES / f"{name}.{form}")
+
+
+def main() -> None:
+    """Make the pictures that are named."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("-o", "--output", type=Path, default=ROOT / "out/pictures", help="folder of the runs")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(NAMES))
+    arguments = parser.parse_args()
+    if unknown := sorted(set(arguments.names) - set(NAMES)):
+        parser.error(f"no picture of the name {unknown[0]}; there are {', '.join(NAMES)}")
+    warnings.simplefilter("ignore")
+    PICTURES.mkdir(exist_ok=True)
+    for name in arguments.names or NAMES:
+        path = make(name, arguments.output.absolute())
+        print(f"{path.relative_to(ROOT)}  {path.stat().st_size / 1000:.0f} kB", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -4,7 +4,7 @@
 """What small strain costs, and how well a coarse mesh shows it.
 
     python3 benchmarks/small_strain.py mesh      greatest difference of the force by the size of the coarse mesh
-    python3 benchmarks/small_strain.py slopes    force, area and exponent over rms slope and yield strain, and a picture
+    python3 benchmarks/small_strain.py slopes    force, area and exponent over rms slope and yield strain
 
 Each writes docs/tables/small_strain_NAME.csv and prints it. `slopes` presses a self-affine surface (H = 0.8, shortest
 wave 0.1 L) of rising rms slope to a third of the depth of its mean plane, both ways on one mesh of 0.1 L.
@@ -15,7 +15,7 @@ from __future__ import annotations
 import argparse
 import csv
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,7 +27,8 @@ import asperity as asp
 from asperity.adaptive.mesh_plan import growth
 from asperity.adaptive.small_strain import differences
 from asperity.curve import Curve
-from asperity.quasistatic.solve_contact import make_block, solve_problem
+from asperity.quasistatic.make import make_block
+from asperity.quasistatic.solve_contact import solve_problem
 
 ROOT = Path(__file__).parent.parent
 ELASTIC = asp.Material(1.0, 0.3)
@@ -100,24 +101,6 @@ def slopes() -> Iterator[Mapping[str, object]]:
             }
 
 
-def draw(rows: Sequence[Mapping[str, object]]) -> None:
-    """docs/pictures/small_strain.png: differences of force and area over the rms slope."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.5, 3.4), layout="constrained")
-    for axes, name, title in zip(figure.subplots(1, 2), ("force %", "area %"), ("force", "contact area"), strict=True):
-        for label in dict.fromkeys(str(row["yield strain"]) for row in rows):
-            own = [row for row in rows if row["yield strain"] == label]
-            x, y = ([float(str(row[key])) for row in own] for key in ("rms slope", name))
-            axes.plot(x, np.abs(y), "o-", ms=4, label=label if label == "elastic" else f"$\\sigma_y/E$ = {label}")
-        axes.axhline(1.0, color="0.6", lw=0.8)
-        axes.set(xscale="log", yscale="log", xlabel="rms slope", ylabel="magnitude of the change, %", title=title)
-        axes.set_xticks(SLOPES, [f"{s:g}" for s in SLOPES], minor=False)
-        axes.set_xticks([], minor=True)
-    axes.legend(fontsize=8, frameon=False)
-    figure.savefig(ROOT / "docs/pictures/small_strain.png", dpi=110)
-
-
 def main() -> None:
     """Write and print the tables that are named."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -137,8 +120,6 @@ def main() -> None:
             table = csv.DictWriter(file, rows[0], lineterminator="\n")
             table.writeheader()
             table.writerows(rows)
-        if name == "slopes":
-            draw(rows)
 
 
 if __name__ == "__main__":

@@ -6,8 +6,7 @@
 from __future__ import annotations
 
 import functools
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -15,25 +14,34 @@ import numpy as np
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.study import StudyLevel, StudyResults
-from asperity.study.interface import Block
+from asperity.study.interface import FULL, Block
 from asperity.study.results import Row
-from asperity.study.trend import CONDITIONS, FAILS, HOLDS, Condition, Trend, trend, verdict
+from asperity.study.trend import CONDITIONS, Condition, Trend, trend, verdict
 from asperity.surface import Surface, WeierstrassMandelbrot
+
+SURFACE, YIELDS, CLOSED = "surface alone", "block yields", "contact nearly full"
+WHOLE = CONDITIONS[0]  # least squares on linear scales over the whole range: the condition whose means are shown
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A statement under one condition.
+    """A statement in a family of cases under one condition.
 
     Attributes:
         family: of the study.
+        factors: sides, height, hardening and kinematics, in words.
+        regime: what carries the load at the end of the range, in words.
         trend: the figure over the levels.
         holds: whether the statement does.
+        opposite: whether its opposite holds.
     """
 
     family: str
+    factors: str
+    regime: str
     trend: Trend
     holds: bool
+    opposite: bool = False
 
 
 @dataclass(frozen=True)
@@ -43,18 +51,27 @@ class Statement:
     Attributes:
         name: T1 to T5.
         text: the statement.
-        criterion: what the figures must show for it to pass.
+        criterion: what the figures must show for it to hold.
         findings: one for each family and condition.
-        verdict: of all of them.
-        note: conditions found, in words with numbers.
     """
 
     name: str
     text: str
     criterion: str
     findings: tuple[Finding, ...]
-    verdict: str
-    note: str
+
+    @property
+    def groups(self) -> dict[tuple[str, str], list[Finding]]:
+        """Findings by regime and sides."""
+        found: dict[tuple[str, str], list[Finding]] = {}
+        for finding in self.findings:
+            found.setdefault((finding.regime, finding.factors.split(", ")[0]), []).append(finding)
+        return found
+
+
+def verdict_of(found: Sequence[Finding]) -> str:
+    """Verdict of findings, with the opposite where it holds under all conditions."""
+    return "the opposite holds" if all(f.opposite for f in found) else verdict(f.holds for f in found)
 
 
 class Exponents:
@@ -68,154 +85,118 @@ class Exponents:
         row = next(r for r in self.results.rows if r["case"] == key)
         return self.results.curve(row), self.results.case(row)
 
-    def present(self, *names: str) -> list[str]:
+    def present(self, names: Iterable[str]) -> list[str]:
         """Those of some families that the study has finished cases of."""
-        return [f.name for f in self.results.families if f.name in names and self.results.family(f.name)]
+        known = [f.name for f in self.results.families]
+        return [name for name in names if name in known and self.results.family(name)]
 
     def of(self, row: Row, condition: Condition) -> float:
         """Exponent of a row."""
         curve, case = self._loaded(str(row["case"]))
         return condition.exponent(curve, **asdict(Block.of(case)))
 
-    def trends(self, levels: Sequence[StudyLevel], conditions: Sequence[Condition] = CONDITIONS) -> list[Trend]:
+    def trends(self, levels: Sequence[StudyLevel]) -> list[Trend]:
         """Trend of the exponent under each condition."""
-        return [trend(levels, functools.partial(self.of, condition=c), str(c)) for c in conditions]
+        return [trend(levels, functools.partial(self.of, condition=c), str(c)) for c in CONDITIONS]
+
+    def factors(self, name: str) -> str:
+        """Sides and what else a family has that the base case has not."""
+        case = self.results.case(self.results.family(name)[0])
+        words = [f"{case.block.sides} sides" if case.block.sides == "free" else case.block.sides]
+        height = case.block.height / case.surface.L
+        words += [] if abs(height - 1) < 1e-9 else [f"height {height:g} L"]
+        words += [f"{case.material.hardening} hardening"] if case.material.hardening else []
+        words += [f"{case.material.kinematics} strain"] if case.material.kinematics else []
+        return ", ".join(words)
+
+
+def regime(levels: Sequence[StudyLevel]) -> str:
+    """What carries the load at the end of the range: the surface alone, unless a level is beyond a limit in the mean.
+
+    The block yields where its mean pressure exceeds the yield pressure; contact is nearly full above FULL of the patch.
+    """
+    words = []
+    for column, limit, word in (("block_load", 1.0, YIELDS), ("area_fraction", FULL, CLOSED)):
+        values = (level.column(column) for level in levels)
+        if any(np.isfinite(v).any() and np.nanmean(v) >= limit for v in values):
+            words.append(word)
+    return ", ".join(words) or SURFACE
 
 
 def findings(
-    exponents: Exponents, families: Sequence[str], holds: Callable[[Trend], bool], conditions: Sequence[Condition]
+    exponents: Exponents,
+    families: Iterable[str],
+    holds: Callable[[Trend], bool],
+    opposite: Callable[[Trend], bool] = lambda _: False,
 ) -> tuple[Finding, ...]:
-    """Test a statement about exponents in families under conditions.
+    """Test a statement about exponents in families under all conditions.
 
     Families without cases are left out, and conditions that are void for a whole level: see `Block.void`.
+
+    Raises:
+        ValueError: a summit lies on an edge.
     """
     out = []
-    for name in families:
-        for t in exponents.trends(exponents.results.levels(name), conditions):
+    for name in exponents.present(families):
+        levels = exponents.results.levels(name)
+        if any(row["summit_on_edge"] for level in levels for row in level.rows):
+            raise ValueError(f"a summit lies on an edge in {name}: such cases say nothing of the surface")
+        for t in exponents.trends(levels):
             if len(t.values) and np.isfinite(t.values).any(axis=1).all():
-                out.append(Finding(name, t, holds(t)))
+                about = exponents.factors(name), regime(levels)
+                out.append(Finding(name, *about, t, holds(t), opposite(t)))
     return tuple(out)
 
 
-def count(found: Sequence[Finding]) -> str:
-    """How many findings hold, in words."""
-    return f"{sum(f.holds for f in found)} of {len(found)} conditions"
-
-
-def local_laws(exponents: Exponents, family: str) -> str:
-    """What the curves say about half the greatest load without a fitted power law, level by level."""
-    levels = exponents.results.levels(family)
-
-    def means(column: str, form: str) -> str:
-        values = [level.column(column) for level in levels]
-        return ", ".join(f"{np.nanmean(v):{form}}" for v in values if np.isfinite(v).any())
-
-    hard = [v[np.isfinite(v)] for v in (level.column("kappa_loc") for level in levels)]
-    shares = ", ".join(f"{np.mean(v > 0):.0%}" for v in hard if v.size)
-    return (
-        f"{family}, about half the greatest load: local exponent of the loading curve {means('n_loc', '.2f')}, with a "
-        f"hardening backbone (κ > 0) in {shares} of the surfaces; of the unload-reload branch "
-        f"{means('n_unload', '.2f')}."
-    )
+def with_variants(*names: str) -> list[str]:
+    """Families and those that differ from them in one factor."""
+    return [name + tail for name in names for tail in ("", "_free", "_low", "_high", "_kinematic", "_finite")]
 
 
 def elastic_softens(exponents: Exponents) -> Statement:
     """T1."""
-    found = findings(exponents, ("D", "G", "similar"), lambda t: all(low > 1 for _, low, _ in t.means), CONDITIONS)
-    singles = np.concatenate([f.trend.values.ravel() for f in found])
-    singles = singles[np.isfinite(singles)]
-    note = (
-        f"Mean n above 1 with 95 % confidence in {count(found)}; single surfaces: {np.mean(singles > 1):.1%} of "
-        f"{singles.size} fits have n > 1, the smallest n is {singles.min():.3f}."
-    )
-    return Statement(
-        "T1", "A linear elastic surface softens.", "mean n > 1 (95 %) at every level", found,
-        verdict(f.holds for f in found), note,
-    )  # fmt: skip
+    names = [*with_variants("D"), "G", "D_light", "similar"]
+    found = findings(exponents, names, lambda t: all(low > 1 for _, low, _ in t.means))
+    return Statement("T1", "A linear elastic surface softens.", "mean n > 1 (95 %) at every level", found)
 
 
 def rougher_softens_more(exponents: Exponents) -> Statement:
     """T2: smaller D and larger G are rougher (T5)."""
-    by_D = findings(exponents, ("D",), lambda t: t.falls, CONDITIONS)
-    by_G = findings(exponents, ("G",), lambda t: t.rises, CONDITIONS)
-    scaled = findings(exponents, ("similar",), lambda t: t.rises, CONDITIONS[:2])
-    found = by_D + by_G + scaled
-    note = (
-        f"At one range of approach for all surfaces: D {count(by_D)}, G {count(by_G)}. With the range in proportion "
-        f"to the heights: {count(scaled)}; "
-    )
-    if scaled:
-        shift = float(np.nanmean(scaled[0].trend.values[-1] - scaled[0].trend.values[0]))
-        note += f"there n changes by {shift:+.3f} from the smoothest to the roughest surface (linear fit). "
-    opposite = [f for f in by_D if f.trend.rises] + [f for f in by_G if f.trend.falls]
-    alone = sum("interface" in f.trend.condition for f in opposite)
-    note += f"The opposite is found in {len(opposite)} conditions, {alone} of them of the interface alone."
+    by_D = findings(exponents, [*with_variants("D"), "D_light"], lambda t: t.falls, lambda t: t.rises)
+    by_G = findings(exponents, ("G", "similar"), lambda t: t.rises, lambda t: t.falls)
     return Statement(
         "T2", "Softening increases with rougher topography.",
-        "every step of n from a smoother to a rougher level upwards (95 %, same seeds)", found,
-        verdict(f.holds for f in found), note,
+        "every step of n from a smoother to a rougher level upwards (95 %, same seeds)", by_D + by_G,
     )  # fmt: skip
 
 
 def modulus_softens_more(exponents: Exponents) -> Statement:
     """T3."""
-    found = findings(exponents, ("E_t", "E_t_soft"), lambda t: t.rises, CONDITIONS)
-    opposite = [f for f in found if f.trend.falls]
-    parts = []
-    for name in ("E_t", "E_t_soft"):
-        own = [f for f in found if f.family == name]
-        if own:
-            first, last = own[0].trend.means[0], own[0].trend.means[-1]
-            load = exponents.results.levels(name)
-            block = [float(np.nanmean(level.column("block_load"))) for level in load]
-            parts.append(
-                f"{name}: {count(own)}, n {first[0]:.3f} to {last[0]:.3f} (linear fit, whole range), mean pressure "
-                f"{min(block):.2g} to {max(block):.2g} times the yield pressure of the block"
-            )
-    note = "; ".join(parts) + f". The opposite (n falls at every step) is found in {len(opposite)} conditions. "
-    note += " ".join(local_laws(exponents, name) for name in ("E_t", "E_t_soft") if exponents.results.levels(name))
+    names = ["E_t", *with_variants("E_t_free"), "E_t_light", "E_t_light_free"]
     return Statement(
-        "T3", "Softening increases with the tangent modulus.", "every step of n upwards (95 %, same seeds)", found,
-        verdict(f.holds for f in found), note,
+        "T3", "Softening increases with the tangent modulus.", "every step of n upwards (95 %, same seeds)",
+        findings(exponents, names, lambda t: t.rises, lambda t: t.falls),
     )  # fmt: skip
 
 
 def strength_hardens(exponents: Exponents) -> Statement:
-    """T4, between rollers and with free sides."""
-    found = findings(exponents, exponents.present("sigma_y", "sigma_y_free"), turns_hardening, CONDITIONS)
-    parts = []
-    for name in dict.fromkeys(f.family for f in found):
-        own = [f for f in found if f.family == name]
-        values = np.concatenate([f.trend.values.ravel() for f in own])
-        values = values[np.isfinite(values)]
-        below = [f.trend.condition for f in own if any(high < 1 for _, _, high in f.trend.means)]
-        load = [np.nanmean(level.column("block_load")) for level in exponents.results.levels(name)[:-1]]
-        parts.append(
-            f"{name}: {count(own)}; n from the softest to the hardest solid, the last one elastic: "
-            + ", ".join(f"{mean:.2f}" for mean, _, _ in own[0].trend.means)
-            + f" (linear fit, whole range), at a mean pressure of {', '.join(f'{v:.2g}' for v in load)} times the "
-            f"yield pressure of the block; {np.mean(values < 1):.1%} of {values.size} single fits have n < 1"
-            + (f", and the mean is below 1 in: {'; '.join(below)}. " if below else ". ")
-            + local_laws(exponents, name)
-        )
+    """T4."""
+    names = ["sigma_y", *with_variants("sigma_y_free"), "sigma_y_light", "sigma_y_light_free"]
     return Statement(
         "T4", "Above a certain yield strength the response changes from softening to hardening.",
-        "a yield strength below which mean n > 1 and above which mean n < 1 (95 %)", found,
-        verdict(f.holds for f in found), " ".join(parts),
+        "n > 1 at a yield strength and n < 1 at a greater one (95 %)", findings(exponents, names, turns_hardening),
     )  # fmt: skip
 
 
 def turns_hardening(t: Trend) -> bool:
-    """Whether n > 1 up to some level of rising yield strength and n < 1 above it, the elastic level left out."""
-    means = t.means[:-1]
-    return any(
-        all(low > 1 for _, low, _ in means[:i]) and all(high < 1 for _, _, high in means[i:])
-        for i in range(1, len(means))
-    )
+    """Whether n > 1 at some level and n < 1 at a later one."""
+    soft = [low > 1 for _, low, _ in t.means]
+    hard = [high < 1 for _, _, high in t.means]
+    return any(soft[i] and any(hard[i + 1 :]) for i in range(len(soft)))
 
 
-def smoother_surfaces(seeds: int = 20) -> Statement:
-    """T5, on the surfaces alone."""
+def smoother_surfaces(seeds: int = 20) -> tuple[Statement, list[float]]:
+    """T5, on the surfaces alone, and the slope over height of the surfaces by rising D, times L."""
     dimensions, roughnesses = (2.3, 2.4, 2.5, 2.6, 2.7), (1e-13, 1e-12, 1.36e-11, 1e-10)
 
     def surface(D: float, G: float, seed: int) -> Surface:
@@ -232,43 +213,23 @@ def smoother_surfaces(seeds: int = 20) -> Statement:
 
     by_D, by_G = table([(D, 1.36e-11) for D in dimensions]), table([(2.4, G) for G in roughnesses])
     found = tuple(
-        Finding(name, t, getattr(t, way))
+        Finding(name, "surfaces", "without contact", t, getattr(t, way))
         for name, data, way in (("D", by_D, "falls"), ("G", by_G, "rises"))
         for t in (Trend("rms height", data[0]), Trend("rms slope", data[1]))
     )
-    dense = Trend("slope over height", by_D[2])
-    means = [math.nan if not np.isfinite(m) else m for m, _, _ in dense.means]
-    note = (
-        f"{seeds} seeds, D 2.3 to 2.7 and G 1e-13 to 1e-10 m. At equal heights a larger D is the rougher one: its "
-        f"slope over Sq/L rises from {means[0]:.1f} to {means[-1]:.1f} ('dense')."
-    )
-    return Statement(
+    statement = Statement(
         "T5", "Low G and high D signify a smoother surface.",
         "rms height and rms slope fall with D and rise with G at every step (95 %, same seeds)", found,
-        verdict(f.holds for f in found), note,
     )  # fmt: skip
+    return statement, [mean for mean, _, _ in Trend("dense", by_D[2]).means]
 
 
 def all_statements(results: StudyResults) -> tuple[Statement, ...]:
     """The five statements in order; those without cases in the study are left out."""
     exponents = Exponents(results)
-    names = {family.name for family in results.families if results.family(family.name)}
-    tests: list[tuple[set[str], Callable[[Exponents], Statement]]] = [
-        ({"D", "G", "similar"}, elastic_softens),
-        ({"D", "G", "similar"}, rougher_softens_more),
-        ({"E_t", "E_t_soft"}, modulus_softens_more),
-        ({"sigma_y"}, strength_hardens),
-    ]
-    return (*(test(exponents) for needed, test in tests if needed <= names), smoother_surfaces())
+    tests = (elastic_softens, rougher_softens_more, modulus_softens_more, strength_hardens)
+    made = (*(test(exponents) for test in tests), smoother_surfaces()[0])
+    return tuple(statement for statement in made if statement.findings)
 
 
-def passing(statement: Statement) -> str:
-    """Conditions under which a statement passes, for a page."""
-    if statement.verdict == FAILS:
-        return "none"
-    if statement.verdict == HOLDS:
-        return "all"
-    return "; ".join(f"{f.family} ({f.trend.condition})" for f in statement.findings if f.holds)
-
-
-__all__ = ["Exponents", "Finding", "Statement", "all_statements", "passing"]
+__all__ = ["CLOSED", "SURFACE", "WHOLE", "YIELDS", "Finding", "Statement", "all_statements", "verdict_of"]

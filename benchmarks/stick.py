@@ -3,20 +3,31 @@
 
 """Error of stick in the load steps: a sphere against the closed form, the demo surface against its finest steps.
 
-./run python3 benchmarks/stick.py > benchmarks/stick.csv
+    ./run python3 benchmarks/stick.py > benchmarks/stick.csv         order of the error
+    ./run python3 benchmarks/stick.py bars > benchmarks/stick_bars.csv      whether its error bar holds
+
+`bars` takes three other surfaces, elastic (nu = 0) and plastic (nu = 0.3), and the bars that a run with a tolerance
+has: the error of forces in 2 or 4 parts of each step, extrapolated from those in half as many, corrects them; its bar
+is the correction and the error by the least order. This is compared with forces in 16 parts.
 """
 
 from __future__ import annotations
 
+import sys
 import warnings
+from functools import partial
 
 import numpy as np
 from mpi4py import MPI
 
+import asperity as asp
 from asperity import Formulation, Material, MeshSize, Surface, solve_contact
+from asperity.adaptive.load_step_error import step_errors
+from asperity.adaptive.mesh_plan import GUIDE, growth, step_rule
 from asperity.curve import Curve
 from asperity.mesh.block import BlockMesh
-from asperity.quasistatic.solve_contact import make_block
+from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
+from asperity.quasistatic.make import make_block
 from asperity.surface import Sphere
 
 STICK = Formulation(friction="stick")
@@ -60,8 +71,45 @@ def demo(name: str, solid: Material, steps: int = 6, most: int = 16) -> None:
         report(name, parts, found[parts][1], found[parts][0] / found[most][0] - 1.0)
 
 
+def bars(steps: int = 6, reference: int = 16) -> None:
+    """Errors that corrected forces have, over their bars; the greatest of a path."""
+    of = partial(asp.Surface.from_spec, L=1.0)
+    surfaces = {
+        "self-affine, slope 0.2": (of("self-affine", H=0.7, rms_slope=0.2, lambda_short=0.2, seed=11), 0.01),
+        "egg-box": (of("sinusoid", amplitude=0.02, wavelength=0.5, dims=2), 0.02),
+        "fractal, D 2.6, seed 7": (of("weierstrass-mandelbrot", D=2.6, G=1e-3, seed=7), 0.01),
+    }
+    solids = {"elastic nu 0": Material(1.0, 0.0), "plastic nu 0.3": Material(1.0, 0.3, 0.005, 0.05)}
+    print("surface,material,parts,order seen,correction %,error left %,bar %,error left over bar")
+    for name, (surface, delta) in surfaces.items():
+        block = make_block(MPI.COMM_SELF, surface, 1.0, delta, MeshSize(GUIDE, growth(GUIDE)))
+        for solid, material in solids.items():
+            path = {"delta_max": delta, "steps": steps, "block": block, "comm": MPI.COMM_SELF, "formulation": STICK}
+            path["integrator"] = MIDPOINT if material.plastic else BACKWARD_EULER
+            rule = step_rule(material.plastic, True, path["integrator"])
+            P = {
+                n: forces(solve_contact(surface, material, substeps=n, **path).curve, steps)
+                for n in (1, 2, 4, reference)
+            }
+            off = {n: np.sqrt(np.mean((P[n] / P[reference] - 1.0) ** 2)) for n in P}
+            for most in (2, 4):
+                errors, bars = step_errors({n: P[n] for n in P if n <= most}, rule)
+                error, bar = errors[most], bars[most]
+                left = P[most] / (1.0 + error) / P[reference] - 1.0
+                worst = np.argmax(np.abs(left) / bar)
+                print(
+                    f'"{name}",{solid},{most},{np.log2(off[most // 2] / off[most]):.1f},'
+                    f"{100 * error[worst]:.3f},{100 * left[worst]:.3f},{100 * bar[worst]:.3f},"
+                    f"{abs(left[worst]) / bar[worst]:.2f}",
+                    flush=True,
+                )
+
+
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
+    if sys.argv[1:] == ["bars"]:
+        bars()
+        raise SystemExit
     print("scene,parts of a step,Newton iterations,rms error %,greatest error %")
     sphere()
     demo("demo elastic nu 0.3", Material(200e9, 0.3))

@@ -27,7 +27,7 @@ from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.settings import MeshSize
 from asperity.quasistatic.contact_solver import ContactSolver, SolverState
-from asperity.quasistatic.solve_contact import make_block, make_contact_solver
+from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.quasistatic.stepping import Position, Record, follow
 from asperity.transient import Scheme, TimeSeries, Transient
 

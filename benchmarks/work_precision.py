@@ -3,11 +3,11 @@
 
 """Work against precision: error of the force against CPU time for each choice the program offers.
 
-    ./run python3 benchmarks/work_precision.py [-o FOLDER] [hertz] [elastic] [plastic]
+    ./run python3 benchmarks/work_precision.py [hertz] [elastic] [plastic]
 
 Scenes: a paraboloid against the elastic layer it is on (Hertz with the block's compliance, solved by boundary
 elements, `reference.layer_force`), and the demo surface, elastic and elastic-plastic, against the extrapolated limit
-of finer guided meshes (and load steps). Prints Markdown tables and writes work_precision.png. Errors are root mean
+of finer guided meshes (and load steps). Prints Markdown tables, which `pictures.py` draws. Errors are root mean
 squares over the path, relative to the force at each approach; seconds are CPU seconds of one process, from surface
 to curve, without start-up; the limit of the demo scenes is the program's own, so below some 0.1 % it is no judge.
 """
@@ -19,7 +19,6 @@ import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from time import process_time
 from typing import Any
 
@@ -30,7 +29,6 @@ from asperity.adaptive.extrapolation import loading_force
 from asperity.adaptive.mesh_plan import extrapolate
 from asperity.arrays import Floats
 from asperity.mesh.size_field import FirstContactMap
-from asperity.plot import style
 from asperity.surface import Surface
 from asperity.verification.hertz import CONTACT, RADIUS, SPHERE, layer_force
 
@@ -135,10 +133,9 @@ def scenes() -> Iterator[Scene]:
         yield Scene(name, rough, material, 0.03, 10, at, partial(guided_limit, scene, fine, 40), sizes)
 
 
-def measure(scene: Scene) -> list[tuple[str, float, int, float, float]]:
-    """Choice, h, dofs, CPU seconds and rms error in per cent of every run."""
+def measure(scene: Scene) -> None:
+    """Print choice, h, dofs, CPU seconds and rms error in per cent of every run."""
     limit = scene.limit()
-    out = []
     for choice in CHOICES:
         if choice.plastic_only and not scene.material.plastic:
             continue
@@ -151,46 +148,20 @@ def measure(scene: Scene) -> list[tuple[str, float, int, float, float]]:
             force, result = solve(scene, size, **choice.settings)
             seconds = process_time() - start
             error = 100.0 * float(np.sqrt(np.mean((force / limit - 1.0) ** 2)))
-            out.append((choice.name, h, result.dofs, seconds, error))
             print(f"| {scene.name} | {choice.name} | {h:g} | {result.dofs} | {seconds:.1f} | {error:.2f} |", flush=True)
-    return out
 
 
 def main() -> None:
-    """Print the tables and draw the figure."""
+    """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("-o", "--output", type=Path, default=Path("out"))
     parser.add_argument("names", nargs="*", default=["hertz", "elastic", "plastic"])
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
     chosen = [scene for scene in scenes() if scene.name in arguments.names]
     solve(chosen[0], asp.MeshSize(0.2))  # what is loaded at first use is start-up too
     print("| scene | choice | h | dofs | CPU s | rms error % |\n|---|---|---|---|---|---|")
-    draw([(scene.name, measure(scene)) for scene in chosen], arguments.output / "work_precision.png")
-
-
-@style.styled
-def figure(found: list[tuple[str, list[tuple[str, float, int, float, float]]]]) -> Any:
-    """Error against time, a panel a scene."""
-    drawn, axes = style.figure(style.DOUBLE, 3.4, columns=len(found))
-    colours = (style.BLACK, style.BLUE, style.GREY, style.ORANGE, style.VERMILION, style.GREEN, style.PURPLE, style.SKY)
-    for axis, (scene, rows) in zip(np.ravel(axes), found, strict=True):
-        for choice, colour in zip(CHOICES, colours, strict=True):
-            points = np.array([(seconds, error) for name, _, _, seconds, error in rows if name == choice.name])
-            if len(points):
-                axis.loglog(*points.T, "o-", color=colour, ms=3.5, lw=1.0, label=choice.name)
-        axis.set(title=scene, xlabel="CPU time (s)", ylabel="rms error of the force (%)")
-        style.grid(axis)
-    handles, labels = np.ravel(axes)[-1].get_legend_handles_labels()
-    drawn.legend(handles, labels, loc="outside lower center", ncols=3)
-    return drawn
-
-
-def draw(found: list[tuple[str, list[tuple[str, float, int, float, float]]]], path: Path) -> None:
-    """Write the figure."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    style.save(figure(found), path)
-    print(f"\nfigure: {path}")
+    for scene in chosen:
+        measure(scene)
 
 
 if __name__ == "__main__":

@@ -1,17 +1,19 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""What mkdocs takes from elsewhere: README as front page, input reference from the schema, list of tables, formulas."""
+"""What mkdocs takes from elsewhere: README as front page, input reference, list of tables, notebooks, formulas."""
 
 from __future__ import annotations
 
 import html
+import json
 import re
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parent.parent
 MARK = re.compile(r"^<!-- insert (\w+) -->$", re.MULTILINE)
+OUTSIDE = re.compile(r"\[(`[^`]+`)\]\((?:\.\./)+(?:benchmarks|python|tests|solver|cases|examples|\.ci)[^)]*\)")
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
 
@@ -43,12 +45,22 @@ def tables() -> str:
     return "| table | rows | command | recorded |\n|---|---|---|---|\n" + "\n".join(rows)
 
 
-PARTS = {"readme": readme, "keys": keys, "tables": tables}
+def notebooks() -> str:
+    """The notebooks of examples/: their text and code."""
+    parts = []
+    for path in sorted((ROOT / "examples").glob("*.ipynb")):
+        for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
+            text = "".join(cell["source"])
+            parts.append(f"```python\n{text}\n```" if cell["cell_type"] == "code" else re.sub(r"^#", "##", text))
+    return "\n\n".join(parts)
+
+
+PARTS = {"readme": readme, "keys": keys, "tables": tables, "notebooks": notebooks}
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Replace the marks of a page."""
-    return MARK.sub(lambda mark: PARTS[mark[1]](), markdown)
+    """Replace the marks of a page; links to files outside docs/, which a forge follows, become names."""
+    return OUTSIDE.sub(r"\1", MARK.sub(lambda mark: PARTS[mark[1]](), markdown))
 
 
 def on_page_content(content: str, **_: Any) -> str:

@@ -18,7 +18,7 @@ ORDER = (
     ("__version__", "_solver", "errors", "arrays", "units"),
     ("runtime",),
     ("surface", "power_law"),
-    ("curve",),
+    ("curve", "loops"),
     ("model",),
     ("reference", "dynamics"),
     ("case", "mesh"),

@@ -25,7 +25,7 @@ import asperity.linear.matrix_free
 import asperity.linear.multigrid
 from asperity import Material, MeshSize, SolverOptions, Surface, solve_contact
 from asperity.mesh.block import BlockMesh
-from asperity.quasistatic.solve_contact import ContactResult
+from asperity.quasistatic.contact_result import ContactResult
 
 STORED = Path(__file__).parent / "counts.json"
 MESH = Path(__file__).parent.parent / "meshes" / "fractal.npz"

@@ -160,6 +160,16 @@ def test_tables_name_their_command_and_are_read(path: Path) -> None:
     assert links, "no page leads to this table"
 
 
+def test_every_picture_has_its_command_and_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    made = importlib.import_module("pictures").NAMES
+    files = sorted((ROOT / "docs/pictures").iterdir())
+    assert sorted(path.stem for path in files) == sorted(made)
+    text = "".join(page.read_text(encoding="utf-8") for page in ALL_PAGES)
+    assert [path.name for path in files if f"pictures/{path.name})" not in text] == []
+    assert set(re.findall(r"pictures/([\w.]+)\)", text)) == {path.name for path in files}
+
+
 # --- pages of the Python API ----------------------------------------------------------------------------------
 
 API = sorted((ROOT / "docs/api").glob("*.md"))
@@ -216,7 +226,7 @@ def test_links_lead_to_no_archive_of_packages() -> None:
         if path.suffix not in {".png", ".npz", ".pyc", ".so"}:
             text = path.read_text(encoding="utf-8", errors="replace")
             hosts |= set(re.findall(r"(?:https?|ftp)://([\w.-]+)", text))
-    assert hosts <= {"doi.org", "fsf.org", "json-schema.org", "keepachangelog.com", "www.gnu.org"}
+    assert hosts <= {"doi.org", "fsf.org", "json-schema.org", "keepachangelog.com", "www.gnu.org", "www.w3.org"}
 
 
 def template(node: ast.expr) -> str:

@@ -154,8 +154,9 @@ class Clone:
         self.system.write_text("ID=other\nVERSION_ID=1\n")
         script = (PROJECT / "run").read_text().replace("/etc/os-release", str(self.system))
         (self.path / "run").write_text(script.replace("/usr/lib/apt/apt-helper", "apt-helper"))
-        for name in ("packages.txt", "CMakeLists.txt", "pyproject.toml"):
-            shutil.copy(PROJECT / name, self.path)
+        (self.path / "python/asperity").mkdir(parents=True)
+        for name in ("packages.txt", "CMakeLists.txt", "pyproject.toml", "python/asperity/__init__.py"):
+            shutil.copy(PROJECT / name, self.path / name)
         self.environment = clean_environment() | {
             "PATH": f"{tools}:/usr/bin:/bin",
             "XDG_CACHE_HOME": str(self.cache.parent),

@@ -21,7 +21,9 @@ from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.output.fields import gather_states
 from asperity.quasistatic import measures
-from asperity.quasistatic.solve_contact import ContactResult, make_contact_solver, solve_contact
+from asperity.quasistatic.contact_result import ContactResult
+from asperity.quasistatic.make import make_contact_solver
+from asperity.quasistatic.solve_contact import solve_contact
 from asperity.run_case import run
 from asperity.runtime.parallel import on_root
 from asperity.surface import Sinusoid, Surface

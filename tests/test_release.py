@@ -31,6 +31,15 @@ def test_the_version_is_in_one_place() -> None:
     assert f"\nversion: {asperity.__version__}\n" in (ROOT / "CITATION.cff").read_text()
 
 
+def test_the_changelog_begins_with_the_version_and_its_day() -> None:
+    text = (ROOT / "CHANGELOG.md").read_text()
+    releases = re.findall(r"^## \[(.+?)\](?: - (\d{4}-\d\d-\d\d))?$", text, re.MULTILINE)
+    assert releases[0] == ("Unreleased", "") and releases[1][0] == asperity.__version__
+    assert f"\ndate-released: {releases[1][1]}\n" in (ROOT / "CITATION.cff").read_text()
+    kinds = {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
+    assert set(re.findall(r"^### (.+)$", text, re.MULTILINE)) <= kinds
+
+
 def test_the_package_is_cited_first() -> None:
     first = publications({"surface": {"kind": "weierstrass-mandelbrot"}})[0]
     assert first.startswith(PROJECT["authors"][0]["name"]) and asperity.__version__ in first

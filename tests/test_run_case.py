@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,9 @@ import asperity
 from asperity.case import Case
 from asperity.cli import main
 from asperity.curve import COLUMNS, Curve
-from asperity.dynamics import PowerLaw, TableLaw, law_from, run_dynamics
+from asperity.dynamics import LoopDamping, PowerLaw, TableLaw, law_from, run_dynamics
 from asperity.errors import CheckpointError, ConvergenceError, InputError, MeshError
+from asperity.loops import LoopTable
 from asperity.mesh.block import BlockMesh
 from asperity.output.results import Results
 from asperity.quasistatic.newton import NewtonSolver
@@ -49,7 +51,10 @@ def full(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, RunResult]:
     folder = tmp_path_factory.mktemp("full") / "new" / "folder"
     everything = {"figures": True, "fields": True, "report": True, "snapshots": 2, "distributions": True}
     everything |= {"stiffness": True, "conductance": True}
-    case = case_of(output=everything, dynamics={"law": "paper", "zeta": 0.05, "forcing": [0.02], "model": ["exact"]})
+    dynamics = {"law": "paper", "zeta": 0.05, "forcing": [0.02], "model": ["exact"], "damping": "loops"}
+    loops = {"amplitudes": [0.3, 0.6], "cycles": 2, "steps": 1}
+    material = CASE["material"] | {"density": 7800.0}
+    case = case_of(material=material, output=everything, dynamics=dynamics, loops=loops)
     return folder, run(case, folder)
 
 
@@ -67,6 +72,7 @@ def test_files_of_a_run(full: tuple[Path, RunResult]) -> None:
         "free.csv",
         "response.csv",
         "thresholds.json",
+        "loops.csv",
         "report.html",
         "fields/top.npz",
         "fields/mesh.npz",
@@ -94,6 +100,21 @@ def test_stored_curve_is_the_one_returned(full: tuple[Path, RunResult]) -> None:
     assert np.all(np.diff(loading.force) > 0) and stored.force[-1] == 0.0
     assert 1e9 < stored.max_pressure.max() < 10e9  # between yield strength and some hardnesses, in Pa
     assert np.all(stored.seconds > 0) and np.all(stored.newton > 0)
+
+
+def test_loops_are_the_damping_of_the_vibration(full: tuple[Path, RunResult]) -> None:
+    """In units of the case, about the preload of the vibration, with the law of the run's own loops."""
+    folder, result = full
+    table, section = LoopTable.read(folder / "loops.csv"), result.summary["loops"]
+    assert len(table.loops) == 4 and table.loops[0].preload == result.dynamics.first.restoring.load
+    assert 1.0 < table.loops[0].k / result.dynamics.numbers.stiffness < 4.0  # the paper's law is too soft
+    assert section["amplitudes"][1]["eta"] == table.loops[3].eta and 0 < section["radiation"]["eta"] < 0.01
+    oscillator = result.dynamics.first
+    assert oscillator.damping == replace(LoopDamping.of(table), background=0.05)
+    again = run_dynamics(folder, law="paper", models=["exact"], forcing=0.02, sweeps=False, bands=False)
+    assert again.first.damping == oscillator.damping
+    assert again.responses["exact"][0].peak == result.dynamics.responses["exact"][0].peak
+    assert "micro-slip" in (folder / "report.html").read_text(encoding="utf-8")
 
 
 def test_force_knows_all_files_of_a_run(full: tuple[Path, RunResult]) -> None:

@@ -22,11 +22,12 @@ from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.settings import SolverOptions
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.solve_contact import make_contact_solver
+from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.runtime.parallel import on_root
 from asperity.surface import Flat, Sinusoid, Surface
-from asperity.transient import Motion, Scheme, TimeSeries, Transient
+from asperity.transient import Motion, Scheme, Transient
+from asperity.verification.motion import crossings
 
 Array = npt.NDArray[np.float64]
 
@@ -163,13 +164,6 @@ def thrown(
     transient = Transient(solver, density=density, mass=mass, load=load)
     transient.start(velocity=speed, shape=np.zeros((solver.solid.owned, 3)) if shape is None else shape)
     return transient
-
-
-def crossings(history: TimeSeries) -> Array:
-    """Times at which the plate passes first touch, down and up."""
-    x, time = history.approach, history.time
-    i = np.flatnonzero(x[:-1] * x[1:] < 0.0)
-    return time[i] - x[i] * (time[i + 1] - time[i]) / (x[i + 1] - x[i])
 
 
 @pytest.mark.parametrize("load", [0.0, 1e-14, 1e-7])

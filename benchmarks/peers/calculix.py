@@ -5,18 +5,20 @@
 
 Surface-to-surface penalty contact with a rigid plate, which is one element with all nodes prescribed. Without NLGEOM
 CalculiX takes small strains, in plasticity too. Of its options those are taken that were fastest: C3D8 (0.4 of the
-time of C3D8I) and conjugate gradients with incomplete Cholesky (0.6 of that of SPOOLES).
+time of C3D8I) and, in small strain, conjugate gradients with incomplete Cholesky (0.6 of that of SPOOLES).
 """
 
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import scene
 
+import asperity as asp
 from asperity.arrays import Floats
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
@@ -31,6 +33,41 @@ PLATE = [(-0.1, -0.1), (1.1, -0.1), (1.1, 1.1), (-0.1, 1.1)]
 HEX_FACES: Faces = [(0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)]
 TET_FACES: Faces = [(0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)]
 GMSH_TO_C3D10 = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]  # the last two edges change places
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A solid with E in units of STRESS, lengths in units of L, pressed by a plate.
+
+    Attributes:
+        points: nodes (n, 3)
+        cells: numbers of their nodes in the order of CalculiX
+        element: its name there
+        faces: corners of the faces of a cell, in the order of CalculiX
+        on_top: whether a node lies on the surface to be touched (n,)
+        held: nodes (n,) and prescribed displacement components, by the name of the set
+        material: with E = 1
+        depth: of the flat
+        steps: greatest and first increment is one part of so many
+        outputs: evenly spaced states that are written
+        stiffness: of the contact, pressure over penetration
+        finite: whether strains are finite
+        displacements: whether those of the top are written
+    """
+
+    points: Floats
+    cells: Ints
+    element: str
+    faces: Faces
+    on_top: npt.NDArray[np.bool_]
+    held: dict[str, tuple[npt.NDArray[np.bool_], str]]
+    material: asp.Material
+    depth: float
+    steps: int
+    outputs: int
+    stiffness: float
+    finite: bool = False
+    displacements: bool = False
 
 
 def write_grid(path: Path, material: str, n: int, steps: int) -> int:
@@ -51,44 +88,61 @@ def _write(
 ) -> int:
     top = scene.surface()
     x, y, z = points.T
+    held = {
+        "BASE": (np.abs(z) < 1e-12, "1, 3"),
+        "XSIDES": (np.minimum(np.abs(x), np.abs(x - 1.0)) < 1e-12, "1"),
+        "YSIDES": (np.minimum(np.abs(y), np.abs(y - 1.0)) < 1e-12, "2"),
+    }
     on_top = np.abs(z - 1.0 - top.height(x, y) + top.mean()) < 1e-9
-    summit = float(z.max())
+    law, depth = scene.MATERIALS[material], scene.DELTA
+    write(path, Model(points, cells, element, faces, on_top, held, law, depth, steps, scene.STEPS, PENALTY / h))
+    return 3 * len(points)
+
+
+def write(path: Path, model: Model) -> None:
+    """Deck of a model: the plate is one element over the summit, and moves down by the depth."""
+    first, count = len(model.points) + 1, len(model.cells)
+    summit = float(model.points[model.on_top, 2].max())
     plate = np.array([(a, b, summit + c) for c in (0.0, 0.1) for a, b in PLATE])
-    first = len(points) + 1
+    elastic = f"*ELASTIC\n{model.material.E * STRESS}, {model.material.nu}\n"
     with path.open("w", encoding="ascii") as deck:
-        deck.write("*NODE, NSET=ALL\n" + _rows(np.vstack([points, plate]), "%.12g"))
-        deck.write(f"*ELEMENT, TYPE={element}, ELSET=BLOCK\n" + _rows(cells + 1, "%d"))
-        deck.write(f"*ELEMENT, TYPE=C3D8, ELSET=PLATE\n{len(cells) + 1}, ")
+        deck.write("*NODE, NSET=ALL\n" + _rows(np.vstack([model.points, plate]), "%.12g"))
+        deck.write(f"*ELEMENT, TYPE={model.element}, ELSET=BLOCK\n" + _rows(model.cells + 1, "%d"))
+        deck.write(f"*ELEMENT, TYPE=C3D8, ELSET=PLATE\n{count + 1}, ")
         deck.write(", ".join(str(first + k) for k in range(8)) + "\n")
-        for name, chosen in {
-            "BASE": np.abs(z) < 1e-12,
-            "XSIDES": np.minimum(np.abs(x), np.abs(x - 1.0)) < 1e-12,
-            "YSIDES": np.minimum(np.abs(y), np.abs(y - 1.0)) < 1e-12,
-        }.items():
+        for name, chosen in {**{name: nodes for name, (nodes, _) in model.held.items()}, "TOP": model.on_top}.items():
             deck.write(f"*NSET, NSET={name}\n" + "".join(f"{k + 1},\n" for k in np.flatnonzero(chosen)))
         deck.write(f"*NSET, NSET=RIGID, GENERATE\n{first}, {first + 7}\n")
         deck.write("*SURFACE, NAME=ROUGH, TYPE=ELEMENT\n")
-        for k, face in enumerate(faces):
-            for cell in np.flatnonzero(on_top[cells[:, list(face)]].all(axis=1)):
+        for k, face in enumerate(model.faces):
+            for cell in np.flatnonzero(model.on_top[model.cells[:, list(face)]].all(axis=1)):
                 deck.write(f"{cell + 1}, S{k + 1}\n")
-        deck.write(f"*SURFACE, NAME=FLAT, TYPE=ELEMENT\n{len(cells) + 1}, S1\n")
-        deck.write(f"*MATERIAL, NAME=STEEL\n*ELASTIC\n{scene.E * STRESS}, {scene.NU}\n")
-        deck.write(f"*MATERIAL, NAME=HARD\n*ELASTIC\n{scene.E * STRESS}, {scene.NU}\n")
+        deck.write(f"*SURFACE, NAME=FLAT, TYPE=ELEMENT\n{count + 1}, S1\n")
+        deck.write(f"*MATERIAL, NAME=STEEL\n{elastic}{_plastic(model.material)}")
+        deck.write(f"*MATERIAL, NAME=HARD\n{elastic}")
         deck.write("*SOLID SECTION, ELSET=PLATE, MATERIAL=HARD\n*SOLID SECTION, ELSET=BLOCK, MATERIAL=STEEL\n")
-        stiffness = PENALTY * scene.E * STRESS / h
         deck.write("*SURFACE INTERACTION, NAME=PENALTY\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n")
-        deck.write(f"{stiffness:.6g}\n")
+        deck.write(f"{model.stiffness * STRESS:.6g}\n")
         deck.write("*CONTACT PAIR, INTERACTION=PENALTY, TYPE=SURFACE TO SURFACE\nROUGH, FLAT\n")
-        deck.write("*BOUNDARY\nBASE, 1, 3\nXSIDES, 1\nYSIDES, 2\nRIGID, 1, 2\n")
-        deck.write("*TIME POINTS, NAME=STEPS, GENERATE\n0.1, 1.0, 0.1\n")
-        deck.write(f"*STEP, INC=10000\n*STATIC, SOLVER=ITERATIVE CHOLESKY\n{1 / steps}, 1.0, 1e-6, {1 / steps}\n")
-        deck.write(f"*BOUNDARY\nRIGID, 3, 3, {-scene.DELTA}\n")
-        deck.write("*NODE PRINT, NSET=RIGID, TOTALS=ONLY, TIME POINTS=STEPS\nRF\n*END STEP\n")
-    if material == "plastic":
-        hard = f"*PLASTIC\n{scene.YIELD * STRESS}, 0.0\n{(scene.YIELD + 10 * scene.HARDENING) * STRESS}, 10.0\n"
-        text = path.read_text(encoding="ascii")
-        path.write_text(text.replace("*MATERIAL, NAME=HARD", hard + "*MATERIAL, NAME=HARD"), encoding="ascii")
-    return 3 * len(points)
+        deck.write("*BOUNDARY\n" + "".join(f"{name}, {dofs}\n" for name, (_, dofs) in model.held.items()))
+        deck.write("RIGID, 1, 2\n")
+        deck.write(f"*TIME POINTS, NAME=STEPS, GENERATE\n{1 / model.outputs}, 1.0, {1 / model.outputs}\n")
+        deck.write(f"*STEP, INC=10000{', NLGEOM' if model.finite else ''}\n")
+        deck.write(f"*STATIC{'' if model.finite else ', SOLVER=ITERATIVE CHOLESKY'}\n")
+        deck.write(f"{1 / model.steps}, 1.0, 1e-6, {1 / model.steps}\n")
+        deck.write(f"*BOUNDARY\nRIGID, 3, 3, {-model.depth}\n")
+        deck.write("*NODE PRINT, NSET=RIGID, TOTALS=ONLY, TIME POINTS=STEPS\nRF\n")
+        if model.displacements:
+            deck.write("*NODE PRINT, NSET=TOP, TIME POINTS=STEPS\nU\n")
+        deck.write("*END STEP\n")
+
+
+def _plastic(material: asp.Material) -> str:
+    """Linear hardening of the yield strength; empty for an elastic solid."""
+    if material.yield_strength is None:
+        return ""
+    strength, modulus = material.yield_strength * STRESS, material.plastic_modulus * STRESS
+    return f"*PLASTIC\n{strength}, 0.0\n{strength + 10 * modulus}, 10.0\n"
 
 
 def _rows(values: np.ndarray, form: str) -> str:
@@ -97,9 +151,16 @@ def _rows(values: np.ndarray, form: str) -> str:
     return "".join(pattern % (k, *row) for k, row in enumerate(values.tolist(), 1))
 
 
-def read(path: Path) -> list[float]:
-    """Forces that a .dat file holds, one for each of the steps done [E L^2]."""
+def read(path: Path, outputs: int = scene.STEPS) -> list[float]:
+    """Forces that a .dat file holds, one for each of the states written [E L^2]."""
     text = path.read_text(encoding="ascii") if path.exists() else ""
-    found = re.findall(r"time\s+(\S+)\s+(?:\S+\s+){2}(\S+)", text)
-    forces = {round(float(time) * scene.STEPS, 6): -float(force) / STRESS for time, force in found}
-    return [forces[k] for k in range(1, scene.STEPS + 1) if k in forces]
+    found = re.findall(r"^ total force.*time\s+(\S+)\s+(?:\S+\s+){2}(\S+)", text, re.MULTILINE)
+    forces = {round(float(time) * outputs, 6): -float(force) / STRESS for time, force in found}
+    return [forces[k] for k in range(1, outputs + 1) if k in forces]
+
+
+def read_displacements(path: Path) -> Floats:
+    """Displacements of the top in the last state that a .dat file holds, rows of node number and components (m, 4)."""
+    last = path.read_text(encoding="ascii").rpartition("displacements")[2].partition("\n")[2]
+    rows = (line.split() for line in last.splitlines())
+    return np.array([list(map(float, row)) for row in rows if len(row) == 4])

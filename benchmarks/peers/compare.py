@@ -10,7 +10,8 @@ All programs press the same surface on the same block in the same ten load steps
 so), on one thread, each run in a process of its own. Seconds are CPU seconds of that process, user and system, start-up
 included; what is not counted is the making of the meshes and decks of the others. Errors are root mean squares over the
 path, relative to the reference force, which is kept in FOLDER like each run: the command continues where it
-was stopped, and runs that met a lower limit are repeated. Prints Markdown tables and writes peers.png to FOLDER.
+was stopped, and runs that met a lower limit are repeated. Prints Markdown tables; `../pictures.py` draws the stored
+ones.
 """
 
 from __future__ import annotations
@@ -19,7 +20,6 @@ import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import programs
@@ -165,30 +165,8 @@ def ratio(found: Cost | None, own: Cost | None) -> str:
     return f"{sign}{number(found.cpu / own.cpu)}"
 
 
-@style.styled
-def figure(found: dict[str, list[Point]]) -> Any:
-    """Error against CPU time, a panel a material."""
-    drawn, axes = style.figure(style.DOUBLE, 3.8, columns=len(found))
-    handles: dict[str, Any] = {}
-    for axis, (material, points) in zip(np.ravel(axes), found.items(), strict=True):
-        for name, colour in COLOURS.items():
-            own = sorted((p for p in points if p.run.program == name), key=lambda p: p.run.cpu)
-            done = np.array([(p.run.cpu, 100.0 * p.error) for p in own if np.isfinite(p.error)])
-            if len(done):
-                (handles[name],) = axis.loglog(*done.T, "o-", color=colour, label=name)
-            for p in own:
-                if not np.isfinite(p.error):
-                    axis.axvline(p.run.cpu, color=colour, lw=0.8, ls=":")
-        axis.set(title=material, xlabel="CPU time (s)", ylabel="rms error of the force (%)")
-        style.grid(axis)
-        for scale in (axis.xaxis, axis.yaxis):
-            scale.set_major_formatter("{x:g}")
-    drawn.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3)
-    return drawn
-
-
 def main() -> None:
-    """Make the runs that are missing, print the tables, draw the figure."""
+    """Make the runs that are missing, print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", type=Path, default=Path("out/peers"))
     parser.add_argument("--limit", type=float, default=900.0, help="CPU seconds after which a run is ended")
@@ -198,12 +176,8 @@ def main() -> None:
     folder = arguments.output.absolute()
     folder.mkdir(parents=True, exist_ok=True)
     print(programs.cpu_name() + "; " + ", ".join(f"{name} {v}" for name, v in programs.versions().items()))
-    found = {}
     for material in arguments.materials:
-        found[material] = measure(material, folder, None if arguments.kept else arguments.limit)
-        compare(found[material])
-    style.save(figure(found), folder / "peers.png")
-    print(f"\nfigure: {folder / 'peers.png'}")
+        compare(measure(material, folder, None if arguments.kept else arguments.limit))
 
 
 if __name__ == "__main__":

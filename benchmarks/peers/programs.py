@@ -20,7 +20,7 @@ from pathlib import Path
 import calculix
 import numpy as np
 import scene
-from unpacked import PEERS, command_in
+from unpacked import PEERS, inside
 
 HERE = Path(__file__).parent
 
@@ -157,7 +157,7 @@ def _calculix(program: str, material: str, mesh: str, write: Callable[[Path], in
     def prepare(place: Path) -> Start:
         dofs = write(place / "model.inp")
         (place / "model.dat").unlink(missing_ok=True)
-        command, environment = command_in("bookworm", "usr/bin/ccx")
+        command, environment = inside("bookworm", "usr/bin/ccx")
         return Start([*command, "model"], environment, lambda: (dofs, calculix.read(place / "model.dat")))
 
     return Job(program, material, mesh, prepare)
@@ -178,7 +178,7 @@ def getfem(material: str, n: int, degree: int) -> Job:
             hardening=scene.HARDENING,
             path=scene.AT,
         )
-        command, environment = command_in("trixie", "usr/bin/python3.13")
+        command, environment = inside("trixie", "usr/bin/python3.13")
         out = place / "out.json"
         out.unlink(missing_ok=True)
         return Start(
@@ -201,7 +201,7 @@ def tamaas(n: int, exact: tuple[float, float]) -> Job:
             place / "mesh.npz", heights=heights, summit=top.maximum()[2] - top.mean(), E=scene.E, nu=scene.NU,
             path=scene.AT, forces=[0.5 * exact[0], 2.0 * exact[1]],
         )  # fmt: skip
-        command, environment = command_in("bookworm", "usr/bin/python3.11")
+        command, environment = inside("bookworm", "usr/bin/python3.11")
         out = place / "out.json"
         return Start([*command, str(HERE / "tamaas_model.py"), "mesh.npz", "out.json"], environment, _read_json(out))
 

@@ -12,7 +12,7 @@ PEERS = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "asperi
 LOADER = "ld-linux-x86-64.so.2"
 
 
-def command_in(suite: str, program: str) -> tuple[list[str], dict[str, str]]:
+def inside(suite: str, program: str) -> tuple[list[str], dict[str, str]]:
     """Command and environment of a program of an unpacked Debian, run by that one's own loader and libraries."""
     root = PEERS / suite
     places = [root / "usr/lib/x86_64-linux-gnu", root / "lib/x86_64-linux-gnu"]

@@ -9,7 +9,7 @@ import logging
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,16 +20,16 @@ from asperity.errors import (
     AssumptionWarning,
     CaseWarning,
     CheckError,
-    ConvergenceError,
     InputError,
     Interrupted,
     OutputError,
     ResolutionWarning,
 )
-from asperity.model.material import AUTO
 from asperity.model.problem import Problem
-from asperity.model.settings import AccuracyTarget, wrong_friction
-from asperity.output.assumptions import DOUBTFUL, Assumption, Evidence, ledger
+from asperity.model.settings import wrong_friction
+from asperity.output.assumption import DOUBTFUL, Assumption
+from asperity.output.assumptions import ledger
+from asperity.output.friction_bounds import FRICTION_BOUNDS
 from asperity.output.run_files import RunFiles
 from asperity.power_law import PowerLawFit
 from asperity.run_outputs import write_outputs
@@ -43,14 +43,11 @@ from asperity.runtime.run_folder import CHECKPOINT, LOG
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from asperity.adaptive.small_strain import SmallStrain
-    from asperity.adaptive.solve_to_tolerance import AccurateResult
     from asperity.mesh.block import BlockMesh
     from asperity.quasistatic.checkpoint import Checkpoint
-    from asperity.quasistatic.solve_contact import ContactResult, Hooks
-
-
-FRICTION_BOUNDS = "friction_bounds"  # section of summary.json
+    from asperity.quasistatic.contact_result import ContactResult
+    from asperity.quasistatic.hooks import Hooks
+    from asperity.solve_case import SolvedCase
 
 
 @dataclass(frozen=True)
@@ -296,56 +293,45 @@ class _Job:
             writer.summary(summary)
 
         on_root_bcast(comm, write)
-        complete = solved.accurate is not None and not doubts  # though perhaps not as accurate as requested
+        # though perhaps not as accurate as requested, or without the bounds of friction
+        complete = contact.complete and not doubts and not isinstance(failure, Interrupted)
         if failure is not None and not complete:
             raise failure
         dynamics = write_outputs(
-            case, self.problem.surface, contact, summary, self.folder, writer, self.progress, failure is None
+            case, self.problem, contact, summary, self.folder, writer, self.progress, failure is None
         )
         if failure is not None:
             raise failure
         return RunResult(contact.curve, fit, summary, contact, dynamics)
 
-    def _solve(self, begin: Callable[[], None]) -> _Solved:
+    def _solve(self, begin: Callable[[], None]) -> SolvedCase:
         """The static part; collective.
 
         Raises:
             OutputError: a file cannot be written
         """
-        from asperity.adaptive.other_friction import solve_other_friction
-        from asperity.quasistatic.solve_contact import PartialResult
         from asperity.runtime.interrupt import StopRequest
+        from asperity.solve_case import solve_case
 
-        failure: ConvergenceError | None = None
-        accurate = other = None
         with nullcontext() if self.folder is None else StopRequest(self.comm) as request:
             hooks = _hooks(self, begin, None if request is None else request.agreed)
-            problem, strain = _with_kinematics(self, hooks)
-            if self.problem.material.kinematics == AUTO and hooks.checkpoint is not None:
-                # another choice, as of a continued run with more cycles, starts the path again
-                hooks = replace(hooks, checkpoint=hooks.checkpoint.part(problem.material.kinematics))
             try:
-                if self.case.accuracy.tolerance is None:
-                    contact = _solve(self, problem, hooks)
-                else:
-                    accurate = _solve_to_tolerance(self, problem, hooks)
-                    contact = replace(accurate.contact, curve=accurate.curve, reason=accurate.reason)
-                    failure = None if accurate.met else ConvergenceError(accurate.reason)
-                if self.bounds and failure is not None:
-                    logging.getLogger(__name__).info("--bounds is left out: %s", failure)
-                elif self.bounds:
-                    shown = replace(hooks, on_step=lambda rows, fraction: self.progress.step(rows[-1], fraction))
-                    other, failure = solve_other_friction(problem, contact, accurate, self.comm, shown)
-            except PartialResult as e:
-                stopped = isinstance(e.__cause__, Interrupted)
-                failure = Interrupted(str(e)) if stopped else ConvergenceError(str(e))
-                contact = e.result
+                return solve_case(
+                    self.case,
+                    self.problem,
+                    hooks,
+                    self.comm,
+                    block=self.block,
+                    bounds=self.bounds,
+                    note=self.writer.note,
+                    on_curve=lambda curve: on_root_bcast(self.comm, lambda: self.writer.curve(curve)),
+                    on_step_of_other=lambda rows, fraction: self.progress.step(rows[-1], fraction),
+                )
             except OutputError as e:
                 hint = "; --resume continues from the last step saved" if self.case.output.checkpoint else ""
                 raise OutputError(f"{e}{hint}") from None
-        return _Solved(problem, contact, accurate, other, strain, failure)
 
-    def _warn(self, lines: Sequence[Assumption], solved: _Solved, unresolved: str) -> None:
+    def _warn(self, lines: Sequence[Assumption], solved: SolvedCase, unresolved: str) -> None:
         """Warn of what is doubtful in the result, and put the rest into the log."""
         for line in lines:
             if line.verdict == DOUBTFUL and line.warning:
@@ -359,62 +345,6 @@ class _Job:
             warnings.warn(f"{unresolved}; make mesh.h_contact smaller", ResolutionWarning, stacklevel=4)
 
 
-@dataclass(frozen=True)
-class _Solved:
-    """The static part of a case.
-
-    Attributes:
-        problem: that was solved, with the kinematics of the run
-        contact: its result
-        accurate: the same of a run with a tolerance
-        other: curve with the other friction, when requested
-        strain: what small strain changes, where known
-        failure: what stopped the run
-    """
-
-    problem: Problem
-    contact: ContactResult
-    accurate: AccurateResult | None
-    other: Curve | None
-    strain: SmallStrain | None
-    failure: ConvergenceError | None
-
-    def summary(self, case: Case, fit: PowerLawFit | None, ranks: int) -> dict[str, Any]:
-        """Contents of summary.json that are known so far."""
-        from asperity.output.friction_bounds import friction_bounds
-        from asperity.output.summary import summarise
-
-        found = summarise(case, self.contact, fit, ranks)
-        strain = None if self.strain is None else self.strain.to_dict()
-        found["model"] = {"kinematics": self.problem.material.kinematics, "small_strain": strain}
-        if self.accurate is not None:
-            found |= self.accurate.to_dict()
-        if self.other is not None:
-            computed = self.contact.curve if self.accurate is None else self.accurate.raw
-            sticks = self.problem.formulation.sticks
-            found[FRICTION_BOUNDS] = friction_bounds(*((self.other, computed) if sticks else (computed, self.other)))
-        return found
-
-    def evidence(self, case: Case, bounds: Mapping[str, Any] | None) -> Evidence:
-        """What the ledger of the run is made of.
-
-        Args:
-            case: the input
-            bounds: section friction_bounds of the summary, if there is one
-        """
-        accurate, tolerance = self.accurate, case.accuracy.tolerance
-        h = roughness = None
-        if accurate is not None:
-            h, roughness = accurate.levels[-1].h, accurate.roughness_share()
-        elif case.mesh.file is None and tolerance is None:  # a run with a tolerance may have no bar
-            h = case.mesh.h_contact
-        change = None
-        if self.strain is not None and self.strain.greatest is not None:
-            change = self.strain.greatest, self.strain.limit
-        friction = bounds["at_greatest_load"]["force"] if bounds else None
-        return Evidence(self.contact.curve, self.problem, case.units == "SI", tolerance, h, roughness, change, friction)
-
-
 def _no_fields(case: Case) -> str:
     """Why a run has no snapshots to write as fields."""
     why = "the steps were computed without snapshots before the run was resumed; replace the run with --force"
@@ -423,7 +353,7 @@ def _no_fields(case: Case) -> str:
 
 def _hooks(job: _Job, begin: Callable[[], None], stop: Callable[[], str] | None) -> Hooks:
     """Progress, checkpoint and snapshots of a run, whose curve is written step by step."""
-    from asperity.quasistatic.solve_contact import Hooks
+    from asperity.quasistatic.hooks import Hooks
 
     begun = False
 
@@ -455,60 +385,4 @@ def _hooks(job: _Job, begin: Callable[[], None], stop: Callable[[], str] | None)
         on_ready,
         stiffness=output.stiffness,
         conductance=output.conductance,
-    )
-
-
-def _with_kinematics(job: _Job, hooks: Hooks) -> tuple[Problem, SmallStrain | None]:
-    """The problem with the kinematics of the run, and what small strain changes; collective.
-
-    Raises:
-        Interrupted: the run was stopped
-    """
-    from asperity.adaptive.small_strain import choose_kinematics
-
-    material, case = job.problem.material, job.case
-    if material.kinematics == "small" and not case.output.small_strain:
-        return job.problem, None
-    problem, found = choose_kinematics(job.problem, case.accuracy.tolerance, job.comm, hooks)
-    if material.kinematics == AUTO:
-        on_root_bcast(job.comm, partial(job.writer.note, f'kinematics = "auto" took "{problem.material.kinematics}"'))
-    return problem, found
-
-
-def _solve(job: _Job, problem: Problem, hooks: Hooks) -> ContactResult:
-    """The static part of a case on one mesh; collective."""
-    from asperity.mesh.block import BlockMesh
-    from asperity.quasistatic.solve_contact import solve_problem
-
-    file, block = job.case.mesh.file, job.block
-    if file is not None:
-        block = BlockMesh.read(file)
-    elif job.comm.bcast(block is not None):
-        on_root_bcast(job.comm, partial(_judge, job))
-    return solve_problem(problem, block=block, comm=job.comm, hooks=hooks)
-
-
-def _judge(job: _Job) -> None:
-    """Judge a mesh made before as `solve_problem` judges the mesh that it makes itself.
-
-    Raises:
-        MeshError: the heights of the surface had to be smoothed too much
-    """
-    from asperity.mesh.resolution import judge_smoothing, warn_of_missed_waves
-
-    surface, delta = job.problem.surface, job.case.loading.delta_max
-    if delta is not None:
-        judge_smoothing(job.block, surface, delta)
-        warn_of_missed_waves(surface, job.case.mesh.h_contact, delta)
-
-
-def _solve_to_tolerance(job: _Job, problem: Problem, hooks: Hooks) -> AccurateResult:
-    """The static part of a case on meshes that its tolerance chooses; collective."""
-    from asperity.adaptive.solve_to_tolerance import refine
-
-    wanted = job.case.accuracy
-    assert wanted.tolerance is not None
-    target = AccuracyTarget(wanted.tolerance, wanted.max_dofs, wanted.max_seconds)
-    return refine(
-        problem, target, job.comm, hooks, lambda curve: on_root_bcast(job.comm, lambda: job.writer.curve(curve))
     )

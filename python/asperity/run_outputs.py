@@ -5,29 +5,34 @@
 
 from __future__ import annotations
 
+import math
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from asperity.case import Case
+from asperity.case.schema import DynamicsSection
 from asperity.curve import Curve
-from asperity.errors import AsperityWarning
+from asperity.errors import AsperityError, AsperityWarning, InputError
+from asperity.loops import LoopTable
+from asperity.model.problem import Problem
 from asperity.output.run_files import RunFiles
 from asperity.runtime.files import files_into
 from asperity.runtime.parallel import on_root_bcast
 from asperity.runtime.progress import Progress
-from asperity.runtime.run_folder import DISTRIBUTIONS, FIELDS, VTKHDF
-from asperity.surface import Surface
+from asperity.runtime.run_folder import DISTRIBUTIONS, FIELDS, LOOPS, VTKHDF
 
 if TYPE_CHECKING:
-    from asperity.dynamics import Dynamics
-    from asperity.quasistatic.solve_contact import ContactResult
+    from asperity.dynamics import Dynamics, Joint
+    from asperity.dynamics.joint import Numbers
+    from asperity.quasistatic.contact_result import ContactResult
 
 
 def write_outputs(
     case: Case,
-    surface: Surface,
+    problem: Problem,
     contact: ContactResult,
     summary: dict[str, Any],
     folder: Path | None,
@@ -39,7 +44,7 @@ def write_outputs(
 
     Args:
         case: the input
-        surface: its top
+        problem: of the case
         contact: with the curve, mesh and snapshots
         summary: of the run; receives the seconds of each part, the vibration, and `finished`
         folder: of the run; None writes nothing
@@ -57,22 +62,37 @@ def write_outputs(
         _write_fields(case, contact, folder)
         seconds["fields"] = perf_counter() - start
 
+    loops = None
+    if case.loops is not None:
+        progress.stage("loops")
+        start = perf_counter()
+        loops = compute_loops(case, problem, contact)
+        seconds["loops"] = perf_counter() - start
+
     def serial() -> Dynamics | None:
         dynamics = None
+        if loops is not None:
+            summary["loops"] = loops.to_dict()
+            for text in loop_doubts(loops, float(contact.curve.force.max())):
+                warnings.warn(text, AsperityWarning, stacklevel=2)
+            if folder is not None:
+                loops.write(folder / LOOPS)
         if case.dynamics is not None:
             progress.stage("dynamics")
             start = perf_counter()
-            dynamics = _vibration(case, contact.curve, folder)
+            dynamics = _vibration(case, contact.curve, folder, loops)
             found = dynamics.to_dict()
             summary["dynamics"] = {name: found[name] for name in ("law", "load", "numbers", "laws", "notes")}
             seconds["dynamics"] = perf_counter() - start
+            if loops is not None and (radiated := _radiation(case, dynamics)):
+                summary["loops"]["radiation"] = radiated
         writer.summary(summary)
         if folder is not None and (case.output.figures or case.output.report):
             from asperity.plot import plot_run
 
             progress.stage("figures")
             start = perf_counter()
-            plot_run(folder, surface)
+            plot_run(folder, problem.surface)
             seconds["figures"] = perf_counter() - start
             writer.summary(summary)
         if folder is not None and case.output.report:
@@ -103,20 +123,126 @@ def _write_fields(case: Case, contact: ContactResult, folder: Path) -> None:
                 write_distributions(aside / DISTRIBUTIONS, block, states)
 
 
-def _vibration(case: Case, curve: Curve, folder: Path | None) -> Dynamics:
-    """Vibration on the curve of a case."""
-    from asperity.dynamics import Joint, run_dynamics
-    from asperity.dynamics.law.choice import LACK
+def compute_loops(case: Case, problem: Problem, contact: ContactResult) -> LoopTable:
+    """Loops of a case about its preload, from the state at the end of the load path; collective.
 
-    assert case.dynamics is not None
-    settings = case.dynamics.model_dump()
-    load, models = settings.pop("preload"), settings.pop("model")
-    joint = None if case.joint is None else Joint(**case.joint.model_dump())
-    if joint is not None and joint.damping is not None:
-        settings["zeta"] = joint.damping
+    Args:
+        case: with a section [loops]
+        problem: that was solved
+        contact: whose solver is in that state, and is so afterwards
+
+    Raises:
+        InputError: the preload exceeds the greatest force of the curve
+    """
+    from asperity.quasistatic.force_loops import solve_loops
+
+    assert case.loops is not None
+    top, key = float(contact.curve.force.max()), "loops.preload"
+    preload = case.loops.preload
+    if preload is None:
+        preload, key = _preload(case), "the preload of the loops"
+    preload = 0.5 * top if preload is None else preload
+    if not 0.0 < preload <= top * (1.0 + 1e-9):
+        raise InputError(
+            f"{key} = {preload:g} must lie between 0 and {top:g}, the greatest force of the curve: lower it, or load "
+            "the contact further"
+        )
+    wanted = case.loops
+    return solve_loops(problem, contact, preload, wanted.amplitudes, cycles=wanted.cycles, steps=wanted.steps)
+
+
+def _preload(case: Case) -> float | None:
+    """Static force of the vibration on the patch, None where nothing gives it."""
+    if case.joint is not None:
+        joint, patch = _joint(case), case.surface.L**2
+        load = joint.load(patch)
+        return None if load is None else load / joint.factor(patch)
+    return None if case.dynamics is None else case.dynamics.preload
+
+
+def loop_doubts(loops: LoopTable, top: float) -> Iterator[str]:
+    """Sentences on loops that are not steady, or that load the contact further than its curve.
+
+    Args:
+        loops: of the run
+        top: greatest force of its curve [force]
+    """
+    if unsettled := loops.unsettled():
+        yield (
+            f"the loops of amplitude {', '.join(f'{a:g}' for a in unsettled)} are not steady yet: use more loops.cycles"
+        )
+    first = loops.loops[0]
+    beyond = [loop.amplitude for loop in loops.loops if loop.preload * (1.0 + loop.amplitude) > top * (1.0 + 1e-6)]
+    if beyond:
+        yield (
+            f"loops from an amplitude of {min(beyond):g} of the preload {first.preload:g} on pass the greatest force "
+            f"{top:g} of the curve, for which the mesh was made: load the contact further, or lower loops.amplitudes"
+        )
+
+
+def _radiation(case: Case, dynamics: Dynamics) -> dict[str, float]:
+    """Loss factor by radiation at the frequency of small vibration, where density and frequency are known."""
+    from asperity.reference import radiation_loss
+
+    numbers, density, solid = dynamics.numbers, case.material.density, case.material
+    if density is None or not math.isfinite(numbers.frequency):
+        return {}
+    omega = 2.0 * math.pi * numbers.frequency
+    speed = math.sqrt(solid.solid.lame[1] / density)
+    eta = radiation_loss(numbers.stiffness, omega, E=solid.E, nu=solid.nu, density=density)
+    return {"eta": eta, "patch_over_wavelength": omega * case.surface.L / (2.0 * math.pi * speed)}
+
+
+def _joint(case: Case) -> Joint:
+    from asperity.dynamics import Joint
+
+    assert case.joint is not None
+    return Joint(**case.joint.model_dump())
+
+
+def _of_small_vibration(case: Case) -> dict[str, Any]:
+    """Law, preload, mass and damping of the vibration of a case, as `run_dynamics` takes them."""
+    section = case.dynamics or DynamicsSection()
+    joint = None if case.joint is None else _joint(case)
+    zeta = section.zeta if joint is None or joint.damping is None else joint.damping
+    return {
+        "law": section.law, "load": section.preload, "overload": section.overload, "zeta": zeta,
+        "gravity": section.gravity, "joint": joint, "units": case.units, "patch_area": case.surface.L**2,
+    }  # fmt: skip
+
+
+def small_vibration_of(case: Case, curve: Curve) -> Numbers | None:
+    """Stiffness, mass, frequency and damping of the vibration of a case; None where it has none, or no mass.
+
+    The ledger needs them before `write_outputs`; what is wrong with them is reported there.
+    """
+    from asperity.dynamics.run import small_vibration
+
+    if (case.dynamics is None and case.joint is None) or not len(curve):
+        return None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            found = small_vibration(curve, **_of_small_vibration(case))
+        except AsperityError:
+            return None
+    return found if math.isfinite(found.frequency) else None
+
+
+def _vibration(case: Case, curve: Curve, folder: Path | None, loops: LoopTable | None) -> Dynamics:
+    """Vibration on the curve of a case."""
+    from asperity.dynamics import LoopDamping, run_dynamics
+    from asperity.dynamics.law.choice import LACK
+    from asperity.dynamics.law.damping import LOOPS
+
+    section = case.dynamics
+    assert section is not None
+    damping: Any = section.damping
+    if damping == LOOPS and loops is not None:
+        damping = LoopDamping.of(loops)
     result = run_dynamics(
-        curve, load=load, models=models, out_dir=folder, units=case.units, joint=joint,
-        patch_area=case.surface.L**2, **settings,
+        curve, models=section.model, damping=damping, forcing=section.forcing, omega=section.omega,
+        out_dir=folder, **_of_small_vibration(case),
     )  # fmt: skip
     if LACK in result.notes:
         warnings.warn(LACK, AsperityWarning, stacklevel=2)

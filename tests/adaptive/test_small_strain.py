@@ -24,7 +24,9 @@ from asperity.errors import InputError, Interrupted
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget, MeshSize
-from asperity.quasistatic.solve_contact import Hooks, make_contact_solver, solve_contact, solve_problem
+from asperity.quasistatic.hooks import Hooks
+from asperity.quasistatic.make import make_contact_solver
+from asperity.quasistatic.solve_contact import solve_contact, solve_problem
 from asperity.run_case import run
 from asperity.surface import Flat, Sinusoid, Surface
 
@@ -233,7 +235,7 @@ def test_a_path_is_not_continued_in_other_kinematics(tmp_path: Path, monkeypatch
         patch.setattr(interrupt.StopRequest, "agreed", lambda self: next(answers))
         with pytest.raises(Interrupted, match=r"^stopped by the test after step 2"):
             run(case, folder)
-    monkeypatch.setattr(small_strain, "LIMIT", 1e-6)
+    monkeypatch.setattr(small_strain, "ONE_MESH", 1e-6)
     resumed = run(case, folder, resume=True)
     finite = run(Case.from_dict(WAVY | {"material": {"E": 1.0, "nu": 0.3, "kinematics": "finite"}}))
     assert resumed.summary["model"]["kinematics"] == "finite"

@@ -41,7 +41,7 @@ from asperity.curve import Curve
 from asperity.errors import ResolutionWarning
 from asperity.mesh.resolution import ELEMENTS, doubt_of_waves, resolving_size
 from asperity.model.settings import Goal, SolverOptions
-from asperity.quasistatic.solve_contact import ContactResult, PartialResult
+from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.reference import half_space_contact
 
 ELASTIC = asp.Material(1.0, 0.3)
@@ -269,6 +269,7 @@ def test_one_step_and_steps_without_force() -> None:
     assert loading_force(one, np.array([0.1, 0.4])) == pytest.approx([2.0, 16.0])
     rows = [{"delta": d, "force": f, "delta_star": d, "P_star": f} for d, f in ((0.1, 0.0), (0.2, 0.2), (0.3, 0.3))]
     assert loading_force(Curve.from_rows(rows), np.array([0.25])) == pytest.approx([0.25])
+    assert loading_force(Curve.from_rows(rows), np.array([0.05, 0.6])) == pytest.approx([0.025, 0.6])
     with pytest.raises(asp.InputError, match=r"the force is zero in every step"):
         loading_force(Curve.from_rows(rows[:1]), np.array([0.1]))
 

@@ -342,6 +342,16 @@ def test_a_load_that_closes_every_gap_is_refused() -> None:
     assert "peak to valley" in check_loading(case, case.build_surface())[0]
 
 
+def test_a_block_that_yields_first_keeps_its_gaps() -> None:
+    """With free sides a soft block flows under the load of its contacts; between rollers its volume resists."""
+    keys = ["loading.delta_max=0.05e-6", "material.yield_strength=0.2e9", "material.tangent_modulus=2e9"]
+    free = Case.load(DEMO, [*keys, "block.sides=free"])
+    assert "peak to valley" in check_loading(free, free.build_surface())[0]
+    confined = Case.load(DEMO, keys)
+    with pytest.raises(InputError, match="no gap at all"):
+        check_loading(confined, confined.build_surface())
+
+
 @pytest.mark.parametrize(
     ("keys", "said"),
     [

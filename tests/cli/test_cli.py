@@ -22,7 +22,7 @@ from made_up_run import write_run
 from asperity.cli import OLD_NAMES, group, main
 from asperity.cli.import_map import CASE
 from asperity.curve import Curve
-from asperity.errors import ConvergenceError, InputError
+from asperity.errors import AsperityWarning, ConvergenceError, InputError
 from asperity.plot import CAPTIONS
 from asperity.runtime.progress import COLUMNS, Progress, StepLines, duration, make_progress
 from asperity.runtime.run_folder import check
@@ -276,7 +276,9 @@ def test_help_names_every_command(cli: Cli) -> None:
 @pytest.mark.parametrize(("old", "new"), OLD_NAMES.items())
 def test_an_old_name_is_the_new_command(cli: Cli, old: str, new: str) -> None:
     context = click.Context(group)
-    assert group.get_command(context, old) is group.get_command(context, new) is not None
+    with pytest.warns(AsperityWarning, match=f"{old} is now {new}"):
+        command = group.get_command(context, old)
+    assert command is group.get_command(context, new) is not None
     assert cli(old, "--help")[1].replace(old, new, 1).split() == cli(new, "--help")[1].split()
 
 

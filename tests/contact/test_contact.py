@@ -25,7 +25,8 @@ from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
-from asperity.quasistatic.solve_contact import make_contact_solver, solve_contact
+from asperity.quasistatic.make import make_contact_solver
+from asperity.quasistatic.solve_contact import solve_contact
 from asperity.quasistatic.stepping import ContactSolver
 from asperity.surface import Flat, Sinusoid, Surface, WeierstrassMandelbrot
 

@@ -23,7 +23,8 @@ from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.model.settings import COERCIVE, Formulation, MeshSize, SolverOptions, gamma_too_small
-from asperity.quasistatic.solve_contact import make_block, make_contact_solver, solve_contact
+from asperity.quasistatic.make import make_block, make_contact_solver
+from asperity.quasistatic.solve_contact import solve_contact
 from asperity.surface import Flat, Sinusoid, Surface
 
 Array = npt.NDArray[np.float64]

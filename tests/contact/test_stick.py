@@ -19,7 +19,9 @@ from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 from asperity.model.settings import AccuracyTarget, Formulation, MeshSize, SolverOptions
-from asperity.quasistatic.solve_contact import ContactResult, make_contact_solver, solve_contact
+from asperity.quasistatic.contact_result import ContactResult
+from asperity.quasistatic.make import make_contact_solver
+from asperity.quasistatic.solve_contact import solve_contact
 from asperity.surface import Flat, Sphere, Surface
 from asperity.transient import Transient
 
@@ -70,7 +72,7 @@ def test_the_closed_forms_agree_without_stick(nu: float) -> None:
 @pytest.fixture(scope="module")
 def corner() -> tuple[Sphere, BlockMesh | None, dict[str, Any]]:
     """A quarter of a sphere in a corner, small against the block, with its mesh and load."""
-    from asperity.quasistatic.solve_contact import make_block
+    from asperity.quasistatic.make import make_block
 
     sphere, a = Sphere(L=1.0, radius=10.0, centre=(0.0, 0.0), shape="paraboloid"), 0.02
     delta = a * a / 10.0

@@ -207,7 +207,7 @@ def test_damping_of_the_case_is_the_default(tmp_path: Path) -> None:
 
     def damping_of(source: Path, **options: Any) -> tuple[float, str]:
         oscillator = run_dynamics(source, **options, **QUICK).oscillators["exact"]
-        return oscillator.zeta, oscillator.damping
+        return oscillator.zeta, str(oscillator.damping)
 
     assert damping_of(folder) == damping_of(folder / "curve.csv") == (0.03, "contact")
     assert damping_of(folder, zeta=0.05, damping="always") == (0.05, "always")

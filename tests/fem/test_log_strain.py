@@ -26,7 +26,7 @@ from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
 from asperity.model.material import Material
 from asperity.model.settings import Formulation
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.solve_contact import make_contact_solver
+from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.runtime.parallel import on_root
 from asperity.surface import Flat, Sinusoid, Surface

@@ -28,7 +28,7 @@ from asperity.model.load_path import MIDPOINT, Schedule
 from asperity.model.material import Material
 from asperity.quasistatic import measures
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.solve_contact import make_contact_solver
+from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.runtime.parallel import on_root
 from asperity.surface import Flat, Sinusoid, Surface

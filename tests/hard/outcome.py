@@ -25,7 +25,7 @@ from asperity.errors import CheckError, ConvergenceError, InputError
 from asperity.model.settings import MeshSize
 from asperity.quasistatic.checkpoint import Checkpoint
 from asperity.quasistatic.checkpoint_identity import identity
-from asperity.quasistatic.solve_contact import make_block
+from asperity.quasistatic.make import make_block
 from asperity.run_case import run
 from asperity.runtime.run_folder import CHECKPOINT, CURVE, SUMMARY
 

@@ -24,7 +24,7 @@ from asperity.mesh.size_field import FirstContactMap, SizeField
 from asperity.model.material import Material
 from asperity.model.settings import MeshSize
 from asperity.output.fields import top_facets
-from asperity.quasistatic.solve_contact import make_block, make_contact_solver
+from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.surface import Flat, Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 
 Array = npt.NDArray[Any]

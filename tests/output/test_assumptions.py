@@ -18,27 +18,27 @@ from html_page import Page
 
 from asperity.case import Case
 from asperity.curve import Curve
+from asperity.dynamics.joint import Numbers
 from asperity.errors import AsperityWarning, AssumptionWarning, ConvergenceError, Interrupted, ResolutionWarning
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import MeshSize
+from asperity.output.assumption import DOUBTFUL, FINE, Assumption, doubtful
 from asperity.output.assumptions import (
-    DOUBTFUL,
-    FINE,
+    SLOW,
     SMALL_STRAIN,
-    Assumption,
     Evidence,
+    approach_to_mean_plane,
     block_height,
     bulk_yield,
-    doubtful,
     first_pull_off,
     ledger,
-    mean_plane,
+    radiation,
     size_effect,
+    slow_vibration,
     small_strain,
     sticking,
     summit_on_edge,
-    yield_pressure,
 )
 from asperity.quasistatic.solve_contact import solve_contact, solve_problem
 from asperity.run_case import run
@@ -113,7 +113,7 @@ def test_a_comparison_replaces_the_limit_of_strain() -> None:
 
 @pytest.mark.parametrize("sides", ["rollers", "free"])
 def test_mean_pressure_beyond_that_of_the_yielding_block(sides: str) -> None:
-    side, limit = 1e-6, yield_pressure(STEEL, sides)
+    side, limit = 1e-6, STEEL.yield_pressure(sides)
     assert limit == pytest.approx(1e9 * (0.7 / 0.4 if sides == "rollers" else 1.0))
     assert verdict(bulk_yield(evidence(sides=sides, force=0.999 * limit * side**2))) == FINE
     line = bulk_yield(evidence(sides=sides, force=1.001 * limit * side**2))
@@ -134,7 +134,7 @@ def test_a_plane_block_yields_at_that_pressure(sides: str, nu: float) -> None:
     modulus = lame + material.E / (1 + nu) if sides == "rollers" else material.E
     for part in (0.99, 1.01):
         problem = Problem.of(
-            Flat(L=1.0), material, sides=sides, delta_max=part * yield_pressure(material, sides) / modulus, steps=1,
+            Flat(L=1.0), material, sides=sides, delta_max=part * material.yield_pressure(sides) / modulus, steps=1,
             integrator="backward-euler", size=MeshSize(0.5, 1.0, 1.0),
         )  # fmt: skip
         result = solve_problem(problem, comm=MPI.COMM_SELF)
@@ -160,12 +160,12 @@ def test_the_strain_of_a_plane_block(kinematics: str, yield_strength: float | No
 def test_approach_beyond_the_mean_plane() -> None:
     """A cosine rises above its mean by its amplitude, a shallow cap in the middle of the patch by L^2/(12 R)."""
     wave = Sinusoid(L=1e-6, amplitude=1e-8, dims=2)
-    assert verdict(mean_plane(evidence(wave, delta=0.999e-8))) == FINE
-    line = mean_plane(evidence(wave, delta=1.001e-8))
+    assert verdict(approach_to_mean_plane(evidence(wave, delta=0.999e-8))) == FINE
+    line = approach_to_mean_plane(evidence(wave, delta=1.001e-8))
     assert verdict(line) == DOUBTFUL and line is not None and "1e-08 below its summit" in line.warning
     cap = Sphere(L=1.0, radius=10.0, shape="paraboloid")
     depth = 1 / 120  # mean of (x^2 + y^2)/(2 R) over the square of side 1
-    line = mean_plane(evidence(cap, delta=0.999 * depth))
+    line = approach_to_mean_plane(evidence(cap, delta=0.999 * depth))
     assert line is not None and line.value == pytest.approx(0.999) and line.verdict == FINE
     plane = evidence(Flat(L=1.0), sides="free", delta=0.5, si=True, h=0.1)
     assert {line.name.partition(":")[0] for line in ledger(plane)} == {"small strain", "resolution", "block"}
@@ -264,6 +264,84 @@ def test_small_metal_contacts_are_doubtful_once_they_yield() -> None:
     assert line is not None and line.value == pytest.approx(np.sqrt(0.01 * 1e-12 / 4 / np.pi))
     large = Sphere(L=1.0, radius=2.0)
     assert verdict(size_effect(evidence(large, **columns, si=True, max_plastic_strain=0.01))) == FINE
+
+
+def test_stickiness_warns_of_a_long_range() -> None:
+    """Its paper needs an attraction that is short next to the gaps 16 h'^2/(3 h''): fooled by a very smooth surface."""
+    hard = Material(200e9, 0.3)
+    smooth = Surface.from_spec("weierstrass-mandelbrot", L=1e-6, D=2.4, G=1e-17)
+    slope, curvature = smooth.rms_slope(), smooth.statistics(257).rms_curvature
+    assert 0.3e-9 / (16 * slope**2 / (3 * curvature)) > 0.1
+    line, rough = (sticking(evidence(surface, hard, si=True)) for surface in (smooth, fractal()))
+    assert line is not None and "the attraction reaches over" in line.detail and line.verdict == DOUBTFUL
+    assert rough is not None and "reaches over" not in rough.detail
+
+
+# --- inertia --------------------------------------------------------------------------------------------------
+
+
+def moving(**values: float) -> dict[str, Any]:
+    """Evidence of a vibration of a steel block."""
+    numbers = {"stiffness": 1e5, "mass": 1.0, "frequency": 1e3, "approach": 1e-9, "damping": 0.01} | values
+    return {"density": 7800.0, "vibration": Numbers(**numbers)}
+
+
+@pytest.mark.parametrize(("sides", "speed"), [("rollers", 5875.0), ("free", 5064.0)])
+def test_the_vibration_is_slow_for_the_block(sides: str, speed: float) -> None:
+    """A quarter wave in the height: 1.5 GHz for a micrometre of steel, 15 kHz for 0.1 m; fine up to a tenth."""
+    line = slow_vibration(evidence(sides=sides, **moving()))
+    assert line is not None and line.verdict == FINE
+    assert line.value == pytest.approx(1e3 * 4 * 1e-6 / speed, rel=1e-3)
+    tall = Sinusoid(L=0.1, amplitude=1e-4)
+    assert verdict(slow_vibration(evidence(tall, sides=sides, **moving(frequency=1e3)))) == FINE
+    assert verdict(slow_vibration(evidence(tall, sides=sides, **moving(frequency=2e3)))) == DOUBTFUL
+
+
+def test_the_limit_of_a_slow_vibration_is_that_of_a_rod() -> None:
+    """At a tenth of its first frequency the stiffness of a rod is 0.8 % below that of statics, at 0.3 more than 7 %."""
+    x = 0.5 * np.pi * np.array([SLOW, 0.3])
+    softer = 1 - x / np.tan(x)
+    assert softer[0] == pytest.approx(x[0] ** 2 / 3, rel=0.01) and 0.007 < softer[0] < 0.01 and softer[1] > 0.07
+
+
+def test_radiation_next_to_the_damping_of_the_model() -> None:
+    """Nearly as Lysmer's disc of equal stiffness, whatever the number of spots; a model without damping needs it most."""
+    line = radiation(evidence(**moving()))
+    mu, a = 200e9 / 2.6, 1e5 * 0.7 * 2.6 / (4 * 200e9)
+    by_hand = 3.4 * a**2 * np.sqrt(7800.0 * mu) / 0.7 * 2 * np.pi * 1e3 / (2 * 1e5)
+    assert line is not None and line.verdict == FINE and by_hand / line.value == pytest.approx(1.08, abs=0.01)
+    assert radiation(evidence(**moving(), spots=9)) == line
+    assert verdict(radiation(evidence(**moving(stiffness=1e10, frequency=2e5)))) == DOUBTFUL
+    assert verdict(radiation(evidence(**moving(damping=0.0)))) == DOUBTFUL
+
+
+@pytest.mark.parametrize("missing", ["density", "vibration"])
+def test_inertia_needs_density_and_mass(missing: str) -> None:
+    known = moving() | {missing: None}
+    assert slow_vibration(evidence(**known)) is None and radiation(evidence(**known)) is None
+
+
+def test_a_case_with_a_density_has_the_lines_of_inertia(tmp_path: Path) -> None:
+    """With a mass only: a preload without one gives no frequency. A density changes neither curve nor checkpoint."""
+    case: dict[str, Any] = {
+        "units": "other",
+        "surface": {"kind": "sphere", "L": 1.0, "radius": 1.5},
+        "material": {"E": 1.0, "nu": 0.3, "density": 2.0},
+        "mesh": {"h_contact": 0.1, "growth": 1.0},
+        "loading": {"delta_max": 0.02, "steps": 5},
+    }
+
+    def lines(joint: dict[str, float]) -> dict[str, dict[str, Any]]:
+        summary = run(Case.from_dict({**case, "joint": joint}), tmp_path, resume=True).summary
+        return {line["name"]: line for line in summary["assumptions"] if line["name"].startswith("inertia")}
+
+    found = lines({"frequency": 0.05})
+    slow = found["inertia: frequency of the vibration over the first of the block"]
+    modulus = 0.7 / (1.3 * 0.4)  # of uniaxial strain
+    assert slow["value"] == pytest.approx(0.05 * 4 * np.sqrt(2.0 / modulus)) and slow["verdict"] == DOUBTFUL
+    assert found["inertia: damping ratio by radiation"]["value"] > 0
+    assert lines({"preload": 1e-4}) == {}
+    assert (tmp_path / "curve.csv").is_file()
 
 
 # --- in the files of a run ------------------------------------------------------------------------------------

@@ -164,7 +164,7 @@ def calculix() -> list[str]:
         return [found]
     unpacked = runpy.run_path(str(Path(__file__).parents[2] / "benchmarks" / "peers" / "unpacked.py"))
     there = (unpacked["PEERS"] / "bookworm/usr/bin/ccx").is_file()
-    return list(unpacked["command_in"]("bookworm", "usr/bin/ccx")[0]) if there else []
+    return list(unpacked["inside"]("bookworm", "usr/bin/ccx")[0]) if there else []
 
 
 @pytest.mark.skipif(not calculix(), reason="there is no CalculiX: benchmarks/peers/install unpacks ccx")

@@ -15,7 +15,8 @@ from asperity.errors import CompatError, InputError
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 from asperity.output.fields import State, gather_states, von_mises, write_vtkhdf
-from asperity.quasistatic.solve_contact import ContactResult, solve_contact
+from asperity.quasistatic.contact_result import ContactResult
+from asperity.quasistatic.solve_contact import solve_contact
 from asperity.surface import Surface
 
 DELTA = 0.02

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from asperity.adaptive import other_friction
+from asperity import solve_case
 from asperity.case import Case
 from asperity.cli import main
 from asperity.curve import Curve
@@ -74,13 +74,14 @@ def test_the_bracket_is_a_line_of_the_ledger_and_has_the_kinematics_of_the_run()
 
 def test_a_bracket_that_fails_is_the_reason_of_the_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The curve of the case is kept, and a continued run computes what is left."""
-    case, stopped = Case.from_dict(DATA), ConvergenceError("friction stick: no convergence")
+    case = Case.from_dict(DATA | {"output": {"report": True}})
+    stopped = ConvergenceError("friction stick: no convergence")
     with monkeypatch.context() as patch:
-        patch.setattr(other_friction, "solve_other_friction", lambda *_: (None, stopped))
+        patch.setattr(solve_case, "solve_other_friction", lambda *_: (None, stopped))
         with pytest.raises(ConvergenceError, match="friction stick: no convergence"):
             run(case, tmp_path, bounds=True)
     summary = json.loads((tmp_path / "summary.json").read_text())
-    assert summary["exit_reason"] == str(stopped) and not summary["finished"]
+    assert summary["exit_reason"] == str(stopped) and not summary["finished"] and (tmp_path / "report.html").is_file()
     np.testing.assert_array_equal(Curve.read(tmp_path / "curve.csv").force, run(case).curve.force)
     assert run(case, tmp_path, bounds=True, resume=True).summary["exit_reason"] == "done"
 

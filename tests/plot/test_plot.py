@@ -5,9 +5,12 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -15,6 +18,7 @@ import pytest
 from made_up_run import FIT, block, write_run
 from matplotlib.figure import Figure
 
+import asperity.plot
 from asperity.curve import Curve
 from asperity.errors import InputError
 from asperity.output.results import Results
@@ -27,14 +31,17 @@ from asperity.plot import (
     mesh_cut,
     plasticity,
     plot_run,
+    pressure_histogram,
     pressure_maps,
     response,
     save,
     stiffness,
     surface_map,
 )
-from asperity.plot.curves import tex
+from asperity.plot.curves import local_exponent, tex
 from asperity.plot.section import cut
+from asperity.runtime.run_folder import FIELD_PICTURES, PRODUCTS
+from asperity.study.figures import family_figure
 from asperity.surface import Surface
 from asperity.units import prefix, quantity
 
@@ -85,7 +92,10 @@ def test_all_figures_of_a_run_are_drawn(folder: Path) -> None:
     written = plot_run(folder)
     other = {"frequency", "response", "receptance", "random", "stiffness"}
     assert {path.stem for path in written} >= set(CAPTIONS) - other
-    assert all(path.read_bytes().startswith(b"\x89PNG") for path in written)
+    starts = {".png": b"\x89PNG", ".svg": b"<?xml"}
+    assert all(path.read_bytes().startswith(starts[path.suffix]) for path in written)
+    assert {path.stem for path in written if path.suffix == ".svg"}.isdisjoint(FIELD_PICTURES)
+    assert {f"figures/{path.name}" for path in written} <= set(PRODUCTS)
 
 
 def test_figures_without_data_are_left_out(tmp_path: Path) -> None:
@@ -104,7 +114,7 @@ def test_stiffness_and_mean_gap(results: Results) -> None:
     known = replace(curve, k_n=k, k_n_elastic=2.0 * k, k_t=k, mean_gap=1e-7 - curve.delta)
     measured = replace(results, curve=known)
     assert "stiffness" in figures_of(measured) and "stiffness" not in figures_of(results)
-    left, right = stiffness(measured).axes
+    left, right = stiffness(measured).axes[:2]
     assert left.get_ylabel().startswith("stiffness (") and left.get_ylabel().endswith("N/m)")
     assert right.get_ylabel() == "mean gap (nm)" and len(left.lines) == 3
 
@@ -118,8 +128,47 @@ def test_every_axis_has_quantity_and_unit(results: Results) -> None:
     assert [axis.get_ylabel() for axis in section.axes[:2]] == ["$z$ (nm)", "$z$ (nm)"]
     maps = pressure_maps(results)
     assert maps.axes[-1].get_ylabel().startswith("contact pressure (")
-    for figure in (contact_area(results), force_curve(results), plasticity(results)):
+    assert maps.axes[-2].get_xlabel().startswith("contact pressure (")
+    counted = replace(results, curve=replace(results.curve, spots=np.arange(len(results.curve)) + 1))
+    for figure in (contact_area(counted), force_curve(results), plasticity(results)):
         assert all(axis.get_xlabel() and axis.get_ylabel() for axis in figure.axes)
+        assert [axis.get_title(loc="left")[:3] for axis in figure.axes] == ["(a)", "(b)", "(c)"][: len(figure.axes)]
+
+
+def test_second_axes_are_in_physical_units(results: Results) -> None:
+    axis = force_curve(results).axes[0]
+    right, top = (axis.child_axes[k] for k in (1, 0))
+    assert (top.get_xlabel(), right.get_ylabel()) == ("approach $\\delta$ (nm)", "force $P$ (µN)")
+    axis.figure.draw_without_rendering()
+    curve = results.curve
+    assert top.get_xlim()[1] == pytest.approx(1e9 * axis.get_xlim()[1] * curve.delta[-1] / curve.delta_star[-1])
+    assert right.get_ylim()[1] == pytest.approx(1e6 * axis.get_ylim()[1] * curve.force[-1] / curve.P_star[-1])
+
+
+def test_the_local_exponent_is_that_of_the_law(results: Results) -> None:
+    x, exponent = local_exponent(results.curve)
+    assert len(x) == 12
+    np.testing.assert_allclose(exponent, 1.55, rtol=1e-6)
+    delta = np.linspace(0.001, 0.03, 40)
+    P = delta**2 + 0.05 * delta  # exponent (2 delta + 0.05)/(delta + 0.05)
+    rows = [{"delta": d, "force": p, "delta_star": d, "P_star": p} for d, p in zip(delta, P, strict=True)]
+    curve = Curve.from_rows(rows)
+    x, exponent = local_exponent(replace(curve, k_n=2 * delta + 0.05))
+    np.testing.assert_allclose(exponent, (2 * x + 0.05) / (x + 0.05), rtol=1e-12)
+    x, exponent = local_exponent(curve)
+    np.testing.assert_allclose(exponent[1:-1], ((2 * x + 0.05) / (x + 0.05))[1:-1], rtol=5e-3)
+
+
+def test_the_distribution_of_the_pressure_has_its_mean(results: Results) -> None:
+    """Integrals of the steps, against the pressure of tests/made_up_run.py on a finer grid."""
+    axis = pressure_histogram(results, count=1).axes[0]
+    density, edges, _ = axis.patches[0].get_data()
+    width, middle = np.diff(edges), 0.5 * (edges[1:] + edges[:-1])
+    assert np.sum(density * width) == pytest.approx(1.0)
+    z = results.surface.grid(1001)
+    depth = 0.5 * float(results.top["delta"][-1]) - (z.max() - z)
+    pressure = 2e14 * np.sqrt(depth[depth > 0] * 1e-9)
+    assert np.sum(density * width * middle) == pytest.approx(1e-3 * pressure.mean(), rel=0.03)  # in kPa
 
 
 def test_lengths_in_other_units_are_not_labelled_metres(results: Results) -> None:
@@ -131,7 +180,7 @@ def test_lengths_in_other_units_are_not_labelled_metres(results: Results) -> Non
 
 
 def test_the_curve_shows_branches_fit_and_error_band(results: Results) -> None:
-    linear, logarithmic = force_curve(results).axes
+    linear, logarithmic, _ = force_curve(results).axes
     legend = [text.get_text() for text in linear.get_legend().get_texts()]
     assert legend[0] == "loading" and "error bar" in legend and "unloading" in legend
     assert any("1.550" in text for text in legend)
@@ -148,16 +197,58 @@ def test_the_curve_shows_branches_fit_and_error_band(results: Results) -> None:
 
 def test_pressure_maps_share_one_scale_and_skip_empty_levels(results: Results) -> None:
     figure = pressure_maps(results, count=3)
-    assert len(figure.axes) == 4  # and the colour bar
-    titles = [axis.get_title() for axis in figure.axes[:3]]
+    assert len(figure.axes) == 5  # with distribution and colour bar
+    titles = [axis.get_title(loc="left") for axis in figure.axes[:3]]
     assert all("0.0000" not in title for title in titles)
-    assert titles[-1].startswith("unloading")
+    assert titles[-1].startswith("(c) unloading")
+    limits = {axis.images[0].get_clim() for axis in figure.axes[:3]}
+    assert len(limits) == 1
+    step = int(results.top["steps"][-1])
+    spots = np.where(results.curve.step == step, 7, 0)
+    counted = pressure_maps(replace(results, curve=replace(results.curve, spots=spots)), count=3)
+    assert [text.get_text() for axis in counted.axes[:3] for text in axis.texts] == ["7 spots"]
 
 
-def test_the_style_is_independent_of_user_settings(results: Results, tmp_path: Path) -> None:
-    plain = save(force_curve(results), tmp_path / "a.png").read_bytes()
-    with mpl.rc_context({"font.size": 30, "lines.linewidth": 9}):
-        assert save(force_curve(results), tmp_path / "b.png").read_bytes() == plain
+def test_settings_of_the_user_win_and_stay(results: Results) -> None:
+    changed = {"font.size": 14.0, "xtick.direction": "inout", "lines.linewidth": 3.0}
+    with mpl.rc_context(changed):
+        before = mpl.rcParams.copy()
+        axis = force_curve(results).axes[0]
+        assert mpl.rcParams == before
+    assert axis.lines[0].get_linewidth() == 3.0
+    assert axis.xaxis.label.get_size() == 14.0
+    assert axis.xaxis.get_major_ticks()[0].get_tickdir() == "inout"
+    assert axis.yaxis.get_major_ticks()[0].get_tickdir() == "in"  # as the style has it
+    plain = force_curve(results).axes[0]
+    assert plain.xaxis.label.get_size() == 9.0 and plain.lines[0].get_linewidth() == 1.4
+
+
+@pytest.mark.parametrize("name", ["force_curve", "plasticity", "mesh_cut", "pressure_maps", "contact_area"])
+@pytest.mark.parametrize("panels", [1, 2])
+def test_figures_are_drawn_on_axes_of_the_caller(results: Results, name: str, panels: int) -> None:
+    figure = Figure()
+    axes = figure.subplots(1, 2)
+    place = axes[1] if panels == 1 else axes
+    assert getattr(asperity.plot, name)(results, ax=place) is place
+    assert not axes[0].has_data() or panels == 2
+    assert axes[1].has_data()
+    save(figure, Path(results.folder) / "own.png")
+
+
+def test_every_figure_function_takes_axes() -> None:
+    """All functions of the package that return a figure, also those of studies."""
+    found: list[Any] = [family_figure]
+    for name in ("contact", "curves", "fields", "measured", "oscillator", "stiffness", "vibration"):
+        module = importlib.import_module(f"asperity.plot.{name}")
+        found += [f for f in vars(module).values() if inspect.isfunction(f) and f.__module__ == module.__name__]
+    drawing = [f for f in found if inspect.signature(f).return_annotation == "Figure" and f.__name__[0] != "_"]
+    assert len(drawing) >= 15
+    assert [f.__name__ for f in drawing if "ax" not in inspect.signature(f).parameters] == []
+
+
+def test_the_same_figure_gives_the_same_file(results: Results, tmp_path: Path) -> None:
+    first = save(force_curve(results), tmp_path / "curve.svg").read_bytes()
+    assert save(force_curve(results), tmp_path / "curve.svg").read_bytes() == first
 
 
 def test_branches_are_joined_where_they_meet(results: Results) -> None:
@@ -266,7 +357,7 @@ def test_the_receptance_of_a_run_is_in_hertz_and_metres_per_newton(tmp_path: Pat
     assert {"receptance", "random"} <= {path.stem for path in plot_run(tmp_path)}
     results = Results.read(tmp_path)
     own = Figure().subplots()
-    assert receptance(results, ax=own) is own.figure
+    assert receptance(results, ax=own) is own
     assert own.get_xlabel() == "frequency (Hz)" and own.get_ylabel() == "receptance $|X/F|$ (m/N)"
     numbers = result.numbers
     for line in own.lines[:2]:  # the linear one, and that of a light force

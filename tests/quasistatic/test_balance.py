@@ -24,8 +24,8 @@ from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.settings import Formulation
 from asperity.quasistatic.contact_solver import ContactSolver
+from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.newton import NewtonSolver
-from asperity.quasistatic.solve_contact import make_contact_solver
 from asperity.quasistatic.stepping import Record, follow
 from asperity.run_case import run
 from asperity.surface import Surface

@@ -27,7 +27,8 @@ from asperity.model.settings import Formulation, MeshSize
 from asperity.output.fields import gather_states
 from asperity.quasistatic.checkpoint import FORMAT, Checkpoint, signed
 from asperity.quasistatic.checkpoint_identity import differences, identity
-from asperity.quasistatic.solve_contact import ContactResult, PartialResult, solve_contact
+from asperity.quasistatic.contact_result import ContactResult, PartialResult
+from asperity.quasistatic.solve_contact import solve_contact
 from asperity.quasistatic.stepping import Position
 from asperity.runtime.files import npz_bytes, read_npz, remove_asides, replace_file
 from asperity.runtime.run_folder import MESH, SNAPSHOT, STATE

@@ -18,7 +18,8 @@ from asperity.model.settings import Formulation, MeshSize
 from asperity.output.distributions import distributions, write_distributions
 from asperity.output.fields import gather_states
 from asperity.output.results import Results
-from asperity.quasistatic.solve_contact import ContactResult, solve_contact
+from asperity.quasistatic.contact_result import ContactResult
+from asperity.quasistatic.solve_contact import solve_contact
 from asperity.surface import Sinusoid, Surface
 
 NU = 0.3

@@ -27,7 +27,9 @@ from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.checkpoint import Checkpoint
-from asperity.quasistatic.solve_contact import PartialResult, make_block, solve_contact
+from asperity.quasistatic.contact_result import PartialResult
+from asperity.quasistatic.make import make_block
+from asperity.quasistatic.solve_contact import solve_contact
 from asperity.runtime import compat
 from asperity.surface import Flat, HeightMap, SelfAffine, Sinusoid, Sphere, Surface
 

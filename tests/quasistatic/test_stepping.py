@@ -29,9 +29,9 @@ from asperity.model.material import Material
 from asperity.model.settings import Formulation, SolverOptions
 from asperity.quasistatic import measures
 from asperity.quasistatic.contact_solver import ContactSolver
+from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.midpoint import extrapolate
 from asperity.quasistatic.newton import NewtonSolver, StepStats
-from asperity.quasistatic.solve_contact import make_contact_solver
 from asperity.quasistatic.stepping import GROWTH, SMALLEST_CUT, Position, Record, follow
 from asperity.surface import Flat, Surface
 

@@ -19,7 +19,8 @@ from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.output.summary import stiffness_per_area
 from asperity.quasistatic.conductance import Conductance
 from asperity.quasistatic.contact_solver import ContactSolver
-from asperity.quasistatic.solve_contact import make_contact_solver, solve_contact
+from asperity.quasistatic.make import make_contact_solver
+from asperity.quasistatic.solve_contact import solve_contact
 from asperity.quasistatic.stiffness import stiffness_of, without_block
 from asperity.surface import Flat, Sphere, Surface
 

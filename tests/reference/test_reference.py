@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.linalg import expm
+from scipy.optimize import brentq
 
 from asperity import reference as ref
 from asperity.errors import ConvergenceError, InputError
@@ -244,6 +245,15 @@ def test_jackson_green_numbers():
     assert np.isnan(ref.kogut_etsion(200 * critical_approach(R), R, **STEEL)[0])
 
 
+def test_fits_of_the_released_sphere_agree_until_full_plasticity():
+    """Two groups, with and without hardening; they part beyond w = 20."""
+    w = np.array([2.0, 5.0, 10.0, 20.0])
+    residual, exponent = ref.unloaded_sphere(w)
+    np.testing.assert_allclose(ref.residual_of_perfect_sphere(w), residual, atol=0.03)
+    assert ref.unloaded_sphere(1.0)[0] == ref.residual_of_perfect_sphere(1.0) == 0.0
+    assert ref.unloaded_sphere(1.0)[1] == 1.5 and (np.diff(exponent) < 0.0).all()
+
+
 def test_ghaednia_numbers():
     R = 1e-3
     delta = 50 * critical_approach(R)
@@ -393,3 +403,58 @@ def test_bad_loads_are_refused(options, message):
 def test_too_few_iterations_are_reported():
     with pytest.raises(ConvergenceError, match="after 3 iterations"):
         ref.half_space_contact(ref.rough_elastic_surface(), 32, P_star=0.01, max_iterations=3)
+
+
+@pytest.mark.parametrize(("nu", "above"), [(0.0, -0.01), (0.3, 0.08), (0.49, 0.03)])
+def test_radiation_against_lambs_half_space_and_lysmers_analogue(nu, above):
+    """The dashpot of a contact of stiffness k is k^2 Im C/omega, C the compliance of Lamb's point force.
+
+    C = 1/(2 pi mu) int k k_s^2 a/R dk with a^2 = k^2 - k_p^2, b^2 = k^2 - k_s^2, R = (2 k^2 - k_s^2)^2 - 4 k^2 a b; its
+    imaginary part is that of the body waves below k_s, and the residue of the Rayleigh wave at the root of R.
+    """
+    slow = math.sqrt((1 - 2 * nu) / (2 - 2 * nu))  # k_p/k_s
+
+    def terms(k):
+        a, b = (1j ** (k < limit) * math.sqrt(abs(k**2 - limit**2)) for limit in (slow, 1.0))
+        return a, (2 * k**2 - 1) ** 2 - 4 * k**2 * a * b
+
+    body = sum(quad(lambda k: (k * terms(k)[0] / terms(k)[1]).imag, *ends)[0] for ends in ((0, slow), (slow, 1)))
+    k = brentq(lambda k: terms(k)[1].real, 1 + 1e-9, 1.5)
+    derivative = (terms(k + 1e-6)[1] - terms(k - 1e-6)[1]).real / 2e-6
+    surface = math.pi * abs(k * terms(k)[0] / derivative)
+    loss = (abs(body) + surface) / (2 * math.pi)  # Im C mu/k_s
+    E, density, stiffness, omega = 2.0, 3.0, 0.01, 0.6
+    mu = 0.5 * E / (1 + nu)
+    found = ref.radiation_loss(stiffness, omega, E=E, nu=nu, density=density)
+    assert found == pytest.approx(stiffness * loss / mu * omega / math.sqrt(mu / density), rel=1e-6)
+    radius = (
+        0.25 * stiffness * (1 - nu) / mu
+    )  # of the disc of this stiffness, with the dashpot 3.4 a^2 sqrt(rho mu)/(1 - nu)
+    lysmer = 3.4 * radius**2 * math.sqrt(density * mu) / (1 - nu) * omega / stiffness
+    assert lysmer / found - 1 == pytest.approx(above, abs=0.01)
+
+
+def test_first_frequency_of_a_rod():
+    """Standing wave sin(pi x/(2 h)): largest kinetic and elastic energy are equal."""
+    modulus, density, height = 3.0, 2.0, 0.7
+    x = (np.arange(2000) + 0.5) / 2000
+    elastic = np.mean((0.5 * math.pi / height * np.cos(0.5 * math.pi * x)) ** 2) * modulus
+    kinetic = np.mean(np.sin(0.5 * math.pi * x) ** 2) * density
+    assert 2 * math.pi * ref.first_frequency(modulus, density, height) == pytest.approx(math.sqrt(elastic / kinetic))
+
+
+@pytest.mark.parametrize("tabor", [0.05, 0.3, 1.0, 3.0])
+def test_pull_off_against_the_equations_of_maugis(tabor):
+    """Dugdale zone of outer radius m a, lambda = 1.157 mu: Maugis, J. Colloid Interface Sci. 150 (1992) 243.
+
+    In units of pi w R the load is a^3 - lambda a^2 (s + m^2 t), s = sqrt(m^2 - 1), t = arcsec m, where a is the root of
+    lambda a^2/2 ((m^2 - 2) t + s) + 4 lambda^2 a/3 (s t - m + 1) = 1; the pull-off force is its minimum.
+    """
+    m = 1.0 + np.geomspace(1e-4, 1e4, 20001)
+    lam = 1.157 * tabor
+    s = np.sqrt(m**2 - 1)
+    t = np.arccos(1 / m)
+    square, line = lam / 2 * ((m**2 - 2) * t + s), 4 * lam**2 / 3 * (s * t - m + 1)
+    a = (-line + np.sqrt(line**2 + 4 * square)) / (2 * square)
+    least = np.min(a**3 - lam * a**2 * (s + m**2 * t))
+    assert ref.pull_off(1.0, 1.0, tabor) / math.pi == pytest.approx(-least, rel=0.02)

@@ -22,6 +22,7 @@ from asperity.surface import SelfAffine, Sinusoid, Sphere, Surface, WeierstrassM
 from asperity.surface.fractal_fit import fit_fractal
 from asperity.surface.measured import HeightField
 from asperity.surface.self_affine_fit import fit_self_affine, rms_over_cutoff
+from asperity.surface.statistics import psd
 
 L = 1e-6
 
@@ -119,7 +120,7 @@ def test_instrument_files_are_read_by_surfacetopography(tmp_path: Path, monkeypa
         def heights(self) -> Any:
             return heights * 1e-6
 
-    channel = types.SimpleNamespace(physical_sizes=(5.0, 8.0), nb_grid_pts=(10, 8))
+    channel = types.SimpleNamespace(physical_sizes=(5.0, 8.0), nb_grid_pts=(10, 8), name="Height")
     reader = types.SimpleNamespace(default_channel=channel, topography=lambda: Topography())
     package, errors = types.ModuleType("SurfaceTopography"), types.ModuleType("SurfaceTopography.Exceptions")
     package.open_topography = lambda path: reader  # type: ignore[attr-defined]
@@ -131,6 +132,12 @@ def test_instrument_files_are_read_by_surfacetopography(tmp_path: Path, monkeypa
     assert read.z.shape == (8, 10) and (read.dx, read.dy) == (0.5e-6, 1e-6)
     assert read.z[3, 5] == pytest.approx((5 * 8 + 3) * 1e-6)
     assert np.isnan(read.z[7, 9]) and read.missing == pytest.approx(1 / 80)
+    channel.physical_sizes = None
+    with pytest.raises(InputError, match="without lengths, as channel 'Height' of 10 x 8 heights by SimpleNamespace"):
+        HeightField.read(tmp_path / "scan.sur")
+    channel.nb_grid_pts = (1213222996, 131)  # of a file mistaken for one of another format
+    with pytest.raises(InputError, match=r"1213222996 x 131 heights .* probably a file of another format"):
+        HeightField.read(tmp_path / "scan.sur", pixel=1e-9)
 
 
 # ---------------------------------------------------------------------------------------- treatment
@@ -287,6 +294,26 @@ def test_the_spectrum_gives_hurst_exponent_and_roll_off(H: float, lambda_roll: f
         assert fit.H == pytest.approx(H, abs=0.13) and fit.error_H < 0.1
         assert fit.lambda_roll == pytest.approx(lambda_roll, rel=0.35)
         assert 0.008 < fit.lambda_short < 0.012  # the end of the spectrum is seen
+
+
+@pytest.mark.parametrize("H", [0.5, 0.8, 1.0])
+def test_long_roll_offs_are_told_from_none(H: float) -> None:
+    """Two rings of waves only are longer than a roll-off at a quarter of the patch; the map is levelled."""
+    found: dict[float, list[float | None]] = {}
+    for lambda_roll in (2.0, 0.25, 0.2):
+        for seed in range(6):
+            surface = SelfAffine(
+                L=1.0, H=H, slope=0.2, lambda_roll=lambda_roll, lambda_short=0.012, periodic=False, seed=seed
+            )
+            patch = HeightField(surface.grid(513), 1 / 512, 1 / 512).levelled("plane")
+            fit = fit_self_affine(psd(patch.z, 1.0), shortest=4 / 512)
+            assert fit.H == pytest.approx(H, abs=0.12)
+            found.setdefault(lambda_roll, []).append(fit.lambda_roll)
+    assert found[2.0] == [None] * 6
+    for lambda_roll in (0.25, 0.2):
+        seen = [roll for roll in found[lambda_roll] if roll is not None]
+        assert len(seen) >= (6 if lambda_roll == 0.2 else 4) and np.median(seen) == pytest.approx(lambda_roll, rel=0.15)
+        assert seen == pytest.approx([lambda_roll] * len(seen), rel=0.4)
 
 
 def test_a_power_law_over_the_whole_patch_has_no_roll_off() -> None:

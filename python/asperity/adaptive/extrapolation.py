@@ -25,6 +25,7 @@ from asperity.curve import WITH_ERRORS, Curve
 from asperity.errors import InputError
 
 EDGES = 4.0  # error of a stiffness over that of the force, which facets cut at random leave
+SINGLE_CONTACT = 1.5  # exponent of the force in the approach, of Hertz
 
 
 @dataclass(frozen=True)
@@ -180,7 +181,8 @@ def with_measures(fine: Curve, coarse: Curve, ratio: float, safety: float, budge
 def loading_force(curve: Curve, delta_star: Floats) -> Floats:
     """P* of the first loading at given approaches, by shape-preserving interpolation of its logarithms.
 
-    One step with a force is continued as that of a single contact, (delta*)^(3/2).
+    Before the first step with a force it is continued as that of a single contact, (delta*)^(3/2): a cubic through
+    steps that follow closely on a late first touch would leave all bounds. Beyond the last step its tangent is.
 
     Raises:
         InputError: no step has a force
@@ -189,10 +191,13 @@ def loading_force(curve: Curve, delta_star: Floats) -> Floats:
     branch = branch.where(branch.P_star > 0.0)
     if not len(branch):
         raise InputError("accuracy.tolerance: the force is zero in every step: raise loading.delta_max")
+    x, y, at = np.log(branch.delta_star), np.log(branch.P_star), np.log(delta_star)
     if len(branch) == 1:
-        return np.asarray(branch.P_star[0] * (delta_star / branch.delta_star[0]) ** 1.5)
-    law = PchipInterpolator(np.log(branch.delta_star), np.log(branch.P_star), extrapolate=True)
-    return np.exp(law(np.log(delta_star)))
+        return np.asarray(np.exp(y[0] + SINGLE_CONTACT * (at - x[0])))
+    law = PchipInterpolator(x, y)
+    inside = np.clip(at, x[0], x[-1])
+    slope = np.where(at < x[0], SINGLE_CONTACT, law(x[-1], 1))
+    return np.asarray(np.exp(law(inside) + slope * (at - inside)))
 
 
 def steady(relative: Floats, reach: int = 2) -> Floats:

@@ -29,7 +29,7 @@ from asperity.curve import Curve
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.resolution import advice
 from asperity.model.settings import AccuracyTarget
-from asperity.quasistatic.solve_contact import ContactResult
+from asperity.quasistatic.contact_result import ContactResult
 from asperity.runtime.parallel import on_root_bcast
 
 

@@ -17,14 +17,10 @@ from asperity.mesh.size_field import FirstContactMap
 from asperity.mesh.top import mean_plane
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget, ApproachMap, MeshSize
-from asperity.quasistatic.solve_contact import (
-    ContactResult,
-    Hooks,
-    PartialResult,
-    estimate_approach,
-    make_block,
-    solve_problem,
-)
+from asperity.quasistatic.contact_result import ContactResult, PartialResult
+from asperity.quasistatic.hooks import Hooks
+from asperity.quasistatic.make import make_block
+from asperity.quasistatic.solve_contact import estimate_approach, solve_problem
 from asperity.runtime.parallel import on_root_bcast
 
 if TYPE_CHECKING:

@@ -13,7 +13,9 @@ from asperity.adaptive.solve_to_tolerance import AccurateResult
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, Interrupted
 from asperity.model.problem import Problem
-from asperity.quasistatic.solve_contact import ContactResult, Hooks, PartialResult, solve_problem
+from asperity.quasistatic.contact_result import ContactResult, PartialResult
+from asperity.quasistatic.hooks import Hooks
+from asperity.quasistatic.solve_contact import solve_problem
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -29,7 +29,10 @@ from asperity.mesh.top import heights_of_top
 from asperity.model.material import AUTO
 from asperity.model.problem import Problem
 from asperity.model.settings import Formulation, MeshSize
-from asperity.quasistatic.solve_contact import Hooks, PartialResult, estimate_approach, make_block, solve_problem
+from asperity.quasistatic.contact_result import PartialResult
+from asperity.quasistatic.hooks import Hooks
+from asperity.quasistatic.make import make_block
+from asperity.quasistatic.solve_contact import estimate_approach, solve_problem
 from asperity.runtime.parallel import on_root_bcast
 
 if TYPE_CHECKING:
@@ -38,7 +41,7 @@ if TYPE_CHECKING:
     from asperity.surface import Surface
 
 SHARE = 1.0 / 3.0  # of the tolerance that small strain may change
-LIMIT = 0.01  # relative change of the force accepted without a tolerance
+ONE_MESH = 0.01  # change of the force accepted without a tolerance
 COARSER = 2.5  # elements of the coarse mesh over those of the run, and over those of a finer attempt
 ATTEMPTS, MOST_DOFS = 4, 30_000  # coarse meshes tried where one shows nothing, and their greatest size
 DIGITS = 4  # of the per cent, so that ranks, which sum in another order, do not change the choice
@@ -119,7 +122,7 @@ def choose_kinematics(
     """The problem with small or finite strain, and what small strain changes in its force; collective.
 
     Both are pressed on one coarse mesh along the load path. Of "auto", small strain is chosen where the difference of
-    the force is below a third of the tolerance, LIMIT without one; another choice is kept.
+    the force is below a third of the tolerance, ONE_MESH without one; another choice is kept.
 
     Args:
         problem: with any material.kinematics
@@ -144,7 +147,7 @@ def choose_kinematics(
     from mpi4py import MPI
 
     comm, hooks = MPI.COMM_WORLD if comm is None else comm, hooks or Hooks()
-    limit = 100.0 * (LIMIT if tolerance is None else SHARE * tolerance)
+    limit = 100.0 * (ONE_MESH if tolerance is None else SHARE * tolerance)
     found = None
     for found in islice(_comparisons(problem, tolerance, limit, comm, hooks), ATTEMPTS):
         if not found.reason or found.dofs * COARSER > MOST_DOFS:

@@ -30,7 +30,8 @@ from asperity.mesh.resolution import resolving_size
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget, penalty_too_soft
-from asperity.quasistatic.solve_contact import ContactResult, Hooks, PartialResult
+from asperity.quasistatic.contact_result import ContactResult, PartialResult
+from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.stepping import Callback
 from asperity.runtime.display import brief
 from asperity.runtime.parallel import on_root

@@ -146,9 +146,14 @@ class MaterialSection(Section):
         None, shown="small",
     )  # fmt: skip
 
+    density: Real | None = _key(
+        "of the solid: for the inertia and the radiation that vibration has", None,
+        shown="none", unit="mass/length^3", gt=0, hint="7800 kg/m^3 for steel",
+    )  # fmt: skip
+
     @property
     def solid(self) -> Material:
-        """The material, with its moduli."""
+        """The material, with its moduli; the contact does not depend on the density."""
         hardening = "isotropic" if self.hardening is None else self.hardening
         tangent_modulus, kinematics = self.tangent_modulus or 0.0, self.kinematics or "small"
         return Material(self.E, self.nu, self.yield_strength, tangent_modulus, hardening, kinematics)
@@ -253,7 +258,9 @@ class DynamicsSection(Section):
         unit="length/time^2", gt=0,
     )  # fmt: skip
     zeta: Real = _key("damping ratio", 0.01, ge=0, lt=1)
-    damping: Literal["always", "contact", "hunt-crossley"] = _key("when damping acts", "always")
+    damping: Literal["always", "contact", "hunt-crossley", "loops"] = _key(
+        "when damping acts; loops adds that of [loops], in contact", "always"
+    )
     forcing: tuple[Annotated[Real, Field(ge=1e-9, le=1e6)], ...] = _key(
         "amplitudes F/(m omega_s^2 z_s)", (0.01,), min_length=1, max_length=100
     )
@@ -287,6 +294,19 @@ class JointSection(Section):
         "adds the weight of the mass to the preload", None, shown="none", unit="length/time^2", gt=0
     )
     damping: Real | None = _key("damping ratio", None, shown="dynamics.zeta", ge=0, lt=1)
+
+
+class LoopsSection(Section):
+    """Loops of the force about a preload after the load path: the damping of plastic flow."""
+
+    amplitudes: tuple[Annotated[Real, Field(ge=1e-3, le=0.99)], ...] = _key(
+        "amplitudes of the force over the preload", (0.1, 0.3, 0.6), min_length=1, max_length=100
+    )
+    preload: Real | None = _key(
+        "mean force on the patch", None, shown="that of the vibration", unit=FORCE, gt=0
+    )  # fmt: skip
+    cycles: Whole = _key("greatest number of loops of an amplitude; fewer when two are alike", 4, ge=1, le=1000)
+    steps: Whole = _key("steps of a quarter of a loop", 4, ge=1, le=1000)
 
 
 class SolverSection(Section):
@@ -332,6 +352,7 @@ class Input(BaseModel):
     accuracy: AccuracySection = AccuracySection()
     dynamics: DynamicsSection | None = None
     joint: JointSection | None = None
+    loops: LoopsSection | None = None
     solver: SolverSection = SolverSection()
     output: OutputSection = OutputSection()
 

@@ -7,16 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
+from math import inf
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from asperity.case.schema import DRIVERS, DynamicsSection, Input, JointSection, SelfAffineSection, show
+from asperity.case.schema import DRIVERS, DynamicsSection, Input, JointSection, LoopsSection, SelfAffineSection, show
 from asperity.dynamics.joint import EXCLUSIVE
 from asperity.errors import InputError
 from asperity.model.settings import H_CONTACT, H_MAX, gamma_too_small, penalty_too_soft, wrong_friction
 
 if TYPE_CHECKING:
+    from asperity.model.material import Material
     from asperity.surface import Surface
 
 
@@ -69,6 +72,10 @@ def check_together(case: Input) -> None:
         _refuse("dynamics.overload", f"= {dynamics.overload:g} cannot go with dynamics.law = {show(dynamics.law)}")
     if case.joint:
         _check_joint(case, case.joint)
+    if dynamics and dynamics.damping == "loops" and case.loops is None:
+        _refuse("dynamics.damping", '= "loops" needs the section [loops], which computes them')
+    if case.loops:
+        _check_loops(case, case.loops)
     if dynamics and dynamics.preload is not None:
         _check_preload(case, "dynamics.preload", dynamics.preload, 1.0)
     load = dynamics.preload if dynamics else None
@@ -100,6 +107,13 @@ def _check_joint(case: Input, joint: JointSection) -> None:
         _check_preload(case, "joint.preload", joint.preload, area / patch)
     if joint.pressure is not None:
         _check_preload(case, "joint.pressure", joint.pressure, 1.0 / patch)
+
+
+def _check_loops(case: Input, loops: LoopsSection) -> None:
+    if any(b <= a for a, b in pairwise(loops.amplitudes)):
+        _refuse("loops.amplitudes", f"= {show(loops.amplitudes)} must rise, for example [0.1, 0.3, 0.6]")
+    if loops.preload is not None:
+        _check_preload(case, "loops.preload", loops.preload, 1.0)
 
 
 def _check_preload(case: Input, key: str, value: float, factor: float) -> None:
@@ -225,6 +239,8 @@ def doubts(case: Input) -> Iterator[str]:
         yield f"material.E = {case.material.E:g} is taken as Pa; {advice}"
     elif case.surface.L > 0.1:
         yield f"surface.L = {case.surface.L:g} is taken as m; {advice}"
+    if case.material.density is not None and not 1.0 <= case.material.density <= 3e4:
+        yield f"material.density = {case.material.density:g} is taken as kg/m^3; {advice}"
 
 
 def unused(case: Input) -> Iterator[str]:
@@ -238,6 +254,7 @@ def unused(case: Input) -> Iterator[str]:
         (method != "penalty", ("contact.penalty",), by_method),
         (method != "nitsche", ("contact.gamma", "contact.theta"), by_method),
         (case.material.yield_strength is None, ("loading.integrator",), "the material is elastic"),
+        (case.dynamics is None and case.joint is None, ("material.density",), "no [dynamics], no [joint]"),
     ]
     defaults = {"mesh.h_contact": H_CONTACT * case.surface.L}  # which follow from other keys
     for applies, keys, why in idle:
@@ -253,7 +270,7 @@ def check_loading(case: Input, surface: Surface) -> list[str]:
     """Refuse a load at which no gap is left; warn when the flat passes the lowest valley, or begins on an edge.
 
     At full contact the top is flat: the flat has come down to the mean plane, and the block is
-    compressed by p h/M under the mean pressure p, see `full_contact_pressure`.
+    compressed by the mean pressure, see `full_contact_pressure`.
 
     Args:
         case: the input.
@@ -273,7 +290,7 @@ def check_loading(case: Input, surface: Surface) -> list[str]:
     doubts = [text] if (text := doubt_of_edge(case.block.sides, surface)) else []
     if delta is None:
         return doubts
-    squeeze = full_contact_pressure(case, z) * case.block.height / case.material.solid.block_modulus(case.block.sides)
+    squeeze = case.block.height * _strain(case.material.solid, full_contact_pressure(case, z), case.block.sides)
     limit = summit - float(z.mean()) + _MARGIN * squeeze
     if delta >= limit:
         raise InputError(
@@ -359,6 +376,15 @@ _NEAR_FREE = 0.1  # distance of a summit from a free side that is near, over the
 _SAMPLES = 257  # heights along each side
 _MARGIN = 1.2  # on the compression of the block, whose surface answers a little stiffer than a
 # half-space does
+
+
+def _strain(solid: Material, pressure: float, sides: str) -> float:
+    """Strain of a block under a mean pressure; with free sides it flows beyond yield, else its volume resists."""
+    limit = solid.yield_pressure(sides)
+    if sides != "free" or pressure <= limit:
+        return pressure / solid.block_modulus(sides)
+    beyond = (pressure - limit) / solid.tangent_modulus if solid.tangent_modulus > 0.0 else inf
+    return limit / solid.E + beyond
 
 
 def full_contact_pressure(case: Input, z: np.ndarray[Any, Any]) -> float:

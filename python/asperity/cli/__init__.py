@@ -3,7 +3,7 @@
 
 """The command line: `asperity COMMAND ...`, one module a command, its function named `command`.
 
-The module `import_map` is the command `import-map`. Old names of commands work, and no help lists them.
+The module `import_map` is the command `import-map`. Old names of commands work with a warning, and no help lists them.
 
 Exit codes: 0 done; 1 compared curves differ, or an internal error; 2 bad input; 3 not converged,
 partial curve saved; 4 environment. An error is one line on stderr, from one rank.
@@ -21,7 +21,7 @@ from typing import Any
 import click
 
 import asperity
-from asperity.errors import AsperityError
+from asperity.errors import AsperityError, AsperityWarning
 from asperity.runtime.parallel import Ranks
 from asperity.runtime.progress import world_rank
 
@@ -36,7 +36,10 @@ class _Commands(click.Group):
         return sorted(modules - {"options"})
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        name = OLD_NAMES.get(name, name)
+        if name in OLD_NAMES:
+            new = OLD_NAMES[name]
+            warnings.warn(f"the command {name} is now {new}; the old name goes with 1.1", AsperityWarning, stacklevel=2)
+            name = new
         if name not in self.list_commands(ctx):
             return None
         command: click.Command = importlib.import_module(f"asperity.cli.{name.replace('-', '_')}").command

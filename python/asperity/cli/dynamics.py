@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from asperity.dynamics import Dynamics
     from asperity.dynamics.laws import LawTable
 
-DAMPING = ("always", "contact", "hunt-crossley")
+DAMPING = ("always", "contact", "hunt-crossley", "loops")
 LAWS = ("auto", "unload-reload", "elastic", "table", "paper")
 MODELS = ("exact", "taylor")
 
@@ -45,7 +45,8 @@ MODELS = ("exact", "taylor")
               "9.80665 with SI units.")  # fmt: skip
 @click.option("--zeta", type=float, help="Damping ratio; default that of the case of OUT, or 0.01.")
 @click.option("--damping", type=click.Choice(DAMPING),
-              help="When the damping acts; default that of the case of OUT, or always.")  # fmt: skip
+              help="When the damping acts, or that of the loops of OUT in addition; default that of the case of OUT, "
+              "or always.")  # fmt: skip
 @click.option("--forcing", type=float, multiple=True,
               help="F^ = F/(n W) with the preload W; repeatable. Default that of the case of OUT, or "
               "0.01.")  # fmt: skip

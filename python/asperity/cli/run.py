@@ -45,7 +45,7 @@ def command(
     """
     from asperity import run_case
     from asperity.case import Case
-    from asperity.output.assumptions import doubtful
+    from asperity.output.assumption import doubtful
     from asperity.output.friction_bounds import bounds_line
 
     load = partial(Case.load, case_file, overrides)

@@ -18,6 +18,7 @@ from asperity.dynamics.forcing import Setting
 from asperity.dynamics.joint import Joint
 from asperity.dynamics.law.law import Law
 from asperity.dynamics.law.local_fit import LocalFit
+from asperity.dynamics.law.loop_damping import LoopDamping
 from asperity.dynamics.law.power import PowerLaw
 from asperity.dynamics.law.restoring import Restoring
 from asperity.dynamics.law.table import TableLaw, unload_reload
@@ -53,6 +54,7 @@ __all__ = [
     "LawAtLoad",
     "LawTable",
     "LocalFit",
+    "LoopDamping",
     "PowerLaw",
     "RandomResponse",
     "Restoring",

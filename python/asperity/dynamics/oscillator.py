@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from asperity.arrays import Array
 from asperity.dynamics.forcing import MIN_ZETA, MIN_ZETA_NOISE, Setting, forcings, frequencies, window
 from asperity.dynamics.law.checks import positive
-from asperity.dynamics.law.damping import check_damping
+from asperity.dynamics.law.damping import Damping, check_damping
 from asperity.dynamics.law.law import Law
 from asperity.dynamics.law.restoring import Restoring
 from asperity.dynamics.law.table import TableLaw
@@ -51,7 +51,7 @@ class ContactOscillator:
         load: preload W = m g (force); by default half of the largest force of a table, or the force at z = 1 of
             another law.
         zeta: damping ratio of small motion, >= 0.
-        damping: "always", "contact" or "hunt-crossley" (see `asperity.dynamics.law.damping`).
+        damping: "always", "contact", "hunt-crossley", or a `LoopDamping` (see `asperity.dynamics.law.damping`).
         gravity: gravitational acceleration (length/time^2) in the units of the law; default 9.80665 (SI). None if
             unknown: mass and omega_s are then NaN.
         restoring: normal form of the law (derived).
@@ -77,7 +77,7 @@ class ContactOscillator:
     law: Law
     load: float | None = None
     zeta: float = 0.01
-    damping: str = "always"
+    damping: Damping = "always"
     gravity: float | None = GRAVITY
     restoring: Restoring = field(init=False, repr=False)
 
@@ -89,7 +89,7 @@ class ContactOscillator:
         positive("zeta", self.zeta, zero=True)
         if self.zeta >= 1:
             raise InputError(f"zeta = {self.zeta:g} is not legal: it must be below 1")
-        check_damping(self.damping)
+        object.__setattr__(self, "damping", check_damping(self.damping, self.zeta))
         if self.gravity is not None:
             positive("gravity", self.gravity)
         load = self.load if self.load is not None else _default_load(self.law)
@@ -371,7 +371,9 @@ class ContactOscillator:
 
     def setting(self, forcing: float) -> Setting:
         """Return law, damping and forcing of a result for F^ = `forcing`."""
-        return Setting(self.model, self.law.describe(), self.restoring.n_loc, self.zeta, self.damping, float(forcing))
+        return Setting(
+            self.model, self.law.describe(), self.restoring.n_loc, self.zeta, str(self.damping), float(forcing)
+        )
 
     def _seeds(self, forcing: float, window: tuple[float, float]) -> tuple[tuple[int, Array, float], ...]:
         """Periodic orbits reached from many initial states, as starting points of detached branches."""

@@ -39,6 +39,12 @@ RANDOM_COLUMNS = (
 )  # fmt: skip
 
 
+def numbers_of(oscillator: ContactOscillator) -> Numbers:
+    """Return stiffness, mass, frequency, static approach and damping of the small vibration of an oscillator."""
+    r = oscillator.restoring
+    return Numbers(r.scale / r.z_s, oscillator.mass, oscillator.omega_s / (2 * math.pi), r.z_s, oscillator.zeta)
+
+
 @dataclass(frozen=True)
 class Dynamics:
     """Results of `run_dynamics` for one law; the keys of mappings are models ("exact", "taylor").
@@ -89,9 +95,7 @@ class Dynamics:
     @property
     def numbers(self) -> Numbers:
         """Stiffness, mass, frequency, static approach and damping of small vibration."""
-        first = self.first
-        r = first.restoring
-        return Numbers(r.scale / r.z_s, first.mass, first.omega_s / (2 * math.pi), r.z_s, first.zeta)
+        return numbers_of(self.first)
 
     __repr__ = short_repr
 
@@ -156,7 +160,7 @@ class Dynamics:
             "n_loc": first.restoring.n_loc,
             "kappa": first.restoring.kappa,
             "zeta": first.zeta,
-            "damping": first.damping,
+            "damping": str(first.damping),
             "uncertainty": self.uncertainty.to_dict() if self.uncertainty else None,
             "notes": list(self.notes),
             "units": self.units,

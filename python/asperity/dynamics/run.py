@@ -16,12 +16,13 @@ from typing import Any
 import numpy as np
 
 from asperity.dynamics.forcing import forcings, window
-from asperity.dynamics.joint import Joint
+from asperity.dynamics.joint import Joint, Numbers
 from asperity.dynamics.law.checks import positive
 from asperity.dynamics.law.choice import LAWS, Choice, choose, read_history
-from asperity.dynamics.law.damping import DAMPING
+from asperity.dynamics.law.damping import DAMPING, LOOPS, Damping
 from asperity.dynamics.law.history import History
 from asperity.dynamics.law.law import Law
+from asperity.dynamics.law.loop_damping import LoopDamping
 from asperity.dynamics.law.two_branches import TwoBranchLaw
 from asperity.dynamics.laws import LawTable, tabulate
 from asperity.dynamics.motion.noise import RandomResponse
@@ -30,11 +31,13 @@ from asperity.dynamics.orbits.free import FreeVibration
 from asperity.dynamics.orbits.response import FrequencyResponse
 from asperity.dynamics.orbits.thresholds import Thresholds
 from asperity.dynamics.oscillator import GRAVITY, ContactOscillator
-from asperity.dynamics.results import Dynamics
+from asperity.dynamics.results import Dynamics, numbers_of
 from asperity.dynamics.uncertainty import Band, Uncertainty, response_band, uncertainty
 from asperity.errors import AsperityError, AsperityWarning, InputError
+from asperity.loops import LoopTable
+from asperity.runtime import run_folder
 
-__all__ = ["LAWS", "MODELS", "law_from", "run_dynamics"]
+__all__ = ["LAWS", "MODELS", "law_from", "run_dynamics", "small_vibration"]
 
 MODELS = ("exact", "taylor")
 ZETA = 0.01  # default damping ratio
@@ -88,7 +91,7 @@ def run_dynamics(
     source: Any,
     *,
     zeta: float | None = None,
-    damping: str | None = None,
+    damping: str | LoopDamping | None = None,
     forcing: float | Iterable[float] | None = None,
     models: Sequence[str] | None = None,
     omega: Sequence[float] | None = None,
@@ -116,7 +119,8 @@ def run_dynamics(
     Args:
         source: a `Law`, a `Curve`, a CSV file with columns delta and force, or a run directory (curve.csv).
         zeta: damping ratio of small motion, 0 <= zeta < 1; default 0.01.
-        damping: "always", "contact" or "hunt-crossley"; default "always".
+        damping: "always", "contact", "hunt-crossley", or "loops": in addition to zeta that of the loops.csv of a run
+            directory (or a `LoopDamping`); default "always".
         forcing: F^ = F/(n_loc W) with the preload W, one or several, each 1e-9 to 1e6; default 0.01.
         models: "exact" and/or "taylor"; default both.
         omega: lowest and highest Omega = omega/omega_s, 0.01 to 100; default 0.5 and 1.3.
@@ -194,10 +198,9 @@ def run_dynamics(
     if zeta is None:
         zeta = joint.damping if joint is not None and joint.damping is not None else of_case.get("zeta", ZETA)
     damping = of_case.get("damping", DAMPING[0]) if damping is None else damping
-    exact = ContactOscillator(static, load=preload, zeta=zeta, damping=damping, gravity=gravity)
-    mass = None if joint is None else joint.mass_at(exact.restoring.scale / exact.restoring.z_s)
-    if mass is not None:
-        exact = replace(exact, gravity=preload / mass)
+    if damping == LOOPS:
+        damping = _loops_of(source)
+    exact = _oscillator(static, preload, gravity, joint, zeta=zeta, damping=damping)
     laws = None
     if chosen is not None:
         known = exact.mass if np.isfinite(exact.mass) else None
@@ -242,6 +245,57 @@ def run_dynamics(
     if out_dir is not None:
         result.write(out_dir)
     return result
+
+
+def small_vibration(
+    source: Any,
+    *,
+    law: str = "auto",
+    load: float | None = None,
+    overload: float | None = None,
+    zeta: float = ZETA,
+    gravity: float | None = None,
+    joint: Joint | None = None,
+    units: str | None = None,
+    patch_area: float | None = None,
+) -> Numbers:
+    """Return stiffness, mass, frequency, static approach and damping of the small vibration on a curve.
+
+    Args:
+        source, law, load, overload, zeta, gravity, joint, units, patch_area: as in `run_dynamics`.
+
+    Raises:
+        InputError, RangeError: as `run_dynamics`.
+
+    Examples:
+        >>> import numpy as np
+        >>> from asperity.dynamics.run import small_vibration
+        >>> delta = np.linspace(0.0, 2e-7, 41)
+        >>> joint = asp.Joint(preload=1e-3, frequency=1000.0)
+        >>> numbers = small_vibration({"delta": delta, "force": 1e4 * delta}, joint=joint)
+        >>> f"{numbers.stiffness:.0f} {numbers.frequency:.0f}"
+        '10000 1000'
+    """
+    static, preload, _ = _law(source, law, load, joint, patch_area, overload=overload)
+    gravity, _ = _gravity({}, gravity, units, joint, "curve")
+    return numbers_of(_oscillator(static, preload, gravity, joint, zeta=zeta))
+
+
+def _oscillator(law: Law, load: float, gravity: float | None, joint: Joint | None, **damping: Any) -> ContactOscillator:
+    """Return the oscillator on a law, with the mass of the joint if it has one."""
+    exact = ContactOscillator(law, load=load, gravity=gravity, **damping)
+    mass = None if joint is None else joint.mass_at(exact.restoring.scale / exact.restoring.z_s)
+    return exact if mass is None else replace(exact, gravity=load / mass)
+
+
+def _loops_of(source: Any) -> Damping:
+    """Return the damping of the loops of a run directory, "loops" where there are none."""
+    folder = Path(source) if isinstance(source, (str, os.PathLike)) else None
+    if folder is not None and not folder.is_dir():
+        folder = folder.parent
+    if folder is None or not (folder / run_folder.LOOPS).is_file():
+        return LOOPS
+    return LoopDamping.of(LoopTable.read(folder / run_folder.LOOPS))
 
 
 def joint_of(source: Any, given: Mapping[str, float | None]) -> Joint | None:

@@ -17,6 +17,13 @@ if TYPE_CHECKING:
     from asperity.fem.solid import Solid
 
 
+def tangent_product(solid: Solid, x: Floats) -> Floats:
+    """Tangent of a solid times owned dof values (3 owned,), in double precision; collective."""
+    sparsity, image = solid.sparsity, np.empty((solid.nodes, 3))
+    _solver.product(sparsity.indptr, sparsity.indices, solid.values, solid.scatter_forward(x), image)
+    return solid.scatter_reverse(image).ravel()
+
+
 class TangentOperator:
     """Products with the tangent of a solid; a python context of PETSc for the matrix of the free dofs.
 

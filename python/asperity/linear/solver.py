@@ -12,7 +12,7 @@ import numpy as np
 
 from asperity.arrays import Floats, Integers
 from asperity.errors import InputError
-from asperity.linear.matrix_free import TangentOperator
+from asperity.linear.matrix_free import TangentOperator, tangent_product
 from asperity.linear.multigrid import PMultigrid
 from asperity.linear.petsc_matrix import NodeMatrix, set_rigid_modes
 from asperity.linear.petsc_options import GAMG, set_defaults
@@ -47,6 +47,8 @@ class LinearSolver:
         operator: the tangent as a matrix of PETSc
         rescue: whether systems are factorised because the solver failed in this step
         rescued: number of systems factorised for that reason
+        left: energy of the error of the last solution, the square of the energy norm of the residual; 0 after a
+            factorisation
 
     Raises:
         InputError: unknown kind
@@ -57,7 +59,7 @@ class LinearSolver:
             raise InputError(f'solver.linear = "{kind}" is not one of {", ".join(KINDS)}')
         if kind == "auto":
             kind = "lu" if solid.dofs < LU_LIMIT else "cg"
-        self.rescue, self.rescued = False, 0
+        self.rescue, self.rescued, self.left = False, 0, 0.0
         self._solid = solid
         self._may_rescue = (symmetric or kind != "lu") and solid.dofs <= DIRECT_LIMIT
         self._direct: Assembled | None = None
@@ -72,7 +74,11 @@ class LinearSolver:
         """Make the next solve independent of those before, as after a restart."""
         self._method.forget()
 
-    def solve(self, r: Any, rows: Integers, values: Floats, y: Any, rtol: float) -> tuple[int, bool]:
+    def product(self, x: Floats) -> Floats:
+        """Current tangent times owned dof values (3 owned,), in the precision of the solver; collective."""
+        return self._method.product(x)
+
+    def solve(self, r: Any, rows: Integers, values: Floats, y: Any, rtol: float, atol: float = 0.0) -> tuple[int, bool]:
         """Solve with the current values of the solid's tangent.
 
         Args:
@@ -81,6 +87,7 @@ class LinearSolver:
             values: of the prescribed dofs, for the last rows
             y: receives the solution
             rtol: relative tolerance of the iterative solvers, in the energy norm
+            atol: absolute one, sufficient as well
 
         Returns:
             iterations, and whether the solver converged
@@ -90,12 +97,14 @@ class LinearSolver:
         """
         iterations, solved = 0, False
         if not self.rescue:
-            iterations, solved = self._method.solve(r, rows, values, y, rtol)
+            iterations, solved = self._method.solve(r, rows, values, y, rtol, atol)
+            self.left = self._method.left
         if not solved and self._may_rescue:
             if self._direct is None:
                 self._direct = Assembled(self._solid, "lu", False, RESCUE_PREFIX)
             with self._solid.phases.phase("direct rescue"), suppress(MemoryError):
                 _, solved = self._direct.solve(r, rows, values, y, rtol)
+            self.left = 0.0
             self.rescue = True
             self.rescued += 1
         # an iterative solver meets prescribed values only to its tolerance
@@ -131,12 +140,17 @@ class Krylov:
         self._ksp.setOperators(self.operator)
         self._ksp.setFromOptions()
         self._b = solid.vector()
+        self.left = 0.0
 
     def forget(self) -> None:
-        """See `LinearSolver`; so for `solve`."""
+        """See `LinearSolver`; so for `product` and `solve`."""
         self._multigrid.forget()
 
-    def solve(self, r: Any, rows: Integers, values: Floats, y: Any, rtol: float) -> tuple[int, bool]:
+    def product(self, x: Floats) -> Floats:
+        self._tangent.update()
+        return self._tangent.product(x)
+
+    def solve(self, r: Any, rows: Integers, values: Floats, y: Any, rtol: float, atol: float = 0.0) -> tuple[int, bool]:
         from mpi4py import MPI
 
         solid, tangent = self._solid, self._tangent
@@ -152,11 +166,12 @@ class Krylov:
             if solid.comm.allreduce(bool(lifted.any()), op=MPI.LOR):
                 b -= tangent.free * tangent.product(lifted)
             self._b.array = b
-            self._ksp.setTolerances(rtol=rtol)
+            self._ksp.setTolerances(rtol=rtol, atol=atol)
             self._ksp.solve(self._b, y)
             if self._ksp.getConvergedReason() < 0:
                 self._multigrid.estimate()
                 self._ksp.solve(self._b, y)
+            self.left = self._ksp.getResidualNorm() ** 2
             self._multigrid.judge(self._ksp.getIterationNumber())
         return self._ksp.getIterationNumber(), self._ksp.getConvergedReason() > 0
 
@@ -197,11 +212,15 @@ class Assembled:
         self._ksp.setOperators(A)
         self._ksp.setFromOptions()
         self._b, self._y = solid.vector(), solid.vector()
+        self.left = 0.0
 
     def forget(self) -> None:
-        """See `LinearSolver`; so for `solve`."""
+        """See `LinearSolver`; so for `product` and `solve`."""
 
-    def solve(self, r: Any, rows: Integers, values: Floats, y: Any, rtol: float) -> tuple[int, bool]:
+    def product(self, x: Floats) -> Floats:
+        return tangent_product(self._solid, x)
+
+    def solve(self, r: Any, rows: Integers, values: Floats, y: Any, rtol: float, atol: float = 0.0) -> tuple[int, bool]:
         from petsc4py import PETSc
 
         A, solid = self.operator, self._solid
@@ -216,8 +235,10 @@ class Assembled:
             self._ksp.setOperators(A)
             self._ksp.setUp()
         with solid.phases.phase("linear solve"):
-            self._ksp.setTolerances(rtol=rtol)
+            self._ksp.setTolerances(rtol=rtol, atol=atol)
             self._ksp.solve(self._b, y)
+            if self._ksp.getType() != "preonly":
+                self.left = self._ksp.getResidualNorm() ** 2
         if self._ksp.getPC().getFailedReason() == PETSc.PC.FailedReason.FACTOR_OUTMEMORY:
             raise MemoryError
         return self._ksp.getIterationNumber(), self._ksp.getConvergedReason() > 0

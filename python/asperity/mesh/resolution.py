@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 ELEMENTS = 1.5  # per wavelength: with fewer, the difference of two meshes does not show the error
 SHARE = 0.25  # greatest height of unresolved waves, over the approach times the tolerance
-ONE_MESH = 0.05  # tolerance assumed for a run on one mesh, for the warning
+ONE_MESH = 0.05  # error of the force accepted without a tolerance
 MOST_LOWERED = 0.5  # change of height by smoothing, over the approach, beyond which the mesh is not of this surface
 _CLOSE = 1.02  # ratio below which two sizes count as equal
 
@@ -129,6 +129,12 @@ def judge_smoothing(block: BlockMesh | None, surface: Surface, delta: float) -> 
     if off > MOST_LOWERED:
         raise MeshError(text)
     warnings.warn(text, ResolutionWarning, stacklevel=2)
+
+
+def judge_mesh(block: BlockMesh | None, surface: Surface, h: float, delta: float) -> None:
+    """Judge a mesh with elements of size h in the contact by `judge_smoothing` and `warn_of_missed_waves`; rank 0."""
+    judge_smoothing(block, surface, delta)
+    warn_of_missed_waves(surface, h, delta)
 
 
 def advice(h: float) -> str:

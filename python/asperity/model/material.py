@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -124,6 +125,20 @@ class Material:
             sides: "rollers" or "periodic" (uniaxial strain) or "free" (uniaxial stress)
         """
         return self.E if sides == "free" else self.confined_modulus
+
+    def yield_pressure(self, sides: str) -> float:
+        """Mean pressure at which a uniformly compressed block yields [force/length^2]; infinite if it is elastic.
+
+        Between rollers and with periodic sides the block is in uniaxial strain: under the pressure p the lateral stress
+        is p nu/(1 - nu) and the equivalent stress p (1 - 2 nu)/(1 - nu). With free sides it is in uniaxial stress. The
+        criterion is that of von Mises (Johnson, Contact Mechanics, 1985, eq. 6.1).
+
+        Args:
+            sides: "rollers" or "periodic" (uniaxial strain) or "free" (uniaxial stress)
+        """
+        if self.yield_strength is None:
+            return inf
+        return self.yield_strength * (1.0 if sides == "free" else (1.0 - self.nu) / (1.0 - 2.0 * self.nu))
 
     @property
     def lame(self) -> tuple[float, float]:

@@ -9,21 +9,27 @@ that says the same takes its number from here.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import exp, inf, pi, sqrt
-from typing import Any
 
 import numpy as np
 
 from asperity.case.validation import edge_of_summit
 from asperity.curve import UNRESOLVED, Curve
+from asperity.dynamics.joint import Numbers
 from asperity.mesh.resolution import ELEMENTS, ONE_MESH, SHARE, unresolved_height
-from asperity.model.material import Material
 from asperity.model.problem import Problem
-from asperity.reference import pull_off, stickiness, tabor_parameter
+from asperity.output.assumption import Assumption
+from asperity.reference import (
+    first_frequency,
+    pull_off,
+    radiation_loss,
+    range_of_stickiness,
+    stickiness,
+    tabor_parameter,
+)
 
-FINE, DOUBTFUL = "fine", "doubtful"
 FLAT = 1e-12  # depth below which a surface counts as a plane [L]
 #: Strain up to which small-strain theory applies. The engineering strain e and the logarithmic strain ln(1 + e) have a
 #: relative difference of e/2 to first order: 5 % here.
@@ -33,68 +39,10 @@ SPOT = 0.1  # contact radius over the height of the block, which stiffens a bond
 SMALL_CONTACT = 1e-6  # radius below which metals are harder [m]
 WORKS = (0.05, 0.2, 1.0)  # of adhesion: surfaces in air, in between, clean metals [J/m^2]
 WEAK = 0.01  # pull-off over the greatest force
+SHORT_RANGE = 0.1  # greatest range of the attraction over the gaps next to contacts, for the stickiness
 POINTS = 257  # per side, for slope and curvature
-
-
-@dataclass(frozen=True)
-class Assumption:
-    """A line of the ledger.
-
-    Attributes:
-        name: of the assumption
-        value: in this run [unit]
-        limit: that the value must not exceed, or not fall below where `least` is set [unit]
-        unit: of both, empty for a ratio
-        source: of the limit
-        advice: what to do where it is doubtful
-        detail: what else is known
-        least: whether the limit is a lower one
-        warning: sentence for a run that violates an assumption of its own model; empty where another one was given
-
-    Examples:
-        >>> line = Assumption("approach over depth", 1.2, 1.0, "", "geometry", "a smaller load")
-        >>> line.verdict, line.describe()
-        ('doubtful', 'approach over depth: 1.2, at most 1; a smaller load')
-    """
-
-    name: str
-    value: float
-    limit: float
-    unit: str
-    source: str
-    advice: str
-    detail: str = ""
-    least: bool = False
-    warning: str = ""
-
-    @property
-    def verdict(self) -> str:
-        """Whether the value is within the limit: "fine" or "doubtful"."""
-        fine = self.value >= self.limit if self.least else self.value <= self.limit
-        return FINE if fine else DOUBTFUL
-
-    def bound(self) -> str:
-        """The limit in words."""
-        return f"at {'least' if self.least else 'most'} {self.limit:.3g} {self.unit}".rstrip()
-
-    def describe(self) -> str:
-        """One line for the terminal."""
-        value = f"{self.value:.3g} {self.unit}".rstrip()
-        return f"{self.name}: {value}, {self.bound()}; {self.advice}"
-
-    def to_dict(self) -> dict[str, Any]:
-        """Record of summary.json."""
-        return {
-            "name": self.name,
-            "value": self.value,
-            "limit": self.limit,
-            "bound": "least" if self.least else "most",
-            "unit": self.unit,
-            "source": self.source,
-            "verdict": self.verdict,
-            "advice": self.advice,
-            "detail": self.detail,
-        }
+SLOW = 0.1  # frequency over the first one of the block: its stiffness is 0.8 % lower than that of a static block
+NEGLIGIBLE = 0.1  # part of the damping ratio that may be left out
 
 
 @dataclass(frozen=True)
@@ -110,6 +58,8 @@ class Evidence:
         roughness: greatest part of the bar, over the force, of waves that the finest mesh leaves out; None on one mesh
         small_strain: greatest change of the force by small strain and its limit [per cent]; None where unknown
         friction: change of the force by stick at the greatest load, over that without friction; None where unknown
+        density: of the solid [mass/length^3]; None where unknown
+        vibration: stiffness, frequency and damping of the small vibration; None where there is none
 
     Examples:
         >>> from asperity.surface import Flat
@@ -127,6 +77,8 @@ class Evidence:
     roughness: float | None = None
     small_strain: tuple[float, float] | None = None
     friction: float | None = None
+    density: float | None = None
+    vibration: Numbers | None = None
 
     @property
     def plane(self) -> bool:
@@ -161,16 +113,6 @@ def ledger(evidence: Evidence) -> list[Assumption]:
         return []
     found = (line(evidence) for line in LINES)
     return [line for line in found if line is not None and line.value == line.value]
-
-
-def doubtful(records: Iterable[dict[str, Any]]) -> list[Assumption]:
-    """The doubtful lines among the records of summary.json."""
-    names = [name for name in Assumption.__dataclass_fields__ if name not in ("least", "warning")]
-    return [
-        Assumption(**{name: record[name] for name in names}, least=record["bound"] == "least")
-        for record in records
-        if record["verdict"] == DOUBTFUL
-    ]
 
 
 def small_strain(run: Evidence) -> Assumption | None:
@@ -263,31 +205,13 @@ def summit_on_edge(run: Evidence) -> Assumption | None:
     )  # fmt: skip
 
 
-def yield_pressure(material: Material, sides: str) -> float:
-    """Mean pressure at which the block itself yields [force/length^2]; infinite for an elastic material.
-
-    Between rollers and with periodic sides the block is in uniaxial strain: under the pressure p the lateral stress is
-    p nu/(1 - nu) and the equivalent stress p (1 - 2 nu)/(1 - nu). With free sides it is in uniaxial stress. The
-    criterion is that of von Mises (Johnson, Contact Mechanics, 1985, eq. 6.1).
-
-    Args:
-        material: material of the block
-        sides: "rollers", "periodic" or "free"
-    """
-    if material.yield_strength is None:
-        return inf
-    if sides == "free":
-        return material.yield_strength
-    return material.yield_strength * (1.0 - material.nu) / (1.0 - 2.0 * material.nu)
-
-
 def bulk_yield(run: Evidence) -> Assumption | None:
     """Greatest mean pressure over that at which the block below the surface yields."""
     problem = run.problem
     if not problem.material.plastic:
         return None
     pressure = float(run.curve.force.max()) / problem.surface.L**2
-    limit = yield_pressure(problem.material, problem.sides)
+    limit = problem.material.yield_pressure(problem.sides)
     return Assumption(
         "block: mean pressure over that at which it yields", pressure / limit, 1.0, "",
         "Johnson, Contact Mechanics (1985), eq. 6.1", "a smaller load, or read the curve up to there",
@@ -296,7 +220,7 @@ def bulk_yield(run: Evidence) -> Assumption | None:
     )  # fmt: skip
 
 
-def mean_plane(run: Evidence) -> Assumption | None:
+def approach_to_mean_plane(run: Evidence) -> Assumption | None:
     """Greatest approach over the depth of the mean plane below the summit; none for a plane surface.
 
     A rigid flat reaches the mean plane of a rough solid at full contact, beyond which only the block deforms.
@@ -346,6 +270,8 @@ def sticking(run: Evidence) -> Assumption | None:
     curvature = 0.5 * float(np.sqrt(np.mean((xx + yy) ** 2)))
     values = [stickiness(slope, curvature, w, run.problem.material.reduced_modulus) for w in WORKS]
     known = ", ".join(f"{value:.3g} for {w:g} J/m²" for w, value in zip(WORKS, values, strict=True))
+    if (reach := range_of_stickiness(slope, curvature)) > SHORT_RANGE:
+        known += f"; rough: the attraction reaches over {reach:.2g} of the gaps next to contacts, above {SHORT_RANGE:g}"
     return Assumption(
         f"adhesion: stickiness for {WORKS[1]:g} J/m²", values[1], 1.0, "",
         "Pastewka & Robbins, PNAS 111 (2014) 3298, eq. 10",
@@ -387,6 +313,39 @@ def size_effect(run: Evidence) -> Assumption | None:
     )  # fmt: skip
 
 
+def slow_vibration(run: Evidence) -> Assumption | None:
+    """Frequency of the vibration over the first one of the block, which is without mass in the model.
+
+    The block is a rod, fixed below: at the frequency w its stiffness is that of statics times x cot x = 1 - x^2/3 - ...
+    with x = w h/c, and x = pi/2 at its first frequency.
+    """
+    if run.vibration is None or run.density is None:
+        return None
+    problem = run.problem
+    modulus = problem.material.block_modulus(problem.sides)
+    first = first_frequency(modulus, run.density, problem.height)
+    value = run.vibration.frequency / first
+    return Assumption(
+        "inertia: frequency of the vibration over the first of the block", value, SLOW, "",
+        "rod, fixed below: stiffness x cot x, x = pi/2 times the value", "a model with the mass of the block",
+        f"{run.vibration.frequency:.3g} and {first:.3g} cycles per time",
+    )  # fmt: skip
+
+
+def radiation(run: Evidence) -> Assumption | None:
+    """Damping by waves that a vibrating contact would send into a half-space, which the model leaves out."""
+    if run.vibration is None or run.density is None:
+        return None
+    vibration, solid = run.vibration, run.problem.material
+    omega = 2.0 * pi * vibration.frequency
+    value = 0.5 * radiation_loss(vibration.stiffness, omega, E=solid.E, nu=solid.nu, density=run.density)
+    return Assumption(
+        "inertia: damping ratio by radiation", value, NEGLIGIBLE * vibration.damping, "",
+        "Miller & Pursey, Proc. R. Soc. Lond. A 223 (1954) 521", "a damping ratio greater by the value",
+        f"the model has {vibration.damping:.3g}; a block on a rigid base radiates less than the half-space",
+    )  # fmt: skip
+
+
 #: Lines in their order; a new one is a function of the evidence.
 LINES: tuple[Callable[[Evidence], Assumption | None], ...] = (
     small_strain,
@@ -395,9 +354,11 @@ LINES: tuple[Callable[[Evidence], Assumption | None], ...] = (
     facets,
     summit_on_edge,
     bulk_yield,
-    mean_plane,
+    approach_to_mean_plane,
     block_height,
     sticking,
     first_pull_off,
     size_effect,
+    slow_vibration,
+    radiation,
 )

@@ -15,7 +15,7 @@ from asperity.arrays import Array
 from asperity.fem.global_numbering import cell_numbers, collect, collect_nodes
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.element import FACE_TRIANGLES, GMSH_TO_VTK, NODES, VTK_TYPE, outer_faces, to_face
-from asperity.quasistatic.solve_contact import ContactResult
+from asperity.quasistatic.contact_result import ContactResult
 from asperity.runtime.display import short_repr
 from asperity.runtime.run_folder import BLOCK, TOP
 

@@ -12,6 +12,7 @@ import numpy as np
 from asperity.arrays import Floats
 from asperity.curve import Curve
 
+FRICTION_BOUNDS = "friction_bounds"  # section of summary.json
 QUANTITIES = {"force": "force", "area_fraction": "area", "stiffness": "stiffness"}
 
 

@@ -13,7 +13,7 @@ from typing import Any
 from asperity.case import Case
 from asperity.curve import STIFFNESSES, Curve
 from asperity.power_law import PowerLawFit
-from asperity.quasistatic.solve_contact import ContactResult
+from asperity.quasistatic.contact_result import ContactResult
 
 PACKAGES = ("numpy", "scipy", "mpi4py", "petsc4py", "gmsh")
 

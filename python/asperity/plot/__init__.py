@@ -13,11 +13,12 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from asperity.output.results import Results
+from asperity.plot.contact import contact_area, pressure_histogram, pressure_maps
 from asperity.plot.curves import force_curve, plasticity
-from asperity.plot.fields import contact_area, mesh_cut, pressure_maps, surface_map
+from asperity.plot.fields import mesh_cut, surface_map
 from asperity.plot.spectra import noise, receptance
 from asperity.plot.stiffness import stiffness
-from asperity.plot.style import save
+from asperity.plot.style import save, save_in
 from asperity.plot.vibration import frequency, response
 from asperity.runtime.run_folder import FIGURES
 
@@ -33,6 +34,7 @@ __all__ = [
     "noise",
     "plasticity",
     "plot_run",
+    "pressure_histogram",
     "pressure_maps",
     "receptance",
     "response",
@@ -44,12 +46,11 @@ __all__ = [
 
 # name of a figure -> caption, in the order of a report
 CAPTIONS = {
-    "surface": "Heights of the surface; the ring marks the first touch.",
-    "mesh": "Vertical section of the mesh through the highest point, and the same at the summit; "
-    "colour is the element size.",
-    "curve": "Load over approach with the fitted power law, on linear and logarithmic axes.",
-    "area": "(a) Regions in contact at increasing approach. (b) Contact area over load.",
-    "pressure": "Contact pressure at selected approaches; grey: no contact.",
+    "curve": "(a) Load over approach with the fitted power law. (b) The same on logarithmic axes. (c) Local "
+    "exponent of the loading; that of a power law is constant.",
+    "area": "(a) Regions in contact at increasing approach. (b) Contact area over load. (c) Number of contact spots.",
+    "pressure": "Contact pressure at selected approaches, with force and number of contact spots (grey: no contact), "
+    "and its distribution over the contact area.",
     "stiffness": "(a) Stiffness of the contact during loading. (b) Mean gap.",
     "plasticity": "(a) Yielded share of the volume. (b) Largest equivalent plastic strain.",
     "frequency": "Natural frequency over the amplitude of free vibration about the static "
@@ -60,11 +61,16 @@ CAPTIONS = {
     "receptance": "Frequency response function: amplitude at the forcing frequency over the force. A linear contact "
     "has one curve for all forces; the peak of each force lies on its backbone.",
     "random": "Power spectral density of the displacement under band-limited noise, and that of the linear contact.",
+    "surface": "Heights of the surface; the ring marks the first touch.",
+    "mesh": "Vertical section of the mesh (a) through the highest point and (b) at the summit; colour is the element "
+    "size.",
 }
 
 
 def plot_run(folder: str | Path, surface: Surface | None = None) -> list[Path]:
     """Draw all figures that the files of a run allow, into its folder figures/.
+
+    All are PNG files; those that consist of lines are SVG files too.
 
     Args:
         folder: the run directory.
@@ -79,7 +85,7 @@ def plot_run(folder: str | Path, surface: Surface | None = None) -> list[Path]:
     results = Results.read(folder, surface)
     target = results.folder / FIGURES
     target.mkdir(exist_ok=True)
-    return [save(draw(results), target / f"{name}.png") for name, draw in figures_of(results).items()]
+    return [path for name, draw in figures_of(results).items() for path in save_in(target, name, draw(results))]
 
 
 def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:

@@ -18,10 +18,12 @@ _TOOLS = (
     "Baratta et al., DOLFINx: the next generation FEniCS problem solving environment (2023), "
     "doi:10.5281/zenodo.10447666",
     "Balay et al., PETSc/TAO Users Manual, Argonne National Laboratory, ANL-21/39",
-    "Geuzaine and Remacle, Gmsh: a 3-D finite element mesh generator, Int. J. Numer. Meth. Eng. 79 (2009) 1309-1331",
+    "Geuzaine and Remacle, Gmsh: a 3-D finite element mesh generator, Int. J. Numer. Meth. Eng. 79 (2009) 1309-1331, "
+    "doi:10.1002/nme.2579",
 )
 _SURFACE = (
-    "Yan and Komvopoulos, Contact analysis of elastic-plastic fractal surfaces, J. Appl. Phys. 84 (1998) 3617-3624"
+    "Yan and Komvopoulos, Contact analysis of elastic-plastic fractal surfaces, J. Appl. Phys. 84 (1998) 3617-3624, "
+    "doi:10.1063/1.368536"
 )
 _PLASTICITY = "Simo and Hughes, Computational Inelasticity, Springer (1998), chapter 3"
 _METHOD = {

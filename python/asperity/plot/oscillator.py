@@ -32,13 +32,14 @@ _CHART = 21  # number of forcings in a stability chart
 
 
 @style.styled
-def operating_point(oscillator: ContactOscillator) -> Figure:
-    """Draw the law (force over approach), the operating point, the tangent and the Taylor series."""
+def operating_point(oscillator: ContactOscillator, *, ax: style.Place | None = None) -> Figure:
+    """Draw the law (force over approach), the operating point, the tangent and the Taylor series, on `ax` if given."""
     r = oscillator.restoring
     series = oscillator.taylor()
     top = min(2.2, 1.0 + r.u_range[1])
     s = np.linspace(-0.6, top, 400)
-    figure, axis = style.figure(style.SINGLE + 0.6, 3.4)
+    figure, (axis, *_) = style.figure(style.SINGLE + 0.6, 3.6, ax=ax)
+    axis.set_title("law at the operating point", loc="left")
     force = r.law.both(r.z_s * s)[0] / r.load
     axis.plot(s, force, color=style.BLUE, label=r.law.describe())
     axis.plot(s, series.law.both(r.z_s * s)[0] / r.load, "--", color=style.VERMILION, label="Taylor series, cubic")
@@ -60,11 +61,12 @@ def operating_point(oscillator: ContactOscillator) -> Figure:
 
 @style.styled
 def backbone(
-    oscillator: ContactOscillator, responses: Sequence[FrequencyResponse] = (), u_max: float | None = None
-) -> Figure:
-    """Draw the backbone and the resonance peak of each forcing, computed by energy balance."""
+    oscillator: ContactOscillator, responses: Sequence[FrequencyResponse] = (), u_max: float | None = None, *,
+    ax: style.Place | None = None,
+) -> Figure:  # fmt: skip
+    """Draw the backbone and the resonance peak of each forcing, computed by energy balance, on `ax` if given."""
     curve = oscillator.backbone(u_max)
-    figure, axis = style.figure(style.SINGLE + 0.6, 3.6)
+    figure, (axis, *_) = style.figure(style.SINGLE + 0.6, 3.8, ax=ax)
     for r, colour in zip(responses, (style.SKY, style.ORANGE, style.GREEN, style.PURPLE) * 8, strict=False):
         for line in r.lines():
             axis.plot(line.Omega, line.a1, color=colour, lw=0.9)
@@ -91,14 +93,16 @@ def backbone(
         axis.set_xlim(*responses[0].omega)
     axis.set_xlabel("frequency $\\Omega = \\omega/\\omega_s$")
     axis.set_ylabel("first harmonic $a_1$")
-    axis.set_title(f"{curve.law}; damping {curve.damping}", fontsize=8)
+    axis.set_title(f"{curve.law}; damping {curve.damping}", fontsize="small")
     axis.legend(loc="best")
     style.grid(axis)
     return figure
 
 
 @style.styled
-def phase_portrait(oscillator: ContactOscillator, path: Trajectory, omega: float, last: float = 3.0) -> Figure:
+def phase_portrait(
+    oscillator: ContactOscillator, path: Trajectory, omega: float, last: float = 3.0, *, ax: style.Place | None = None
+) -> Figure:
     """Draw phase portrait and time history of the last forcing periods, with flight shaded.
 
     Args:
@@ -106,12 +110,15 @@ def phase_portrait(oscillator: ContactOscillator, path: Trajectory, omega: float
         path: result of `ContactOscillator.simulate`.
         omega: its Omega.
         last: number of forcing periods shown.
+        ax: two axes to draw on; they are returned.
     """
     period = 2.0 * np.pi / omega
     begin = max(path.tau[-1] - last * period, path.tau[0])
     shown = path.tau >= begin
     tau, u, v = (path.tau[shown] - begin) / period, path.u[shown], path.v[shown]
-    figure, (portrait, history) = style.figure(style.DOUBLE, 3.2, columns=2)
+    figure, axes = style.figure(style.DOUBLE, 3.4, columns=2, ax=ax)
+    style.titles(axes, ("phase portrait", "time history"))
+    portrait, history = axes
     portrait.plot(u, v, color=style.BLUE, lw=1.0)
     history.plot(tau, u, color=style.BLUE)
     low = min(float(u.min()) * 1.08 - 0.05, -1.1)
@@ -127,7 +134,7 @@ def phase_portrait(oscillator: ContactOscillator, path: Trajectory, omega: float
         xycoords=("axes fraction", "data"),
         xytext=(2, 3),
         textcoords="offset points",
-        fontsize=7,
+        fontsize="x-small",
         color=style.GREY,
     )
     history.set_xlim(0.0, float(tau[-1]))
@@ -136,17 +143,18 @@ def phase_portrait(oscillator: ContactOscillator, path: Trajectory, omega: float
     history.set_xlabel("time / forcing period")
     history.set_ylabel("displacement $u$")
     style.grid(portrait, history)
-    style.letters(portrait, history)
-    figure.suptitle(
-        f"$\\Omega$ = {omega:g}, $\\zeta$ = {oscillator.zeta:g}, damping {oscillator.damping}; grey: flight", fontsize=9
-    )
+    if ax is None:
+        figure.suptitle(
+            f"$\\Omega$ = {omega:g}, $\\zeta$ = {oscillator.zeta:g}, damping {oscillator.damping}; grey: flight"
+        )
     return figure
 
 
 @style.styled
 def stability_chart(
-    oscillator: ContactOscillator, forcing: ArrayLike, omega: Sequence[float] = (0.4, 2.3), *, tol: float = 1e-4
-) -> Figure:
+    oscillator: ContactOscillator, forcing: ArrayLike, omega: Sequence[float] = (0.4, 2.3), *, tol: float = 1e-4,
+    ax: style.Place | None = None,
+) -> Figure:  # fmt: skip
     """Draw folds, period doublings and grazing in the plane of frequency and forcing.
 
     Args:
@@ -154,6 +162,7 @@ def stability_chart(
         forcing: values of F^, one response each.
         omega: lowest and highest Omega.
         tol: see `ContactOscillator.response`.
+        ax: axes to draw on; they are returned.
     """
     marks = {
         "fold": (style.BLUE, "fold (jump)"),
@@ -169,7 +178,7 @@ def stability_chart(
             continue
         for e in r.events:
             points[e.kind].append((e.Omega, f))
-    figure, axis = style.figure(style.SINGLE + 1.2, 3.8)
+    figure, (axis, *_) = style.figure(style.SINGLE + 1.2, 3.9, ax=ax)
     for name, (colour, text) in marks.items():
         if points[name]:
             x, y = np.array(points[name]).T
@@ -188,7 +197,7 @@ def stability_chart(
                 xycoords=("axes fraction", "data"),
                 ha="right",
                 va=side,
-                fontsize=7,
+                fontsize="x-small",
                 color=marks[name][0],
             )
     axis.set_yscale("log")
@@ -196,9 +205,9 @@ def stability_chart(
     axis.set_xlabel("frequency $\\Omega = \\omega/\\omega_s$")
     axis.set_ylabel("forcing $\\hat F = F/(n\\,W)$")
     axis.set_title(
-        f"{oscillator.law.describe()}, $\\zeta$ = {oscillator.zeta:g}, damping {oscillator.damping}", fontsize=8
+        f"{oscillator.law.describe()}, $\\zeta$ = {oscillator.zeta:g}, damping {oscillator.damping}", fontsize="small"
     )
-    figure.legend(loc="outside lower center", ncols=3)
+    style.legend(figure, [axis], ax, axis.get_legend_handles_labels()[0], 3)
     style.grid(axis)
     return figure
 
@@ -233,4 +242,4 @@ def plot_dynamics(result: Dynamics, directory: str | os.PathLike[str]) -> list[P
             u, v = best.start
             path = first.simulate(best.Omega, r.setting.F_hat, u=u, v=v, periods=3.0, samples=256)
             figures["phase"] = phase_portrait(first, path, best.Omega)
-    return [style.save(figure, folder / f"{name}.png") for name, figure in figures.items()]
+    return [path for name, figure in figures.items() for path in style.save_in(folder, name, figure)]

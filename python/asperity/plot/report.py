@@ -6,8 +6,10 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 import math
 from collections.abc import Iterator, Mapping
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ import asperity
 from asperity.curve import COLUMNS, Curve
 from asperity.output.friction_bounds import bounds_line
 from asperity.output.results import Results
+from asperity.output.verdict import verdict
 from asperity.plot import CAPTIONS, figures_of, plot_run
 from asperity.plot.citations import publications
 from asperity.plot.style import DPI
@@ -62,7 +65,11 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
         loader=PackageLoader("asperity"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     ).get_template("report.html.j2")  # fmt: skip
+    script = files("asperity").joinpath("templates/zoom.js").read_text(encoding="utf-8")
     text = page.render(
+        verdict=verdict(results),
+        script=script,
+        script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         title=results.folder.resolve().name,
         version=asperity.__version__,
         exit_reason=str(summary.get("exit_reason", "")),
@@ -169,13 +176,19 @@ def _figures(results: Results) -> list[Path]:
     return sorted(found, key=lambda p: order.index(p.stem) if p.stem in order else len(order))
 
 
-def _figure(path: Path) -> dict[str, str]:
-    picture = path.read_bytes()
-    width = int.from_bytes(picture[16:20])  # from the PNG header, in pixels
+def _figure(path: Path) -> dict[str, Any]:
+    """Return caption, size and data of a figure, those of the SVG file where it is as new as the PNG."""
+    lines, pixels = path.with_suffix(".svg"), path.read_bytes()
+    use_lines = lines.is_file() and lines.stat().st_mtime >= path.stat().st_mtime
+    width, height = (int.from_bytes(pixels[i : i + 4]) for i in (16, 20))  # from the PNG header
+    scale = 110 / DPI  # so that text has the size of that on the page
     return {
         "caption": CAPTIONS.get(path.stem, _words(path.stem)),
-        "width": f"{width * 110 / DPI:.0f}",  # so that text has the size of that on the page
-        "data": base64.b64encode(picture).decode(),
+        "width": f"{width * scale:.0f}",
+        "height": f"{height * scale:.0f}",
+        "wide": width * scale > 700,  # a narrow screen scrolls it
+        "kind": "svg+xml" if use_lines else "png",
+        "data": base64.b64encode(lines.read_bytes() if use_lines else pixels).decode(),
     }
 
 

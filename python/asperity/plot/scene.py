@@ -19,8 +19,8 @@ from asperity.runtime.files import files_into
 from asperity.runtime.run_folder import FIELDS, FIGURES, VTKHDF
 from asperity.units import prefix
 
-SIZE = (1500, 640)  # pixels
-DEPTH = 0.5  # share of the height that is shown
+SIZE = (2400, 1060)  # pixels
+DEPTH = 0.35  # share of the height that is shown
 FIELD_FILE = f"{FIELDS}/{VTKHDF}"
 _NEGLIGIBLE = 1e-3  # share of the largest pressure below which the contact surface is shown without load
 
@@ -60,15 +60,17 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
     highest = float(np.quantile(stress, 0.999)) * scale
     plotter = pv.Plotter(off_screen=True, shape=(1, 2), window_size=list(SIZE), border=False)
     plotter.subplot(0, 0)
-    plotter.add_mesh(_open(block), scalars="stress shown", cmap="cividis", clim=_limits(highest), ambient=0.2,
+    smooth = _open(block).cell_data_to_point_data()  # the mean of the cells around each node
+    plotter.add_mesh(smooth, scalars="stress shown", cmap="cividis", clim=_limits(highest), ambient=0.2, n_colors=256,
                      scalar_bar_args=_bar("von Mises stress", unit))  # fmt: skip
     _view(plotter, block)
     plotter.subplot(0, 1)
     loaded = block.point_data["pressure shown"]
-    loaded[loaded < _NEGLIGIBLE * loaded.max()] = np.nan
+    limits = _limits(float(pressure.max()) * scale)
+    loaded[loaded < _NEGLIGIBLE * limits[1]] = -_NEGLIGIBLE * limits[1]  # below the scale: grey
     plotter.add_mesh(_cut(block).extract_surface(algorithm="dataset_surface"), scalars="pressure shown",
-                     cmap="inferno_r", nan_color="#B8B8B8", clim=_limits(float(pressure.max()) * scale), ambient=0.2,
-                     scalar_bar_args=_bar("contact pressure", unit))  # fmt: skip
+                     cmap="inferno_r", n_colors=256, below_color="#B8B8B8", ambient=0.2,
+                     clim=limits, scalar_bar_args=_bar("contact pressure", unit) | {"below_label": ""})  # fmt: skip
     _view(plotter, block)
     target = Path(path) if path is not None else results.folder / FIGURES / "scene.png"
     target.parent.mkdir(exist_ok=True)
@@ -131,7 +133,7 @@ def _limits(highest: float) -> tuple[float, float]:
 
 
 def _bar(name: str, unit: str) -> dict[str, Any]:
-    return {"title": f"{name} ({unit})\n" if unit else f"{name}\n", "title_font_size": 22, "label_font_size": 20,
+    return {"title": f"{name} ({unit})\n" if unit else f"{name}\n", "title_font_size": 38, "label_font_size": 34,
             "color": "black", "fmt": "%.3g", "width": 0.6, "height": 0.07, "position_x": 0.2, "position_y": 0.03,
             "n_labels": 5}  # fmt: skip
 
@@ -139,6 +141,6 @@ def _bar(name: str, unit: str) -> dict[str, Any]:
 def _view(plotter: Any, block: Any) -> None:
     plotter.set_background("white")
     x0, x1, y0, y1, z0, z1 = block.bounds
-    middle = np.array([(x0 + x1) / 2, (y0 + y1) / 2, z1 - 0.95 * DEPTH * (z1 - z0)])
-    away = 2.8 * np.array([0.6, -0.6, 0.65]) * max(x1 - x0, DEPTH * (z1 - z0))
+    middle = np.array([(x0 + x1) / 2, (y0 + y1) / 2, z1 - 1.25 * DEPTH * (z1 - z0)])
+    away = 2.65 * np.array([0.6, -0.6, 0.65]) * max(x1 - x0, DEPTH * (z1 - z0))
     plotter.camera_position = [tuple(middle + away), tuple(middle), (0, 0, 1)]

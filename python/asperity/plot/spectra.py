@@ -13,7 +13,6 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from asperity.arrays import Array
@@ -27,27 +26,27 @@ if TYPE_CHECKING:
 _FLOOR = 3.0  # the axis of the receptance begins at its smallest value over this
 
 
-def receptance(results: Results, ax: Axes | None = None) -> Figure:
-    """Draw the frequency response function, amplitude over force, with the backbone, from the folder of a run."""
-    return _receptance(results.response, results.free, results.thresholds, ax)
+def receptance(results: Results, *, ax: style.Place | None = None) -> Figure:
+    """Draw amplitude over force with the backbone, from the folder of a run, on `ax` if given."""
+    return _receptance(results.response, results.free, results.thresholds, ax=ax)
 
 
-def receptance_of(result: Dynamics, ax: Axes | None = None) -> Figure:
-    """Draw the frequency response function of a result of `run_dynamics`."""
+def receptance_of(result: Dynamics, *, ax: style.Place | None = None) -> Figure:
+    """Draw the frequency response function of a result of `run_dynamics`, on `ax` if given."""
     rows = columns_of(row for many in result.responses.values() for r in many for row in r.rows())
     free = columns_of(row for f in result.free.values() for row in f.rows())
-    return _receptance(rows, free, result.to_dict(), ax)
+    return _receptance(rows, free, result.to_dict(), ax=ax)
 
 
-def noise(results: Results, ax: Axes | None = None) -> Figure:
-    """Draw the power spectral density of the motion under noise, from the folder of a run."""
-    return _noise(results.random, results.thresholds, ax)
+def noise(results: Results, *, ax: style.Place | None = None) -> Figure:
+    """Draw the power spectral density of the motion under noise, from the folder of a run, on `ax` if given."""
+    return _noise(results.random, results.thresholds, ax=ax)
 
 
-def noise_of(result: Dynamics, ax: Axes | None = None) -> Figure:
-    """Draw the power spectral density of the motion under noise of a result of `run_dynamics`."""
+def noise_of(result: Dynamics, *, ax: style.Place | None = None) -> Figure:
+    """Draw the power spectral density of the motion under noise of a result of `run_dynamics`, on `ax` if given."""
     rows = columns_of(row for many in result.random.values() for r in many for row in r.rows())
-    return _noise(rows, result.to_dict(), ax)
+    return _noise(rows, result.to_dict(), ax=ax)
 
 
 def _axes(thresholds: Mapping[str, Any]) -> tuple[float, float, float, str, str]:
@@ -60,9 +59,9 @@ def _axes(thresholds: Mapping[str, Any]) -> tuple[float, float, float, str, str]
 
 
 @style.styled
-def _receptance(rows: Columns, free: Columns, thresholds: Mapping[str, Any], ax: Axes | None) -> Figure:
+def _receptance(rows: Columns, free: Columns, thresholds: Mapping[str, Any], *, ax: style.Place | None) -> Figure:
     frequency, _, compliance, hertz, metre = _axes(thresholds)
-    figure, axis = style.figure(style.SINGLE + 1.6, 3.8) if ax is None else (_figure_of(ax), ax)
+    figure, (axis, *_) = style.figure(style.SINGLE + 1.6, 4.0, ax=ax)
     model = "exact" if "exact" in rows["model"] else str(rows["model"][0])
     rows = where(rows, (rows["model"] == model) & ~is_sweep(rows["branch"]))
     free = where(free, free["model"] == model) if "a1" in free else {}
@@ -96,17 +95,9 @@ def _receptance(rows: Columns, free: Columns, thresholds: Mapping[str, Any], ax:
     force = "N" if metre == "m" else "force"
     axis.set_ylabel(f"receptance $|X/F|$ ({metre}/{force})" if metre else "receptance $k_n|X/F|$")
     axis.legend(loc="best")
-    axis.set_title(heading([zeta], thresholds.get("damping"), thresholds.get("n_loc")))
+    axis.set_title(heading([zeta], thresholds.get("damping"), thresholds.get("n_loc")), loc="left")
     style.grid(axis)
     return figure
-
-
-def _figure_of(ax: Axes) -> Figure:
-    """Return the figure of an axis, also within a subfigure."""
-    found = ax.figure
-    while not isinstance(found, Figure):
-        found = found.figure
-    return found
 
 
 def _force(forcing: float, thresholds: Mapping[str, Any], si: bool) -> str:
@@ -119,9 +110,9 @@ def _force(forcing: float, thresholds: Mapping[str, Any], si: bool) -> str:
 
 
 @style.styled
-def _noise(rows: Columns, thresholds: Mapping[str, Any], ax: Axes | None) -> Figure:
+def _noise(rows: Columns, thresholds: Mapping[str, Any], *, ax: style.Place | None) -> Figure:
     frequency, length, _, hertz, metre = _axes(thresholds)
-    figure, axis = style.figure(style.SINGLE + 1.6, 3.8) if ax is None else (_figure_of(ax), ax)
+    figure, (axis, *_) = style.figure(style.SINGLE + 1.6, 4.0, ax=ax)
     lost = {s["F_hat_rms"]: s["lost"] for m in ("exact", "taylor") for s in thresholds.get(m, {}).get("random", ())}
     density = length**2 / frequency
     levels = np.unique(rows["F_hat_rms"])
@@ -145,6 +136,6 @@ def _noise(rows: Columns, thresholds: Mapping[str, Any], ax: Axes | None) -> Fig
     )
     axis.legend(loc="best", fontsize=7)
     zeta = [float(thresholds["zeta"])] if "zeta" in thresholds else []
-    axis.set_title(heading(zeta, thresholds.get("damping"), thresholds.get("n_loc")))
+    axis.set_title(heading(zeta, thresholds.get("damping"), thresholds.get("n_loc")), loc="left")
     style.grid(axis)
     return figure

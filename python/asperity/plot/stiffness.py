@@ -5,12 +5,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure
 
 from asperity.output.results import Results
 from asperity.plot import style
-from asperity.plot.curves import LOAD
+from asperity.plot.curves import LOAD, draw_branches, load_axis, value_of_one
 from asperity.units import prefix
 
 LOOKS = {
@@ -21,26 +23,38 @@ LOOKS = {
 
 
 @style.styled
-def stiffness(results: Results) -> Figure:
-    """Draw the stiffnesses of the first loading over the load, and the mean gap of all branches."""
-    figure, (left, right) = style.figure(style.DOUBLE, 3.3, columns=2)
+def stiffness(results: Results, *, ax: style.Place | None = None) -> Figure:
+    """Draw the stiffnesses of the first loading over the load, and the mean gap of all branches.
+
+    Args:
+        results: files of the run.
+        ax: axes to draw on, one for each panel; they are returned.
+    """
+    figure, axes = style.figure(style.DOUBLE, 3.5, columns=2, ax=ax)
+    style.titles(axes, ("stiffness", "mean gap"))
+    for draw, axis in zip((_stiffness, _gap), axes, strict=False):
+        draw(axis, results)
+        axis.set_xlabel(LOAD)
+        axis.set_xlim(left=0)
+        axis.legend(loc="best")
+        style.grid(axis)
+        load_axis(axis, results, "top")
+    return figure
+
+
+def _stiffness(axis: Any, results: Results) -> None:
     loading = results.curve.loading()
     factor, unit = prefix(float(np.nanmax(results.curve.k_n)), results.unit("force") and "N/m")
     for name, (mark, colour, text) in LOOKS.items():
-        left.plot(loading.P_star, factor * getattr(loading, name), mark, color=colour, mfc="white", label=text)
-    left.set_ylabel(style.label("stiffness", unit))
-    left.legend(loc="best")
+        axis.plot(loading.P_star, factor * getattr(loading, name), mark, color=colour, mfc="white", label=text)
+    axis.set_ylabel(style.label("stiffness", unit))
+    axis.set_ylim(bottom=0)
+    scale, side = value_of_one(loading.force, loading.P_star), value_of_one(loading.delta, loading.delta_star)
+    if np.isfinite(scale * side):
+        style.second_axis(axis, "right", side / (factor * scale), "$k^{*}{=}\\,k/(LE')$")
+
+
+def _gap(axis: Any, results: Results) -> None:
     factor, unit = prefix(float(np.nanmax(results.curve.mean_gap)), results.unit("length"))
-    for branch, mark, colour in (("load", "o-", style.BLUE), ("unload", "s--", style.VERMILION)):
-        for n, piece in enumerate(results.branches(branch)):
-            label = None if n else f"{branch}ing"
-            right.plot(piece.P_star, factor * piece.mean_gap, mark, color=colour, mfc="white", label=label)
-    right.set_ylabel(style.label("mean gap", unit))
-    right.legend(loc="best")
-    for axis in (left, right):
-        axis.set_xlabel(LOAD)
-        axis.set_xlim(left=0)
-        style.grid(axis)
-    left.set_ylim(bottom=0)
-    style.letters(left, right)
-    return figure
+    draw_branches(axis, results, "P_star", "mean_gap", factor)
+    axis.set_ylabel(style.label("mean gap", unit))

@@ -7,17 +7,21 @@ from __future__ import annotations
 
 import functools
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, ParamSpec
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from asperity.runtime.files import replace_file
+from asperity.runtime.run_folder import FIELD_PICTURES
+from asperity.units import prefix
 
+Place = Axes | Sequence[Axes] | np.ndarray[Any, Any]  # one axes, or one for each panel
 P = ParamSpec("P")
 
 # Okabe and Ito's colours, distinguishable for colour-blind readers
@@ -25,16 +29,16 @@ BLACK, ORANGE, SKY, GREEN = "#000000", "#E69F00", "#56B4E9", "#009E73"
 YELLOW, BLUE, VERMILION, PURPLE = "#F0E442", "#0072B2", "#D55E00", "#CC79A7"
 GREY, PALE = "#7F7F7F", "#EDEDED"
 
-SINGLE, DOUBLE = 4.2, 7.6  # widths, inches
+SINGLE, DOUBLE, WIDE = 4.6, 8.0, 10.5  # widths, inches
 DPI = 200
 
 _RC: dict[str, Any] = {
     "font.size": 9.0,
-    "axes.titlesize": 9.0,
-    "axes.labelsize": 9.0,
-    "xtick.labelsize": 8.0,
-    "ytick.labelsize": 8.0,
-    "legend.fontsize": 8.0,
+    "axes.titlesize": "medium",
+    "figure.titlesize": "medium",
+    "xtick.labelsize": "small",
+    "ytick.labelsize": "small",
+    "legend.fontsize": "small",
     "legend.frameon": False,
     "legend.handlelength": 1.8,
     "axes.linewidth": 0.7,
@@ -45,36 +49,84 @@ _RC: dict[str, Any] = {
     "ytick.direction": "in",
     "xtick.top": True,
     "ytick.right": True,
-    "mathtext.fontset": "dejavusans",
     "axes.formatter.use_mathtext": True,
     "axes.formatter.limits": (-3, 4),
 }
 
 
-def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Make a function draw its figure in this style, regardless of the user's settings."""
+def settings() -> dict[str, Any]:
+    """Return the settings of this style, without those that the user has changed from matplotlib's defaults."""
+    return {name: value for name, value in _RC.items() if mpl.rcParams[name] == mpl.rcParamsDefault[name]}
+
+
+def styled(draw: Callable[P, Figure]) -> Callable[P, Any]:
+    """Make a function draw in this style; settings of the user win.
+
+    The settings hold for the call alone, `matplotlib.rcParams` stay as they are. A function that is called with `ax`
+    returns `ax`, otherwise its figure.
+    """
 
     @functools.wraps(draw)
-    def in_style(*args: P.args, **kwargs: P.kwargs) -> Figure:
-        with mpl.rc_context(mpl.rcParamsDefault), mpl.rc_context(_RC):
-            return draw(*args, **kwargs)
+    def in_style(*args: P.args, **kwargs: P.kwargs) -> Any:
+        with mpl.rc_context(settings()):
+            drawn = draw(*args, **kwargs)
+        return drawn if kwargs.get("ax") is None else kwargs["ax"]
 
     return in_style
 
 
-def figure(width: float, height: float, columns: int = 1, rows: int = 1) -> tuple[Figure, Any]:
-    """Return a new figure and its axes (an array if there are several); sizes in inches."""
-    result = Figure(figsize=(width, height), layout="constrained")
-    return result, result.subplots(rows, columns)
+def figure(
+    width: float, height: float, columns: int = 1, rows: int = 1, *, ax: Place | None = None, **grid: Any
+) -> tuple[Figure, list[Any]]:
+    """Return a new figure and its panels, or those of `ax`.
+
+    Args:
+        width, height: size of a new figure (inches).
+        columns, rows: panels of a new figure.
+        ax: axes to draw on instead; where there are fewer than panels, the first panels are drawn.
+        grid: see `Figure.subplots`.
+    """
+    if ax is not None:
+        axes = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
+        own: Any = axes[0].get_figure()
+        return own, axes
+    new = Figure(figsize=(width, height), layout="constrained")
+    axes = list(np.ravel(new.subplots(rows, columns, **grid)))
+    for axis in axes:
+        freeze_ticks(axis)
+    return new, axes
+
+
+def freeze_ticks(axis: Any) -> None:
+    """Keep the style of the ticks, which matplotlib makes when it saves the figure."""
+    for name in "xy":
+        sides = {side: mpl.rcParams[f"{name}tick.{side}"] for side in ("bottom", "top", "left", "right")
+                 if f"{name}tick.{side}" in mpl.rcParams}  # fmt: skip
+        axis.tick_params(axis=name, which="both", direction=mpl.rcParams[f"{name}tick.direction"], **sides)
+        axis.tick_params(axis=name, labelsize=mpl.rcParams[f"{name}tick.labelsize"])
 
 
 def save(figure: Figure, path: str | Path) -> Path:
-    """Write a figure in the format of the suffix and return its path; the file is complete or absent."""
+    """Write a figure in the format of the suffix and return its path; the file is complete or absent.
+
+    Fields in an SVG file are pixels, so that it stays small; the same figure gives the same file.
+    """
     path, picture = Path(path), io.BytesIO()
-    with mpl.rc_context(_RC):
-        figure.savefig(picture, dpi=DPI, format=path.suffix[1:] or "png")
+    form = path.suffix[1:] or "png"
+    fixed: dict[str, Any] = {"metadata": dict.fromkeys(("Creator", "Date", "Format", "Type"))} if form == "svg" else {}
+    with mpl.rc_context(settings() | {"svg.hashsalt": path.stem}):
+        figure.savefig(picture, dpi=DPI, format=form, **fixed)
     replace_file(path, picture.getvalue())
     return path
+
+
+def save_in(folder: Path, name: str, figure: Figure) -> list[Path]:
+    """Write a figure of a run as a PNG file, and one that consists of lines as an SVG file too; return the files."""
+    written = [save(figure, folder / f"{name}.png")]
+    if name not in FIELD_PICTURES:
+        figure.set_layout_engine("none")  # the places that the first file has found
+        written.append(save(figure, folder / f"{name}.svg"))
+    return written
 
 
 def grid(*axes: Axes) -> None:
@@ -88,19 +140,54 @@ def label(quantity: str, unit: str) -> str:
     return f"{quantity} ({unit})" if unit else quantity
 
 
-def letters(*axes: Axes) -> None:
-    """Label panels (a), (b), ..."""
-    for axis, letter in zip(axes, "abcdefgh", strict=False):
-        axis.annotate(
-            f"({letter})", (0, 1), (-30, 5), xycoords="axes fraction", textcoords="offset points",
-            fontweight="bold",
-        )  # fmt: skip
+def titles(axes: Sequence[Axes], texts: Sequence[str]) -> None:
+    """Write the titles of panels, with letters (a), (b), ... where there are several."""
+    for axis, letter, text in zip(axes, "abcdefghijkl", texts, strict=False):
+        axis.set_title(f"({letter}) {text}".rstrip() if len(axes) > 1 else text, loc="left")
+
+
+def legend(figure: Figure, axes: Sequence[Axes], ax: Place | None, handles: Sequence[Any], columns: int) -> None:
+    """Put one legend below a new figure, or into the first panel on axes of the caller."""
+    if ax is None:
+        figure.legend(handles=handles, loc="outside lower center", ncols=columns)
+    else:
+        axes[0].legend(handles=handles)
+
+
+def second_axis(axis: Any, side: str, factor: float, text: str) -> None:
+    """Draw a second axis at a side, "top" or "right": the values of the first times a factor."""
+    axis.tick_params(**{side: False}, which="both")
+    draw = axis.secondary_xaxis if side == "top" else axis.secondary_yaxis
+    second = draw(side, functions=(lambda x: x * factor, lambda x: x / factor))
+    name = "x" if side == "top" else "y"
+    second.tick_params(direction=mpl.rcParams[f"{name}tick.direction"], labelsize=mpl.rcParams[f"{name}tick.labelsize"])
+    if side == "top":
+        axis.yaxis.get_offset_text().set_x(-0.17)  # left of the labels at the top
+    (second.set_xlabel if side == "top" else second.set_ylabel)(text)
+
+
+def physical_axis(axis: Any, side: str, quantity: str, scale: float, unit: str) -> None:
+    """Draw a second axis of a physical quantity at a side, "top" or "right", after the limits of the axis are set.
+
+    Args:
+        axis: axes of the dimensionless values.
+        side: where the second axis is.
+        quantity: its name and symbol.
+        scale: physical value of 1.
+        unit: unit of that value, "" if unknown.
+    """
+    _, high = axis.get_xlim() if side == "top" else axis.get_ylim()
+    factor, name = prefix(high * scale, unit)
+    second_axis(axis, side, scale * factor, label(quantity, name))
 
 
 def logarithmic(axis: Axes) -> None:
-    """Make both scales logarithmic, with x labelled at 1, 2 and 5."""
+    """Make both scales logarithmic, labelled at 1, 2 and 5 where they are shorter than one and a half decades."""
     axis.set_xscale("log")
     axis.set_yscale("log")
-    axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axis.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.xaxis.set_minor_formatter(NullFormatter())
+    for scale in (axis.xaxis, axis.yaxis):
+        low, high = scale.get_view_interval()
+        if high < 30 * low:
+            scale.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            scale.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+            scale.set_minor_formatter(NullFormatter())

@@ -30,7 +30,12 @@ COLOURS = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE, style.ORANGE,
 DASHES = (0, (3, 1.5))
 _SWEEPS = {"sweep-up": ("^", "sweep up"), "sweep-down": ("v", "sweep down")}
 _MARKS = {"fold": ("o", "fold, with jump"), "period doubling": ("s", "period doubling")}
-_ACTS = {"always": "always", "contact": "in contact", "hunt-crossley": "after Hunt and Crossley"}
+_ACTS = {
+    "always": "always",
+    "contact": "in contact",
+    "hunt-crossley": "after Hunt and Crossley",
+    "loops": "as the loops",
+}
 _FAINT = 0.35
 _AGREE = 0.01  # distance of exact and Taylor curves, over the extents of the figure, below which one is drawn
 _CLOSE = 0.03  # share of the extent of a curve within which consecutive rows are always joined
@@ -73,40 +78,34 @@ class Scale:
 
     def lengths(self, axis: Any, side: str) -> None:
         """Draw a second axis of lengths at a side, "top" or "right"."""
-        _, high = axis.get_xlim() if side == "top" else axis.get_ylim()
-        factor, unit = prefix(high * self.length, "m" if self.si else "")
-        _second(axis, side, self.length * factor, f"amplitude in {unit}" if unit else "amplitude")
+        style.physical_axis(axis, side, "amplitude", self.length, "m" if self.si else "")
 
     def frequencies(self, axis: Any, side: str) -> None:
         """Draw a second axis of frequencies at a side, "top" or "right", if they are known."""
         if np.isfinite(self.frequency):
             factor, unit = prefix(self.frequency, "Hz" if self.si else "")
-            _second(axis, side, self.frequency * factor, f"frequency in {unit}" if unit else "frequency")
-
-
-def _second(axis: Any, side: str, factor: float, label: str) -> None:
-    axis.tick_params(**{side: False}, which="both")
-    draw = axis.secondary_xaxis if side == "top" else axis.secondary_yaxis
-    second = draw(side, functions=(lambda x: x * factor, lambda x: x / factor))
-    (second.set_xlabel if side == "top" else second.set_ylabel)(label)
+            style.second_axis(axis, side, self.frequency * factor, style.label("frequency", unit))
 
 
 # -- natural frequency over amplitude ----------------------------------------------------------------------------
 
 
-def frequency(results: Results) -> Figure:
-    """Draw the natural frequency over the release amplitude, from the folder of a run."""
+def frequency(results: Results, *, ax: style.Place | None = None) -> Figure:
+    """Draw the natural frequency over the release amplitude, from the folder of a run, on `ax` if given."""
     present = [model for model in MODELS if (results.free["model"] == model).any()]
     curves = [(*MODELS[m], m, where(results.free, results.free["model"] == m)) for m in present]
-    return _frequency(curves, Scale.of(results.thresholds))
+    return _frequency(curves, Scale.of(results.thresholds), ax=ax)
 
 
-def natural_frequency(oscillators: Sequence[ContactOscillator], scale: Scale | None = None) -> Figure:
+def natural_frequency(
+    oscillators: Sequence[ContactOscillator], scale: Scale | None = None, *, ax: style.Place | None = None
+) -> Figure:
     """Draw the natural frequency over the release amplitude, for the models of one law or for a family of laws.
 
     Args:
         oscillators: the models of one law, or a family.
         scale: physical units of second axes, None without.
+        ax: axes to draw on; they are returned.
     """
     family = len(oscillators) > 2
     curves = []
@@ -114,13 +113,16 @@ def natural_frequency(oscillators: Sequence[ContactOscillator], scale: Scale | N
         free = oscillator.free()
         look = (str(colour), "-", free.law) if family else MODELS[free.model]
         curves.append((*look, free.model, columns_of(free.rows())))
-    return _frequency(curves, scale)
+    return _frequency(curves, scale, ax=ax)
 
 
 @style.styled
-def _frequency(curves: Sequence[tuple[str, str, str, str, Columns]], scale: Scale | None) -> Figure:
+def _frequency(
+    curves: Sequence[tuple[str, str, str, str, Columns]], scale: Scale | None, *, ax: style.Place | None
+) -> Figure:
     """Draw natural frequencies from colour, line style, label, model and rows of each curve."""
-    figure, axis = style.figure(style.SINGLE + 0.4, 3.2)
+    figure, (axis, *_) = style.figure(style.SINGLE + 0.8, 3.7, ax=ax)
+    axis.set_title("natural frequency of free vibration", loc="left")
     named: set[str] = set()
     for colour, line, text, model, rows in curves:
         u, omega, low = rows["u0"], rows["omega_ratio"], rows["u_min"]
@@ -163,8 +165,13 @@ class _Event:
     u_min: float
 
 
-def response(results: Results) -> Figure:
-    """Draw the largest displacement over the excitation frequency, from the folder of a run."""
+def response(results: Results, *, ax: style.Place | None = None) -> Figure:
+    """Draw the largest displacement over the excitation frequency, from the folder of a run.
+
+    Args:
+        results: files of the run.
+        ax: axes to draw on, one for each model; they are returned.
+    """
     t = results.thresholds
     events = [
         _Event(model, r["F_hat"], e["kind"], e["Omega"], e["u_max"], e.get("u_min", np.nan))
@@ -175,7 +182,7 @@ def response(results: Results) -> Figure:
     zeta = np.unique(results.response["zeta"])
     n_loc = t.get("n_loc")
     title = heading(zeta, t.get("damping"), n_loc)
-    return _response(results.response, events, title, n_loc, results.band, Scale.of(t))
+    return _response(results.response, events, title, n_loc, results.band, Scale.of(t), ax=ax)
 
 
 def amplitude_frequency(
@@ -183,6 +190,8 @@ def amplitude_frequency(
     sweeps: Sequence[Sweep] = (),
     bands: Sequence[Band] = (),
     scale: Scale | None = None,
+    *,
+    ax: style.Place | None = None,
 ) -> Figure:
     """Draw the largest displacement over the excitation frequency: one panel per model, one colour per forcing.
 
@@ -191,6 +200,7 @@ def amplitude_frequency(
         sweeps: shown as triangles.
         bands: of exact responses, by the error bar of the force and the spread of the laws.
         scale: physical units of second axes, None without.
+        ax: axes to draw on, one for each model; they are returned.
     """
     events = [
         _Event(r.setting.model, r.setting.F_hat, e.kind, e.Omega, e.u_max, e.u_min) for r in responses for e in r.events
@@ -199,22 +209,27 @@ def amplitude_frequency(
     rows = columns_of(row for result in results for row in result.rows())
     first = responses[0].setting
     title = heading([first.zeta], first.damping, first.n_loc)
-    return _response(rows, events, title, first.n_loc, columns_of(row for band in bands for row in band.rows()), scale)
+    banded = columns_of(row for band in bands for row in band.rows())
+    return _response(rows, events, title, first.n_loc, banded, scale, ax=ax)
 
 
 @style.styled
 def _response(
-    rows: Columns, events: Sequence[_Event], title: str, n_loc: float | None, bands: Columns, scale: Scale | None
-) -> Figure:
+    rows: Columns, events: Sequence[_Event], title: str, n_loc: float | None, bands: Columns, scale: Scale | None, *,
+    ax: style.Place | None,
+) -> Figure:  # fmt: skip
     models = [model for model in MODELS if model in rows["model"]]
     apart = _apart(rows) if len(models) == 2 else np.inf
+    names = [MODELS[model][2] for model in models]
     if apart < _AGREE:
         models = models[:1]
+        names = [f"{names[0]}; the Taylor law differs by less than {100 * _AGREE:g} %"]
         rows, events = where(rows, rows["model"] == models[0]), [e for e in events if e.model == models[0]]
-    figure, axes = style.figure(0.6 + 3.6 * len(models), 3.8, columns=len(models))
+    figure, axes = style.figure(1.2 + 4.0 * len(models), 4.4, columns=len(models), ax=ax)
+    style.titles(axes, names)
     forcings = np.unique(rows["F_hat"])
     physical = (rows["model"] == "exact") | (rows["u_min"] >= -1.0)
-    for axis, model in zip(np.atleast_1d(axes), models, strict=True):
+    for axis, model in zip(axes, models, strict=False):
         for forcing, colour in zip(forcings, np.resize(COLOURS, len(forcings)), strict=True):
             chosen = where(rows, (rows["model"] == model) & (rows["F_hat"] == forcing))
             for name in np.unique(chosen["branch"]):
@@ -225,8 +240,6 @@ def _response(
                 for side in ("upper", "lower"):
                     low, high = of[f"{side}_low"], of[f"{side}_high"]
                     axis.fill_between(of["Omega"], low, high, color=colour, alpha=0.5 * _FAINT, lw=0)
-        same = f"; the Taylor law differs by less than {100 * _AGREE:g} %" if apart < _AGREE else ""
-        axis.set_title(MODELS[model][2] + same)
         axis.set_xlabel("frequency $\\Omega = \\omega/\\omega_s$")
         axis.set_ylabel("largest displacement $u_{\\max}$")
         axis.set_xlim(rows["Omega"].min(), rows["Omega"].max())
@@ -237,8 +250,9 @@ def _response(
             scale.lengths(axis, "right")
     shown = {*np.unique(rows["branch"]).tolist(), *(e.kind for e in events if _is_physical(e))}
     keys = [*_forcing_keys(forcings, n_loc), *_line_keys(shown, bool(physical.all()), bool(bands))]
-    figure.legend(handles=keys, loc="outside lower center", ncols=2 if len(models) == 1 else 4)
-    figure.suptitle(title, fontsize=9)
+    style.legend(figure, axes, ax, keys, 2 if len(models) == 1 else 4)
+    if ax is None:
+        figure.suptitle(title)
     return figure
 
 

@@ -8,33 +8,22 @@ from __future__ import annotations
 import resource
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from asperity.arrays import Floats
-from asperity.contact.contact_surface import ContactSurface
-from asperity.contact.make import make_contact
-from asperity.curve import Curve
 from asperity.errors import ConvergenceError, Interrupted, MeshError
-from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.distribute import check_distortion, distribute
-from asperity.mesh.generate import build_block
-from asperity.mesh.resolution import judge_smoothing, warn_of_missed_waves
-from asperity.mesh.size_field import SizeField
+from asperity.mesh.resolution import judge_mesh
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.problem import Problem
-from asperity.model.settings import H_CONTACT, Formulation, MeshSize, SolverOptions
-from asperity.quasistatic.balance import Checks
-from asperity.quasistatic.conductance import Conductance
-from asperity.quasistatic.contact_solver import ContactSolver, Counts, Probe
-from asperity.quasistatic.measures import FirstContact, Snapshot, mean_stress
+from asperity.model.settings import H_CONTACT, MeshSize
+from asperity.quasistatic.contact_result import ContactResult, PartialResult
+from asperity.quasistatic.contact_solver import ContactSolver
+from asperity.quasistatic.hooks import Hooks
+from asperity.quasistatic.make import make_block, solver_of
 from asperity.quasistatic.stepping import Callback, Position, Record, follow
-from asperity.quasistatic.stiffness import stiffness_of
-from asperity.runtime.display import brief
-from asperity.runtime.parallel import on_root, on_root_bcast
+from asperity.runtime.parallel import on_root
 from asperity.runtime.timing import Phases
 from asperity.surface import Surface
 
@@ -44,251 +33,6 @@ if TYPE_CHECKING:
     from asperity.quasistatic.checkpoint import Checkpoint
 
 ESTIMATE_STEPS = 40  # after which the approach at a given force is only guessed
-
-
-@dataclass(frozen=True)
-class ContactResult:
-    """Result of a load path.
-
-    Attributes:
-        curve: accepted steps
-        counts: totals of steps, cutbacks, iterations
-        dofs, cells: size of the model, all ranks
-        phases: seconds per phase, this rank
-        memory: greatest resident memory, all ranks [bytes]
-        snapshots: states of the top kept, this rank's part
-        block: the mesh on rank 0, None elsewhere
-        solver: with the solid in its last state
-        first_contact: approach at which each node of the top was touched first, this rank's part
-        complete: whether the path was followed to its end
-        reason: why it ended
-
-    Examples:
-        >>> from asperity.surface import Flat
-        >>> size = asp.MeshSize(h_contact=1.0, h_max=1.0)
-
-        >>> result = asp.solve_contact(Flat(L=1.0), asp.Material(E=1.0, nu=0.3), delta_max=0.01, steps=2, size=size)
-
-        >>> result.complete, len(result.curve), result.counts.cutbacks, bool(result.checks.violated)
-        (True, 2, 0, False)
-    """
-
-    curve: Curve
-    counts: Counts
-    dofs: int
-    cells: int
-    phases: Phases
-    memory: int
-    snapshots: tuple[Snapshot, ...]
-    block: BlockMesh | None
-    solver: ContactSolver
-    first_contact: FirstContact
-    complete: bool
-    reason: str
-
-    def __repr__(self) -> str:
-        return f"ContactResult({self.curve!r}, dofs={self.dofs}, cells={self.cells}, {brief(self.reason)})"
-
-    @property
-    def checks(self) -> Checks:
-        """Worst figures of the balances that every step has to keep."""
-        return self.solver.checks
-
-    def displacement(self) -> Any:
-        """Displacement of the last state, a function of dolfinx, second-order [L]; collective.
-
-        Its mesh is the undeformed block, with coordinates in units of L.
-
-        Examples:
-            >>> wave = asp.Surface.from_spec("sinusoid", L=1e-6, amplitude=2e-8)
-            >>> size = asp.MeshSize(h_contact=0.3e-6, h_max=0.6e-6)
-            >>> result = asp.solve_contact(wave, asp.Material(E=200e9, nu=0.3), delta_max=2e-8, steps=2, size=size)
-            >>> import ufl
-            >>> from dolfinx import fem
-            >>> u = result.displacement()
-            >>> pushed_down = fem.assemble_scalar(fem.form(-u[2] * ufl.dx))
-            >>> bool(0.0 < pushed_down < 0.02), result.stress().x.array.reshape(-1, 3, 3).shape[0] == result.cells
-            (True, True)
-        """
-        u = self.solver.solid.u.copy()
-        u.name = "displacement"
-        return u
-
-    def stress(self) -> Any:
-        """Mean Cauchy stress of the cells in the last state, a tensor function of dolfinx [E]; collective.
-
-        Its mesh is that of `displacement`.
-        """
-        from dolfinx import fem
-
-        solid = self.solver.solid
-        values, _ = mean_stress(self.solver, solid.u.x.array.reshape(-1, 3))
-        V = fem.functionspace(solid.mesh, ("DG", 0, (3, 3)))
-        stress = fem.Function(V, name="stress")
-        cells = V.dofmap.list[: len(values), 0]
-        stress.x.array.reshape(-1, 9)[cells] = values[:, (0, 3, 4, 3, 1, 5, 4, 5, 2)]  # of xx yy zz xy xz yz
-        stress.x.scatter_forward()
-        return stress
-
-    def touched_at(self) -> tuple[Floats, Floats]:
-        """Position of each node of the top and the approach that first touched it [L], see `FirstContact.gather`."""
-        return self.first_contact.gather(self.solver)
-
-
-class PartialResult(ConvergenceError):
-    """The load path ended early; `result` holds what was reached.
-
-    Examples:
-        >>> from asperity.surface import Flat
-        >>> size = asp.MeshSize(h_contact=1.0, h_max=1.0)
-
-        >>> block = asp.Problem.of(Flat(L=1.0), asp.Material(E=1.0, nu=0.3), delta_max=0.01, steps=2, size=size)
-        >>> try:
-        ...     asp.solve_problem(block, hooks=Hooks(stop=lambda: "the first step"))
-        ... except PartialResult as stopped:
-        ...     print(len(stopped.result.curve), stopped.result.complete)
-        0 False
-    """
-
-    def __init__(self, message: str, result: ContactResult) -> None:
-        super().__init__(message)
-        self.result = result
-
-
-def make_block(
-    comm: MPI.Comm, surface: Surface, height: float, delta_max: float, size: MeshSize, sides: str = "rollers"
-) -> BlockMesh | None:
-    """Mesh of the block on rank 0, None elsewhere; collective.
-
-    Args:
-        comm: communicator
-        surface: the top
-        height: mean height of the block [length]
-        delta_max: approach the mesh is made for [length]
-        size: element sizes
-        sides: "periodic" makes opposite sides fit
-
-    Raises:
-        MeshError: the surface cannot be meshed
-
-    Examples:
-        >>> from mpi4py import MPI
-        >>> from asperity.surface import Flat
-        >>> block = make_block(MPI.COMM_SELF, Flat(L=2.0), 1.0, 0.01, asp.MeshSize(h_contact=2.0, h_max=2.0))
-        >>> block.side, block.height
-        (2.0, 1.0)
-    """
-
-    def build() -> BlockMesh:
-        h = H_CONTACT * surface.L if size.h_contact is None else size.h_contact
-        field = SizeField.of(
-            surface, delta_max, h, growth=size.growth, h_max=size.h_max, first_contact=size.reach, grading=size.grading,
-            periodic=sides == "periodic",
-        )  # fmt: skip
-        return build_block(surface, height, field.compiled().at, field.periodic)
-
-    return on_root(comm, build)
-
-
-def make_contact_solver(
-    comm: MPI.Comm,
-    surface: Surface,
-    block: BlockMesh | None,
-    material: Material,
-    *,
-    sides: str = "rollers",
-    formulation: Formulation | None = None,
-    kernels: str = "compiled",
-    options: SolverOptions | None = None,
-    phases: Phases | None = None,
-) -> ContactSolver:
-    """Distribute a block over the ranks and put it under the flat; collective.
-
-    Args:
-        comm: communicator
-        surface: the top the block was built for
-        block: mesh on rank 0, None elsewhere
-        material: in physical units
-        sides: "rollers", "free" or "periodic"
-        formulation: contact formulation
-        kernels: "compiled" or "ufl"
-        options: of the nonlinear solver
-        phases: collects where the time goes
-
-    Raises:
-        InputError: the kinematics of the material is not chosen yet
-        MeshError: the block is another surface's, or an element is turned inside out
-
-    Examples:
-        >>> from mpi4py import MPI
-        >>> from asperity.surface import Flat
-        >>> flat, elastic = Flat(L=1.0), asp.Material(E=1.0, nu=0.3)
-        >>> block = make_block(MPI.COMM_SELF, flat, 1.0, 0.01, asp.MeshSize(h_contact=1.0, h_max=1.0))
-        >>> solver = make_contact_solver(MPI.COMM_SELF, flat, block, elastic)
-        >>> solver.step(0.01).converged, round(solver.force / 0.01, 6), round(elastic.confined_modulus, 6)
-        (True, 1.346154, 1.346154)
-    """
-    material.check_decided()
-    L = surface.L
-
-    def checked_height() -> float:
-        assert block is not None
-        block.check(surface)
-        return block.height
-
-    height = on_root_bcast(comm, checked_height)
-    mesh, tags = distribute(comm, block, 1.0 / L, sides == "periodic")
-    check_distortion(mesh, surface)
-    solid = Solid(mesh, tags, material.scaled(material.E), sides, kernels, phases)
-    top = ContactSurface(solid)
-    contact = make_contact(formulation or Formulation(), solid, top)
-    summit = (height + surface.maximum()[2] - surface.mean()) / L
-    return ContactSolver(solid, top, contact, summit, options or SolverOptions())
-
-
-@dataclass(frozen=True)
-class Hooks:
-    """Callbacks of a load path, and what to keep of it.
-
-    Attributes:
-        on_stage: called with the name of each stage
-        on_step: called after each accepted step
-        stop: polled after each step on all ranks; a non-empty string stops the run
-        checkpoint: receives the state; one that holds a state is continued from
-        snapshots: states of the top to keep per loading
-        on_ready: called when mesh and solver are made, before anything is saved
-        stiffness: whether to compute the columns k_n to k_n_interface
-        conductance: whether to compute the column conductance
-
-    Examples:
-        >>> from asperity.surface import Flat
-        >>> size = asp.MeshSize(h_contact=1.0, h_max=1.0)
-
-        >>> block = asp.Problem.of(Flat(L=1.0), asp.Material(E=1.0, nu=0.3), delta_max=0.01, steps=2, size=size)
-        >>> hooks = Hooks(on_step=lambda rows, fraction: print(rows[-1]["delta"], fraction))
-        >>> result = asp.solve_problem(block, hooks=hooks)
-        0.005 0.5
-        0.01 1.0
-    """
-
-    on_stage: Callable[[str], None] | None = None
-    on_step: Callback | None = None
-    stop: Callable[[], str] | None = None
-    checkpoint: Checkpoint | None = None
-    snapshots: int = 0
-    on_ready: Callable[[], None] | None = None
-    stiffness: bool = False
-    conductance: bool = False
-
-    def probes(self, solid: Solid) -> tuple[Probe, ...]:
-        """Measurements of each accepted step that are requested; collective."""
-        found: tuple[Probe, ...] = (stiffness_of,) if self.stiffness else ()
-        return (*found, Conductance(solid)) if self.conductance else found
-
-    def stage(self, name: str) -> None:
-        """Announce a stage."""
-        if self.on_stage is not None:
-            self.on_stage(name)
 
 
 def solve_contact(
@@ -380,9 +124,8 @@ def solve_problem(
         if given is None:
             with phases.phase("mesh"):
                 block = make_block(comm, problem.surface, problem.height, delta_max, problem.size, problem.sides)
-            on_root(comm, lambda: judge_smoothing(block, problem.surface, delta_max))
         h = problem.size.h_contact or H_CONTACT * L
-        on_root(comm, partial(warn_of_missed_waves, problem.surface, h, delta_max))
+        on_root(comm, partial(judge_mesh, block, problem.surface, h, delta_max))
     hooks.stage("set-up")
     with phases.phase("set-up"):
         solver = solver_of(problem, block, comm, phases)
@@ -446,21 +189,6 @@ def _follow(problem: Problem, solver: ContactSolver, record: Record, position: P
             )
 
     follow(solver, schedule, record, hooks.snapshots, hooks.on_step, position, on_position)
-
-
-def solver_of(problem: Problem, block: BlockMesh | None, comm: MPI.Comm, phases: Phases | None = None) -> ContactSolver:
-    """Contact solver of a problem on a mesh, see `make_contact_solver`; collective."""
-    return make_contact_solver(
-        comm,
-        problem.surface,
-        block,
-        problem.material,
-        sides=problem.sides,
-        formulation=problem.formulation,
-        kernels=problem.kernels,
-        options=problem.options,
-        phases=phases,
-    )
 
 
 def estimate_approach(problem: Problem, comm: MPI.Comm) -> float:

@@ -16,20 +16,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asperity import _solver
 from asperity.arrays import Floats, Integers
 from asperity.curve import STIFFNESSES
 from asperity.fem.solid import Solid
+from asperity.linear.matrix_free import tangent_product
 from asperity.mesh.distribute import SIDE_X, SIDE_Y
 
 if TYPE_CHECKING:
     from asperity.quasistatic.contact_solver import ContactSolver
 
-ACCURACY = 1e-3  # greatest relative error that the linear solver leaves
-LOOSEST = 0.3  # tolerance of a pass
-SHARE = 0.3  # of the accuracy that a pass aims at, for the norm of the preconditioner is not quite that of the energy
+LEFT = 1e-3  # estimate of the relative error that the linear solver may leave; the estimate is taken off
+ACCURACY = 1e-3  # the same of GMRES, which has no such estimate
 NEAR = 0.8  # stiffness over that of its start from the rate of the step, and tangential over normal stiffness, roughly
 PASSES = 5  # of the linear solver at most
+TIGHTEST = 1e-8  # relative tolerance where an absolute one counts
 FULL = 1e-3  # part of the compliance below which that of the interface is lost in rounding and discretisation
 
 
@@ -54,7 +54,7 @@ def stiffness_of(solver: ContactSolver, rate: Floats | None = None) -> dict[str,
         return dict.fromkeys(STIFFNESSES, 0.0)
     held = solver.newton.rows
     solid.assemble_tangent(contact.add_tangent if contact.stiff else None)
-    normal = _Translation(solver, 2, np.concatenate([solid.fixed, held]), held, contact.symmetric)
+    normal = _Translation(solver, 2, np.concatenate([solid.fixed, held]), held, contact.symmetric, contact.stiff)
     w = normal.start() if rate is None else normal.start(rate + normal.unit)
     found = {}
     found["k_n"], w = normal.force(w, near=None)
@@ -66,12 +66,11 @@ def stiffness_of(solver: ContactSolver, rate: Floats | None = None) -> dict[str,
     if contact.stiff:
         solid.assemble_elastic()
     plate = (3 * nodes[:, None] + np.arange(3, dtype=np.int32)).ravel()
-    along = []
-    for axis in (0, 1):
-        shear = _Translation(solver, axis, np.union1d(_mirrored(solid, axis), plate), plate, symmetric=True)
-        # the vertical motion decays from the contact as the tangential one does
-        along.append(shear.force(shear.start(w[:, 2:] * shear.unit), near=NEAR * found["k_n_elastic"])[0])
-    found["k_t"] = 0.5 * (along[0] + along[1])
+    x, y = (_Translation(solver, k, np.union1d(_mirrored(solid, k), plate), plate, True, False) for k in (0, 1))
+    # the vertical motion decays from the contact as the tangential one does, and that along y as that along x
+    along_x, w = x.force(x.start(w[:, 2:] * x.unit), near=NEAR * found["k_n_elastic"])
+    along_y, _ = y.force(y.start(w[:, (1, 0, 2)]), near=along_x)
+    found["k_t"] = 0.5 * (along_x + along_y)
     height = solver.contact_surface.mean(solid.points[:, 2])
     modulus, shear_modulus = solid.material.block_modulus(solid.sides), solid.material.lame[1]
     found["k_n_interface"] = without_block(found["k_n_elastic"], modulus / height)  # elastic like k_t and the block
@@ -99,11 +98,14 @@ class _Translation:
         rows: owned dofs that are prescribed
         held: those of them that the flat holds
         symmetric: whether the tangent is
+        tied: whether a contact in the tangent resists a translation
     """
 
-    def __init__(self, solver: ContactSolver, axis: int, rows: Integers, held: Integers, symmetric: bool) -> None:
+    def __init__(
+        self, solver: ContactSolver, axis: int, rows: Integers, held: Integers, symmetric: bool, tied: bool
+    ) -> None:
         self._solid, self._linear = solver.solid, solver.newton.linear
-        self._rows, self._symmetric = rows.astype(np.int32), symmetric
+        self._rows, self._symmetric, self._tied = rows.astype(np.int32), symmetric, tied
         self.unit = np.eye(3)[axis]
         e = np.tile(self.unit, (self._solid.owned, 1))
         e.reshape(-1)[held] = 0.0
@@ -121,9 +123,9 @@ class _Translation:
     def force(self, w: Floats, near: float | None) -> tuple[float, Floats]:
         """Force of the flat [E L], NaN where the linear solver fails, and displacement, from a start (owned, 3).
 
-        The energy falls with each pass of the linear solver by the work of the residual on the correction, because the
-        iterates of CG minimise it; its square tolerance is the part that is left to fall. Each pass is as loose as the
-        accuracy admits. Collective.
+        The iterates of CG minimise the energy: it falls by the work of the residual on the correction, and has left to
+        fall what the preconditioner makes of the last residual. Each pass is as loose as the accuracy admits.
+        Collective.
 
         Args:
             w: the start
@@ -133,22 +135,15 @@ class _Translation:
         r, y = solid.vector(), solid.vector()
         force, image = self._work(w)
         guess = NEAR * force if near is None or not near < force else near
-        left = force - guess
         for _ in range(PASSES):
-            rtol = ACCURACY
-            if symmetric:
-                admitted = np.sqrt(SHARE * ACCURACY * abs(guess / left)) if left else LOOSEST
-                rtol = float(np.clip(admitted, ACCURACY, LOOSEST))
             r.array = -image
-            if not self._linear.solve(r, self._rows, np.empty(0), y, rtol)[1]:
+            rtol, atol = (TIGHTEST, np.sqrt(LEFT * abs(guess))) if symmetric else (ACCURACY, 0.0)
+            if not self._linear.solve(r, self._rows, np.empty(0), y, rtol, atol)[1]:
                 break
-            w = w + y.array_r.reshape(-1, 3)
-            before = force
+            w, before = w + y.array_r.reshape(-1, 3), force
             if symmetric:
-                fall = self._fall(r, y)
-                force, left = before - fall, fall * rtol**2
-                guess = force
-                if abs(left) <= ACCURACY * abs(force):
+                guess = force = before - self._fall(r, y) - self._linear.left
+                if self._linear.left <= LEFT * abs(force):
                     return force, w
             force, image = self._work(w)
             # the norm of GMRES is not that of the energy: the error that is left is the correction itself
@@ -164,16 +159,12 @@ class _Translation:
 
     def _work(self, w: Floats) -> tuple[float, Floats]:
         """Force of the flat, and the nodal forces (3 owned,) of a displacement; collective."""
-        image = _product(self._solid, w)
+        if self._tied:
+            image = tangent_product(self._solid, w)
+        else:  # a translation strains nothing; without it most of the solid is at rest, and single precision will do
+            image = self._linear.product((w - self.unit).ravel())
         test = w if self._symmetric else self._e  # the forces do the same work on both
         return float(self._solid.comm.allreduce(float(np.vdot(test, image)))), image
-
-
-def _product(solid: Solid, x: Floats) -> Floats:
-    """Tangent times owned dof values (3 owned,), in double precision; collective."""
-    sparsity, image = solid.sparsity, np.zeros((solid.nodes, 3))
-    _solver.product(sparsity.indptr, sparsity.indices, solid.values, solid.scatter_forward(x), image)
-    return solid.scatter_reverse(image).ravel()
 
 
 def _mirrored(solid: Solid, axis: int) -> Integers:

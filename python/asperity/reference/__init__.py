@@ -13,7 +13,7 @@ Examples:
 
 from __future__ import annotations
 
-from asperity.reference.adhesion import pull_off, stickiness, tabor_parameter
+from asperity.reference.adhesion import pull_off, range_of_stickiness, stickiness, tabor_parameter
 from asperity.reference.elastic import (
     DoubleSinusoid,
     Hertz,
@@ -26,6 +26,7 @@ from asperity.reference.elastic import (
     similar_coefficient,
 )
 from asperity.reference.halfspace import HalfSpaceContact, half_space_contact
+from asperity.reference.inertia import first_frequency
 from asperity.reference.plastic import (
     PressurisedSphere,
     confined_stress,
@@ -34,8 +35,11 @@ from asperity.reference.plastic import (
     j2_path,
     jackson_green,
     kogut_etsion,
+    residual_of_perfect_sphere,
     uniaxial_stress,
+    unloaded_sphere,
 )
+from asperity.reference.radiation import radiation_compliance, radiation_loss
 from asperity.reference.rough_halfspace import RoughCurve, RoughHalfSpace
 from asperity.reference.tables import (
     FLATTENED_DEPTHS,
@@ -60,6 +64,7 @@ __all__ = [
     "area_coefficient",
     "block_modulus",
     "confined_stress",
+    "first_frequency",
     "first_yield",
     "ghaednia",
     "half_space_contact",
@@ -69,10 +74,15 @@ __all__ = [
     "kogut_etsion",
     "patch_test_slope",
     "pull_off",
+    "radiation_compliance",
+    "radiation_loss",
+    "range_of_stickiness",
     "reduced_modulus",
+    "residual_of_perfect_sphere",
     "rough_elastic_surface",
     "similar_coefficient",
     "stickiness",
     "tabor_parameter",
     "uniaxial_stress",
+    "unloaded_sphere",
 ]

@@ -33,7 +33,7 @@ def pull_off(R: float, w: float, tabor: float) -> float:
     """Return the force that pulls an elastic sphere off a flat (N), between 3/2 pi w R (JKR) and 2 pi w R (DMT).
 
     Carpick, Ogletree & Salmeron, J. Colloid Interface Sci. 211 (1999) 395, with lambda = 1.157 mu (Johnson & Greenwood,
-    ibid. 192 (1997) 326).
+    ibid. 192 (1997) 326); within 2 % of the equations of Maugis.
 
     Args:
         R: radius of the sphere (m).
@@ -53,7 +53,9 @@ def stickiness(slope: float, curvature: float, w: float, E_prime: float, z0: flo
     """Return h' E' z0/(kappa w) (h'^2/(h'' z0))^(2/3): a rough elastic surface is sticky below 1.
 
     Pastewka & Robbins, PNAS 111 (2014) 3298, eq. 10 with kappa = 2, diameter of contacts 4 h'/h'' and
-    pi (3/16)^(2/3) = 1.03 as 1. A plastic surface is less sticky.
+    pi (3/16)^(2/3) = 1.03 as 1: so the program of that group has it (ContactEngineering/Adhesion,
+    examples/adhesive_simulation_rough.py). It needs an attraction of short range, see `range_of_stickiness`. A plastic
+    surface is less sticky.
 
     Args:
         slope: rms slope h'.
@@ -67,3 +69,21 @@ def stickiness(slope: float, curvature: float, w: float, E_prime: float, z0: flo
         66.9
     """
     return float(slope * E_prime * z0 / (KAPPA * w) * (slope**2 / (curvature * z0)) ** (2.0 / 3.0))
+
+
+def range_of_stickiness(slope: float, curvature: float, z0: float = RANGE) -> float:
+    """Return z0 over the gaps next to contacts, 16 h'^2/(3 h''): below about 0.1 the stickiness applies.
+
+    Monti, Sanner & Pastewka, Tribol. Lett. 69 (2021), doi:10.1007/s11249-021-01454-6; the limit is that of the program
+    named in `stickiness`.
+
+    Args:
+        slope: rms slope h'.
+        curvature: rms curvature h'', half of the rms Laplacian (1/m).
+        z0: range of the attraction (m).
+
+    Examples:
+        >>> round(asp.reference.range_of_stickiness(slope=0.1, curvature=1e7), 4)
+        0.0563
+    """
+    return 3.0 * z0 * curvature / (16.0 * slope**2)

@@ -358,3 +358,37 @@ def ghaednia(delta: ArrayLike, R: float, E: float, nu: float, Y: float, E_t: flo
         np.where(small, elastic, force),
         np.where(small, math.pi * R * delta, math.pi * a**2),
     )
+
+
+def unloaded_sphere(w: ArrayLike) -> tuple[Array, Array]:
+    """Return (residual approach over the greatest one, exponent) of a flattened elastic-plastic sphere after release.
+
+    Etsion, Kligerman and Kadin, Int. J. Solids Struct. 42 (2005) 3716; a fit to finite elements of a sphere with linear
+    hardening. The unloading is F = F_max ((delta - residual)/(delta_max - residual))^exponent.
+
+    Args:
+        w: greatest approach over that at the onset of yield, from 1 on.
+
+    Examples:
+        >>> residual, exponent = asp.reference.unloaded_sphere([1.0, 10.0, 100.0])
+        >>> residual.round(3), exponent.round(3)
+        (array([0.   , 0.378, 0.694]), array([1.5  , 1.39 , 1.288]))
+    """
+    w = np.asarray(w, float)
+    return (1.0 - w**-0.28) * (1.0 - w**-0.69), 1.5 * w**-0.0331
+
+
+def residual_of_perfect_sphere(w: ArrayLike) -> Array:
+    """Return the residual approach over the greatest one of an elastic-perfectly plastic sphere after release.
+
+    Jackson, Chusoipin and Green, J. Tribol. 127 (2005) 484; a fit to finite elements.
+
+    Args:
+        w: greatest approach over that at the onset of yield, from 1 on.
+
+    Examples:
+        >>> asp.reference.residual_of_perfect_sphere([1.0, 10.0, 100.0]).round(3)
+        array([0.   , 0.37 , 0.787])
+    """
+    residual: Array = 1.02 * (1.0 - ((np.asarray(w, float) + 5.9) / 6.9) ** -0.54)
+    return residual

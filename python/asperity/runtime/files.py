@@ -29,8 +29,8 @@ UNREADABLE = (
 
 
 def _temporary_for(path: Path) -> Path:
-    """Hidden file or folder in which this process writes the content of `path`; the name is unique to the process."""
-    return path.with_name(f".{path.name}.{os.getpid()}.asperity")
+    """Hidden file or folder where this process writes the content of `path`; no other process does, on any machine."""
+    return path.with_name(f".{path.name}.{os.uname().nodename}.{os.getpid()}.asperity")
 
 
 def is_aside(name: str) -> bool:

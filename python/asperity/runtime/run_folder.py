@@ -23,6 +23,7 @@ from asperity.runtime.files import is_aside
 CASE, CURVE, SUMMARY, LOG = "case.toml", "curve.csv", "summary.json", "run.log"
 FREE, RESPONSE, BAND, THRESHOLDS = "free.csv", "response.csv", "band.csv", "thresholds.json"
 RANDOM = "random.csv"
+LOOPS = "loops.csv"
 REPORT = "report.html"
 FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
 TOP, BLOCK, VTKHDF = "top.npz", "mesh.npz", "contact.vtkhdf"  # in fields
@@ -30,7 +31,10 @@ DISTRIBUTIONS = "distributions.csv"  # in fields
 PICTURES = (
     "surface", "mesh", "curve", "area", "pressure", "stiffness", "plasticity", "frequency", "response", "receptance",
     "random", "scene",
-)  # in figures, .png # fmt: skip
+)  # in figures # fmt: skip
+FIELD_PICTURES = ("surface", "mesh", "pressure", "scene")  # the others consist of lines and are in .svg too
+_FIGURES = {name: [f"{FIGURES}/{name}.{form}" for form in ("png", "svg") if form == "png" or name not in FIELD_PICTURES]
+            for name in PICTURES}  # fmt: skip
 #: Files of `asperity export` in the folder of a run, by program or kind of file.
 EXPORTS = {
     "calculix": "contact_calculix.inp",
@@ -42,9 +46,9 @@ MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpo
 
 #: All files and folders that a run writes, folders after their files; without those of the checkpoint.
 PRODUCTS = (
-    CURVE, SUMMARY, LOG, FREE, RESPONSE, BAND, RANDOM, THRESHOLDS, REPORT,
+    CURVE, SUMMARY, LOG, LOOPS, FREE, RESPONSE, BAND, RANDOM, THRESHOLDS, REPORT,
     *(f"{FIELDS}/{name}" for name in (BLOCK, TOP, VTKHDF, DISTRIBUTIONS)), FIELDS,
-    *(f"{FIGURES}/{name}.png" for name in PICTURES), FIGURES,
+    *(path for paths in _FIGURES.values() for path in paths), FIGURES,
     CASE,
 )  # fmt: skip
 
@@ -57,10 +61,11 @@ _PARTS = {
         BAND,
         RANDOM,
         THRESHOLDS,
-        *(f"{FIGURES}/{name}.png" for name in ("frequency", "response", "receptance", "random")),
+        *(path for name in ("frequency", "response", "receptance", "random") for path in _FIGURES[name]),
     ),
+    "loops": (LOOPS,),
     "fields": (f"{FIELDS}/{VTKHDF}",),
-    "figures": (*(f"{FIGURES}/{name}.png" for name in PICTURES if name != "scene"), FIGURES),
+    "figures": (*(path for name, paths in _FIGURES.items() if name != "scene" for path in paths), FIGURES),
     "report": (REPORT,),
 }
 
@@ -164,6 +169,7 @@ def _parts(case: Mapping[str, Any]) -> set[str]:
     output = case.get("output", {})
     requested = {
         "dynamics": "dynamics" in case,
+        "loops": "loops" in case,
         "fields": output.get("fields"),
         "figures": output.get("figures") or output.get("report"),  # which contains them
         "report": output.get("report"),

@@ -10,7 +10,7 @@ results = StudyResults.read("out/study")
 
 from asperity.study.definition import Entry, Family, Study
 from asperity.study.results import Level, StudyLevel, StudyResults, ensemble_curve, summarise_case
-from asperity.study.run import run_study
+from asperity.study.run import collect_study, run_study
 
 __all__ = [
     "Entry",
@@ -19,6 +19,7 @@ __all__ = [
     "Study",
     "StudyLevel",
     "StudyResults",
+    "collect_study",
     "ensemble_curve",
     "run_study",
     "summarise_case",

@@ -101,11 +101,13 @@ def draw_column(
 
 
 @style.styled
-def family_figure(results: StudyResults, name: str) -> Figure:
-    """Draw the curves of a family and the exponents of its cases."""
+def family_figure(results: StudyResults, name: str, *, ax: style.Place | None = None) -> Figure:
+    """Draw the curves of a family and the exponents of its cases, on two axes `ax` if given."""
     levels = results.levels(name)
     labels = [label_of(level.parameters) for level in levels]
-    figure, (left, right) = style.figure(style.DOUBLE, 3.5, columns=2)
+    figure, axes = style.figure(style.DOUBLE, 3.9, columns=2, ax=ax)
+    style.titles(axes, ("mean curves", "exponents"))
+    left, right = axes
     draw_curves(left, results, levels, labels)
     numbers = [str(i + 1) for i in range(len(levels))]
     draw_column(right, levels, numbers, "n", style.BLUE, "linear fit", -0.15)
@@ -114,13 +116,14 @@ def family_figure(results: StudyResults, name: str) -> Figure:
     right.set_xlabel("level, in the order of the legend")
     right.set_ylabel("exponent $n$")
     right.legend(loc="best")
-    handles, texts = left.get_legend_handles_labels()
-    numbered = [f"{i + 1}: {text}" for i, text in enumerate(texts)]
-    figure.legend(handles, numbered, loc="outside lower center", ncols=min(4, max(1, len(numbered))))
+    lines = left.get_lines()[: len(labels)]
+    for i, line in enumerate(lines, start=1):
+        line.set_label(f"{i}: {line.get_label()}")
+    style.legend(figure, axes, ax, lines, min(4, max(1, len(lines))))
     title = next(family.title for family in results.families if family.name == name)
     seeds = max((len(level.rows) for level in levels), default=0)
-    figure.suptitle(f"{title} ({seeds} per level; band: one standard deviation)")
-    style.letters(left, right)
+    if ax is None:
+        figure.suptitle(f"{title} ({seeds} per level; band: one standard deviation)")
     return figure
 
 

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from asperity.adaptive.mesh_plan import extrapolate
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.output.assumptions import yield_pressure
 from asperity.power_law import interface_approach
 
 FULL = 0.9  # contact area over the patch beyond which the interface is practically closed
@@ -45,7 +44,7 @@ class Block:
     def of(case: Case) -> Block:
         """Return the block of a case; with free sides, solves a flat block of the same shape, once per process."""
         solid, side, height = case.material.solid, case.surface.L, case.block.height
-        yields_at = yield_pressure(solid, case.block.sides)
+        yields_at = solid.yield_pressure(case.block.sides)
         if case.block.sides != "free":
             return Block(side, height, solid.confined_modulus, yields_at)
         return Block(side, height, solid.E * free_block_modulus(solid.nu, height / side), yields_at)

@@ -21,7 +21,7 @@ from asperity.arrays import Array
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import AsperityError, InputError
-from asperity.output.assumptions import doubtful
+from asperity.output.assumption import doubtful
 from asperity.power_law import PowerLawFit, fit_or_none
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import replace_file
@@ -176,11 +176,16 @@ def write_tables(study: Study, folder: Path) -> list[dict[str, Any]]:
     table.writeheader()
     table.writerows({k: "" if v is None else v for k, v in row.items()} for row in rows)
     replace_file(folder / TABLE, text.getvalue().encode())
+    write_about(study, folder)
+    return rows
+
+
+def write_about(study: Study, folder: Path) -> None:
+    """Write study.json: what the study is, without results."""
     families = [{"name": f.name, "title": f.title, "keys": f.keys} for f in study.families]
     about = {"title": study.title, "families": families, "cases": len(study.entries), "keys": study.keys}
     about |= {"edge_summits": study.edge_summits, "replaced_seeds": study.replaced}
     replace_file(folder / ABOUT, f"{json.dumps(about, indent=2)}\n".encode())
-    return rows
 
 
 def case_folder(folder: Path, key: str) -> Path:

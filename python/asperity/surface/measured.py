@@ -40,6 +40,7 @@ ALPHA = math.sqrt(math.log(2) / math.pi)  # constant of the Gaussian filter, ISO
 
 FLAT = 1e-12  # depth over the side below which a map is flat: that of round-off
 MOST_FACTORED = 400_000  # missing heights that are filled by a factorisation, others by iteration
+MOST_READ = 400_000_000  # heights of a file, 3.2 GB; the largest instruments have 1e8
 STEEPEST = 30.0  # greatest plausible rms slope
 UNITS = {"mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "pm": 1e-12}  # of heights that were read as metres
 USUAL = 0.1  # rms slope of rough surfaces, within a factor of ten
@@ -286,15 +287,18 @@ def _read_instrument(path: Path, pixel: float | None) -> HeightField:
         ReadFileError,
     )
 
-    unmeasured = InputError(f"{path} contains heights without lengths; give the distance between heights (--pixel)")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             channel = (reader := SurfaceTopography.open_topography(str(path))).default_channel
+            _check_plausible(path, reader, channel)
             sizes: dict[str, Any] = {}
             if channel.physical_sizes is None:
                 if pixel is None:
-                    raise unmeasured
+                    raise InputError(
+                        f"{path} contains heights without lengths, as {_seen_as(reader, channel)}; if they are a map, "
+                        "give the distance between heights (--pixel)"
+                    )
                 sizes = {"physical_sizes": tuple(n * pixel for n in channel.nb_grid_pts), "unit": "m"}
             topography = reader.topography(**sizes)
     except CannotDetectFileFormat:
@@ -310,6 +314,22 @@ def _read_instrument(path: Path, pixel: float | None) -> HeightField:
     dx, dy = (float(p) for p in in_metres.pixel_size)
     z = np.ma.filled(np.ma.masked_invalid(np.ma.asarray(in_metres.heights(), dtype=float)), np.nan)
     return HeightField(np.asarray(z).T, dx, dy)
+
+
+def _check_plausible(path: Path, reader: Any, channel: Any) -> None:
+    """Refuse what a reader sees in a file that it mistakes for one of its own, before memory for it is allocated."""
+    if math.prod(map(int, channel.nb_grid_pts)) > MOST_READ:
+        raise InputError(
+            f"{path} is read as {_seen_as(reader, channel)}, more than {MOST_READ:.0e} heights: probably a file of "
+            "another format; export the map as .npz or .gwy"
+        )
+
+
+def _seen_as(reader: Any, channel: Any) -> str:
+    """Format, channel and grid that SurfaceTopography found, for messages."""
+    grid = " x ".join(str(int(n)) for n in channel.nb_grid_pts)
+    name = "".join(c for c in str(channel.name) if c.isprintable())
+    return f"channel {name!r} of {grid} heights by {type(reader).__name__} of SurfaceTopography"
 
 
 def _trend(z: Array, trend: str) -> Array:

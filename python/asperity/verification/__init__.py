@@ -30,6 +30,8 @@ _CASES = {
     "thick-sphere": "shell.pressurised_sphere",
     "flattened-sphere": "flattening.flattened_sphere",
     "rough": "rough.rough",
+    "impact": "motion.impact",
+    "vibration": "motion.vibration",
     "rates": "rates.rates",
 }
 NAMES = tuple(_CASES)

@@ -15,7 +15,7 @@ from asperity import reference
 from asperity.arrays import Floats
 from asperity.model.material import Material
 from asperity.model.settings import Formulation
-from asperity.quasistatic.solve_contact import ContactResult
+from asperity.quasistatic.contact_result import ContactResult
 from asperity.surface import Sphere
 from asperity.verification.patch import METHODS
 from asperity.verification.table import (

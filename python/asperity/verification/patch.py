@@ -17,7 +17,8 @@ from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
-from asperity.quasistatic.solve_contact import make_block, make_contact_solver, solve_problem
+from asperity.quasistatic.make import make_block, make_contact_solver
+from asperity.quasistatic.solve_contact import solve_problem
 from asperity.quasistatic.stepping import Record, follow
 from asperity.surface import Flat
 from asperity.verification.solids import planes_of_symmetry

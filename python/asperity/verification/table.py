@@ -18,7 +18,8 @@ import numpy.typing as npt
 from asperity.adaptive.extrapolation import steady
 from asperity.arrays import Floats
 from asperity.model.settings import MeshSize
-from asperity.quasistatic.solve_contact import ContactResult, solve_contact
+from asperity.quasistatic.contact_result import ContactResult
+from asperity.quasistatic.solve_contact import solve_contact
 from asperity.runtime.files import replace_file
 from asperity.surface import Surface
 

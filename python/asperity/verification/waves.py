@@ -14,7 +14,7 @@ import numpy as np
 from asperity import reference
 from asperity.mesh.element import BEARING
 from asperity.model.material import Material
-from asperity.quasistatic.solve_contact import ContactResult
+from asperity.quasistatic.contact_result import ContactResult
 from asperity.surface import Sinusoid
 from asperity.verification.table import (
     FORCE,

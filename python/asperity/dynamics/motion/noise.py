@@ -21,8 +21,9 @@ from scipy.fft import next_fast_len
 
 from asperity.arrays import Array
 from asperity.dynamics.forcing import Setting
-from asperity.dynamics.law.damping import in_flight
+from asperity.dynamics.law.damping import in_flight, rate
 from asperity.dynamics.law.law import EXTRAPOLATE
+from asperity.dynamics.law.loop_damping import LoopDamping
 from asperity.dynamics.motion.runge_kutta import ESCAPE, STEP
 from asperity.dynamics.orbits.harmonic_balance import Balance
 from asperity.errors import RangeError
@@ -33,6 +34,7 @@ _TOGETHER = 2  # neighbouring lines averaged
 _DECAY = 10.0  # times 1/zeta from rest to the record
 _PER_WAVE = 24  # steps per period of the fastest part of the force
 _STIFFER = 1.2  # growth of the natural frequency at the greatest displacement above which a record is repeated
+_IN_CONTACT = -1.0 + 1e-12  # stages of the step to a separation may lie just beyond it
 _CLOSE = 1e-12  # distance from contact loss at which an event is located
 
 
@@ -242,6 +244,8 @@ class _Motion:
         self._at, self._z_s, self._scale = r.law.at, r.z_s, 1.0 / r.scale
         self._rest, self._loss = 1.0 / r.n_loc, 2.0 * balance.zeta
         self._share = r.n_loc if balance.damping == "hunt-crossley" else 0.0
+        self._loops = balance.damping if isinstance(balance.damping, LoopDamping) else None
+        self._restoring = r
         self._flight_loss = self._loss if in_flight(balance.damping) else 0.0
         self.lost, self.separations = 0.0, 0
 
@@ -299,7 +303,10 @@ class _Motion:
 
     def _in_contact(self, u: float, v: float) -> float:
         p = self._scale * self._at(self._z_s * (1.0 + u))[0]
-        return self._rest - p - self._loss * (self._share * p if self._share else 1.0) * v
+        factor = self._share * p if self._share else 1.0
+        if self._loops is not None:
+            factor = float(rate(self._restoring, self._loops, np.array([max(u, _IN_CONTACT)]))[0])
+        return self._rest - p - self._loss * factor * v
 
     def _in_flight(self, u: float, v: float) -> float:
         return self._rest - self._flight_loss * v

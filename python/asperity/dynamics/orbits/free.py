@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 
 from asperity.arrays import Array
 from asperity.dynamics.law.checks import positive, positives
-from asperity.dynamics.law.damping import in_flight, rate
+from asperity.dynamics.law.damping import Damping, in_flight, rate
 from asperity.dynamics.law.restoring import Restoring
 from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.errors import ConvergenceError, RangeError
@@ -145,7 +145,7 @@ def contact_limit(restoring: Restoring) -> float:
     return float(brentq(lambda u: float(restoring.potential(u)) - wall, 0.0, high, xtol=1e-15, rtol=1e-14))
 
 
-def free_orbit(restoring: Restoring, u0: float, damping: str = "always") -> FreeOrbit:
+def free_orbit(restoring: Restoring, u0: float, damping: Damping = "always") -> FreeOrbit:
     """Compute the orbit released from rest at `u0`, to 1e-12 where the law is smooth.
 
     Args:
@@ -182,7 +182,7 @@ def free_orbit(restoring: Restoring, u0: float, damping: str = "always") -> Free
     )
 
 
-def rough_orbit(restoring: Restoring, u0: float, damping: str) -> tuple[float, float]:
+def rough_orbit(restoring: Restoring, u0: float, damping: Damping) -> tuple[float, float]:
     """Return frequency and `FreeOrbit.drive` to about 1e-4, for starting values."""
     half = _half_period(restoring, u0, orders=_ORDERS[:1])
     a1 = float(_harmonics(half, np.array([1]))[0])
@@ -237,7 +237,7 @@ def _half_period(restoring: Restoring, u0: float, least: int = 0, orders: tuple[
     return _HalfPeriod(u, dt, t, speed, u_min, v_s, n * v_s, n, error)
 
 
-def _dissipation(restoring: Restoring, half: _HalfPeriod, damping: str) -> float:
+def _dissipation(restoring: Restoring, half: _HalfPeriod, damping: Damping) -> float:
     """Return INT g u'^2 over the period."""
     loss = 2.0 * float((rate(restoring, damping, half.u) * half.speed**2) @ half.dt)
     if half.v_s > 0 and in_flight(damping):
@@ -259,7 +259,7 @@ def _harmonics(half: _HalfPeriod, k: Array) -> Array:
 
 
 def free_vibration(
-    restoring: Restoring, amplitudes: ArrayLike, *, model: str, omega_s: float, damping: str = "always"
+    restoring: Restoring, amplitudes: ArrayLike, *, model: str, omega_s: float, damping: Damping = "always"
 ) -> FreeVibration:
     """Compute the natural frequency at each release amplitude; see `free_orbit`."""
     orbits = tuple(free_orbit(restoring, u, damping) for u in positives("u0", amplitudes))

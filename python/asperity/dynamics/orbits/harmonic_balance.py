@@ -20,7 +20,7 @@ import numpy as np
 from scipy.special import roots_legendre
 
 from asperity.arrays import Array
-from asperity.dynamics.law.damping import primitive, rate
+from asperity.dynamics.law.damping import Damping, primitive, rate
 from asperity.dynamics.law.restoring import Restoring
 from asperity.errors import ConvergenceError
 
@@ -44,7 +44,7 @@ class Balance:
 
     restoring: Restoring
     zeta: float
-    damping: str = "always"
+    damping: Damping = "always"
     order: int = 1
 
     def evaluate(self, x: Array, omega: float, forcing: float) -> tuple[Array, Array, Array]:

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
+from asperity.dynamics.law.damping import only_in_contact
 from asperity.dynamics.orbits.continuation import MIN_HARMONICS, Tracing, in_forcing, start, trace
 from asperity.dynamics.orbits.free import orbit_coefficients, rough_orbit
 from asperity.dynamics.orbits.harmonic_balance import Balance, resize
@@ -65,7 +66,7 @@ def backbone_chart(balance: Balance, forcing: float) -> tuple[Array, Array]:
         except ConvergenceError:  # the law is too stiff at amplitudes far beyond any resonance
             break
         chart.append((float(u), frequency))
-        if 2.0 * balance.zeta * drive > forcing and balance.damping != "contact":
+        if 2.0 * balance.zeta * drive > forcing and not only_in_contact(balance.damping):
             break
     amplitudes, frequencies = np.array(chart).reshape(-1, 2).T
     return amplitudes, frequencies

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from asperity.arrays import Array
+from asperity.dynamics.law.damping import Damping, only_in_contact
 from asperity.dynamics.law.restoring import Restoring
 from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.dynamics.orbits.free import FreeOrbit, column, contact_limit, free_orbit
@@ -150,7 +151,7 @@ class Thresholds:
         return {**asdict(self), "peaks": [dict(p) for p in self.peaks]}
 
 
-def backbone(restoring: Restoring, *, model: str, damping: str, u_max: float, points: int) -> Backbone:
+def backbone(restoring: Restoring, *, model: str, damping: Damping, u_max: float, points: int) -> Backbone:
     """Compute free orbits up to `u_max`, at equal steps of amplitude and at contact loss.
 
     They end earlier where the law ends: at the rim of a Taylor well, or at the last point of a table.
@@ -163,7 +164,7 @@ def backbone(restoring: Restoring, *, model: str, damping: str, u_max: float, po
     orbits = tuple(free_orbit(restoring, float(u), damping) for u in amplitude)
     valid = tuple(restoring.contact or o.u_min >= -1.0 for o in orbits)
     tolerance = max(o.error for o in orbits)
-    return Backbone(model, restoring.law.describe(), damping, restoring.n_loc, orbits, tolerance, valid)
+    return Backbone(model, restoring.law.describe(), str(damping), restoring.n_loc, orbits, tolerance, valid)
 
 
 def largest_amplitude(restoring: Restoring) -> float:
@@ -181,7 +182,7 @@ def largest_amplitude(restoring: Restoring) -> float:
     return restoring.u_range[1]
 
 
-def resonance_peak(restoring: Restoring, drive: float, damping: str = "always") -> FreeOrbit | None:
+def resonance_peak(restoring: Restoring, drive: float, damping: Damping = "always") -> FreeOrbit | None:
     """Return the free orbit that a forcing F^ = 2 zeta drive sustains at phase resonance; None if there is none.
 
     Raises:
@@ -197,13 +198,13 @@ def resonance_peak(restoring: Restoring, drive: float, damping: str = "always") 
     high = low
     while surplus(high) < 0:
         if high >= limit:
-            if damping == "contact" and not np.isfinite(top):
+            if only_in_contact(damping) and not np.isfinite(top):
                 return None
             raise RangeError(
                 f"the resonance peak for F^/(2 zeta) = {drive:g} lies beyond the end of the law at u = {top:.6g}"
             )
         low, high = high, min(1.5 * high, limit)
-        if damping == "contact" and high > 1e3 and surplus(high) < surplus(low):
+        if only_in_contact(damping) and high > 1e3 and surplus(high) < surplus(low):
             return None
     if high == low:
         return free_orbit(restoring, low, damping)
@@ -212,7 +213,7 @@ def resonance_peak(restoring: Restoring, drive: float, damping: str = "always") 
 
 
 def thresholds(
-    restoring: Restoring, *, model: str, zeta: float, damping: str, forcing: tuple[float, ...] = ()
+    restoring: Restoring, *, model: str, zeta: float, damping: Damping, forcing: tuple[float, ...] = ()
 ) -> Thresholds:
     """Compute the onsets of `Thresholds` and the resonance peak of each F^ in `forcing`."""
     limit = contact_limit(restoring)
@@ -241,7 +242,7 @@ def thresholds(
         model,
         restoring.law.describe(),
         zeta,
-        damping,
+        str(damping),
         restoring.n_loc,
         kappa,
         word,
@@ -259,9 +260,9 @@ def thresholds(
     )
 
 
-def _closing(restoring: Restoring, zeta: float, damping: str) -> float | None:
+def _closing(restoring: Restoring, zeta: float, damping: Damping) -> float | None:
     """Return the largest F^ whose resonance damping in contact alone still limits."""
-    if damping != "contact" or not restoring.contact or np.isfinite(restoring.u_range[1]) or zeta == 0:
+    if not only_in_contact(damping) or not restoring.contact or np.isfinite(restoring.u_range[1]) or zeta == 0:
         return None
     grid = np.geomspace(0.1, 1e4, 26)
     drive = np.array([free_orbit(restoring, u, damping).drive for u in grid])

@@ -1,0 +1,92 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Damping of computed loops: a damper whose loss over a cycle is, at each amplitude, that of the loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import nnls
+
+from asperity.arrays import Array
+from asperity.errors import InputError
+from asperity.loops import LoopTable
+
+_POINTS = 4000  # of the mean over a cycle
+
+
+@dataclass(frozen=True)
+class LoopDamping:
+    """Damping ratio over the amplitude, in addition to the damping ratio of small motion.
+
+    A loop loses the same energy at any frequency. The damper that stands for it is viscous, with a coefficient that
+    rises with the distance from the preload; at the frequency of small motion a harmonic motion of each amplitude loses
+    what the loop loses. Between the amplitudes the coefficient is linear, below the first it falls to zero, beyond the
+    last it is constant. It acts in contact, and so does the damping ratio of small motion next to it.
+
+    Attributes:
+        deflection: amplitudes of the approach, rising (length).
+        zeta: damping ratios of the loops, half of their loss factors.
+        background: damping ratio of small motion, > 0 (that of the oscillator, which sets it).
+
+    Raises:
+        InputError: amplitudes that do not rise, or a ratio that is negative.
+
+    Examples:
+        >>> loops = asp.dynamics.LoopDamping((0.1, 0.2), (0.001, 0.002))
+        >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.01, damping=loops)
+        >>> orbit = oscillator.free([0.2]).orbits[0]
+        >>> loss = 0.01 * orbit.dissipation / (2.0 * np.pi * (0.5 * (0.2 - orbit.u_min)) ** 2)  # 2 zeta = loss factor
+        >>> round(2.0 * loss, 4)
+        0.0121
+    """
+
+    deflection: tuple[float, ...]
+    zeta: tuple[float, ...]
+    background: float = np.nan
+
+    def __post_init__(self) -> None:
+        z = np.array([0.0, *self.deflection])
+        if len(self.deflection) != len(self.zeta) or len(z) < 2 or not np.all(np.diff(z) > 0.0):
+            raise InputError("the amplitudes of loops must be positive and rise, with a damping ratio each")
+        if not all(0.0 <= value < np.inf for value in self.zeta):
+            raise InputError("the damping ratio of a loop is negative or not finite")
+
+    @classmethod
+    def of(cls, loops: LoopTable) -> LoopDamping:
+        """Take the last loop of each amplitude.
+
+        Raises:
+            InputError: a larger force moves the flat no further.
+        """
+        deflection, zeta = loops.damping()
+        return cls(tuple(map(float, deflection)), tuple(map(float, zeta)))
+
+    def __str__(self) -> str:
+        return "loops"
+
+    def coefficient(self, z: Array) -> Array:
+        """Return the coefficient of the damper at distances z >= 0 (length), in units of a damping ratio, its shape."""
+        return np.interp(z, *self._nodes)
+
+    def integral(self, z: Array) -> Array:
+        """Return the integral of `coefficient` from 0 (length), shape of `z`."""
+        x, y = self._nodes
+        sums = np.append(0.0, np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(x)))
+        i = np.clip(np.searchsorted(x, z, side="right") - 1, 0, len(x) - 2)
+        inside = np.minimum(z, x[-1])
+        value = sums[i] + 0.5 * (y[i] + np.interp(inside, x, y)) * (inside - x[i])
+        return np.asarray(value + y[-1] * (z - inside))
+
+    @cached_property
+    def _nodes(self) -> tuple[Array, Array]:
+        """Distances and coefficients between which the damper is linear: the least squares of the damping ratios."""
+        x = np.array([0.0, *self.deflection])
+        theta = 0.5 * np.pi * (np.arange(_POINTS) + 0.5) / _POINTS
+        weight = 2.0 / _POINTS * np.sin(theta) ** 2  # a damper that is one has the damping ratio one
+        hats = np.eye(len(x))[1:]
+        means = np.array([[weight @ np.interp(a * np.cos(theta), x, hat) for hat in hats] for a in x[1:]])
+        return x, np.append(0.0, nnls(means, np.array(self.zeta))[0])

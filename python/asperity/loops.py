@@ -1,0 +1,202 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Loops of the force about a preload: what plastic flow dissipates in each, and their file."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asperity.arrays import Array
+from asperity.errors import InputError
+from asperity.runtime.files import UNREADABLE, replace_file
+
+SHAKEN_DOWN = 1e-4  # loss factor below which a contact has shaken down
+LEFT_OUT = "micro-slip: the flat has no friction, or the points in contact stick"  # of the damping of real joints
+SETTLED = 0.02  # relative change of the loss factor from one loop to the next below which it is steady
+COLUMNS = (
+    "amplitude", "loop", "preload", "delta_low", "delta_high", "deflection", "k", "work", "dissipated", "gained",
+    "energy", "imbalance", "eta",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Loop:
+    """One loop of the force about a preload: from the preload up, down below it, and back.
+
+    Attributes:
+        amplitude: of the force over the preload
+        loop: its number; the first begins at the state of the preload
+        preload: mean force (force)
+        delta_low, delta_high: approach at the least and at the greatest force (length)
+        work: of the flat along the loop, trapezoidal rule (force length)
+        dissipated: by plastic flow (force length)
+        gained: energy of elastic strain and back stress at its end less that at its beginning (force length)
+
+    Examples:
+        >>> loop = Loop(0.5, 2, preload=4.0, delta_low=1.0, delta_high=1.5, work=0.1, dissipated=0.1, gained=0.0)
+        >>> loop.deflection, loop.k, loop.energy, loop.imbalance, round(loop.eta, 6)
+        (0.25, 8.0, 0.25, 0.0, 0.063662)
+    """
+
+    amplitude: float
+    loop: int
+    preload: float
+    delta_low: float
+    delta_high: float
+    work: float
+    dissipated: float
+    gained: float
+
+    @property
+    def deflection(self) -> float:
+        """Amplitude of the approach, half of its range (length)."""
+        return 0.5 * (self.delta_high - self.delta_low)
+
+    @property
+    def k(self) -> float:
+        """Stiffness of the loop, the range of the force over that of the approach (force/length)."""
+        return self.amplitude * self.preload / self.deflection
+
+    @property
+    def energy(self) -> float:
+        """Energy of a spring of this stiffness at this amplitude (force length)."""
+        return 0.5 * self.amplitude * self.preload * self.deflection
+
+    @property
+    def imbalance(self) -> float:
+        """Work less dissipated and gained energy, over `energy`: the error of the trapezoidal rule, if nothing else."""
+        return (self.work - self.dissipated - self.gained) / self.energy
+
+    @property
+    def eta(self) -> float:
+        """Loss factor, the dissipated energy over 2 pi `energy`; twice the damping ratio at resonance."""
+        return self.dissipated / (2.0 * math.pi * self.energy)
+
+    def scaled(self, force: float, length: float) -> Loop:
+        """The loop in other units: forces times `force`, lengths times `length`."""
+        low, high = self.delta_low * length, self.delta_high * length
+        energies = (x * force * length for x in (self.work, self.dissipated, self.gained))
+        return Loop(self.amplitude, self.loop, self.preload * force, low, high, *energies)
+
+
+@dataclass(frozen=True)
+class LoopTable:
+    """Loops amplitude by amplitude, each from the state of the preload.
+
+    Attributes:
+        loops: in the order of amplitudes and numbers
+
+    Examples:
+        A contact that yields in its first loop only, and one that dissipates in each:
+
+        >>> first = Loop(0.2, 1, preload=1.0, delta_low=0.9, delta_high=1.1, work=0.002, dissipated=0.001, gained=0.001)
+        >>> from dataclasses import replace
+        >>> second = replace(first, loop=2, work=0.0, dissipated=0.0, gained=0.0)
+        >>> print(LoopTable((first, second)).sentence())
+        force 0.2 of the preload: loss factor 0.016 in the first loop, shaken down in loop 2
+        >>> steady = replace(first, loop=2, work=0.001, gained=0.0)
+        >>> print(LoopTable((first, steady)).sentence())
+        force 0.2 of the preload: loss factor 0.016 in the first loop, 0.016 in loop 2
+    """
+
+    loops: tuple[Loop, ...]
+
+    def of_amplitudes(self) -> Iterator[tuple[Loop, ...]]:
+        """Yield the loops of each amplitude."""
+        for amplitude in sorted({loop.amplitude for loop in self.loops}):
+            yield tuple(loop for loop in self.loops if loop.amplitude == amplitude)
+
+    def damping(self) -> tuple[Array, Array]:
+        """Deflections (n,) (length) and damping ratios (n,), half the loss factor, of the last loops."""
+        last = [loops[-1] for loops in self.of_amplitudes()]
+        return np.array([loop.deflection for loop in last]), np.array([0.5 * loop.eta for loop in last])
+
+    def unsettled(self) -> tuple[float, ...]:
+        """Amplitudes of the force whose last two loops still differ, or that have one loop only."""
+        found = []
+        for loops in self.of_amplitudes():
+            before, last = loops[-2].eta if len(loops) > 1 else math.inf, loops[-1].eta
+            if abs(last - before) > SETTLED * before and max(before, last) > SHAKEN_DOWN:
+                found.append(loops[-1].amplitude)
+        return tuple(found)
+
+    def sentence(self) -> str:
+        """First and last loop of each amplitude, in words."""
+        parts = []
+        for loops in self.of_amplitudes():
+            first, last = loops[0], loops[-1]
+            of_last = "shaken down" if last.eta < SHAKEN_DOWN else f"{last.eta:.2g}"
+            of_first = "no loss" if first.eta < SHAKEN_DOWN else f"loss factor {first.eta:.2g}"
+            parts.append(
+                f"force {first.amplitude:g} of the preload: {of_first} in the first loop, {of_last} in loop {last.loop}"
+            )
+        return "; ".join(parts)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One row per loop: the columns of loops.csv."""
+        return [{name: getattr(loop, name) for name in COLUMNS} for loop in self.loops]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Section "loops" of summary.json: the last loop of each amplitude next to the first."""
+        table = []
+        for loops in self.of_amplitudes():
+            first, last = loops[0], loops[-1]
+            table.append({
+                "amplitude": first.amplitude, "deflection": last.deflection, "k": last.k, "eta_first": first.eta,
+                "eta": last.eta, "loops": last.loop,
+                "imbalance": max((loop.imbalance for loop in loops), key=abs),
+            })  # fmt: skip
+        return {
+            "preload": self.loops[0].preload,
+            "in_words": self.sentence(),
+            "not_in_the_model": LEFT_OUT,
+            "unsettled": list(self.unsettled()),
+            "amplitudes": table,
+        }
+
+    def write(self, path: Path) -> None:
+        """Write loops.csv."""
+        out = io.StringIO()
+        writer = csv.DictWriter(out, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows({k: repr(v) for k, v in row.items()} for row in self.rows())
+        replace_file(path, out.getvalue().encode())
+
+    @classmethod
+    def read(cls, path: Path) -> LoopTable:
+        """Read loops.csv.
+
+        Raises:
+            InputError: there is no such file, or it is damaged.
+        """
+        try:
+            rows = list(csv.DictReader(io.StringIO(path.read_text(encoding="utf-8"))))
+            table = cls(tuple(_loop(row) for row in rows))
+        except UNREADABLE as error:
+            raise InputError(f"the loops cannot be read from {path}: {error}") from None
+        if not table.loops:
+            raise InputError(f"{path} holds no loop")
+        return table
+
+    @classmethod
+    def scaled(cls, loops: Iterable[Loop], force: float, length: float) -> LoopTable:
+        """A table of loops in other units: forces times `force`, lengths times `length`."""
+        return cls(tuple(loop.scaled(force, length) for loop in loops))
+
+
+def _loop(row: dict[str, str]) -> Loop:
+    """A loop of a row of the file."""
+    amplitude, _, *values = (float(row[item.name]) for item in fields(Loop))
+    return Loop(amplitude, int(row["loop"]), *values)
+
+
+__all__ = ["COLUMNS", "Loop", "LoopTable"]

@@ -1,0 +1,68 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""The result of a run in a few sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from asperity.output.results import Results
+from asperity.units import quantity
+
+
+def verdict(results: Results) -> list[str]:
+    """Return the result with its error bar, the vibration, and what is doubtful: a sentence each, only what is known.
+
+    Args:
+        results: files of a finished or partial run.
+
+    Examples:
+        >>> rows = [{"delta": 1e-9, "force": 2e-6, "P_star": 4e-5, "error_P_star": 8e-7, "area_fraction": 0.01}]
+        >>> verdict(Results("out", asp.Curve.from_rows(rows), case={"units": "SI"}))
+        ['The force is 2 µN ± 2 % at an approach of 1 nm; 1 % of the nominal area is in contact.']
+    """
+    return [*_contact(results), *_vibration(results), *_doubts(results)]
+
+
+def _contact(results: Results) -> Iterator[str]:
+    """Yield force and error bar at the largest force."""
+    curve = results.curve
+    if not len(curve):
+        yield "No load step was accepted."
+        return
+    row = curve.where(np.array([np.argmax(curve.force)]))
+    force, delta = (
+        quantity(float(column[0]), results.unit(dimension))
+        for column, dimension in ((row.force, "force"), (row.delta, "length"))
+    )
+    bar = float(row.error_P_star[0] / row.P_star[0]) if row.P_star[0] > 0 else np.nan
+    known = f" ± {100 * bar:.2g} %" if np.isfinite(bar) else ""
+    share = float(row.area_fraction[0])
+    area = f"; {100 * share:.3g} % of the nominal area is in contact" if np.isfinite(share) else ""
+    yield f"The force is {force}{known} at an approach of {delta}{area}."
+    if not known:
+        yield "It has no error bar: the case requests no tolerance."
+
+
+def _vibration(results: Results) -> Iterator[str]:
+    """Yield stiffness and frequency of small vibration."""
+    numbers, si = results.thresholds.get("numbers") or {}, results.thresholds.get("units") != "other"
+    if numbers.get("k_n") is None:
+        return
+    text = f"Small vibration has a stiffness of {quantity(numbers['k_n'], (si and 'N/m') or '')}"
+    if numbers.get("f") is not None:
+        text += f" and a frequency of {quantity(numbers['f'], (si and 'Hz') or '')}"
+    yield f"{text}."
+
+
+def _doubts(results: Results) -> Iterator[str]:
+    """Yield how many assumptions of the model are doubtful, and which."""
+    records = results.summary.get("assumptions") or []
+    doubtful = [record["name"] for record in records if record["verdict"] == "doubtful"]
+    if doubtful:
+        yield f"Doubtful: {', '.join(doubtful)} ({len(doubtful)} of {len(records)} assumptions)."
+    elif records:
+        yield f"All {len(records)} assumptions that were checked are fine."

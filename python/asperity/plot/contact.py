@@ -1,0 +1,253 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Figures of the contact: pressure with its distribution, regions in contact, area and spots over the load."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.tri import LinearTriInterpolator, Triangulation
+from numpy.typing import NDArray
+
+from asperity.arrays import Array
+from asperity.output.results import Results
+from asperity.plot import style
+from asperity.plot.curves import LOAD, draw_branches, load_axis
+from asperity.units import prefix, quantity
+
+PIXELS = 400  # of a map, along each side
+BINS = 40
+
+
+@style.styled
+def pressure_maps(results: Results, count: int = 4, *, ax: style.Place | None = None) -> Figure:
+    """Draw the contact pressure at up to `count` load levels, with one colour scale, and its distribution.
+
+    Args:
+        results: files of the run.
+        count: greatest number of levels.
+        ax: axes to draw maps on, a level each and the greatest load last, without the distribution; they are returned.
+    """
+    if ax is None:
+        chosen = _levels(results.top, count)
+        figure, axes, rest = _mosaic(len(chosen))
+    else:
+        figure, axes = style.figure(0, 0, ax=ax)
+        chosen, rest = _levels(results.top, len(axes)), None
+    panels = axes if rest is None else [*axes, rest]
+    style.titles(panels, [*(_title(results, i) for i in chosen), "distribution of the pressure"])
+    image, unit = _maps(axes, results, chosen)
+    bar = figure.colorbar(image, ax=axes, shrink=0.8)
+    bar.set_label(style.label("contact pressure", unit))
+    if rest is not None:
+        _histogram(rest, results, chosen)
+    return figure
+
+
+@style.styled
+def pressure_histogram(results: Results, count: int = 4, *, ax: style.Place | None = None) -> Figure:
+    """Draw the distribution of the pressure over the contact area at up to `count` load levels.
+
+    Args:
+        results: files of the run.
+        count: greatest number of levels.
+        ax: axes to draw on; they are returned.
+    """
+    figure, axes = style.figure(style.SINGLE, 3.6, ax=ax)
+    _histogram(axes[0], results, _levels(results.top, count))
+    return figure
+
+
+def _mosaic(maps: int) -> tuple[Figure, list[Axes], Axes]:
+    """Return a figure with panels for maps, two in a row, and one to their right."""
+    rows = (maps + 1) // 2
+    columns = min(maps, 2)
+    figure = Figure(figsize=(2.6 * columns + 4.6, max(2.7 * rows, 3.4)), layout="constrained")
+    shares = {"width_ratios": [1.0] * columns + [1.25]}
+    grid = figure.add_gridspec(rows, columns + 1, **shares)
+    axes = [figure.add_subplot(grid[i // 2, i % 2]) for i in range(maps)]
+    rest = figure.add_subplot(grid[:, columns])
+    for axis in (*axes, rest):
+        style.freeze_ticks(axis)
+    return figure, axes, rest
+
+
+def _title(results: Results, i: int) -> str:
+    """Return approach and force of a snapshot."""
+    top = results.top
+    name = str(top["branch"][i])
+    text = f"{'' if name == 'load' else f'{name}ing, '}$\\delta/L$ = {_strain(results, i):.3g}"
+    row = results.curve.where(results.curve.step == int(top["steps"][i]))
+    return f"{text}, {quantity(row.force[0], results.unit('force'), 3)}" if len(row) else text
+
+
+def _count(axis: Any, results: Results, i: int) -> None:
+    """Write the number of contact spots of a snapshot into its map."""
+    row = results.curve.where(results.curve.step == int(results.top["steps"][i]))
+    if len(row) and row.spots[0]:
+        text = f"{row.spots[0]} spot{'s' if row.spots[0] > 1 else ''}"
+        box = {"facecolor": "white", "alpha": 0.8, "edgecolor": "none", "pad": 1.5}
+        axis.annotate(text, (0.02, 0.02), xycoords="axes fraction", fontsize="small", bbox=box)
+
+
+def _maps(axes: Sequence[Any], results: Results, chosen: Sequence[int]) -> tuple[Any, str]:
+    """Draw a map of each level; return an image for the colour bar, and the unit of pressure."""
+    top = results.top
+    highest = float(top["pressure"][list(chosen)].max())
+    scale, unit = prefix(highest, results.unit("stress"))
+    across, across_unit = prefix(float(top["points"].max()) / 2, results.unit("length"))
+    extent = (0, float(top["points"][:, 0].max()) * across, 0, float(top["points"][:, 1].max()) * across)
+    on_grid = _Raster(top)
+    image: Any = None
+    for axis, i in zip(axes, chosen, strict=False):
+        shown = np.where(_touching(on_grid, top, i), on_grid(top["pressure"][i]) * scale, np.nan)
+        axis.set_facecolor(style.PALE)
+        image = axis.imshow(
+            shown, origin="lower", extent=extent, cmap="inferno_r", vmin=0.0, vmax=highest * scale or 1.0,
+            interpolation="nearest",
+        )  # fmt: skip
+        axis.set_xlabel(style.label("$x$", across_unit))
+        axis.set_ylabel(style.label("$y$", across_unit))
+        axis.label_outer()
+        _count(axis, results, i)
+    return image, unit
+
+
+def _histogram(axis: Any, results: Results, chosen: Sequence[int]) -> None:
+    """Draw the share of the contact area per pressure, a step line for each level."""
+    top = results.top
+    highest = float(top["pressure"][list(chosen)].max())
+    scale, unit = prefix(highest, results.unit("stress"))
+    edges = np.linspace(0.0, highest * scale or 1.0, BINS + 1)
+    on_grid = _Raster(top)
+    for i, colour in zip(chosen, colormaps["viridis"](np.linspace(0.85, 0.0, len(chosen))), strict=True):
+        values = on_grid(top["pressure"][i])[_touching(on_grid, top, i)] * scale
+        if values.size:
+            density, _ = np.histogram(values, edges, density=True)
+            name = str(top["branch"][i])
+            text = f"$\\delta/L$ = {_strain(results, i):.3g}" + ("" if name == "load" else f", {name}ing")
+            axis.stairs(density, edges, color=colour, lw=1.3, label=text)
+    axis.set_xlabel(style.label("contact pressure", unit))
+    axis.set_ylabel(style.label("share of the contact area", f"1/{unit}" if unit else "per unit"))
+    axis.set_xlim(0.0, edges[-1])
+    axis.set_ylim(bottom=0.0)
+    if axis.get_legend_handles_labels()[0]:
+        axis.legend(loc="best")
+    style.grid(axis)
+
+
+class _Raster:
+    """Values at the nodes of the top, linear in its triangles, at the middles of PIXELS x PIXELS equal squares."""
+
+    def __init__(self, top: Any) -> None:
+        x, y = top["points"].T
+        self._mesh = Triangulation(x, y, top["triangles"])
+        middles = (np.arange(PIXELS) + 0.5) / PIXELS
+        self._at = np.meshgrid(x.min() + middles * np.ptp(x), y.min() + middles * np.ptp(y))
+
+    def __call__(self, values: Array) -> Array:
+        return np.asarray(LinearTriInterpolator(self._mesh, values)(*self._at).filled(0.0))
+
+
+def _touching(on_grid: _Raster, top: Any, i: int) -> NDArray[np.bool_]:
+    """Return where a snapshot is in contact.
+
+    The edge runs between nodes with pressure and nodes with a gap, on average in the middle: both are measured by what
+    is usual at the edge.
+    """
+    pressure, gap = top["pressure"][i], top["gap"][i]
+    loaded = pressure > 0
+    corners = loaded[top["triangles"]]
+    at_edge = np.unique(top["triangles"][corners.any(axis=1) & ~corners.all(axis=1)])
+    inner, outer = at_edge[loaded[at_edge]], at_edge[~loaded[at_edge]]
+    if not len(at_edge):
+        return np.full((PIXELS, PIXELS), bool(loaded.any()))
+    scale = np.median(pressure[inner]), np.median(gap[outer]) or 1.0
+    return np.asarray(on_grid(pressure / scale[0] - gap / scale[1]) > 0.0, dtype=bool)
+
+
+@style.styled
+def contact_area(results: Results, count: int = 6, *, ax: style.Place | None = None) -> Figure:
+    """Draw the regions in contact at selected load levels, and contact area and number of spots over the load.
+
+    Args:
+        results: files of the run.
+        count: greatest number of levels.
+        ax: axes to draw on, one for each of the three panels or fewer; they are returned.
+    """
+    figure, axes = style.figure(style.WIDE, 3.9, columns=3, ax=ax, width_ratios=(1.25, 1, 1))
+    style.titles(axes, ("regions in contact", "contact area", "contact spots"))
+    if results.snapshots:
+        _patches(axes[0], results, count)
+    else:
+        axes[0].set_axis_off()
+    for draw, axis in zip((_area_curve, _spots), axes[1:], strict=False):
+        axis.set_xlabel(LOAD)
+        draw(axis, results)
+    return figure
+
+
+def _patches(axis: Any, results: Results, count: int) -> None:
+    """Draw the contact patches of the loading, the earliest darkest."""
+    top = results.top
+    loads = [i for i in _levels(top, count) if str(top["branch"][i]) == "load"]
+    across, across_unit = prefix(float(top["points"].max()) / 2, results.unit("length"))
+    extent = (0, float(top["points"][:, 0].max()) * across, 0, float(top["points"][:, 1].max()) * across)
+    shades = colormaps["YlGnBu"](np.linspace(1.0, 0.35, len(loads)))
+    on_grid = _Raster(top)
+    first = np.full((PIXELS, PIXELS), np.nan)  # the level at which a point comes into contact
+    for n, i in reversed(list(enumerate(loads))):
+        first[_touching(on_grid, top, i)] = n
+    axis.imshow(
+        first, origin="lower", extent=extent, cmap=ListedColormap(shades), vmin=-0.5, vmax=len(loads) - 0.5,
+        interpolation="nearest",
+    )  # fmt: skip
+    axis.set_facecolor(style.PALE)
+    axis.set_xlabel(style.label("$x$", across_unit))
+    axis.set_ylabel(style.label("$y$", across_unit))
+    keys = [Patch(color=shade, label=f"{_strain(results, i):.3g}") for i, shade in zip(loads, shades, strict=True)]
+    axis.legend(handles=keys, title="at $\\delta/L$", loc="upper left", bbox_to_anchor=(1.0, 1.0), handlelength=1)
+
+
+def _area_curve(axis: Any, results: Results) -> None:
+    draw_branches(axis, results, "P_star", "area_fraction", 100.0)
+    for piece in results.branches("load"):
+        area, bar = piece.area_fraction, np.nan_to_num(piece.error_area_fraction)
+        if np.any(bar > 0):
+            low, high = 100.0 * np.maximum(area - bar, 0.0), 100.0 * (area + bar)
+            axis.fill_between(piece.P_star, low, high, color=style.BLUE, alpha=0.2, lw=0, label="error bar")
+    axis.set_ylabel("share of $A_0$ (%)")
+    axis.set_ylim(bottom=0)
+    axis.legend(loc="best")
+    load_axis(axis, results, "top")
+
+
+def _spots(axis: Any, results: Results) -> None:
+    if not np.any(results.curve.spots > 0):
+        axis.annotate("not counted", (0.5, 0.5), xycoords="axes fraction", ha="center", color=style.GREY)
+        return
+    draw_branches(axis, results, "P_star", "spots")
+    axis.set_ylabel("number of spots")
+    axis.set_ylim(bottom=0)
+    load_axis(axis, results, "top")
+
+
+def _levels(top: Any, count: int) -> list[int]:
+    """Return at most `count` snapshots at equal steps, without those that have no load."""
+    loaded = np.flatnonzero(top["pressure"].max(axis=1) > 0)
+    if not len(loaded):
+        loaded = np.arange(len(top["pressure"]))
+    return sorted({int(loaded[i]) for i in np.linspace(len(loaded) - 1, 0, count).round().astype(int)})
+
+
+def _strain(results: Results, i: int) -> float:
+    side = results.case["surface"]["L"] if results.case else float(results.top["points"].max())
+    return float(results.top["delta"][i]) / side

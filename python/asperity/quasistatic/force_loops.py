@@ -1,0 +1,207 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Loops of the force about a preload, each amplitude from the same state: the loss of plastic flow."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from math import isfinite
+
+from asperity.errors import CheckError, ConvergenceError, InputError
+from asperity.loops import SETTLED, SHAKEN_DOWN, Loop, LoopTable
+from asperity.model.problem import Problem
+from asperity.quasistatic.contact_result import ContactResult
+from asperity.quasistatic.contact_solver import ContactSolver
+
+CLOSE = 1e-4  # tolerance of the force at the ends of a leg, over the amplitude
+ROUGHLY = 0.3  # the same of a step on the way, over the step
+TRIALS = 25  # solves that look for a force
+FIRST_SLOPE = 4.0  # of the first step, over the force over the approach
+LARGEST_AMPLITUDE = 0.99  # of the force over the preload: the flat stays on
+
+
+def solve_loops(
+    problem: Problem,
+    result: ContactResult,
+    preload: float,
+    amplitudes: Sequence[float],
+    *,
+    cycles: int = 4,
+    steps: int = 4,
+) -> LoopTable:
+    """Loops of the force about a preload, from the state at the end of a load path, in physical units; collective.
+
+    Args:
+        problem: that was solved
+        result: of `solve_problem`; its state is as before afterwards
+        preload: mean force [force]
+        amplitudes, cycles, steps: see `force_loops`
+
+    Raises:
+        InputError, ConvergenceError, CheckError: see `force_loops`
+
+    Examples:
+        >>> from asperity.quasistatic.force_loops import solve_loops
+        >>> wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.02)
+        >>> solid = asp.Material(E=1.0, nu=0.3, yield_strength=0.005, tangent_modulus=0.05)
+        >>> size = asp.MeshSize(h_contact=0.3, h_max=0.6)
+        >>> problem = asp.Problem.of(wave, solid, delta_max=0.02, steps=3, size=size)
+        >>> result = asp.solve_problem(problem)
+        >>> loops = solve_loops(problem, result, preload=result.curve.force[-1], amplitudes=[0.2], steps=2)
+        >>> loops.loops[0].eta > 100.0 * loops.loops[-1].eta  # isotropic hardening shakes down
+        True
+    """
+    side, E = problem.surface.L, problem.material.E
+    loops = force_loops(result.solver, preload / (E * side**2), amplitudes, cycles=cycles, steps=steps)
+    return LoopTable.scaled(loops, E * side**2, side)
+
+
+def force_loops(
+    solver: ContactSolver,
+    preload: float,
+    amplitudes: Sequence[float],
+    *,
+    cycles: int = 4,
+    steps: int = 4,
+) -> tuple[Loop, ...]:
+    """Loops of the force about a preload; the state of the solver is as before afterwards; collective.
+
+    The flat goes from the present state to the preload, and from there for each amplitude up, down below it and
+    back, until two loops are alike: the mean force is that of a dead preload, and the flat sinks as far as
+    the loops make it. The path is integrated by backward Euler. A greater force before the preload is one that the
+    contact has met.
+
+    Args:
+        solver: in an accepted state
+        preload: mean force [E L^2]
+        amplitudes: of the force over the preload, in (0, 0.99]
+        cycles: greatest number of loops of an amplitude
+        steps: of a quarter of a loop, and of the way to the preload
+
+    Raises:
+        InputError: an argument is outside its range
+        ConvergenceError: a step does not converge
+        CheckError: a step violates a balance
+
+    Examples:
+        >>> from asperity.quasistatic.force_loops import force_loops
+        >>> from asperity.surface import Flat
+        >>> column = asp.Material(E=1.0, nu=0.3, yield_strength=0.001, tangent_modulus=0.05, hardening="kinematic")
+        >>> size = asp.MeshSize(h_contact=1.0, h_max=1.0)
+        >>> solver = asp.solve_contact(Flat(L=1.0), column, delta_max=0.01, steps=4, size=size).solver
+        >>> for loop in force_loops(solver, 0.6 * solver.force, [0.6], cycles=2, steps=6):
+        ...     print(f"{loop.loop}: loss factor {loop.eta:.3f}")
+        1: loss factor 0.075
+        2: loss factor 0.143
+    """
+    if not (isfinite(preload) and preload > 0.0):
+        raise InputError(f"preload = {preload:g} of the loops is not legal: it must be positive")
+    for amplitude in amplitudes:
+        if not 0.0 < amplitude <= LARGEST_AMPLITUDE:
+            raise InputError(
+                f"loops.amplitudes = {amplitude:g} must lie in (0, {LARGEST_AMPLITUDE:g}]: it is the force over the "
+                "preload, and the flat must stay on"
+            )
+    for name, value in (("cycles", cycles), ("steps", steps)):
+        if value < 1:
+            raise InputError(f"loops.{name} = {value!r} must be at least 1")
+    found: list[Loop] = []
+    with _as_before(solver):
+        _Leg(solver, CLOSE * preload).follow(preload, steps)
+        for amplitude in amplitudes:
+            with _as_before(solver):
+                found += _loops_of(solver, preload, amplitude, cycles, steps)
+        if solver.checks.violated:
+            raise CheckError(f"the loops are wrong, do not use them: {'; '.join(solver.checks.violated.values())}")
+    return tuple(found)
+
+
+def _loops_of(solver: ContactSolver, preload: float, amplitude: float, cycles: int, steps: int) -> Iterator[Loop]:
+    """Yield the loops of an amplitude until two are alike."""
+    leg, checks, before = _Leg(solver, CLOSE * amplitude * preload), solver.checks, None
+    for number in range(1, cycles + 1):
+        work, dissipated, stored = checks.work, checks.dissipated, checks.stored
+        leg.follow(preload * (1.0 + amplitude), steps)
+        high = solver.delta
+        leg.follow(preload * (1.0 - amplitude), 2 * steps)
+        low = solver.delta
+        leg.follow(preload, steps)
+        loop = Loop(
+            amplitude, number, preload, low, high, checks.work - work, checks.dissipated - dissipated,
+            checks.stored - stored,
+        )  # fmt: skip
+        logging.getLogger(__name__).info("loop %d, force %g of the preload: eta = %.4g", number, amplitude, loop.eta)
+        yield loop
+        if before is not None and abs(loop.eta - before) <= max(SETTLED * before, 0.1 * SHAKEN_DOWN):
+            return
+        before = loop.eta
+
+
+@contextmanager
+def _as_before(solver: ContactSolver) -> Iterator[None]:
+    """Run a block without probes and restore the state after it."""
+    state, history = solver.state(), solver.solid.kernels.history().copy()
+    of_contact = solver.contact.history()
+    kept = None if of_contact is None else of_contact.copy()
+    probes, solver.probes = solver.probes, ()
+    try:
+        yield
+    finally:
+        solver.probes = probes
+        violated = solver.checks.violated
+        solver.solid.kernels.restore(history)
+        if kept is not None:
+            solver.contact.restore(kept)
+        solver.restore(state)
+        solver.checks.violated |= violated
+
+
+class _Leg:
+    """Ways to given forces, in about equal steps of the force.
+
+    Args:
+        solver: of the contact
+        close: tolerance of the force at the end of a way [E L^2]
+    """
+
+    def __init__(self, solver: ContactSolver, close: float) -> None:
+        self._solver, self._close = solver, close
+        self._slope = 0.0  # at the end of the last step [E L]
+
+    def follow(self, goal: float, steps: int) -> None:
+        """Move the flat to a force and commit each step; collective."""
+        solver, start = self._solver, self._solver.force
+        if self._slope == 0.0:
+            self._slope = FIRST_SLOPE * max(start, goal) / max(solver.delta, 1e-3)
+        for k in range(1, steps + 1):
+            wanted = start + (goal - start) * k / steps
+            if k < steps and (wanted - solver.force) * (goal - start) <= 0.0:
+                continue  # the step before went as far
+            tolerance = self._close if k == steps else max(ROUGHLY * abs(goal - start) / steps, self._close)
+            if abs(wanted - solver.force) > tolerance:
+                solver.commit(self._find(wanted, tolerance))
+
+    def _find(self, wanted: float, tolerance: float) -> float:
+        """Approach of a force, the last solve being there; commits nothing; collective."""
+        solver = self._solver
+        before, force = solver.delta, solver.force
+        target = before + (wanted - force) / self._slope
+        for _ in range(TRIALS):
+            stats = solver.solve(target)
+            if not stats.converged:
+                target = 0.5 * (target + solver.delta)
+                continue
+            found = solver.solved_force()
+            if found != force and target != before:
+                self._slope = max((found - force) / (target - before), 0.1 * self._slope)
+            if abs(found - wanted) <= tolerance:
+                return target
+            before, force = target, found
+            target += (wanted - found) / self._slope
+        raise ConvergenceError(
+            f"the loops did not reach the force {wanted:.6g} E L^2 from delta/L = {solver.delta:.6g} ({stats.reason}): "
+            "use more loops.steps"
+        )

@@ -1,0 +1,64 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Callbacks of a load path, and what to keep of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from asperity.fem.solid import Solid
+from asperity.quasistatic.conductance import Conductance
+from asperity.quasistatic.contact_solver import Probe
+from asperity.quasistatic.stepping import Callback
+from asperity.quasistatic.stiffness import stiffness_of
+
+if TYPE_CHECKING:
+    from asperity.quasistatic.checkpoint import Checkpoint
+
+
+@dataclass(frozen=True)
+class Hooks:
+    """Callbacks of a load path, and what to keep of it.
+
+    Attributes:
+        on_stage: called with the name of each stage
+        on_step: called after each accepted step
+        stop: polled after each step on all ranks; a non-empty string stops the run
+        checkpoint: receives the state; one that holds a state is continued from
+        snapshots: states of the top to keep per loading
+        on_ready: called when mesh and solver are made, before anything is saved
+        stiffness: whether to compute the columns k_n to k_n_interface
+        conductance: whether to compute the column conductance
+
+    Examples:
+        >>> from asperity.surface import Flat
+        >>> size = asp.MeshSize(h_contact=1.0, h_max=1.0)
+
+        >>> block = asp.Problem.of(Flat(L=1.0), asp.Material(E=1.0, nu=0.3), delta_max=0.01, steps=2, size=size)
+        >>> hooks = Hooks(on_step=lambda rows, fraction: print(rows[-1]["delta"], fraction))
+        >>> result = asp.solve_problem(block, hooks=hooks)
+        0.005 0.5
+        0.01 1.0
+    """
+
+    on_stage: Callable[[str], None] | None = None
+    on_step: Callback | None = None
+    stop: Callable[[], str] | None = None
+    checkpoint: Checkpoint | None = None
+    snapshots: int = 0
+    on_ready: Callable[[], None] | None = None
+    stiffness: bool = False
+    conductance: bool = False
+
+    def probes(self, solid: Solid) -> tuple[Probe, ...]:
+        """Measurements of each accepted step that are requested; collective."""
+        found: tuple[Probe, ...] = (stiffness_of,) if self.stiffness else ()
+        return (*found, Conductance(solid)) if self.conductance else found
+
+    def stage(self, name: str) -> None:
+        """Announce a stage."""
+        if self.on_stage is not None:
+            self.on_stage(name)

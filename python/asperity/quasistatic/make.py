@@ -1,0 +1,132 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Mesh and contact solver of a problem, without a load path."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from asperity.contact.contact_surface import ContactSurface
+from asperity.contact.make import make_contact
+from asperity.fem.solid import Solid
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.distribute import check_distortion, distribute
+from asperity.mesh.generate import build_block
+from asperity.mesh.size_field import SizeField
+from asperity.model.material import Material
+from asperity.model.problem import Problem
+from asperity.model.settings import H_CONTACT, Formulation, MeshSize, SolverOptions
+from asperity.quasistatic.contact_solver import ContactSolver
+from asperity.runtime.parallel import on_root, on_root_bcast
+from asperity.runtime.timing import Phases
+from asperity.surface import Surface
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+def make_block(
+    comm: MPI.Comm, surface: Surface, height: float, delta_max: float, size: MeshSize, sides: str = "rollers"
+) -> BlockMesh | None:
+    """Mesh of the block on rank 0, None elsewhere; collective.
+
+    Args:
+        comm: communicator
+        surface: the top
+        height: mean height of the block [length]
+        delta_max: approach the mesh is made for [length]
+        size: element sizes
+        sides: "periodic" makes opposite sides fit
+
+    Raises:
+        MeshError: the surface cannot be meshed
+
+    Examples:
+        >>> from mpi4py import MPI
+        >>> from asperity.surface import Flat
+        >>> block = make_block(MPI.COMM_SELF, Flat(L=2.0), 1.0, 0.01, asp.MeshSize(h_contact=2.0, h_max=2.0))
+        >>> block.side, block.height
+        (2.0, 1.0)
+    """
+
+    def build() -> BlockMesh:
+        h = H_CONTACT * surface.L if size.h_contact is None else size.h_contact
+        field = SizeField.of(
+            surface, delta_max, h, growth=size.growth, h_max=size.h_max, first_contact=size.reach, grading=size.grading,
+            periodic=sides == "periodic",
+        )  # fmt: skip
+        return build_block(surface, height, field.compiled().at, field.periodic)
+
+    return on_root(comm, build)
+
+
+def make_contact_solver(
+    comm: MPI.Comm,
+    surface: Surface,
+    block: BlockMesh | None,
+    material: Material,
+    *,
+    sides: str = "rollers",
+    formulation: Formulation | None = None,
+    kernels: str = "compiled",
+    options: SolverOptions | None = None,
+    phases: Phases | None = None,
+) -> ContactSolver:
+    """Distribute a block over the ranks and put it under the flat; collective.
+
+    Args:
+        comm: communicator
+        surface: the top the block was built for
+        block: mesh on rank 0, None elsewhere
+        material: in physical units
+        sides: "rollers", "free" or "periodic"
+        formulation: contact formulation
+        kernels: "compiled" or "ufl"
+        options: of the nonlinear solver
+        phases: collects where the time goes
+
+    Raises:
+        InputError: the kinematics of the material is not chosen yet
+        MeshError: the block is another surface's, or an element is turned inside out
+
+    Examples:
+        >>> from mpi4py import MPI
+        >>> from asperity.surface import Flat
+        >>> flat, elastic = Flat(L=1.0), asp.Material(E=1.0, nu=0.3)
+        >>> block = make_block(MPI.COMM_SELF, flat, 1.0, 0.01, asp.MeshSize(h_contact=1.0, h_max=1.0))
+        >>> solver = make_contact_solver(MPI.COMM_SELF, flat, block, elastic)
+        >>> solver.step(0.01).converged, round(solver.force / 0.01, 6), round(elastic.confined_modulus, 6)
+        (True, 1.346154, 1.346154)
+    """
+    material.check_decided()
+    L = surface.L
+
+    def checked_height() -> float:
+        assert block is not None
+        block.check(surface)
+        return block.height
+
+    height = on_root_bcast(comm, checked_height)
+    mesh, tags = distribute(comm, block, 1.0 / L, sides == "periodic")
+    check_distortion(mesh, surface)
+    solid = Solid(mesh, tags, material.scaled(material.E), sides, kernels, phases)
+    top = ContactSurface(solid)
+    contact = make_contact(formulation or Formulation(), solid, top)
+    summit = (height + surface.maximum()[2] - surface.mean()) / L
+    return ContactSolver(solid, top, contact, summit, options or SolverOptions())
+
+
+def solver_of(problem: Problem, block: BlockMesh | None, comm: MPI.Comm, phases: Phases | None = None) -> ContactSolver:
+    """Contact solver of a problem on a mesh, see `make_contact_solver`; collective."""
+    return make_contact_solver(
+        comm,
+        problem.surface,
+        block,
+        problem.material,
+        sides=problem.sides,
+        formulation=problem.formulation,
+        kernels=problem.kernels,
+        options=problem.options,
+        phases=phases,
+    )

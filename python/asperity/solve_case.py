@@ -1,0 +1,175 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""The static part of a case: kinematics, one mesh or those of a tolerance, the other friction."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from asperity.adaptive.other_friction import solve_other_friction
+from asperity.adaptive.small_strain import SmallStrain, choose_kinematics
+from asperity.adaptive.solve_to_tolerance import AccurateResult, refine
+from asperity.case import Case
+from asperity.curve import Curve
+from asperity.errors import ConvergenceError, Interrupted
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.resolution import judge_mesh
+from asperity.model.material import AUTO
+from asperity.model.problem import Problem
+from asperity.model.settings import AccuracyTarget
+from asperity.output.assumptions import Evidence
+from asperity.output.friction_bounds import FRICTION_BOUNDS, friction_bounds
+from asperity.output.summary import summarise
+from asperity.power_law import PowerLawFit
+from asperity.quasistatic.contact_result import ContactResult, PartialResult
+from asperity.quasistatic.hooks import Hooks
+from asperity.quasistatic.solve_contact import solve_problem
+from asperity.quasistatic.stepping import Callback
+from asperity.run_outputs import small_vibration_of
+from asperity.runtime.parallel import on_root_bcast
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+@dataclass(frozen=True)
+class SolvedCase:
+    """The static part of a case.
+
+    Attributes:
+        problem: that was solved, with the kinematics of the run
+        contact: its result
+        accurate: the same of a run with a tolerance
+        other: curve with the other friction, when requested
+        strain: what small strain changes, where known
+        failure: what stopped the run
+    """
+
+    problem: Problem
+    contact: ContactResult
+    accurate: AccurateResult | None
+    other: Curve | None
+    strain: SmallStrain | None
+    failure: ConvergenceError | None
+
+    def summary(self, case: Case, fit: PowerLawFit | None, ranks: int) -> dict[str, Any]:
+        """Contents of summary.json that are known so far."""
+
+        found = summarise(case, self.contact, fit, ranks)
+        strain = None if self.strain is None else self.strain.to_dict()
+        found["model"] = {"kinematics": self.problem.material.kinematics, "small_strain": strain}
+        if self.accurate is not None:
+            found |= self.accurate.to_dict()
+        if self.other is not None:
+            computed = self.contact.curve if self.accurate is None else self.accurate.raw
+            sticks = self.problem.formulation.sticks
+            found[FRICTION_BOUNDS] = friction_bounds(*((self.other, computed) if sticks else (computed, self.other)))
+        return found
+
+    def evidence(self, case: Case, bounds: Mapping[str, Any] | None) -> Evidence:
+        """What the ledger of the run is made of.
+
+        Args:
+            case: the input
+            bounds: section friction_bounds of the summary, if there is one
+        """
+        accurate, tolerance = self.accurate, case.accuracy.tolerance
+        h = roughness = None
+        if accurate is not None:
+            h, roughness = accurate.levels[-1].h, accurate.roughness_share()
+        elif case.mesh.file is None and tolerance is None:  # a run with a tolerance may have no bar
+            h = case.mesh.h_contact
+        change = None
+        if self.strain is not None and self.strain.greatest is not None:
+            change = self.strain.greatest, self.strain.limit
+        return Evidence(
+            self.contact.curve, self.problem, case.units == "SI", tolerance, h, roughness, change,
+            friction=bounds["at_greatest_load"]["force"] if bounds else None, density=case.material.density,
+            vibration=small_vibration_of(case, self.contact.curve),
+        )  # fmt: skip
+
+
+def solve_case(
+    case: Case,
+    problem: Problem,
+    hooks: Hooks,
+    comm: MPI.Comm,
+    *,
+    block: BlockMesh | None = None,
+    bounds: bool = False,
+    note: Callable[[str], None],
+    on_curve: Callable[[Curve], None],
+    on_step_of_other: Callback,
+) -> SolvedCase:
+    """Solve the static part of a case; collective.
+
+    Args:
+        case: the input
+        problem: of the case
+        hooks: progress, checkpoint, snapshots
+        comm: communicator
+        block: mesh made before, on rank 0; None makes it
+        bounds: whether the case is solved with the other friction too
+        note: receives, on rank 0, what was chosen for the user
+        on_curve: called with the curve with error bars of each mesh of a run with a tolerance
+        on_step_of_other: called after each step with the other friction
+
+    Raises:
+        OutputError: a file cannot be written
+    """
+    chosen, strain = _with_kinematics(case, problem, hooks, comm, note)
+    if problem.material.kinematics == AUTO and hooks.checkpoint is not None:
+        # another choice, as of a continued run with more cycles, starts the path again
+        hooks = replace(hooks, checkpoint=hooks.checkpoint.part(chosen.material.kinematics))
+    accurate = other = failure = None
+    try:
+        wanted = case.accuracy
+        if wanted.tolerance is None:
+            contact = _solve(case, chosen, block, comm, hooks)
+        else:
+            target = AccuracyTarget(wanted.tolerance, wanted.max_dofs, wanted.max_seconds)
+            accurate = refine(chosen, target, comm, hooks, on_curve)
+            contact = replace(accurate.contact, curve=accurate.curve, reason=accurate.reason)
+            failure = None if accurate.met else ConvergenceError(accurate.reason)
+        if bounds and failure is not None:
+            logging.getLogger(__name__).info("--bounds is left out: %s", failure)
+        elif bounds:
+            shown = replace(hooks, on_step=on_step_of_other)
+            other, failure = solve_other_friction(chosen, contact, accurate, comm, shown)
+    except PartialResult as e:
+        stopped = isinstance(e.__cause__, Interrupted)
+        failure = Interrupted(str(e)) if stopped else ConvergenceError(str(e))
+        contact = e.result
+    return SolvedCase(chosen, contact, accurate, other, strain, failure)
+
+
+def _with_kinematics(
+    case: Case, problem: Problem, hooks: Hooks, comm: MPI.Comm, note: Callable[[str], None]
+) -> tuple[Problem, SmallStrain | None]:
+    """The problem with the kinematics of the run, and what small strain changes; collective.
+
+    Raises:
+        Interrupted: the run was stopped
+    """
+    material = problem.material
+    if material.kinematics == "small" and not case.output.small_strain:
+        return problem, None
+    chosen, found = choose_kinematics(problem, case.accuracy.tolerance, comm, hooks)
+    if material.kinematics == AUTO:
+        on_root_bcast(comm, partial(note, f'kinematics = "auto" took "{chosen.material.kinematics}"'))
+    return chosen, found
+
+
+def _solve(case: Case, problem: Problem, block: BlockMesh | None, comm: MPI.Comm, hooks: Hooks) -> ContactResult:
+    """The static part of a case on one mesh; collective."""
+    delta = case.loading.delta_max
+    if case.mesh.file is not None:
+        block = BlockMesh.read(case.mesh.file)
+    elif comm.bcast(block is not None) and delta is not None:
+        on_root_bcast(comm, partial(judge_mesh, block, problem.surface, case.mesh.h_contact, delta))
+    return solve_problem(problem, block=block, comm=comm, hooks=hooks)

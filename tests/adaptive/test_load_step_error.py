@@ -1,0 +1,37 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Bars of the load steps against sequences whose limit is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from asperity.adaptive.load_step_error import step_errors
+from asperity.adaptive.mesh_plan import STICK
+from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
+
+LIMIT = np.array([0.1, 0.3, 0.6, 1.0, 1.5])
+
+
+def left_over_bar(forces: dict[int, np.ndarray], rule: str) -> float:
+    """Greatest error of the corrected forces over their bar."""
+    errors, bars = step_errors(forces, rule)
+    return max(float(np.max(np.abs(P / (1.0 + errors[n]) / LIMIT - 1.0) / bars[n])) for n, P in forces.items())
+
+
+@pytest.mark.parametrize(
+    ("rule", "order"), [(MIDPOINT, 2.0), (BACKWARD_EULER, 1.0), (STICK, 0.5), (STICK, 1.0), (STICK, 2.0)]
+)
+@pytest.mark.parametrize("most", [2, 4])
+def test_the_bar_holds_for_the_orders_of_the_rule(rule: str, order: float, most: int) -> None:
+    error = 0.01 * np.array([1.0, 0.8, -0.3, 0.5, 0.4])
+    forces = {n: LIMIT * (1.0 + error / n**order) for n in (1, 2, 4) if n <= most}
+    assert left_over_bar(forces, rule) < 1.05
+
+
+def test_the_bar_of_stick_holds_where_the_correction_has_the_wrong_sign() -> None:
+    """As on an egg-box (benchmarks/stick_bars.csv): the second force is farther from the limit than the first."""
+    forces = {1: LIMIT * (1.0 - 0.0007), 2: LIMIT * (1.0 - 0.0023)}
+    assert left_over_bar(forces, STICK) < 1.0

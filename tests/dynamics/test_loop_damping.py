@@ -1,0 +1,71 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Damping of loops: loss over amplitude, the resonance against its energy balance, three solvers of one response."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from asperity.dynamics import ContactOscillator, LoopDamping, PowerLaw
+from asperity.errors import InputError
+from asperity.reference import radiation_compliance
+
+LOOPS = LoopDamping((0.05, 0.1, 0.3), (0.0005, 0.002, 0.004))
+ZETA = 0.005
+
+
+def test_each_amplitude_loses_what_its_loop_loses() -> None:
+    """A linear spring, so that the motion is harmonic; the quadrature of a free orbit does not see the kinks."""
+    oscillator = ContactOscillator(PowerLaw(1.0), zeta=ZETA, damping=LOOPS)
+    for a, zeta in zip(LOOPS.deflection, LOOPS.zeta, strict=True):
+        orbit = oscillator.free([a]).orbits[0]
+        assert ZETA * orbit.dissipation / (np.pi * a**2) == pytest.approx(ZETA + zeta, rel=3e-3)
+
+
+def test_a_coefficient_that_is_its_own_answer() -> None:
+    """Damping ratios that rise as the amplitude come from a coefficient that does: zeta = 4/(3 pi) times it."""
+    loops = LoopDamping((0.1, 0.2, 0.4), (0.1, 0.2, 0.4))
+    np.testing.assert_allclose(
+        loops.coefficient(np.array([0.05, 0.3])), 0.75 * np.pi * np.array([0.05, 0.3]), rtol=1e-5
+    )
+
+
+def test_integral_is_that_of_the_coefficient() -> None:
+    z = np.linspace(0.0, 0.5, 2001)
+    integral = LOOPS.integral(z)
+    middle = 0.5 * (z[1:] + z[:-1])
+    np.testing.assert_allclose(np.diff(integral), LOOPS.coefficient(middle) * np.diff(z), atol=1e-8)
+
+
+def test_resonance() -> None:
+    """Harmonic balance, shooting, time integration and the energy balance find the same peak, below that without."""
+    oscillator = ContactOscillator(PowerLaw(1.5), zeta=ZETA, damping=LOOPS)
+    omega, peak = oscillator.response(0.002, (0.97, 1.01)).peak
+    assert oscillator.response(0.002, (0.97, 1.01), polish=True).peak[1] == pytest.approx(peak, rel=1e-4)
+    assert oscillator.thresholds(0.002).peaks[0]["u_max"] == pytest.approx(peak, rel=1e-3)
+    (up,) = oscillator.sweep(0.002, (0.97, float(omega)), points=3, directions=("up",))
+    assert up.u_max[-1] == pytest.approx(peak, rel=2e-3)
+    without = ContactOscillator(PowerLaw(1.5), zeta=ZETA, damping="contact").response(0.002, (0.97, 1.01)).peak[1]
+    assert peak < 0.85 * without
+    assert oscillator.setting(0.002).damping == "loops"
+
+
+@pytest.mark.parametrize("nu", [0.0, 0.25, 0.45])
+def test_radiation(nu: float) -> None:
+    """Against Lysmer's analogue, a fit that is good to some ten per cent; Rayleigh's share for 1/4 is 67 %."""
+    value, share = radiation_compliance(nu)
+    assert value == pytest.approx(0.2125 * (1.0 - nu), rel=0.15)
+    if nu == 0.25:
+        assert share == pytest.approx(0.67, abs=0.005)
+
+
+def test_wrong_arguments() -> None:
+    for deflection, zeta in (((), ()), ((0.1, 0.1), (0.1, 0.1)), ((0.1,), (0.1, 0.2)), ((0.1,), (-0.1,))):
+        with pytest.raises(InputError):
+            LoopDamping(deflection, zeta)
+    with pytest.raises(InputError, match="micro-slip"):
+        ContactOscillator(PowerLaw(1.5), zeta=0.0, damping=LOOPS)
+    with pytest.raises(InputError, match=r"loops\.csv"):
+        ContactOscillator(PowerLaw(1.5), damping="loops")

@@ -1,0 +1,171 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Loops of the force about a preload: a confined column in closed form, energy, shakedown, ranks, the state after."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from asperity.errors import InputError
+from asperity.loops import Loop, LoopTable
+from asperity.mesh.block import BlockMesh
+from asperity.model.material import Material
+from asperity.model.settings import Formulation, MeshSize
+from asperity.quasistatic.contact_solver import ContactSolver
+from asperity.quasistatic.force_loops import force_loops
+from asperity.quasistatic.make import make_contact_solver
+from asperity.quasistatic.solve_contact import solve_contact
+from asperity.surface import Flat, Surface
+
+Y, TANGENT = 0.001, 0.05
+DEPTH = 0.01
+
+
+def here() -> Any:
+    from mpi4py import MPI
+
+    return MPI.COMM_SELF
+
+
+def world() -> Any:
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD
+
+
+class Column:
+    """J2 plasticity under uniaxial strain, as scalars: q is axial less lateral stress, p the axial plastic strain."""
+
+    def __init__(self, material: Material) -> None:
+        self.M, self.mu, self.H = material.confined_modulus, material.lame[1], material.plastic_modulus
+        self.share, self.Y = material.kinematic_share, material.yield_strength or 0.0
+        self.strain = self.p = self.a = 0.0
+
+    def stress(self, strain: float, *, keep: bool = False) -> float:
+        """Axial stress at a strain, compression positive: return mapping in one step, exact for a straight path."""
+        driving = 2.0 * self.mu * (strain - 1.5 * self.p) - self.share * self.H * self.p
+        excess = abs(driving) - self.Y - (1.0 - self.share) * self.H * self.a
+        flow = max(excess, 0.0) / (3.0 * self.mu + self.H)
+        p = self.p + np.sign(driving) * flow
+        if keep:
+            self.p, self.a, self.strain = p, self.a + flow, strain
+        return self.M * strain - 2.0 * self.mu * p
+
+    def to(self, stress: float) -> None:
+        """Bring the column to a stress."""
+        from scipy.optimize import brentq
+
+        self.stress(brentq(lambda e: self.stress(e) - stress, -1.0, 1.0, xtol=1e-16), keep=True)
+
+    def dissipated(self) -> float:
+        return self.Y * self.a + 0.5 * (1.0 - self.share) * self.H * self.a**2
+
+    def loops(self, preload: float, amplitude: float, count: int) -> Iterator[tuple[float, float]]:
+        """Yield loss factor and amplitude of the strain."""
+        self.stress(DEPTH, keep=True)
+        self.to(preload)
+        for _ in range(count):
+            before = self.dissipated()
+            self.to(preload * (1.0 + amplitude))
+            high = self.strain
+            self.to(preload * (1.0 - amplitude))
+            deflection = 0.5 * (high - self.strain)
+            self.to(preload)
+            yield (self.dissipated() - before) / (np.pi * amplitude * preload * deflection), deflection
+
+
+@pytest.mark.parametrize("hardening", ["isotropic", "kinematic", 0.5])
+@pytest.mark.parametrize("amplitude", [0.05, 0.4, 0.6])
+def test_a_confined_column(hardening: str | float, amplitude: float) -> None:
+    """A flat block between rollers: radial paths, so that backward Euler is exact whatever the steps."""
+    material = Material(1.0, 0.3, Y, TANGENT, hardening)
+    solver = solve_contact(
+        Flat(L=1.0), material, delta_max=DEPTH, steps=3, size=MeshSize(h_contact=1.0, h_max=1.0), comm=here()
+    ).solver
+    preload = 0.6 * solver.force
+    loops = force_loops(solver, preload, [amplitude], cycles=3, steps=8)
+    expected = list(Column(material).loops(preload, amplitude, len(loops)))
+    np.testing.assert_allclose([(loop.eta, loop.deflection) for loop in loops], expected, rtol=3e-3, atol=1e-6)
+    # the trapezoidal rule misses the corners where plastic flow begins
+    assert all(abs(loop.imbalance) < 0.01 for loop in loops)
+    if hardening == "kinematic" and amplitude == 0.6:
+        assert loops[-1].eta > 0.1
+    if hardening == "isotropic" and amplitude < 0.5:
+        assert loops[-1].eta < 1e-6
+
+
+def press(
+    surface: Surface, block: BlockMesh | None, comm: Any, formulation: Formulation | None = None
+) -> ContactSolver:
+    material = Material(1.0, 0.3, 0.005, 0.05, "kinematic")
+    solver = make_contact_solver(comm, surface, block, material, formulation=formulation)
+    for delta in (0.01, 0.02, 0.03):
+        assert solver.step(delta).converged
+    return solver
+
+
+@pytest.mark.parametrize("method", ["active-set", "penalty", "nitsche"])
+def test_the_state_is_as_before(rough: Surface, coarse: BlockMesh | None, method: str) -> None:
+    """The next step is the same with and without loops before it, and energy is balanced in each loop."""
+    forces = []
+    for with_loops in (True, False):
+        solver = press(rough, coarse, world(), Formulation(method))
+        if with_loops:
+            loops = force_loops(solver, 0.5 * solver.force, [0.5], cycles=2, steps=2)
+            assert [loop.loop for loop in loops] == [1, 2]
+            assert abs(loops[-1].imbalance) < 5e-3
+            assert loops[0].k > 0.0
+        assert solver.step(0.031).converged
+        forces.append((solver.force, solver.counts.steps, solver.checks.work))
+    assert forces[0] == forces[1]
+
+
+def test_ranks_agree(rough: Surface, coarse: BlockMesh | None) -> None:
+    """One rank and all find the same loops, within the tolerance of the force at their ends."""
+    found = []
+    for comm in (here(), world()):
+        block = world().bcast(coarse) if comm.size == 1 else coarse
+        solver = press(rough, block, comm)
+        found.append(force_loops(solver, solver.force, [0.5], cycles=2, steps=2))
+    for one, all_ in zip(*found, strict=True):
+        np.testing.assert_allclose((all_.eta, all_.deflection, all_.k), (one.eta, one.deflection, one.k), rtol=2e-3)
+
+
+def test_the_preload_itself_yields_in_its_first_loop_only(rough: Surface, coarse: BlockMesh | None) -> None:
+    """Isotropic hardening shakes down; the steps are fine enough for the energy of the steady loop."""
+    solver = make_contact_solver(world(), rough, coarse, Material(1.0, 0.3, 0.005, 0.05))
+    for delta in (0.01, 0.02, 0.03):
+        assert solver.step(delta).converged
+    loops = force_loops(solver, solver.force, [0.3], cycles=4, steps=3)
+    assert loops[0].eta > 0.5
+    assert loops[-1].eta < 0.01 * loops[0].eta
+    assert abs(loops[-1].imbalance) < 5e-3
+
+
+def test_wrong_arguments(rough: Surface, coarse: BlockMesh | None) -> None:
+    solver = make_contact_solver(world(), rough, coarse, Material(1.0, 0.3))
+    for preload, amplitudes, options in (
+        (-1.0, [0.1], {}), (0.0, [0.1], {}), (1e-3, [1.5], {}), (1e-3, [0.0], {}), (1e-3, [0.1], {"cycles": 0}),
+        (1e-3, [0.1], {"steps": 0}), (np.nan, [0.1], {}),
+    ):  # fmt: skip
+        with pytest.raises(InputError):
+            force_loops(solver, preload, amplitudes, **options)
+
+
+def test_file(tmp_path: Any) -> None:
+    """Written and read again, to the last bit; a damaged file is refused."""
+    loop = Loop(0.1, 1, 2.0 / 3.0, 0.1, 0.3, 1e-3, 1e-4, 9e-4)
+    table = LoopTable.scaled([loop], force=3.0, length=0.1)
+    table.write(tmp_path / "loops.csv")
+    assert LoopTable.read(tmp_path / "loops.csv") == table
+    assert table.loops[0].eta == pytest.approx(loop.eta, rel=1e-14)
+    assert table.loops[0].k == pytest.approx(30.0 * loop.k, rel=1e-14)
+    for text in ("", "amplitude,loop\n", "amplitude,loop\n0.1,1\n"):
+        (tmp_path / "bad.csv").write_text(text)
+        with pytest.raises(InputError, match=r"bad\.csv"):
+            LoopTable.read(tmp_path / "bad.csv")
