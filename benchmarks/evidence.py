@@ -28,6 +28,7 @@ CASES = {
     "patch": ("patch tests", "closed form", "patch"),
     "material": ("plasticity, uniaxial and confined, two cycles", "closed form", "patch"),
     "hertz": ("Hertz", "theory of a layer", "hertz"),
+    "stiffness": ("stiffness and conductance of a spot", "closed form", "stiffness"),
     "westergaard": ("wave", "closed form", "waves"),
     "double-sinusoid": ("double wave", "tabulated boundary elements", "waves"),
     "thick-sphere": ("elastic-plastic thick sphere", "Hill", "shell"),
@@ -118,6 +119,10 @@ def others() -> Iterator[tuple[str, ...]]:
             f"frequency of the one-degree model, {kind}", "full solid in time",
             f"{max(slow):.2f} % while the mass is slow", link(script), count,
         )  # fmt: skip
+    script, rows, count = table("unloading")
+    light, all_ = (max(float(r["difference %"]) for r in rows if float(r["w"]) <= most) for most in (20, 100))
+    result = f"force along it within {light:g} % to w = 20, {all_:g} % to w = 100"
+    yield "unloading of a flattened sphere", "fit of Etsion, Kligerman and Kadin", result, link(script), count
     script, rows, count = table("vibration_work_precision")
     error = next(row["largest error"] for row in rows if row["setting"].startswith("tol 1e-05"))
     yield "response at the default tolerance", "balance at 1e-9", f"{error} of u_max", link(script), count

@@ -28,6 +28,7 @@ ORDER = (
     ("adaptive", "transient", "output"),
     ("plot", "verification"),
     ("run_outputs",),
+    ("solve_case",),
     ("run_case",),
     ("study",),
     ("cli",),

@@ -271,7 +271,7 @@ def test_a_mesh_made_before_is_used_and_is_no_key_of_the_case(full: tuple[Path, 
     assert result.contact is not None
     block = result.contact.block
     again = run(case_of(), block=block)
-    assert again.summary["warnings"] == result.summary["warnings"]
+    assert again.summary["warnings"] == [text for text in result.summary["warnings"] if "loops" not in text]
     np.testing.assert_array_equal(again.curve.force, result.curve.force)
     with pytest.raises(InputError, match=r"leave out mesh\.file and accuracy\.tolerance"):
         run(case_of(accuracy={"tolerance": 0.1}), block=block)

@@ -55,6 +55,8 @@ def write_outputs(
     Returns:
         the vibration, None when not requested
     """
+    from asperity.quasistatic.stiffness_matrix import stiffness_matrix
+
     comm, seconds = contact.solver.solid.comm, summary["seconds"]
     if contact.snapshots and folder is not None:
         progress.stage("fields")
@@ -62,6 +64,13 @@ def write_outputs(
         _write_fields(case, contact, folder)
         seconds["fields"] = perf_counter() - start
 
+    if case.output.stiffness_matrix:
+        progress.stage("stiffness matrix")
+        start = perf_counter()
+        matrix = stiffness_matrix(contact.solver)
+        seconds["stiffness matrix"] = perf_counter() - start
+        scaled = None if matrix is None else matrix.scaled(case.material.E, case.surface.L)
+        summary["stiffness_matrix"] = None if scaled is None else scaled.to_dict()
     loops = None
     if case.loops is not None:
         progress.stage("loops")

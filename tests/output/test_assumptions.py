@@ -305,7 +305,7 @@ def test_the_limit_of_a_slow_vibration_is_that_of_a_rod() -> None:
 
 
 def test_radiation_next_to_the_damping_of_the_model() -> None:
-    """Nearly as Lysmer's disc of equal stiffness, whatever the number of spots; a model without damping needs it most."""
+    """Nearly as Lysmer's disc of equal stiffness, however many spots; a model without damping needs it most."""
     line = radiation(evidence(**moving()))
     mu, a = 200e9 / 2.6, 1e5 * 0.7 * 2.6 / (4 * 200e9)
     by_hand = 3.4 * a**2 * np.sqrt(7800.0 * mu) / 0.7 * 2 * np.pi * 1e3 / (2 * 1e5)

@@ -246,7 +246,9 @@ class DynamicsSection(Section):
         "unloading branch, elastic tangent, points of the loading curve, or its power law; auto takes the first that "
         "the run has after yield, and the points of the loading before", "auto",
     )  # fmt: skip
-    preload: Real | None = _key("weight of the mass", None, shown="half of the greatest force", unit=FORCE, gt=0)
+    preload: Real | None = _key(
+        "static force, the weight of the mass", None, shown="half of the greatest force", unit=FORCE, gt=0
+    )
     overload: Real | None = _key(
         "greatest force before the vibration; equal to the preload: the weight itself", None,
         shown="that of the unloading, else the preload", unit=FORCE, gt=0,
@@ -268,6 +270,13 @@ class DynamicsSection(Section):
     )  # fmt: skip
     omega: tuple[Annotated[Real, Field(ge=0.01, le=100)], Annotated[Real, Field(ge=0.01, le=100)]] = _key(
         "range of excitation frequency over omega_s", (0.5, 1.3)
+    )
+    sweeps: Flag = _key("also sweep up and down by time integration, as dots in the figure", False)
+    random: tuple[Annotated[Real, Field(ge=1e-9, le=1e6)], ...] = _key(
+        "rms of F/(m omega_s^2 z_s) of band-limited noise", (), min_length=0, max_length=100
+    )
+    band: tuple[Annotated[Real, Field(ge=0.01, le=100)], Annotated[Real, Field(ge=0.01, le=100)]] = _key(
+        "range of the noise over omega_s", (0.05, 3.0)
     )
 
 
@@ -314,11 +323,14 @@ class SolverSection(Section):
 class OutputSection(Section):
     """Files in addition to the curve and the summary."""
 
-    figures: Flag = _key("figures/*.png", False)
+    figures: Flag = _key("figures/*.png, and *.svg of those that consist of lines", False)
     fields: Flag = _key("fields/ for ParaView", False)
     report: Flag = _key("report.html", False)
     distributions: Flag = _key("fields/distributions.csv: shares of the patch by pressure and by gap", False)
     stiffness: Flag = _key("columns k_n to k_t_interface of the curve; load steps take a third to a half longer", False)
+    stiffness_matrix: Flag = _key(
+        "stiffness against all six motions of the flat at the end of the load path, in summary.json", False
+    )
     conductance: Flag = _key("column conductance of the curve", False)
     small_strain: Flag = _key("what small strain changes in the force; always with finite or auto kinematics", False)
     snapshots: Whole = _key("load levels kept for pressure maps and distributions", 4, ge=0, le=1000)

@@ -17,7 +17,7 @@ from asperity.cli import options
 def command(folder: str, solid: bool) -> None:
     """Draw the figures of a run.
 
-    From the files of the run in OUT, into OUT/figures/*.png.
+    From the files of the run in OUT, into OUT/figures: PNG, and SVG where they consist of lines.
     """
     if solid:
         from asperity.plot.scene import scene

@@ -14,10 +14,12 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.tri import LinearTriInterpolator, Triangulation
+from matplotlib.ticker import MaxNLocator
+from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
 from asperity.arrays import Array
+from asperity.mesh.element import cross
 from asperity.output.results import Results
 from asperity.plot import style
 from asperity.plot.curves import LOAD, draw_branches, load_axis
@@ -149,12 +151,19 @@ class _Raster:
 
     def __init__(self, top: Any) -> None:
         x, y = top["points"].T
-        self._mesh = Triangulation(x, y, top["triangles"])
+        mesh = Triangulation(x, y, top["triangles"])
         middles = (np.arange(PIXELS) + 0.5) / PIXELS
-        self._at = np.meshgrid(x.min() + middles * np.ptp(x), y.min() + middles * np.ptp(y))
+        at = np.meshgrid(x.min() + middles * np.ptp(x), y.min() + middles * np.ptp(y))
+        found: Any = mesh.get_trifinder()(*at)
+        self._nodes = top["triangles"][found]
+        a, b, c = np.moveaxis(top["points"][self._nodes], 2, 0)
+        p = np.stack(at, axis=-1)
+        twice = cross(b - a, c - a)
+        second, third = cross(p - a, c - a) / twice, cross(b - a, p - a) / twice
+        self._shares = np.stack([1.0 - second - third, second, third], axis=-1)
 
     def __call__(self, values: Array) -> Array:
-        return np.asarray(LinearTriInterpolator(self._mesh, values)(*self._at).filled(0.0))
+        return np.asarray((values[self._nodes] * self._shares).sum(axis=-1))
 
 
 def _touching(on_grid: _Raster, top: Any, i: int) -> NDArray[np.bool_]:
@@ -236,6 +245,7 @@ def _spots(axis: Any, results: Results) -> None:
         return
     draw_branches(axis, results, "P_star", "spots")
     axis.set_ylabel("number of spots")
+    axis.yaxis.set_major_locator(MaxNLocator(integer=True))
     axis.set_ylim(bottom=0)
     load_axis(axis, results, "top")
 

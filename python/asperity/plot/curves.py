@@ -36,9 +36,9 @@ def force_curve(results: Results, *, ax: style.Place | None = None) -> Figure:
     figure, axes = style.figure(style.WIDE, 3.7, columns=3, ax=ax)
     style.titles(axes, ("load and approach", "logarithmic", "local exponent"))
     for draw, axis in zip((_linear, _logarithmic, _exponents), axes, strict=False):
-        draw(axis, results)
-        axis.set_xlabel(DELTA)
         style.grid(axis)
+        axis.set_xlabel(DELTA)
+        draw(axis, results)
     return figure
 
 

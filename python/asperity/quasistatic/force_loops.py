@@ -55,7 +55,7 @@ def solve_loops(
         True
     """
     side, E = problem.surface.L, problem.material.E
-    loops = force_loops(result.solver, preload / (E * side**2), amplitudes, cycles=cycles, steps=steps)
+    loops = force_loops(result.solver, float(preload) / (E * side**2), amplitudes, cycles=cycles, steps=steps)
     return LoopTable.scaled(loops, E * side**2, side)
 
 

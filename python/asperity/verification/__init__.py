@@ -25,6 +25,7 @@ _CASES = {
     "patch": "patch.patch",
     "material": "patch.material_point",
     "hertz": "hertz.hertz",
+    "stiffness": "stiffness.stiffness",
     "westergaard": "waves.westergaard",
     "double-sinusoid": "waves.double_sinusoid",
     "thick-sphere": "shell.pressurised_sphere",

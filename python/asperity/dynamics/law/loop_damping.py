@@ -39,9 +39,8 @@ class LoopDamping:
         >>> loops = asp.dynamics.LoopDamping((0.1, 0.2), (0.001, 0.002))
         >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.01, damping=loops)
         >>> orbit = oscillator.free([0.2]).orbits[0]
-        >>> loss = 0.01 * orbit.dissipation / (2.0 * np.pi * (0.5 * (0.2 - orbit.u_min)) ** 2)  # 2 zeta = loss factor
-        >>> round(2.0 * loss, 4)
-        0.0121
+        >>> round(0.01 * orbit.dissipation / (np.pi * (0.5 * (0.2 - orbit.u_min)) ** 2), 4)  # zeta and that of the loop
+        0.012
     """
 
     deflection: tuple[float, ...]
