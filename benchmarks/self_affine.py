@@ -20,7 +20,6 @@ import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Sequence
 from os import environ
 from pathlib import Path
 
@@ -95,17 +94,17 @@ def bars(curve: Curve) -> tuple[Floats, Floats]:
     return curve.error_P_star / curve.P_star, curve.error_area_fraction / curve.area_fraction
 
 
-def areas_of_half_space(surface: Surface, n: int, P_star: Sequence[float]) -> Floats:
+def areas_of_half_space(surface: Surface, n: int, P_star: Floats) -> Floats:
     """Area fractions of the half-space of asperity, n cells per side, at ascending forces (k,)."""
     areas, start = [], None
     for P in P_star:
-        found = half_space_contact(surface, n, P_star=P, sides="periodic", tolerance=1e-6, start=start)
+        found = half_space_contact(surface, n, P_star=float(P), sides="periodic", tolerance=1e-6, start=start)
         start = found.pressure
         areas.append(found.area_fraction)
     return np.array(areas)
 
 
-def areas_of_tamaas(surface: Surface, n: int, P_star: Sequence[float]) -> Floats:
+def areas_of_tamaas(surface: Surface, n: int, P_star: Floats) -> Floats:
     """Area fractions of Tamaas, n cells per side, corrected for the perimeter (k,); NaN where it is not installed."""
     sys.path.insert(0, str(ROOT / "benchmarks" / "peers"))
     import programs
@@ -116,7 +115,7 @@ def areas_of_tamaas(surface: Surface, n: int, P_star: Sequence[float]) -> Floats
     with tempfile.TemporaryDirectory() as folder:
         source, target = Path(folder) / "map.npz", Path(folder) / "out.npz"
         layer = RoughHalfSpace(n, 1.0, 0.0, "periodic")
-        np.savez(source, heights=layer.heights(surface), P_star=np.array(P_star))
+        np.savez(source, heights=layer.heights(surface), P_star=P_star)
         script = str(ROOT / "benchmarks" / "peers" / "tamaas_area.py")
         subprocess.run(
             [*command, script, str(source), str(target)],
@@ -134,8 +133,8 @@ def compare(about: str, waves: int, surface: SelfAffine, found: AccurateResult, 
     force_bar, area_bar = bars(rows)
     n = CELLS * waves
     slope = surface.rms_slope()
-    own, coarse = (areas_of_half_space(surface, m, rows.P_star.tolist()) for m in (n, n // 2))
-    other = areas_of_tamaas(surface, n, rows.P_star.tolist())
+    own, coarse = (areas_of_half_space(surface, m, rows.P_star) for m in (n, n // 2))
+    other = areas_of_tamaas(surface, n, rows.P_star)
     for i, P in enumerate(rows.P_star):
         kappa = slope / P
         values = (
@@ -174,7 +173,7 @@ def ensemble() -> None:
         for seed in SEEDS:
             surface = surface_of(waves, seed)
             n = min(ENSEMBLE_CELLS[0] * waves, ENSEMBLE_CELLS[1])
-            found.append(areas_of_half_space(surface, n, (SLOPE * LOADS).tolist()))
+            found.append(areas_of_half_space(surface, n, SLOPE * LOADS))
         for i, load in enumerate(LOADS):
             areas = np.array(found)[:, i]
             spread = np.std(areas / load, ddof=1)
@@ -194,7 +193,7 @@ def influence() -> None:
         row, raw = found.curve.loading(), found.raw.loading()
         force_bar, area_bar = (100 * bar[-1] for bar in bars(row))
         P, n = float(row.P_star[-1]), waves * CELLS
-        own = areas_of_half_space(surface, n, [P])[0]
+        own = areas_of_half_space(surface, n, row.P_star[-1:])[0]
         layer = half_space_contact(
             surface, n, delta_star=float(row.delta_star[-1]), height=height, nu=nu, sides="periodic", tolerance=1e-6
         )
