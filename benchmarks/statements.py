@@ -20,6 +20,9 @@ from asperity.study.trend import CONDITIONS, Condition, Trend, trend, verdict
 from asperity.surface import Surface, WeierstrassMandelbrot
 
 SURFACE, YIELDS, CLOSED = "surface alone", "block yields", "contact nearly full"
+LEAST = 3  # surfaces of a condition
+FEWEST = 5  # single fits or steps of a sign test: 2^-5 = 3 %
+SMALL = 0.005  # change of n that mesh and load steps make between levels
 WHOLE = CONDITIONS[0]  # least squares on linear scales over the whole range: the condition whose means are shown
 
 
@@ -32,8 +35,9 @@ class Finding:
         factors: sides, height, hardening and kinematics, in words.
         regime: what carries the load at the end of the range, in words.
         trend: the figure over the levels.
-        holds: whether the statement does.
-        opposite: whether its opposite holds.
+        holds: whether the statement does, with 95 % confidence.
+        refuted: whether it does not, with 95 % confidence; neither where the seeds are too few to tell.
+        opposite: whether its opposite holds at every level.
     """
 
     family: str
@@ -41,6 +45,7 @@ class Finding:
     regime: str
     trend: Trend
     holds: bool
+    refuted: bool
     opposite: bool = False
 
 
@@ -70,8 +75,11 @@ class Statement:
 
 
 def verdict_of(found: Sequence[Finding]) -> str:
-    """Verdict of findings, with the opposite where it holds under all conditions."""
-    return "the opposite holds" if all(f.opposite for f in found) else verdict(f.holds for f in found)
+    """Verdict of the findings that are decided, "open" where fewer than half are."""
+    if all(f.opposite for f in found):
+        return "the opposite holds"
+    decided = [f.holds for f in found if f.holds or f.refuted]
+    return verdict(decided) if len(decided) >= 0.5 * len(found) else "open"
 
 
 class Exponents:
@@ -127,11 +135,12 @@ def findings(
     exponents: Exponents,
     families: Iterable[str],
     holds: Callable[[Trend], bool],
+    refuted: Callable[[Trend], bool],
     opposite: Callable[[Trend], bool] = lambda _: False,
 ) -> tuple[Finding, ...]:
     """Test a statement about exponents in families under all conditions.
 
-    Families without cases are left out, and conditions that are void for a whole level: see `Block.void`.
+    Families without cases are left out, and conditions that are void for most surfaces: see `Block.void`.
 
     Raises:
         ValueError: a summit lies on an edge.
@@ -142,9 +151,9 @@ def findings(
         if any(row["summit_on_edge"] for level in levels for row in level.rows):
             raise ValueError(f"a summit lies on an edge in {name}: such cases say nothing of the surface")
         for t in exponents.trends(levels):
-            if len(t.values) and np.isfinite(t.values).any(axis=1).all():
+            if len(t.values) and t.seeds >= LEAST:
                 about = exponents.factors(name), regime(levels)
-                out.append(Finding(name, *about, t, holds(t), opposite(t)))
+                out.append(Finding(name, *about, t, holds(t), refuted(t), opposite(t)))
     return tuple(out)
 
 
@@ -156,14 +165,19 @@ def with_variants(*names: str) -> list[str]:
 def elastic_softens(exponents: Exponents) -> Statement:
     """T1."""
     names = [*with_variants("D"), "G", "D_light", "similar"]
-    found = findings(exponents, names, lambda t: all(low > 1 for _, low, _ in t.means))
+    found = findings(
+        exponents,
+        names,
+        always_softens,
+        lambda t: any(high < 1 for *_, high in t.means),
+    )
     return Statement("T1", "A linear elastic surface softens.", "mean n > 1 (95 %) at every level", found)
 
 
 def rougher_softens_more(exponents: Exponents) -> Statement:
     """T2: smaller D and larger G are rougher (T5)."""
-    by_D = findings(exponents, [*with_variants("D"), "D_light"], lambda t: t.falls, lambda t: t.rises)
-    by_G = findings(exponents, ("G", "similar"), lambda t: t.rises, lambda t: t.falls)
+    by_D = findings(exponents, [*with_variants("D"), "D_light"], falls, steps_up, rises)
+    by_G = findings(exponents, ("G", "similar"), rises, steps_down, falls)
     return Statement(
         "T2", "Softening increases with rougher topography.",
         "every step of n from a smoother to a rougher level upwards (95 %, same seeds)", by_D + by_G,
@@ -175,7 +189,7 @@ def modulus_softens_more(exponents: Exponents) -> Statement:
     names = ["E_t", *with_variants("E_t_free"), "E_t_light", "E_t_light_free"]
     return Statement(
         "T3", "Softening increases with the tangent modulus.", "every step of n upwards (95 %, same seeds)",
-        findings(exponents, names, lambda t: t.rises, lambda t: t.falls),
+        findings(exponents, names, rises, steps_down, falls),
     )  # fmt: skip
 
 
@@ -184,8 +198,42 @@ def strength_hardens(exponents: Exponents) -> Statement:
     names = ["sigma_y", *with_variants("sigma_y_free"), "sigma_y_light", "sigma_y_light_free"]
     return Statement(
         "T4", "Above a certain yield strength the response changes from softening to hardening.",
-        "n > 1 at a yield strength and n < 1 at a greater one (95 %)", findings(exponents, names, turns_hardening),
+        "n > 1 at a yield strength and n < 1 at a greater one (95 %)",
+        findings(exponents, names, turns_hardening, always_softens),
     )  # fmt: skip
+
+
+def always_softens(t: Trend) -> bool:
+    """Whether n > 1 at every level: on the mean with 95 % confidence, or in all of at least FEWEST fits."""
+    known = t.values[np.isfinite(t.values)]
+    return all(low > 1 for _, low, _ in t.means) or bool(known.size >= FEWEST and (known > 1).all())
+
+
+def rises(t: Trend) -> bool:
+    """Whether n rises in every step: on the mean with 95 % confidence, or in all of at least FEWEST single steps.
+
+    The second is a sign test: as many steps of random sign agree with a probability of 3 %. Mean steps below SMALL do
+    not count.
+    """
+    steps = np.diff(t.values, axis=0)
+    known = steps[np.isfinite(steps)]
+    agree = bool(known.size >= FEWEST and (known > 0).all())
+    return (agree or t.rises) and all(mean > SMALL for mean, _, _ in t.steps)
+
+
+def falls(t: Trend) -> bool:
+    """Whether n falls in every step, see `rises`."""
+    return rises(Trend(t.condition, -t.values))
+
+
+def steps_up(t: Trend) -> bool:
+    """Whether some step rises with 95 % confidence, or all do."""
+    return any(low > SMALL for _, low, _ in t.steps) or rises(t)
+
+
+def steps_down(t: Trend) -> bool:
+    """Whether some step falls with 95 % confidence, or all do."""
+    return steps_up(Trend(t.condition, -t.values))
 
 
 def turns_hardening(t: Trend) -> bool:
@@ -193,6 +241,15 @@ def turns_hardening(t: Trend) -> bool:
     soft = [low > 1 for _, low, _ in t.means]
     hard = [high < 1 for _, _, high in t.means]
     return any(soft[i] and any(hard[i + 1 :]) for i in range(len(soft)))
+
+
+def turning(t: Trend) -> str:
+    """Share of the single surfaces with n > 1 at some level and n < 1 at a later one, in words."""
+    turned = [
+        any(one > 1 and (own[i + 1 :] < 1).any() for i, one in enumerate(own))
+        for own in (column[np.isfinite(column)] for column in t.values.T)
+    ]
+    return f"{sum(turned)} of {len(turned)} surfaces turn"
 
 
 def smoother_surfaces(seeds: int = 20) -> tuple[Statement, list[float]]:
@@ -213,7 +270,7 @@ def smoother_surfaces(seeds: int = 20) -> tuple[Statement, list[float]]:
 
     by_D, by_G = table([(D, 1.36e-11) for D in dimensions]), table([(2.4, G) for G in roughnesses])
     found = tuple(
-        Finding(name, "surfaces", "without contact", t, getattr(t, way))
+        Finding(name, "surfaces", "without contact", t, getattr(t, way), not getattr(t, way))
         for name, data, way in (("D", by_D, "falls"), ("G", by_G, "rises"))
         for t in (Trend("rms height", data[0]), Trend("rms slope", data[1]))
     )
@@ -232,4 +289,4 @@ def all_statements(results: StudyResults) -> tuple[Statement, ...]:
     return tuple(statement for statement in made if statement.findings)
 
 
-__all__ = ["CLOSED", "SURFACE", "WHOLE", "YIELDS", "Finding", "Statement", "all_statements", "verdict_of"]
+__all__ = ["WHOLE", "Finding", "Statement", "all_statements", "smoother_surfaces", "turning", "verdict_of"]
