@@ -9,7 +9,7 @@ import logging
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -282,11 +282,7 @@ class _Job:
             failure = CheckError(f"the result is wrong, do not use it: {doubts}")
         if failure is not None:
             summary["exit_reason"] = str(failure)
-        evidence = replace(
-            solved.evidence(case, summary.get(FRICTION_BOUNDS)), density=case.material.density,
-            vibration=small_vibration_of(case, contact.curve),
-        )  # fmt: skip
-        lines = on_root_bcast(comm, partial(ledger, evidence))
+        lines = on_root_bcast(comm, partial(ledger, solved.evidence(case, summary.get(FRICTION_BOUNDS))))
         summary["assumptions"] = [line.to_dict() for line in lines]
         self._warn(lines, solved, summary["unresolved"])
         self.notices.share()
