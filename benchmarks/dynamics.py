@@ -14,15 +14,13 @@ pyHarm-os comes from PyPI and is left out, with a word, when it is missing.
 from __future__ import annotations
 
 import argparse
-import contextlib
-import importlib
-import io
-import logging
 import os
+import runpy
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -150,97 +148,21 @@ def ivp_sweep(reference: FrequencyResponse, points: int, method: str, rtol: floa
 
 def peer(reference: FrequencyResponse) -> list[Result]:
     """pyHarm-os with the contact as a plug-in element, alternating frequency-time with 16 samples a harmonic."""
-    pyHarm = importlib.import_module("pyHarm")
-    base: Any = importlib.import_module("pyHarm.Elements.NodeToNodeElements.NodeToNodeElement").NodeToNodeElement
+    example = runpy.run_path(str(Path(__file__).parent.parent / "examples" / "harmonic_balance.py"))
 
-    class PowerContact(base):
-        """Restoring force ([1 + u]_+^n - 1)/n to ground."""
+    def spring(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        s = np.maximum(1.0 + u, 0.0)
+        return (s**N - 1.0) / N, s ** (N - 1.0)
 
-        factory_keyword = "PowerContact"
-
-        def __flag_update__(self) -> None:
-            self.flag_nonlinear = True
-            self.flag_AFT = True
-
-        def adim(self, lc: float, wc: float) -> None:
-            raise NotImplementedError
-
-        def evalResidual(self, xg: np.ndarray, om: float) -> np.ndarray:
-            s = np.maximum(1.0 + xg[self.indices] @ self.D["ft"], 0.0)
-            self.R = ((s**N - 1.0) / N) @ self.D["tf"]
-            return self.R
-
-        def evalJacobian(self, xg: np.ndarray, om: float) -> tuple[np.ndarray, np.ndarray]:
-            s = np.maximum(1.0 + xg[self.indices] @ self.D["ft"], 0.0)
-            self.J = ((self.D["ft"] * s ** (N - 1.0)) @ self.D["tf"]).T
-            self.dJdom = np.zeros(len(self.indices))
-            return self.J, self.dJdom
-
-    logging.disable(logging.CRITICAL)
     rows = []
     for harmonics, step in ((5, 0.1), (10, 0.1), (14, 0.1), (20, 0.1), (40, 0.05)):
-
-        def case(harmonics: int = harmonics, step: float = step) -> dict[str, Any]:
-            return {
-                "analysis": {
-                    "frf": {
-                        "study": "frf",
-                        "puls_inf": WINDOW[0],
-                        "puls_sup": WINDOW[1],
-                        "puls_start": WINDOW[1],
-                        "sign_ds": -1,
-                        "ds0": 0.02,
-                        "ds_max": step,
-                        "ds_min": 1e-6,
-                        "solver": "NewtonRaphson",
-                        "solver_options": {"tol_residual": 1e-8, "tol_delta_x": 1e-6, "max_iter": 20},
-                        "predictor": "tangent",
-                        "corrector": "arc_length",
-                        "verbose": False,
-                    }
-                },
-                "system": {"type": "Base", "nh": harmonics, "nti": 16 * harmonics, "adim": {"status": False}},
-                "substructures": {
-                    "mass": {
-                        "matrix": {
-                            "M": np.eye(1),
-                            "C": 2 * ZETA * np.eye(1),
-                            "G": np.zeros((1, 1)),
-                            "K": np.zeros((1, 1)),
-                        },
-                        "ndofs": 1,
-                    }
-                },
-                "connectors": {
-                    "contact": {"type": "PowerContact", "connect": {"mass": [0]}, "dirs": [0]},
-                    "drive": {"type": "CosinusForcing", "connect": {"mass": [0]}, "dirs": [0], "amp": FORCING},
-                },
-                "plugin": [PowerContact],
-            }
-
-        def run(case: Callable[[], dict[str, Any]] = case) -> Any:
-            with contextlib.redirect_stdout(io.StringIO()):
-                maestro = pyHarm.Maestro(case())
-                maestro.operate()
-            return maestro
-
-        seconds, maestro = timed(run, 5)
-        points = [s.x for s in maestro.nls["frf"].SolList if s.flag_accepted]
-        x = np.array(points)
-        if x[:, -1].min() > WINDOW[0] + 1e-3:
-            print(f"pyHarm-os with {harmonics} harmonics stops at Omega = {x[-1, -1]:.3f}")
-        theta = np.linspace(0, 2 * np.pi, 4097)
-        k = np.arange(1, harmonics + 1)
-        path = x[:, :1] + x[:, 1:-1:2] @ np.cos(np.outer(k, theta)) + x[:, 2:-1:2] @ np.sin(np.outer(k, theta))
+        compute = example["pyharm_response"](spring, ZETA, FORCING, WINDOW, harmonics, step)
+        seconds, (omega, coefficients) = timed(compute, 5)
+        if omega.min() > WINDOW[0] + 1e-3:
+            print(f"pyHarm-os with {harmonics} harmonics stops at Omega = {omega[-1]:.3f}")
+        worst, median = errors(reference, omega, example["largest"](coefficients))
         rows.append(
-            Result(
-                "pyHarm-os",
-                f"{harmonics} harmonics, step {step:g}",
-                seconds,
-                *errors(reference, x[:, -1], path.max(axis=1)),
-                len(x),
-                "no",
-            )
+            Result("pyHarm-os", f"{harmonics} harmonics, step {step:g}", seconds, worst, median, len(omega), "no")
         )
     return rows
 

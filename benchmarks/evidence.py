@@ -28,6 +28,7 @@ CASES = {
     "patch": ("patch tests", "closed form", "patch"),
     "material": ("plasticity, uniaxial and confined, two cycles", "closed form", "patch"),
     "hertz": ("Hertz", "theory of a layer", "hertz"),
+    "stiffness": ("stiffness and conductance of a spot", "closed form", "stiffness"),
     "westergaard": ("wave", "closed form", "waves"),
     "double-sinusoid": ("double wave", "tabulated boundary elements", "waves"),
     "thick-sphere": ("elastic-plastic thick sphere", "Hill", "shell"),
@@ -45,6 +46,14 @@ BARS = {
     "bars_light_loads": ("error bars, light loads", "boundary elements"),
     "bars_columns": ("error bars of gap, stiffness, conductance", "finer meshes"),
 }
+#: Tables of the solid beside a half-space: subject, reference, columns of value, bar in per cent, reference.
+BESIDE = {
+    "self_affine_area": ("self-affine, area", "half-space, Tamaas", "kappa", "bar of kappa %", "kappa, Tamaas"),
+    "self_affine_challenge": (
+        "challenge's class, area", "half-space, Tamaas", "kappa", "bar of kappa %", "kappa, Tamaas"
+    ),
+    "self_affine_interface": ("self-affine, stiffness", "half-space", "k* of the interface", "bar %", "half-space"),
+}  # fmt: skip
 
 
 def link(path: str) -> str:
@@ -86,6 +95,16 @@ def judged() -> Iterator[tuple[str, ...]]:
         yield subject, reference, f"{inside} of {steps} values inside{without}", link(script), count
 
 
+def beside() -> Iterator[tuple[str, ...]]:
+    """A row for each table of self-affine surfaces beside half-spaces."""
+    for name, (subject, reference, value, bar, other) in BESIDE.items():
+        script, rows, count = table(name)
+        errors = [100.0 * abs(float(row[value]) / float(row[other]) - 1.0) for row in rows]
+        inside = sum(error <= float(row[bar]) for error, row in zip(errors, rows, strict=True))
+        result = f"{inside} of {len(rows)} within the bar, differences up to {max(errors):.2g} %"
+        yield subject, reference, result, link(script), count
+
+
 def others() -> Iterator[tuple[str, ...]]:
     """Other programs, the solid in time, hard cases."""
     for name, kind in (("peers_elastic", "elastic"), ("peers_plastic", "elastic-plastic")):
@@ -115,7 +134,7 @@ def others() -> Iterator[tuple[str, ...]]:
 
 def text() -> str:
     """The table in Markdown."""
-    lines = [HEADER, ("---",) * len(HEADER), *verified(), *judged(), *others()]
+    lines = [HEADER, ("---",) * len(HEADER), *verified(), *judged(), *beside(), *others()]
     return "".join("| " + " | ".join(line) + " |\n" for line in lines)
 
 

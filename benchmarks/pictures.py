@@ -219,12 +219,60 @@ def small_strain() -> Figure:
     return figure
 
 
+def numbers(rows: Rows, column: str) -> Any:
+    """A column of numbers (rows,)."""
+    return np.array([float(row[column]) for row in rows])
+
+
+def draw_bars(axis: Any, rows: Rows, columns: tuple[str, str, str], colour: str, marker: str, label: str) -> None:
+    """Points with error bars of some rows: columns of the abscissa, of the value and of its bar in per cent."""
+    x, y, bar = (numbers(rows, column) for column in columns)
+    axis.errorbar(x, y, y * bar / 100, fmt=marker, color=colour, mfc="white", ms=4, lw=0.9, label=label)
+
+
+@style.styled
+def self_affine() -> Figure:
+    """Area coefficient, mean plastic pressure, and stiffness of self-affine surfaces over the force."""
+    figure, (kappa, pressure, stiffness) = style.figure(style.WIDE, 3.6, columns=3)
+    style.titles((kappa, pressure, stiffness), ("area", "mean plastic pressure", "stiffness"))
+    own = {"self_affine_area": ("shortest wave L/16, L/32", style.BLUE, "o"),
+           "self_affine_challenge": ("challenge's class, L/64", style.VERMILION, "s")}  # fmt: skip
+    for name, (label, colour, marker) in own.items():
+        rows = table(name)
+        draw_bars(kappa, rows, ("P*/h'", "kappa", "bar of kappa %"), colour, marker, label)
+        kappa.plot(numbers(rows, "P*/h'"), numbers(rows, "kappa, half-space"), "k+", ms=6, zorder=3)
+        kappa.plot(numbers(rows, "P*/h'"), numbers(rows, "kappa, Tamaas"), "x", color=style.GREEN, ms=5, zorder=3)
+    kappa.plot([], [], "k+", label="half-space")
+    kappa.plot([], [], "x", color=style.GREEN, label="Tamaas")
+    kappa.set(xlabel="$P^*/h'$", ylabel="$\\kappa = A h'/(P^* A_0)$", ylim=(0, 3.6), xlim=(0, None))
+    rows = table("self_affine_plastic")
+    for strength, colour in (("0.02", style.BLUE), ("0.01", style.VERMILION)):
+        for seed, marker in (("1", "o"), ("2", "s")):
+            part = [row for row in rows if (row["yield strength/E"], row["seed"]) == (strength, seed)]
+            label = f"$\\sigma_y/E$ = {strength}, seed {seed}"
+            draw_bars(pressure, part, ("P*/h'", "mean pressure/yield strength", "bar %"), colour, marker, label)
+    pressure.set(xlabel="$P^*/h'$", ylabel="mean pressure over $\\sigma_y$", xscale="log", ylim=(0, 3))
+    rows = table("self_affine_interface")
+    for seed, colour, marker in (("0", style.BLUE, "o"), ("1", style.VERMILION, "s")):
+        part = [row for row in rows if row["seed"] == seed]
+        columns = ("P*/rms height", "k* of the interface", "bar %")
+        draw_bars(stiffness, part, columns, colour, marker, f"solid, seed {seed}")
+        stiffness.plot(numbers(part, columns[0]), numbers(part, "half-space"), "k+", ms=6, zorder=3)
+    stiffness.plot([], [], "k+", label="half-space")
+    stiffness.set(xlabel="$P^* L$/rms height", ylabel="$k^*$ of the interface", xscale="log", yscale="log")
+    for axis, place in ((kappa, "lower right"), (pressure, "lower left"), (stiffness, "upper left")):
+        axis.legend(loc=place, fontsize="x-small")
+        style.grid(axis)
+    return figure
+
+
 DRAWN: dict[str, Callable[[], Figure]] = {
     "architecture": architecture.draw,
     "work_precision": work_precision,
     "peers": peers,
     "dynamics_work_precision": dynamics_work_precision,
     "small_strain": small_strain,
+    "self_affine": self_affine,
 }
 OF_JOINT = ("frequency", "response")
 OF_TUTORIALS = {"tutorial_scan": ("scan", "out/scan/surface.png"),

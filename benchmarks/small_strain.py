@@ -5,6 +5,7 @@
 
     python3 benchmarks/small_strain.py mesh      greatest difference of the force by the size of the coarse mesh
     python3 benchmarks/small_strain.py slopes    force, area and exponent over rms slope and yield strain
+    python3 benchmarks/small_strain.py cost      force, time and iterations of a step of the demo surface, both ways
 
 Each writes docs/tables/small_strain_NAME.csv and prints it. `slopes` presses a self-affine surface (H = 0.8, shortest
 wave 0.1 L) of rising rms slope to a third of the depth of its mean plane, both ways on one mesh of 0.1 L.
@@ -17,7 +18,9 @@ import csv
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from math import inf
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 from mpi4py import MPI
@@ -28,7 +31,7 @@ from asperity.adaptive.mesh_plan import growth
 from asperity.adaptive.small_strain import differences
 from asperity.curve import Curve
 from asperity.quasistatic.make import make_block
-from asperity.quasistatic.solve_contact import solve_problem
+from asperity.quasistatic.solve_contact import ContactResult, solve_problem
 
 ROOT = Path(__file__).parent.parent
 ELASTIC = asp.Material(1.0, 0.3)
@@ -101,14 +104,39 @@ def slopes() -> Iterator[Mapping[str, object]]:
             }
 
 
+def cost(size: float = 0.08, steps: int = 20, repeats: int = 2) -> Iterator[Mapping[str, object]]:
+    """Force at 0.03 L and processor seconds of a step on the demo surface, the least of the repeats."""
+    surface = asp.Surface.from_spec("weierstrass-mandelbrot", L=1.0, D=2.4, G=1.36e-5)
+    block = make_block(MPI.COMM_WORLD, surface, 1.0, 0.03, asp.MeshSize(size))
+    for name, material in {"elastic": ELASTIC, "elastic-plastic": plastic(0.005)}.items():
+        results: dict[str, ContactResult] = {}
+        seconds = dict.fromkeys(("small", "finite"), inf)
+        for kinematics in repeats * list(seconds):
+            problem = asp.Problem.of(surface, replace(material, kinematics=kinematics), delta_max=0.03, steps=steps)
+            start = process_time()
+            result = results[kinematics] = solve_problem(problem, block=block)
+            seconds[kinematics] = min(seconds[kinematics], (process_time() - start) / result.counts.steps)
+        for kinematics, result in results.items():
+            yield {
+                "material": name,
+                "strain": kinematics,
+                "dofs": result.dofs,
+                "steps": result.counts.steps,
+                "Newton a step": f"{result.counts.newton / result.counts.steps:.1f}",
+                "CPU s a step": f"{seconds[kinematics]:.3f}",
+                "times small strain": f"{seconds[kinematics] / seconds['small']:.2f}",
+                "force over small strain": f"{result.curve.force[-1] / results['small'].curve.force[-1]:.4f}",
+            }
+
+
 def main() -> None:
     """Write and print the tables that are named."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("tables", nargs="+", choices=("mesh", "slopes"))
+    parser.add_argument("tables", nargs="+", choices=("mesh", "slopes", "cost"))
     warnings.simplefilter("ignore")
     for name in parser.parse_args().tables:
         rows: list[Mapping[str, object]] = []
-        for row in {"mesh": mesh, "slopes": slopes}[name]():
+        for row in {"mesh": mesh, "slopes": slopes, "cost": cost}[name]():
             if not rows:
                 print(",".join(row), flush=True)
             print(*row.values(), sep=",", flush=True)

@@ -52,3 +52,8 @@ def test_measured_surface() -> None:
     D, load = run("measured_surface")
     assert D == pytest.approx(2.425, abs=1e-3)
     assert load == pytest.approx(3.226e-3, rel=0.02)
+
+
+def test_harmonic_balance() -> None:
+    pytest.importorskip("pyHarm", reason="pyHarm is not installed: pip install 'asperity[hbm]'")
+    assert run("harmonic_balance") < 5e-3  # closest to the tips of the folds; 2e-4 in the middle of the differences

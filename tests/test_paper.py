@@ -53,7 +53,7 @@ def test_the_table_of_the_evidence_is_that_of_the_stored_tables(evidence: Any) -
     stored = page.split(evidence["BEGIN"])[1].split(evidence["END"])[0]
     assert stored == evidence["text"](), "run benchmarks/evidence.py --write"
     assert set(evidence["CASES"]) == set(NAMES)
-    assert {row["case"] for row in evidence["table"]("verification")[1]} == set(NAMES)
+    assert {row["case"] for row in evidence["table"]("verification")[1]} <= set(NAMES)
 
 
 @in_a_clone

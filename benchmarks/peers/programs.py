@@ -20,10 +20,9 @@ from pathlib import Path
 import calculix
 import numpy as np
 import scene
+from unpacked import PEERS, inside
 
 HERE = Path(__file__).parent
-PEERS = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "asperity" / "peers"
-LOADER = "ld-linux-x86-64.so.2"
 
 
 @dataclass(frozen=True)
@@ -109,17 +108,6 @@ class Job:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(json.dumps(asdict(run), indent=1) + "\n", encoding="utf-8")
         return run
-
-
-def inside(suite: str, program: str) -> tuple[list[str], dict[str, str]]:
-    """Command and environment of a program of an unpacked Debian, run by that one's own loader and libraries."""
-    root = PEERS / suite
-    places = [root / "usr/lib/x86_64-linux-gnu", root / "lib/x86_64-linux-gnu"]
-    # the links in lib64 are absolute, and lead to the loader of the surrounding system
-    loader = next((p / LOADER for p in places if (p / LOADER).exists()), Path(LOADER))
-    paths = [places[0] / "openblas-pthread", *places]
-    command = [str(loader), "--library-path", ":".join(map(str, paths)), str(root / program)]
-    return command, {"PYTHONHOME": str(root / "usr"), "PYTHONPATH": str(PEERS / "pypi")}
 
 
 def _read_json(path: Path) -> Callable[[], tuple[int, list[float]]]:

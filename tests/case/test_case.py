@@ -156,6 +156,11 @@ def test_an_override_replaces_adds_and_removes() -> None:
 
 
 MISTAKES = {
+    "loops.amplitudes=[0.3, 0.1]": ("loops.amplitudes", "0.3, 0.1", "must rise"),
+    "loops.amplitudes=[1.5]": ("loops.amplitudes", "1.5", "0.99"),
+    "loops.preload=1.0": ("loops.preload", "must lie between"),
+    "dynamics.damping=loops": ("dynamics.damping", "loops", "section [loops]"),
+    "output.stiffness_matrix=true": ("output.stiffness_matrix", "loading.unload"),
     "surface.gama=1.5": ("surface.gama", '"gamma"'),
     "surface.kind=sphre": ("surface.kind", '"sphere"'),
     "surface.kind=7": ("surface.kind", "7", "flat"),

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from test_response import one_period
 
 from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw, TableLaw
@@ -154,7 +155,7 @@ def test_start_from_rest_ends_on_a_branch() -> None:
 
 def test_period_2_branch_ends_at_a_period_doubling() -> None:
     r = ContactOscillator(PowerLaw(2.0), zeta=0.05).response(0.9, (0.3, 2.4))
-    (b,) = (b for b in r.branches if b.end == "period doubling")
+    (b,) = (b for b in r.branches if b.order == 2 and b.end == "period doubling")
     flips = [e for e in r["period doubling"] if e.branch == 0]
     for end in (0, -1):
         flip = min(flips, key=lambda e: abs(e.Omega - b.Omega[end]))
@@ -162,6 +163,31 @@ def test_period_2_branch_ends_at_a_period_doubling() -> None:
         assert b.u_max[end] == pytest.approx(flip.u_max, rel=1e-4)
     inside = float(b.Omega[-1]) + 1e-5 * (1 if b.Omega[-2] > b.Omega[-1] else -1)
     assert sum(s.order == 2 and abs(s.u_max - b.u_max[-1]) < 0.02 for s in r.at(inside)) == 1
+
+
+def test_period_4_branches_are_orbits_of_period_4() -> None:
+    """Orbits of the branch, by an independent integration: they close after four periods and not after two."""
+    n, zeta, forcing = 2.0, 0.05, 0.9
+    r = ContactOscillator(PowerLaw(n), zeta=zeta).response(forcing, (0.3, 2.4))
+    branches = [b for b in r.branches if b.kind == "sub4"]
+    assert branches and all(b.order == 4 for b in branches)
+
+    def field(t: float, y: np.ndarray, omega: float) -> list[float]:
+        s = max(1.0 + y[0], 0.0)
+        return [y[1], forcing * np.cos(omega * t) - (s**n - 1.0) / n - 2 * zeta * y[1]]
+
+    b = max(branches, key=lambda b: int(b.stable.sum()))
+    inner = np.flatnonzero(b.stable)[len(b) // 6 :: max(1, len(b) // 6)]
+    assert inner.size
+    for omega in b.Omega[inner]:
+        orbit = next(s for s in r.at(float(omega)) if s.order == 4 and s.stable)
+        period = 2 * np.pi / omega
+        y = solve_ivp(
+            field, (0, 4 * period), orbit.start, method="DOP853", rtol=1e-10, atol=1e-12, args=(omega,),
+            t_eval=[0, 2 * period, 4 * period], max_step=0.05,
+        ).y.T  # fmt: skip
+        size = orbit.u_max - orbit.u_min
+        assert np.abs(y[2] - y[0]).max() < 2e-4 * size and np.abs(y[1] - y[0]).max() > 1e-3 * size
 
 
 def test_stability_changes_at_points_of_a_branch() -> None:

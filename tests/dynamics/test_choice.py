@@ -208,6 +208,24 @@ def test_the_band_is_made_of_error_bar_and_laws() -> None:
     assert without.uncertainty is not None and "error bar" not in without.uncertainty.origin
 
 
+def test_the_band_of_the_elastic_law_is_that_of_the_elastic_stiffness() -> None:
+    """A stiffness known to 6 % moves omega_s by 3 %, whatever the bar of the force."""
+    curve = contact(unload=False, probe=True)
+    curve |= {"P_star": curve["force"], "error_P_star": 0.01 * curve["force"]}
+    curve["error_k_n_elastic"] = 0.06 * curve["k_n_elastic"]
+    result = run_dynamics(curve, **QUICK)
+    assert result.laws is not None and result.laws.choice.name == "elastic"
+    row, spread = result.laws.chosen, result.uncertainty
+    assert row.bar == pytest.approx(0.06) and row.bar_of == "k_n_elastic" and result.laws.bar == pytest.approx(0.01)
+    assert spread is not None and spread.origin.startswith("error bar of the k_n_elastic, 6 %")
+    assert spread.omega_s.high / spread.omega_s.value == pytest.approx(math.sqrt(1.06), rel=1e-9)
+    assert spread.omega_s.low / spread.omega_s.value == pytest.approx(math.sqrt(0.94), rel=1e-9)
+    assert spread.z_s.high / spread.z_s.value == pytest.approx(1 / 0.94, rel=1e-9)
+    two = run_dynamics({**curve}, load=0.3 * C, overload=0.8 * C, **QUICK)
+    assert two.uncertainty is not None
+    assert two.uncertainty.omega_s.high / two.uncertainty.omega_s.value == pytest.approx(math.sqrt(1.06), rel=1e-9)
+
+
 # -- the joint ---------------------------------------------------------------------------------------------------
 
 

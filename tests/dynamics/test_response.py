@@ -155,7 +155,7 @@ def test_linear_resonance() -> None:
 def test_sigma_of_the_hertz_literature() -> None:
     r = ContactOscillator(PowerLaw(1.5), zeta=0.05).response(0.02, (0.9, 1.1))
     assert r.setting.F_over_mg == pytest.approx(0.03)
-    assert "F^ = 0.02" in r.setting.describe() and "F/(m g) = 0.03" in r.setting.describe()
+    assert "F^ = 0.02" in r.setting.describe() and "F/W = 0.03" in r.setting.describe()
 
 
 def test_onset_of_hysteresis() -> None:
@@ -338,6 +338,7 @@ def test_rows_of_response_csv() -> None:
         "stable",
         "branch",
         "contact_loss",
+        "phase",
     ]
 
 

@@ -16,6 +16,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import asperity as asp
 from asperity.case import Case
 from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw, response_band, run_dynamics
 from asperity.dynamics.forcing import forcings, window
@@ -135,7 +136,7 @@ def test_backbone_stays_inside_the_taylor_rim() -> None:
 def test_run_writes_its_files(tmp_path) -> None:
     law = PowerLaw(1.5, 2.0, (1.45, 1.55), (1.9, 2.2), -0.3)
     out = tmp_path / "out"
-    result = run_dynamics(law, zeta=0.05, forcing=[0.02, 0.04], omega=(0.9, 1.1), load=3.0, out_dir=out)
+    result = run_dynamics(law, zeta=0.05, forcing=[0.02, 0.04], omega=(0.9, 1.1), load=3.0, sweeps=True, out_dir=out)
     with (out / "free.csv").open() as file:
         assert {row["model"] for row in csv.DictReader(file)} == {"exact", "taylor"}
     with (out / "response.csv").open() as file:
@@ -211,6 +212,56 @@ def test_damping_of_the_case_is_the_default(tmp_path: Path) -> None:
     assert damping_of(folder) == damping_of(folder / "curve.csv") == (0.03, "contact")
     assert damping_of(folder, zeta=0.05, damping="always") == (0.05, "always")
     assert damping_of(bare) == (0.01, "always")
+
+
+def test_the_case_of_a_run_gives_what_is_not_given(tmp_path: Path) -> None:
+    """Arguments have priority; the preload of a patch becomes that of the joint."""
+    text = """units = "SI"
+[surface]
+kind = "flat"
+L = 1e-6
+[dynamics]
+law = "table"
+preload = 3e-5
+forcing = [0.002, 0.004]
+model = ["exact"]
+omega = [0.95, 1.05]
+zeta = 0.2
+sweeps = true
+random = [0.01]
+band = [0.5, 1.5]
+"""
+    folder = _curve_in(tmp_path / "run", 1.0, 1.0, text)
+    r = run_dynamics(folder)
+    assert r.laws is not None and r.laws.choice.name == "table" and r.laws.choice.reason == "named"
+    assert r.first.restoring.load == 3e-5 and list(r.responses) == ["exact"]
+    assert [one.setting.F_hat for one in r.responses["exact"]] == [0.002, 0.004]
+    assert r.responses["exact"][0].omega == (0.95, 1.05) and len(r.sweeps["exact"]) == 4
+    assert r.random["exact"][0].band == (0.5, 1.5)
+    other = run_dynamics(folder, law="paper", load=2e-5, forcing=0.003, omega=(0.9, 0.91), sweeps=False, random=())
+    assert other.laws is not None and other.laws.choice.name == "paper" and other.first.restoring.load == 2e-5
+    assert len(other.responses["exact"]) == 1 and other.sweeps["exact"] == () and other.random == {}
+    joint = run_dynamics(folder, joint=asp.Joint(nominal_area=3e-12, mass=1.0), sweeps=False, random=())
+    assert joint.first.restoring.load == pytest.approx(9e-5, rel=1e-12)
+
+
+def test_an_overload_of_the_case_goes_with_its_preload(tmp_path: Path) -> None:
+    z = np.linspace(0.0, 1.0, 41)[1:]
+    curve = {"delta": z, "force": 0.5 * z**1.2, "branch": ["load"] * 40, "max_plastic_strain": 0.01 * z}
+    curve["k_n_elastic"] = 1.5 * 2.0 ** (2 / 3) * (0.5 * z**1.2) ** (1 / 3)
+    asp.Curve.from_rows([dict(zip(curve, row, strict=True)) for row in zip(*curve.values(), strict=True)]).write(
+        tmp_path / "curve.csv"
+    )
+    text = 'units = "SI"\n[dynamics]\npreload = 0.2\noverload = 0.3\nmodel = ["exact"]\nomega = [0.9, 0.91]\n'
+    (tmp_path / "case.toml").write_text(text, encoding="utf-8")
+
+    def reached(**options: Any) -> float | None:
+        laws = run_dynamics(tmp_path, bands=False, **options).laws
+        assert laws is not None
+        return laws.choice.reached
+
+    assert reached() == pytest.approx(0.3) and reached(overload=0.25) == pytest.approx(0.25)
+    assert reached(load=0.1) == pytest.approx(0.1) and reached(law="paper") is None
 
 
 def test_an_analysis_without_bands_keeps_no_old_ones(tmp_path: Path) -> None:
@@ -313,7 +364,7 @@ def test_bad_calls_are_refused_in_one_sentence(call, words) -> None:
 
 
 def test_a_sweep_left_out_for_light_damping_is_reported() -> None:
-    result = run_dynamics(PowerLaw(1.5), zeta=1e-6, forcing=1e-5, omega=(0.7, 0.8), models=["exact"])
+    result = run_dynamics(PowerLaw(1.5), zeta=1e-6, forcing=1e-5, omega=(0.7, 0.8), models=["exact"], sweeps=True)
     assert result.sweeps["exact"] == () and any("no sweep: zeta = 1e-06" in note for note in result.notes)
 
 
@@ -418,7 +469,7 @@ def test_figures_of_a_run(tmp_path) -> None:
     law = PowerLaw(1.5, 1.0, (1.45, 1.55), (0.97, 1.03))
     result = run_dynamics(law, zeta=0.05, forcing=0.12, omega=(0.8, 1.1), sweeps=False)
     names = {path.name for path in plots.plot_dynamics(result, tmp_path)}
-    figures = ("frequency", "response", "operating-point", "backbone", "phase", "stability")
+    figures = ("frequency", "response", "receptance", "operating-point", "backbone", "phase", "stability")
     assert names == {f"{figure}.{form}" for figure in figures for form in ("png", "svg")}
     assert all((tmp_path / name).stat().st_size > 10_000 for name in names)
     chart = plots.stability_chart(result.oscillators["exact"], [0.05, 0.2], (0.8, 1.1))

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from asperity.reference import confined_stress
+
 if TYPE_CHECKING:
     from asperity.case import Case
     from asperity.curve import Curve
@@ -49,24 +51,20 @@ def hertz(tolerance: float) -> Claim:
 
 
 def uniaxial_strain(case: Case, curve: Curve) -> tuple[bool, str]:
-    """A flat block between rollers follows the closed form of elastic-plastic uniaxial strain.
+    """A flat block between rollers follows the closed form of elastic-plastic uniaxial strain, loaded and unloaded.
 
-    Beyond yield, where |s| = sigma_y + H a, the stress increases by K + 4/3 mu H/(3 mu + H) per strain, because the
-    deviatoric strain is partly elastic and partly plastic.
+    In finite strain the closed form holds for the logarithm of the stretch, and the force is the stress over it.
     """
-    solid = case.material
+    solid = case.material.solid
     assert solid.yield_strength is not None
-    mu = 0.5 * solid.E / (1.0 + solid.nu)
-    bulk = solid.E / (3.0 * (1.0 - 2.0 * solid.nu))
-    Et = solid.tangent_modulus or 0.0
-    H = solid.E * Et / (solid.E - Et)
-    strain = curve.delta / case.block.height
-    at_yield = solid.yield_strength / (2.0 * mu)
-    elastic_part = np.minimum(strain, at_yield)
-    stress = (bulk + 4.0 / 3.0 * mu) * elastic_part
-    stress += (bulk + 4.0 / 3.0 * mu * H / (3.0 * mu + H)) * (strain - elastic_part)
-    load = curve.branch == "load"
-    error = float(np.max(np.abs(curve.force / (stress * case.surface.L**2) - 1.0)[load]))
+    stretch = 1.0 - curve.delta / case.block.height
+    finite = solid.kinematics == "finite"
+    axial, _, _ = confined_stress(
+        np.log(stretch) if finite else stretch - 1.0, solid.E, solid.nu, solid.yield_strength,
+        solid.tangent_modulus, solid.kinematic_share,
+    )  # fmt: skip
+    force = -axial / (stretch if finite else 1.0) * case.surface.L**2
+    error = float(np.max(np.abs(curve.force - np.maximum(force, 0.0))) / force.max())
     return error < 1e-8, f"closed form within {error:.0e}"
 
 
@@ -80,6 +78,15 @@ def shakes_down(case: Case, curve: Curve) -> tuple[bool, str]:
         f"last change {change[-1]:.0e}, of the dent {creep[-1]:.0e}"
     )
     return bool(max(change[-1], creep[-1]) < 1e-2 and change[-1] <= change[:3].max()), text
+
+
+def keeps_a_loop(case: Case, curve: Curve) -> tuple[bool, str]:
+    """Plastic flow goes on: the accumulated plastic strain grows in the last cycle, by as much as in the one before."""
+    ends = np.flatnonzero((curve.branch[:-1] != "unload") & (curve.branch[1:] == "unload"))
+    growth = np.diff(curve.max_plastic_strain[ends])
+    last, change = float(growth[-1]), abs(float(growth[-1] / growth[-2]) - 1.0)
+    text = f"plastic strain grows by {last:.1e} in the last cycle, {change:.0e} of it more or less than in that before"
+    return last > 1e-3 and change < 0.05, text
 
 
 def closed_loops(case: Case, curve: Curve) -> tuple[bool, str]:

@@ -15,6 +15,7 @@ from math import pi
 import bad_inputs
 import claims
 import grids
+import mechanics
 from scene_definition import DIRECT, ELASTIC, FILE, FLAT, PENALTY, Keys, L, Scene, Twin, sphere, wave
 
 UM_GPA: Keys = {
@@ -263,6 +264,8 @@ SCENES: tuple[Scene, ...] = (
     ),
     *grids.penalties(),
     *grids.tolerances(),
+    *mechanics.finite(),
+    *mechanics.kinematic(),
     Scene(
         "nitsche/100",
         "Nitsche's method, gamma = 100",

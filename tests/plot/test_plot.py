@@ -90,7 +90,8 @@ def test_size_of_an_element_is_the_edge_of_a_regular_one() -> None:
 
 def test_all_figures_of_a_run_are_drawn(folder: Path) -> None:
     written = plot_run(folder)
-    assert {path.stem for path in written} >= set(CAPTIONS) - {"frequency", "response", "stiffness"}
+    other = {"frequency", "response", "receptance", "random", "stiffness"}
+    assert {path.stem for path in written} >= set(CAPTIONS) - other
     starts = {".png": b"\x89PNG", ".svg": b"<?xml"}
     assert all(path.read_bytes().startswith(starts[path.suffix]) for path in written)
     assert {path.stem for path in written if path.suffix == ".svg"}.isdisjoint(FIELD_PICTURES)
@@ -328,8 +329,45 @@ def test_vibration_figures(tmp_path: Path) -> None:
     (axis,) = figure.axes
     keys = [text.get_text() for text in figure.legends[0].get_texts()]
     assert "sweep up" in keys and "sweep down" not in keys
-    assert any("F/(mg)$ = 0.0775" in key for key in keys)  # n_loc = 1.55 times 0.05
+    assert any("F/W$ = 0.0775" in key for key in keys)  # n_loc = 1.55 times 0.05
     assert figure.get_suptitle() == "$n_{loc}$ = 1.55, damping ratio $\\zeta$ = 0.01, acting always"
     # no line runs from one branch to the other of the same name
     lines = [np.asarray(line.get_ydata()) for line in axis.lines]
     assert all(np.ptp(y) < 1.5 for y in lines)
+
+
+def test_one_panel_where_the_taylor_law_is_the_same() -> None:
+    """Light forcing: one panel; forcing at which contact is lost: two."""
+    import asperity as asp
+    from asperity.plot.vibration import amplitude_frequency
+
+    exact = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.02)
+    for forcing, panels in ((0.002, 1), (0.03, 1), (0.06, 2)):
+        responses = [o.response(forcing, (0.8, 1.2), tol=1e-4) for o in (exact, exact.taylor())]
+        assert len(amplitude_frequency(responses).axes) == panels
+
+
+def test_the_receptance_of_a_run_is_in_hertz_and_metres_per_newton(tmp_path: Path) -> None:
+    import asperity as asp
+    from asperity.plot import noise, receptance
+
+    write_run(tmp_path, n=2)
+    joint = asp.Joint(nominal_area=1e-6, pressure=2e8, mass=2.0)
+    result = asp.run_dynamics(tmp_path, joint=joint, forcing=1e-4, random=0.02, out_dir=tmp_path, bands=False)
+    assert {"receptance", "random"} <= {path.stem for path in plot_run(tmp_path)}
+    results = Results.read(tmp_path)
+    own = Figure().subplots()
+    assert receptance(results, ax=own) is own
+    assert own.get_xlabel() == "frequency (Hz)" and own.get_ylabel() == "receptance $|X/F|$ (m/N)"
+    numbers = result.numbers
+    for line in own.lines[:2]:  # the linear one, and that of a light force
+        f, y = (np.asarray(data, float) for data in line.get_data())
+        r = f / numbers.frequency
+        expected = 1.0 / numbers.stiffness / np.hypot(1 - r**2, 2 * numbers.damping * r)
+        np.testing.assert_allclose(y, expected, rtol=2e-3)
+    (axis,) = noise(results).axes
+    assert axis.get_ylabel() == "PSD of the displacement (m$^2$ / Hz)"
+    drawn = next(line for line in axis.lines if line.get_linestyle() == "-")
+    f, S = (np.asarray(data, float) for data in drawn.get_data())
+    rms = result.random["exact"][0].rms * numbers.approach
+    assert np.sqrt(np.sum(S) * (f[1] - f[0])) == pytest.approx(rms, rel=1e-3)

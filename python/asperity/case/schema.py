@@ -246,7 +246,9 @@ class DynamicsSection(Section):
         "unloading branch, elastic tangent, points of the loading curve, or its power law; auto takes the first that "
         "the run has after yield, and the points of the loading before", "auto",
     )  # fmt: skip
-    preload: Real | None = _key("weight of the mass", None, shown="half of the greatest force", unit=FORCE, gt=0)
+    preload: Real | None = _key(
+        "static force, the weight of the mass", None, shown="half of the greatest force", unit=FORCE, gt=0
+    )
     overload: Real | None = _key(
         "greatest force before the vibration; equal to the preload: the weight itself", None,
         shown="that of the unloading, else the preload", unit=FORCE, gt=0,
@@ -268,6 +270,13 @@ class DynamicsSection(Section):
     )  # fmt: skip
     omega: tuple[Annotated[Real, Field(ge=0.01, le=100)], Annotated[Real, Field(ge=0.01, le=100)]] = _key(
         "range of excitation frequency over omega_s", (0.5, 1.3)
+    )
+    sweeps: Flag = _key("also sweep up and down by time integration, as dots in the figure", False)
+    random: tuple[Annotated[Real, Field(ge=1e-9, le=1e6)], ...] = _key(
+        "rms of F/(m omega_s^2 z_s) of band-limited noise", (), min_length=0, max_length=100
+    )
+    band: tuple[Annotated[Real, Field(ge=0.01, le=100)], Annotated[Real, Field(ge=0.01, le=100)]] = _key(
+        "range of the noise over omega_s", (0.05, 3.0)
     )
 
 

@@ -26,15 +26,15 @@ MODELS = ("exact", "taylor")
 @click.argument("source", required=False, metavar="[OUT|CURVE.csv]")
 @click.option("--power-law", "exponent", type=float, metavar="N", help="P* = k (delta*)^N instead.")
 @click.option("--k-fit", default=1.0, show_default=True, metavar="K", help="k of the power law.")
-@click.option("--law", type=click.Choice(LAWS), default="auto", show_default=True,
+@click.option("--law", type=click.Choice(LAWS),
               help="Law taken from a curve: computed unloading branch, elastic tangent, points of the loading, or "
               "the paper's power law of the loading. auto: the first that the curve has after yield, the points of "
-              "the loading before.")  # fmt: skip
+              "the loading before. Default that of the case of OUT, or auto.")  # fmt: skip
 @click.option("--extrapolate", is_flag=True, help="Continue laws by name beyond their last point; auto always does.")
-@click.option("--preload", type=float, metavar="W", help="Static force; default that of the joint, or half of the "
-              "greatest force.")  # fmt: skip
+@click.option("--preload", type=float, metavar="W", help="Static force; default that of the joint or the case of "
+              "OUT, or half of the greatest force.")  # fmt: skip
 @click.option("--overload", type=float, metavar="F", help="Greatest force before the vibration; default that of the "
-              "unloading, if there is one, else the preload.")  # fmt: skip
+              "case of OUT, or of the unloading, if there is one, else the preload.")  # fmt: skip
 @click.option("--area", "nominal_area", type=float, metavar="A", help="Nominal area of the joint; default that of "
               "the case of OUT, or of the patch.")  # fmt: skip
 @click.option("--pressure", type=float, metavar="P", help="Nominal pressure instead of the preload.")
@@ -47,14 +47,19 @@ MODELS = ("exact", "taylor")
 @click.option("--damping", type=click.Choice(DAMPING),
               help="When the damping acts, or that of the loops of OUT in addition; default that of the case of OUT, "
               "or always.")  # fmt: skip
-@click.option("--forcing", type=float, multiple=True, default=(0.01,), show_default=True,
-              help="F^ = F/(n m g); repeatable.")  # fmt: skip
-@click.option("--model", "models", type=click.Choice(MODELS), multiple=True, default=MODELS,
-              show_default=True, help="Restoring force; repeatable.")  # fmt: skip
-@click.option("--omega", type=float, nargs=2, default=(0.5, 1.3), show_default=True,
-              help="Range of excitation frequency over omega_s.")  # fmt: skip
-@click.option("--sweeps/--no-sweeps", default=True, show_default=True,
-              help="Also integrate sweeps up and down.")  # fmt: skip
+@click.option("--forcing", type=float, multiple=True,
+              help="F^ = F/(n W) with the preload W; repeatable. Default that of the case of OUT, or "
+              "0.01.")  # fmt: skip
+@click.option("--model", "models", type=click.Choice(MODELS), multiple=True,
+              help="Restoring force; repeatable. Default that of the case of OUT, or both.")  # fmt: skip
+@click.option("--omega", type=float, nargs=2, help="Range of excitation frequency over omega_s; default that of the "
+              "case of OUT, or 0.5 1.3.")  # fmt: skip
+@click.option("--sweeps/--no-sweeps", default=None,
+              help="Also integrate sweeps up and down; default that of the case of OUT, or no.")  # fmt: skip
+@click.option("--random", type=float, multiple=True, metavar="RMS",
+              help="Also integrate under band-limited noise with this rms of F^; repeatable.")  # fmt: skip
+@click.option("--band", type=float, nargs=2, help="Range of the noise over omega_s; default that of the case of OUT, "
+              "or 0.05 3.")  # fmt: skip
 @click.option("--detached", is_flag=True, help="Also search for detached loops.")
 @click.option("--bands/--no-bands", default=True, show_default=True,
               help="Carry the error bar of the force and the spread of the laws to the response.")  # fmt: skip
@@ -92,6 +97,8 @@ def command(
     if preload is not None and pressure is not None:
         raise InputError("--preload and --pressure are both given; give one of them")
     joint = joint_of(source, given)
+    for name in ("forcing", "models", "random"):
+        settings[name] = settings[name] or None
     result = run_dynamics(law, load=preload, joint=joint, out_dir=output, **settings)
     if output:
         from asperity.plot.oscillator import plot_dynamics
@@ -130,9 +137,12 @@ def _show(result: Dynamics) -> None:
         rows.insert(0, (f"omega_s with {by}", *omegas))
     for responses in zip(*result.responses.values(), strict=True):
         setting = responses[0].setting
-        name = f"F^ = {setting.F_hat:g}, F/(m g) = {setting.F_over_mg:g}"
+        name = f"F^ = {setting.F_hat:g}, F/W = {setting.F_over_mg:g}"
         peaks = (response.peak for response in responses)
         rows.append((name, *(f"peak {u:.4g} at {omega:.4g}" for omega, u in peaks)))
+    for motion in result.random.get("exact", ()):
+        text = f"rms {motion.rms:.4g}, {100 * motion.lost:.3g} % of the time out of contact"
+        rows.append((f"noise, rms of F^ = {motion.setting.F_hat:g}", *(text if m == "exact" else "-" for m in models)))
     options.table(about, rows, ("", *models))
     if result.laws is not None:
         _show_laws(result.laws, "" if result.units == "other" else "SI")
@@ -146,7 +156,12 @@ def _show_laws(laws: LawTable, units: str) -> None:
     choice = laws.choice
     header = ("law", "n", "kappa", "k_n in N/m" if units else "k_n", "f in Hz" if units else "f", "")
     options.table(f"laws at the preload {choice.load:.5g}: {choice.name}, {choice.reason}", laws.texts(), header)
-    bar = f"; error bar of the force {100 * laws.bar:.2g} %" if laws.bar == laws.bar else "; no error bar of the force"
+    own = laws.chosen
+    bar = (
+        f"; error bar of the {own.bar_of} {100 * own.bar:.2g} %"
+        if own.bar == own.bar
+        else "; no error bar of the force"
+    )
     options.say(f"spread of the laws that apply: {100 * laws.spread:.2g} % of k_n{bar}")
     if choice.yields_at:
         options.say(

@@ -10,13 +10,12 @@ from typing import Any
 import click
 
 from asperity.cli import options
-
-FORMATS = ("calculix", "abaqus", "csv", "python")
+from asperity.runtime.run_folder import EXPORTS
 
 
 @click.command()
 @options.run_folder
-@click.option("--to", required=True, type=click.Choice(FORMATS), help="Program or kind of file.")
+@click.option("--to", required=True, type=click.Choice(tuple(EXPORTS)), help="Program or kind of file.")
 @click.option("--law", type=click.Choice(("auto", "table", "unload-reload")),
               help="First loading (table), or the branch through the preload; default auto (after yield the branch) "
               "for python, table for the others.")  # fmt: skip

@@ -15,6 +15,7 @@ from asperity.errors import InputError
 OMEGA = (0.01, 100.0)  # below, motion is quasi-static; above, the mass hardly moves
 FORCING = (1e-9, 1e6)  # below, motion is linear in the forcing and lost in the round-off of the force
 MIN_ZETA = 1e-4  # smallest damping ratio with which motion settles in 20000 periods
+MIN_ZETA_NOISE = 1e-3  # smallest one under noise, whose records have 4/zeta periods
 
 
 @dataclass(frozen=True)
@@ -26,12 +27,12 @@ class Setting:
         law: description of the law.
         n_loc: local exponent at the operating point.
         zeta, damping: damping ratio and model.
-        F_hat: forcing F/(n_loc m g).
+        F_hat: forcing F/(n_loc W), W the preload.
         F_over_mg: forcing over the preload, n_loc F_hat (sigma in the Hertz literature).
 
     Examples:
         >>> print(asp.ContactOscillator(asp.PowerLaw(1.5)).setting(0.02).describe())
-        exact: power law n = 1.5, K = 1, zeta = 0.01 (always), F^ = 0.02, F/(m g) = 0.03
+        exact: power law n = 1.5, K = 1, zeta = 0.01 (always), F^ = 0.02, F/W = 0.03
     """
 
     model: str
@@ -50,7 +51,7 @@ class Setting:
         """Return one line for titles and logs."""
         return (
             f"{self.model}: {self.law}, zeta = {self.zeta:g} ({self.damping}), F^ = {self.F_hat:g}, "
-            f"F/(m g) = {self.F_over_mg:g}"
+            f"F/W = {self.F_over_mg:g}"
         )
 
 

@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from asperity.dynamics.law.choice import AFTER_YIELD, NAMES, Choice, law_named
 from asperity.dynamics.law.history import History
 from asperity.dynamics.law.law import Law
@@ -42,6 +44,9 @@ class LawAtLoad:
             not, unless there is no other, nor does an unloading from a force that the contact has not met.
         chosen: whether it is the law of the vibration.
         missing: why there is no law, or "".
+        bar: error bar at the preload as a share: of the elastic stiffness for the law "elastic" where the curve has it,
+            else of the force; NaN for a curve without one.
+        bar_of: what the bar is of, "force" or "k_n_elastic".
 
     Examples:
         >>> delta = np.linspace(0.0, 1.0, 21)
@@ -62,12 +67,27 @@ class LawAtLoad:
     applies: bool
     chosen: bool
     missing: str = ""
+    bar: float = math.nan
+    bar_of: str = "force"
+
+    def sides(self) -> Iterator[Law]:
+        """Yield the law at both ends of its error bar; the law itself without one."""
+        if self.law is None:
+            return
+        if not self.bar > 0:
+            yield self.law
+            return
+        scale = stiffened if self.bar_of == "k_n_elastic" else scaled
+        yield from (scale(self.law, 1.0 + side) for side in (-self.bar, self.bar))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the row as plain values, None where unknown."""
         values = {"n": self.n, "kappa": self.kappa, "z_s": self.z_s, "k_n": self.stiffness, "f": self.frequency}
         known = {name: value if math.isfinite(value) else None for name, value in values.items()}
-        return {"law": self.name, **known, "applies": self.applies, "chosen": self.chosen, "missing": self.missing}
+        bar = {"bar": self.bar if math.isfinite(self.bar) else None, "bar_of": self.bar_of}
+        return {
+            "law": self.name, **known, **bar, "applies": self.applies, "chosen": self.chosen, "missing": self.missing
+        }  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,27 +118,30 @@ class LawTable:
     bar: float
 
     @property
+    def chosen(self) -> LawAtLoad:
+        """Row of the law of the vibration."""
+        return next(row for row in self.rows if row.chosen)
+
+    @property
     def spread(self) -> float:
         """Largest less smallest stiffness of the laws that apply, over that of the chosen one."""
         known = [row.stiffness for row in self.rows if row.applies]
-        (own,) = (row.stiffness for row in self.rows if row.chosen)
-        return (max(known) - min(known)) / own
+        return (max(known) - min(known)) / self.chosen.stiffness
 
     def members(self) -> tuple[Law, ...]:
-        """Laws whose extremes bound the results: the chosen one with the error bar of the force, the others that apply.
+        """Laws whose extremes bound the results: the chosen one and the others that apply, at the ends of their bars.
 
         Empty where there is no error bar and no other law.
         """
-        (own,) = (row.law for row in self.rows if row.chosen and row.law is not None)
-        bar = self.bar if math.isfinite(self.bar) else 0.0
-        sides = (1.0 - bar, 1.0 + bar) if bar else (1.0,)
-        others = [row.law for row in self.rows if row.applies and not row.chosen and row.law is not None]
-        found = [scaled(own, side) for side in sides if side != 1.0]
-        return (*found, *(scaled(law, side) for law in others for side in sides))
+        own = [law for law in self.chosen.sides() if law is not self.chosen.law]
+        return (*own, *(law for row in self.rows if row.applies and not row.chosen for law in row.sides()))
 
     def describe_members(self) -> str:
         """Return in words what the members are made of."""
-        parts = [f"error bar of the force, {100 * self.bar:.2g} %"] if math.isfinite(self.bar) else []
+        bars = {
+            f"error bar of the {row.bar_of}, {100 * row.bar:.2g} %" for row in self.rows if row.applies and row.bar > 0
+        }
+        parts = sorted(bars)
         others = [row.name for row in self.rows if row.applies and not row.chosen]
         parts += [f"spread of the laws {', '.join([self.choice.name, *others])}"] if others else []
         return " and ".join(parts)
@@ -172,6 +195,11 @@ def tabulate(history: History, choice: Choice, mass: float | None = None, *, ext
         # an unloading from a greater force is of another history
         applies = AFTER_YIELD if choice.name == "unload-reload" or "unload" not in history.branch else ("elastic",)
     rows = [replace(row, applies=row.law is not None and row.name in applies) for row in rows]
+    known = bool(np.isfinite(history.elastic_bar).any())
+    for i, row in enumerate(rows):
+        of_stiffness = row.name == "elastic" and known
+        bar = history.bar_at(choice.load, elastic=of_stiffness)
+        rows[i] = replace(row, bar=bar, bar_of="k_n_elastic" if of_stiffness else "force")
     rows.sort(key=lambda row: (row.law is None, not row.chosen))
     return LawTable(tuple(rows), choice, history.bar_at(choice.load))
 
@@ -190,6 +218,19 @@ def _row(name: str, law: Law | None, choice: Choice, mass: float | None, missing
 def _short(error: AsperityError) -> str:
     """Return the first clause of a message."""
     return str(error).split(":")[0].split(";")[0]
+
+
+def stiffened(law: Law, factor: float) -> Law:
+    """Return a law with the stiffness at each force multiplied by a factor, if that is what it is made of.
+
+    Above the greatest force met, and where a law is made of forces, the force is multiplied.
+    """
+    match law:
+        case TangentLaw():
+            return replace(law, z=law.z / factor, k=law.k * factor, origin=0.0)
+        case TwoBranchLaw():
+            return TwoBranchLaw(stiffened(law.below, factor), law.above, law.reached)
+    return scaled(law, factor)
 
 
 def scaled(law: Law, factor: float) -> Law:

@@ -25,6 +25,7 @@ from asperity.dynamics.law.law import Law
 from asperity.dynamics.law.loop_damping import LoopDamping
 from asperity.dynamics.law.two_branches import TwoBranchLaw
 from asperity.dynamics.laws import LawTable, tabulate
+from asperity.dynamics.motion.noise import RandomResponse
 from asperity.dynamics.motion.sweep import ESCAPED, Sweep
 from asperity.dynamics.orbits.free import FreeVibration
 from asperity.dynamics.orbits.response import FrequencyResponse
@@ -40,6 +41,7 @@ __all__ = ["LAWS", "MODELS", "law_from", "run_dynamics", "small_vibration"]
 
 MODELS = ("exact", "taylor")
 ZETA = 0.01  # default damping ratio
+FORCING, OMEGA, BAND = (0.01,), (0.5, 1.3), (0.05, 3.0)  # default F^, window and band of random forcing
 _SWEEP_POINTS = 41
 
 
@@ -90,16 +92,18 @@ def run_dynamics(
     *,
     zeta: float | None = None,
     damping: str | LoopDamping | None = None,
-    forcing: float | Iterable[float] = (0.01,),
-    models: Sequence[str] = MODELS,
-    omega: Sequence[float] = (0.5, 1.3),
+    forcing: float | Iterable[float] | None = None,
+    models: Sequence[str] | None = None,
+    omega: Sequence[float] | None = None,
     load: float | None = None,
-    law: str = "auto",
+    law: str | None = None,
     overload: float | None = None,
     joint: Joint | None = None,
     patch_area: float | None = None,
     out_dir: str | os.PathLike[str] | None = None,
-    sweeps: bool = True,
+    sweeps: bool | None = None,
+    random: float | Iterable[float] | None = None,
+    band: Sequence[float] | None = None,
     detached: bool = False,
     bands: bool = True,
     tol: float = 1e-5,
@@ -107,25 +111,32 @@ def run_dynamics(
     units: str | None = None,
     extrapolate: bool = False,
 ) -> Dynamics:
-    """Compute free vibration, frequency response, sweeps and thresholds of a mass on a contact.
+    """Compute free vibration, frequency response, thresholds and on request more, of a mass on a contact.
+
+    What is not given is taken from the section [dynamics] of the case of a run directory; the defaults named here are
+    those of another source.
 
     Args:
         source: a `Law`, a `Curve`, a CSV file with columns delta and force, or a run directory (curve.csv).
-        zeta: damping ratio of small motion, 0 <= zeta < 1; default that of the case of a run directory, or 0.01.
+        zeta: damping ratio of small motion, 0 <= zeta < 1; default 0.01.
         damping: "always", "contact", "hunt-crossley", or "loops": in addition to zeta that of the loops.csv of a run
-            directory (or a `LoopDamping`); default that of the case of a run directory, or "always".
-        forcing: F^ = F/(n_loc m g), one or several, each 1e-9 to 1e6.
-        models: "exact" and/or "taylor".
-        omega: lowest and highest Omega = omega/omega_s, 0.01 to 100.
+            directory (or a `LoopDamping`); default "always".
+        forcing: F^ = F/(n_loc W) with the preload W, one or several, each 1e-9 to 1e6; default 0.01.
+        models: "exact" and/or "taylor"; default both.
+        omega: lowest and highest Omega = omega/omega_s, 0.01 to 100; default 0.5 and 1.3.
         load: preload W (force); default that of the joint, or half of the largest force of the curve.
-        law: "auto", "unload-reload", "elastic", "table" or "paper", see `law_from`; ignored when `source` is a `Law`.
-        overload: greatest force before the vibration (force), see `law_from`.
+        law: "auto", "unload-reload", "elastic", "table" or "paper", see `law_from`; default "auto". Ignored when
+            `source` is a `Law`.
+        overload: greatest force before the vibration (force), see `law_from`. That of a case is not taken where `law`
+            or a preload is given.
         joint: nominal area, preload and mass; default the section [joint] of the case of a run directory. With a joint
             all forces are those of the joint, and the mass is that of the joint, not the preload over gravity.
         patch_area: nominal area of the curve (length^2); default L^2 of the case of a run directory.
         out_dir: directory for free.csv, response.csv, thresholds.json and band.csv; None writes nothing. For figures
             see `asperity.plot.oscillator.plot_dynamics`.
-        sweeps: also integrate sweeps up and down (a few seconds; not for zeta = 0).
+        sweeps: also integrate sweeps up and down (half a second per forcing; not for zeta = 0); default no.
+        random: rms of F^ of band-limited noise, one or several; default none. See `ContactOscillator.random`.
+        band: lowest and highest Omega of the noise; default 0.05 and 3.
         detached: also search for branches that no other branch reaches (several seconds).
         bands: also carry the error bar of the force and the spread of the laws to the response (about 1 s per forcing);
             for a `Law` with intervals, these.
@@ -154,21 +165,36 @@ def run_dynamics(
         >>> print(f"peak u = {u_max:.3f} at Omega = {omega:.3f}")
         peak u = 0.245 at Omega = 0.997
     """
-    values, omega = forcings(forcing), window(omega)
-    names = tuple(models)
+    case = _case_of(Path(source)) if isinstance(source, (str, os.PathLike)) else {}
+    of_case = case.get("dynamics", {})
+    values = forcings(of_case.get("forcing", FORCING) if forcing is None else forcing)
+    omega = window(of_case.get("omega", OMEGA) if omega is None else omega)
+    band = window(of_case.get("band", BAND) if band is None else band)
+    noise: Any = of_case.get("random", ()) if random is None else random
+    noise = forcings(noise) if np.size(noise) else ()
+    sweeps = of_case.get("sweeps", False) if sweeps is None else sweeps
+    names = tuple(of_case.get("model", MODELS) if models is None else models)
     for name in names:
         if name not in MODELS:
             raise InputError(f'model = "{name}" is unknown: choose one of {", ".join(MODELS)}')
     if not names:
         raise InputError("model is empty: choose exact, taylor or both")
-    case = _case_of(Path(source)) if isinstance(source, (str, os.PathLike)) else {}
     joint = joint_of(source, {}) if joint is None else joint
     if patch_area is None and "surface" in case:
         patch_area = float(case["surface"]["L"]) ** 2
+    if load is None and joint is not None:
+        load = joint.load(patch_area)
+    if load is None and "preload" in of_case:  # of the patch
+        factor = 1.0 if joint is None else joint.factor(patch_area)
+        load = factor * of_case["preload"]
+        if law is None and overload is None and "overload" in of_case:
+            overload = factor * of_case["overload"]
+    elif load is None and law is None and overload is None:
+        overload = of_case.get("overload")
+    law = of_case.get("law", "auto") if law is None else law
     static, preload, chosen = _law(source, law, load, joint, patch_area, overload=overload, extrapolate=extrapolate)
     units = case.get("units") if units is None else units
     gravity, assumed = _gravity(case, gravity, units, joint, "law" if isinstance(source, Law) else "curve")
-    of_case = case.get("dynamics", {})
     if zeta is None:
         zeta = joint.damping if joint is not None and joint.damping is not None else of_case.get("zeta", ZETA)
     damping = of_case.get("damping", DAMPING[0]) if damping is None else damping
@@ -186,6 +212,7 @@ def run_dynamics(
     responses: dict[str, tuple[FrequencyResponse, ...]] = {}
     swept: dict[str, tuple[Sweep, ...]] = {}
     onset: dict[str, Thresholds] = {}
+    noisy: dict[str, tuple[RandomResponse, ...]] = {}
     for name, oscillator in oscillators.items():
         onset[name] = oscillator.thresholds(values)
         free[name] = oscillator.free()
@@ -196,6 +223,11 @@ def run_dynamics(
                 swept[name] = oscillator.sweep(values, omega, points=_SWEEP_POINTS)
             except AsperityError as error:
                 notes.append(f"{name}: no sweep: {error}")
+        if name == "exact" and noise:
+            try:
+                noisy[name] = tuple(oscillator.random(f, band) for f in noise)
+            except AsperityError as error:
+                notes.append(f"no random excitation: {error}")
         notes.extend(_notes(name, oscillator, responses[name], swept[name]))
     members = laws.members() if laws is not None else None
     spread = _uncertainty(exact, members, laws, notes)
@@ -207,8 +239,9 @@ def run_dynamics(
             except AsperityError as error:
                 notes.append(f"exact, F^ = {f:g}: no band: {error}")
     result = Dynamics(
-        oscillators, free, responses, swept, onset, spread, tuple(enveloped), tuple(notes), gravity, laws, joint, units
-    )
+        oscillators, free, responses, swept, onset, spread, tuple(enveloped), tuple(notes), gravity, laws, joint, units,
+        noisy,
+    )  # fmt: skip
     if out_dir is not None:
         result.write(out_dir)
     return result
@@ -282,8 +315,6 @@ def _law(
     source: Any, law: str, load: float | None, joint: Joint | None, patch: float | None, **options: Any
 ) -> tuple[Law, float, tuple[History, Choice] | None]:
     """Return law and preload of a source, with the columns and the choice if it is a curve."""
-    if load is None and joint is not None:
-        load = joint.load(patch)
     if isinstance(source, Law):
         if joint is not None and joint.nominal_area is not None:
             raise InputError("joint.nominal_area is for a curve: a law has the force of the joint already")

@@ -30,14 +30,8 @@ from asperity.output.export_element import python_module
 from asperity.output.results import Results
 from asperity.power_law import interface_approach
 from asperity.runtime.files import replace_file
+from asperity.runtime.run_folder import EXPORTS
 
-#: Program or kind of file, with the name of the file in the folder of the run.
-FORMATS = {
-    "calculix": "contact_calculix.inp",
-    "abaqus": "contact_abaqus.inp",
-    "csv": "contact.csv",
-    "python": "contact.py",
-}
 LAWS = ("auto", "table", "unload-reload")
 _WIDTH = 110  # of a comment in a deck
 _BETWEEN = 4  # points from one of the curve to the next
@@ -65,15 +59,10 @@ class Interface:
         about: what the numbers are, one line each.
 
     Examples:
-        >>> Path("out").mkdir()
-        >>> z = np.linspace(0.1, 1.0, 10)
-        >>> asp.Curve.from_rows([{"delta": d, "force": 2 * d**1.5} for d in z]).write("out/curve.csv")
-        >>> case = {"units": "other", "surface": {"kind": "flat", "L": 1.0}, "material": {"E": 1e6, "nu": 0.3}}
-        >>> case |= {"loading": {"delta_max": 0.9}}
-        >>> _ = Path("out/case.toml").write_text(asp.Case.from_dict(case).to_toml())
-        >>> table = interface("out")
-        >>> table.approach.size, f"{np.interp(0.5, table.approach, table.pressure):.3f}"
-        (40, '0.707')
+        >>> z, unknown = np.array([1e-9, 2e-9]), np.full(2, np.nan)
+        >>> table = Interface(z, 1e18 * z, np.full(2, 1e18), unknown, unknown, unknown, 1e-4, ("a test",))
+        >>> print(_csv(table).splitlines()[1])
+        approach,pressure,slope,k_n,k_n_elastic,k_t
     """
 
     approach: Array
@@ -100,7 +89,7 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
         RangeError: the branch does not reach the preload.
 
     Examples:
-        See `Interface`; a folder without a run is refused:
+        That of a run is in `export`; a folder without a run is refused:
 
         >>> interface("nowhere")
         Traceback (most recent call last):
@@ -160,12 +149,15 @@ def export(
         >>> case = {"units": "other", "surface": {"kind": "flat", "L": 1.0}, "material": {"E": 1e6, "nu": 0.3}}
         >>> case |= {"loading": {"delta_max": 0.9}}
         >>> _ = Path("out/case.toml").write_text(asp.Case.from_dict(case).to_toml())
+        >>> table = interface("out")
+        >>> table.approach.size, f"{np.interp(0.5, table.approach, table.pressure):.3f}"
+        (40, '0.707')
         >>> lines = asp.export("out", "abaqus").read_text().splitlines()
         >>> [line for line in lines if line.startswith("*S")]
         ['*SURFACE INTERACTION, NAME=ASPERITY', '*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR']
     """
-    if to not in FORMATS:
-        raise InputError(f'to = "{to}" is unknown: choose one of {", ".join(FORMATS)}')
+    if to not in EXPORTS:
+        raise InputError(f'to = "{to}" is unknown: choose one of {", ".join(EXPORTS)}')
     table = interface(folder, law or ("auto" if to == "python" else "table"), load)
     writers: dict[str, Callable[[Interface], str]] = {
         "calculix": lambda t: _deck(_short(t), t, _ADVICE),
@@ -173,7 +165,7 @@ def export(
         "csv": _csv,
         "python": lambda t: python_module(*_hermite(t), t.area, t.about),
     }
-    target = Path(folder) / FORMATS[to] if path is None else Path(path)
+    target = Path(folder) / EXPORTS[to] if path is None else Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
     replace_file(target, writers[to](table).encode())
     return target

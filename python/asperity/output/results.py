@@ -21,7 +21,19 @@ from asperity.curve import Curve
 from asperity.errors import InputError
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import UNREADABLE, one_line, read_npz
-from asperity.runtime.run_folder import BAND, BLOCK, CASE, CURVE, FIELDS, FREE, RESPONSE, SUMMARY, THRESHOLDS, TOP
+from asperity.runtime.run_folder import (
+    BAND,
+    BLOCK,
+    CASE,
+    CURVE,
+    FIELDS,
+    FREE,
+    RANDOM,
+    RESPONSE,
+    SUMMARY,
+    THRESHOLDS,
+    TOP,
+)
 from asperity.surface import Surface
 
 Columns = Mapping[str, NDArray[Any]]
@@ -42,6 +54,7 @@ class Results:
         response: columns of response.csv.
         thresholds: contents of thresholds.json.
         band: columns of band.csv.
+        random: columns of random.csv.
         top: arrays of fields/top.npz.
         mesh: arrays of fields/mesh.npz.
         built: the surface of the case if it was passed to `read`, else None.
@@ -62,6 +75,7 @@ class Results:
     response: Columns = field(default_factory=dict)
     thresholds: Mapping[str, Any] = field(default_factory=dict)
     band: Columns = field(default_factory=dict)
+    random: Columns = field(default_factory=dict)
     top: Columns = field(default_factory=dict)
     mesh: Columns = field(default_factory=dict)
     built: Surface | None = None
@@ -90,6 +104,7 @@ class Results:
             "response": (RESPONSE, _read_csv),
             "thresholds": (THRESHOLDS, _read_json),
             "band": (BAND, _read_csv),
+            "random": (RANDOM, _read_csv),
             "top": (f"{FIELDS}/{TOP}", read_npz),
             "mesh": (f"{FIELDS}/{BLOCK}", read_npz),
         }

@@ -22,6 +22,7 @@ from asperity.dynamics.law.checks import positives
 from asperity.dynamics.law.table import TableLaw
 from asperity.errors import AsperityError
 from asperity.plot import style
+from asperity.plot.spectra import noise_of, receptance_of
 from asperity.plot.vibration import Scale, amplitude_frequency, natural_frequency
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def operating_point(oscillator: ContactOscillator, *, ax: style.Place | None = N
     axis.set_xlim(s[0], top)
     axis.set_ylim(-0.6, 1.05 * float(force.max()))
     axis.set_xlabel("approach $z/z_s$")
-    axis.set_ylabel("force $F_s/(m g)$")
+    axis.set_ylabel("force over preload $F_s/W$")
     axis.legend(loc="upper left", framealpha=0.9, frameon=True, edgecolor="none")
     style.grid(axis)
     return figure
@@ -202,7 +203,7 @@ def stability_chart(
     axis.set_yscale("log")
     axis.set_xlim(*omega)
     axis.set_xlabel("frequency $\\Omega = \\omega/\\omega_s$")
-    axis.set_ylabel("forcing $\\hat F = F/(n\\,m g)$")
+    axis.set_ylabel("forcing $\\hat F = F/(n\\,W)$")
     axis.set_title(
         f"{oscillator.law.describe()}, $\\zeta$ = {oscillator.zeta:g}, damping {oscillator.damping}", fontsize="small"
     )
@@ -222,7 +223,10 @@ def plot_dynamics(result: Dynamics, directory: str | os.PathLike[str]) -> list[P
     figures = {
         "frequency": natural_frequency(list(result.oscillators.values()), scale),
         "response": amplitude_frequency(responses, sweeps, result.bands, scale),
+        "receptance": receptance_of(result),
     }
+    if any(result.random.values()):
+        figures["random"] = noise_of(result)
     if first.model == "exact":
         top = max(max(float(b.u_max.max()) for b in r.branches) for r in result.responses["exact"])
         figures["operating-point"] = operating_point(first)

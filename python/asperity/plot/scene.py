@@ -23,6 +23,7 @@ SIZE = (2400, 1060)  # pixels
 DEPTH = 0.35  # share of the height that is shown
 FIELD_FILE = f"{FIELDS}/{VTKHDF}"
 _NEGLIGIBLE = 1e-3  # share of the largest pressure below which the contact surface is shown without load
+_OUTSIDE = 0.2  # share of the largest pressure, about that at nodes along the edge
 
 
 def scene(folder: str | Path, path: str | Path | None = None) -> Path:
@@ -67,7 +68,8 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
     plotter.subplot(0, 1)
     loaded = block.point_data["pressure shown"]
     limits = _limits(float(pressure.max()) * scale)
-    loaded[loaded < _NEGLIGIBLE * limits[1]] = -_NEGLIGIBLE * limits[1]  # below the scale: grey
+    # below the scale, grey; so far that the edge of contact is about in the middle between nodes inside and outside
+    loaded[loaded < _NEGLIGIBLE * limits[1]] = -_OUTSIDE * limits[1]
     plotter.add_mesh(_cut(block).extract_surface(algorithm="dataset_surface"), scalars="pressure shown",
                      cmap="inferno_r", n_colors=256, below_color="#B8B8B8", ambient=0.2,
                      clim=limits, scalar_bar_args=_bar("contact pressure", unit) | {"below_label": ""})  # fmt: skip

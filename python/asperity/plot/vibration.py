@@ -37,6 +37,7 @@ _ACTS = {
     "loops": "as the loops",
 }
 _FAINT = 0.35
+_AGREE = 0.01  # distance of exact and Taylor curves, over the extents of the figure, below which one is drawn
 _CLOSE = 0.03  # share of the extent of a curve within which consecutive rows are always joined
 
 
@@ -92,7 +93,7 @@ class Scale:
 def frequency(results: Results, *, ax: style.Place | None = None) -> Figure:
     """Draw the natural frequency over the release amplitude, from the folder of a run, on `ax` if given."""
     present = [model for model in MODELS if (results.free["model"] == model).any()]
-    curves = [(*MODELS[m], m, _where(results.free, results.free["model"] == m)) for m in present]
+    curves = [(*MODELS[m], m, where(results.free, results.free["model"] == m)) for m in present]
     return _frequency(curves, Scale.of(results.thresholds), ax=ax)
 
 
@@ -111,7 +112,7 @@ def natural_frequency(
     for oscillator, colour in zip(oscillators, np.resize(COLOURS, len(oscillators)), strict=True):
         free = oscillator.free()
         look = (str(colour), "-", free.law) if family else MODELS[free.model]
-        curves.append((*look, free.model, _columns(free.rows())))
+        curves.append((*look, free.model, columns_of(free.rows())))
     return _frequency(curves, scale, ax=ax)
 
 
@@ -205,10 +206,10 @@ def amplitude_frequency(
         _Event(r.setting.model, r.setting.F_hat, e.kind, e.Omega, e.u_max, e.u_min) for r in responses for e in r.events
     ]
     results: list[FrequencyResponse | Sweep] = [*responses, *sweeps]
-    rows = _columns(row for result in results for row in result.rows())
+    rows = columns_of(row for result in results for row in result.rows())
     first = responses[0].setting
     title = heading([first.zeta], first.damping, first.n_loc)
-    banded = _columns(row for band in bands for row in band.rows())
+    banded = columns_of(row for band in bands for row in band.rows())
     return _response(rows, events, title, first.n_loc, banded, scale, ax=ax)
 
 
@@ -218,18 +219,24 @@ def _response(
     ax: style.Place | None,
 ) -> Figure:  # fmt: skip
     models = [model for model in MODELS if model in rows["model"]]
+    apart = _apart(rows) if len(models) == 2 else np.inf
+    names = [MODELS[model][2] for model in models]
+    if apart < _AGREE:
+        models = models[:1]
+        names = [f"{names[0]}; the Taylor law differs by less than {100 * _AGREE:g} %"]
+        rows, events = where(rows, rows["model"] == models[0]), [e for e in events if e.model == models[0]]
     figure, axes = style.figure(1.2 + 4.0 * len(models), 4.4, columns=len(models), ax=ax)
-    style.titles(axes, [MODELS[model][2] for model in models])
+    style.titles(axes, names)
     forcings = np.unique(rows["F_hat"])
     physical = (rows["model"] == "exact") | (rows["u_min"] >= -1.0)
     for axis, model in zip(axes, models, strict=False):
         for forcing, colour in zip(forcings, np.resize(COLOURS, len(forcings)), strict=True):
-            chosen = _where(rows, (rows["model"] == model) & (rows["F_hat"] == forcing))
+            chosen = where(rows, (rows["model"] == model) & (rows["F_hat"] == forcing))
             for name in np.unique(chosen["branch"]):
-                _branch(axis, _where(chosen, chosen["branch"] == name), str(name), model, colour)
+                _branch(axis, where(chosen, chosen["branch"] == name), str(name), model, colour)
             _events(axis, [e for e in events if e.model == model and e.F_hat == forcing], chosen)
             if model == "exact" and bands:
-                of = _where(bands, bands["F_hat"] == forcing)
+                of = where(bands, bands["F_hat"] == forcing)
                 for side in ("upper", "lower"):
                     low, high = of[f"{side}_low"], of[f"{side}_high"]
                     axis.fill_between(of["Omega"], low, high, color=colour, alpha=0.5 * _FAINT, lw=0)
@@ -249,23 +256,52 @@ def _response(
     return figure
 
 
+def _apart(rows: Columns) -> float:
+    """Return how far the curves of both models are apart, over the extents of the figure; inf if contact is lost."""
+    lines = where(rows, ~is_sweep(rows["branch"]))
+    extent = (np.ptp(lines["Omega"]) or 1.0, lines["u_max"].max())
+    if (lines["u_min"] < -1.0).any():
+        return np.inf
+    worst = 0.0
+    for forcing in np.unique(lines["F_hat"]):
+        one, other = (
+            where(lines, (lines["F_hat"] == forcing) & (lines["model"] == model)) for model in ("exact", "taylor")
+        )
+        curves = [np.stack([c["Omega"] / extent[0], c["u_max"] / extent[1]], axis=1) for c in (one, other)]
+        if not all(len(c) > 1 for c in curves):
+            return np.inf
+        worst = max(worst, _distance(curves[0], curves[1]), _distance(curves[1], curves[0]))
+    return worst
+
+
+def _distance(points: Array, line: Array) -> float:
+    """Return the largest distance of points (n, 2) from a polygonal line (m, 2)."""
+    start, along = line[:-1], np.diff(line, axis=0)
+    square = np.maximum((along**2).sum(axis=1), 1e-300)
+    nearest = np.full(len(points), np.inf)
+    for a, d, s in zip(start, along, square, strict=True):
+        share = np.clip((points - a) @ d / s, 0.0, 1.0)
+        nearest = np.minimum(nearest, np.hypot(*(points - a - share[:, None] * d).T))
+    return float(nearest.max())
+
+
 def _branch(axis: Any, rows: Columns, name: str, model: str, colour: str) -> None:
     """Draw one branch: solid where stable, otherwise dashed, faint where unphysical; triangles for a sweep."""
     omega, u = rows["Omega"], rows["u_max"]
     if name in _SWEEPS:
-        settled = _true(rows["stable"])
+        settled = truth(rows["stable"])
         axis.plot(omega[settled], u[settled], _SWEEPS[name][0], color=colour, mfc="white", ms=3, mew=0.7, zorder=3)
         return
-    stable = _true(rows["stable"])
+    stable = truth(rows["stable"])
     valid = (rows["u_min"] >= -1.0) | (model == "exact")
-    for start, stop in _pieces(omega, u, stable + 2 * valid):
+    for start, stop in pieces(omega, u, stable + 2 * valid):
         axis.plot(
             omega[start:stop], u[start:stop], ls="-" if stable[start] else DASHES, color=colour, lw=1.2, zorder=2,
             alpha=1.0 if valid[start] else _FAINT,
         )  # fmt: skip
 
 
-def _pieces(omega: Array, u: Array, state: NDArray[Any]) -> Iterator[tuple[int, int]]:
+def pieces(omega: Array, u: Array, state: NDArray[Any]) -> Iterator[tuple[int, int]]:
     """Yield ranges of rows of one state; pieces of one curve share a point, separate curves do not."""
     reach = np.hypot(np.diff(omega) / (np.ptp(omega) or 1.0), np.diff(u) / (np.ptp(u) or 1.0))
     # distances between rows of one curve are small and change gradually: a sudden long one separates two curves
@@ -303,8 +339,8 @@ def _is_physical(e: _Event) -> bool:
 
 def _stable_at(omega: float, rows: Columns) -> list[float]:
     """Return the largest displacement of each stable orbit at a frequency, linearly interpolated."""
-    lines = ~np.isin(rows["branch"], list(_SWEEPS))
-    w, u, stable = rows["Omega"][lines], rows["u_max"][lines], _true(rows["stable"][lines])
+    lines = ~is_sweep(rows["branch"])
+    w, u, stable = rows["Omega"][lines], rows["u_max"][lines], truth(rows["stable"][lines])
     i = np.flatnonzero(((w[:-1] < omega) != (w[1:] < omega)) & stable[:-1] & stable[1:])
     return [float(x) for x in u[i] + (omega - w[i]) / (w[i + 1] - w[i]) * (u[i + 1] - u[i])]
 
@@ -313,7 +349,7 @@ def _forcing_keys(forcings: Array, n_loc: float | None) -> list[Line2D]:
     """Return legend entries of the forcings, in both conventions if the local exponent is known."""
     keys = []
     for forcing, colour in zip(forcings, np.resize(COLOURS, len(forcings)), strict=True):
-        weight = f", $F/(mg)$ = {n_loc * forcing:.3g}" if n_loc else ""
+        weight = f", $F/W$ = {n_loc * forcing:.3g}" if n_loc else ""
         keys.append(Line2D([], [], color=colour, label=f"$\\hat{{F}}$ = {forcing:g}{weight}"))
     return keys
 
@@ -338,16 +374,22 @@ def _line_keys(shown: set[str], physical: bool, band: bool) -> list[Line2D]:
     return keys
 
 
-def _columns(rows: Iterable[Mapping[str, Any]]) -> Columns:
+def columns_of(rows: Iterable[Mapping[str, Any]]) -> Columns:
     """Return rows as columns."""
     listed = list(rows)
     return {name: np.array([row[name] for row in listed]) for name in listed[0]} if listed else {}
 
 
-def _where(columns: Columns, mask: NDArray[np.bool_]) -> Columns:
+def where(columns: Columns, mask: NDArray[np.bool_]) -> Columns:
+    """Return some rows of columns."""
     return {name: column[mask] for name, column in columns.items()}
 
 
-def _true(column: NDArray[Any]) -> NDArray[np.bool_]:
+def is_sweep(branch: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return which rows belong to sweeps."""
+    return np.isin(branch, list(_SWEEPS))
+
+
+def truth(column: NDArray[Any]) -> NDArray[np.bool_]:
     """Return the truth values of a column, written as True, true or 1."""
     return np.isin(np.char.lower(column.astype(str)), ("true", "1", "1.0"))

@@ -22,22 +22,31 @@ from asperity.runtime.files import is_aside
 
 CASE, CURVE, SUMMARY, LOG = "case.toml", "curve.csv", "summary.json", "run.log"
 FREE, RESPONSE, BAND, THRESHOLDS = "free.csv", "response.csv", "band.csv", "thresholds.json"
+RANDOM = "random.csv"
 LOOPS = "loops.csv"
 REPORT = "report.html"
 FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
 TOP, BLOCK, VTKHDF = "top.npz", "mesh.npz", "contact.vtkhdf"  # in fields
 DISTRIBUTIONS = "distributions.csv"  # in fields
 PICTURES = (
-    "surface", "mesh", "curve", "area", "pressure", "stiffness", "plasticity", "frequency", "response", "scene",
+    "surface", "mesh", "curve", "area", "pressure", "stiffness", "plasticity", "frequency", "response", "receptance",
+    "random", "scene",
 )  # in figures # fmt: skip
 FIELD_PICTURES = ("surface", "mesh", "pressure", "scene")  # the others consist of lines and are in .svg too
 _FIGURES = {name: [f"{FIGURES}/{name}.{form}" for form in ("png", "svg") if form == "png" or name not in FIELD_PICTURES]
             for name in PICTURES}  # fmt: skip
+#: Files of `asperity export` in the folder of a run, by program or kind of file.
+EXPORTS = {
+    "calculix": "contact_calculix.inp",
+    "abaqus": "contact_abaqus.inp",
+    "csv": "contact.csv",
+    "python": "contact.py",
+}
 MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpoint and in the folders in it
 
 #: All files and folders that a run writes, folders after their files; without those of the checkpoint.
 PRODUCTS = (
-    CURVE, SUMMARY, LOG, LOOPS, FREE, RESPONSE, BAND, THRESHOLDS, REPORT,
+    CURVE, SUMMARY, LOG, LOOPS, FREE, RESPONSE, BAND, RANDOM, THRESHOLDS, REPORT,
     *(f"{FIELDS}/{name}" for name in (BLOCK, TOP, VTKHDF, DISTRIBUTIONS)), FIELDS,
     *(path for paths in _FIGURES.values() for path in paths), FIGURES,
     CASE,
@@ -46,7 +55,14 @@ PRODUCTS = (
 
 #: Files of parts of a case, which are removed when a run continues without the part.
 _PARTS = {
-    "dynamics": (FREE, RESPONSE, BAND, THRESHOLDS, *_FIGURES["frequency"], *_FIGURES["response"]),
+    "dynamics": (
+        FREE,
+        RESPONSE,
+        BAND,
+        RANDOM,
+        THRESHOLDS,
+        *(path for name in ("frequency", "response", "receptance", "random") for path in _FIGURES[name]),
+    ),
     "loops": (LOOPS,),
     "fields": (f"{FIELDS}/{VTKHDF}",),
     "figures": (*(path for name, paths in _FIGURES.items() if name != "scene" for path in paths), FIGURES),

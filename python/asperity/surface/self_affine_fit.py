@@ -157,7 +157,7 @@ def _bands(spectrum: Spectrum, shortest: float) -> _Bands | None:
     A random density scatters by itself; the mean of m of them, which the window makes dependent, by 2/m.
     """
     q, C = spectrum.q, spectrum.density
-    count = np.arange(1.0, q.size + 1)
+    count: Array = np.arange(1.0, q.size + 1)
     used = (count >= _FIRST) & (q <= 2 * np.pi / shortest * (1 + 1e-9)) & (C > 0)
     count, C = count[used], C[used]
     if not count.size:

@@ -128,7 +128,9 @@ def choose(
     if law != "auto":
         found = law_named(history, law, load, extrapolate=extrapolate)
         yielded = history.yielded(top if law == "unload-reload" else load)
-        reached = _leg_top(found) if law == "unload-reload" else load if law == "elastic" else None
+        reached = load if law == "elastic" else None
+        if law == "unload-reload" and isinstance(found, TableLaw):
+            reached = _top(found)
         return Choice(law, found, load, reached if yielded else None, yielded, "named")
     if not 0 < load <= top * (1 + _SAME):
         raise RangeError(
@@ -168,7 +170,7 @@ def law_named(history: History, name: str, load: float, *, extrapolate: bool = F
 
 def _automatic(history: History, load: float, overload: float | None) -> Choice:
     leg = _leg(history, load)
-    met = overload if overload is not None else load if leg is None else _leg_top(leg)
+    met = overload if overload is not None else load if leg is None else _top(leg)
     yielded = history.yielded(met)
     if not yielded:
         why = "nothing has yielded up to the preload" if yielded is False else "the curve does not show that it yields"
@@ -177,10 +179,10 @@ def _automatic(history: History, load: float, overload: float | None) -> Choice:
         except InputError:
             found = law_named(history, "paper", load)
             return Choice("paper", found, load, None, yielded, "the points of the loading do not rise")
-    if leg is not None and met >= _leg_top(leg) * (1 - 1e-6):
+    if leg is not None and met >= _top(leg) * (1 - 1e-6):
         above = _above(history)
-        found = leg if above is None else TwoBranchLaw(leg, above, min(_leg_top(leg), above.F[-1]))
-        return Choice("unload-reload", found, load, _leg_top(leg), True, "yielded, and unloaded through the preload")
+        found = leg if above is None else TwoBranchLaw(leg, above, min(_top(leg), above.F[-1]))
+        return Choice("unload-reload", found, load, _top(leg), True, "yielded, and unloaded through the preload")
     try:
         tangent = history.tangent(met, extrapolate=True)
     except AsperityError as error:
@@ -210,8 +212,9 @@ def _leg(history: History, load: float) -> TableLaw | None:
         return None
 
 
-def _leg_top(leg: Law) -> float:
-    return float(leg.F[-1])  # type: ignore[attr-defined]
+def _top(leg: TableLaw) -> float:
+    """Return the greatest force of an unload-reload branch."""
+    return float(leg.F[-1])
 
 
 def _above(history: History) -> TableLaw | None:

@@ -29,6 +29,7 @@ class History:
         plastic: greatest accumulated plastic strain, or the share of the volume that has yielded.
         elastic: stiffness of unloading and small vibration (force/length), column k_n_elastic.
         bar: error bar of the force over the force.
+        elastic_bar: error bar of the elastic stiffness over that stiffness, column error_k_n_elastic.
         branches: whether the curve has a column "branch".
 
     Examples:
@@ -44,6 +45,7 @@ class History:
     plastic: Array
     elastic: Array
     bar: Array
+    elastic_bar: Array
     branches: bool
 
     @classmethod
@@ -73,15 +75,20 @@ class History:
             return found
 
         strain, share = optional("max_plastic_strain"), optional("plastic_fraction")
-        with np.errstate(all="ignore"):
-            bar = optional("error_P_star") / optional("P_star")
+
+        def relative(error: str, column: str) -> Array:
+            with np.errstate(all="ignore"):
+                share = optional(error) / optional(column)
+            return np.where(np.isfinite(share) & (share >= 0), share, np.nan)
+
         return cls(
             delta,
             factor * force,
             np.full(delta.size, "load") if branch is None else branch,
             np.where(np.isnan(strain), share, strain),
             factor * optional("k_n_elastic"),
-            np.where(np.isfinite(bar) & (bar >= 0), bar, np.nan),
+            relative("error_P_star", "P_star"),
+            relative("error_k_n_elastic", "k_n_elastic"),
             branch is not None,
         )
 
@@ -116,10 +123,19 @@ class History:
         up = np.interp(self.delta[down], self.delta[order], self.force[order])
         return bool(np.max(up - self.force[down]) > _HYSTERESIS * self.force.max())
 
-    def bar_at(self, load: float) -> float:
-        """Return the error bar of the force over the force at a load (force), by the nearest row; NaN if unknown."""
-        known = np.flatnonzero(np.isfinite(self.bar))
-        return float(self.bar[known[np.argmin(np.abs(self.force[known] - load))]]) if known.size else np.nan
+    def bar_at(self, load: float, *, elastic: bool = False) -> float:
+        """Return the error bar of the force over the force at a load, by the nearest row; NaN if unknown.
+
+        Args:
+            load: force at which it is wanted (force).
+            elastic: take that of the elastic stiffness instead, where it is known.
+        """
+        if elastic and np.isfinite(self.elastic_bar).any():
+            bars = self.elastic_bar
+        else:
+            bars, elastic = self.bar, False
+        known = np.flatnonzero(np.isfinite(bars))
+        return float(bars[known[np.argmin(np.abs(self.force[known] - load))]]) if known.size else np.nan
 
     def rows_of(self, *, unloading: bool) -> Array:
         """Return the rows of the first loading, or of the last unloading with the row before it, by rising force."""

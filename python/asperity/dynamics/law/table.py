@@ -12,9 +12,11 @@ from __future__ import annotations
 
 import csv
 import os
+from bisect import bisect_right
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from math import exp, log
 from typing import Any
 
 import numpy as np
@@ -73,6 +75,8 @@ class TableLaw(Law):
     extrapolate: bool = False
     name: str = "table"
     contact: bool = field(default=True, init=False)
+
+    scalar = True
 
     __repr__ = short_repr
 
@@ -202,6 +206,18 @@ class TableLaw(Law):
             return self._smooth.push(z)
         return np.interp(z, *self._dense)
 
+    def at(self, z: float) -> tuple[float, float]:
+        if self.values == "fit":
+            return self._smooth.at(z)
+        if z <= 0.0:
+            return 0.0, 0.0
+        x = log(z)
+        edges, cubics = self._cells
+        (a, b, c, d), start = cubics[bisect_right(edges, x)]
+        t = x - start
+        force = exp(((a * t + b) * t + c) * t + d)
+        return force, force * ((3.0 * a * t + 2.0 * b) * t + c) / z
+
     def potential(self, z: ArrayLike) -> Array:
         if self.values == "fit":
             return self._smooth.potential(z)
@@ -268,6 +284,15 @@ class TableLaw(Law):
         first = float(self._curve[1](x[0]))
         last = float(self._curve[1](x[-1]))
         return np.array([x[0], y[0], x[-1], y[-1]]), max(first, 0.1), max(last, 1e-3)
+
+    @cached_property
+    def _cells(self) -> tuple[list[float], list[tuple[tuple[float, float, float, float], float]]]:
+        """Edges in ln z, and for each cell, those beyond both ends too, coefficients of ln F and where they start."""
+        spline = self._curve[0]
+        (x0, y0, x1, y1), n0, n1 = self._ends
+        rows = list(zip(map(tuple, spline.c.T.tolist()), spline.x.tolist(), strict=False))
+        below, above = ((0.0, 0.0, n0, float(y0)), float(x0)), ((0.0, 0.0, n1, float(y1)), float(x1))
+        return spline.x.tolist(), [below, *rows, above]
 
     @cached_property
     def _dense(self) -> tuple[Array, Array]:

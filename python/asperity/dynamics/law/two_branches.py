@@ -71,6 +71,11 @@ class TwoBranchLaw(Law):
         return self.above.extrapolate
 
     @property
+    def scalar(self) -> bool:  # type: ignore[override]
+        """Whether `at` of both branches works on plain floats."""
+        return self.below.scalar and self.above.scalar
+
+    @property
     def known_to(self) -> float:
         return self.above.known_to - self.shift
 
@@ -136,4 +141,5 @@ class TwoBranchLaw(Law):
 
     @cached_property
     def _dense(self) -> tuple[Array, Array]:
-        return dense(self, max(self.yields_at, self.known_to), self.knots)
+        known = self.known_to if np.isfinite(self.known_to) else 0.0
+        return dense(self, max(self.yields_at, known), self.knots)

@@ -79,6 +79,7 @@ class Sweep:
                     "stable": status != NOT_SETTLED,
                     "branch": f"sweep-{self.direction}",
                     "contact_loss": bool(self.u_min[i] < -1.0),
+                    "phase": np.nan,
                 }
 
 

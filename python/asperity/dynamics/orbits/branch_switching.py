@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Branch switching: period-2 branches and detached loops, each traced once."""
+"""Branch switching: branches of twice the period and detached loops, each traced once."""
 
 from __future__ import annotations
 
@@ -37,19 +37,19 @@ def subharmonic(
     how: Tracing,
     others: Sequence[Point],
 ) -> Path | None:
-    """Trace the period-2 branch from a period doubling until it leaves the window or ends at another doubling.
+    """Trace the branch of twice the period from a period doubling until it leaves the window or ends at another one.
 
     Args:
-        balance: equations of order 1.
+        balance: equations, with the order of the branch that doubles its period.
         forcing: F^.
-        flip: the period doubling, a point of order 1.
+        flip: the period doubling, a point of that order.
         how: window, accuracy and limits for order 1.
-        others: the other period doublings.
+        others: the other period doublings of that order.
 
     Returns:
-        The path of order 2; None if it has fewer than 3 points.
+        The path of twice the order; None if it has fewer than 3 points.
     """
-    double = replace(balance, order=2)
+    double = replace(balance, order=2 * balance.order)
     equations = in_omega(double, forcing)
     count = flip.x.size // 2
     x = _doubled(flip.x)
@@ -69,7 +69,7 @@ def subharmonic(
 
         if len(points) < 3 or side(b) > 0:
             return None
-        points.pop()  # it repeats an orbit of the branch, shifted by one forcing period
+        points.pop()  # it repeats an orbit of the branch, shifted by half of its period
         try:
             points.append(_single(locate(equations, a, b, side, side(a), side(b)), odd_a))
         except ConvergenceError:
@@ -77,7 +77,7 @@ def subharmonic(
         return "period doubling"
 
     first = Point(x, flip.parameter, null, 0.0, tail(x))
-    path = trace(equations, first, replace(how, min_harmonics=2 * MIN_HARMONICS), returns)
+    path = trace(equations, first, replace(how, min_harmonics=double.order * MIN_HARMONICS), returns)
     if len(path.points) < 3:
         return None
     if path.end == "period doubling" and others:
@@ -91,7 +91,7 @@ def subharmonic(
 
 
 def _doubled(x: Array) -> Array:
-    """Return an orbit of order 1 as one of order 2."""
+    """Return an orbit as one of twice the order."""
     count = x.size // 2
     out = np.zeros(4 * count + 1)
     out[0] = x[0]
@@ -106,7 +106,7 @@ def _gap(a: Point, b: Point) -> float:
 
 
 def _odd(x: Array) -> Array:
-    """Return the odd harmonics of an orbit of order 2, which one of order 1 lacks; the others are 0."""
+    """Return the odd harmonics of an orbit, which one of half the order lacks; the others are 0."""
     out = x.copy()
     m = x.size // 2
     out[0] = out[2 : m + 1 : 2] = out[m + 2 :: 2] = 0.0
@@ -114,7 +114,7 @@ def _odd(x: Array) -> Array:
 
 
 def _single(p: Point, odd: Array) -> Point:
-    """Return the orbit of order 1 at the end of a branch of order 2, whose tangent there is -odd."""
+    """Return the orbit of half the order at the end of a branch, whose tangent there is -odd."""
     odd = resize(odd, p.x.size // 2)
     return Point(p.x - _odd(p.x), p.parameter, -odd / np.linalg.norm(odd), 0.0, p.error)
 

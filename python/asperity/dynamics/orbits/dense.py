@@ -33,6 +33,8 @@ class Line:
     Attributes:
         place: index of the point before the row plus the fraction of the way to the next point.
         Omega, u_max, u_min, a1, stable: see `Branch`.
+        phase: by which the displacement at the forcing frequency is ahead of the force (degrees), 0 to -180 in a
+            linear contact.
     """
 
     place: Array
@@ -40,6 +42,7 @@ class Line:
     u_max: Array
     u_min: Array
     a1: Array
+    phase: Array
     stable: NDArray[np.bool_]
 
 
@@ -66,7 +69,8 @@ def dense(balance: Balance, branch: Branch, rtol: float = _RTOL) -> Line:
         rtol: largest relative deviation of the cubic from straight lines.
     """
     places: Array = np.arange(len(branch), dtype=float)
-    values: Array = np.array([branch.Omega, branch.u_max, branch.u_min, branch.a1])
+    first = branch.coefficients[:, branch.order]
+    values: Array = np.array([branch.Omega, branch.u_max, branch.u_min, branch.a1, _degrees(first)])
     done: NDArray[np.bool_] = np.zeros(len(branch) - 1, bool)
     for depth in range(_DEPTH):
         left = np.flatnonzero(~done)
@@ -80,15 +84,20 @@ def dense(balance: Balance, branch: Branch, rtol: float = _RTOL) -> Line:
         done = np.insert(done, left[off], False)
         places = np.insert(places, left[off] + 1, middle[off])
         values = np.insert(values, left[off] + 1, between[:, off], axis=1)
-    omega, u_max, u_min, a1 = values
-    return Line(places, omega, u_max, u_min, a1, _stability(balance, branch, places))
+    omega, u_max, u_min, a1, phase = values
+    return Line(places, omega, u_max, u_min, a1, phase, _stability(balance, branch, places))
 
 
 def _measured(branch: Branch, places: Array) -> Array:
-    """Return Omega, u_max, u_min and a1 (4, rows) of the cubics at the places."""
+    """Return Omega, u_max, u_min, a1 and phase (5, rows) of the cubics at the places."""
     omega, c = on_cubic(branch, places)
     u_min, u_max = extrema(c)
-    return np.array([omega, u_max, u_min, np.abs(c[:, branch.order])])
+    return np.array([omega, u_max, u_min, np.abs(c[:, branch.order]), _degrees(c[:, branch.order])])
+
+
+def _degrees(first: Array) -> Array:
+    """Return the angle of complex first harmonics between -270 and 90 degrees, so that -180 is no edge."""
+    return np.degrees((np.angle(first) + 1.5 * np.pi) % (2.0 * np.pi) - 1.5 * np.pi)
 
 
 def _deviation(a: Array, b: Array, middle: Array) -> Array:

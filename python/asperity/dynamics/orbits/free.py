@@ -126,7 +126,7 @@ class FreeVibration:
     def rows(self) -> Iterator[dict[str, Any]]:
         """Yield the rows of free.csv."""
         for o in self.orbits:
-            yield {"model": self.model, "u0": o.u0, "omega_ratio": o.omega, "u_min": o.u_min}
+            yield {"model": self.model, "u0": o.u0, "omega_ratio": o.omega, "u_min": o.u_min, "a1": o.a1}
 
 
 def contact_limit(restoring: Restoring) -> float:

@@ -27,6 +27,7 @@ from asperity.errors import ConvergenceError, InputError
 from asperity.runtime.display import short_repr
 
 _SAME = 1e-6  # relative distance, in addition to their errors, within which two orbits may be identical
+_LONGEST = 4  # longest period of branches from period doublings, in forcing periods
 _UNRELIABLE = 1e-3  # deviation of the determinant from Liouville's above which stability is unreliable
 
 
@@ -127,8 +128,8 @@ class FrequencyResponse:
         """Yield the rows of response.csv, in order along each branch, as dense as in `lines`."""
         s = self.setting
         for branch, line in zip(self.branches, self.lines(), strict=True):
-            for omega, u_max, u_min, a1, stable in zip(
-                line.Omega, line.u_max, line.u_min, line.a1, line.stable, strict=True
+            for omega, u_max, u_min, a1, phase, stable in zip(
+                line.Omega, line.u_max, line.u_min, line.a1, line.phase, line.stable, strict=True
             ):
                 yield {
                     "model": s.model,
@@ -141,6 +142,7 @@ class FrequencyResponse:
                     "stable": bool(stable),
                     "branch": branch.kind,
                     "contact_loss": bool(u_min < -1.0),
+                    "phase": float(phase),
                 }
 
 
@@ -170,7 +172,7 @@ def frequency_response(
         setting: law, damping and forcing.
         omega: lowest and highest Omega.
         tol: allowed truncation error, relative to the amplitude.
-        subharmonics: also trace period-2 branches from period doublings.
+        subharmonics: also trace branches of period 2 and 4 from period doublings.
         extra: further orbits (order, coefficients, Omega) whose branches are traced if new ("detached").
         max_points: limit of the work per branch, see `continuation.Tracing`.
 
@@ -204,7 +206,7 @@ class _Search:
         balance: equations of order 1.
         forcing: F^.
         how: window, accuracy and limits for order 1.
-        subharmonics: whether period-2 branches are traced too.
+        subharmonics: whether branches from period doublings are traced too.
 
     Attributes:
         paths: kind, order and path of each branch traced.
@@ -220,7 +222,7 @@ class _Search:
         self.branches: list[Branch] = []
         self.events: list[Event] = []
         self.notes: list[str] = []
-        self._doublings: list[Point] = []
+        self._doublings: list[tuple[int, Point]] = []  # with the order of their branch
 
     def run(self, seeds: list[tuple[int, Array, float]]) -> None:
         """Trace branches until nothing is left.
@@ -233,7 +235,7 @@ class _Search:
             if len(self.branches) < len(self.paths):
                 self._measure(*self.paths[len(self.branches)])
             elif self._doublings:
-                self._switch(self._doublings.pop(0))
+                self._switch(*self._doublings.pop(0))
             elif seeds:
                 self._detach(*seeds.pop(0))
             elif not searched:
@@ -267,18 +269,20 @@ class _Search:
         branch, events, flips = locate_events(balance, equations, path, kind, len(self.branches), self.how.tol)
         self.branches.append(branch)
         self.events.extend(events)
-        if self.subharmonics and order == 1:
-            self._doublings.extend(flips)
+        if self.subharmonics and 2 * order <= _LONGEST:
+            self._doublings.extend((order, flip) for flip in flips)
 
-    def _switch(self, flip: Point) -> None:
-        """Trace the period-2 branch from a period doubling."""
-        path, rest = subharmonic(self.balance, self.forcing, flip, self.how, self._doublings), self._doublings
+    def _switch(self, order: int, flip: Point) -> None:
+        """Trace the branch of twice the period from a period doubling of a branch of an order."""
+        rest = [p for other, p in self._doublings if other == order]
+        path = subharmonic(replace(self.balance, order=order), self.forcing, flip, self.how, rest)
         if path is None:
             return
-        self.paths.append(("sub2", 2, path))
+        self.paths.append((f"sub{2 * order}", 2 * order, path))
         if path.end == "period doubling" and rest:  # the branch must not be traced from its other end
             end = path.points[-1].parameter
-            del rest[min(range(len(rest)), key=lambda i: abs(rest[i].parameter - end))]
+            other = min(rest, key=lambda p: abs(p.parameter - end))
+            self._doublings = [(n, p) for n, p in self._doublings if p is not other]
 
     def _detach(self, order: int, x: Array, omega: float) -> None:
         """Trace the branch through an orbit, if it is new."""

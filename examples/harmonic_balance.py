@@ -1,0 +1,169 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""The law of a computed joint as an element of pyHarm, a harmonic balance program, and its response over ours.
+
+    pip install "asperity[hbm]"    # pyHarm-os
+    python3 examples/harmonic_balance.py [response.png]
+
+A rough patch is pressed and unloaded, `asperity export --to python` writes its contact, and both programs compute the
+response of a mass on it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import logging
+import runpy
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import asperity as asp
+
+CASE: dict[str, Any] = {
+    "surface": {
+        "kind": "self-affine", "L": 100e-6, "H": 0.8, "rms_slope": 0.06, "lambda_roll": 50e-6, "lambda_short": 25e-6,
+        "seed": 1,
+    },
+    "material": {"E": 200e9, "nu": 0.3, "yield_strength": 1.5e9, "tangent_modulus": 10e9},
+    "mesh": {"h_contact": 14e-6},
+    "loading": {"delta_max": 0.7e-6, "steps": 16, "unload": True},
+    "joint": {"nominal_area": 1e-5, "preload": 250.0},
+}  # fmt: skip
+ZETA, FORCING, WINDOW = 0.01, 0.02, (0.85, 1.1)
+
+# Normalised force and stiffness of displacements u, both of the shape of u.
+Spring = Callable[[Any], tuple[Any, Any]]
+
+
+def pyharm_response(
+    spring: Spring, zeta: float, forcing: float, window: tuple[float, float], harmonics: int, step: float
+) -> Callable[[], tuple[Any, Any]]:
+    """Return a function that computes u'' + 2 zeta u' + f(u) = F^ cos(Omega tau) with pyHarm.
+
+    Args:
+        spring: f(u) and its derivative, for arrays.
+        zeta, forcing: damping ratio and F^.
+        window: lowest and highest Omega; the curve begins at the highest.
+        harmonics, step: number of harmonics, with 16 samples each, and longest step along the curve.
+
+    Returns:
+        The function, which returns Omega (points,) and coefficients (points, 2 harmonics + 1): the mean, then cosine
+        and sine of each harmonic.
+    """
+    pyharm = importlib.import_module("pyHarm")
+    base: Any = importlib.import_module("pyHarm.Elements.NodeToNodeElements.NodeToNodeElement").NodeToNodeElement
+    logging.disable(logging.CRITICAL)
+
+    class Contact(base):
+        """Contact to ground, by alternating frequency-time."""
+
+        factory_keyword = "Contact"
+
+        def __flag_update__(self) -> None:
+            self.flag_nonlinear = True
+            self.flag_AFT = True
+
+        def adim(self, lc: float, wc: float) -> None:
+            raise NotImplementedError
+
+        def evalResidual(self, xg: Any, om: float) -> Any:
+            self.R = spring(xg[self.indices] @ self.D["ft"])[0] @ self.D["tf"]
+            return self.R
+
+        def evalJacobian(self, xg: Any, om: float) -> Any:
+            self.J = ((self.D["ft"] * spring(xg[self.indices] @ self.D["ft"])[1]) @ self.D["tf"]).T
+            self.dJdom = np.zeros(len(self.indices))
+            return self.J, self.dJdom
+
+    one, none = np.eye(1), np.zeros((1, 1))
+    frf = {
+        "study": "frf", "puls_inf": window[0], "puls_sup": window[1], "puls_start": window[1], "sign_ds": -1,
+        "ds0": 0.02, "ds_max": step, "ds_min": 1e-6, "solver": "NewtonRaphson",
+        "solver_options": {"tol_residual": 1e-8, "tol_delta_x": 1e-6, "max_iter": 20},
+        "predictor": "tangent", "corrector": "arc_length", "verbose": False,
+    }  # fmt: skip
+    drive = {"type": "CosinusForcing", "connect": {"mass": [0]}, "dirs": [0], "amp": forcing}
+
+    def case() -> dict[str, Any]:
+        return {
+            "analysis": {"frf": dict(frf)},
+            "system": {"type": "Base", "nh": harmonics, "nti": 16 * harmonics, "adim": {"status": False}},
+            "substructures": {"mass": {"matrix": {"M": one, "C": 2 * zeta * one, "G": none, "K": none}, "ndofs": 1}},
+            "connectors": {
+                "contact": {"type": "Contact", "connect": {"mass": [0]}, "dirs": [0]},
+                "drive": dict(drive),
+            },
+            "plugin": [Contact],
+        }
+
+    def compute() -> tuple[Any, Any]:
+        with contextlib.redirect_stdout(io.StringIO()):
+            maestro = pyharm.Maestro(case())
+            maestro.operate()
+        x = np.array([s.x for s in maestro.nls["frf"].SolList if s.flag_accepted])
+        return x[:, -1], x[:, :-1]
+
+    return compute
+
+
+def largest(coefficients: Any) -> Any:
+    """Return the largest displacement of each orbit, from 4096 samples."""
+    theta = np.linspace(0, 2 * np.pi, 4097)
+    k = np.arange(1, coefficients.shape[1] // 2 + 1)
+    cosines, sines = np.cos(np.outer(k, theta)), np.sin(np.outer(k, theta))
+    return (coefficients[:, :1] + coefficients[:, 1::2] @ cosines + coefficients[:, 2::2] @ sines).max(axis=1)
+
+
+def main(picture: str | None = None) -> float:
+    """Return the largest relative difference of the amplitudes of both programs, without the tips of the folds."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name) / "run"
+        asp.run(asp.Case.from_dict(CASE), folder)
+        contact = runpy.run_path(str(asp.export(folder, "python")))
+    element, load = contact["Contact"](), CASE["joint"]["preload"]
+    z = np.geomspace(contact["Z"][1], contact["Z"][-1], 300)
+    oscillator = asp.ContactOscillator(asp.TableLaw(z, element.force(z), extrapolate=True), load=load, zeta=ZETA)
+    normal = oscillator.restoring  # of lengths z_s and forces z_s k_n
+
+    def spring(u: Any) -> tuple[Any, Any]:
+        force, slope = element(normal.z_s * (1.0 + u))
+        return (force - load) / normal.scale, slope * normal.z_s / normal.scale
+
+    omega, coefficients = pyharm_response(spring, ZETA, FORCING, WINDOW, 40, 0.05)()
+    theirs = largest(coefficients)
+    ours = oscillator.response(FORCING, WINDOW)
+    stiffness = normal.scale / normal.z_s
+    points = contact["Z"].size - 1
+    print(f"k_n = {stiffness:.4g} N/m at {load:g} N; {points} points exported, {omega.size} orbits of pyHarm")
+    folds = [e.Omega for e in ours["fold"]]
+    different = [
+        min(abs(orbit.u_max / u - 1.0) for orbit in ours.at(float(w)))
+        for w, u in zip(omega, theirs, strict=True)
+        if WINDOW[0] <= w <= WINDOW[1] and min((abs(w - f) for f in folds), default=1.0) > 2e-3
+    ]
+    worst = float(np.max(different))
+    print(
+        f"peak u = {theirs.max():.4f} by pyHarm, {ours.peak[1]:.4f} by asperity; "
+        f"difference {np.median(different):.1e} in the median, {worst:.1e} at most"
+    )
+    if picture:
+        from asperity.plot.style import save
+        from asperity.plot.vibration import amplitude_frequency
+
+        figure = amplitude_frequency([ours])
+        figure.axes[0].plot(omega, theirs, "+", color="black", ms=5, zorder=6)
+        figure.axes[0].set_title("line: asperity; crosses: pyHarm, 40 harmonics", fontsize=9)
+        save(figure, picture)
+    return worst
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:2])

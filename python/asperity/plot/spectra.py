@@ -1,0 +1,141 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Figures of the frequency response function (receptance) and of the motion under noise.
+
+Both are drawn from rows as in response.csv, free.csv and random.csv, from the folder of a run or from memory. Axes are
+in hertz and in units of the case where these are known, else over omega_s and 1/k_n.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from asperity.arrays import Array
+from asperity.output.results import Columns, Results
+from asperity.plot import style
+from asperity.plot.vibration import COLOURS, DASHES, Scale, columns_of, heading, is_sweep, pieces, truth, where
+
+if TYPE_CHECKING:
+    from asperity.dynamics import Dynamics
+
+_FLOOR = 3.0  # the axis of the receptance begins at its smallest value over this
+
+
+def receptance(results: Results, *, ax: style.Place | None = None) -> Figure:
+    """Draw amplitude over force with the backbone, from the folder of a run, on `ax` if given."""
+    return _receptance(results.response, results.free, results.thresholds, ax=ax)
+
+
+def receptance_of(result: Dynamics, *, ax: style.Place | None = None) -> Figure:
+    """Draw the frequency response function of a result of `run_dynamics`, on `ax` if given."""
+    rows = columns_of(row for many in result.responses.values() for r in many for row in r.rows())
+    free = columns_of(row for f in result.free.values() for row in f.rows())
+    return _receptance(rows, free, result.to_dict(), ax=ax)
+
+
+def noise(results: Results, *, ax: style.Place | None = None) -> Figure:
+    """Draw the power spectral density of the motion under noise, from the folder of a run, on `ax` if given."""
+    return _noise(results.random, results.thresholds, ax=ax)
+
+
+def noise_of(result: Dynamics, *, ax: style.Place | None = None) -> Figure:
+    """Draw the power spectral density of the motion under noise of a result of `run_dynamics`, on `ax` if given."""
+    rows = columns_of(row for many in result.random.values() for r in many for row in r.rows())
+    return _noise(rows, result.to_dict(), ax=ax)
+
+
+def _axes(thresholds: Mapping[str, Any]) -> tuple[float, float, float, str, str]:
+    """Return factors to frequency, length and compliance (1 where unknown), and units of frequency and length."""
+    scale = Scale.of(thresholds)
+    if scale is None or not np.isfinite(scale.frequency):
+        return 1.0, 1.0, 1.0, "", ""
+    hertz, metre = ("Hz", "m") if scale.si else ("1/time", "length")
+    return scale.frequency, scale.length, 1.0 / float(thresholds["numbers"]["k_n"]), hertz, metre
+
+
+@style.styled
+def _receptance(rows: Columns, free: Columns, thresholds: Mapping[str, Any], *, ax: style.Place | None) -> Figure:
+    frequency, _, compliance, hertz, metre = _axes(thresholds)
+    figure, (axis, *_) = style.figure(style.SINGLE + 1.6, 4.0, ax=ax)
+    model = "exact" if "exact" in rows["model"] else str(rows["model"][0])
+    rows = where(rows, (rows["model"] == model) & ~is_sweep(rows["branch"]))
+    free = where(free, free["model"] == model) if "a1" in free else {}
+    value: Array = rows["a1"] / rows["F_hat"]
+    low, high = value.min() / _FLOOR, 1.3 * value.max()
+    grid = np.linspace(rows["Omega"].min(), rows["Omega"].max(), 2001)
+    zeta = float(rows["zeta"][0])
+    linear = 1.0 / np.hypot(1.0 - grid**2, 2.0 * zeta * grid)
+    axis.plot(frequency * grid, compliance * linear, color=style.GREY, lw=0.8, label="linear")
+    forcings = np.unique(rows["F_hat"])
+    for forcing, colour in zip(forcings, np.resize(COLOURS, len(forcings)), strict=True):
+        of = where(rows, rows["F_hat"] == forcing)
+        for name in np.unique(of["branch"]):
+            branch = where(of, of["branch"] == name)
+            stable, y = truth(branch["stable"]), branch["a1"] / forcing
+            for start, stop in pieces(branch["Omega"], y, stable):
+                axis.plot(
+                    frequency * branch["Omega"][start:stop], compliance * y[start:stop], color=colour, lw=1.2,
+                    ls="-" if stable[start] else DASHES,
+                )  # fmt: skip
+        if free:
+            axis.plot(frequency * free["omega_ratio"], compliance * free["a1"] / forcing, ":", color=colour, lw=1.0)
+        axis.plot([], [], color=colour, label=_force(forcing, thresholds, hertz != "" and metre == "m"))
+    if free:
+        axis.plot([], [], ":", color=style.GREY, label="backbone of each force")
+    axis.plot([], [], ls=DASHES, color=style.GREY, label="unstable")
+    axis.set_yscale("log")
+    axis.set_xlim(frequency * grid[0], frequency * grid[-1])
+    axis.set_ylim(compliance * low, compliance * high)
+    axis.set_xlabel(style.label("frequency", hertz) if hertz else "frequency $\\Omega = \\omega/\\omega_s$")
+    force = "N" if metre == "m" else "force"
+    axis.set_ylabel(f"receptance $|X/F|$ ({metre}/{force})" if metre else "receptance $k_n|X/F|$")
+    axis.legend(loc="best")
+    axis.set_title(heading([zeta], thresholds.get("damping"), thresholds.get("n_loc")), loc="left")
+    style.grid(axis)
+    return figure
+
+
+def _force(forcing: float, thresholds: Mapping[str, Any], si: bool) -> str:
+    """Return the label of a forcing: its amplitude in newton where that is known, and over the preload."""
+    n_loc, load = thresholds.get("n_loc"), thresholds.get("load")
+    if not n_loc:
+        return f"$\\hat F$ = {forcing:g}"
+    newton = f"{n_loc * forcing * load:.3g} N, " if si and load else ""
+    return f"$F$ = {newton}{n_loc * forcing:.3g} $W$"
+
+
+@style.styled
+def _noise(rows: Columns, thresholds: Mapping[str, Any], *, ax: style.Place | None) -> Figure:
+    frequency, length, _, hertz, metre = _axes(thresholds)
+    figure, (axis, *_) = style.figure(style.SINGLE + 1.6, 4.0, ax=ax)
+    lost = {s["F_hat_rms"]: s["lost"] for m in ("exact", "taylor") for s in thresholds.get(m, {}).get("random", ())}
+    density = length**2 / frequency
+    levels = np.unique(rows["F_hat_rms"])
+    for level, colour in zip(levels, np.resize(COLOURS, len(levels)), strict=True):
+        of = where(rows, rows["F_hat_rms"] == level)
+        rms = _force(level, thresholds, metre == "m").replace("$F$", "$F_{rms}$").replace("hat F$", "hat F_{rms}$")
+        text = f"{rms}: {100 * lost[level]:.2g} % of the time in flight" if level in lost else rms
+        axis.plot(frequency * of["Omega"], density * of["psd_u"], color=colour, lw=0.9, label=text)
+        driven = of["psd_u_linear"] > 0
+        axis.plot(
+            frequency * of["Omega"][driven], density * of["psd_u_linear"][driven], ls=DASHES, color=colour, lw=0.9
+        )
+    axis.plot([], [], ls=DASHES, color=style.GREY, label="linear, $|H|^2 S_F$")
+    driven = rows["psd_u_linear"] > 0
+    axis.set_yscale("log")
+    axis.set_ylim(bottom=0.1 * density * float(rows["psd_u_linear"][driven].min()))
+    axis.set_xlim(0.0, frequency * rows["Omega"].max())
+    axis.set_xlabel(style.label("frequency", hertz) if hertz else "frequency $\\Omega = \\omega/\\omega_s$")
+    axis.set_ylabel(
+        f"PSD of the displacement ({metre}$^2$ {'/ Hz' if metre == 'm' else 'time'})" if metre else "PSD of $u$"
+    )
+    axis.legend(loc="best", fontsize=7)
+    zeta = [float(thresholds["zeta"])] if "zeta" in thresholds else []
+    axis.set_title(heading(zeta, thresholds.get("damping"), thresholds.get("n_loc")), loc="left")
+    style.grid(axis)
+    return figure
