@@ -327,7 +327,7 @@ def verdicts(found: Iterable[Statement]) -> Table:
                 if whole is not None and statement.name == "T4":
                     means += f", {turning(whole.trend)}"
                 yes, no = sum(f.holds for f in own), sum(f.refuted for f in own)
-                holds = f"{yes} yes, {no} no, {len(own) - yes - no} open"
+                holds = f"{yes}/{no}/{len(own) - yes - no}"
                 shown.append(f"`{name}`{f' ({other})' if other else ''} {means} ({holds})".replace("  ", " "))
             rows.append((statement.name, f"{sides}, {regime}", f"**{verdict_of(group)}**", "; ".join(shown)))
     return rows
@@ -435,7 +435,7 @@ def page(results: StudyResults, found: Sequence[Statement], closed: Sequence[dic
         reasons=failures(results), cost=f"{cost / 60:.0f}",
         software=", ".join(f"{k} {v}" for k, v in software_of(results).items() if k in shown),
         statements=table(("", "the source says", "test"), [(s.name, s.text, s.criterion) for s in found]),
-        verdicts=table(("", "sides, regime", "verdict", "families: n by level (conditions)"), verdicts(found)),
+        verdicts=table(("", "sides, regime", "verdict", "families: n by level (yes/no/open)"), verdicts(found)),
         closed=closed_table(closed), half_space=half_space(results), resolution=changes, most=f"{most:.3f}",
         cubic=table(("n", "Ω of the peak, power law", "Ω of the peak, cubic", "least u, cubic"), cubic()),
         smallest=f"{smallest_step(found):.3f}",
@@ -452,8 +452,8 @@ TEMPLATE = """# The paper's studies
 
 Jana, Mitra and Sahoo, *Dynamic contact interactions of fractal surfaces*, Appl. Surf. Sci. 392 (2017) 872-882,
 state in their abstract how surface and material change the vibration of a mass on a rough contact. This page tests
-each statement over ensembles of surfaces, with the sides and the height of the block, the kind of hardening and the
-kinematics as factors. A script writes it; every figure and number comes from
+each statement, with sides and height of the block, hardening and kinematics as factors. A script writes it; every
+figure and number comes from
 
     ./run mpirun -n 2 python3 benchmarks/paper.py out/paper
 
@@ -493,11 +493,11 @@ What n measures depends on what carries the load at the end of the range, becaus
 
 ![Exponent over depth of the mean plane and yield ratio of the block](paper/regimes.png)
 
-The map: D = 2.4 at heights by G, E_t = 2 GPa, mean of two surfaces. Abscissa: depth of the mean plane below the
-summit over the range of approach; ordinate: pressure of the elastic block at the end of the range over p_Y. y: the
-block has yielded; c: contact nearly full; full: no gap is left, and the load is refused. Blue is hardening, n < 1:
-with free sides only, where the range passes the mean plane and the block yields. All points:
-[paper_map.csv](tables/paper_map.csv).
+The map: D = 2.4 at heights by G, E_t = 2 GPa, mean of two surfaces (of one where the other is in full contact).
+Abscissa: depth of the mean plane below the summit over the range of approach; ordinate: pressure of the elastic
+block at the end of the range over p_Y. y: the block has yielded; c: contact nearly full; full: no gap is left, and
+the load is refused. Blue is hardening, n < 1: with free sides only, where the range passes the mean plane and the
+block yields. All points: [paper_map.csv](tables/paper_map.csv).
 
 ## Verdicts
 
@@ -506,7 +506,7 @@ elastic solid last. Of T4 also the number of single surfaces with n > 1 at some 
 
 {verdicts}
 
-**T1 holds** in every regime that an elastic solid has, in all fits.
+**T1 holds** for all elastic surfaces, sides and fits.
 
 **T2 holds for a fixed range of approach only**, least squares on linear scales over the whole of it (family `D`;
 the four surfaces of `G` are too few). It is an effect of the block: a smoother surface is flattened earlier, the
@@ -553,7 +553,7 @@ exponent of a single surface on this page is {steepest}.
 
 ![Force against approach over D, G, tangent modulus (free sides) and yield strength (rollers)](paper/curves.png)
 
-Mean over the seeds; the band is one standard deviation.
+Mean and standard deviation over the seeds.
 
 The exponents of the elastic families agree with an independent solver, boundary elements on a half-space with the
 compliance of the block (`asperity.reference`), which shares no code with this one:
@@ -574,7 +574,7 @@ law, as far as it keeps contact.
 
 ![Frequency response, exact and Taylor](paper/response.png)
 
-Solid: stable, dashed: unstable, by continuation; triangles: Runge-Kutta sweeps up and down, as in the paper.
+Solid: stable, dashed: unstable; triangles: Runge-Kutta sweeps, as in the paper.
 
 ![Frequency response of all families](paper/response_families.png)
 
@@ -591,8 +591,8 @@ branch, here from the greatest load, about half of it ([paper_unloading.csv](tab
 {resolution}
 
 Seed 0; light: up to half the depth of the mean plane. Mesh and steps change n by up to {most}; the smallest step of
-n between levels in T2 and T3, where they hold, is {smallest}. An error of the mesh is the same for all levels of a
-family in large part, since they share mesh and surface.
+n between levels in T2 and T3, where they hold, is {smallest}. Much of an error of the mesh is common to the levels
+of a family.
 
 ## Limits
 
