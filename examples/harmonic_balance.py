@@ -4,7 +4,7 @@
 """The law of a computed joint as an element of pyHarm, a harmonic balance program, and its response over ours.
 
     pip install "asperity[hbm]"    # pyHarm-os
-    python3 examples/harmonic_balance.py [response.png]
+    python3 examples/harmonic_balance.py [docs/experiments/harmonic_balance.png]
 
 A rough patch is pressed and unloaded, `asperity export --to python` writes its contact, and both programs compute the
 response of a mass on it.
