@@ -16,7 +16,7 @@ from __future__ import annotations
 import argparse
 import csv
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from math import inf
 from pathlib import Path
@@ -134,9 +134,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("tables", nargs="+", choices=("mesh", "slopes", "cost"))
     warnings.simplefilter("ignore")
+    makers: dict[str, Callable[[], Iterator[Mapping[str, object]]]] = {"mesh": mesh, "slopes": slopes, "cost": cost}
     for name in parser.parse_args().tables:
         rows: list[Mapping[str, object]] = []
-        for row in {"mesh": mesh, "slopes": slopes, "cost": cost}[name]():
+        for row in makers[name]():
             if not rows:
                 print(",".join(row), flush=True)
             print(*row.values(), sep=",", flush=True)

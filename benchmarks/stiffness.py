@@ -24,6 +24,7 @@ import numpy as np
 import asperity as asp
 from asperity.arrays import Floats
 from asperity.case import Case
+from asperity.case.schema import WeierstrassMandelbrotSection
 from asperity.quasistatic import stiffness
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.hooks import Hooks
@@ -153,11 +154,12 @@ def barber() -> None:
         {"h": 0.02}, {"sides": "free"}, {"scale": 0.01, "height": 2.0}, {"scale": 0.01, "nu": 0.0},
         {"scale": 0.01, "nu": 0.45}, {"scale": 0.01, "h": 0.06}, {"scale": 0.01, "sides": "free"},
     ]  # fmt: skip
-    base = Case.load(CASE)
+    demo = Case.load(CASE).surface
+    assert isinstance(demo, WeierstrassMandelbrotSection)
     for change in changes:
         of = standard | change
-        G = 1.36e-5 * of["scale"] ** (1.0 / (base.surface.D - 2.0))  # heights go with G^(D - 2)
-        surface = asp.Surface.from_spec("weierstrass-mandelbrot", L=1.0, D=base.surface.D, G=G)
+        G = 1.36e-5 * of["scale"] ** (1.0 / (demo.D - 2.0))  # heights go with G^(D - 2)
+        surface = asp.Surface.from_spec("weierstrass-mandelbrot", L=1.0, D=demo.D, G=G)
         solid = asp.Material(1.0, of["nu"])
         curve = asp.solve_contact(
             surface, solid, delta_max=0.012 * of["scale"], steps=3, height=of["height"], sides=of["sides"],
