@@ -9,7 +9,7 @@
 The demo surface is loaded to 0.02 L and then cycled: about a preload, with the flat between 0.02 and 0.016 L, and with
 full release. Energies are those of the audit of every step, the loop is the work of the flat (trapezoidal rule), and
 the loss factor the dissipation over 2 pi times (F_max - F_min)(delta_max - delta_min)/8. Prints docs/tables/cycles.csv
-and writes it; draws docs/pictures/cycles.png. A step that violates a balance ends the command.
+and writes it. A step that violates a balance ends the command.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ import sys
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -26,7 +25,6 @@ from tables import csv_text, versions
 
 import asperity as asp
 from asperity.arrays import Floats
-from asperity.plot import style
 from asperity.quasistatic.make import make_block, make_contact_solver
 
 ROOT = Path(__file__).parent.parent
@@ -81,35 +79,6 @@ def rows(found: dict[tuple[str, str], list[tuple[Floats, float, float]]]) -> Ite
             )  # fmt: skip
 
 
-@style.styled
-def figure(found: dict[tuple[str, str], list[tuple[Floats, float, float]]]) -> Any:
-    """The last loop about the preload, and what the cycles dissipate."""
-    drawn, (loops, lost) = style.figure(style.DOUBLE, 3.3, columns=2)
-    colours = dict(zip(LAWS, (style.GREY, style.BLUE, style.VERMILION), strict=True))
-    for (path, name), cycles in found.items():
-        about = path == "about a preload"
-        if about and name != "kinematic, finite strain":
-            delta, force = cycles[-1][0].T
-            half = 0.5 * (force - force[::-1])
-            loops.plot(1e3 * delta, 1e6 * half, "-", color=colours[name], label=name)
-        losses = [loss for _, loss, _ in cycles]
-        lost.semilogy(
-            np.arange(1, CYCLES + 1), losses, "-" if about else "--", color=colours[name],
-            lw=1 if "finite" in name else 2,
-            label=f"{name}, {path}" if about or name == "kinematic" else None,
-        )  # fmt: skip
-    loops.set(
-        xlabel="approach ($10^{-3}\\,L$)", ylabel="force less its mean ($10^{-6}\\,E L^2$)",
-        title="loop 20 about the preload",
-    )  # fmt: skip
-    lost.set(xlabel="cycle", ylabel="dissipated in the cycle ($E L^3$)", title="about a preload; dashed: full release")
-    lost.set_ylim(bottom=1e-11)
-    lost.set_xticks([1, 5, 10, 15, 20])
-    loops.legend()
-    lost.legend(fontsize=6)
-    return drawn
-
-
 def kept(path: str, name: str) -> list[tuple[Floats, float, float]]:
     """The cycles of a run, from out/cycles where an earlier command has kept them."""
     file = Path(f"out/cycles/{path}-{name}.npz".replace(", ", "-").replace(" ", "-"))
@@ -123,7 +92,7 @@ def kept(path: str, name: str) -> list[tuple[Floats, float, float]]:
 
 
 def main() -> None:
-    """Run the cycles of the paths and laws named, of all without; then print and store the table, draw the picture."""
+    """Run the cycles of the paths and laws named, of all without; then print and store the table."""
     warnings.simplefilter("ignore")
     if sys.argv[1:]:
         kept(*sys.argv[1:])
@@ -132,7 +101,6 @@ def main() -> None:
     text = csv_text("./run python3 benchmarks/cycles.py", versions(), [HEADER, *rows(found)])
     print(text, end="")
     (ROOT / "docs/tables/cycles.csv").write_text(text, encoding="utf-8")
-    style.save(figure(found), ROOT / "docs/pictures/cycles.png")
 
 
 if __name__ == "__main__":

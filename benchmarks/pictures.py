@@ -219,6 +219,24 @@ def small_strain() -> Figure:
     return figure
 
 
+def cycles() -> Figure:
+    """What each of twenty cycles dissipates, with isotropic and with kinematic hardening."""
+    rows = table("cycles")
+    figure, (axis,) = style.figure(style.SINGLE, 3.2)
+    colours = {"isotropic": style.GREY, "kinematic": style.BLUE, "kinematic, finite strain": style.VERMILION}
+    for path, name in dict.fromkeys((row["path"], row["hardening"]) for row in rows):
+        own = [row for row in rows if (row["path"], row["hardening"]) == (path, name)]
+        line = "o-" if path == "about a preload" else "o--"
+        axis.semilogy(
+            numbers(own, "cycle"), numbers(own, "dissipated / E L^3"), line, ms=3, color=colours[name],
+            lw=1 if "finite" in name else 2, label=f"{name}, {path}",
+        )  # fmt: skip
+    axis.set(xlabel="cycle", ylabel="dissipated in the cycle ($E L^3$)", ylim=(1e-14, None), xticks=[1, 5, 10, 15, 20])
+    axis.legend(loc="lower left", fontsize=6)
+    style.grid(axis)
+    return figure
+
+
 def numbers(rows: Rows, column: str) -> Any:
     """A column of numbers (rows,)."""
     return np.array([float(row[column]) for row in rows])
@@ -272,6 +290,7 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "peers": peers,
     "dynamics_work_precision": dynamics_work_precision,
     "small_strain": small_strain,
+    "cycles": cycles,
     "self_affine": self_affine,
 }
 OF_JOINT = ("frequency", "response")
