@@ -267,11 +267,13 @@ def test_packages_are_named_before_they_are_installed(clone: Clone) -> None:
     clone.system.write_text("ID=debian\nVERSION_ID=13\nVERSION_CODENAME=trixie\n")
     (clone.path.parent / "tools/dpkg-query").write_text("#!/bin/sh\n")  # nothing is installed
     (clone.path.parent / "tools/apt-get").write_text("#!/bin/sh\necho E: no; exit 1\n")
+    clone.environment["ASPERITY_PACKAGES"] = "a-browser its-driver"
     process = clone.start()
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 4
     named = errors.partition("apt-get failed")[0]
-    assert f"installing {len(PACKAGES)} Debian packages" in named and set(PACKAGES) <= set(named.split())
+    assert f"installing {len(PACKAGES) + 2} Debian packages" in named
+    assert {*PACKAGES, "a-browser", "its-driver"} <= set(named.split())
 
 
 @pytest.mark.parametrize(
