@@ -476,12 +476,13 @@ Each test is repeated under up to {ways} conditions: least squares on linear and
 whole range and over its first half, for the whole block and for the interface alone (the elastic compression of the
 block taken off; left out where it means nothing, because the block has yielded or contact is nearly full). A test
 is passed (yes) or failed (no: a step has the other sign, or n lies on the other side of 1) with 95 % confidence,
-paired by seed and on three surfaces at least, or when all of at least five single steps agree (3 % by chance if they
-were independent, which the steps of one surface are not); steps of less than 0.005 do not count. Else the few surfaces
-leave it open. The rule of single steps, the least step and "open" were added after first results, which 95 % alone
-left undecided nearly everywhere: T3 at light load, and in part with free sides, rests on single steps. Of the tests decided, a statement **holds** in a regime when all are
-passed, **holds under conditions** when some are, **does not hold** when none is; **the opposite holds** when every
-step has the other sign in all of them; it is **open** where fewer than half are decided.
+paired by seed and on three surfaces at least, or when all of at least five single steps agree (3 % by chance if
+they were independent, which the steps of one surface are not); steps of less than 0.005 do not count. Else the few
+surfaces leave it open. The rule of single steps, the least step and "open" were added after first results, which 95
+% alone left undecided nearly everywhere: T3 at light load, and in part with free sides, rests on single steps. Of
+the tests decided, a statement **holds** in a regime when all are passed, **holds under conditions** when some are,
+**does not hold** when none is; **the opposite holds** when every step has the other sign in all of them; it is
+**open** where fewer than half are decided.
 
 ## Three regimes
 

@@ -19,13 +19,15 @@ import asperity
 from asperity.case import Case
 from asperity.cli import main
 from asperity.curve import COLUMNS, Curve
-from asperity.dynamics import LoopDamping, PowerLaw, TableLaw, law_from, run_dynamics
+from asperity.dynamics import Joint, LoopDamping, PowerLaw, TableLaw, law_from, run_dynamics
+from asperity.dynamics.run import small_vibration
 from asperity.errors import CheckpointError, ConvergenceError, InputError, MeshError
 from asperity.loops import LoopTable
 from asperity.mesh.block import BlockMesh
 from asperity.output.results import Results
 from asperity.quasistatic.newton import NewtonSolver
 from asperity.run_case import RunResult, run
+from asperity.run_outputs import small_vibration_of
 from asperity.runtime.run_folder import PRODUCTS
 from asperity.study.results import summarise_case
 
@@ -108,13 +110,47 @@ def test_loops_are_the_damping_of_the_vibration(full: tuple[Path, RunResult]) ->
     table, section = LoopTable.read(folder / "loops.csv"), result.summary["loops"]
     assert len(table.loops) == 4 and table.loops[0].preload == result.dynamics.first.restoring.load
     assert 1.0 < table.loops[0].k / result.dynamics.numbers.stiffness < 4.0  # the paper's law is too soft
-    assert section["amplitudes"][1]["eta"] == table.loops[3].eta and 0 < section["radiation"]["eta"] < 0.01
+    assert section["amplitudes"][1]["eta"] == table.loops[3].eta
+    assert 0 < result.summary["radiation"]["eta"] < 0.01
     oscillator = result.dynamics.first
-    assert oscillator.damping == replace(LoopDamping.of(table), background=0.05)
+    damping, note = LoopDamping.of(table).on(result.dynamics.numbers.stiffness, table.loops[0].preload)
+    assert oscillator.damping == replace(damping, background=0.05) and not note
     again = run_dynamics(folder, law="paper", models=["exact"], forcing=0.02, sweeps=False, bands=False)
     assert again.first.damping == oscillator.damping
     assert again.responses["exact"][0].peak == result.dynamics.responses["exact"][0].peak
     assert "micro-slip" in (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_noise_and_sweeps_of_a_case_are_computed(tmp_path: Path) -> None:
+    dynamics = {"law": "paper", "model": ["exact"], "zeta": 0.2, "omega": [0.9, 0.95], "sweeps": True}
+    run(case_of(dynamics=dynamics | {"random": [0.02], "band": [0.2, 2.0]}, output={"figures": False}), tmp_path)
+    found = json.loads((tmp_path / "thresholds.json").read_text(encoding="utf-8"))
+    assert (tmp_path / "random.csv").is_file() and "sweep" in (tmp_path / "response.csv").read_text(encoding="utf-8")
+    assert "random" in json.dumps(found)
+
+
+@pytest.mark.parametrize("area", [None, 100 * SURFACE["L"] ** 2])
+def test_loops_and_ledger_take_the_preload_of_the_vibration(area: float | None) -> None:
+    """A joint with a mass only leaves the preload to [dynamics], where it is that of the patch."""
+    joint = {"mass": 1e-12} | ({} if area is None else {"nominal_area": area})
+    dynamics = {"law": "paper", "model": ["exact"], "preload": 5e-5, "omega": [0.9, 0.95], "zeta": 0.2}
+    quiet = {"figures": False, "report": False}
+    loops = {"amplitudes": [0.3], "cycles": 1, "steps": 1}
+    case = case_of(material=STEEL | {"density": 7800.0}, joint=joint, dynamics=dynamics, loops=loops, output=quiet)
+    result = run(case)
+    factor = 1.0 if area is None else 100.0
+    assert result.summary["loops"]["preload"] == pytest.approx(5e-5)
+    assert result.dynamics.first.restoring.load == pytest.approx(factor * 5e-5)
+    numbers = small_vibration_of(case, result.curve)
+    assert numbers is not None and numbers.frequency == pytest.approx(result.dynamics.numbers.frequency, rel=1e-9)
+    assert numbers.stiffness == pytest.approx(result.dynamics.numbers.stiffness, rel=1e-9)
+
+
+def test_small_vibration_of_a_joint_with_a_preload() -> None:
+    delta = np.linspace(0.0, 1.0, 41)
+    source, joint = {"delta": delta, "force": delta**1.5}, Joint(preload=0.05, mass=1.0)
+    numbers = small_vibration(source, law="table", joint=joint)
+    assert numbers.stiffness == pytest.approx(1.5 * 0.05 ** (1 / 3), rel=1e-3)
 
 
 def test_force_knows_all_files_of_a_run(full: tuple[Path, RunResult]) -> None:

@@ -13,9 +13,6 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.runtime.files import UNREADABLE, replace_file
 
@@ -114,11 +111,6 @@ class LoopTable:
         """Yield the loops of each amplitude."""
         for amplitude in sorted({loop.amplitude for loop in self.loops}):
             yield tuple(loop for loop in self.loops if loop.amplitude == amplitude)
-
-    def damping(self) -> tuple[Array, Array]:
-        """Deflections (n,) (length) and damping ratios (n,), half the loss factor, of the last loops."""
-        last = [loops[-1] for loops in self.of_amplitudes()]
-        return np.array([loop.deflection for loop in last]), np.array([0.5 * loop.eta for loop in last])
 
     def unsettled(self) -> tuple[float, ...]:
         """Amplitudes of the force whose last two loops still differ, or that have one loop only."""

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from asperity.case import Case
 from asperity.case.schema import DynamicsSection
 from asperity.curve import Curve
-from asperity.errors import AsperityError, AsperityWarning, InputError
+from asperity.errors import AsperityError, AsperityWarning, ConvergenceError, InputError, Interrupted
 from asperity.loops import LoopTable
 from asperity.model.problem import Problem
 from asperity.output.run_files import RunFiles
@@ -39,6 +40,7 @@ def write_outputs(
     writer: RunFiles,
     progress: Progress,
     finished: bool,
+    stop: Callable[[], str] | None = None,
 ) -> Dynamics | None:
     """Write what a case requests in addition to its curve; collective.
 
@@ -51,9 +53,14 @@ def write_outputs(
         writer: of its curve and summary, for rank 0
         progress: receives stages
         finished: whether the run has done what was requested
+        stop: polled by the loops; a reason ends them
 
     Returns:
         the vibration, None when not requested
+
+    Raises:
+        ConvergenceError: of the stiffness matrix or the loops, after the other files are written
+        Interrupted: a reason to stop the loops
     """
     from asperity.quasistatic.stiffness_matrix import stiffness_matrix
 
@@ -64,19 +71,26 @@ def write_outputs(
         _write_fields(case, contact, folder)
         seconds["fields"] = perf_counter() - start
 
-    if case.output.stiffness_matrix:
-        progress.stage("stiffness matrix")
-        start = perf_counter()
-        matrix = stiffness_matrix(contact.solver)
-        seconds["stiffness matrix"] = perf_counter() - start
-        scaled = None if matrix is None else matrix.scaled(case.material.E, case.surface.L)
-        summary["stiffness_matrix"] = None if scaled is None else scaled.to_dict()
-    loops = None
-    if case.loops is not None:
-        progress.stage("loops")
-        start = perf_counter()
-        loops = compute_loops(case, problem, contact)
-        seconds["loops"] = perf_counter() - start
+    loops, failure = None, None
+    try:
+        if case.output.stiffness_matrix:
+            progress.stage("stiffness matrix")
+            start = perf_counter()
+            matrix = stiffness_matrix(contact.solver)
+            seconds["stiffness matrix"] = perf_counter() - start
+            scaled = None if matrix is None else matrix.scaled(case.material.E, case.surface.L)
+            summary["stiffness_matrix"] = None if scaled is None else scaled.to_dict()
+        if case.loops is not None:
+            progress.stage("loops")
+            start = perf_counter()
+            loops = compute_loops(case, problem, contact, stop)
+            seconds["loops"] = perf_counter() - start
+    except ConvergenceError as e:  # on all ranks; what does not need them is written all the same
+        failure, finished = e, False
+        summary["exit_reason"] = str(e)
+        if isinstance(e, Interrupted):
+            on_root_bcast(comm, partial(writer.summary, summary))
+            raise
 
     def serial() -> Dynamics | None:
         dynamics = None
@@ -93,8 +107,8 @@ def write_outputs(
             found = dynamics.to_dict()
             summary["dynamics"] = {name: found[name] for name in ("law", "load", "numbers", "laws", "notes")}
             seconds["dynamics"] = perf_counter() - start
-            if loops is not None and (radiated := _radiation(case, dynamics)):
-                summary["loops"]["radiation"] = radiated
+            if radiated := _radiation(case, dynamics):
+                summary["radiation"] = radiated
         writer.summary(summary)
         if folder is not None and (case.output.figures or case.output.report):
             from asperity.plot import plot_run
@@ -113,7 +127,10 @@ def write_outputs(
         return dynamics
 
     # the others wait, for a process that ends with an error would end all
-    return on_root_bcast(comm, serial)
+    dynamics = on_root_bcast(comm, serial)
+    if failure is not None:
+        raise failure
+    return dynamics
 
 
 def _write_fields(case: Case, contact: ContactResult, folder: Path) -> None:
@@ -132,18 +149,22 @@ def _write_fields(case: Case, contact: ContactResult, folder: Path) -> None:
                 write_distributions(aside / DISTRIBUTIONS, block, states)
 
 
-def compute_loops(case: Case, problem: Problem, contact: ContactResult) -> LoopTable:
+def compute_loops(
+    case: Case, problem: Problem, contact: ContactResult, stop: Callable[[], str] | None = None
+) -> LoopTable:
     """Loops of a case about its preload, from the state at the end of the load path; collective.
 
     Args:
         case: with a section [loops]
         problem: that was solved
         contact: whose solver is in that state, and is so afterwards
+        stop: see `solve_loops`
 
     Raises:
         InputError: the preload exceeds the greatest force of the curve
     """
     from asperity.quasistatic.force_loops import solve_loops
+    from asperity.quasistatic.stepping import FORCE_TOLERANCE
 
     assert case.loops is not None
     top, key = float(contact.curve.force.max()), "loops.preload"
@@ -151,22 +172,24 @@ def compute_loops(case: Case, problem: Problem, contact: ContactResult) -> LoopT
     if preload is None:
         preload, key = _preload(case), "the preload of the loops"
     preload = 0.5 * top if preload is None else preload
-    if not 0.0 < preload <= top * (1.0 + 1e-9):
+    # a load path by force ends within a small tolerance of it, and a tolerance corrects the curve
+    if top < preload <= top * (1.0 + max(2.0 * FORCE_TOLERANCE, case.accuracy.tolerance or 0.0)):
+        preload = top
+    if not 0.0 < preload <= top:
         raise InputError(
             f"{key} = {preload:g} must lie between 0 and {top:g}, the greatest force of the curve: lower it, or load "
             "the contact further"
         )
     wanted = case.loops
-    return solve_loops(problem, contact, preload, wanted.amplitudes, cycles=wanted.cycles, steps=wanted.steps)
+    return solve_loops(
+        problem, contact, preload, wanted.amplitudes, cycles=wanted.cycles, steps=wanted.steps, stop=stop
+    )
 
 
 def _preload(case: Case) -> float | None:
     """Static force of the vibration on the patch, None where nothing gives it."""
-    if case.joint is not None:
-        joint, patch = _joint(case), case.surface.L**2
-        load = joint.load(patch)
-        return None if load is None else load / joint.factor(patch)
-    return None if case.dynamics is None else case.dynamics.preload
+    load = _of_small_vibration(case)["load"]
+    return None if load is None else load / (1.0 if case.joint is None else _joint(case).factor(case.surface.L**2))
 
 
 def loop_doubts(loops: LoopTable, top: float) -> Iterator[str]:
@@ -191,15 +214,23 @@ def loop_doubts(loops: LoopTable, top: float) -> Iterator[str]:
 
 def _radiation(case: Case, dynamics: Dynamics) -> dict[str, float]:
     """Loss factor by radiation at the frequency of small vibration, where density and frequency are known."""
-    from asperity.reference import radiation_loss
+    from asperity.reference import LONG_WAVES, radiation_loss
 
     numbers, density, solid = dynamics.numbers, case.material.density, case.material
     if density is None or not math.isfinite(numbers.frequency):
         return {}
     omega = 2.0 * math.pi * numbers.frequency
-    speed = math.sqrt(solid.solid.lame[1] / density)
-    eta = radiation_loss(numbers.stiffness, omega, E=solid.E, nu=solid.nu, density=density)
-    return {"eta": eta, "patch_over_wavelength": omega * case.surface.L / (2.0 * math.pi * speed)}
+    over = nominal_side(case) * numbers.frequency / math.sqrt(solid.solid.lame[1] / density)
+    found = {"side_over_wavelength": over}
+    if over <= LONG_WAVES:
+        found["eta"] = radiation_loss(numbers.stiffness, omega, E=solid.E, nu=solid.nu, density=density)
+    return found
+
+
+def nominal_side(case: Case) -> float:
+    """Side of the nominal area of what vibrates, that of the joint if it has one [length]."""
+    area = None if case.joint is None else case.joint.nominal_area
+    return case.surface.L if area is None else math.sqrt(area)
 
 
 def _joint(case: Case) -> Joint:
@@ -211,12 +242,15 @@ def _joint(case: Case) -> Joint:
 
 def _of_small_vibration(case: Case) -> dict[str, Any]:
     """Law, preload, mass and damping of the vibration of a case, as `run_dynamics` takes them."""
-    section = case.dynamics or DynamicsSection()
+    from asperity.dynamics.joint import loads_of_case
+
+    section, patch = case.dynamics or DynamicsSection(), case.surface.L**2
     joint = None if case.joint is None else _joint(case)
     zeta = section.zeta if joint is None or joint.damping is None else joint.damping
+    load, overload = loads_of_case(section.preload, section.overload, joint, patch)
     return {
-        "law": section.law, "load": section.preload, "overload": section.overload, "zeta": zeta,
-        "gravity": section.gravity, "joint": joint, "units": case.units, "patch_area": case.surface.L**2,
+        "law": section.law, "load": load, "overload": overload, "zeta": zeta, "gravity": section.gravity,
+        "joint": joint, "units": case.units, "patch_area": patch,
     }  # fmt: skip
 
 
@@ -251,7 +285,7 @@ def _vibration(case: Case, curve: Curve, folder: Path | None, loops: LoopTable |
         damping = LoopDamping.of(loops)
     result = run_dynamics(
         curve, models=section.model, damping=damping, forcing=section.forcing, omega=section.omega,
-        out_dir=folder, **_of_small_vibration(case),
+        sweeps=section.sweeps, random=section.random, band=section.band, out_dir=folder, **_of_small_vibration(case),
     )  # fmt: skip
     if LACK in result.notes:
         warnings.warn(LACK, AsperityWarning, stacklevel=2)

@@ -30,7 +30,7 @@ from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.solve_contact import solve_problem
 from asperity.quasistatic.stepping import Callback
-from asperity.run_outputs import small_vibration_of
+from asperity.run_outputs import nominal_side, small_vibration_of
 from asperity.runtime.parallel import on_root_bcast
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ class SolvedCase:
         return Evidence(
             self.contact.curve, self.problem, case.units == "SI", tolerance, h, roughness, change,
             friction=bounds["at_greatest_load"]["force"] if bounds else None, density=case.material.density,
-            vibration=small_vibration_of(case, self.contact.curve),
+            vibration=small_vibration_of(case, self.contact.curve), side=nominal_side(case),
         )  # fmt: skip
 
 

@@ -142,4 +142,4 @@ def test_bad_amplitudes() -> None:
 
 def test_rows_of_free_csv() -> None:
     rows = list(ContactOscillator(PowerLaw(1.5)).free([0.3]).rows())
-    assert list(rows[0]) == ["model", "u0", "omega_ratio", "u_min"]
+    assert list(rows[0]) == ["model", "u0", "omega_ratio", "u_min", "a1"]

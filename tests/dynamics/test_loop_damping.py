@@ -24,6 +24,19 @@ def test_each_amplitude_loses_what_its_loop_loses() -> None:
         assert ZETA * orbit.dissipation / (np.pi * a**2) == pytest.approx(ZETA + zeta, rel=3e-3)
 
 
+def test_a_softer_law_loses_what_the_loop_loses() -> None:
+    """The loss factor is over the energy of a spring as stiff as the loop, the damping ratio over that of the law."""
+    loops = LoopDamping((0.1, 0.3), (0.002, 0.004), stiffness=(2.0, 1.5), preload=1.0)
+    damping, note = loops.on(1.0, 1.0)
+    assert note == ""
+    oscillator = ContactOscillator(PowerLaw(1.0), zeta=ZETA, damping=damping)
+    for a, zeta, k in zip(loops.deflection, loops.zeta, loops.stiffness, strict=True):
+        lost = 2.0 * ZETA * oscillator.free([a]).orbits[0].dissipation
+        assert lost == pytest.approx(2.0 * np.pi * a**2 * (ZETA + zeta * k), rel=3e-3)
+    assert "loops about a preload of 1, the vibration is about 0.5" in loops.on(1.0, 0.5)[1]
+    assert LOOPS.on(3.0, 1.0) == (LOOPS, "")  # of unknown stiffness and preload
+
+
 def test_a_coefficient_that_is_its_own_answer() -> None:
     """Damping ratios that rise as the amplitude come from a coefficient that does: zeta = 4/(3 pi) times it."""
     loops = LoopDamping((0.1, 0.2, 0.4), (0.1, 0.2, 0.4))

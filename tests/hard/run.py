@@ -10,7 +10,7 @@ from fnmatch import fnmatchcase
 from time import process_time
 
 import click
-from outcome import Outcome, run_scene
+from scene_outcome import Outcome, run_scene
 from scene_definition import BASE, Scene
 from scenes import SCENES
 

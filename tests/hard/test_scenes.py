@@ -12,7 +12,7 @@ import pytest
 import run
 from bad_inputs import SLIVER, with_slivers, with_turned_element
 from click.testing import CliRunner
-from outcome import run_scene
+from scene_outcome import run_scene
 from scene_definition import Scene, Twin
 from scenes import SCENES
 

@@ -117,6 +117,28 @@ class Joint:
         return patch
 
 
+def loads_of_case(
+    preload: float | None, overload: float | None, joint: Joint | None, patch: float | None
+) -> tuple[float | None, float | None]:
+    """Return preload and overload of a case, those of the patch scaled to the joint; None where not given.
+
+    Args:
+        preload, overload: of the section [dynamics], forces on the patch.
+        joint: of the case; its own preload comes first, and is not scaled.
+        patch: nominal area of the patch (length^2).
+
+    Examples:
+        >>> from asperity.dynamics.joint import loads_of_case
+        >>> loads_of_case(1.0, 2.0, asp.Joint(nominal_area=3e-4), patch=1e-4)
+        (3.0, 6.0)
+    """
+    factor = 1.0 if joint is None else joint.factor(patch)
+    load = None if joint is None else joint.load(patch)
+    if load is None and preload is not None:
+        load = factor * preload
+    return load, None if overload is None else factor * overload
+
+
 @dataclass(frozen=True)
 class Numbers:
     """The numbers of a joint's small vibration, in the units of the curve.

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from asperity.dynamics.forcing import forcings, window
-from asperity.dynamics.joint import Joint, Numbers
+from asperity.dynamics.joint import Joint, Numbers, loads_of_case
 from asperity.dynamics.law.checks import positive
 from asperity.dynamics.law.choice import LAWS, Choice, choose, read_history
 from asperity.dynamics.law.damping import DAMPING, LOOPS, Damping
@@ -182,15 +182,9 @@ def run_dynamics(
     joint = joint_of(source, {}) if joint is None else joint
     if patch_area is None and "surface" in case:
         patch_area = float(case["surface"]["L"]) ** 2
-    if load is None and joint is not None:
-        load = joint.load(patch_area)
-    if load is None and "preload" in of_case:  # of the patch
-        factor = 1.0 if joint is None else joint.factor(patch_area)
-        load = factor * of_case["preload"]
-        if law is None and overload is None and "overload" in of_case:
-            overload = factor * of_case["overload"]
-    elif load is None and law is None and overload is None:
-        overload = of_case.get("overload")
+    if load is None:
+        load, met = loads_of_case(of_case.get("preload"), of_case.get("overload"), joint, patch_area)
+        overload = met if law is None and overload is None else overload
     law = of_case.get("law", "auto") if law is None else law
     static, preload, chosen = _law(source, law, load, joint, patch_area, overload=overload, extrapolate=extrapolate)
     units = case.get("units") if units is None else units
@@ -200,13 +194,18 @@ def run_dynamics(
     damping = of_case.get("damping", DAMPING[0]) if damping is None else damping
     if damping == LOOPS:
         damping = _loops_of(source)
+    factor = 1.0 if joint is None else joint.factor(patch_area)
+    loop_note = ""
+    if isinstance(damping, LoopDamping):
+        at = ContactOscillator(static, load=preload).restoring
+        damping, loop_note = damping.on(at.scale / at.z_s / factor, preload / factor)
     exact = _oscillator(static, preload, gravity, joint, zeta=zeta, damping=damping)
     laws = None
     if chosen is not None:
         known = exact.mass if np.isfinite(exact.mass) else None
         laws = tabulate(*chosen, known, extrapolate=extrapolate or law == "auto")
     oscillators = {name: exact if name == "exact" else exact.taylor() for name in names}
-    notes = [assumed] if assumed else []
+    notes = [note for note in (assumed, loop_note) if note]
     notes += [] if laws is None else list(_yield_notes(laws.choice))
     free: dict[str, FreeVibration] = {}
     responses: dict[str, tuple[FrequencyResponse, ...]] = {}
@@ -319,6 +318,8 @@ def _law(
         if joint is not None and joint.nominal_area is not None:
             raise InputError("joint.nominal_area is for a curve: a law has the force of the joint already")
         return *law_from(source, law, load), None
+    if load is None and joint is not None:
+        load = joint.load(patch)
     history = read_history(source, 1.0 if joint is None else joint.factor(patch))
     choice = choose(history, law, load, **options)
     return choice.law, choice.load, (history, choice)

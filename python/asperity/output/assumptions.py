@@ -22,6 +22,7 @@ from asperity.mesh.resolution import ELEMENTS, ONE_MESH, SHARE, unresolved_heigh
 from asperity.model.problem import Problem
 from asperity.output.assumption import Assumption
 from asperity.reference import (
+    LONG_WAVES,
     first_frequency,
     pull_off,
     radiation_loss,
@@ -60,6 +61,7 @@ class Evidence:
         friction: change of the force by stick at the greatest load, over that without friction; None where unknown
         density: of the solid [mass/length^3]; None where unknown
         vibration: stiffness, frequency and damping of the small vibration; None where there is none
+        side: of the nominal area of what vibrates [length]; None takes that of the patch
 
     Examples:
         >>> from asperity.surface import Flat
@@ -79,6 +81,7 @@ class Evidence:
     friction: float | None = None
     density: float | None = None
     vibration: Numbers | None = None
+    side: float | None = None
 
     @property
     def plane(self) -> bool:
@@ -337,7 +340,9 @@ def radiation(run: Evidence) -> Assumption | None:
     if run.vibration is None or run.density is None:
         return None
     vibration, solid = run.vibration, run.problem.material
-    omega = 2.0 * pi * vibration.frequency
+    omega, slow = 2.0 * pi * vibration.frequency, sqrt(solid.lame[1] / run.density)
+    if (run.side or run.problem.surface.L) * vibration.frequency > LONG_WAVES * slow:
+        return None
     value = 0.5 * radiation_loss(vibration.stiffness, omega, E=solid.E, nu=solid.nu, density=run.density)
     return Assumption(
         "inertia: damping ratio by radiation", value, NEGLIGIBLE * vibration.damping, "",

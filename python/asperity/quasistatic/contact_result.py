@@ -112,6 +112,7 @@ class PartialResult(ConvergenceError):
     """The load path ended early; `result` holds what was reached.
 
     Examples:
+        >>> from asperity.quasistatic.hooks import Hooks
         >>> from asperity.surface import Flat
         >>> size = asp.MeshSize(h_contact=1.0, h_max=1.0)
 

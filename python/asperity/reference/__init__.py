@@ -39,7 +39,7 @@ from asperity.reference.plastic import (
     uniaxial_stress,
     unloaded_sphere,
 )
-from asperity.reference.radiation import radiation_compliance, radiation_loss
+from asperity.reference.radiation import LONG_WAVES, radiation_compliance, radiation_loss
 from asperity.reference.rough_halfspace import RoughCurve, RoughHalfSpace
 from asperity.reference.tables import (
     FLATTENED_DEPTHS,
@@ -52,6 +52,7 @@ from asperity.reference.tables import (
 __all__ = [
     "FLATTENED_DEPTHS",
     "FLATTENED_SPHERE",
+    "LONG_WAVES",
     "ROUGH_ELASTIC",
     "ROUGH_ELASTIC_FITS",
     "DoubleSinusoid",

@@ -83,7 +83,7 @@ def range_of_stickiness(slope: float, curvature: float, z0: float = RANGE) -> fl
         z0: range of the attraction (m).
 
     Examples:
-        >>> round(asp.reference.range_of_stickiness(slope=0.1, curvature=1e7), 4)
-        0.0563
+        >>> round(asp.reference.range_of_stickiness(slope=0.1, curvature=1e7), 3)
+        0.056
     """
     return 3.0 * z0 * curvature / (16.0 * slope**2)

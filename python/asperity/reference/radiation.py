@@ -10,6 +10,8 @@ import math
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
+LONG_WAVES = 0.3  # greatest side of a patch over the length of shear waves for which it counts as a point
+
 
 def radiation_compliance(nu: float) -> tuple[float, float]:
     """Imaginary part of the compliance of a half-space under a normal force of low frequency, times G c_s/omega.

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +16,7 @@ from asperity.errors import InputError
 from asperity.loops import LoopTable
 
 _POINTS = 4000  # of the mean over a cycle
+_SAME_PRELOAD = 0.01  # relative difference up to which loops are about the preload
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,8 @@ class LoopDamping:
     Attributes:
         deflection: amplitudes of the approach, rising (length).
         zeta: damping ratios of the loops, half of their loss factors.
+        stiffness: of the loops (force/length), empty where unknown; the ratios are those of a law as stiff as each.
+        preload: about which the loops were computed (force), NaN where unknown.
         background: damping ratio of small motion, > 0 (that of the oscillator, which sets it).
 
     Raises:
@@ -45,6 +48,8 @@ class LoopDamping:
 
     deflection: tuple[float, ...]
     zeta: tuple[float, ...]
+    stiffness: tuple[float, ...] = ()
+    preload: float = np.nan
     background: float = np.nan
 
     def __post_init__(self) -> None:
@@ -61,8 +66,33 @@ class LoopDamping:
         Raises:
             InputError: a larger force moves the flat no further.
         """
-        deflection, zeta = loops.damping()
-        return cls(tuple(map(float, deflection)), tuple(map(float, zeta)))
+        last = [of_one[-1] for of_one in loops.of_amplitudes()]
+        return cls(
+            tuple(loop.deflection for loop in last),
+            tuple(0.5 * loop.eta for loop in last),
+            tuple(loop.k for loop in last),
+            last[0].preload,
+        )
+
+    def on(self, stiffness: float, preload: float) -> tuple[LoopDamping, str]:
+        """Return the damping on a law with another stiffness, and a note on another preload ("" if it is the same).
+
+        A cycle loses pi eta k a^2 with the stiffness k of the loop, and 2 pi zeta k_n a^2 with that of the law.
+
+        Args:
+            stiffness: k_n of the law at the preload (force/length).
+            preload: of the vibration (force).
+        """
+        note = ""
+        if abs(self.preload / preload - 1.0) > _SAME_PRELOAD:
+            note = (
+                f"the damping is that of loops about a preload of {self.preload:.4g}, the vibration is about "
+                f"{preload:.4g}: compute loops about that (loops.preload)"
+            )
+        if not self.stiffness:
+            return self, note
+        zeta = tuple(z * k / stiffness for z, k in zip(self.zeta, self.stiffness, strict=True))
+        return replace(self, zeta=zeta, stiffness=(stiffness,) * len(zeta)), note
 
     def __str__(self) -> str:
         return "loops"
