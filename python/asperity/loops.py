@@ -70,7 +70,11 @@ class Loop:
 
     @property
     def imbalance(self) -> float:
-        """Work less dissipated and gained energy, over `energy`: the error of the trapezoidal rule, if nothing else."""
+        """Work less dissipated and gained energy, over `energy`: the error of the trapezoidal rule, if nothing else.
+
+        Where points stick on a plastic solid it contains the tangential energy of those that are released, which `eta`
+        does not.
+        """
         return (self.work - self.dissipated - self.gained) / self.energy
 
     @property

@@ -147,6 +147,8 @@ def run(
     """
     from mpi4py import MPI
 
+    from asperity.runtime.interrupt import StopRequest
+
     comm = MPI.COMM_WORLD if comm is None else comm
     out = None if folder is None else Path(folder)
     with noting(comm) as notices:
@@ -160,9 +162,13 @@ def run(
             if done is not None and (not bounds or FRICTION_BOUNDS in done[1]):
                 return RunResult(done[0], done[0].fit_or_none(), done[1], None)
         continues = job.continues(resume)
-        with log_file(None if out is None or comm.rank > 0 else out / LOG, append=continues) as open_log:
+        with (
+            log_file(None if out is None or comm.rank > 0 else out / LOG, append=continues) as open_log,
+            nullcontext() if out is None else StopRequest(comm) as request,
+        ):
             notices.log()
-            return job.run(partial(job.begin, continues, force, open_log))
+            stop = None if request is None else request.agreed
+            return job.run(partial(job.begin, continues, force, open_log), stop)
 
 
 def prepare(
@@ -265,15 +271,16 @@ class _Job:
         on_root_bcast(self.comm, self.writer.begin)
         open_log()
 
-    def run(self, begin: Callable[[], None]) -> RunResult:
+    def run(self, begin: Callable[[], None], stop: Callable[[], str] | None) -> RunResult:
         """Solve, judge, write; collective.
 
         Args:
             begin: called once there is a mesh, before the first file is written: a case whose surface cannot be meshed
                 leaves the folder as it is
+            stop: gives the reason to stop, empty for none; collective; None never stops
         """
         case, comm, writer = self.case, self.comm, self.writer
-        solved = self._solve(begin)
+        solved = self._solve(begin, stop)
         contact, failure = solved.contact, solved.failure
         fit = contact.curve.fit_or_none()
         summary = solved.summary(case, fit, comm.size)
@@ -297,39 +304,42 @@ class _Job:
         complete = contact.complete and not doubts and not isinstance(failure, Interrupted)
         if failure is not None and not complete:
             raise failure
-        dynamics = write_outputs(
-            case, self.problem, contact, summary, self.folder, writer, self.progress, failure is None
-        )
+        try:
+            dynamics = write_outputs(
+                case, self.problem, contact, summary, self.folder, writer, self.progress, failure is None, stop=stop
+            )
+        except Interrupted as e:
+            summary["exit_reason"] = str(e)
+            on_root_bcast(comm, partial(writer.summary, summary))
+            raise
         if failure is not None:
             raise failure
         return RunResult(contact.curve, fit, summary, contact, dynamics)
 
-    def _solve(self, begin: Callable[[], None]) -> SolvedCase:
+    def _solve(self, begin: Callable[[], None], stop: Callable[[], str] | None) -> SolvedCase:
         """The static part; collective.
 
         Raises:
             OutputError: a file cannot be written
         """
-        from asperity.runtime.interrupt import StopRequest
         from asperity.solve_case import solve_case
 
-        with nullcontext() if self.folder is None else StopRequest(self.comm) as request:
-            hooks = _hooks(self, begin, None if request is None else request.agreed)
-            try:
-                return solve_case(
-                    self.case,
-                    self.problem,
-                    hooks,
-                    self.comm,
-                    block=self.block,
-                    bounds=self.bounds,
-                    note=self.writer.note,
-                    on_curve=lambda curve: on_root_bcast(self.comm, lambda: self.writer.curve(curve)),
-                    on_step_of_other=lambda rows, fraction: self.progress.step(rows[-1], fraction),
-                )
-            except OutputError as e:
-                hint = "; --resume continues from the last step saved" if self.case.output.checkpoint else ""
-                raise OutputError(f"{e}{hint}") from None
+        hooks = _hooks(self, begin, stop)
+        try:
+            return solve_case(
+                self.case,
+                self.problem,
+                hooks,
+                self.comm,
+                block=self.block,
+                bounds=self.bounds,
+                note=self.writer.note,
+                on_curve=lambda curve: on_root_bcast(self.comm, lambda: self.writer.curve(curve)),
+                on_step_of_other=lambda rows, fraction: self.progress.step(rows[-1], fraction),
+            )
+        except OutputError as e:
+            hint = "; --resume continues from the last step saved" if self.case.output.checkpoint else ""
+            raise OutputError(f"{e}{hint}") from None
 
     def _warn(self, lines: Sequence[Assumption], solved: SolvedCase, unresolved: str) -> None:
         """Warn of what is doubtful in the result, and put the rest into the log."""

@@ -230,6 +230,34 @@ def test_each_mistake_gives_one_sentence_with_key_value_and_range(override: str)
         assert part in message
 
 
+def test_a_rotation_of_the_flat_is_not_periodic() -> None:
+    matrix = {**MINIMAL, "output": {"stiffness_matrix": True}}
+    assert Case.from_dict({**matrix, "block": {"sides": "free"}}).output.stiffness_matrix
+    with pytest.raises(InputError, match=r"output\.stiffness_matrix = true needs a block that ends"):
+        Case.from_dict({**matrix, "block": {"sides": "periodic"}})
+
+
+@pytest.mark.parametrize("key", ["dynamics.zeta", "joint.damping"])
+def test_loops_are_not_the_only_damping(key: str) -> None:
+    loops = ("loops.cycles=2", "dynamics.damping=loops")
+    message = refusal(f"{key}=0", *loops)
+    assert f'{key} = 0 with dynamics.damping = "loops" must lie in (0, 1)' in message
+    assert Case.load(DEMO, [f"{key}=0.02", *loops]).loops is not None
+
+
+def test_damping_of_a_joint_goes_before_that_of_the_vibration() -> None:
+    """The ratio of the joint counts where it is given; both that differ are refused as ever."""
+    loops = ["loops.cycles=2", "dynamics.damping=loops"]
+    assert "differ; remove one of them" in refusal("dynamics.zeta=0", "joint.damping=0.02", *loops)
+
+
+def test_loops_of_an_elastic_material_are_named() -> None:
+    elastic = ["material.yield_strength=", "material.tangent_modulus="]
+    (warning,) = Case.load(DEMO, [*elastic, "loops.cycles=2"]).warnings()
+    assert warning.startswith("[loops] finds loss factors of zero only: the material is elastic")
+    assert Case.load(DEMO, ["loops.cycles=2"]).warnings() == []
+
+
 def test_a_force_too_large_for_the_material_is_a_unit_mistake() -> None:
     assert "check the units" in refusal("loading.delta_max=", "loading.force_max=1")
     assert "of E/(1 - nu^2), legal" in refusal("loading.delta_max=", "loading.pressure_max=0.1")

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from asperity.errors import InputError
+from asperity.errors import InputError, Interrupted
 from asperity.loops import Loop, LoopTable
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
@@ -123,6 +123,29 @@ def test_the_state_is_as_before(rough: Surface, coarse: BlockMesh | None, method
         assert solver.step(0.031).converged
         forces.append((solver.force, solver.counts.steps, solver.checks.work))
     assert forces[0] == forces[1]
+
+
+@pytest.mark.parametrize("asked", [1, 5], ids=["on the way to the preload", "in a loop"])
+def test_a_request_to_stop(rough: Surface, coarse: BlockMesh | None, asked: int) -> None:
+    """It ends the loops after the step, and the state is as before."""
+    solver = press(rough, coarse, world())
+    calls: list[float] = []
+
+    def stop() -> str:
+        calls.append(solver.delta)
+        return "SIGTERM" if len(calls) == asked else ""
+
+    with pytest.raises(Interrupted, match="stopped by SIGTERM in the loops; --resume computes them again"):
+        force_loops(solver, 0.5 * solver.force, [0.5], cycles=2, steps=2, stop=stop)
+    assert len(calls) == asked
+    assert solver.delta == pytest.approx(0.03, rel=1e-12)
+    assert calls[-1] < solver.delta
+    other = press(rough, coarse, world())
+    for one in (solver, other):
+        assert one.step(0.031).converged
+    assert (solver.force, solver.counts.steps, solver.checks.work) == (
+        other.force, other.counts.steps, other.checks.work
+    )  # fmt: skip
 
 
 def test_ranks_agree(rough: Surface, coarse: BlockMesh | None) -> None:

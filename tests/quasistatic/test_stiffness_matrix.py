@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
@@ -110,6 +111,14 @@ def test_ranks_and_kernels_agree(rough: Surface, coarse: BlockMesh | None, metho
     scale = np.sqrt(np.outer(found[0].diagonal(), found[0].diagonal()))
     for other in found[1:]:
         np.testing.assert_allclose(other / scale, found[0] / scale, atol=2e-4)
+
+
+def test_periodic_sides_are_refused() -> None:
+    """A rotation jumps across the seam; translations alone are in the columns of the curve."""
+    size = MeshSize(0.3, h_max=0.3)
+    flat = solve_contact(Flat(L=1.0), ELASTIC, sides="periodic", delta_max=1e-4, steps=1, size=size, comm=world())
+    with pytest.raises(InputError, match=r'rotation of the flat is not periodic; use block\.sides = "free" or'):
+        stiffness_matrix(flat.solver)
 
 
 def test_units_and_no_contact(rough: Surface, coarse: BlockMesh | None) -> None:

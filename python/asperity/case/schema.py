@@ -329,7 +329,9 @@ class OutputSection(Section):
     distributions: Flag = _key("fields/distributions.csv: shares of the patch by pressure and by gap", False)
     stiffness: Flag = _key("columns k_n to k_t_interface of the curve; load steps take a third to a half longer", False)
     stiffness_matrix: Flag = _key(
-        "stiffness against all six motions of the flat at the end of the load path, in summary.json", False
+        "stiffness against all six motions of the flat at the end of the load path, in summary.json; not of periodic "
+        "sides",
+        False,
     )
     conductance: Flag = _key("column conductance of the curve", False)
     small_strain: Flag = _key("what small strain changes in the force; always with finite or auto kinematics", False)

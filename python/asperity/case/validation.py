@@ -16,7 +16,7 @@ import numpy as np
 from asperity.case.schema import DRIVERS, DynamicsSection, Input, JointSection, LoopsSection, SelfAffineSection, show
 from asperity.dynamics.joint import EXCLUSIVE
 from asperity.errors import InputError
-from asperity.model.settings import H_CONTACT, H_MAX, gamma_too_small, penalty_too_soft, wrong_friction
+from asperity.model.settings import H_CONTACT, H_MAX, gamma_too_small, no_rotations, penalty_too_soft, wrong_friction
 
 if TYPE_CHECKING:
     from asperity.model.material import Material
@@ -74,6 +74,8 @@ def check_together(case: Input) -> None:
         _check_joint(case, case.joint)
     if dynamics and dynamics.damping == "loops" and case.loops is None:
         _refuse("dynamics.damping", '= "loops" needs the section [loops], which computes them')
+    if dynamics and dynamics.damping == "loops":
+        _check_rest_of_damping(dynamics, case.joint)
     if case.loops:
         _check_loops(case, case.loops)
     if case.output.stiffness_matrix and loading.unload:
@@ -81,6 +83,9 @@ def check_together(case: Input) -> None:
             "output.stiffness_matrix",
             "= true is for the end of the load path, where loading.unload has lifted the flat off; set it to false",
         )
+    if case.output.stiffness_matrix and (wrong := no_rotations(case.block.sides)):
+        key, _, rest = wrong.partition(" ")
+        _refuse(key, rest)
     if dynamics and dynamics.preload is not None:
         _check_preload(case, "dynamics.preload", dynamics.preload, 1.0)
     load = dynamics.preload if dynamics else None
@@ -112,6 +117,17 @@ def _check_joint(case: Input, joint: JointSection) -> None:
         _check_preload(case, "joint.preload", joint.preload, area / patch)
     if joint.pressure is not None:
         _check_preload(case, "joint.pressure", joint.pressure, 1.0 / patch)
+
+
+def _check_rest_of_damping(dynamics: DynamicsSection, joint: JointSection | None) -> None:
+    """Refuse a vibration without damping beside that of the loops."""
+    of_joint = joint is not None and joint.damping is not None
+    if (joint.damping if joint is not None and of_joint else dynamics.zeta) == 0.0:
+        _refuse(
+            "joint.damping" if of_joint else "dynamics.zeta",
+            '= 0 with dynamics.damping = "loops" must lie in (0, 1): loops contain plastic flow only; give the damping '
+            "ratio of the rest, 0.01 for example",
+        )
 
 
 def _check_loops(case: Input, loops: LoopsSection) -> None:
@@ -269,6 +285,8 @@ def unused(case: Input) -> Iterator[str]:
             value = getattr(section, entry)
             if value != defaults.get(key, type(section).model_fields[entry].default):
                 yield f"{key} = {show(value)} is not used: {why}"
+    if case.loops is not None and case.material.yield_strength is None:
+        yield "[loops] finds loss factors of zero only: the material is elastic; leave it out, or give a yield_strength"
 
 
 def check_loading(case: Input, surface: Surface) -> list[str]:

@@ -63,6 +63,20 @@ def wrong_friction(method: str, friction: str) -> str:
     )
 
 
+def no_rotations(sides: str) -> str:
+    """Reason why a block has no stiffness against all motions of the flat; empty where it has one.
+
+    Args:
+        sides: of the block
+    """
+    if sides != "periodic":
+        return ""
+    return (
+        "output.stiffness_matrix = true needs a block that ends: a rotation of the flat is not periodic; use "
+        'block.sides = "free" or "rollers"'
+    )
+
+
 def penalty_too_soft(method: str, penalty: float) -> str:
     """Reason why a formulation has no error bar: a penalty so soft that its error dominates; empty where there is none.
 

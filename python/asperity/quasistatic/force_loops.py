@@ -6,11 +6,11 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from math import isfinite
 
-from asperity.errors import CheckError, ConvergenceError, InputError
+from asperity.errors import CheckError, ConvergenceError, InputError, Interrupted
 from asperity.loops import SETTLED, SHAKEN_DOWN, Loop, LoopTable
 from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult
@@ -31,6 +31,7 @@ def solve_loops(
     *,
     cycles: int = 4,
     steps: int = 4,
+    stop: Callable[[], str] | None = None,
 ) -> LoopTable:
     """Loops of the force about a preload, from the state at the end of a load path, in physical units; collective.
 
@@ -38,10 +39,10 @@ def solve_loops(
         problem: that was solved
         result: of `solve_problem`; its state is as before afterwards
         preload: mean force [force]
-        amplitudes, cycles, steps: see `force_loops`
+        amplitudes, cycles, steps, stop: see `force_loops`
 
     Raises:
-        InputError, ConvergenceError, CheckError: see `force_loops`
+        InputError, ConvergenceError, Interrupted, CheckError: see `force_loops`
 
     Examples:
         >>> from asperity.quasistatic.force_loops import solve_loops
@@ -55,7 +56,8 @@ def solve_loops(
         True
     """
     side, E = problem.surface.L, problem.material.E
-    loops = force_loops(result.solver, float(preload) / (E * side**2), amplitudes, cycles=cycles, steps=steps)
+    of_unit = float(preload) / (E * side**2)
+    loops = force_loops(result.solver, of_unit, amplitudes, cycles=cycles, steps=steps, stop=stop)
     return LoopTable.scaled(loops, E * side**2, side)
 
 
@@ -66,6 +68,7 @@ def force_loops(
     *,
     cycles: int = 4,
     steps: int = 4,
+    stop: Callable[[], str] | None = None,
 ) -> tuple[Loop, ...]:
     """Loops of the force about a preload; the state of the solver is as before afterwards; collective.
 
@@ -80,10 +83,12 @@ def force_loops(
         amplitudes: of the force over the preload, in (0, 0.99]
         cycles: greatest number of loops of an amplitude
         steps: of a quarter of a loop, and of the way to the preload
+        stop: called after each step on all ranks; a text it returns, the same on all, ends the loops
 
     Raises:
         InputError: an argument is outside its range
         ConvergenceError: a step does not converge
+        Interrupted: `stop` has ended the loops
         CheckError: a step violates a balance
 
     Examples:
@@ -110,18 +115,21 @@ def force_loops(
             raise InputError(f"loops.{name} = {value!r} must be at least 1")
     found: list[Loop] = []
     with _as_before(solver):
-        _Leg(solver, CLOSE * preload).follow(preload, steps)
+        _Leg(solver, CLOSE * preload, stop).follow(preload, steps)
         for amplitude in amplitudes:
             with _as_before(solver):
-                found += _loops_of(solver, preload, amplitude, cycles, steps)
+                leg = _Leg(solver, CLOSE * amplitude * preload, stop)
+                found += _loops_of(solver, leg, preload, amplitude, cycles, steps)
         if solver.checks.violated:
             raise CheckError(f"the loops are wrong, do not use them: {'; '.join(solver.checks.violated.values())}")
     return tuple(found)
 
 
-def _loops_of(solver: ContactSolver, preload: float, amplitude: float, cycles: int, steps: int) -> Iterator[Loop]:
+def _loops_of(
+    solver: ContactSolver, leg: _Leg, preload: float, amplitude: float, cycles: int, steps: int
+) -> Iterator[Loop]:
     """Yield the loops of an amplitude until two are alike."""
-    leg, checks, before = _Leg(solver, CLOSE * amplitude * preload), solver.checks, None
+    checks, before = solver.checks, None
     for number in range(1, cycles + 1):
         work, dissipated, stored = checks.work, checks.dissipated, checks.stored
         leg.follow(preload * (1.0 + amplitude), steps)
@@ -165,10 +173,11 @@ class _Leg:
     Args:
         solver: of the contact
         close: tolerance of the force at the end of a way [E L^2]
+        stop: gives the reason to stop, empty for none; collective
     """
 
-    def __init__(self, solver: ContactSolver, close: float) -> None:
-        self._solver, self._close = solver, close
+    def __init__(self, solver: ContactSolver, close: float, stop: Callable[[], str] | None) -> None:
+        self._solver, self._close, self._stop = solver, close, stop
         self._slope = 0.0  # at the end of the last step [E L]
 
     def follow(self, goal: float, steps: int) -> None:
@@ -183,6 +192,13 @@ class _Leg:
             tolerance = self._close if k == steps else max(ROUGHLY * abs(goal - start) / steps, self._close)
             if abs(wanted - solver.force) > tolerance:
                 solver.commit(self._find(wanted, tolerance))
+                self._end_if_stopped()
+
+    def _end_if_stopped(self) -> None:
+        """Raise Interrupted where there is a reason to stop; collective."""
+        reason = "" if self._stop is None else self._stop()
+        if reason:
+            raise Interrupted(f"stopped by {reason} in the loops; --resume computes them again")
 
     def _find(self, wanted: float, tolerance: float) -> float:
         """Approach of a force, the last solve being there; commits nothing; collective."""

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asperity.arrays import Floats, Integers
-from asperity.errors import ConvergenceError
+from asperity.errors import ConvergenceError, InputError
 from asperity.linear.matrix_free import tangent_product
+from asperity.model.settings import no_rotations
 
 if TYPE_CHECKING:
     from asperity.quasistatic.contact_solver import ContactSolver
@@ -69,13 +70,14 @@ class StiffnessMatrix:
 def stiffness_matrix(solver: ContactSolver) -> StiffnessMatrix | None:
     """Elastic stiffness of the present state against all motions of a flat that the nodes in contact stick to.
 
-    The base is clamped, and the sides are free, or joined where they are periodic: rollers would hold a block that
-    shears or tilts, and mirror images would move otherwise. None without contact. Collective.
+    The base is clamped and the sides are free: rollers would hold a block that shears or tilts, and mirror images would
+    move otherwise. None without contact. Collective.
 
     Args:
         solver: in an accepted state
 
     Raises:
+        InputError: the sides are periodic, which no rotation is
         ConvergenceError: a linear system cannot be solved
 
     Examples:
@@ -90,6 +92,8 @@ def stiffness_matrix(solver: ContactSolver) -> StiffnessMatrix | None:
         [0.31 0.31 1.   0.16 0.16 0.07] None
     """
     solid, contact = solver.solid, solver.contact
+    if wrong := no_rotations(solid.sides):
+        raise InputError(wrong)
     nodes = contact.nodes()
     if not solid.comm.allreduce(len(nodes)):
         return None
