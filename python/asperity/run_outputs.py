@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -85,12 +84,11 @@ def write_outputs(
             start = perf_counter()
             loops = compute_loops(case, problem, contact, stop)
             seconds["loops"] = perf_counter() - start
+    except Interrupted:
+        raise
     except ConvergenceError as e:  # on all ranks; what does not need them is written all the same
         failure, finished = e, False
         summary["exit_reason"] = str(e)
-        if isinstance(e, Interrupted):
-            on_root_bcast(comm, partial(writer.summary, summary))
-            raise
 
     def serial() -> Dynamics | None:
         dynamics = None

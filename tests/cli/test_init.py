@@ -64,7 +64,7 @@ def test_the_commented_defaults_are_the_defaults(kind: str, solid: str, tmp_path
     assert found == {name: some for name, some in keys.items() if some}
 
     plain, full = tmp_path / "plain.toml", tmp_path / "full.toml"
-    plain.write_text(text.replace("# [dynamics]", "[dynamics]").replace("# [joint]", "[joint]").replace("# [loops]", "[loops]"), encoding="utf-8")
+    plain.write_text(re.sub(r"# \[(dynamics|joint|loops)\]", r"[\1]", text), encoding="utf-8")
     full.write_text(COMMENTED.sub(r"\1", ADVICE.sub(r"## \1", text)), encoding="utf-8")
     assert COMMENTED.search(text) and not COMMENTED.search(full.read_text())
     assert Case.load(full) == Case.load(plain)

@@ -10,8 +10,8 @@ from fnmatch import fnmatchcase
 from time import process_time
 
 import click
-from scene_outcome import Outcome, run_scene
 from scene_definition import BASE, Scene
+from scene_outcome import Outcome, run_scene
 from scenes import SCENES
 
 from asperity.cli import options

@@ -12,8 +12,8 @@ import pytest
 import run
 from bad_inputs import SLIVER, with_slivers, with_turned_element
 from click.testing import CliRunner
-from scene_outcome import run_scene
 from scene_definition import Scene, Twin
+from scene_outcome import run_scene
 from scenes import SCENES
 
 from asperity.mesh.generate import build_block
