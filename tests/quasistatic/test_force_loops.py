@@ -172,10 +172,11 @@ def test_the_preload_itself_yields_in_its_first_loop_only(rough: Surface, coarse
 
 def test_wrong_arguments(rough: Surface, coarse: BlockMesh | None) -> None:
     solver = make_contact_solver(world(), rough, coarse, Material(1.0, 0.3))
-    for preload, amplitudes, options in (
+    wrong: tuple[tuple[float, list[float], dict[str, Any]], ...] = (
         (-1.0, [0.1], {}), (0.0, [0.1], {}), (1e-3, [1.5], {}), (1e-3, [0.0], {}), (1e-3, [0.1], {"cycles": 0}),
         (1e-3, [0.1], {"steps": 0}), (np.nan, [0.1], {}),
-    ):  # fmt: skip
+    )  # fmt: skip
+    for preload, amplitudes, options in wrong:
         with pytest.raises(InputError):
             force_loops(solver, preload, amplitudes, **options)
 
