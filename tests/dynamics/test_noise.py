@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -134,3 +135,72 @@ def test_noise_that_cannot_be_computed_is_refused() -> None:
         ContactOscillator(law).random(0.1, records=0)
     notes = run_dynamics(law, zeta=1e-4, random=0.1, models=["exact"], omega=(0.9, 0.91), bands=False).notes
     assert any(note.startswith("no random excitation: zeta = 0.0001") for note in notes)
+
+
+@pytest.mark.parametrize(
+    ("zeta", "band", "records", "words"),
+    [
+        (0.1, (0.8, 1.2), 8, r"band = \[0.8, 1.2\] is too narrow for zeta = 0.1: .* at least 0.5 wide"),
+        (0.001, (0.05, 100.0), 8, r"band = \[0.05, 100.0\] with zeta = 0.001 takes too long: 8 records have 7.7e\+07"),
+        (0.01, (0.05, 3.0), 1000, r"1000 records have 2.9e\+07 time steps, and at most 2e\+07 are legal"),
+    ],
+)
+def test_bands_without_lines_and_endless_records_are_refused(
+    zeta: float, band: tuple[float, float], records: int, words: str
+) -> None:
+    with pytest.raises(InputError, match=words):
+        ContactOscillator(PowerLaw(1.5), zeta=zeta).random(0.1, band, records=records)
+
+
+def test_the_narrowest_band_is_computed() -> None:
+    """Its width is five times zeta: 20 lines."""
+    r = ContactOscillator(PowerLaw(1.0), zeta=0.1).random(0.01, (0.8, 1.3), records=1)
+    assert np.sum(r.psd_force) * (r.Omega[1] - r.Omega[0]) == pytest.approx(1e-4, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"random": 0.0}, "random = 0.0 is not legal: it must be finite and greater than 0"),
+        ({"random": [0.1, 1e7]}, r"random = 1e\+07 is not legal: it must lie between"),
+        ({"band": (1e-3, 3.0)}, "band = 0.001 is not legal: it must lie between 0.01 and 100"),
+        ({"band": (3.0, 0.05)}, r"band = \[3.0, 0.05\] is not legal: give two frequencies"),
+        ({"omega": (1.3, 0.5)}, r"omega = \[1.3, 0.5\] is not legal: give two frequencies"),
+    ],
+)
+def test_wrong_input_is_reported_under_its_own_name(options: dict[str, object], words: str) -> None:
+    with pytest.raises(InputError, match=f"^{words}"):
+        run_dynamics(PowerLaw(1.5), **options)
+    if "band" in options:
+        with pytest.raises(InputError, match=f"^{words}"):
+            ContactOscillator(PowerLaw(1.5)).random(0.1, **options)
+
+
+QUICK = {"zeta": 0.05, "forcing": 1e-3, "omega": (0.9, 0.91), "bands": False, "units": "other"}
+
+
+def test_noise_beyond_what_the_law_knows_is_noted() -> None:
+    z = np.linspace(0.1, 1.0, 10)
+    options = {**QUICK, "models": ["exact"], "random": [1e-3, 0.4]}
+    result = run_dynamics({"delta": z, "force": z**1.5}, **options)
+    (note,) = (note for note in result.notes if "beyond it the law is extrapolated" in note)
+    u_max = result.random["exact"][1].u_max
+    assert note.startswith(f"exact, noise of rms F^ = 0.4: the motion reaches u = {u_max:.4g}, the curve")
+
+
+def test_noise_without_the_exact_law_is_noted() -> None:
+    notes = run_dynamics(PowerLaw(1.5), models=["taylor"], random=0.1, **QUICK).notes
+    assert notes.count("no random excitation: noise is for the exact law, and model has taylor only") == 1
+    notes = run_dynamics(PowerLaw(1.5), models=["taylor", "exact"], random=0.1, **QUICK).notes
+    assert not any("no random excitation" in note for note in notes)
+
+
+def test_an_analysis_without_noise_keeps_no_old_figure(tmp_path: Path) -> None:
+    from asperity.plot.oscillator import plot_dynamics
+
+    figures = {"random.png", "random.svg"}
+    result = run_dynamics(PowerLaw(1.5), models=["exact"], random=0.1, **QUICK)
+    assert figures <= {path.name for path in plot_dynamics(result, tmp_path)}
+    plot_dynamics(replace(result, random={}), tmp_path)
+    left = {path.name for path in tmp_path.iterdir()}
+    assert not figures & left and "response.png" in left

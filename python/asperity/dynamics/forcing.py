@@ -55,19 +55,19 @@ class Setting:
         )
 
 
-def frequencies(values: Any) -> tuple[float, ...]:
+def frequencies(values: Any, name: str = "omega") -> tuple[float, ...]:
     """Return one Omega or several as a tuple; raise `InputError` unless all are legal."""
-    return tuple(within("omega", value, OMEGA) for value in positives("omega", values))
+    return tuple(within(name, value, OMEGA) for value in positives(name, values))
 
 
-def forcings(values: Any) -> tuple[float, ...]:
+def forcings(values: Any, name: str = "forcing") -> tuple[float, ...]:
     """Return one F^ or several as a tuple; raise `InputError` unless all are legal."""
-    return tuple(within("forcing", value, FORCING) for value in positives("forcing", values))
+    return tuple(within(name, value, FORCING) for value in positives(name, values))
 
 
-def window(omega: Sequence[float]) -> tuple[float, float]:
+def window(omega: Sequence[float], name: str = "omega") -> tuple[float, float]:
     """Return lowest and highest Omega; raise `InputError` unless they are a legal window."""
-    values = frequencies(omega)
+    values = frequencies(omega, name)
     if len(values) != 2 or values[0] >= values[1]:
-        raise InputError(f"omega = {list(values)} is not legal: give two frequencies 0 < low < high")
+        raise InputError(f"{name} = {list(values)} is not legal: give two frequencies 0 < low < high")
     return values[0], values[1]

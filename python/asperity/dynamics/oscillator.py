@@ -343,7 +343,8 @@ class ContactOscillator:
             seed: of the random phases.
 
         Raises:
-            InputError: an argument is not legal, zeta is below 1e-3, or the law is a Taylor series.
+            InputError: an argument is not legal, zeta is below 1e-3, the law is a Taylor series, the band is narrower
+                than 5 zeta, or the records are too long.
             RangeError: the motion leaves a table.
         """
         (f,) = forcings(positive("forcing", forcing))
@@ -356,7 +357,7 @@ class ContactOscillator:
             raise InputError("noise is for the exact law: a Taylor law pulls where contact is lost, and motion escapes")
         if records < 1:
             raise InputError(f"records = {records} is not legal: give at least 1")
-        return random_response(self.balance(), self.setting(f), window(band), records=records, seed=seed)
+        return random_response(self.balance(), self.setting(f), window(band, "band"), records=records, seed=seed)
 
     def _check_settles(self) -> None:
         if self.zeta < MIN_ZETA:

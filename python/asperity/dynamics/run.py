@@ -169,9 +169,9 @@ def run_dynamics(
     of_case = case.get("dynamics", {})
     values = forcings(of_case.get("forcing", FORCING) if forcing is None else forcing)
     omega = window(of_case.get("omega", OMEGA) if omega is None else omega)
-    band = window(of_case.get("band", BAND) if band is None else band)
+    band = window(of_case.get("band", BAND) if band is None else band, "band")
     noise: Any = of_case.get("random", ()) if random is None else random
-    noise = forcings(noise) if np.size(noise) else ()
+    noise = forcings(noise, "random") if np.size(noise) else ()
     sweeps = of_case.get("sweeps", False) if sweeps is None else sweeps
     names = tuple(of_case.get("model", MODELS) if models is None else models)
     for name in names:
@@ -227,7 +227,9 @@ def run_dynamics(
                 noisy[name] = tuple(oscillator.random(f, band) for f in noise)
             except AsperityError as error:
                 notes.append(f"no random excitation: {error}")
-        notes.extend(_notes(name, oscillator, responses[name], swept[name]))
+        elif noise and "exact" not in names:
+            notes.append("no random excitation: noise is for the exact law, and model has taylor only")
+        notes.extend(_notes(name, oscillator, responses[name], swept[name], noisy.get(name, ())))
     members = laws.members() if laws is not None else None
     spread = _uncertainty(exact, members, laws, notes)
     enveloped: list[Band] = []
@@ -358,19 +360,27 @@ def _yield_notes(choice: Choice) -> Iterator[str]:
 
 
 def _notes(
-    name: str, oscillator: ContactOscillator, responses: Iterable[FrequencyResponse], sweeps: Iterable[Sweep]
+    name: str,
+    oscillator: ContactOscillator,
+    responses: Iterable[FrequencyResponse],
+    sweeps: Iterable[Sweep],
+    noisy: Iterable[RandomResponse],
 ) -> Iterator[str]:
     """Yield the notes on the results of a model."""
     for r in responses:
-        yield from _beyond_fit(name, oscillator, r)
+        where = f"{name}, F^ = {r.setting.F_hat:g}: the response"
+        yield from _beyond_fit(where, oscillator, max(float(b.u_max.max()) for b in r.branches))
         yield from (f"{name}, F^ = {r.setting.F_hat:g}: {note}" for note in r.notes)
     for s in sweeps:
         if ESCAPED in s.status:
-            where = float(s.Omega[s.status.index(ESCAPED)])
+            escape = float(s.Omega[s.status.index(ESCAPED)])
             yield (
                 f"{name}, F^ = {s.setting.F_hat:g}: the sweep {s.direction} escapes from the Taylor "
-                f"well at Omega = {where:.4g}, a property of the truncation"
+                f"well at Omega = {escape:.4g}, a property of the truncation"
             )
+    for motion in noisy:
+        where = f"{name}, noise of rms F^ = {motion.setting.F_hat:g}: the motion"
+        yield from _beyond_fit(where, oscillator, motion.u_max)
 
 
 def _gravity(
@@ -421,12 +431,17 @@ def _case_of(path: Path) -> dict[str, Any]:
         return {}
 
 
-def _beyond_fit(name: str, oscillator: ContactOscillator, r: FrequencyResponse) -> Iterator[str]:
-    """Yield notes on a response in which the contact yields again, or which goes beyond the points of the law."""
+def _beyond_fit(where: str, oscillator: ContactOscillator, top: float) -> Iterator[str]:
+    """Yield notes on a motion in which the contact yields again, or which goes beyond the points of the law.
+
+    Args:
+        where: which motion of which model.
+        oscillator: the model.
+        top: greatest u of the motion.
+    """
     law, z_s = oscillator.law, oscillator.restoring.z_s
-    top = max(float(b.u_max.max()) for b in r.branches)
     known = round(law.known_to / z_s - 1.0, 9)
-    where = f"{name}, F^ = {r.setting.F_hat:g}: the response reaches u = {top:.4g}"
+    where = f"{where} reaches u = {top:.4g}"
     again = law.yields_at / z_s - 1.0 if isinstance(law, TwoBranchLaw) else np.inf
     if 1e-9 < again < top:
         yield (

@@ -213,7 +213,10 @@ def stability_chart(
 
 
 def plot_dynamics(result: Dynamics, directory: str | os.PathLike[str]) -> list[Path]:
-    """Draw the figures of a result of `run_dynamics` into a directory; return the files written."""
+    """Draw the figures of a result of `run_dynamics` into a directory; return the files written.
+
+    Without noise, the figure of noise of an earlier result is removed.
+    """
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
     first = next(iter(result.oscillators.values()))
@@ -227,6 +230,9 @@ def plot_dynamics(result: Dynamics, directory: str | os.PathLike[str]) -> list[P
     }
     if any(result.random.values()):
         figures["random"] = noise_of(result)
+    else:
+        for form in ("png", "svg"):
+            (folder / f"random.{form}").unlink(missing_ok=True)  # of an earlier analysis
     if first.model == "exact":
         top = max(max(float(b.u_max.max()) for b in r.branches) for r in result.responses["exact"])
         figures["operating-point"] = operating_point(first)

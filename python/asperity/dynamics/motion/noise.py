@@ -26,10 +26,12 @@ from asperity.dynamics.law.law import EXTRAPOLATE
 from asperity.dynamics.law.loop_damping import LoopDamping
 from asperity.dynamics.motion.runge_kutta import ESCAPE, STEP
 from asperity.dynamics.orbits.harmonic_balance import Balance
-from asperity.errors import RangeError
+from asperity.errors import InputError, RangeError
 from asperity.runtime.display import short_repr
 
 _LINES = 4  # of the spectrum within zeta
+_FEWEST = 20  # lines of a band: with fewer the force is no noise
+_MOST_STEPS = 2e7  # of all records, one to two minutes
 _TOGETHER = 2  # neighbouring lines averaged
 _DECAY = 10.0  # times 1/zeta from rest to the record
 _PER_WAVE = 24  # steps per period of the fastest part of the force
@@ -155,16 +157,18 @@ def random_response(
         seed: of the phases.
 
     Raises:
+        InputError: the band has too few lines, or the records too many steps.
         RangeError: the motion leaves the law.
     """
     zeta, generator = balance.zeta, np.random.default_rng(seed)
+    _check_band(band, zeta, records)
     spacing = zeta / _LINES
     found: list[Record] = []
     stiffest = 1.0  # natural frequency at the greatest displacement
     for _ in range(records):
         noise = Noise.of(setting.F_hat, band, spacing, generator)
         while True:
-            record = integrate_noise(balance, noise, step=min(STEP / stiffest, 2 * np.pi / band[1] / _PER_WAVE))
+            record = integrate_noise(balance, noise, _step(band, stiffest))
             rate = sqrt(max(1.0, float(balance.restoring.df(np.array([record.u.max()]))[0])))
             if rate <= _STIFFER * stiffest:
                 break
@@ -192,6 +196,28 @@ def random_response(
         records=records,
         periods=period / (2.0 * np.pi),
     )  # fmt: skip
+
+
+def _step(band: tuple[float, float], stiffest: float = 1.0) -> float:
+    """Return the longest time step for a force in a band and a greatest natural frequency."""
+    return min(STEP / stiffest, 2.0 * np.pi / band[1] / _PER_WAVE)
+
+
+def _check_band(band: tuple[float, float], zeta: float, records: int) -> None:
+    """Raise `InputError` unless a band has enough lines and its records, without those repeated, few enough steps."""
+    spacing = zeta / _LINES
+    narrowest = _FEWEST * spacing
+    if band[1] - band[0] < narrowest * (1.0 - 1e-9):
+        raise InputError(
+            f"band = {list(band)} is too narrow for zeta = {zeta:g}: the force needs {_FEWEST} lines, {spacing:g} "
+            f"apart, so the band must be at least {narrowest:g} wide; give a wider band or a smaller zeta"
+        )
+    steps = records * 2.0 * np.pi / spacing / _step(band)
+    if steps > _MOST_STEPS:
+        raise InputError(
+            f"band = {list(band)} with zeta = {zeta:g} takes too long: {records} records have {steps:.2g} time steps, "
+            f"and at most {_MOST_STEPS:g} are legal; give fewer records, a band that ends lower, or a larger zeta"
+        )
 
 
 def _density(u: Array, spacing: float, count: int) -> Array:
