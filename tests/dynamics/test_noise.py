@@ -10,6 +10,7 @@ import json
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -168,7 +169,7 @@ def test_the_narrowest_band_is_computed() -> None:
         ({"omega": (1.3, 0.5)}, r"omega = \[1.3, 0.5\] is not legal: give two frequencies"),
     ],
 )
-def test_wrong_input_is_reported_under_its_own_name(options: dict[str, object], words: str) -> None:
+def test_wrong_input_is_reported_under_its_own_name(options: dict[str, Any], words: str) -> None:
     with pytest.raises(InputError, match=f"^{words}"):
         run_dynamics(PowerLaw(1.5), **options)
     if "band" in options:
@@ -176,7 +177,7 @@ def test_wrong_input_is_reported_under_its_own_name(options: dict[str, object], 
             ContactOscillator(PowerLaw(1.5)).random(0.1, **options)
 
 
-QUICK = {"zeta": 0.05, "forcing": 1e-3, "omega": (0.9, 0.91), "bands": False, "units": "other"}
+QUICK: dict[str, Any] = {"zeta": 0.05, "forcing": 1e-3, "omega": (0.9, 0.91), "bands": False, "units": "other"}
 
 
 def test_noise_beyond_what_the_law_knows_is_noted() -> None:
