@@ -3,8 +3,7 @@
 
 """Unloading of a flattened sphere: residual approach and law of the unloading against a published fit.
 
-    ./run python3 benchmarks/unloading.py            against fits of the literature
-    ./run python3 benchmarks/unloading.py plane      against the solution in the plane of r and z (benchmarks/sphere.py)
+    ./run python3 benchmarks/unloading.py
 
 A hemisphere (sigma_y/E = 0.005, nu = 0.3) on planes of symmetry is flattened to w times the approach at the onset of
 yield and released. Etsion, Kligerman & Kadin, Int. J. Solids Struct. 42 (2005) 3716, fitted finite elements of a sphere
@@ -17,11 +16,9 @@ difference of the whole branch from the fit, over the greatest force.
 
 from __future__ import annotations
 
-import sys
 from math import hypot
 
 import numpy as np
-from sphere import Hemisphere
 
 import asperity as asp
 from asperity.curve import Curve
@@ -68,28 +65,8 @@ def row(name: str, w: float, curve: Curve) -> None:
     print(f"| {name} | {w:g} | " + " | ".join(f"{v:.3f}" for v in values) + f" | {worst:.1f} |", flush=True)
 
 
-def plane(w: float, tangent: float = 0.02, steps: int = 40) -> None:
-    """Print the force of both solutions along the unloading, over the greatest one of the plane solution."""
-    curve = released(asp.Material(1.0, NU, 0.005, tangent), w, FINE)
-    unload = curve.where(curve.branch == "unload")
-    top, residual = w * ONSET, unload.delta[-1]
-    at = residual + (top - residual) * np.array([1.0, 0.9, 0.8, 0.6, 0.4, 0.2, 0.1])
-    delta, force = np.append(unload.delta[::-1], top), np.append(unload.force[::-1], curve.force[curve.delta.argmax()])
-    sphere = Hemisphere(asp.Material(1.0, NU, 0.005, tangent), 1.0)
-    for part in (np.arange(steps) + 1.0) / steps:
-        sphere.press(top * part**2)
-    other = np.array([sphere.press(float(d)) for d in at])
-    for name, values in (("three dimensions", 4.0 * np.interp(at, delta, force)), ("plane", other)):
-        print(f"| {w:g} | {name} | " + " | ".join(f"{v:.4f}" for v in values / other[0]) + " |", flush=True)
-
-
 def main() -> None:
-    """Print the table that is asked for."""
-    if sys.argv[1:] == ["plane"]:
-        print("| w | solution | 1 | 0.9 | 0.8 | 0.6 | 0.4 | 0.2 | 0.1 |\n" + "|---" * 9 + "|")
-        for w in (10.0, 100.0):
-            plane(w)
-        return
+    """Print the table."""
     header = ("material", "w", "residual", "of the fit", "Jackson", "Hertz", "exponent", "of the fit", "difference %")
     print("| " + " | ".join(header) + " |\n" + "|---" * len(header) + "|")
     for name, (law, depths) in LAWS.items():
