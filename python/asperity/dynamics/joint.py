@@ -129,14 +129,15 @@ def loads_of_case(
 
     Examples:
         >>> from asperity.dynamics.joint import loads_of_case
-        >>> loads_of_case(1.0, 2.0, asp.Joint(nominal_area=3e-4), patch=1e-4)
-        (3.0, 6.0)
+        >>> loads_of_case(1.0, 2.0, asp.Joint(nominal_area=4.0), patch=2.0)
+        (2.0, 4.0)
     """
-    factor = 1.0 if joint is None else joint.factor(patch)
+
+    def of_joint(force: float | None) -> float | None:
+        return force if force is None or joint is None else joint.factor(patch) * force
+
     load = None if joint is None else joint.load(patch)
-    if load is None and preload is not None:
-        load = factor * preload
-    return load, None if overload is None else factor * overload
+    return of_joint(preload) if load is None else load, of_joint(overload)
 
 
 @dataclass(frozen=True)

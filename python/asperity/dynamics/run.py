@@ -194,9 +194,9 @@ def run_dynamics(
     damping = of_case.get("damping", DAMPING[0]) if damping is None else damping
     if damping == LOOPS:
         damping = _loops_of(source)
-    factor = 1.0 if joint is None else joint.factor(patch_area)
     loop_note = ""
     if isinstance(damping, LoopDamping):
+        factor = 1.0 if joint is None else joint.factor(patch_area)
         at = ContactOscillator(static, load=preload).restoring
         damping, loop_note = damping.on(at.scale / at.z_s / factor, preload / factor)
     exact = _oscillator(static, preload, gravity, joint, zeta=zeta, damping=damping)
