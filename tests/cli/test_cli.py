@@ -58,7 +58,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
         row = dict(step=1, branch="load", delta_star=1e-3, P_star=2e-6, area_fraction=0.01)
         job.progress.step({**row, "newton": 4, "krylov": 60, "seconds": 0.5}, 0.5)
         fit = types.SimpleNamespace(k=0.5, n=1.5, r2=0.999)
-        return types.SimpleNamespace(summary={}, fit=fit, curve=None, contact=..., dynamics=None)
+        return types.SimpleNamespace(summary={}, fit=fit, curve=(), contact=..., dynamics=None)
 
     monkeypatch.setattr("asperity.run_case._Job.run", run)
     return noted

@@ -47,6 +47,9 @@ def command(
     from asperity.case import Case
     from asperity.output.assumption import doubtful
     from asperity.output.friction_bounds import bounds_line
+    from asperity.output.results import Results
+    from asperity.output.verdict import verdict
+    from asperity.runtime.run_folder import REPORT
 
     load = partial(Case.load, case_file, overrides)
     if (code := options.start_ranks(ranks, load, _most_ranks, quiet)) is not None:
@@ -62,11 +65,16 @@ def command(
         if result.contact is None:
             options.say(f"{folder} holds the complete run of {len(result.curve)} steps; nothing is left to do")
         _show_fit(result.fit)
+        if len(result.curve):
+            for sentence in verdict(Results.read(folder)):
+                options.say(sentence)
         if result.summary.get("friction_bounds"):
             options.say(bounds_line(result.summary["friction_bounds"]))
         for line in doubtful(result.summary.get("assumptions", [])):
             options.say(f"doubtful: {line.describe()}")
         options.say(f"written to {folder}")
+        if (folder / REPORT).is_file():
+            options.say(f"report: {folder / REPORT}")
     return None
 
 
