@@ -9,7 +9,6 @@ import math
 import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from asperity.case import Case
@@ -23,6 +22,7 @@ from asperity.runtime.files import files_into
 from asperity.runtime.parallel import on_root_bcast
 from asperity.runtime.progress import Progress
 from asperity.runtime.run_folder import DISTRIBUTIONS, FIELDS, LOOPS, VTKHDF
+from asperity.runtime.timing import Phases
 
 if TYPE_CHECKING:
     from asperity.dynamics import Dynamics, Joint
@@ -63,27 +63,24 @@ def write_outputs(
     """
     from asperity.quasistatic.stiffness_matrix import stiffness_matrix
 
-    comm, seconds = contact.solver.solid.comm, summary["seconds"]
+    comm, parts = contact.solver.solid.comm, Phases(summary["seconds"])
     if contact.snapshots and folder is not None:
         progress.stage("fields")
-        start = perf_counter()
-        _write_fields(case, contact, folder)
-        seconds["fields"] = perf_counter() - start
+        with parts.phase("fields"):
+            _write_fields(case, contact, folder)
 
     loops, failure = None, None
     try:
         if case.output.stiffness_matrix:
             progress.stage("stiffness matrix")
-            start = perf_counter()
-            matrix = stiffness_matrix(contact.solver)
-            seconds["stiffness matrix"] = perf_counter() - start
+            with parts.phase("stiffness matrix"):
+                matrix = stiffness_matrix(contact.solver)
             scaled = None if matrix is None else matrix.scaled(case.material.E, case.surface.L)
             summary["stiffness_matrix"] = None if scaled is None else scaled.to_dict()
         if case.loops is not None:
             progress.stage("loops")
-            start = perf_counter()
-            loops = compute_loops(case, problem, contact, stop)
-            seconds["loops"] = perf_counter() - start
+            with parts.phase("loops"):
+                loops = compute_loops(case, problem, contact, stop)
     except Interrupted:
         raise
     except ConvergenceError as e:  # on all ranks; what does not need them is written all the same
@@ -100,11 +97,10 @@ def write_outputs(
                 loops.write(folder / LOOPS)
         if case.dynamics is not None:
             progress.stage("dynamics")
-            start = perf_counter()
-            dynamics = _vibration(case, contact.curve, folder, loops)
-            found = dynamics.to_dict()
+            with parts.phase("dynamics"):
+                dynamics = _vibration(case, contact.curve, folder, loops)
+                found = dynamics.to_dict()
             summary["dynamics"] = {name: found[name] for name in ("law", "load", "numbers", "laws", "notes")}
-            seconds["dynamics"] = perf_counter() - start
             if radiated := _radiation(case, dynamics):
                 summary["radiation"] = radiated
         writer.summary(summary)
@@ -112,9 +108,8 @@ def write_outputs(
             from asperity.plot import plot_run
 
             progress.stage("figures")
-            start = perf_counter()
-            plot_run(folder, problem.surface)
-            seconds["figures"] = perf_counter() - start
+            with parts.phase("figures"):
+                plot_run(folder, problem.surface)
             writer.summary(summary)
         if folder is not None and case.output.report:
             from asperity.plot.report import write_report

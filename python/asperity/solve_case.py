@@ -59,7 +59,6 @@ class SolvedCase:
 
     def summary(self, case: Case, fit: PowerLawFit | None, ranks: int) -> dict[str, Any]:
         """Contents of summary.json that are known so far."""
-
         found = summarise(case, self.contact, fit, ranks)
         strain = None if self.strain is None else self.strain.to_dict()
         found["model"] = {"kinematics": self.problem.material.kinematics, "small_strain": strain}

@@ -66,7 +66,9 @@ def command(
             options.say(f"{folder} holds the complete run of {len(result.curve)} steps; nothing is left to do")
         _show_fit(result.fit)
         if len(result.curve):
-            for sentence in verdict(Results.read(folder)):
+            vibration = {**result.summary.get("dynamics", {}), "units": case.units}
+            found = Results(folder, result.curve, {"units": case.units}, result.summary, thresholds=vibration)
+            for sentence in verdict(found):  # without reading meshes and fields again
                 options.say(sentence)
         if result.summary.get("friction_bounds"):
             options.say(bounds_line(result.summary["friction_bounds"]))
