@@ -281,7 +281,7 @@ class HeightMap(Surface):
         return float(self._spline.integral(0, self.L, 0, self.L)) / self.L**2
 
     @cached_property
-    def periodic(self) -> bool:  # type: ignore[override]
+    def periodic(self) -> bool:
         """Whether the first and last rows and columns agree, and are no sharper an edge than there are inside.
 
         The difference of the slopes on the two sides of the edge, from node to node, is compared with that at the other
