@@ -24,8 +24,9 @@ from asperity.errors import AsperityWarning, InputError, OutputError
 from asperity.run_case import run
 from asperity.runtime.files import is_aside
 from asperity.study import Study, StudyLevel, StudyResults, ensemble_curve, run_study, summarise_case
+from asperity.study.portions import portions
 from asperity.study.results import case_folder, mean_interval
-from asperity.study.run import mesh_key, portions, shared_mesh
+from asperity.study.shared_mesh import mesh_key, shared_mesh
 from asperity.study.trend import CONDITIONAL, FAILS, HOLDS, Condition, Trend, trend, verdict
 from asperity.surface import SurfaceWarning
 

@@ -67,7 +67,7 @@ def command(
     With --only any number of jobs share the cases; once they have ended, the command without it writes the table.
     """
     from asperity.study import Study, collect_study, run_study
-    from asperity.study.run import part
+    from asperity.study.portions import part
 
     if only is not None and collect:
         raise click.UsageError("--only runs a part of the cases and --collect none: give one of them")
@@ -105,7 +105,8 @@ def command(
 
 def _describe(study: Study, only: tuple[int, int] | None) -> None:
     """Print how many cases and meshes a study or its part has."""
-    from asperity.study.run import mesh_key, part
+    from asperity.study.portions import part
+    from asperity.study.shared_mesh import mesh_key
 
     entries = study.entries if only is None else [study.entries[i] for i in part(study.entries, *only)]
     meshes = len({mesh_key(entry.case) for entry in entries})
