@@ -108,7 +108,7 @@ def slopes() -> Iterator[Mapping[str, object]]:
 
 def changes(surface: asp.Surface, material: asp.Material, delta: float, h: float) -> dict[str, float]:
     """What small strain changes at the end of the load path, mesh size h [L]; NaN where a run does not finish."""
-    names = ("force %", "area %", "n", "greatest strain")
+    names = ("force %", "area %", "change of n", "greatest strain")
     try:
         small, finite = both(surface, material, delta, h, STEPS)
     except asp.ConvergenceError:
