@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import click
 
 from asperity.cli import options
+from asperity.runtime import compat
+from asperity.runtime.launch import started_ranks
 from asperity.runtime.parallel import on_root_bcast
 from asperity.runtime.progress import world_rank
 
@@ -87,6 +89,8 @@ def command(
     folder = Path(output) if output else Path("out") / Path(study_file).stem
     say = None if quiet else lambda line: click.echo(line)
     if collect:
+        if started_ranks() is not None:
+            compat.start()  # as rank 0 may need PETSc
         counts = on_root_bcast(None, lambda: collect_study(study, folder))
     else:
         counts = run_study(study, folder, only=only, ranks_per_case=ranks_per_case, retry=retry, say=say)

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from asperity.case.validation import doubt_of_edge
 from asperity.errors import AsperityError, AssumptionWarning, CheckpointError, InputError, Interrupted
+from asperity.runtime import compat
 from asperity.runtime.files import is_aside, remove_asides, replace_file
 from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.progress import duration
@@ -121,6 +122,8 @@ def run_study(
         )
     chosen = range(len(study.entries)) if only is None else part(study.entries, *only)
     lock = FolderLock(folder, shared=only is not None)
+    if comm.size > 1:
+        compat.start()  # of PETSc: rank 0 presses blocks with free sides on its own, for the tables
     plan = _prepare(study, folder, lock, chosen, retry, comm.size // ranks_per_case) if comm.rank == 0 else None
     batches = comm.bcast(plan)
     if isinstance(batches, AsperityError):
