@@ -87,7 +87,7 @@ def lift(
 
 
 def _widened(width: Floats, size: Floats, points: Floats, tets: Indices, bad: Indices, same: Indices | None) -> Floats:
-    """Widths (N,) [length] of the next round: larger at the nodes of bad elements, falling by SPREAD with the distance."""
+    """Widths (N,) [length] of the next round: larger at the nodes of bad elements, falling with the distance."""
     wider = width.copy()
     own = np.maximum(WIDER * width[bad].max(axis=1), FIRST_WIDTH * size[bad].max(axis=1))
     np.maximum.at(wider, bad, own[:, None])
