@@ -122,10 +122,11 @@ def row(name: str, mesh: str, found: Found, exact: Found) -> None:
     k = len(found.gap)
     force = 100.0 * (found.gap - exact.gap[:k]) * exact.arrays["slope"][:k]
     area = 100.0 * (found.area / exact.area[:k] - 1.0)
-    seconds = f"{found.usage.cpu:.3g}" if k == len(PRESSURES) else f"{found.usage.cpu:.0f} ({found.usage.ended})"
+    seconds = f"{found.usage.cpu:.3g}"
+    if k < len(PRESSURES):
+        seconds = f"> {seconds}, {found.usage.ended} at {k} of {len(PRESSURES)} pressures"
     errors = [
-        "" if k < len(PRESSURES) else f"{np.sqrt(np.mean(off**2)):.2f} | {off[0]:+.2f} to {off[-1]:+.2f}"
-        for off in (force, area)
+        f"{np.sqrt(np.mean(off**2)):.2f} | {off[0]:+.2f} to {off[-1]:+.2f}" if k else " | " for off in (force, area)
     ]
     print(f"| {name} | {mesh} | {seconds} | {found.usage.memory / 2**20:.0f} | {' | '.join(errors)} |", flush=True)
 
@@ -134,7 +135,7 @@ def main() -> None:
     """Make the runs that are missing, print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", type=Path, default=Path("out/periodic_plastic"))
-    parser.add_argument("--limit", type=float, default=1800.0, help="CPU seconds after which a run is ended")
+    parser.add_argument("--limit", type=float, default=1200.0, help="CPU seconds after which a run is ended")
     arguments = parser.parse_args()
     folder, limit = arguments.output.absolute(), arguments.limit
     exact = own(REFERENCE, folder, 10.0 * limit)
