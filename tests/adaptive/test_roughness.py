@@ -42,10 +42,11 @@ def test_a_finer_mesh_leaves_out_less() -> None:
 
 
 def test_the_contact_map_holds_the_approaches() -> None:
-    surface = surface_of()
-    roughness = Roughness(Problem.of(surface, ELASTIC, delta_max=0.02, steps=4), 0.02, 4)
+    surface, parts = surface_of(), list[float]()
+    roughness = Roughness(Problem.of(surface, ELASTIC, delta_max=0.02, steps=4), 0.02, 4, parts.append)
     x, y, _ = surface.maximum()
     found = roughness.contact_map()
+    assert parts == [0.25, 0.5, 0.75, 1.0]
     assert found.depth(np.array([x]), np.array([y]))[0] == pytest.approx(0.005)
     assert np.isinf(found.touched_at).any()
 

@@ -42,6 +42,7 @@ from asperity.errors import ResolutionWarning
 from asperity.mesh.resolution import ELEMENTS, doubt_of_waves, resolving_size
 from asperity.model.settings import Goal, SolverOptions
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
+from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.reference import half_space_contact
 
 ELASTIC = asp.Material(1.0, 0.3)
@@ -300,9 +301,13 @@ def test_limit_ends_the_refinement_with_what_is_known() -> None:
 
 def test_a_mesh_that_does_not_converge_leaves_the_curve_of_the_one_before(monkeypatch: pytest.MonkeyPatch) -> None:
     curves: list[Curve] = []
+    solvers: list[ContactSolver] = []
 
     def solve(*args: Any, **kwargs: Any) -> ContactResult:
+        if curves:  # one mesh at a time has matrices
+            assert solvers[-1].solid._values is None
         result = asp.solve_problem(*args, **kwargs)
+        solvers.append(result.solver)
         if len(curves) == 1:  # the first mesh after the guide is done
             raise PartialResult("no convergence", result)
         return result
@@ -313,6 +318,7 @@ def test_a_mesh_that_does_not_converge_leaves_the_curve_of_the_one_before(monkey
     assert not result.met and len(result.levels) == 2 and len(curves) == 1
     np.testing.assert_array_equal(result.curve.error_P_star, curves[0].error_P_star)
     assert "no step converges beyond delta/L = 0.01, use more loading.steps" in result.reason
+    assert result.contact.solver is solvers[1] and solvers[1].step(0.011).converged  # its state is not lost
 
 
 def test_what_the_equations_leave_is_not_blamed_on_the_load_steps() -> None:

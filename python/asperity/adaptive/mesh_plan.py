@@ -29,6 +29,7 @@ FIRST = 0.5**0.5  # of the next one, over that of the guide
 SMALLEST_RATIO, LARGEST_RATIO = 1.6, 4.0  # of two sizes; below, scatter from mesh to mesh hides the order
 LEAST_STEP = 1.2  # from one size to the next
 FIRST_STEP = 2.5  # greatest one after the second mesh, for the guide only shows roughly how large errors are
+COARSER = 2.5  # elements of the mesh that compares small and finite strain over those of the run, or of a finer attempt
 MARGIN = 0.9  # part of the tolerance that is planned for
 COST_ORDER = 2.6  # time grows as h^-COST_ORDER
 DOFS_ORDER = 2.0  # dofs grow as h^-DOFS_ORDER: refinement is nearly confined to the contact
@@ -66,6 +67,16 @@ def growth(size: float) -> float:
     """
     value, at = GROWTH
     return float(value * (size / at) ** 0.5)
+
+
+def size_for_strain(h: float | None, tolerance: float | None) -> float:
+    """Element size of the coarse mesh on which small and finite strain are compared [L].
+
+    Args:
+        h: of the run [L]; None where it is not given
+        tolerance: of a run that chooses its meshes, None of one on one mesh
+    """
+    return GUIDE if tolerance is not None or h is None else min(GUIDE, COARSER * h)
 
 
 def extrapolate(coarse: Floats, fine: Floats, ratio: float, order: float) -> tuple[Floats, Floats]:

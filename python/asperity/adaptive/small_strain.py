@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asperity.adaptive.extrapolation import judged_rows, loading_force
-from asperity.adaptive.mesh_plan import GUIDE, growth
+from asperity.adaptive.mesh_plan import COARSER, GUIDE, growth, size_for_strain
 from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.errors import Interrupted, MeshError
@@ -42,7 +42,6 @@ if TYPE_CHECKING:
 
 SHARE = 1.0 / 3.0  # of the tolerance that small strain may change
 ONE_MESH = 0.01  # change of the force accepted without a tolerance
-COARSER = 2.5  # elements of the coarse mesh over those of the run, and over those of a finer attempt
 ATTEMPTS, MOST_DOFS = 4, 30_000  # coarse meshes tried where one shows nothing, and their greatest size
 DIGITS = 4  # of the per cent, so that ranks, which sum in another order, do not change the choice
 CELLS = 256, 1024  # fewest and most per side, on which slopes are compared
@@ -168,7 +167,7 @@ def _comparisons(
     surface, L = problem.surface, problem.surface.L
     depth = problem.load_path.delta_max or estimate_approach(_with(problem, "small"), comm)
     own = problem.size.h_contact
-    h = GUIDE * L if tolerance is not None or own is None else min(GUIDE * L, COARSER * own)
+    h = size_for_strain(None if own is None else own / L, tolerance) * L
     while True:
         nothing = SmallStrain("", limit, (), np.empty(0), np.empty(0), 1.0, h, 0, "")
         try:

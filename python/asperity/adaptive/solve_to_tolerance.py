@@ -184,10 +184,14 @@ def refine(
     steps = planned_steps(problem.load_path.steps)
     planned = replace(problem, load_path=replace(problem.load_path, steps=steps))
     comm = MPI.COMM_WORLD if comm is None else comm
-    run = LevelSolver(planned, target.max_dofs, comm, hooks or Hooks())
+    hooks = hooks or Hooks()
+    run = LevelSolver(planned, target.max_dofs, comm, hooks)
     guide = run(GUIDE)
     depth = float(guide.curve.loading().delta[-1])
-    roughness = on_root(comm, partial(_roughness, planned, depth, target.tolerance))
+    roughness = on_root(comm, partial(_roughness, planned, depth, target.tolerance, hooks.on_part))
+    rough = comm.bcast(roughness is not None)
+    if rough:
+        hooks.stage("half-space with all waves")
     run.aim(guide, None if roughness is None else roughness.contact_map())
     whole = guide.curve
     del guide
@@ -198,6 +202,8 @@ def refine(
         result, path = run(FIRST * GUIDE), LoadStepError.none()
     estimate = MeshErrorEstimate(run, target, steps, whole, path, roughness)
     while True:
+        if rough:
+            hooks.stage("half-space with the waves of the mesh")
         found = estimate.judge(result)
         if on_curve is not None:
             on_curve(found.curve)
@@ -208,6 +214,7 @@ def refine(
             return accurate
         if found.limit:
             return replace(accurate, met=False, reason=f"{found.known}: {found.limit}")
+        result.solver.drop_matrices()  # room for the next mesh; its state stays, in case that mesh fails
         try:
             result = run(found.size, path.substeps)
         except (PartialResult, Interrupted, MeshError) as e:
@@ -222,9 +229,11 @@ def refine(
             return replace(accurate, met=False, reason=f"{found.known}: {failed}")
 
 
-def _roughness(problem: Problem, depth: float, tolerance: float) -> Roughness | None:
+def _roughness(
+    problem: Problem, depth: float, tolerance: float, on_part: Callable[[float], None] | None
+) -> Roughness | None:
     """The half-space of a surface whose waves coarse meshes miss, None of a smooth surface; in one process."""
     largest = FIRST * GUIDE * problem.surface.L
     if resolving_size(problem.surface, depth, tolerance, largest) == inf:
         return None
-    return Roughness(problem, depth, problem.load_path.steps)
+    return Roughness(problem, depth, problem.load_path.steps, on_part)

@@ -62,6 +62,14 @@ def show_estimate(title: str, case: Case, ranks: int) -> None:
 
     found = estimate(case, ranks)
     rows = [
+        (
+            f"coarse mesh of h_contact = {level.h_contact:.3g}, {level.steps} steps, {strain} strain",
+            f"{level.dofs}",
+            duration(level.seconds),
+        )
+        for strain, level in zip(("small", "finite"), found.strain, strict=False)
+    ]
+    rows += [
         (f"mesh of h_contact = {level.h_contact:.3g}, {level.steps} steps", f"{level.dofs}", duration(level.seconds))
         for level in found.levels
     ]

@@ -16,7 +16,7 @@ from asperity.cli import options
 from asperity.errors import InputError
 
 if TYPE_CHECKING:
-    from asperity.surface import Spectrum, SurfaceStatistics
+    from asperity.surface import HeightMap, Spectrum, SurfaceStatistics
     from asperity.surface.fractal_fit import FractalFit
     from asperity.surface.self_affine_fit import SelfAffineFit
 
@@ -31,12 +31,14 @@ E = 200e9
 nu = 0.3
 
 [loading]
-delta_max = {delta:.3g}              # half of the height of the summit above the mean plane
+delta_max = {delta:.3g}              # {share:.0%} of the surface is above the flat then; less than half of that touches
 steps = 10
 
 [accuracy]
 tolerance = 0.05                 # of the force; without it, one mesh of mesh.h_contact
 """
+CUT = 0.02  # share of the heights above the flat at the approach of the case
+LEAST = 0.02  # that approach over the range of heights, where more of them are equally high
 KEPT = 5  # heights per wavelength of the filter that a patch keeps which has too many of them
 SPIKE = 8.0  # height of the summit above the mean plane over the rms height that no Gaussian surface reaches
 
@@ -73,8 +75,7 @@ def command(
     """
     from asperity.runtime.files import replace_file
     from asperity.runtime.progress import Progress, StepLines
-    from asperity.surface import Surface
-    from asperity.surface.height_map import MOST
+    from asperity.surface.height_map import MOST, HeightMap
     from asperity.surface.measured import HeightField
     from asperity.surface.statistics import psd
 
@@ -108,7 +109,7 @@ def command(
     folder = Path(output) if output else Path("out") / Path(map_file).stem
     folder.mkdir(parents=True, exist_ok=True)
     progress.stage("statistics")
-    surface = Surface.from_spec(kind="file", path=str(patch.save(folder / "patch.npz")))
+    surface = HeightMap(path=patch.save(folder / "patch.npz"))
     statistics = surface.statistics(min(len(patch.z), 1025))
     summit = surface.maximum()
     spectrum = psd(bare.z, len(bare.z) * bare.dx)
@@ -124,13 +125,26 @@ def command(
     about |= {"statistics": asdict(statistics), "self_affine": None if affine is None else asdict(affine)}
     about |= {"over_cutoff": cutoffs, "fit": None if fit is None else fit.to_dict()}
     replace_file(folder / "measured.json", f"{json.dumps(about, indent=2)}\n".encode())
-    replace_file(folder / "case.toml", CASE.format(delta=min(0.5 * statistics.Sp, 0.1 * surface.L)).encode())
+    replace_file(folder / "case.toml", CASE.format(delta=_approach(surface, summit[2]), share=CUT).encode())
     progress.done()
     if as_json:
         options.print_json(about)
         return
     _show(map_file, surface.L, len(patch.z), statistics, affine, fit, cutoffs)
     options.say(f"written to {folder}; next: asperity check {folder / 'case.toml'}")
+
+
+def _approach(surface: HeightMap, summit: float) -> float:
+    """Approach from the summit [m] at which the flat would cut a light share of the heights, whatever their spectrum.
+
+    An elastic contact has at most half the area that the undeformed surface would have above the flat; spikes and
+    plateaus, which the height of the summit over the mean plane depends on, hardly matter.
+    """
+    import numpy as np
+
+    heights = surface.heights
+    wanted = max(summit - float(np.quantile(heights, 1.0 - CUT)), LEAST * float(np.ptp(heights)))
+    return min(wanted, 0.1 * surface.L)
 
 
 def _self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit | None:
@@ -196,6 +210,11 @@ def _show(
         [(f"{c['wavelength']:.3g} m", f"{c['rms_height']:.3g} m", f"{c['rms_slope']:.3g}") for c in cutoffs],
         ("cut-off", "rms height", "rms slope"),
     )
+    if affine is not None and not -affine.error_H <= affine.H <= 1.0 + affine.error_H:
+        options.say(
+            f"H = {affine.H:.2f} is outside 0 to 1, so no power law of a self-affine surface fits: below 0 it is noise "
+            "that a filter removes (--cutoff), above 1 the map is smooth"
+        )
     if statistics.Sp > SPIKE * statistics.Sq:
         options.say(
             f"the highest point is {statistics.Sp / statistics.Sq:.0f} rms heights above the mean: if it is a spike of "

@@ -72,7 +72,7 @@ def lift(
         if apart > NEAR * surface.L:
             raise MeshError(
                 f'block.sides = "periodic": heights at opposite sides of the mesh differ by {apart:.3g}, because the '
-                "surface is not periodic, or a map smoothed for elements larger than its waves: reduce mesh.h_contact"
+                'surface is not periodic; take block.sides = "rollers"'
             )
         bad = tets[_least_stretch(gradients, np.take(z_of_flat * above / height, tets)) < SOUND]
         if not len(bad):

@@ -12,6 +12,7 @@ from asperity.arrays import Floats
 from asperity.errors import InputError
 
 H_CONTACT, H_MAX = 0.04, 0.25  # element sizes of a mesh when none are given [L]
+WIDEST_JOINED = 0.2  # greatest size with periodic sides: elements are up to twice as wide, see `periodic.joined` [L]
 LEAST_PENALTY = 10.0  # factor below which the penalty leaves an error of first order (docs/accuracy.md)
 COERCIVE = 3.0  # gamma from which theta = 1 is coercive: 2 where cells are straight, up to 2.9 seen under rough tops
 
@@ -128,7 +129,7 @@ class MeshSize:
     Attributes:
         h_contact: where the surface is touched; None takes H_CONTACT of the side
         growth: of the size per unit of distance from there
-        h_max: greatest size; None takes H_MAX of the side
+        h_max: greatest size; None takes H_MAX of the side; WIDEST_JOINED of it at most with periodic sides
         reach: what a coarse solution has touched; None judges by the heights
         grading: power of the size in the depth and least size over h_contact; None takes the default
 

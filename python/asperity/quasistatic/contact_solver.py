@@ -99,7 +99,8 @@ class ContactSolver:
         self, solid: Solid, contact_surface: ContactSurface, contact: Contact, summit: float, options: SolverOptions
     ) -> None:
         self.solid, self.contact_surface, self.contact, self.summit = solid, contact_surface, contact, summit
-        self.newton = NewtonSolver(solid, contact, options)
+        self._options = options
+        self._newton: NewtonSolver | None = NewtonSolver(solid, contact, options)
         self.counts, self.checks = Counts(), Checks()
         self.delta, self.force = 0.0, 0.0
         self.nodal_force = np.zeros(solid.owned)
@@ -111,6 +112,21 @@ class ContactSolver:
         self._first_touch = self._highest()
         self.probes: tuple[Probe, ...] = ()
         self.probed: dict[str, float] = {}
+
+    @property
+    def newton(self) -> NewtonSolver:
+        """Newton's method; collective after `drop_matrices`."""
+        if self._newton is None:
+            self._newton = NewtonSolver(self.solid, self.contact, self._options)
+        return self._newton
+
+    def drop_matrices(self) -> None:
+        """Free the matrices and their solvers, most of the memory; what needs them makes them again.
+
+        The state of the last accepted step stays, and steps may follow.
+        """
+        self._newton = None
+        self.solid.drop_matrices()
 
     def step(self, delta: float, lead: float = 0.0) -> StepStats:
         """Move the flat to `delta`; on success the state is committed (see `commit`), else rolled back."""
@@ -195,7 +211,7 @@ class ContactSolver:
                 self.checks,
                 self._balance(delta_before, force_before, u_before, history, reaction),
                 dofs=solid.dofs,
-                rtol=self.newton.options.rtol,
+                rtol=self._options.rtol,
                 compliant=self.contact.stiff,
                 exact=lead == 0.0 and not self._led,
             )
