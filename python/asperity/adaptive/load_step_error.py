@@ -59,7 +59,7 @@ class LoadStepError:
 
     @classmethod
     def none(cls) -> LoadStepError:
-        """That of an elastic solid without friction, which has none."""
+        """That of an elastic solid without friction, which has none, or of a mesh that is not touched."""
         zero = {1: Along(np.zeros(1), np.zeros(1))}
         return cls(zero, zero, 1, "")
 
@@ -110,13 +110,16 @@ def choose_substeps(
         goal: tolerance and limits
 
     Returns:
-        the result with the most parts, at least two, and the error; no more parts are chosen than these
+        the result with the most parts, at least two, and the error; no more parts are chosen than these. If the
+        greatest number of dofs allows no mesh that is touched, the result of the last one without an error
     """
     size = FIRST * GUIDE
     result = run(size)
     while result.curve.untouched() and not run.limit(goal, size, size / FIRST_STEP, 2):
         size /= FIRST_STEP  # heights smoothed for large elements may lie below the flat
         result = run(size)
+    if result.curve.untouched():
+        return result, LoadStepError.none()
     # a coarse mesh of a rough surface is touched late: a row without a force has no error of its own
     judged = judged_rows(result.curve, steps)
     at = result.curve.delta_star[judged & (result.curve.P_star > 0.0)]

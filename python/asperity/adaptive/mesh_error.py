@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from math import nan
+from math import inf, nan
 
 import numpy as np
 
@@ -144,6 +144,8 @@ class MeshErrorEstimate:
     def _known(self, worst: float, area: float) -> str:
         """How well force or area are known, a clause; empty where both meet their tolerances."""
         goal = self._goal
+        if worst == inf:
+            return "the force has no error bar at every step, because the mesh is not touched at the first ones"
         if not worst <= goal.tolerance:
             return f"the force is known to {worst:.2%}, not to the {goal.tolerance:.2%} of accuracy.tolerance"
         if goal.area_tolerance is None or area <= goal.area_tolerance:
