@@ -19,12 +19,13 @@ import sys
 import warnings
 from collections.abc import Callable
 from time import process_time
+from typing import Any
 from unittest.mock import patch
 
 import numpy as np
 
 import asperity as asp
-from asperity.linear import multigrid
+from asperity.linear import coarse as coarse_problem
 from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.multigrid import PMultigrid
 from asperity.linear.petsc_matrix import assembled
@@ -86,8 +87,8 @@ def pieces(sizes: tuple[float, ...]) -> None:
         x.array = np.random.default_rng(0).normal(size=solid.dofs)
         single = x.array_r.astype(np.float32)
         product = median(A.mult, x, y), median(tangent.single_product, single)
-        coarse = A.ptap(cycle._P)
-        galerkin = median(A.ptap, cycle._P, coarse), median(cycle._galerkin)
+        P = interpolation(cycle)
+        galerkin = median(A.ptap, P, A.ptap(P)), median(cycle._galerkin)
         factor = median(factorise, cycle, "mumps"), median(factorise, cycle, "cholmod")
         for name, (theirs, ours) in {
             "product (double, all; single, half)": product,
@@ -126,8 +127,8 @@ def coarse(sizes: tuple[float, ...]) -> None:
     """Iterations with the two ways to solve the coarse problem, elastic."""
     print("| dofs | coarse problem | Newton | Krylov | CPU s |\n|---|---|---|---|---|")
     for h in sizes:
-        for name, limit in (("factorised", multigrid.COARSE_DIRECT_LIMIT), ("algebraic multigrid", 0)):
-            with patch.object(multigrid, "COARSE_DIRECT_LIMIT", limit):
+        for name, limit in (("factorised", coarse_problem.DIRECT_LIMIT), ("algebraic multigrid", 0)):
+            with patch.multiple(coarse_problem, DIRECT_LIMIT=limit, REPLICATED_LIMIT=limit):
                 result, seconds = demo(MATERIALS["elastic"], h)
             counts = result.counts
             print(f"| {result.dofs} | {name} | {counts.newton} | {counts.krylov} | {seconds:.1f} |", flush=True)
@@ -141,6 +142,15 @@ def median(work: Callable[..., object], *arguments: object) -> float:
         work(*arguments)
         spent.append(1e3 * (process_time() - start))
     return float(np.median(spent))
+
+
+def interpolation(cycle: PMultigrid) -> Any:
+    """Interpolation from the coarse to the fine level as a matrix of PETSc; one process."""
+    from petsc4py import PETSc
+
+    P = cycle._prolongation
+    csr = P.indptr.astype(PETSc.IntType), P.indices.astype(PETSc.IntType), P.data.astype(float)
+    return PETSc.Mat().createAIJ(P.shape, csr=csr, comm=PETSc.COMM_SELF)
 
 
 def factorise(cycle: PMultigrid, package: str) -> None:
