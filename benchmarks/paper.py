@@ -518,22 +518,20 @@ block makes up more of the curve, and n falls towards 1. When the range is scale
 problem is similar and n does not change; for the interface alone the opposite holds.
 
 **T3 holds where theory expects it, with free sides and a block that yields**: over the whole range n rises with E_t
-at every step (95 %, ten surfaces; three with kinematic hardening and in a lower block), because E_t is then the
-stiffness of the block. Over the first half of the range, where the block has hardly yielded, it is open, and in a
-block of twice the height, strained half as much, the first step is. Between rollers beyond yield the opposite
-holds. For the surface alone, at light loads, n rises on logarithmic scales; least squares on linear scales weigh
-the heaviest loads, and leave it open.
+at every step (95 %, ten surfaces; three with kinematic hardening, in finite strain and in a lower block), because E_t
+is then the stiffness of the block. Over the first half of the range, where the block has hardly yielded, it is open
+for the ten, and in a block of twice the height the first step is. Between rollers beyond yield the opposite holds.
+For the surface alone, at light loads, n rises on logarithmic scales; linear ones leave it open.
 
 **T4 does not hold for a surface**: at light loads n stays above 1 on every surface for any strength, and on all ten
 between rollers too. With free sides and a block that yields, most surfaces turn from n > 1 to n < 1 and, at greater
-strength, back again (the blue part of the map, on linear scales), the mean of ten not with 95 % confidence: the knee
-of the bilinear block.
+strength, back again (the blue part of the map, on linear scales), the mean not with 95 % confidence: the knee of the
+bilinear block.
 
 **T5 holds** for heights and slopes. At equal heights a larger D is the rougher one: its slope over Sq/L rises from
 {dense} (D = 2.3 to 2.7).
 
-Every family, condition and mean: [paper_conditions.csv](tables/paper_conditions.csv); every fit with its spread:
-[paper_fits.csv](tables/paper_fits.csv).
+All means: [paper_conditions.csv](tables/paper_conditions.csv); fits: [paper_fits.csv](tables/paper_fits.csv).
 
 ![Exponents of families](paper/exponents.png)
 
@@ -543,9 +541,9 @@ Every family, condition and mean: [paper_conditions.csv](tables/paper_conditions
 
 {closed}
 
-Here n > 1 for soft solids and n < 1 for harder ones on every surface, on linear scales alone. But contact is full
-from the share of the range in the last column but one, and the block has yielded: it is the bilinear block, not the
-surface, that changes, and a case file with this load is refused. Printed by `benchmarks/full_contact.py`.
+On linear scales alone, n > 1 up to 0.2 GPa and n < 1 from 2 GPa on, on every surface. But contact is full from the
+share of the range in the last column but one, and the block has yielded: the bilinear block changes, not the
+surface, and a case file with this load is refused. Printed by `benchmarks/full_contact.py`.
 
 **The cubic law.** The paper expands the power law to third order. At ζ = 0.01 and F̂ = 0.03 the peak of that cubic
 lies above Ω = 1, as that of a hardening spring, from n between 3.3 and 3.4 on; the power law itself softens:
@@ -603,8 +601,8 @@ of a family.
 ## Limits
 
 The base surface has an rms slope of 0.13, and the block is compressed by up to 5 %: the families with finite strain
-show what small strain changes. Frictionless. Only the seeds vary within a level; the intervals are of the ensemble
-mean. A verdict is about the values studied here, not about those of the paper, which are unknown to us.
+show what small strain changes. Frictionless. Only the seeds vary within a level; the intervals are of the mean. A
+verdict is about the values studied here; those of the paper are unknown to us.
 """
 
 
