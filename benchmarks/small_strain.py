@@ -149,6 +149,7 @@ def cost(size: float = 0.08, steps: int = 20, repeats: int = 3) -> Iterator[Mapp
     """
     surface = asp.Surface.from_spec("weierstrass-mandelbrot", L=1.0, D=2.4, G=1.36e-5)
     block = make_block(MPI.COMM_WORLD, surface, 1.0, 0.03, asp.MeshSize(size))
+    assert block is not None  # on one rank
     cells = len(block.tets)
     for name, material in {"elastic": ELASTIC, "elastic-plastic": plastic(0.005)}.items():
         results: dict[str, ContactResult] = {}

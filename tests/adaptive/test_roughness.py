@@ -18,7 +18,7 @@ from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import MeshSize
 from asperity.quasistatic.solve_contact import solve_contact
-from asperity.surface import SelfAffine
+from asperity.surface import SelfAffine, SurfaceWarning
 
 ELASTIC = Material(1.0, 0.3)
 
@@ -49,6 +49,17 @@ def test_the_contact_map_holds_the_approaches() -> None:
     assert parts == [0.25, 0.5, 0.75, 1.0]
     assert found.depth(np.array([x]), np.array([y]))[0] == pytest.approx(0.005)
     assert np.isinf(found.touched_at).any()
+
+
+@pytest.mark.parametrize("material", [ELASTIC, Material(1.0, 0.3, 0.02, 0.05)], ids=["elastic", "plastic"])
+def test_coarse_meshes_that_are_not_touched_lead_to_finer_ones(material: Material) -> None:
+    """Their smoothed summits of a steep surface are below the flat: no reason to refuse the case."""
+    steep = surface_of(5, H=0.7, slope=1.5, lambda_roll=0.25, lambda_short=0.03)
+    goal = asp.AccuracyTarget(0.05, max_dofs=20_000)
+    with pytest.warns(SurfaceWarning):
+        found = asp.solve_to_tolerance(steep, material, goal, delta_max=0.005, steps=5)
+    assert not found.met and found.levels[-1].dofs > 1.5 * found.levels[0].dofs
+    assert "the force has no error bar, no node is touched: the next mesh has about" in found.reason
 
 
 @pytest.mark.parametrize(

@@ -321,6 +321,25 @@ def test_a_mesh_that_does_not_converge_leaves_the_curve_of_the_one_before(monkey
     assert result.contact.solver is solvers[1] and solvers[1].step(0.011).converged  # its state is not lost
 
 
+def test_a_tolerance_of_the_area_refines_until_its_bar_holds_it_too() -> None:
+    """Of a sphere, whose force is known to 5 % on a mesh that leaves 5 % of its area open."""
+    sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=3.0, centre=(0.5, 0.5))
+    force_only, both = (
+        solve_to_tolerance(sphere, ELASTIC, Goal(0.05, area_tolerance=area), delta_max=0.004, steps=5)
+        for area in (None, 0.03)
+    )
+    assert force_only.met and force_only.worst_area > 0.05 and both.met and both.worst_area <= 0.03
+    curve = both.curve.loading()
+    exact = [half_space_contact(sphere, 256, delta_star=float(d), height=1.0, nu=0.3) for d in curve.delta_star]
+    assert np.all(np.abs(curve.area_fraction - [found.area_fraction for found in exact]) <= curve.error_area_fraction)
+    few = solve_to_tolerance(
+        sphere, ELASTIC, Goal(0.05, both.levels[-1].dofs // 2, area_tolerance=1e-3), delta_max=0.004, steps=5
+    )
+    assert not few.met and "the contact area is known to" in few.reason and "accuracy.area_tolerance" in few.reason
+    with pytest.raises(asp.InputError, match=r"accuracy\.area_tolerance = 1\.5 must lie"):
+        Goal(0.05, area_tolerance=1.5)
+
+
 def test_what_the_equations_leave_is_not_blamed_on_the_load_steps() -> None:
     sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=3.0, centre=(0.3, 0.4))
     result = solve_to_tolerance(sphere, ELASTIC, Goal(1e-6), delta_max=0.01, steps=5, options=SolverOptions(rtol=1e-3))

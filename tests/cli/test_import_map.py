@@ -63,6 +63,33 @@ def test_a_case_is_made_with_statistics_over_the_cutoff(tmp_path: Path, capsys: 
     assert (tmp_path / "out/surface.png").is_file() and (tmp_path / "out/spectrum.png").is_file()
 
 
+def test_edges_and_noise_that_pixels_do_not_resolve_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    edge = SCAN + np.where(np.arange(256) > 100, 100e-9, 0.0)
+    assert import_map(write(tmp_path, edge), "-o", tmp_path / "out") == 0
+    said = capsys.readouterr().out
+    assert "above the highest of them, at an edge or noise" in said
+    cutoff = said.split("--cutoff ")[1].split(")")[0]
+    assert import_map(write(tmp_path, edge), "-o", tmp_path / "out", "--cutoff", cutoff) == 0
+    assert "above the highest of them" not in capsys.readouterr().out
+
+
+def test_exponents_of_no_self_affine_surface_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    noise = 1e-10 * np.random.default_rng(0).normal(size=(256, 256))
+    for z, said in ((noise, True), (SCAN, False)):
+        assert import_map(write(tmp_path, z), "-o", tmp_path / "out") == 0
+        assert ("is outside 0 to 1, so no power law" in capsys.readouterr().out) is said
+
+
+def test_plateaus_are_pressed_as_lightly_as_summits(tmp_path: Path) -> None:
+    """Half of the summit's height above the mean plane would press a worn surface by most of its roughness."""
+    worn = np.minimum(SCAN, np.quantile(SCAN, 0.5)) + 0.02 * SCAN
+    assert import_map(write(tmp_path, worn), "-o", tmp_path / "out") == 0
+    delta = Case.load(tmp_path / "out/case.toml").loading.delta_max
+    assert delta is not None and delta < 0.25 * (worn.max() - worn.mean())
+
+
 def test_the_fit_is_made_when_requested(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     small = write(tmp_path, SCAN[:65, :65], dx=2e-9)
     assert import_map(small, "-o", tmp_path / "out", "--fit") == 0

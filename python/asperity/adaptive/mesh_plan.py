@@ -20,6 +20,7 @@ from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
 
 MESH_ORDERS = (1.3, 3.5)  # range of the order of the force in the element size, measured by benchmarks/accuracy.py
 MESH_ORDER = 2.0  # typical one, to plan with
+AREA_ORDER = 1.3  # of the bar of the contact area in the element size, to plan with (docs/tables/self_affine_area.csv)
 SAFETY = 1.3  # on half the range of limits
 SCATTER = 0.15  # error of the force over that of the area of contact, both relative, which facets cut at random leave
 OF_GUIDE = 1.6  # times that where the coarser mesh is the guiding one, on which small spots hardly have an element
@@ -176,6 +177,18 @@ def plan_next(sizes: Sequence[float], error: float, wanted: float) -> float:
         if enough < LARGEST_RATIO:
             ways.append((step**COST_ORDER * (1.0 + enough**COST_ORDER), last / step))
     return float(min(ways)[1])
+
+
+def size_for_area(size: float, bar: float, wanted: float) -> float:
+    """Element size of a mesh that has the wanted bar of the contact area, a mesh or two away at most [L].
+
+    Args:
+        size: of the last mesh [L]
+        bar: relative error bar of the area on it
+        wanted: relative error bar requested
+    """
+    ratio = (bar / (MARGIN * wanted)) ** (1.0 / AREA_ORDER)
+    return size if bar <= wanted else size / float(np.clip(ratio, LEAST_STEP, FIRST_STEP))
 
 
 def partner(sizes: Sequence[float]) -> int:

@@ -180,13 +180,14 @@ def _comparisons(
         dofs = comm.bcast(None if block is None else 3 * len(block.points), root=0)
         nothing = replace(nothing, slope_seen=seen, dofs=dofs)
         small, failed = _press(problem, "small", block, h, comm, hooks)
-        reason = failed or small.unresolved()
+        reason = failed or small.unresolved() or untouched(small)
         if reason and not failed:
             yield replace(nothing, reason=reason)
         else:
             finite, stopped = _press(problem, "finite", block, h, comm, hooks)
             branch, delta, percent = differences(small, finite, problem.load_path.steps)
-            yield replace(nothing, branch=branch, delta=delta, percent=percent, reason=failed or stopped)
+            reason = failed or stopped or ("" if branch else untouched(finite))
+            yield replace(nothing, branch=branch, delta=delta, percent=percent, reason=reason)
         h /= COARSER
 
 
@@ -219,6 +220,16 @@ def _press(
         if isinstance(error.__cause__, Interrupted):
             raise Interrupted(f"{name}: {error}") from None
         return error.result.curve, f"{name}: {error}"
+
+
+def untouched(curve: Curve) -> str:
+    """Reason why a curve shows nothing: the summit of a coarse mesh may lie below the last position of the flat.
+
+    Examples:
+        >>> untouched(asp.Curve.from_rows([{"delta": 0.01, "force": 0.0}]))
+        'the flat does not reach the coarse mesh'
+    """
+    return "" if (curve.loading().force > 0.0).any() else "the flat does not reach the coarse mesh"
 
 
 def differences(small: Curve, finite: Curve, steps: int) -> tuple[tuple[str, ...], Floats, Floats]:

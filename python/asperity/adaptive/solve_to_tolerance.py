@@ -54,8 +54,8 @@ class AccurateResult:
         budget: parts of the error bar, rows as in the curve, NaN where there is none
         levels: what was computed, in order
         contact: the result of the mesh of the curve, with its last state
-        worst: greatest relative bar that is judged, NaN without one
-        met: whether the bar is within the tolerance along the first loading
+        worst, worst_area: greatest relative bars of force and area that are judged, NaN without one
+        met: whether the bar is within the tolerance along the first loading, and that of the area if requested
         reason: "done", or what stopped the refinement
 
     Examples:
@@ -73,6 +73,7 @@ class AccurateResult:
     levels: tuple[Level, ...]
     contact: ContactResult
     worst: float
+    worst_area: float
     met: bool
     reason: str
 
@@ -91,6 +92,7 @@ class AccurateResult:
             "accuracy": {
                 "met": self.met,
                 "worst_relative_bar": self.worst if isfinite(self.worst) else None,
+                "worst_relative_bar_of_area": self.worst_area if isfinite(self.worst_area) else None,
                 "levels": [asdict(level) for level in self.levels],
                 "P_star_of_finest_mesh": self.raw.P_star.tolist(),
             },
@@ -208,9 +210,17 @@ def refine(
         if on_curve is not None:
             on_curve(found.curve)
         accurate = AccurateResult(
-            found.curve, result.curve, found.budget, tuple(run.levels), result, found.worst, True, "done"
+            found.curve,
+            result.curve,
+            found.budget,
+            tuple(run.levels),
+            result,
+            found.worst,
+            found.worst_area,
+            True,
+            "done",
         )
-        if found.worst <= target.tolerance:
+        if found.met:
             return accurate
         if found.limit:
             return replace(accurate, met=False, reason=f"{found.known}: {found.limit}")

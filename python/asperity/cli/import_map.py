@@ -39,6 +39,8 @@ tolerance = 0.05                 # of the force; without it, one mesh of mesh.h_
 """
 CUT = 0.02  # share of the heights above the flat at the approach of the case
 LEAST = 0.02  # that approach over the range of heights, where more of them are equally high
+OVERSHOOT = 0.05  # rise of the interpolation above all heights, over their range, that is no roughness
+SMOOTH = 6  # pixels in the cut-off that keeps the interpolation of an edge below that
 KEPT = 5  # heights per wavelength of the filter that a patch keeps which has too many of them
 SPIKE = 8.0  # height of the summit above the mean plane over the rms height that no Gaussian surface reaches
 
@@ -130,7 +132,8 @@ def command(
     if as_json:
         options.print_json(about)
         return
-    _show(map_file, surface.L, len(patch.z), statistics, affine, fit, cutoffs)
+    overshoot = summit[2] - float(surface.heights.max())
+    _show(map_file, surface.L, len(patch.z), statistics, overshoot, affine, fit, cutoffs)
     options.say(f"written to {folder}; next: asperity check {folder / 'case.toml'}")
 
 
@@ -191,10 +194,10 @@ def _draw(
 
 
 def _show(
-    title: str, side: float, nodes: int, statistics: SurfaceStatistics, affine: SelfAffineFit | None,
-    fit: FractalFit | None, cutoffs: list[dict[str, float]],
+    title: str, side: float, nodes: int, statistics: SurfaceStatistics, overshoot: float,
+    affine: SelfAffineFit | None, fit: FractalFit | None, cutoffs: list[dict[str, float]],
 ) -> None:  # fmt: skip
-    """Print the statistics, and rms height and slope over the cut-off."""
+    """Print the statistics, rms height and slope over the cut-off, and what is doubtful."""
     rows = [("side", f"{side:.4g} m"), ("nodes", f"{nodes}"), ("Sq", f"{statistics.Sq:.4g} m"),
             ("Sz", f"{statistics.Sz:.4g} m"), ("rms slope", f"{statistics.rms_slope:.4g}")]  # fmt: skip
     if affine is not None:
@@ -214,6 +217,11 @@ def _show(
         options.say(
             f"H = {affine.H:.2f} is outside 0 to 1, so no power law of a self-affine surface fits: below 0 it is noise "
             "that a filter removes (--cutoff), above 1 the map is smooth"
+        )
+    if overshoot > OVERSHOOT * statistics.Sz:
+        options.say(
+            f"between the heights the surface rises {overshoot:.2g} m above the highest of them, at an edge or noise "
+            f"that pixels do not resolve: a filter removes that (--cutoff {SMOOTH * side / (nodes - 1):.2g})"
         )
     if statistics.Sp > SPIKE * statistics.Sq:
         options.say(

@@ -176,6 +176,8 @@ class AccuracyTarget:
         tolerance: greatest error bar of the force along the first loading, relative to the force, in (0, 1)
         max_dofs: size no mesh may exceed
         max_seconds: time after which no finer mesh is started; None for no limit
+        area_tolerance: greatest error bar of the contact area as well, relative to the area, in (0, 1); None judges
+            the force only
 
     Raises:
         InputError: a value outside its range
@@ -192,11 +194,16 @@ class AccuracyTarget:
     tolerance: float
     max_dofs: int = 1_000_000
     max_seconds: float | None = None
+    area_tolerance: float | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 < self.tolerance < 1.0:
             raise InputError(
                 f"accuracy.tolerance = {self.tolerance!r} must lie between 0 and 1, for example 0.01 for 1 %"
+            )
+        if self.area_tolerance is not None and not 0.0 < self.area_tolerance < 1.0:
+            raise InputError(
+                f"accuracy.area_tolerance = {self.area_tolerance!r} must lie between 0 and 1, for example 0.05 for 5 %"
             )
         if self.max_dofs < 1000:
             raise InputError(f"accuracy.max_dofs = {self.max_dofs} must be at least 1000")

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -124,8 +125,9 @@ class HeightField:
         try:
             z, dx, dy = _read_plain(path)
         except UNREADABLE as error:
-            if path.suffix in TEXT and find_spec("SurfaceTopography") is not None:  # text with a header
-                return _read_instrument(path, pixel)
+            if path.suffix in TEXT and find_spec("SurfaceTopography") is not None:  # perhaps text with a header
+                with suppress(InputError):
+                    return _read_instrument(path, pixel)
             raise InputError(f"{path}: cannot be read as a height map ({one_line(error)})") from None
         if pixel is not None:
             dx = dy = pixel
