@@ -3,7 +3,9 @@
 
 """Work of the counted scenes in each version of the project, from the counts that its history holds.
 
-    python3 benchmarks/versions.py      needs git and a clone with its history
+    ./run python3 benchmarks/versions.py
+
+needs a clone with its history, and git, which ASPERITY_PACKAGES=git adds to a Debian root. Python alone runs it as well.
 
 A row for each stored state of tests/counts.json (tests/test_counts.py) that differs from the one before. Counts do not
 depend on the machine; an empty cell was not counted then.
