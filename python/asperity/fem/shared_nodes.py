@@ -41,11 +41,15 @@ class SharedNodes:
 
         if not self._ranks:
             return values
-        requests, comm = [], self._comm
-        own = values[self._nodes]
+        comm, own = self._comm, values[self._nodes]
+        if len(self._ranks) == 2:  # one call, and no order of the sum: a + b = b + a
+            (other,) = [k for k, rank in enumerate(self._ranks) if rank != comm.rank]
+            comm.Sendrecv(own, self._ranks[other], recvbuf=self._received[other], source=self._ranks[other])
+            own += self._received[other]
+            values[self._nodes] = own
+            return values
         others = [k for k, rank in enumerate(self._ranks) if rank != comm.rank]
-        for k in others:
-            requests.append(comm.Irecv(self._received[k], self._ranks[k]))
+        requests = [comm.Irecv(self._received[k], self._ranks[k]) for k in others]
         for k in others:
             self._sent[k][:] = own[self._at[k]]
             requests.append(comm.Isend(self._sent[k], self._ranks[k]))

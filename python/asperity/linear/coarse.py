@@ -21,7 +21,7 @@ from asperity.linear.petsc_matrix import NodeMatrix, local_matrix, set_rigid_mod
 from asperity.linear.petsc_options import GAMG, set_defaults
 
 DIRECT_LIMIT = 60_000  # coarse dofs up to which one rank factorises
-REPLICATED_LIMIT = 30_000  # the same where each of several ranks does
+REPLICATED_LIMIT = 15_000  # the same where each of several ranks does
 SWEEPS = 4  # of algebraic multigrid: a tenth fewer iterations on the fine level than with two
 PREFIX = "asperity_coarse_"
 
@@ -78,7 +78,7 @@ class Replicated:
         index_map, self._comm = dofmap.index_map, comm
         corners = index_map.size_local + index_map.num_ghosts
         self.sparsity = SparsityPattern(dofmap.list, corners)
-        self.values = np.zeros(len(self.sparsity.columns))
+        self.values: Floats = np.zeros(len(self.sparsity.columns))
         self._whole, self._all = self.sparsity, self.values
         if comm.size > 1:
             numbers = index_map.local_to_global(np.arange(corners, dtype=np.int32)).astype(np.int32)
@@ -158,7 +158,8 @@ class Distributed:
 
         index_map = dofmap.index_map
         self._matrix = NodeMatrix(SparsityPattern(dofmap.list, len(points)), index_map, comm)
-        self.sparsity, self.values, self.A = self._matrix.sparsity, self._matrix.values, self._matrix.A
+        self.sparsity, self.A = self._matrix.sparsity, self._matrix.A
+        self.values: Floats = self._matrix.values
         set_rigid_modes(self.A, points)
         self.A.setOption(PETSc.Mat.Option.SPD, symmetric)
         self._ghosts = Ghosts(index_map)
