@@ -8,7 +8,7 @@
 
 Each part prints one Markdown table. `area`: area coefficient kappa = A h'/(P* A0) of the solid, of the
 half-space of asperity and of Tamaas (where benchmarks/peers/install has fetched it) at the same forces. `kappa`: the
-first of these surfaces with a tolerance of the area too, so that the bar of kappa is below 5 %. `ensemble`:
+first of these surfaces with a tolerance of the area too. `ensemble`:
 kappa of 20 half-spaces for each cut-off. `influence`:
 what height of the block, Poisson's ratio and slope change. `challenge`: cases/challenge.toml, columns as of `area`.
 `plastic`: mean pressure over the yield strength. `stiffness`: exponents of the stiffness over the force of 20
@@ -41,7 +41,7 @@ H, ROLL, SLOPE = 0.8, 0.5, 0.05  # Hurst exponent, roll-off [L], rms slope
 HEIGHT = 0.01  # rms height where the surface has no roll-off [L]
 TOLERANCE, STEPS, SHOWN = 0.02, 6, 4  # of the force; load steps, and how many of the last are shown
 AREA = 0.12  # greatest area fraction
-OF_AREA = 0.035  # tolerance of the area with which the bar of kappa is below 5 %
+OF_AREA = 0.035  # tolerance of the area in `kappa`
 SURFACES = ((16, 1), (16, 2), (16, 3), (32, 1), (32, 2))  # L over the shortest wave, seed
 CELLS = 16  # of the half-spaces per shortest wave; their bar is the change from half as many
 CUTOFFS, LOADS = (16, 32, 64, 128), np.array([0.01, 0.02, 0.04])  # of the ensemble: L over the shortest wave, P*/h'
@@ -170,7 +170,7 @@ def area() -> None:
 
 
 def kappa() -> None:
-    """Area coefficients with a small bar on the first surface of `area`."""
+    """Area coefficients on the first surface of `area`, with a tolerance of the area."""
     head("L/shortest", "seed", *COMPARED)
     waves, seed = SURFACES[0]
     surface = surface_of(waves, seed)

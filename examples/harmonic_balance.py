@@ -160,7 +160,7 @@ def main(picture: str | None = None) -> float:
 
         figure = amplitude_frequency([ours])
         figure.axes[0].plot(omega, theirs, "+", color="black", ms=4, mew=0.6, zorder=6)
-        figure.axes[0].set_title("line: asperity; crosses: pyHarm, 40 harmonics", fontsize=9)
+        figure.axes[0].set_title("line: asperity; crosses: pyHarm, 40 harmonics", loc="left", fontsize=9)
         save(figure, picture)
     return worst
 

@@ -13,10 +13,14 @@ from mpi4py import MPI
 
 import asperity as asp
 from asperity.adaptive.roughness import Omission, Roughness
+from asperity.adaptive.solve_to_tolerance import refine
+from asperity.errors import Interrupted
 from asperity.mesh.generate import build_block
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import MeshSize
+from asperity.quasistatic.contact_result import PartialResult
+from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.solve_contact import solve_contact
 from asperity.surface import SelfAffine, SurfaceWarning
 
@@ -49,6 +53,22 @@ def test_the_contact_map_holds_the_approaches() -> None:
     assert parts == [0.25, 0.5, 0.75, 1.0]
     assert found.depth(np.array([x]), np.array([y]))[0] == pytest.approx(0.005)
     assert np.isinf(found.touched_at).any()
+
+
+def test_a_stop_while_a_mesh_is_judged_keeps_its_curve() -> None:
+    """It takes effect before the next mesh."""
+
+    def stage(name: str) -> None:
+        if name.startswith("half-space with the waves"):
+            stopped.append(name)
+        if stopped:
+            raise Interrupted(f"stopped by the test before the load path (next: {name})")
+
+    stopped: list[str] = []
+    problem = Problem.of(surface_of(4), ELASTIC, delta_max=0.015, steps=4)
+    with pytest.raises(PartialResult, match="stopped by the test") as e:
+        refine(problem, asp.AccuracyTarget(0.01), hooks=Hooks(on_stage=stage))
+    assert len(stopped) == 1 and np.isfinite(e.value.result.curve.error_P_star).all()
 
 
 @pytest.mark.parametrize("material", [ELASTIC, Material(1.0, 0.3, 0.02, 0.05)], ids=["elastic", "plastic"])

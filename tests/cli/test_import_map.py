@@ -15,7 +15,7 @@ import pytest
 from asperity.case import Case
 from asperity.cli import main
 from asperity.errors import InputError
-from asperity.surface import SelfAffine, height_map
+from asperity.surface import HeightMap, SelfAffine, Surface, height_map
 
 SIDE = 0.5e-6
 SCAN = SelfAffine(L=SIDE, H=0.8, slope=0.4, lambda_roll=0.1e-6, lambda_short=8e-9, periodic=False, seed=4).grid(256)
@@ -88,6 +88,20 @@ def test_plateaus_are_pressed_as_lightly_as_summits(tmp_path: Path) -> None:
     assert import_map(write(tmp_path, worn), "-o", tmp_path / "out") == 0
     delta = Case.load(tmp_path / "out/case.toml").loading.delta_max
     assert delta is not None and delta < 0.25 * (worn.max() - worn.mean())
+
+
+@pytest.mark.parametrize("spike", [0.0, 0.3, 3.0])
+def test_the_case_names_the_share_of_the_heights_that_is_pressed(tmp_path: Path, spike: float) -> None:
+    """A spike takes the approach for itself, and the text does not promise more."""
+    high = SCAN.copy()
+    high[100, 100] += spike * 256 * 1e-9
+    assert import_map(write(tmp_path, high), "-o", tmp_path / "out") == 0
+    text = (tmp_path / "out/case.toml").read_text()
+    delta = Case.load(tmp_path / "out/case.toml").loading.delta_max
+    surface = Surface.from_spec(kind="file", path=str(tmp_path / "out/patch.npz"))
+    assert delta is not None and isinstance(surface, HeightMap)
+    share = np.mean(surface.heights > surface.maximum()[2] - delta)
+    assert f"# {share:.1%} of the heights" in text
 
 
 def test_the_fit_is_made_when_requested(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

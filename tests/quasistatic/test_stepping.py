@@ -431,6 +431,19 @@ def test_matrices_that_are_dropped_are_made_again(press_of: Callable[..., Contac
     assert dropped.delta == pytest.approx(kept.delta, abs=1e-10)
 
 
+@pytest.mark.mpi
+def test_the_solvers_of_dropped_matrices_are_destroyed(press_of: Callable[..., ContactSolver]) -> None:
+    """On several ranks PETSc puts objects aside that are released, and their matrices with them."""
+    solver = press_of(PLASTIC, linear="cg")
+    assert solver.step(0.01).converged
+    linear = solver.newton.linear
+    multigrid = linear._method._multigrid
+    left = [weakref.ref(x) for x in (linear, multigrid, multigrid._tangent, multigrid._coarse)]
+    del linear, multigrid
+    solver.drop_matrices()
+    assert [x() for x in left] == [None] * 4
+
+
 # --- rescues ----------------------------------------------------------------------------------------------------
 
 

@@ -62,6 +62,7 @@ class Rates:
         growth: exponent of the dofs in the seconds of a step.
         base: memory of a rank without a mesh [bytes].
         per_dof: memory per dof [bytes].
+        finite: time of a step in finite strain over that in small strain (docs/tables/small_strain_cost.csv).
 
     Examples:
         >>> PLASTIC.step > ELASTIC.step
@@ -73,13 +74,11 @@ class Rates:
     growth: float
     base: float
     per_dof: float
+    finite: float
 
 
-ELASTIC = Rates(6.0e-5, 9.7e-6, 1.20, 231e6, 2.77e3)
-PLASTIC = Rates(5.9e-5, 1.5e-5, 1.21, 228e6, 2.98e3)
-FINITE = (
-    2.0  # time of a step in finite strain over that in small strain, 2.4 elastic, 1.7 plastic (small_strain.py cost)
-)
+ELASTIC = Rates(6.0e-5, 9.7e-6, 1.20, 231e6, 2.77e3, 2.17)
+PLASTIC = Rates(5.9e-5, 1.5e-5, 1.21, 228e6, 2.98e3, 1.45)
 
 
 @dataclass(frozen=True)
@@ -290,5 +289,5 @@ def integral(size: Size, height: float, most: float = inf) -> float:
 
 
 def _seconds(rates: Rates, dofs: int, steps: int, finite: bool) -> float:
-    step = rates.step * (FINITE if finite else 1.0)
+    step = rates.step * (rates.finite if finite else 1.0)
     return rates.mesh * dofs + steps * step * dofs * (dofs / 1e4) ** (rates.growth - 1.0)

@@ -50,18 +50,20 @@ class LoadStepError:
         bar: error left after the correction
         substeps: parts chosen for the finer meshes
         limit: why not more of them, if the tolerance takes more
+        unknown: why there is no such error, empty where it is known
     """
 
     correction: dict[int, Along]
     bar: dict[int, Along]
     substeps: int
     limit: str
+    unknown: str = ""
 
     @classmethod
-    def none(cls) -> LoadStepError:
-        """That of an elastic solid without friction, which has none, or of a mesh that is not touched."""
+    def none(cls, unknown: str = "") -> LoadStepError:
+        """That of an elastic solid without friction, which has none; or why it is not known."""
         zero = {1: Along(np.zeros(1), np.zeros(1))}
-        return cls(zero, zero, 1, "")
+        return cls(zero, zero, 1, "", unknown)
 
     def removed(self, curve: Curve, substeps: int) -> Curve:
         """A curve computed in so many parts of each step, corrected for the load steps.
@@ -119,7 +121,7 @@ def choose_substeps(
         size /= FIRST_STEP  # heights smoothed for large elements may lie below the flat
         result = run(size)
     if result.curve.untouched():
-        return result, LoadStepError.none()
+        return result, LoadStepError.none("no mesh that measures its load steps is touched")
     # a coarse mesh of a rough surface is touched late: a row without a force has no error of its own
     judged = judged_rows(result.curve, steps)
     at = result.curve.delta_star[judged & (result.curve.P_star > 0.0)]

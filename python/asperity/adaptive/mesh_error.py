@@ -110,7 +110,7 @@ class MeshErrorEstimate:
         # a mesh that misses waves is as rough a partner as the guide
         safety = safety_of(place == 0 or missed is not None)
         judged, algebraic = judged_rows(result.curve, self._steps), result.checks.force_balance
-        unresolved = "no node is touched" if curve.untouched() or coarse.untouched() else ""
+        unresolved = "no node is touched" if curve.untouched() or coarse.untouched() else path.unknown
         if not unresolved:
             curve, budget = correct(curve, coarse, ratio, safety, judged, path.bar[substeps], algebraic, missed)
             curve = with_measures(curve, coarse, ratio, safety, budget, run.compliance)
@@ -132,7 +132,8 @@ class MeshErrorEstimate:
             wanted = self._wanted(sizes, place, mesh, algebraic + of_steps)
             limit = "" if worst <= goal.tolerance else self._limit(algebraic, float(of_steps.max()))
             if goal.area_tolerance is not None:
-                wanted = min(wanted, size_for_area(sizes[-1], area, goal.area_tolerance))
+                for_area = size_for_area(sizes[-1], area, goal.area_tolerance)
+                wanted = for_area if worst <= goal.tolerance else min(wanted, for_area)
         size = max(wanted, sizes[-1] / max(room, LEAST_STEP))
         if not known:
             return Judgement(curve, budget, worst, area, True, known, size, "")
@@ -150,6 +151,8 @@ class MeshErrorEstimate:
             return f"the force is known to {worst:.2%}, not to the {goal.tolerance:.2%} of accuracy.tolerance"
         if goal.area_tolerance is None or area <= goal.area_tolerance:
             return ""
+        if area == inf:
+            return "the contact area has no error bar at every step, because at the first ones it is a single node"
         return (
             f"the contact area is known to {area:.2%}, not to the {goal.area_tolerance:.2%} of accuracy.area_tolerance"
         )

@@ -20,7 +20,7 @@ from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
 
 MESH_ORDERS = (1.3, 3.5)  # range of the order of the force in the element size, measured by benchmarks/accuracy.py
 MESH_ORDER = 2.0  # typical one, to plan with
-AREA_ORDER = 1.3  # of the bar of the contact area in the element size, to plan with (docs/tables/self_affine_area.csv)
+AREA_ORDER = 1.3  # of the bar of the contact area, to plan with; that of the edges of spots is 1.5 (docs/contact.md)
 SAFETY = 1.3  # on half the range of limits
 SCATTER = 0.15  # error of the force over that of the area of contact, both relative, which facets cut at random leave
 OF_GUIDE = 1.6  # times that where the coarser mesh is the guiding one, on which small spots hardly have an element

@@ -11,6 +11,7 @@ and all forces are corrected for them. The error of the mesh follows from two of
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from math import inf, isfinite
@@ -205,7 +206,8 @@ def refine(
     estimate = MeshErrorEstimate(run, target, steps, whole, path, roughness)
     while True:
         if rough:
-            hooks.stage("half-space with the waves of the mesh")
+            with suppress(Interrupted):  # this mesh is judged first; the next one is not begun
+                hooks.stage("half-space with the waves of the mesh")
         found = estimate.judge(result)
         if on_curve is not None:
             on_curve(found.curve)

@@ -31,7 +31,7 @@ E = 200e9
 nu = 0.3
 
 [loading]
-delta_max = {delta:.3g}              # {share:.0%} of the surface is above the flat then; less than half of that touches
+delta_max = {delta:.3g}              # {share:.1%} of the heights are above the flat then
 steps = 10
 
 [accuracy]
@@ -127,7 +127,7 @@ def command(
     about |= {"statistics": asdict(statistics), "self_affine": None if affine is None else asdict(affine)}
     about |= {"over_cutoff": cutoffs, "fit": None if fit is None else fit.to_dict()}
     replace_file(folder / "measured.json", f"{json.dumps(about, indent=2)}\n".encode())
-    replace_file(folder / "case.toml", CASE.format(delta=_approach(surface, summit[2]), share=CUT).encode())
+    replace_file(folder / "case.toml", _case(surface, summit[2]).encode())
     progress.done()
     if as_json:
         options.print_json(about)
@@ -137,17 +137,18 @@ def command(
     options.say(f"written to {folder}; next: asperity check {folder / 'case.toml'}")
 
 
-def _approach(surface: HeightMap, summit: float) -> float:
-    """Approach from the summit [m] at which the flat would cut a light share of the heights, whatever their spectrum.
+def _case(surface: HeightMap, summit: float) -> str:
+    """Text of case.toml, with the approach from the summit at which the flat cuts a light share of the heights.
 
-    An elastic contact has at most half the area that the undeformed surface would have above the flat; spikes and
-    plateaus, which the height of the summit over the mean plane depends on, hardly matter.
+    The share does not depend on the spectrum. A spike takes all of the approach, up to a tenth of the side: the share
+    that the text names is then nearly nothing.
     """
     import numpy as np
 
     heights = surface.heights
     wanted = max(summit - float(np.quantile(heights, 1.0 - CUT)), LEAST * float(np.ptp(heights)))
-    return min(wanted, 0.1 * surface.L)
+    delta = min(wanted, 0.1 * surface.L)
+    return CASE.format(delta=delta, share=float(np.mean(heights > summit - delta)))
 
 
 def _self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit | None:

@@ -5,10 +5,12 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -121,12 +123,13 @@ class ContactSolver:
         return self._newton
 
     def drop_matrices(self) -> None:
-        """Free the matrices and their solvers, most of the memory; what needs them makes them again.
+        """Free the matrices and their solvers, most of the memory; what needs them makes them again. Collective.
 
         The state of the last accepted step stays, and steps may follow.
         """
         self._newton = None
         self.solid.drop_matrices()
+        _destroy_unused(self.solid.comm)
 
     def step(self, delta: float, lead: float = 0.0) -> StepStats:
         """Move the flat to `delta`; on success the state is committed (see `commit`), else rolled back."""
@@ -311,3 +314,16 @@ class ContactSolver:
         self.contact.residual(self.newton.force)
         self._find_forces()
         self.force = state.force
+
+
+def _destroy_unused(comm: Any) -> None:
+    """Destroy the PETSc objects of a communicator to which nothing refers any more; collective.
+
+    On several ranks PETSc only puts them aside, since a garbage collector may release them in another order on each.
+    An object that another one holds is released with that, so the second pass takes those of the first.
+    """
+    from petsc4py import PETSc
+
+    for _ in range(2):
+        gc.collect()
+        PETSc.garbage_cleanup(comm)

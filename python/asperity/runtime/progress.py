@@ -159,7 +159,7 @@ class StepTable(StepLines):
         if not self._begun:
             self._bar.start()  # not earlier: messages about the case come first
         super().stage(name)
-        self._bar.update(self._task, description=name)
+        self._bar.update(self._task, description=name, completed=0.0, left="")
 
     def part(self, fraction_done: float) -> None:
         self._bar.update(self._task, completed=fraction_done, left="")
