@@ -5,7 +5,7 @@
 
     ./run python3 benchmarks/versions.py
 
-needs a clone with its history, and git, which ASPERITY_PACKAGES=git adds to a Debian root. Python alone runs it as well.
+needs a clone with its history, and git, which ASPERITY_PACKAGES=git adds to a Debian root.
 
 A row for each stored state of tests/counts.json (tests/test_counts.py) that differs from the one before. Counts do not
 depend on the machine; an empty cell was not counted then.
