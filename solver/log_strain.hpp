@@ -170,8 +170,8 @@ struct Deformation
   bool valid() const { return det > 0.0; }
 };
 
-/// Gauss' rule on [0, 1] with a number of points, and the greatest norm of C - 1 up to which `Resolvents` are exact to
-/// rounding with it.
+/// Gauss' rule on [0, 1] with a number of points, and the greatest norm of C - 1 for which `Resolvents` take it: there the
+/// strain and the force are exact to rounding, the geometric part of the stiffness to 5e-13.
 template <int count>
 struct Gauss;
 

@@ -210,9 +210,15 @@ def test_matrix_is_that_of_dolfinx(coarse: BlockMesh | None, kernels: str) -> No
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("kind", ["lu", "cg", "gamg"])
-def test_linear_solver_with_prescribed_dofs(coarse: BlockMesh | None, kind: str) -> None:
-    """Prescribed dofs are exact, the free rows are in equilibrium."""
+@pytest.mark.parametrize("kind", ["lu", "cg", "cg, shared", "gamg"])
+def test_linear_solver_with_prescribed_dofs(
+    coarse: BlockMesh | None, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Prescribed dofs are exact, the free rows are in equilibrium; also with a coarse problem that the ranks share."""
+    if kind == "cg, shared":
+        kind = "cg"
+        for limit in ("DIRECT_LIMIT", "REPLICATED_LIMIT"):
+            monkeypatch.setattr(coarse_problem, limit, 0)
     solid = solid_of(world(), coarse)
     held = 3 * solid.nodes_on(4) + 2
     rng = np.random.default_rng(world().rank)

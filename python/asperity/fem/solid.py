@@ -83,7 +83,8 @@ class Solid:
         self.kernels = self._make_kernels(kernels)
         self.ghosts = Ghosts(index_map)
         self._values: Floats | None = None
-        self.version = 0
+        self.version = 0  # counts the tangents written
+        self._written = False
         self._with_contact = False  # whether a stiffness of the contact is in `values`
 
     def _make_kernels(self, kernels: str) -> ElementKernels:
@@ -158,7 +159,7 @@ class Solid:
 
     def drop_matrices(self) -> None:
         """Free the matrices, most of the memory of a solid; the next tangent makes them again."""
-        self._values, self.version = None, 0
+        self._values, self._written = None, False
         self.kernels.drop_matrices()
 
     def assemble_tangent(self, add: Callable[[], None] | None = None) -> None:
@@ -178,11 +179,11 @@ class Solid:
         self._assemble(self.kernels.elastic_tangent, add)
 
     def _assemble(self, write: Callable[[Floats, Floats], None], add: Callable[[], None] | None) -> None:
-        if self.version and self.kernels.linear and add is None and not self._with_contact:
+        if self._written and self.kernels.linear and add is None and not self._with_contact:
             return
         with self.phases.phase("tangent"):
             write(self.u.x.array.reshape(-1, 3), self.values)
             if add is not None:
                 add()
-        self._with_contact = add is not None
+        self._with_contact, self._written = add is not None, True
         self.version += 1

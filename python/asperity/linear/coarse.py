@@ -60,9 +60,9 @@ def make_coarse(dofmap: Any, points: Floats, comm: Any, symmetric: bool) -> Coar
         symmetric: whether the matrix is symmetric and positive definite
     """
     dofs = 3 * dofmap.index_map.size_global
-    if dofs <= (DIRECT_LIMIT if comm.size == 1 or not symmetric else REPLICATED_LIMIT):
+    if dofs <= (DIRECT_LIMIT if comm.size == 1 else REPLICATED_LIMIT):
         return Replicated(dofmap, comm, symmetric)
-    return Distributed(dofmap, points, comm, symmetric)
+    return Distributed(dofmap, points, comm, symmetric, factorised=not symmetric and dofs <= DIRECT_LIMIT)
 
 
 class Replicated:
@@ -147,13 +147,14 @@ def _direct(A: Any, symmetric: bool) -> Any:
 
 
 class Distributed:
-    """The ranks share the matrix; algebraic multigrid.
+    """The ranks share the matrix; algebraic multigrid, or a factorisation.
 
     Args:
         dofmap, points, comm, symmetric: see `make_coarse`
+        factorised: whether to factorise
     """
 
-    def __init__(self, dofmap: Any, points: Floats, comm: Any, symmetric: bool) -> None:
+    def __init__(self, dofmap: Any, points: Floats, comm: Any, symmetric: bool, factorised: bool) -> None:
         from petsc4py import PETSc
 
         index_map = dofmap.index_map
@@ -167,8 +168,13 @@ class Distributed:
         self._ksp = PETSc.KSP().create(comm)
         self._ksp.setOptionsPrefix(PREFIX)
         self._ksp.setType("preonly")
-        self._ksp.getPC().setType("gamg")
-        set_defaults(PREFIX, GAMG | {"mg_levels_ksp_max_it": SWEEPS})
+        pc = self._ksp.getPC()
+        if factorised:
+            pc.setType("lu")
+            pc.setFactorSolverType("mumps")
+        else:
+            pc.setType("gamg")
+            set_defaults(PREFIX, GAMG | {"mg_levels_ksp_max_it": SWEEPS})
         self._ksp.setFromOptions()
 
     def update(self) -> None:

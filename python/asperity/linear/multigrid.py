@@ -133,17 +133,29 @@ class PMultigrid:
     def forget(self) -> None:
         """Let the next `update` set everything up again, except for the eigenvalue of a tangent that never changed."""
         self._reusable = False
-        if self._solid.version > 1:
+        if self._solid.version > 1 or not self._solid.kernels.linear:
             self._greatest = 0.0
 
-    def judge(self, iterations: int) -> None:
-        """Decide by the iterations of a solve whether the next one may use the same coarse matrix.
+    def renew(self) -> bool:
+        """Set up the coarse matrix and the eigenvalue again after a solve that failed; collective.
+
+        Returns:
+            see `update`
+        """
+        self._reusable = False
+        done = self.update()
+        if done:
+            self.estimate()
+        return done
+
+    def judge(self, iterations: int, solved: bool) -> None:
+        """Decide by the iterations of a solve and its success whether the next one may use the same coarse matrix.
 
         It may while few dofs are held or released and the iterations do not increase, even if some more cells yield: a
         dof held since then is masked, one released since then is left to the smoother.
         """
         self._usual = self._usual or iterations
-        self._reusable = iterations <= RENEWAL * self._usual + 2
+        self._reusable = solved and iterations <= RENEWAL * self._usual + 2
 
     def estimate(self) -> None:
         """Estimate the greatest eigenvalue from a new start vector; collective.

@@ -168,12 +168,12 @@ class Krylov:
             self._b.array = b
             self._ksp.setTolerances(rtol=rtol, atol=atol)
             self._ksp.solve(self._b, y)
-            if self._ksp.getConvergedReason() < 0:
-                self._multigrid.estimate()
+            if self._ksp.getConvergedReason() < 0 and self._multigrid.renew():
                 self._ksp.solve(self._b, y)
             self.left = self._ksp.getResidualNorm() ** 2
-            self._multigrid.judge(self._ksp.getIterationNumber())
-        return self._ksp.getIterationNumber(), self._ksp.getConvergedReason() > 0
+            iterations, solved = self._ksp.getIterationNumber(), self._ksp.getConvergedReason() > 0
+            self._multigrid.judge(iterations, solved)
+        return iterations, solved
 
 
 class Assembled:
