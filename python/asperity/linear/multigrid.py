@@ -18,11 +18,9 @@ from scipy.linalg import eigh_tridiagonal
 
 from asperity import _solver
 from asperity.arrays import Singles
-from asperity.fem.sparsity import SparsityPattern
+from asperity.linear.coarsening import Coarsening
 from asperity.linear.matrix_free import TangentOperator
-from asperity.linear.petsc_matrix import NodeMatrix, set_rigid_modes
 from asperity.linear.petsc_options import GAMG, set_defaults
-from asperity.mesh.element import node_ends
 
 COARSE_DIRECT_LIMIT = 60_000  # coarse dofs up to which the coarse problem is factorised on one rank
 COARSE_SWEEPS = 4  # of its smoother above the limit: a tenth fewer iterations on the fine level than with two
@@ -46,26 +44,16 @@ class PMultigrid:
     Args:
         tangent: operator to precondition
         symmetric: whether it is symmetric; the smoother treats any operator as if it were
+        coarsening: of the solid, made by default
     """
 
-    def __init__(self, tangent: TangentOperator, symmetric: bool = True) -> None:
-        from dolfinx import fem
+    def __init__(self, tangent: TangentOperator, symmetric: bool = True, coarsening: Coarsening | None = None) -> None:
         from petsc4py import PETSc
 
         self._tangent, self._solid = tangent, tangent.solid
         solid = self._solid
-        coarse = fem.functionspace(solid.mesh, ("Lagrange", 1, (3,))).dofmap
-        index_map = coarse.index_map
-        corners = index_map.size_local + index_map.num_ghosts
-        self._corners = np.empty(corners, dtype=np.int32)  # node at each corner, ghosts included
-        self._corners[coarse.list] = solid.V.dofmap.list[:, :4]
-        # of each node: the corner it is, twice, or the ends of its edge
-        self._parents = np.empty((solid.nodes, 2), dtype=np.int32)
-        for k, ends in enumerate(node_ends()):
-            self._parents[solid.V.dofmap.list[:, k]] = coarse.list[:, ends]
-        self._coarse = NodeMatrix(SparsityPattern(coarse.list, corners), index_map, solid.comm)
-        set_rigid_modes(self._coarse.A, solid.points[self._corners])
-        self._P = self._interpolation(index_map)
+        self._coarsening = coarsening or Coarsening(solid)
+        self._coarse, self._P = self._coarsening.matrix(), self._coarsening.P
         self._fine = self._P.createVecLeft()
         self._coarse_mask, self._rhs, self._correction = (self._P.createVecRight() for _ in range(3))
         self._ksp = PETSc.KSP().create(solid.comm)
@@ -73,7 +61,7 @@ class PMultigrid:
         self._coarse.A.setOption(PETSc.Mat.Option.SPD, symmetric)
         self._ksp.setType("preonly")
         pc = self._ksp.getPC()
-        small = 3 * index_map.size_global <= COARSE_DIRECT_LIMIT
+        small = self._coarsening.dofs <= COARSE_DIRECT_LIMIT
         # a parallel factorisation is slower than multigrid at any size (benchmarks/linear.py coarse)
         if small and (solid.comm.size == 1 or not symmetric):
             pc.setType("cholesky" if symmetric else "lu")
@@ -91,28 +79,12 @@ class PMultigrid:
         self._supported[solid.fixed] = 0.0
         self._extreme, self._greatest = self._noise, 0.0
 
-    def _interpolation(self, index_map: Any) -> Any:
-        """Matrix from corner dofs to all dofs: a corner keeps its value, an edge takes the mean of its ends."""
-        from petsc4py import PETSc
-        from scipy import sparse
-
-        solid = self._solid
-        columns = index_map.local_to_global(self._parents.ravel())
-        rows = np.repeat(np.arange(solid.nodes), 2)
-        shape = (solid.nodes, index_map.size_global)
-        local = sparse.coo_array((np.full(len(rows), 0.5), (rows, columns)), shape).tocsr()[: solid.owned]
-        P = sparse.kron(local, sparse.eye_array(3), format="csr")
-        sizes = (
-            (3 * solid.owned, solid.dofs),
-            (3 * index_map.size_local, 3 * index_map.size_global),
-        )
-        csr = (P.indptr.astype(PETSc.IntType), P.indices.astype(PETSc.IntType), P.data)
-        out = PETSc.Mat().createAIJ(sizes, csr=csr, comm=solid.comm)
-        out.setBlockSizes(3, 3)
-        return out
-
-    def update(self) -> bool:
+    def update(self, renew: bool | None = None) -> bool:
         """Adapt to the current values and free dofs of the tangent; collective.
+
+        Args:
+            renew: whether to renew the coarse matrix, the same on all ranks; None where other dofs are free than
+                when it was made, or where `judge` finds it too old
 
         Returns:
             whether the matrix can be smoothed: its diagonal must be positive
@@ -130,8 +102,11 @@ class PMultigrid:
             self._inverse = (1.0 / np.where(diagonal > 0.0, diagonal, 1.0)).astype(np.float32)
             self._version = tangent.version
         self._scaling = self._free * self._inverse
-        same = self._reusable and bool(np.array_equal(self._of, tangent.kept))
-        if not solid.comm.allreduce(same, op=MPI.LAND):
+        if renew is None:
+            same = self._reusable and bool(np.array_equal(self._of, tangent.kept))
+            renew = not solid.comm.allreduce(same, op=MPI.LAND)
+        self._coarse_mask.array = tangent.kept[self._coarsening.corners].ravel()[: self._coarse_mask.getLocalSize()]
+        if renew:
             self._galerkin()
             self._ksp.setOperators(self._coarse.A)
             self._ksp.setUp()
@@ -145,10 +120,9 @@ class PMultigrid:
     def _galerkin(self) -> None:
         """Coarse matrix of the free dofs, with a unit row for each dof of a corner that is not free; collective."""
         fine, coarse, mask, kept = self._solid.sparsity, self._coarse, self._coarse_mask, self._tangent.kept
-        corners = np.ascontiguousarray(kept[self._corners])
-        mask.array = corners.ravel()[: mask.getLocalSize()]
+        corners = np.ascontiguousarray(kept[self._coarsening.corners])
         _solver.galerkin(
-            fine.indptr, fine.indices, self._solid.values, kept, self._parents,
+            fine.indptr, fine.indices, self._solid.values, kept, self._coarsening.parents,
             coarse.sparsity.indptr, coarse.sparsity.indices, corners, coarse.values,
         )  # fmt: skip
         coarse.values[coarse.sparsity.diagonal[np.flatnonzero(mask.array_r == 0.0)]] = 1.0
