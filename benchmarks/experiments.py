@@ -340,6 +340,7 @@ def draw_impact(
     left.plot(tail, thornton(tail[0] ** 2 * unit) * (tail / tail[0]) ** -0.25, ":", color=style.GREY,
               label="power $-1/4$ of the speed")  # fmt: skip
     style.logarithmic(left)
+    left.xaxis.set_major_formatter("{x:g}")
     left.set_ylim(0.4, 1.1)
     left.set_xlabel("impact speed over that of first yield")
     left.set_ylabel("coefficient of restitution")

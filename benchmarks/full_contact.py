@@ -21,7 +21,8 @@ from mpi4py import MPI
 import asperity as asp
 from asperity.surface import WeierstrassMandelbrot
 
-STRENGTHS, SEEDS = (0.02e9, 0.2e9, 1e9, 2e9, 4e9), (0, 2)
+STRENGTHS = (0.02e9, 0.2e9, 1e9, 2e9, 4e9)
+SEEDS = (0, 2, 3, 4, 5, 8, 9, 10, 11, 12)
 COLUMNS = ("yield_strength", "seed", "n", "n_log", "r2", "full_at", "block_load")
 FULL = 0.9  # contact area over the patch
 Row = dict[str, float]

@@ -5,6 +5,7 @@
 
     ./run python3 benchmarks/linear.py [H ...]            element sizes in the contact, in units of L
     ./run python3 benchmarks/linear.py pieces [H ...]     parts of the p-multigrid against what PETSc has for them
+    ./run python3 benchmarks/linear.py parts [H ...]      time of each part of a load path, also under mpirun -n 2
     ./run python3 benchmarks/linear.py krylov [H ...]     tolerance of the Krylov solver, elastic and elastic-plastic
     ./run python3 benchmarks/linear.py coarse [H ...]     coarse problem factorised, or by algebraic multigrid
 
@@ -18,13 +19,16 @@ import resource
 import sys
 import warnings
 from collections.abc import Callable
-from time import process_time
+from contextlib import ExitStack
+from time import perf_counter, process_time
+from typing import Any
 from unittest.mock import patch
 
 import numpy as np
 
 import asperity as asp
-from asperity.linear import multigrid
+from asperity.fem.solid import Solid
+from asperity.linear import coarse as coarse_problem
 from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.multigrid import PMultigrid
 from asperity.linear.petsc_matrix import assembled
@@ -86,8 +90,8 @@ def pieces(sizes: tuple[float, ...]) -> None:
         x.array = np.random.default_rng(0).normal(size=solid.dofs)
         single = x.array_r.astype(np.float32)
         product = median(A.mult, x, y), median(tangent.single_product, single)
-        coarse = A.ptap(cycle._P)
-        galerkin = median(A.ptap, cycle._P, coarse), median(cycle._galerkin)
+        P = interpolation(cycle)
+        galerkin = median(A.ptap, P, A.ptap(P)), median(cycle._galerkin)
         factor = median(factorise, cycle, "mumps"), median(factorise, cycle, "cholmod")
         for name, (theirs, ours) in {
             "product (double, all; single, half)": product,
@@ -95,6 +99,47 @@ def pieces(sizes: tuple[float, ...]) -> None:
             "coarse factors (MUMPS; CHOLMOD)": factor,
         }.items():
             print(f"| {solid.dofs} | {name} | {theirs:.2f} | {ours:.2f} | {theirs / ours:.1f} |", flush=True)
+
+
+def parts(sizes: tuple[float, ...]) -> None:
+    """Milliseconds a call of the parts of a load path; other jobs delay the shortest twentieth least."""
+    names = {
+        "residual": (Solid, "internal_force"),
+        "tangent": (Solid, "_assemble"),
+        "copy in single precision": (TangentOperator, "update"),
+        "Galerkin's matrix": (PMultigrid, "_galerkin"),
+        "coarse factors": (coarse_problem.Replicated, "update"),
+        "greatest eigenvalue": (PMultigrid, "_greatest_eigenvalue"),
+        "V-cycle": (PMultigrid, "apply"),
+        "coarse solution": (coarse_problem.Replicated, "solve"),
+        "product of the smoother": (TangentOperator, "single_product"),
+    }
+    for h in sizes:
+        spent: dict[str, list[float]] = {name: [] for name in names}
+        with ExitStack() as stack:
+            for name, (owner, method) in names.items():
+                stack.enter_context(patch.object(owner, method, timed(getattr(owner, method), spent[name])))
+            result, _ = demo(MATERIALS["plastic"], h)
+        comm = result.solver.solid.comm
+        if comm.rank == 0:
+            print("| ranks | dofs | part | calls | median ms | shortest twentieth ms |\n|---|---|---|---|---|---|")
+        for name, times in spent.items():
+            if comm.rank == 0 and times:
+                median, least = 1e3 * np.quantile(times, (0.5, 0.05))
+                row = comm.size, result.dofs, name, len(times), f"{median:.3f}", f"{least:.3f}"
+                print("| " + " | ".join(map(str, row)) + " |", flush=True)
+
+
+def timed(work: Callable[..., Any], spent: list[float]) -> Callable[..., Any]:
+    """The function, which also appends the seconds of each call."""
+
+    def call(*arguments: Any, **options: Any) -> Any:
+        start = perf_counter()
+        out = work(*arguments, **options)
+        spent.append(perf_counter() - start)
+        return out
+
+    return call
 
 
 def demo(material: asp.Material, h: float, **options: float) -> tuple[ContactResult, float]:
@@ -126,8 +171,8 @@ def coarse(sizes: tuple[float, ...]) -> None:
     """Iterations with the two ways to solve the coarse problem, elastic."""
     print("| dofs | coarse problem | Newton | Krylov | CPU s |\n|---|---|---|---|---|")
     for h in sizes:
-        for name, limit in (("factorised", multigrid.COARSE_DIRECT_LIMIT), ("algebraic multigrid", 0)):
-            with patch.object(multigrid, "COARSE_DIRECT_LIMIT", limit):
+        for name, limit in (("factorised", coarse_problem.DIRECT_LIMIT), ("algebraic multigrid", 0)):
+            with patch.multiple(coarse_problem, DIRECT_LIMIT=limit, REPLICATED_LIMIT=limit):
                 result, seconds = demo(MATERIALS["elastic"], h)
             counts = result.counts
             print(f"| {result.dofs} | {name} | {counts.newton} | {counts.krylov} | {seconds:.1f} |", flush=True)
@@ -143,6 +188,15 @@ def median(work: Callable[..., object], *arguments: object) -> float:
     return float(np.median(spent))
 
 
+def interpolation(cycle: PMultigrid) -> Any:
+    """Interpolation from the coarse to the fine level as a matrix of PETSc; one process."""
+    from petsc4py import PETSc
+
+    P = cycle._prolongation
+    csr = P.indptr.astype(PETSc.IntType), P.indices.astype(PETSc.IntType), P.data.astype(float)
+    return PETSc.Mat().createAIJ(P.shape, csr=csr, comm=PETSc.COMM_SELF)
+
+
 def factorise(cycle: PMultigrid, package: str) -> None:
     """Symbolic and numeric factorisation of the coarse matrix."""
     from petsc4py import PETSc
@@ -155,6 +209,11 @@ def factorise(cycle: PMultigrid, package: str) -> None:
 
 
 if __name__ == "__main__":
-    jobs = {"pieces": (pieces, (0.08, 0.04)), "krylov": (krylov, (0.05,)), "coarse": (coarse, (0.1, 0.05, 0.022))}
+    jobs = {
+        "pieces": (pieces, (0.08, 0.04)),
+        "parts": (parts, (0.05,)),
+        "krylov": (krylov, (0.05,)),
+        "coarse": (coarse, (0.1, 0.05, 0.022)),
+    }
     job, sizes = jobs.get("".join(sys.argv[1:2]), (main, SIZES))
     job(tuple(map(float, sys.argv[1 if job is main else 2 :])) or sizes)

@@ -196,26 +196,27 @@ def dynamics_work_precision() -> Figure:
 
 @style.styled
 def small_strain() -> Figure:
-    """Differences of force and area between small and finite strain over the rms slope."""
+    """Differences of force and area between small and finite strain over the rms slope; bars: what the mesh changes."""
     rows = table("small_strain_slopes")
     figure, axes = style.figure(style.DOUBLE, 3.4, columns=2)
     style.titles(axes, ("force", "contact area"))
     names = list(dict.fromkeys(row["yield strain"] for row in rows))
-    for axis, column in zip(axes, ("force %", "area %"), strict=True):
+    for axis, column, sign in zip(axes, ("force %", "area %"), (-1.0, 1.0), strict=True):
         for name, colour, marker in zip(names, (style.BLUE, style.VERMILION, style.GREEN), "os^", strict=True):
-            own = [row | {column: row[column].lstrip("-+")} for row in rows if row["yield strain"] == name]
-            text = name if name == "elastic" else f"$\\sigma_y/E$ = {name}"
-            draw_costs(
-                axis, own, "rms slope", column, {"color": colour, "marker": marker, "mfc": "white", "label": text}
-            )
-        axis.axhline(1.0, color=style.GREY, lw=0.8)
+            own = [row for row in rows if row["yield strain"] == name]
+            axis.errorbar(
+                numbers(own, "rms slope"), sign * numbers(own, column), numbers(own, f"{column}, mesh"), color=colour,
+                marker=marker, mfc="white", ms=4, lw=1, elinewidth=0.8, capsize=2,
+                label=name if name == "elastic" else f"$\\sigma_y/E$ = {name}",
+            )  # fmt: skip
         axis.set_xlabel("rms slope")
-        axis.set_ylabel("magnitude of the change (%)")
-        slopes = sorted({float(row["rms slope"]) for row in rows})
-        plain_log_ticks(axis)
-        axis.set_xticks(slopes, [f"{slope:g}" for slope in slopes])
+        axis.set_xlim(0.0, None)
         style.grid(axis)
-    axes[0].legend(loc="best")
+    axes[0].set(ylabel="small strain is too low by (%)", yscale="log", ylim=(0.05, 40.0))
+    axes[1].set_ylabel("small strain is too high by (%)")
+    axes[1].axhline(0.0, color=style.GREY, lw=0.8)
+    axes[0].yaxis.set_major_formatter("{x:g}")
+    axes[0].legend(loc="lower right")
     return figure
 
 

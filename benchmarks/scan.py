@@ -29,7 +29,7 @@ L, AREA, TOLERANCE = 2e-6, 0.01, 0.05
 MATERIALS = {"elastic": asp.Material(100e9, 0.3), "plastic": asp.Material(100e9, 0.3, 2e9, 1e9)}
 
 
-def approach(surface: HeightMap, material: asp.Material) -> float:
+def approach(surface: asp.Surface, material: asp.Material) -> float:
     """Approach at which a half-space has the contact area AREA [length]."""
     hardness = 3.0 * (material.yield_strength or np.inf) / material.reduced_modulus
     layer = RoughHalfSpace(512, 1.0, material.nu, hardness=hardness)

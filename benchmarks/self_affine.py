@@ -3,10 +3,12 @@
 
 """Self-affine surfaces, elastic and elastic-plastic, against half-space solutions and the literature.
 
-    python3 benchmarks/self_affine.py PART, one of area, ensemble, influence, challenge, plastic, stiffness, interface
+    python3 benchmarks/self_affine.py PART, one of area, kappa, ensemble, influence, challenge, plastic, stiffness,
+        interface
 
 Each part prints one Markdown table. `area`: area coefficient kappa = A h'/(P* A0) of the solid, of the
-half-space of asperity and of Tamaas (where benchmarks/peers/install has fetched it) at the same forces. `ensemble`:
+half-space of asperity and of Tamaas (where benchmarks/peers/install has fetched it) at the same forces. `kappa`: the
+first of these surfaces with a tolerance of the area too. `ensemble`:
 kappa of 20 half-spaces for each cut-off. `influence`:
 what height of the block, Poisson's ratio and slope change. `challenge`: cases/challenge.toml, columns as of `area`.
 `plastic`: mean pressure over the yield strength. `stiffness`: exponents of the stiffness over the force of 20
@@ -39,6 +41,7 @@ H, ROLL, SLOPE = 0.8, 0.5, 0.05  # Hurst exponent, roll-off [L], rms slope
 HEIGHT = 0.01  # rms height where the surface has no roll-off [L]
 TOLERANCE, STEPS, SHOWN = 0.02, 6, 4  # of the force; load steps, and how many of the last are shown
 AREA = 0.12  # greatest area fraction
+OF_AREA = 0.035  # tolerance of the area in `kappa`
 SURFACES = ((16, 1), (16, 2), (16, 3), (32, 1), (32, 2))  # L over the shortest wave, seed
 CELLS = 16  # of the half-spaces per shortest wave; their bar is the change from half as many
 CUTOFFS, LOADS = (16, 32, 64, 128), np.array([0.01, 0.02, 0.04])  # of the ensemble: L over the shortest wave, P*/h'
@@ -79,14 +82,15 @@ def solid(
     height: float = 1.0,
     steps: int = STEPS,
     tolerance: float = TOLERANCE,
+    of_area: float | None = None,
 ) -> AccurateResult:
-    """The solid pressed to an area of contact, to a tolerance."""
+    """The solid pressed to an area of contact, to a tolerance of its force and perhaps of its area."""
     hardness = 3.0 * (material.yield_strength or np.inf) / material.reduced_modulus
     problem = asp.Problem.of(
         surface, material, height=height, sides="periodic", steps=steps,
         delta_max=approach(surface, area, hardness, height, material.nu),
     )  # fmt: skip
-    return refine(problem, asp.AccuracyTarget(tolerance, max_dofs=MOST_DOFS))
+    return refine(problem, asp.AccuracyTarget(tolerance, MOST_DOFS, area_tolerance=of_area))
 
 
 def bars(curve: Curve) -> tuple[Floats, Floats]:
@@ -163,6 +167,14 @@ def area() -> None:
         surface = surface_of(waves, seed)
         found = solid(surface, asp.Material(1.0, 0.0), AREA)
         compare(f"{waves} | {seed}", waves, surface, found)
+
+
+def kappa() -> None:
+    """Area coefficients on the first surface of `area`, with a tolerance of the area."""
+    head("L/shortest", "seed", *COMPARED)
+    waves, seed = SURFACES[0]
+    surface = surface_of(waves, seed)
+    compare(f"{waves} | {seed}", waves, surface, solid(surface, asp.Material(1.0, 0.0), AREA, of_area=OF_AREA))
 
 
 def ensemble() -> None:
@@ -286,7 +298,7 @@ def interface() -> None:
             )
 
 
-PARTS = {part.__name__: part for part in (area, ensemble, influence, challenge, plastic, stiffness, interface)}
+PARTS = {part.__name__: part for part in (area, kappa, ensemble, influence, challenge, plastic, stiffness, interface)}
 
 if __name__ == "__main__":
     warnings.simplefilter("ignore")

@@ -6,6 +6,7 @@
     ./run python3 benchmarks/speed.py profile [H ...]      phases of elastic-plastic runs, one process
     ./run python3 benchmarks/speed.py step [H ...]         a single load step of large problems: growth and memory
     ./run python3 benchmarks/speed.py scaling [H ...]      that step on one rank and on two (starts mpirun)
+    ./run python3 benchmarks/speed.py demo [PAIRS]         loading of the demo on one rank and on two, by turns
     ./run python3 benchmarks/speed.py weak [H1 H2 ...]     that step on one rank (H1) and twice as large on two (H2)
     ./run mpirun -n 2 python3 benchmarks/speed.py one H    one run
 
@@ -25,6 +26,7 @@ from time import perf_counter, process_time
 from typing import Any
 
 import asperity as asp
+from asperity.model.settings import H_CONTACT
 
 L = 1e-6
 STEEL = asp.Material(200e9, 0.3, 1e9, 10e9)
@@ -33,7 +35,13 @@ SIZES = {
     "step": (0.03, 0.0125, 0.0066, 0.0053),
     "profile": (0.08, 0.04, 0.024, 0.0155, 0.0095),
     "scaling": (0.03, 0.0125),
+    "demo": (2,),
     "weak": (0.0193, 0.0125, 0.0125, 0.0081),
+}
+PATHS: dict[str, dict[str, Any]] = {
+    "one": {},
+    "single": {"steps": 1, "integrator": "backward-euler"},
+    "loading": {"delta_max": 0.008 * L, "steps": 20},  # of cases/demo.toml
 }
 PHASES = ("residual", "tangent", "preconditioner", "linear solve")
 
@@ -46,7 +54,9 @@ def one(h: float, **path: Any) -> dict[str, Any]:
     warnings.simplefilter("ignore")
     surface = asp.Surface.from_spec(kind="weierstrass-mandelbrot", L=L, D=2.4, G=1.36e-11)
     cpu, wall = process_time(), perf_counter()
-    result = asp.solve_contact(surface, STEEL, delta_max=DELTA * L, size=asp.MeshSize(h * L), **{"steps": STEPS} | path)
+    result = asp.solve_contact(
+        surface, STEEL, size=asp.MeshSize(h * L), **{"steps": STEPS, "delta_max": DELTA * L} | path
+    )
     owned = result.solver.contact_surface.owned_nodes
     spread = comm.gather((len(result.solver.solid.cell_nodes), len(owned)))
     return {
@@ -140,6 +150,20 @@ def scaling(sizes: tuple[float, ...]) -> None:
         print(f"\ntwo runs side by side: {path:.3g} s each, efficiency {base / path:.2f}")
 
 
+def demo(pairs: tuple[float, ...]) -> None:
+    """Loading of the demo case on one rank and on two by turns: the machine's other work falls on both alike."""
+    row(("dofs", "ranks", *PHASES, "load path", "ratio", "Newton", "Krylov", "force"))
+    row(["---"] * (7 + len(PHASES)))
+    for _ in range(int(*pairs)):
+        alone = 0.0
+        for ranks in (1, 2):
+            facts = run_apart(H_CONTACT, ranks, "loading")
+            spent = [facts["seconds"].get(name, 0.0) for name in PHASES]
+            alone = alone or sum(spent)
+            row((facts["dofs"], ranks, *spent, sum(spent), alone / sum(spent), facts["newton"], facts["krylov"],
+                 f"{facts['force']:.9e}"))  # fmt: skip
+
+
 def weak(sizes: tuple[float, ...]) -> None:
     """A problem on one rank against one of twice the size on two; a Newton iteration is the unit of work."""
     row(("ranks", "dofs", "dofs a rank", *(f"{name}, s a Newton iteration" for name in PHASES), "sum", "efficiency",
@@ -159,13 +183,13 @@ def weak(sizes: tuple[float, ...]) -> None:
 
 if __name__ == "__main__":
     job, *numbers = sys.argv[1:] or ["profile"]
-    if job in ("one", "single"):
-        facts = one(float(numbers[0]), **({"steps": 1, "integrator": "backward-euler"} if job == "single" else {}))
+    if job in PATHS:
+        facts = one(float(numbers[0]), **PATHS[job])
         from mpi4py import MPI
 
         if MPI.COMM_WORLD.rank == 0:
             print(json.dumps(facts))
     else:
-        {"profile": profile, "step": step, "scaling": scaling, "weak": weak}[job](
+        {"profile": profile, "step": step, "scaling": scaling, "demo": demo, "weak": weak}[job](
             tuple(map(float, numbers)) or SIZES[job]
         )

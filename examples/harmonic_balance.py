@@ -159,8 +159,8 @@ def main(picture: str | None = None) -> float:
         from asperity.plot.vibration import amplitude_frequency
 
         figure = amplitude_frequency([ours])
-        figure.axes[0].plot(omega, theirs, "+", color="black", ms=5, zorder=6)
-        figure.axes[0].set_title("line: asperity; crosses: pyHarm, 40 harmonics", fontsize=9)
+        figure.axes[0].plot(omega, theirs, "+", color="black", ms=4, mew=0.6, zorder=6)
+        figure.axes[0].set_title("line: asperity; crosses: pyHarm, 40 harmonics", loc="left", fontsize=9)
         save(figure, picture)
     return worst
 

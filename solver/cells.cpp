@@ -9,12 +9,17 @@ namespace asperity
 {
 namespace
 {
-/// Add the element matrix of a cell to the values, `at_point(p, A)` adding the part of a quadrature point.
+/// Add the symmetric element matrix of a cell to the values; `at_point(p, A)` adds the part of a quadrature point to its
+/// upper triangle.
 template <typename AtPoint>
 void add_cell(const Cells& cells, std::size_t c, const BlockPattern& pattern, double* values, AtPoint at_point)
 {
   double A[dofs * row_length] = {};
+  pattern.prefetch(cells.dofs_of(c), c, values);
   cells.at_points(c, [&](const Point& p) { at_point(p, A); });
+  for (int r = 1; r < dofs; ++r)
+    for (int s = 0; s < r; ++s)
+      A[r * row_length + s] = A[s * row_length + r];
   pattern.add(cells.dofs_of(c), c, A, values);
 }
 } // namespace
@@ -142,21 +147,14 @@ std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& la
       ++inverted;
       return false;
     }
-    if (deformation.moderate())
-    {
-      const Resolvents x(deformation.A);
-      const auto r = material.respond(x.strain, state);
-      trial.put(p.index, r.state);
-      const Sym S = x.piola_kirchhoff(r.stress);
-      const auto& F = deformation.F;
-      add_residual(p.g, {times(S, F[0]), times(S, F[1]), times(S, F[2])}, p.volume, f);
-      return r.plastic;
-    }
-    const LogStrain x(deformation);
-    const auto r = material.respond(x.strain, state);
-    trial.put(p.index, r.state);
-    add_residual(p.g, x.nominal(x.piola_kirchhoff(x.to_frame(r.stress))), p.volume, f);
-    return r.plastic;
+    return with_log_strain(deformation,
+                           [&](const auto& x)
+                           {
+                             const auto r = material.respond(x.strain, state);
+                             trial.put(p.index, r.state);
+                             add_residual(p.g, x.nominal(r.stress), p.volume, f);
+                             return r.plastic;
+                           });
   };
   with_law(law, [&](const auto& material)
            { finite ? all_cells(material, finite_strain) : all_cells(material, small_strain); });
@@ -166,9 +164,9 @@ std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& la
 void stiffness_elastic(const Cells& cells, const Law& law, const BlockPattern& pattern, const Array<double>& values)
 {
   double* out = pattern.start(values, cells.count());
-  const Moduli moduli = with_law(law, [](const auto& material) { return material.elastic(); });
+  const Tangent tangent = nominal_tangent(with_law(law, [](const auto& material) { return material.elastic(); }), {});
   for (std::size_t c = 0; c < cells.count(); ++c)
-    add_cell(cells, c, pattern, out, [&](const Point& p, double* A) { add_stiffness(p.g, moduli, {}, p.volume, A); });
+    add_cell(cells, c, pattern, out, [&](const Point& p, double* A) { add_stiffness(p.g, tangent, p.volume, A); });
 }
 
 void stiffness_plastic(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
@@ -191,7 +189,7 @@ void stiffness_plastic(const Cells& cells, const Law& law, const Array<const dou
                         {
                           const auto r = material.respond(strain(p.g, uc), committed.at(p.index));
                           if (r.plastic)
-                            add_stiffness(p.g, material.softening(r), r.direction, p.volume, A);
+                            add_stiffness(p.g, nominal_tangent(material.softening(r), r.direction), p.volume, A);
                         });
              }
            });
@@ -215,11 +213,13 @@ void stiffness_finite(const Cells& cells, const Law& law, const Array<const doub
                           const Deformation deformation(p.g, uc);
                           if (!deformation.valid())
                             return;
-                          const LogStrain x(deformation);
-                          const auto r = material.respond(x.strain, committed.at(p.index));
-                          const Sym T = x.to_frame(r.stress), n = x.to_frame(r.direction);
-                          add_stiffness(p.g, x, x.piola_kirchhoff(T), x.stiffness(T, material.tangent(r), n), p.volume,
-                                        A);
+                          with_log_strain(deformation,
+                                          [&](const auto& x)
+                                          {
+                                            const auto r = material.respond(x.strain, committed.at(p.index));
+                                            add_stiffness(p.g, x.tangent(r.stress, material.tangent(r), r.direction),
+                                                          p.volume, A);
+                                          });
                         });
              }
            });
@@ -241,7 +241,7 @@ void stress(const Cells& cells, const Law& law, bool finite, bool conjugate, con
       return {};
     const LogStrain x(deformation);
     const Sym T = material.respond(x.strain, state).stress;
-    return conjugate ? T : x.cauchy(x.piola_kirchhoff(x.to_frame(T)));
+    return conjugate ? T : x.cauchy(T);
   };
   with_law(law,
            [&](const auto& material)

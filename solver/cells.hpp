@@ -108,34 +108,35 @@ struct BlockPattern
   /// Start of an array of values, refused unless of length `size`; `cells` is the number of matrices to add.
   double* start(const Array<double>& values, std::size_t cells) const;
 
-  /// Add a symmetric element matrix, given by its node pairs a <= b.
-  void add(const int* cell_dofs, std::size_t c, const double* A, double* values) const
-  {
-    add<true>(cell_dofs, c, A, values);
-  }
-
-  /// Add a full element matrix.
-  void add_full(const int* cell_dofs, std::size_t c, const double* A, double* values) const
-  {
-    add<false>(cell_dofs, c, A, values);
-  }
-
-private:
-  template <bool symmetric>
-  void add(const int* cell_dofs, std::size_t c, const double* A, double* values) const
+  /// Start to load what `add` changes, which is in no cache, while the element matrix is computed.
+  void prefetch(const int* cell_dofs, std::size_t c, double* values) const
   {
     const std::uint16_t* offset = offsets.data() + c * nodes * nodes;
-    for (int a = 0; a < nodes; ++a)
+    for (int a = 0; a < nodes; ++a, offset += nodes)
     {
       const std::ptrdiff_t begin = indptr.data()[cell_dofs[a]];
       const std::ptrdiff_t width = 3 * (indptr.data()[cell_dofs[a] + 1] - begin);
-      for (int b = 0; b < nodes; ++b)
+      for (int i = 0; i < 3; ++i)
+        for (int b = 0; b < nodes; ++b)
+          __builtin_prefetch(values + 9 * begin + i * width + 3 * offset[b], 1);
+    }
+  }
+
+  /// Add the element matrix of a cell, in the order `dof`.
+  void add(const int* cell_dofs, std::size_t c, const double* A, double* values) const
+  {
+    const std::uint16_t* offset = offsets.data() + c * nodes * nodes;
+    for (int a = 0; a < nodes; ++a, offset += nodes)
+    {
+      const std::ptrdiff_t begin = indptr.data()[cell_dofs[a]];
+      const std::ptrdiff_t width = 3 * (indptr.data()[cell_dofs[a] + 1] - begin);
+      for (int i = 0; i < 3; ++i)
       {
-        double* target = values + 9 * begin + 3 * offset[nodes * a + b];
-        for (int i = 0; i < 3; ++i)
+        double* target = values + 9 * begin + i * width;
+        const double* row = A + dof(a, i) * row_length;
+        for (int b = 0; b < nodes; ++b)
           for (int j = 0; j < 3; ++j)
-            target[i * width + j]
-                += !symmetric || a <= b ? A[(3 * a + i) * row_length + 3 * b + j] : A[(3 * b + j) * row_length + 3 * a + i];
+            target[3 * offset[b] + j] += row[dof(b, j)];
       }
     }
   }

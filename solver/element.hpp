@@ -89,29 +89,58 @@ inline void add_residual(const Gradients& g, const Sym& stress, double weight, G
   }
 }
 
-/// Add weight * B^T C B to the row-major dofs x row_length element matrix. Only the node pairs a <= b are filled.
-inline void add_stiffness(const Gradients& g, const Moduli& C, const Sym& n, double weight, double* A)
+/// Row and column of the component i of node a in an element matrix; the nodes of a component are side by side.
+constexpr int dof(int a, int i)
+{
+  return nodes * i + a;
+}
+
+/// Derivative of the nominal stress P with respect to the displacement gradient: C[3 i + J][3 k + L] = dP_iJ/dF_kL.
+using Tangent = std::array<std::array<double, 9>, 9>;
+
+/// The derivative in small strain, lambda 1x1 + 2 mu I + chi n x n.
+inline Tangent nominal_tangent(const Moduli& C, const Sym& n)
 {
   const auto [lambda, mu, chi] = C;
-  std::array<std::array<double, 3>, nodes> ng;
-  if (chi != 0.0)
-    for (int a = 0; a < nodes; ++a)
-      ng[a] = times(n, g[a]);
-  for (int a = 0; a < nodes; ++a)
-    for (int b = a; b < nodes; ++b)
+  const double N[9] = {n[0], n[3], n[4], n[3], n[1], n[5], n[4], n[5], n[2]};
+  Tangent out;
+  for (int r = 0; r < 9; ++r)
+    for (int s = 0; s < 9; ++s)
+      out[r][s] = chi * N[r] * N[s];
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
     {
-      const double dot = g[a][0] * g[b][0] + g[a][1] * g[b][1] + g[a][2] * g[b][2];
-      for (int i = 0; i < 3; ++i)
-      {
-        double* row = A + (3 * a + i) * row_length + 3 * b;
-        for (int j = 0; j < 3; ++j)
-          row[j] += weight * (lambda * g[a][i] * g[b][j] + mu * g[a][j] * g[b][i]);
-        row[i] += weight * mu * dot;
-        if (chi != 0.0)
-          for (int j = 0; j < 3; ++j)
-            row[j] += weight * chi * ng[a][i] * ng[b][j];
-      }
+      out[4 * i][4 * j] += lambda;
+      out[3 * i + j][3 * i + j] += mu;
+      out[3 * i + j][3 * j + i] += mu;
     }
+  return out;
+}
+
+/// Add weight * g_a C g_b to the dofs x row_length element matrix of the row-major order `dof`, from the diagonal on.
+inline void add_stiffness(const Gradients& g, const Tangent& C, double weight, double* A)
+{
+  double G[3][nodes], V[9][row_length] = {}; // gradients by component, C g_b
+  for (int b = 0; b < nodes; ++b)
+    for (int j = 0; j < 3; ++j)
+      G[j][b] = g[b][j];
+  for (int r = 0; r < 9; ++r)
+    for (int k = 0; k < 3; ++k)
+    {
+      const double x = weight * C[r][3 * k], y = weight * C[r][3 * k + 1], z = weight * C[r][3 * k + 2];
+      for (int b = 0; b < nodes; ++b)
+        V[r][dof(b, k)] = x * G[0][b] + y * G[1][b] + z * G[2][b];
+    }
+  constexpr int width = 8; // columns in one go, from the last multiple on
+  for (int i = 0; i < 3; ++i)
+    for (int a = 0; a < nodes; ++a)
+      for (int first = dof(a, i) / width * width; first < row_length; first += width)
+      {
+        double* row = A + dof(a, i) * row_length + first;
+        for (int c = 0; c < width; ++c)
+          row[c] += G[0][a] * V[3 * i][first + c] + G[1][a] * V[3 * i + 1][first + c]
+                    + G[2][a] * V[3 * i + 2][first + c];
+      }
 }
 
 /// Add the rows of a cell to the rows `cell_dofs` of a nodal (n, 3) array.

@@ -21,50 +21,16 @@ double traction(const Sym& stress, const std::array<double, 3>& normal)
   return stress[4] * normal[0] + stress[5] * normal[1] + stress[2] * normal[2];
 }
 
-/// Derivative of the traction with respect to the nodal displacement, for the tangent (C, n) of a law.
-Gradients traction_slope(const Moduli& C, const Sym& n, const FacetPoint& p)
+/// Derivative of the traction with respect to the nodal displacement.
+Gradients traction_slope(const Tangent& C, const FacetPoint& p)
 {
-  const auto [lambda, mu, chi] = C;
-  const double flow = chi != 0.0 ? chi * traction(n, p.normal) : 0.0;
+  std::array<double, 9> weights;
+  for (int s = 0; s < 9; ++s)
+    weights[s] = p.normal[0] * C[6][s] + p.normal[1] * C[7][s] + p.normal[2] * C[8][s];
   Gradients out;
   for (int a = 0; a < nodes; ++a)
-  {
-    const auto& g = p.g[a];
-    const double along = g[0] * p.normal[0] + g[1] * p.normal[1] + g[2] * p.normal[2];
-    for (int j = 0; j < 3; ++j)
-      out[a][j] = lambda * g[j] * p.normal[2] + mu * (g[2] * p.normal[j] + (j == 2 ? along : 0.0));
-    if (flow != 0.0)
-    {
-      const auto ng = times(n, g);
-      for (int j = 0; j < 3; ++j)
-        out[a][j] += flow * ng[j];
-    }
-  }
-  return out;
-}
-
-/// The same in finite strain: t = (F S n)_z varies with dS and with dF.
-Gradients traction_slope(const LogStrain& x, const Sym& S, const Stiffness& D, const FacetPoint& p)
-{
-  const auto normal = x.to_frame(p.normal), pulled = times(S, normal);
-  const Sym m = x.variation(2, normal); // twice the symmetric part of F_z n, its diagonal once
-  Sym weights{};
-  for (int k = 0; k < 6; ++k)
-    for (int l = 0; l < 6; ++l)
-      weights[l] += m[k] * D[k][l];
-  Gradients out;
-  for (int a = 0; a < nodes; ++a)
-  {
-    const auto h = x.to_frame(p.g[a]);
-    for (int j = 0; j < 3; ++j)
-    {
-      const Sym v = x.variation(j, h);
-      out[a][j] = 0.0;
-      for (int k = 0; k < 6; ++k)
-        out[a][j] += weights[k] * v[k];
-    }
-    out[a][2] += h[0] * pulled[0] + h[1] * pulled[1] + h[2] * pulled[2];
-  }
+    for (int k = 0; k < 3; ++k)
+      out[a][k] = weights[3 * k] * p.g[a][0] + weights[3 * k + 1] * p.g[a][1] + weights[3 * k + 2] * p.g[a][2];
   return out;
 }
 
@@ -89,7 +55,7 @@ private:
     const auto r = material.respond(strain(p.g, u), state);
     t = traction(r.stress, p.normal);
     if (differentiate)
-      slope = traction_slope(material.tangent(r), r.direction, p);
+      slope = traction_slope(nominal_tangent(material.tangent(r), r.direction), p);
     state = r.state;
   }
 
@@ -99,14 +65,16 @@ private:
     const Deformation deformation(p.g, u);
     if (!deformation.valid()) // t = 0; the cells reject such a state
       return;
-    const LogStrain x(deformation);
-    const auto r = material.respond(x.strain, state);
-    const Sym T = x.to_frame(r.stress), S = x.piola_kirchhoff(T);
-    const Matrix P = x.nominal(S);
-    t = P[2][0] * p.normal[0] + P[2][1] * p.normal[1] + P[2][2] * p.normal[2];
-    if (differentiate)
-      slope = traction_slope(x, S, x.stiffness(T, material.tangent(r), x.to_frame(r.direction)), p);
-    state = r.state;
+    with_log_strain(deformation,
+                    [&](const auto& x)
+                    {
+                      const auto r = material.respond(x.strain, state);
+                      const Matrix P = x.nominal(r.stress);
+                      t = P[2][0] * p.normal[0] + P[2][1] * p.normal[1] + P[2][2] * p.normal[2];
+                      if (differentiate)
+                        slope = traction_slope(x.tangent(r.stress, material.tangent(r), r.direction), p);
+                      state = r.state;
+                    });
   }
 };
 
@@ -255,13 +223,13 @@ void facet_stiffness(const Facets& facets, const ContactLaw& law, const Array<co
           const double symmetrising = law.theta == 0.0 ? 0.0 : -p.weight * law.theta / g * slope[a][i];
           if (pressing == 0.0 && symmetrising == 0.0)
             continue;
-          double* row = A + (3 * a + i) * row_length;
+          double* row = A + dof(a, i) * row_length;
           for (int b = 0; b < nodes; ++b)
             for (int j = 0; j < 3; ++j)
-              row[3 * b + j] += pressing * dP[b][j] + symmetrising * (dP[b][j] + slope[b][j]);
+              row[dof(b, j)] += pressing * dP[b][j] + symmetrising * (dP[b][j] + slope[b][j]);
         }
     }
-    pattern.add_full(facets.dofs_of(f), f, A, out);
+    pattern.add(facets.dofs_of(f), f, A, out);
   }
 }
 } // namespace asperity

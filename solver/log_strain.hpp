@@ -16,6 +16,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 namespace asperity
 {
@@ -25,13 +26,13 @@ using Matrix = std::array<std::array<double, 3>, 3>;
 inline void diagonalise(Matrix& A, Matrix& N)
 {
   N = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
-  constexpr int pairs[3][3] = {{0, 1, 2}, {0, 2, 1}, {1, 2, 0}};
+  constexpr int rotations[3][3] = {{0, 1, 2}, {0, 2, 1}, {1, 2, 0}};
   for (int sweep = 0; sweep < 12; ++sweep)
   {
     const double off = std::abs(A[0][1]) + std::abs(A[0][2]) + std::abs(A[1][2]);
     if (off <= 1e-17 * (std::abs(A[0][0]) + std::abs(A[1][1]) + std::abs(A[2][2])))
       return;
-    for (const auto& [p, q, r] : pairs)
+    for (const auto& [p, q, r] : rotations)
     {
       if (A[p][q] == 0.0)
         continue;
@@ -113,9 +114,36 @@ inline double log_difference(double a, double b, double c, double ab, double bc,
 
 /// Number of a pair of indices in a symmetric tensor.
 constexpr int voigt[3][3] = {{0, 3, 4}, {3, 1, 5}, {4, 5, 2}};
+/// The pairs by their numbers.
+constexpr int pairs[6][2] = {{0, 0}, {1, 1}, {2, 2}, {0, 1}, {0, 2}, {1, 2}};
 
-/// Stiffness from strain components, the shear ones counted twice, to stress components.
-using Stiffness = std::array<std::array<double, 6>, 6>;
+/// Components of a symmetric tensor and two to spare, which fill vectors of any width.
+using Eight = std::array<double, 8>;
+
+/// Fourth-order tensor with the symmetries of a stiffness, by pairs: stress components from strain components, the
+/// shear ones counted twice.
+using Stiffness = std::array<Eight, 6>;
+
+/// dP/dF of the nominal stress P = F S, from D = dS/dG.
+inline Tangent nominal_tangent(const Matrix& F, const Sym& S, const Stiffness& D)
+{
+  Tangent out;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+    {
+      const Eight &x = D[voigt[0][j]], &y = D[voigt[1][j]], &z = D[voigt[2][j]];
+      Eight q; // dP_ij/dG
+      for (int l = 0; l < 8; ++l)
+        q[l] = F[i][0] * x[l] + F[i][1] * y[l] + F[i][2] * z[l];
+      auto& row = out[3 * i + j];
+      for (int k = 0; k < 3; ++k)
+        for (int l = 0; l < 3; ++l)
+          row[3 * k + l] = F[k][0] * q[voigt[0][l]] + F[k][1] * q[voigt[1][l]] + F[k][2] * q[voigt[2][l]];
+      for (int l = 0; l < 3; ++l)
+        row[3 * i + l] += S[voigt[j][l]];
+    }
+  return out;
+}
 
 /// Deformation gradient of a point, its determinant, and C - 1, in which small strains keep their digits.
 struct Deformation
@@ -140,29 +168,70 @@ struct Deformation
   }
 
   bool valid() const { return det > 0.0; }
-
-  /// Whether the eigenvalues of C lie between 0.64 and 1.36, where `Resolvents` are exact to rounding.
-  bool moderate() const { return contract(A, A) < 0.13; }
 };
 
-/// Strain and stress of a moderate deformation without eigenvalues: ln(1 + A) = int A R ds, and its derivative along B is
-/// int R B R ds, with R = (1 + s A)^-1 and s from 0 to 1, by Gauss' rule (Higham, section 11.5). The internal force takes
-/// half the time so.
+/// Gauss' rule on [0, 1] with a number of points, and the greatest norm of C - 1 up to which `Resolvents` are exact to
+/// rounding with it.
+template <int count>
+struct Gauss;
+
+template <>
+struct Gauss<4>
+{
+  static constexpr double points[]
+      = {0.06943184420297371, 0.33000947820757187, 0.66999052179242813, 0.93056815579702629};
+  static constexpr double weights[]
+      = {0.17392742256872693, 0.32607257743127307, 0.32607257743127307, 0.17392742256872693};
+  static constexpr double reach = 0.03;
+};
+
+template <>
+struct Gauss<8>
+{
+  static constexpr double points[]
+      = {0.01985507175123188, 0.10166676129318664, 0.23723379504183550, 0.40828267875217511,
+         0.59171732124782489, 0.76276620495816450, 0.89833323870681336, 0.98014492824876812};
+  static constexpr double weights[]
+      = {0.05061426814518813, 0.11119051722668724, 0.15685332293894364, 0.18134189168918099,
+         0.18134189168918099, 0.15685332293894364, 0.11119051722668724, 0.05061426814518813};
+  static constexpr double reach = 0.36;
+};
+
+/// Rows of a symmetric tensor t at a place of the arrays of its components: left[i] holds t_ik, right[i] t_il, for the
+/// pairs (k, l).
+struct Rows
+{
+  Eight left[3], right[3];
+
+  template <typename Components>
+  Rows(const Components& components, int place)
+  {
+    for (int i = 0; i < 3; ++i)
+      for (int l = 0; l < 8; ++l)
+      {
+        left[i][l] = l < 6 ? components[voigt[i][pairs[l][0]]][place] : 0.0;
+        right[i][l] = l < 6 ? components[voigt[i][pairs[l][1]]][place] : 0.0;
+      }
+  }
+};
+
+/// Strain and stress of a moderate deformation without eigenvalues, with R = (1 + s A)^-1, A = C - 1 = 2 G, and s from
+/// 0 to 1 by Gauss' rule (Higham, section 11.5):
+///     ln(1 + A) = int A R ds,    dE = int R dG R ds,    T : d2E = -4 int s tr(R T R dG R dG) ds.
+/// By eigenvalues the internal force of a point takes three times the time, its stiffness twice.
+template <int count>
 struct Resolvents
 {
-  static constexpr int count = 8;
-  static constexpr double points[count] = {
-      0.01985507175123188, 0.10166676129318664, 0.23723379504183550, 0.40828267875217511,
-      0.59171732124782489, 0.76276620495816450, 0.89833323870681336, 0.98014492824876812};
-  static constexpr double weights[count] = {
-      0.05061426814518813, 0.11119051722668724, 0.15685332293894364, 0.18134189168918099,
-      0.18134189168918099, 0.15685332293894364, 0.11119051722668724, 0.05061426814518813};
+  using Lanes = std::array<double, count>;
 
-  double R[6][count]; // components (xx, yy, zz, xy, xz, yz)
-  Sym strain;         // E
+  Matrix F;               // deformation gradient
+  std::array<Lanes, 6> R; // components (xx, yy, zz, xy, xz, yz)
+  Sym strain;             // E
 
-  explicit Resolvents(const Sym& A)
+  explicit Resolvents(const Deformation& x) : F(x.F)
   {
+    constexpr const auto &points = Gauss<count>::points, &weights = Gauss<count>::weights;
+    const Sym& A = x.A;
     double xx = 0.0, yy = 0.0, zz = 0.0, xy = 0.0, xz = 0.0, yz = 0.0;
 #pragma omp simd reduction(+ : xx, yy, zz, xy, xz, yz)
     for (int q = 0; q < count; ++q)
@@ -193,28 +262,83 @@ struct Resolvents
     }
   }
 
-  /// S from T.
-  Sym piola_kirchhoff(const Sym& T) const
+  /// R T R at the points.
+  std::array<Lanes, 6> sandwich(const Sym& T) const
   {
-    double xx = 0.0, yy = 0.0, zz = 0.0, xy = 0.0, xz = 0.0, yz = 0.0;
-#pragma omp simd reduction(+ : xx, yy, zz, xy, xz, yz)
+    std::array<Lanes, 6> X;
+#pragma omp simd
     for (int q = 0; q < count; ++q)
     {
-      const double a = R[0][q], b = R[1][q], c = R[2][q], d = R[3][q], e = R[4][q], f = R[5][q], w = weights[q];
+      const double a = R[0][q], b = R[1][q], c = R[2][q], d = R[3][q], e = R[4][q], f = R[5][q];
       const double x0 = T[0] * a + T[3] * d + T[4] * e, x1 = T[3] * a + T[1] * d + T[5] * e;
       const double x2 = T[4] * a + T[5] * d + T[2] * e; // T times the columns of R
       const double y0 = T[0] * d + T[3] * b + T[4] * f, y1 = T[3] * d + T[1] * b + T[5] * f;
       const double y2 = T[4] * d + T[5] * b + T[2] * f;
       const double z0 = T[0] * e + T[3] * f + T[4] * c, z1 = T[3] * e + T[1] * f + T[5] * c;
       const double z2 = T[4] * e + T[5] * f + T[2] * c;
-      xx += w * (a * x0 + d * x1 + e * x2);
-      yy += w * (d * y0 + b * y1 + f * y2);
-      zz += w * (e * z0 + f * z1 + c * z2);
-      xy += w * (a * y0 + d * y1 + e * y2);
-      xz += w * (a * z0 + d * z1 + e * z2);
-      yz += w * (d * z0 + b * z1 + f * z2);
+      X[0][q] = a * x0 + d * x1 + e * x2;
+      X[1][q] = d * y0 + b * y1 + f * y2;
+      X[2][q] = e * z0 + f * z1 + c * z2;
+      X[3][q] = a * y0 + d * y1 + e * y2;
+      X[4][q] = a * z0 + d * z1 + e * z2;
+      X[5][q] = d * z0 + b * z1 + f * z2;
     }
-    return {xx, yy, zz, xy, xz, yz};
+    return X;
+  }
+
+  /// S from X = R T R.
+  static Sym piola_kirchhoff(const std::array<Lanes, 6>& X)
+  {
+    Sym S{};
+    for (int k = 0; k < 6; ++k)
+      for (int q = 0; q < count; ++q)
+        S[k] += Gauss<count>::weights[q] * X[k][q];
+    return S;
+  }
+
+  /// First stress of Piola and Kirchhoff F S from T.
+  Matrix nominal(const Sym& T) const
+  {
+    const Sym S = piola_kirchhoff(sandwich(T));
+    return {times(S, F[0]), times(S, F[1]), times(S, F[2])};
+  }
+
+  /// Its derivative with respect to F, from T, the moduli of the law and their direction.
+  Tangent tangent(const Sym& T, const Moduli& C, const Sym& n) const
+  {
+    const auto X = sandwich(T);
+    Stiffness P{}, D{}; // dE/dG and dS/dG
+    for (int q = 0; q < count; ++q)
+    {
+      const double w = Gauss<count>::weights[q], first = 0.5 * w, second = -w * Gauss<count>::points[q];
+      const Rows r(R, q), x(X, q);
+#pragma GCC unroll 6
+      for (int k = 0; k < 6; ++k)
+      {
+        const auto [i, j] = pairs[k];
+#pragma omp simd
+        for (int l = 0; l < 8; ++l)
+        {
+          P[k][l] += first * (r.left[i][l] * r.right[j][l] + r.right[i][l] * r.left[j][l]);
+          D[k][l] += second * (x.left[i][l] * r.right[j][l] + x.right[j][l] * r.left[i][l]
+                               + x.right[i][l] * r.left[j][l] + x.left[j][l] * r.right[i][l]);
+        }
+      }
+    }
+    const auto [lambda, mu, chi] = C;
+    Eight volume, flow; // P : 1 and P : n
+    for (int l = 0; l < 8; ++l)
+    {
+      volume[l] = P[0][l] + P[1][l] + P[2][l];
+      flow[l] = n[0] * P[0][l] + n[1] * P[1][l] + n[2] * P[2][l]
+                + 2.0 * (n[3] * P[3][l] + n[4] * P[4][l] + n[5] * P[5][l]);
+    }
+    for (int k = 0; k < 6; ++k)
+      for (int l = 0; l < 8; ++l)
+        D[k][l] += 2.0 * mu * (P[0][k] * P[0][l] + P[1][k] * P[1][l] + P[2][k] * P[2][l])
+                   + 4.0 * mu * (P[3][k] * P[3][l] + P[4][k] * P[4][l] + P[5][k] * P[5][l])
+                   + lambda * volume[k] * volume[l] + chi * flow[k] * flow[l];
+    return nominal_tangent(F, piola_kirchhoff(X), D);
   }
 };
 
@@ -279,9 +403,10 @@ struct LogStrain
     return S;
   }
 
-  /// First stress of Piola and Kirchhoff F S, on undeformed areas, from S in the frame.
-  Matrix nominal(const Sym& S) const
+  /// First stress of Piola and Kirchhoff F S, on undeformed areas, from T.
+  Matrix nominal(const Sym& T) const
   {
+    const Sym S = piola_kirchhoff(to_frame(T));
     Matrix out;
     for (int i = 0; i < 3; ++i)
     {
@@ -292,9 +417,10 @@ struct LogStrain
     return out;
   }
 
-  /// Cauchy's stress F S F^T/det F.
-  Sym cauchy(const Sym& S) const
+  /// Cauchy's stress F S F^T/det F, from T.
+  Sym cauchy(const Sym& T) const
   {
+    const Sym S = piola_kirchhoff(to_frame(T));
     Sym out;
     for (int i = 0; i < 3; ++i)
     {
@@ -305,11 +431,30 @@ struct LogStrain
     return out;
   }
 
+  /// Derivative of the nominal stress with respect to F, from T, the moduli of the law and their direction.
+  Tangent tangent(const Sym& T, const Moduli& C, const Sym& n) const
+  {
+    const Sym t = to_frame(T);
+    const Tangent framed = nominal_tangent(F, piola_kirchhoff(t), stiffness(t, C, to_frame(n)));
+    Tangent half, out; // the columns, then the rows out of the frame
+    for (int r = 0; r < 9; ++r)
+      for (int k = 0; k < 3; ++k)
+        for (int l = 0; l < 3; ++l)
+          half[r][3 * k + l]
+              = framed[r][3 * k] * N[l][0] + framed[r][3 * k + 1] * N[l][1] + framed[r][3 * k + 2] * N[l][2];
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j)
+        for (int c = 0; c < 9; ++c)
+          out[3 * i + j][c] = N[j][0] * half[3 * i][c] + N[j][1] * half[3 * i + 1][c] + N[j][2] * half[3 * i + 2][c];
+    return out;
+  }
+
+private:
   /// dS/dG in the frame, from T, the moduli of the law and their direction, both in the frame.
   Stiffness stiffness(const Sym& T, const Moduli& C, const Sym& n) const
   {
     const auto [lambda, mu, chi] = C;
-    Stiffness D;
+    Stiffness D{};
     for (int i = 0; i < 6; ++i)
       for (int j = 0; j < 6; ++j)
         D[i][j] = theta[i] * theta[j]
@@ -332,19 +477,20 @@ struct LogStrain
         }
     return D;
   }
-
-  /// Derivative of G with respect to the displacement i of a node with the gradient g in the frame, shear counted twice.
-  Sym variation(int i, const std::array<double, 3>& g) const
-  {
-    const auto& f = F[i];
-    return {f[0] * g[0],
-            f[1] * g[1],
-            f[2] * g[2],
-            f[0] * g[1] + f[1] * g[0],
-            f[0] * g[2] + f[2] * g[0],
-            f[1] * g[2] + f[2] * g[1]};
-  }
 };
+
+/// Call `kernel(x)` with the logarithmic strain of a deformation in the form that is cheapest there. All forms have the
+/// members `strain`, `nominal` and `tangent`.
+template <typename Kernel>
+decltype(auto) with_log_strain(const Deformation& deformation, Kernel&& kernel)
+{
+  const double squared = contract(deformation.A, deformation.A);
+  if (squared < Gauss<4>::reach * Gauss<4>::reach)
+    return kernel(Resolvents<4>(deformation));
+  if (squared < Gauss<8>::reach * Gauss<8>::reach)
+    return kernel(Resolvents<8>(deformation));
+  return kernel(LogStrain(deformation));
+}
 
 /// Add weight * P g of each node to the element residual, P the nominal stress.
 inline void add_residual(const Gradients& g, const Matrix& P, double weight, Gradients& b)
@@ -352,50 +498,5 @@ inline void add_residual(const Gradients& g, const Matrix& P, double weight, Gra
   for (int a = 0; a < nodes; ++a)
     for (int i = 0; i < 3; ++i)
       b[a][i] += weight * (P[i][0] * g[a][0] + P[i][1] * g[a][1] + P[i][2] * g[a][2]);
-}
-
-/// Add weight * (B^T D B + geometric part) to the row-major dofs x row_length element matrix. Only the node pairs
-/// a <= b are filled.
-inline void add_stiffness(const Gradients& g, const LogStrain& x, const Sym& S, const Stiffness& D, double weight,
-                          double* A)
-{
-  double B[6][row_length] = {}, DB[6][row_length] = {};
-  Gradients h, Sh;
-  for (int a = 0; a < nodes; ++a)
-  {
-    h[a] = x.to_frame(g[a]);
-    Sh[a] = times(S, h[a]);
-    for (int i = 0; i < 3; ++i)
-    {
-      const Sym v = x.variation(i, h[a]);
-      for (int k = 0; k < 6; ++k)
-        B[k][3 * a + i] = v[k];
-    }
-  }
-  for (int k = 0; k < 6; ++k)
-  {
-    for (int j = 0; j < row_length; ++j)
-      DB[k][j] = weight
-                 * (D[k][0] * B[0][j] + D[k][1] * B[1][j] + D[k][2] * B[2][j] + D[k][3] * B[3][j] + D[k][4] * B[4][j]
-                    + D[k][5] * B[5][j]);
-  }
-  for (int a = 0; a < nodes; ++a)
-  {
-    constexpr int width = 8; // columns in one go, from the last multiple on
-    for (int i = 3 * a; i < 3 * a + 3; ++i)
-      for (int first = 3 * a / width * width; first < row_length; first += width)
-      {
-        double* row = A + i * row_length + first;
-        for (int j = 0; j < width; ++j)
-          row[j] += B[0][i] * DB[0][first + j] + B[1][i] * DB[1][first + j] + B[2][i] * DB[2][first + j]
-                    + B[3][i] * DB[3][first + j] + B[4][i] * DB[4][first + j] + B[5][i] * DB[5][first + j];
-      }
-    for (int b = a; b < nodes; ++b)
-    {
-      const double geometric = weight * (h[a][0] * Sh[b][0] + h[a][1] * Sh[b][1] + h[a][2] * Sh[b][2]);
-      for (int i = 0; i < 3; ++i)
-        A[(3 * a + i) * row_length + 3 * b + i] += geometric;
-    }
-  }
 }
 } // namespace asperity

@@ -51,6 +51,35 @@ class Run:
 
 
 @dataclass(frozen=True)
+class Usage:
+    """CPU seconds of a process, user and system, its greatest resident memory [bytes], and how it ended (see Run)."""
+
+    cpu: float
+    memory: int
+    ended: str
+
+
+def timed(command: list[str], environment: dict[str, str], place: Path, limit: float) -> Usage:
+    """Run a command on one thread in a folder, with its output in the file `log` there."""
+
+    def limited() -> None:
+        seconds = int(np.ceil(limit))
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 10))
+
+    with (place / "log").open("w", encoding="utf-8") as log:
+        child = subprocess.Popen(
+            command, cwd=place, env=os.environ | {"OMP_NUM_THREADS": "1"} | environment, stdout=log, stderr=log,
+            preexec_fn=limited,
+        )  # fmt: skip
+        _, status, used = os.wait4(child.pid, 0)
+    child.returncode = os.waitstatus_to_exitcode(status)
+    ended = "done" if child.returncode == 0 else f"failed ({child.returncode})"
+    if child.returncode == -signal.SIGXCPU:
+        ended = "limit"
+    return Usage(used.ru_utime + used.ru_stime, used.ru_maxrss * 1024, ended)
+
+
+@dataclass(frozen=True)
 class Start:
     """A prepared run: command line, environment, and how to read dofs and forces in the end."""
 
@@ -86,24 +115,12 @@ class Job:
         place.mkdir(parents=True, exist_ok=True)
         start = self.prepare(place)
 
-        def limited() -> None:
-            seconds = int(np.ceil(limit))
-            resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 10))
-
-        with (place / "log").open("w", encoding="utf-8") as log:
-            child = subprocess.Popen(
-                start.command, cwd=place, env=os.environ | {"OMP_NUM_THREADS": "1"} | start.environment,
-                stdout=log, stderr=log, preexec_fn=limited,
-            )  # fmt: skip
-            _, status, used = os.wait4(child.pid, 0)
-            child.returncode = os.waitstatus_to_exitcode(status)
-        cpu = used.ru_utime + used.ru_stime
+        used = timed(start.command, start.environment, place, limit)
         dofs, force = start.read()
         ended = "done"
         if len(force) < scene.STEPS:
-            ended = "limit" if child.returncode == -signal.SIGXCPU else f"failed ({child.returncode})"
-        memory = used.ru_maxrss * 1024
-        run = Run(self.program, self.material, self.mesh, dofs, cpu, memory, force, ended, limit)
+            ended = used.ended
+        run = Run(self.program, self.material, self.mesh, dofs, used.cpu, used.memory, force, ended, limit)
         file = folder / "runs" / f"{self._name}.json"
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(json.dumps(asdict(run), indent=1) + "\n", encoding="utf-8")

@@ -248,6 +248,10 @@ class Curve:
         """Return the steps of branch "load", the first loading."""
         return self.where(self.branch == "load")
 
+    def untouched(self) -> bool:
+        """Whether no step of the first loading has a force."""
+        return not bool(np.any(self.loading().P_star > 0.0))
+
     def unresolved(self) -> str:
         """Return a warning if the mesh is too coarse for the contact at the greatest load, else an empty string."""
         branch = self.loading()

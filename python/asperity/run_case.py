@@ -395,4 +395,5 @@ def _hooks(job: _Job, begin: Callable[[], None], stop: Callable[[], str] | None)
         on_ready,
         stiffness=output.stiffness,
         conductance=output.conductance,
+        on_part=job.progress.part,
     )

@@ -131,7 +131,7 @@ def solve_case(
         if wanted.tolerance is None:
             contact = _solve(case, chosen, block, comm, hooks)
         else:
-            target = AccuracyTarget(wanted.tolerance, wanted.max_dofs, wanted.max_seconds)
+            target = AccuracyTarget(wanted.tolerance, wanted.max_dofs, wanted.max_seconds, wanted.area_tolerance)
             accurate = refine(chosen, target, comm, hooks, on_curve)
             contact = replace(accurate.contact, curve=accurate.curve, reason=accurate.reason)
             failure = None if accurate.met else ConvergenceError(accurate.reason)

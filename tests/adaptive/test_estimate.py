@@ -45,6 +45,11 @@ def test_dofs_steps_and_memory_are_those_of_the_run() -> None:
     found = estimate(case)
     summary = run(case).summary
     assert found.dofs == pytest.approx(summary["dofs"], rel=0.25)
+    small, finite = found.strain  # kinematics = "auto" compares both
+    strain = summary["model"]["small_strain"]
+    assert small.dofs == finite.dofs == pytest.approx(strain["dofs"], rel=0.25) and finite.seconds > small.seconds
+    assert small.h_contact == pytest.approx(strain["h"])
+    assert len(strain["delta"]) - 3 <= small.steps <= len(strain["delta"]) + 12  # without pieces of the first steps
     assert summary["steps"] - 3 <= found.levels[0].steps <= summary["steps"]  # lifting off may take some steps more
     # what pytest has loaded in addition counts for the run
     assert found.memory / 2**20 / summary["peak_memory_MiB"] < 2  # that peak is one of all tests before
@@ -68,7 +73,7 @@ def test_the_integral_of_a_graded_field() -> None:
 
 def test_what_costs_more_is_estimated_higher() -> None:
     def of(*changes: str) -> float:
-        return estimate(Case.load(ROOT / "cases/demo.toml", [*QUICK, *changes])).seconds
+        return estimate(Case.load(ROOT / "cases/demo.toml", [*QUICK, 'material.kinematics="small"', *changes])).seconds
 
     assert of("mesh.h_contact=0.1e-6") > 1.3 * of()
     assert of("loading.steps=6") > 1.3 * of()
@@ -81,6 +86,14 @@ def test_a_tolerance_makes_several_meshes() -> None:
     sizes = [level.dofs for level in found.levels]
     assert 3 <= len(sizes) <= 5 and sizes == sorted(sizes) and found.ranks == 4
     assert found.memory > 4 * ELASTIC.base
+
+
+def test_given_kinematics_compare_nothing_unless_requested() -> None:
+    def of(*changes: str) -> int:
+        return len(estimate(Case.load(ROOT / "cases/demo.toml", [*QUICK, *changes])).strain)
+
+    assert of('material.kinematics="small"') == 0
+    assert of('material.kinematics="small"', "output.small_strain=true") == of('material.kinematics="finite"') == 2
 
 
 def test_a_force_is_refused() -> None:

@@ -13,12 +13,16 @@ from mpi4py import MPI
 
 import asperity as asp
 from asperity.adaptive.roughness import Omission, Roughness
+from asperity.adaptive.solve_to_tolerance import refine
+from asperity.errors import Interrupted
 from asperity.mesh.generate import build_block
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import MeshSize
+from asperity.quasistatic.contact_result import PartialResult
+from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.solve_contact import solve_contact
-from asperity.surface import SelfAffine
+from asperity.surface import SelfAffine, SurfaceWarning
 
 ELASTIC = Material(1.0, 0.3)
 
@@ -42,12 +46,40 @@ def test_a_finer_mesh_leaves_out_less() -> None:
 
 
 def test_the_contact_map_holds_the_approaches() -> None:
-    surface = surface_of()
-    roughness = Roughness(Problem.of(surface, ELASTIC, delta_max=0.02, steps=4), 0.02, 4)
+    surface, parts = surface_of(), list[float]()
+    roughness = Roughness(Problem.of(surface, ELASTIC, delta_max=0.02, steps=4), 0.02, 4, parts.append)
     x, y, _ = surface.maximum()
     found = roughness.contact_map()
+    assert parts == [0.25, 0.5, 0.75, 1.0]
     assert found.depth(np.array([x]), np.array([y]))[0] == pytest.approx(0.005)
     assert np.isinf(found.touched_at).any()
+
+
+def test_a_stop_while_a_mesh_is_judged_keeps_its_curve() -> None:
+    """It takes effect before the next mesh."""
+
+    def stage(name: str) -> None:
+        if name.startswith("half-space with the waves"):
+            stopped.append(name)
+        if stopped:
+            raise Interrupted(f"stopped by the test before the load path (next: {name})")
+
+    stopped: list[str] = []
+    problem = Problem.of(surface_of(4), ELASTIC, delta_max=0.015, steps=4)
+    with pytest.raises(PartialResult, match="stopped by the test") as e:
+        refine(problem, asp.AccuracyTarget(0.01), hooks=Hooks(on_stage=stage))
+    assert len(stopped) == 1 and np.isfinite(e.value.result.curve.error_P_star).all()
+
+
+@pytest.mark.parametrize("material", [ELASTIC, Material(1.0, 0.3, 0.02, 0.05)], ids=["elastic", "plastic"])
+def test_coarse_meshes_that_are_not_touched_lead_to_finer_ones(material: Material) -> None:
+    """Their smoothed summits of a steep surface are below the flat: no reason to refuse the case."""
+    steep = surface_of(5, H=0.7, slope=1.5, lambda_roll=0.25, lambda_short=0.03)
+    goal = asp.AccuracyTarget(0.05, max_dofs=20_000)
+    with pytest.warns(SurfaceWarning):
+        found = asp.solve_to_tolerance(steep, material, goal, delta_max=0.005, steps=5)
+    assert not found.met and found.levels[-1].dofs > 1.5 * found.levels[0].dofs
+    assert "the force has no error bar, no node is touched: the next mesh has about" in found.reason
 
 
 @pytest.mark.parametrize(

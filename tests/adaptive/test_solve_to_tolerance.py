@@ -42,6 +42,7 @@ from asperity.errors import ResolutionWarning
 from asperity.mesh.resolution import ELEMENTS, doubt_of_waves, resolving_size
 from asperity.model.settings import Goal, SolverOptions
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
+from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.reference import half_space_contact
 
 ELASTIC = asp.Material(1.0, 0.3)
@@ -300,9 +301,13 @@ def test_limit_ends_the_refinement_with_what_is_known() -> None:
 
 def test_a_mesh_that_does_not_converge_leaves_the_curve_of_the_one_before(monkeypatch: pytest.MonkeyPatch) -> None:
     curves: list[Curve] = []
+    solvers: list[ContactSolver] = []
 
     def solve(*args: Any, **kwargs: Any) -> ContactResult:
+        if curves:  # one mesh at a time has matrices
+            assert solvers[-1].solid._values is None
         result = asp.solve_problem(*args, **kwargs)
+        solvers.append(result.solver)
         if len(curves) == 1:  # the first mesh after the guide is done
             raise PartialResult("no convergence", result)
         return result
@@ -313,6 +318,26 @@ def test_a_mesh_that_does_not_converge_leaves_the_curve_of_the_one_before(monkey
     assert not result.met and len(result.levels) == 2 and len(curves) == 1
     np.testing.assert_array_equal(result.curve.error_P_star, curves[0].error_P_star)
     assert "no step converges beyond delta/L = 0.01, use more loading.steps" in result.reason
+    assert result.contact.solver is solvers[1] and solvers[1].step(0.011).converged  # its state is not lost
+
+
+def test_a_tolerance_of_the_area_refines_until_its_bar_holds_it_too() -> None:
+    """Of a sphere, whose force is known to 5 % on a mesh that leaves 5 % of its area open."""
+    sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=3.0, centre=(0.5, 0.5))
+    force_only, both = (
+        solve_to_tolerance(sphere, ELASTIC, Goal(0.05, area_tolerance=area), delta_max=0.004, steps=5)
+        for area in (None, 0.03)
+    )
+    assert force_only.met and force_only.worst_area > 0.05 and both.met and both.worst_area <= 0.03
+    curve = both.curve.loading()
+    exact = [half_space_contact(sphere, 256, delta_star=float(d), height=1.0, nu=0.3) for d in curve.delta_star]
+    assert np.all(np.abs(curve.area_fraction - [found.area_fraction for found in exact]) <= curve.error_area_fraction)
+    few = solve_to_tolerance(
+        sphere, ELASTIC, Goal(0.05, both.levels[-1].dofs // 2, area_tolerance=1e-3), delta_max=0.004, steps=5
+    )
+    assert not few.met and "the contact area is known to" in few.reason and "accuracy.area_tolerance" in few.reason
+    with pytest.raises(asp.InputError, match=r"accuracy\.area_tolerance = 1\.5 must lie"):
+        Goal(0.05, area_tolerance=1.5)
 
 
 def test_what_the_equations_leave_is_not_blamed_on_the_load_steps() -> None:

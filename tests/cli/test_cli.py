@@ -338,6 +338,19 @@ def test_progress_shows_time_left(capsys: pytest.CaptureFixture[str]) -> None:
     assert shown[2].split()[-3:] == ["3", "m", "00"]  # three quarters are left after a minute
 
 
+def test_a_long_phase_shows_how_much_is_done(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = iter([0.0, 1.0, 1.0, 5.0, 12.0, 13.0, 30.0])  # s
+    monkeypatch.setattr("asperity.runtime.progress.time.monotonic", lambda: next(now))
+    lines = StepLines()
+    lines.stage("half-space")
+    for part in (0.1, 0.4, 0.5, 0.9):
+        lines.part(part)
+    shown = capsys.readouterr().out.splitlines()
+    assert [line.split()[-1] for line in shown] == ["half-space", "40%", "90%"]  # not more than one in 10 s
+
+
 def test_progress_is_silent_when_quiet_or_not_first(monkeypatch: pytest.MonkeyPatch) -> None:
     assert type(make_progress(quiet=True)) is Progress
     monkeypatch.setenv("PMIX_RANK", "1")

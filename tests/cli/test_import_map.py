@@ -15,7 +15,7 @@ import pytest
 from asperity.case import Case
 from asperity.cli import main
 from asperity.errors import InputError
-from asperity.surface import SelfAffine, height_map
+from asperity.surface import HeightMap, SelfAffine, Surface, height_map
 
 SIDE = 0.5e-6
 SCAN = SelfAffine(L=SIDE, H=0.8, slope=0.4, lambda_roll=0.1e-6, lambda_short=8e-9, periodic=False, seed=4).grid(256)
@@ -58,8 +58,50 @@ def test_a_case_is_made_with_statistics_over_the_cutoff(tmp_path: Path, capsys: 
     assert slopes == sorted(slopes) and slopes[-1] == pytest.approx(about["statistics"]["rms_slope"], rel=0.1)
     case = Case.load(tmp_path / "out/case.toml")
     assert case.accuracy.tolerance == 0.05 and case.loading.delta_max is not None
-    assert case.loading.delta_max == pytest.approx(about["statistics"]["Sp"] / 2, rel=0.01)
+    cut = (SCAN > SCAN.max() - case.loading.delta_max).mean()
+    assert 0.01 < cut < 0.03
     assert (tmp_path / "out/surface.png").is_file() and (tmp_path / "out/spectrum.png").is_file()
+
+
+def test_edges_and_noise_that_pixels_do_not_resolve_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    edge = SCAN + np.where(np.arange(256) > 100, 100e-9, 0.0)
+    assert import_map(write(tmp_path, edge), "-o", tmp_path / "out") == 0
+    said = capsys.readouterr().out
+    assert "above the highest of them, at an edge or noise" in said
+    cutoff = said.split("--cutoff ")[1].split(")")[0]
+    assert import_map(write(tmp_path, edge), "-o", tmp_path / "out", "--cutoff", cutoff) == 0
+    assert "above the highest of them" not in capsys.readouterr().out
+
+
+def test_exponents_of_no_self_affine_surface_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    noise = 1e-10 * np.random.default_rng(0).normal(size=(256, 256))
+    for z, said in ((noise, True), (SCAN, False)):
+        assert import_map(write(tmp_path, z), "-o", tmp_path / "out") == 0
+        assert ("is outside 0 to 1, so no power law" in capsys.readouterr().out) is said
+
+
+def test_plateaus_are_pressed_as_lightly_as_summits(tmp_path: Path) -> None:
+    """Half of the summit's height above the mean plane would press a worn surface by most of its roughness."""
+    worn = np.minimum(SCAN, np.quantile(SCAN, 0.5)) + 0.02 * SCAN
+    assert import_map(write(tmp_path, worn), "-o", tmp_path / "out") == 0
+    delta = Case.load(tmp_path / "out/case.toml").loading.delta_max
+    assert delta is not None and delta < 0.25 * (worn.max() - worn.mean())
+
+
+@pytest.mark.parametrize("spike", [0.0, 0.3, 3.0])
+def test_the_case_names_the_share_of_the_heights_that_is_pressed(tmp_path: Path, spike: float) -> None:
+    """A spike takes the approach for itself, and the text does not promise more."""
+    high = SCAN.copy()
+    high[100, 100] += spike * 256 * 1e-9
+    assert import_map(write(tmp_path, high), "-o", tmp_path / "out") == 0
+    text = (tmp_path / "out/case.toml").read_text()
+    delta = Case.load(tmp_path / "out/case.toml").loading.delta_max
+    surface = Surface.from_spec(kind="file", path=str(tmp_path / "out/patch.npz"))
+    assert delta is not None and isinstance(surface, HeightMap)
+    share = np.mean(surface.heights > surface.maximum()[2] - delta)
+    assert f"# {share:.1%} of the heights" in text
 
 
 def test_the_fit_is_made_when_requested(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -213,6 +213,20 @@ def test_equal_and_nearly_equal_eigenvalues(cube: BlockMesh, apart: float) -> No
     assert difference(tangent_of(a, u).data, tangent_of(b, u).data) < 1e-11
 
 
+@pytest.mark.parametrize("size", [1e-4, 0.0299, 0.0301, 0.359, 0.361])
+def test_all_forms_of_the_compiled_kernel_agree_with_the_twin(cube: BlockMesh, size: float) -> None:
+    """The kernel has a form up to 0.03, one up to 0.36 and one for any norm of C - 1; the twin has one."""
+    direction = TURN @ np.diag([-1.0, 0.6, 0.2]) @ TURN.T
+    direction *= size / np.linalg.norm(direction)
+    values, vectors = np.linalg.eigh(np.eye(3) + direction)
+    F = vectors @ np.diag(np.sqrt(values)) @ vectors.T  # a rotation would leave rounding errors in C - 1
+    a, b = (solid_of(cube, MIXED, kernels) for kernels in ("compiled", "ufl"))
+    u = affine(a, F)
+    assert np.linalg.norm(F.T @ F - np.eye(3)) == pytest.approx(size)
+    assert difference(force_of(a, u), force_of(b, u)) < 1e-13
+    assert difference(tangent_of(a, u).data, tangent_of(b, u).data) < 1e-13
+
+
 @EACH
 def test_objectivity(coarse: BlockMesh, material: Material) -> None:
     """A specimen that is turned on the way has the turned forces and stresses, and the same history and energy."""

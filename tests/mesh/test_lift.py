@@ -132,3 +132,13 @@ def test_the_limit_of_soundness_is_kept() -> None:
     flat = block.points.copy()
     flat[:, 2] /= 1.0 + (block.heights(surface) - 1.0)
     assert np.all(jacobians(block) >= 0.99 * SOUND * volumes(flat, block.tets))
+
+
+def test_smoothing_stays_near_the_elements_that_need_it() -> None:
+    """A width that falls too fast makes new bad elements at its edge, and spreads over the block as it grows."""
+    surface = SelfAffine(L=1.0, H=0.8, slope=0.7, lambda_roll=0.3, lambda_short=0.05, seed=2)
+    block = build_block(surface, 1.0, lambda x, y, depth: 0.012 + 0.4 * max(x - 0.3, depth, 0.0))
+    assert block.smoothing is not None and jacobians(block).min() > 0.0
+    assert block.smoothing.max() < 0.1
+    fine = block.smoothing[(block.points[:, 2] > 0.9) & (block.points[:, 0] < 0.25)]
+    assert (fine > 0.0).mean() < 0.5 and fine.max() < 3.0 * 0.012

@@ -15,14 +15,14 @@ import pytest
 from asperity import reference
 from asperity.contact.contact_surface import ContactSurface
 from asperity.curve import Curve
-from asperity.errors import InputError, MeshError
+from asperity.errors import InputError, MeshError, ResolutionWarning
 from asperity.fem.global_numbering import collect_nodes
 from asperity.fem.solid import Solid
 from asperity.mesh.block import NEAR, BlockMesh
 from asperity.mesh.distribute import SIDE_X, SIDE_Y, distribute
 from asperity.mesh.generate import build_block
 from asperity.mesh.periodic import joined
-from asperity.mesh.size_field import SizeField
+from asperity.mesh.size_field import FirstContactMap, GridContactMap, SizeField
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
@@ -153,19 +153,57 @@ def test_smoothed_heights_fit_too() -> None:
     np.testing.assert_array_equal(block.smoothing, block.smoothing[joined(block)])
 
 
-def test_a_periodic_map_needs_elements_that_resolve_it(tmp_path: Path) -> None:
-    """Smoothed, a map is mirrored at its edges."""
+def test_a_periodic_map_stays_periodic_on_elements_larger_than_its_waves(tmp_path: Path) -> None:
+    """Its smoothed heights are those of the surface it was sampled from."""
     rough = SelfAffine(L=1.0, H=0.8, slope=1.0, lambda_short=0.1, seed=5)
     np.savez(tmp_path / "map.npz", z=rough.grid(257), L=1.0)
     surface = HeightMap(path=tmp_path / "map.npz")
     assert surface.periodic
-    with pytest.raises(MeshError, match=r"heights at opposite sides of the mesh differ by .*: reduce mesh.h_contact"):
-        build_block(surface, 1.0, lambda x, y, depth: 0.15, periodic=True)
+    block = build_block(surface, 1.0, lambda x, y, depth: 0.15, periodic=True)
+    joined(block)
+    assert block.smoothing is not None and block.smoothing.any()
+    np.testing.assert_allclose(block.heights(surface), block.heights(rough), atol=5e-3 * np.ptp(surface.heights))
     np.savez(tmp_path / "map.npz", z=0.1 * rough.grid(257), L=1.0)
     surface = HeightMap(path=tmp_path / "map.npz")
     block = build_block(surface, 1.0, lambda x, y, depth: 0.06 + 0.2 * depth, periodic=True)
     assert block.smoothing is None
     joined(block)
+
+
+def test_sides_that_do_not_fit_are_refused() -> None:
+    """A surface of another class may say that it is periodic and not be so."""
+
+    class Ramp(Flat):
+        def height(self, x: Any, y: Any) -> Any:
+            return 0.01 * np.asarray(x) + 0.0 * np.asarray(y)
+
+    with pytest.raises(MeshError, match=r"heights at opposite sides of the mesh differ by 0\.01, because the surface"):
+        build_block(Ramp(L=1.0), 1.0, lambda x, y, depth: 0.15, periodic=True)
+
+
+def test_elements_too_wide_for_periodic_sides_are_reduced_with_a_warning() -> None:
+    with pytest.warns(ResolutionWarning, match=r"mesh\.h_max = 0\.3 is reduced to 0\.2: with block\.sides"):
+        Problem.of(Flat(L=1.0), ELASTIC, delta_max=0.01, sides="periodic", size=MeshSize(h_max=0.3))
+    assert SizeField.of(Flat(L=1.0), 0.01, 0.1, h_max=0.3, periodic=True).h_max == 0.2
+
+
+def test_what_a_guide_touched_at_one_side_is_next_to_the_other() -> None:
+    """The approach of first contact belongs to the periodic surface, whatever the place of its window."""
+    rng = np.random.default_rng(0)
+    xy, touched_at = rng.uniform(size=(400, 2)), rng.uniform(size=400)
+    x, y = rng.uniform(size=(2, 100))
+    shift = np.array([0.3, 0.8])
+    here = FirstContactMap(xy, touched_at, 1.0).depth(x, y)
+    there = FirstContactMap((xy + shift) % 1.0, touched_at, 1.0).depth((x + shift[0]) % 1.0, (y + shift[1]) % 1.0)
+    np.testing.assert_array_equal(here, there)
+    assert FirstContactMap(xy, touched_at, 1.0).depth(np.ones(1), np.ones(1)) == FirstContactMap(
+        xy, touched_at, 1.0
+    ).depth(np.zeros(1), np.zeros(1))
+    cells = np.full((8, 8), np.inf)
+    cells[3, 0] = 0.01
+    place = np.array([0.99]), np.array([3.5 / 8])
+    assert GridContactMap(cells, 1.0, periodic=True).depth(*place)[0] == 0.01
+    assert np.isinf(GridContactMap(cells, 1.0).depth(*place)[0])
 
 
 def test_surfaces_that_are_not_periodic_are_refused() -> None:

@@ -414,6 +414,36 @@ def test_a_press_gives_its_memory_back(press_of: Callable[..., ContactSolver], l
     assert [x() for x in left] == [None] * 4
 
 
+@pytest.mark.mpi
+@EACH
+def test_matrices_that_are_dropped_are_made_again(press_of: Callable[..., ContactSolver], material: Material) -> None:
+    """The state stays: later steps, roll-back and unloading are those of a solver that kept its matrices."""
+    kept, dropped = press_of(material), press_of(material)
+    for delta in (0.01, 0.02, 0.015):
+        for solver in (kept, dropped):
+            assert solver.step(delta).converged
+        dropped.drop_matrices()
+        assert dropped.solid._values is None
+    assert dropped.force == pytest.approx(kept.force, rel=1e-9) and dropped.counts.newton == kept.counts.newton
+    np.testing.assert_allclose(dropped.pressure, kept.pressure, atol=1e-9 * kept.pressure.max())
+    for solver in (kept, dropped):
+        assert solver.release().converged
+    assert dropped.delta == pytest.approx(kept.delta, abs=1e-10)
+
+
+@pytest.mark.mpi
+def test_the_solvers_of_dropped_matrices_are_destroyed(press_of: Callable[..., ContactSolver]) -> None:
+    """On several ranks PETSc puts objects aside that are released, and their matrices with them."""
+    solver = press_of(PLASTIC, linear="cg")
+    assert solver.step(0.01).converged
+    linear = solver.newton.linear
+    multigrid = linear._method._multigrid
+    left = [weakref.ref(x) for x in (linear, multigrid, multigrid._tangent, multigrid._coarse)]
+    del linear, multigrid
+    solver.drop_matrices()
+    assert [x() for x in left] == [None] * 4
+
+
 # --- rescues ----------------------------------------------------------------------------------------------------
 
 

@@ -24,8 +24,9 @@ from asperity.errors import AsperityWarning, InputError, OutputError
 from asperity.run_case import run
 from asperity.runtime.files import is_aside
 from asperity.study import Study, StudyLevel, StudyResults, ensemble_curve, run_study, summarise_case
+from asperity.study.portions import portions
 from asperity.study.results import case_folder, mean_interval
-from asperity.study.run import mesh_key, portions, shared_mesh
+from asperity.study.shared_mesh import mesh_key, shared_mesh
 from asperity.study.trend import CONDITIONAL, FAILS, HOLDS, Condition, Trend, trend, verdict
 from asperity.surface import SurfaceWarning
 
@@ -346,22 +347,38 @@ def test_ranks_that_do_not_divide_are_refused(tmp_path: Path) -> None:
         run_study(study(grid={"block.height": [1.0]}), tmp_path / "out", ranks_per_case=MPI.COMM_WORLD.size + 1)
 
 
+def on_two_ranks(path: Path, out: Path, *options: str) -> str:
+    """Output of `asperity study` on two ranks."""
+    command = ["mpirun", "-n", "2", sys.executable, "-m", "asperity", "study", str(path), "-o", str(out), *options]
+    # tests may themselves run under mpirun: its variables would join the new job to the old one
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PRTE_"))}
+    environment |= {k: v for k, v in os.environ.items() if k.startswith(("OMPI_ALLOW", "OMPI_MCA"))}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
 @pytest.mark.parametrize("ranks_per_case", [1, 2])
 def test_two_ranks_share_the_cases(tmp_path: Path, ranks_per_case: int) -> None:
     path = tmp_path / "s.toml"
     path.write_text(tomli_w.dumps({"base": BASE, "grid": {"material.tangent_modulus": [0.01, 0.05, 0.1]}}))
-    command = ["mpirun", "-n", "2", sys.executable, "-m", "asperity", "study", str(path), "-o", str(tmp_path / "out")]
-    # tests may themselves run under mpirun: its variables would join the new job to the old one
-    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PRTE_"))}
-    environment |= {k: v for k, v in os.environ.items() if k.startswith(("OMPI_ALLOW", "OMPI_MCA"))}
-    command += ["--ranks-per-case", str(ranks_per_case)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    assert "3 of 3 cases done, 0 failed" in done.stdout
+    printed = on_two_ranks(path, tmp_path / "out", "--ranks-per-case", str(ranks_per_case))
+    assert "3 of 3 cases done, 0 failed" in printed
     with (tmp_path / "out/results.csv").open() as file:
         loads = [float(row["P_star_max"]) for row in csv.DictReader(file)]
     assert loads == sorted(loads) and len(loads) == 3
     assert (tmp_path / "out/figures/family_study.png").is_file()
+
+
+def test_two_ranks_continue_and_collect_a_study_with_free_sides(tmp_path: Path) -> None:
+    """The tables of cases that are there need the stiffness of the block, which rank 0 computes."""
+    path, out = tmp_path / "s.toml", tmp_path / "out"
+    base = BASE | {"block": {"sides": "free"}}
+    path.write_text(tomli_w.dumps({"base": base, "grid": {"material.tangent_modulus": [0.01, 0.05, 0.1]}}))
+    made = Study.load(path)
+    assert run_study(made, out, only=(1, 3)).done == 1
+    assert "3 of 3 cases done, 0 failed, 2 run now" in on_two_ranks(path, out)
+    assert "3 of 3 cases done, 0 failed, 0 run now" in on_two_ranks(path, out, "--collect")
 
 
 def power_law_curve(k: float, n: float, steps: int = 12, unload: float = 0.0) -> Curve:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from math import inf, log2
 from typing import TYPE_CHECKING
 
@@ -26,6 +27,7 @@ from asperity.adaptive.mesh_plan import (
     growth,
     meshes,
     planned_steps,
+    size_for_strain,
     step_rule,
 )
 from asperity.errors import InputError
@@ -60,6 +62,7 @@ class Rates:
         growth: exponent of the dofs in the seconds of a step.
         base: memory of a rank without a mesh [bytes].
         per_dof: memory per dof [bytes].
+        finite: time of a step in finite strain over that in small strain (docs/tables/small_strain_cost.csv).
 
     Examples:
         >>> PLASTIC.step > ELASTIC.step
@@ -71,10 +74,11 @@ class Rates:
     growth: float
     base: float
     per_dof: float
+    finite: float
 
 
-ELASTIC = Rates(6.0e-5, 9.7e-6, 1.20, 231e6, 2.77e3)
-PLASTIC = Rates(5.9e-5, 1.5e-5, 1.21, 228e6, 2.98e3)
+ELASTIC = Rates(6.0e-5, 9.7e-6, 1.20, 231e6, 2.77e3, 2.17)
+PLASTIC = Rates(5.9e-5, 1.5e-5, 1.21, 228e6, 2.98e3, 1.45)
 
 
 @dataclass(frozen=True)
@@ -107,6 +111,7 @@ class Estimate:
         ranks: processes the memory is for.
         memory: of all ranks [bytes].
         enough: whether the meshes end where the tolerance is expected to be met, not before, at accuracy.max_dofs.
+        strain: the coarse mesh that compares small and finite strain, in both; empty where nothing is compared.
 
     Examples:
         >>> meshes = MeshEstimate(8e-8, 5_000, 10, 2.0), MeshEstimate(4e-8, 20_000, 10, 8.0)
@@ -119,6 +124,7 @@ class Estimate:
     ranks: int
     memory: float
     enough: bool = True
+    strain: tuple[MeshEstimate, ...] = ()
 
     __repr__ = short_repr
 
@@ -130,14 +136,15 @@ class Estimate:
     @property
     def seconds(self) -> float:
         """Time of one core for everything."""
-        return sum(level.seconds for level in self.levels)
+        return sum(level.seconds for level in self.strain + self.levels)
 
 
 def estimate(case: Case, ranks: int = 1) -> Estimate:
     """Estimate the cost of a case, without meshing or solving it.
 
-    With `accuracy.tolerance` the meshes are those a run plans for a usual error of its first mesh, the last one fine
-    enough for the shortest waves; a harder surface gets a finer one more.
+    Of kinematics = "auto" the meshes are counted in small strain. With `accuracy.tolerance` they are those a run plans
+    for a usual error of its first mesh, the last one fine enough for the shortest waves; a harder surface gets a finer
+    one more.
 
     Raises:
         InputError: the case is driven by a force, so its approach is not known yet; or it has more than MOST_DOFS.
@@ -165,12 +172,37 @@ def estimate(case: Case, ranks: int = 1) -> Estimate:
         if dofs > most:
             enough = False
             break
-        levels.append(MeshEstimate(h, dofs, steps, _seconds(rates, dofs, steps)))
+        levels.append(MeshEstimate(h, dofs, steps, _seconds(rates, dofs, steps, case.material.kinematics == "finite")))
     if not levels:
         key = "mesh.h_contact" if case.accuracy.tolerance is None else "accuracy.max_dofs"
         raise InputError(f"the first mesh has more than {most:g} dofs: raise {key}")
     memory = ranks * rates.base + rates.per_dof * levels[-1].dofs
-    return Estimate(tuple(levels), ranks, memory, enough)
+    return Estimate(tuple(levels), ranks, memory, enough, _strain(case, surface, rates))
+
+
+def _strain(case: Case, surface: Surface, rates: Rates) -> tuple[MeshEstimate, ...]:
+    """The runs on a coarse mesh that compare small and finite strain; see `small_strain.choose_kinematics`."""
+    if case.material.kinematics == "small" and not case.output.small_strain:
+        return ()
+    L, loading = surface.L, case.loading
+    h = size_for_strain(case.mesh.h_contact / L, case.accuracy.tolerance)
+    dofs, steps = count_dofs(surface, case, h * L, MOST_DOFS, for_strain=True), _steps(case, loading.steps)
+    return tuple(MeshEstimate(h * L, dofs, steps, _seconds(rates, dofs, steps, finite)) for finite in (False, True))
+
+
+def _steps(case: Case, planned: int, substeps: int = 1) -> int:
+    """Load steps of a case, those of its unloadings too.
+
+    Args:
+        case: the input
+        planned: steps of the first loading
+        substeps: equal parts of each
+    """
+    loading, plastic = case.loading, case.material.yield_strength is not None
+    integrator, sticks = loading.integrator if plastic else BACKWARD_EULER, case.contact.formulation.sticks
+    schedule = Schedule(delta_max=1.0, steps=planned, integrator=integrator, substeps=substeps, sticks=sticks)
+    unloading = loading.unload_steps if loading.unload else 0
+    return (len(schedule.stops()) + unloading) * loading.cycles
 
 
 def _plan(case: Case) -> Iterator[tuple[float, int]]:
@@ -179,12 +211,7 @@ def _plan(case: Case) -> Iterator[tuple[float, int]]:
     integrator, sticks = loading.integrator if plastic else BACKWARD_EULER, case.contact.formulation.sticks
     wanted = case.accuracy.tolerance
     planned = loading.steps if wanted is None else planned_steps(loading.steps)
-
-    def steps(substeps: int = 1) -> int:
-        schedule = Schedule(delta_max=1.0, steps=planned, integrator=integrator, substeps=substeps, sticks=sticks)
-        unloading = loading.unload_steps if loading.unload else 0
-        return (len(schedule.stops()) + unloading) * loading.cycles
-
+    steps = partial(_steps, case, planned)
     if wanted is None:
         yield case.mesh.h_contact, steps()
         return
@@ -212,12 +239,22 @@ def _given_dofs(case: Case) -> int:
     return 0 if case.mesh.file is None else 3 * len(BlockMesh.read(case.mesh.file).points)
 
 
-def count_dofs(surface: Surface, case: Case, h_contact: float, most: float = inf) -> int:
-    """Dofs of the mesh of a case with a given size h_contact [length]; counted until there are more than `most`."""
+def count_dofs(surface: Surface, case: Case, h_contact: float, most: float = inf, for_strain: bool = False) -> int:
+    """Dofs of a mesh of a case.
+
+    Args:
+        surface: of the case
+        case: the input
+        h_contact: element size [length]
+        most: number from which on they are not counted
+        for_strain: whether it is the coarse mesh that compares small and finite strain
+    """
     assert case.loading.delta_max is not None
     mesh, L = case.mesh, surface.L
     adaptive = case.accuracy.tolerance is not None
     rate, h_max = (growth(h_contact / L), None) if adaptive else (mesh.growth, mesh.h_max)
+    if for_strain:
+        rate, h_max = growth(GUIDE), None
     grading = GUIDED if adaptive and h_contact < GUIDE * L else GRADING
     field = SizeField.of(
         surface, case.loading.delta_max, h_contact, growth=rate, h_max=h_max, grading=grading,
@@ -251,5 +288,6 @@ def integral(size: Size, height: float, most: float = inf) -> float:
     return total
 
 
-def _seconds(rates: Rates, dofs: int, steps: int) -> float:
-    return rates.mesh * dofs + steps * rates.step * dofs * (dofs / 1e4) ** (rates.growth - 1.0)
+def _seconds(rates: Rates, dofs: int, steps: int, finite: bool) -> float:
+    step = rates.step * (rates.finite if finite else 1.0)
+    return rates.mesh * dofs + steps * step * dofs * (dofs / 1e4) ** (rates.growth - 1.0)

@@ -234,6 +234,13 @@ def worst_error(curve: Curve, steps: int) -> float:
     return float(np.max(relative(curve.error_P_star[judged], curve.P_star[judged])))
 
 
+def worst_area_error(curve: Curve, steps: int) -> float:
+    """The same of the contact area; unbounded where its bar is not known."""
+    judged = judged_rows(curve, steps)
+    bars = relative(curve.error_area_fraction[judged], curve.area_fraction[judged])
+    return float(np.max(np.nan_to_num(bars, nan=inf)))
+
+
 def scaled(curve: Curve, factor: Floats) -> Curve:
     """A curve with the forces of its first loading times a factor (n,), those of later branches times its last one."""
     of_row = factor[_rows_of_loading(curve.branch == "load")]

@@ -19,6 +19,7 @@ from asperity.adaptive.extrapolation import Along, judged_rows, loading_force, s
 from asperity.adaptive.mesh_levels import LevelSolver
 from asperity.adaptive.mesh_plan import (
     FIRST,
+    FIRST_STEP,
     GUIDE,
     STEP_ORDERS,
     STICK,
@@ -49,18 +50,20 @@ class LoadStepError:
         bar: error left after the correction
         substeps: parts chosen for the finer meshes
         limit: why not more of them, if the tolerance takes more
+        unknown: why there is no such error, empty where it is known
     """
 
     correction: dict[int, Along]
     bar: dict[int, Along]
     substeps: int
     limit: str
+    unknown: str = ""
 
     @classmethod
-    def none(cls) -> LoadStepError:
-        """That of an elastic solid without friction, which has none."""
+    def none(cls, unknown: str = "") -> LoadStepError:
+        """That of an elastic solid without friction, which has none; or why it is not known."""
         zero = {1: Along(np.zeros(1), np.zeros(1))}
-        return cls(zero, zero, 1, "")
+        return cls(zero, zero, 1, "", unknown)
 
     def removed(self, curve: Curve, substeps: int) -> Curve:
         """A curve computed in so many parts of each step, corrected for the load steps.
@@ -109,23 +112,32 @@ def choose_substeps(
         goal: tolerance and limits
 
     Returns:
-        the result with the most parts, at least two, and the error; no more parts are chosen than these
+        the result with the most parts, at least two, and the error; no more parts are chosen than these. If the
+        greatest number of dofs allows no mesh that is touched, the result of the last one without an error
     """
-    result = run(FIRST * GUIDE)
+    size = FIRST * GUIDE
+    result = run(size)
+    while result.curve.untouched() and not run.limit(goal, size, size / FIRST_STEP, 2):
+        size /= FIRST_STEP  # heights smoothed for large elements may lie below the flat
+        result = run(size)
+    if result.curve.untouched():
+        return result, LoadStepError.none("no mesh that measures its load steps is touched")
     # a coarse mesh of a rough surface is touched late: a row without a force has no error of its own
     judged = judged_rows(result.curve, steps)
     at = result.curve.delta_star[judged & (result.curve.P_star > 0.0)]
     P, n = {1: loading_force(result.curve, at)}, 1
     ratio = run.levels[0].h / run.levels[-1].h
-    _, _, spread = extrapolate_mesh(loading_force(guide, at), P[1], ratio, safety_of(True))
+    spread = P[1]
+    if not guide.untouched():
+        _, _, spread = extrapolate_mesh(loading_force(guide, at), P[1], ratio, safety_of(True))
     while True:
         n *= 2
         del result
-        result = run(FIRST * GUIDE, n)
+        result = run(size, n)
         P[n] = loading_force(result.curve, at)
         errors, bars = step_errors(P, rule)
         chosen = cheapest_substeps(bars, steady(spread / P[1]), goal.tolerance, STEP_ORDERS[rule])
-        stopped = run.limit(goal, FIRST * GUIDE, FIRST * GUIDE, 2 * n) if chosen > n else ""
+        stopped = run.limit(goal, size, size, 2 * n) if chosen > n else ""
         if stopped or chosen <= n:
             correction, bar = ({k: Along(at, v) for k, v in of.items()} for of in (errors, bars))
             return result, LoadStepError(correction, bar, min(chosen, n), stopped)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from math import nan
+from math import inf, nan
 
 import numpy as np
 
@@ -18,11 +18,20 @@ from asperity.adaptive.extrapolation import (
     relative,
     with_area,
     with_measures,
+    worst_area_error,
     worst_error,
 )
 from asperity.adaptive.load_step_error import LoadStepError
 from asperity.adaptive.mesh_levels import LevelSolver
-from asperity.adaptive.mesh_plan import FIRST_STEP, LEAST_STEP, error_of, partner, plan_next, safety_of
+from asperity.adaptive.mesh_plan import (
+    FIRST_STEP,
+    LEAST_STEP,
+    error_of,
+    partner,
+    plan_next,
+    safety_of,
+    size_for_area,
+)
 from asperity.adaptive.roughness import Omission, Roughness
 from asperity.arrays import Floats
 from asperity.curve import Curve
@@ -40,7 +49,8 @@ class Judgement:
     Attributes:
         curve: of the last level, extrapolated, with error bars; as computed and without them when it has none
         budget: parts of the error bars
-        worst: greatest relative bar that is judged, NaN without one
+        worst, worst_area: greatest relative bars of force and area that are judged, NaN without one
+        met: whether they are within the tolerances
         known: how well the force is known, a clause
         size: of the elements of the next level [L]
         limit: why there is no next level; empty when there may be one
@@ -49,6 +59,8 @@ class Judgement:
     curve: Curve
     budget: Budget
     worst: float
+    worst_area: float
+    met: bool
     known: str
     size: float
     limit: str
@@ -98,31 +110,52 @@ class MeshErrorEstimate:
         # a mesh that misses waves is as rough a partner as the guide
         safety = safety_of(place == 0 or missed is not None)
         judged, algebraic = judged_rows(result.curve, self._steps), result.checks.force_balance
-        curve, budget = correct(curve, coarse, ratio, safety, judged, path.bar[substeps], algebraic, missed)
-        curve = with_measures(curve, coarse, ratio, safety, budget, run.compliance)
+        unresolved = "no node is touched" if curve.untouched() or coarse.untouched() else path.unknown
+        if not unresolved:
+            curve, budget = correct(curve, coarse, ratio, safety, judged, path.bar[substeps], algebraic, missed)
+            curve = with_measures(curve, coarse, ratio, safety, budget, run.compliance)
+            unresolved = curve.unresolved() or coarse.unresolved()
 
         room = (goal.max_dofs / result.dofs) ** (1.0 / run.growth_of_dofs())
-        if unresolved := curve.unresolved() or coarse.unresolved():
+        if unresolved:
             # by a single node the force grows with its size, and the difference of two meshes is no error
-            worst, wanted, limit = nan, sizes[-1] / FIRST_STEP, ""
+            worst, area, wanted, limit = nan, nan, sizes[-1] / FIRST_STEP, ""
             known = f"the force has no error bar, {unresolved}"
             curve = replace(result.curve, error_P_star=np.full(len(curve), nan))
             budget = Budget.unknown(len(curve))
         else:
-            worst = worst_error(curve, self._steps)
-            known = f"the force is known to {worst:.2%}, not to the {goal.tolerance:.2%} of accuracy.tolerance"
+            worst, area = worst_error(curve, self._steps), worst_area_error(curve, self._steps)
+            known = self._known(worst, area)
             at, P_star = curve.delta_star[judged], curve.P_star[judged]
             of_steps = path.bar[path.substeps].at(at)
             mesh = relative((budget.mesh + budget.roughness)[judged], P_star)
             wanted = self._wanted(sizes, place, mesh, algebraic + of_steps)
-            limit = self._limit(algebraic, float(of_steps.max()))
+            limit = "" if worst <= goal.tolerance else self._limit(algebraic, float(of_steps.max()))
+            if goal.area_tolerance is not None:
+                for_area = size_for_area(sizes[-1], area, goal.area_tolerance)
+                wanted = for_area if worst <= goal.tolerance else min(wanted, for_area)
         size = max(wanted, sizes[-1] / max(room, LEAST_STEP))
-        if worst <= goal.tolerance:
-            return Judgement(curve, budget, worst, known, size, "")
+        if not known:
+            return Judgement(curve, budget, worst, area, True, known, size, "")
         limit = limit or run.limit(goal, sizes[-1], wanted if room < LEAST_STEP else size, path.substeps)
         if limit and missed is not None:
             limit += f"; waves shorter than the elements limit it too, {advice(levels[-1].h / max(room, 1.0))}"
-        return Judgement(curve, budget, worst, known, size, limit)
+        return Judgement(curve, budget, worst, area, False, known, size, limit)
+
+    def _known(self, worst: float, area: float) -> str:
+        """How well force or area are known, a clause; empty where both meet their tolerances."""
+        goal = self._goal
+        if worst == inf:
+            return "the force has no error bar at every step, because the mesh is not touched at the first ones"
+        if not worst <= goal.tolerance:
+            return f"the force is known to {worst:.2%}, not to the {goal.tolerance:.2%} of accuracy.tolerance"
+        if goal.area_tolerance is None or area <= goal.area_tolerance:
+            return ""
+        if area == inf:
+            return "the contact area has no error bar at every step, because at the first ones it is a single node"
+        return (
+            f"the contact area is known to {area:.2%}, not to the {goal.area_tolerance:.2%} of accuracy.area_tolerance"
+        )
 
     def _left_out(self, block: BlockMesh | None) -> Omission | None:
         """What the mesh leaves out of a rough surface; on rank 0, which has both."""

@@ -10,6 +10,8 @@ from math import log
 from time import perf_counter
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from asperity.adaptive.mesh_plan import DOFS_ORDER, growth
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
@@ -74,7 +76,10 @@ class LevelSolver:
         """
         L = self.side
         xy, touched_at = guide.touched_at()
-        self._reach = spots or (FirstContactMap(xy * L, touched_at * L) if len(xy) else None)  # rank 0 makes the meshes
+        period = L if self._problem.sides == "periodic" else None
+        if spots is None and np.isfinite(touched_at).any():  # on rank 0, which makes the meshes
+            spots = FirstContactMap(xy * L, touched_at * L, period)
+        self._reach = spots
         self._depth = float(guide.curve.loading().delta[-1])
         self._made, self._guide = None, guide
 

@@ -20,6 +20,7 @@ from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
 
 MESH_ORDERS = (1.3, 3.5)  # range of the order of the force in the element size, measured by benchmarks/accuracy.py
 MESH_ORDER = 2.0  # typical one, to plan with
+AREA_ORDER = 1.3  # of the bar of the contact area, to plan with; that of the edges of spots is 1.5 (docs/contact.md)
 SAFETY = 1.3  # on half the range of limits
 SCATTER = 0.15  # error of the force over that of the area of contact, both relative, which facets cut at random leave
 OF_GUIDE = 1.6  # times that where the coarser mesh is the guiding one, on which small spots hardly have an element
@@ -29,6 +30,7 @@ FIRST = 0.5**0.5  # of the next one, over that of the guide
 SMALLEST_RATIO, LARGEST_RATIO = 1.6, 4.0  # of two sizes; below, scatter from mesh to mesh hides the order
 LEAST_STEP = 1.2  # from one size to the next
 FIRST_STEP = 2.5  # greatest one after the second mesh, for the guide only shows roughly how large errors are
+COARSER = 2.5  # elements of the mesh that compares small and finite strain over those of the run, or of a finer attempt
 MARGIN = 0.9  # part of the tolerance that is planned for
 COST_ORDER = 2.6  # time grows as h^-COST_ORDER
 DOFS_ORDER = 2.0  # dofs grow as h^-DOFS_ORDER: refinement is nearly confined to the contact
@@ -66,6 +68,16 @@ def growth(size: float) -> float:
     """
     value, at = GROWTH
     return float(value * (size / at) ** 0.5)
+
+
+def size_for_strain(h: float | None, tolerance: float | None) -> float:
+    """Element size of the coarse mesh on which small and finite strain are compared [L].
+
+    Args:
+        h: of the run [L]; None where it is not given
+        tolerance: of a run that chooses its meshes, None of one on one mesh
+    """
+    return GUIDE if tolerance is not None or h is None else min(GUIDE, COARSER * h)
 
 
 def extrapolate(coarse: Floats, fine: Floats, ratio: float, order: float) -> tuple[Floats, Floats]:
@@ -165,6 +177,18 @@ def plan_next(sizes: Sequence[float], error: float, wanted: float) -> float:
         if enough < LARGEST_RATIO:
             ways.append((step**COST_ORDER * (1.0 + enough**COST_ORDER), last / step))
     return float(min(ways)[1])
+
+
+def size_for_area(size: float, bar: float, wanted: float) -> float:
+    """Element size of a mesh that has the wanted bar of the contact area, a mesh or two away at most [L].
+
+    Args:
+        size: of the last mesh [L]
+        bar: relative error bar of the area on it
+        wanted: relative error bar requested
+    """
+    ratio = (bar / (MARGIN * wanted)) ** (1.0 / AREA_ORDER)
+    return size if bar <= wanted else size / float(np.clip(ratio, LEAST_STEP, FIRST_STEP))
 
 
 def partner(sizes: Sequence[float]) -> int:

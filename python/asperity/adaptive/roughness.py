@@ -10,6 +10,7 @@ the mesh. Their ratio shows what the mesh leaves out.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import log2
@@ -58,9 +59,12 @@ class Roughness:
         problem: what is pressed
         depth: greatest approach [length]
         steps: planned load steps
+        on_part: called with the part of a half-space that is done
     """
 
-    def __init__(self, problem: Problem, depth: float, steps: int) -> None:
+    def __init__(
+        self, problem: Problem, depth: float, steps: int, on_part: Callable[[float], None] | None = None
+    ) -> None:
         self._surface, material = problem.surface, problem.material
         L = self._surface.L
         waves = PER_WAVE * L / self._surface.feature_size
@@ -69,21 +73,26 @@ class Roughness:
         if material.yield_strength is not None:
             hardness = HARDNESS * material.yield_strength / material.reduced_modulus
         self._layer = RoughHalfSpace(n, problem.height / L, material.nu, problem.sides, hardness)
+        self._on_part = on_part
         self._summit = self._surface.maximum()[2] / L
         self._delta_star = depth / L * np.linspace(1.0 / steps, 1.0, min(steps, MOST_STEPS))
 
     @cached_property
     def _whole(self) -> RoughCurve:
-        return self._layer.curve(self._layer.heights(self._surface), self._summit, self._delta_star)
+        return self._press(self._layer.heights(self._surface))
+
+    def _press(self, heights: Floats) -> RoughCurve:
+        return self._layer.curve(heights, self._summit, self._delta_star, on_part=self._on_part)
 
     def contact_map(self) -> GridContactMap:
         """Approach at which each point of the surface is touched first."""
-        return GridContactMap(self._whole.touched_at * self._surface.L, self._surface.L)
+        L = self._surface.L
+        return GridContactMap(self._whole.touched_at * L, L, self._layer.sides == "periodic")
 
     def left_out(self, block: BlockMesh) -> Omission:
         """What the top of a mesh leaves out."""
         heights = heights_of_top(block, self._surface, self._layer.n)
-        mesh = self._layer.curve(heights, self._summit, self._delta_star)
+        mesh = self._press(heights)
         return Omission(
             self._delta_star,
             _change(self._whole.P_star, mesh.P_star),

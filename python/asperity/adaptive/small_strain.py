@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asperity.adaptive.extrapolation import judged_rows, loading_force
-from asperity.adaptive.mesh_plan import GUIDE, growth
+from asperity.adaptive.mesh_plan import COARSER, GUIDE, growth, size_for_strain
 from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.errors import Interrupted, MeshError
@@ -42,7 +42,6 @@ if TYPE_CHECKING:
 
 SHARE = 1.0 / 3.0  # of the tolerance that small strain may change
 ONE_MESH = 0.01  # change of the force accepted without a tolerance
-COARSER = 2.5  # elements of the coarse mesh over those of the run, and over those of a finer attempt
 ATTEMPTS, MOST_DOFS = 4, 30_000  # coarse meshes tried where one shows nothing, and their greatest size
 DIGITS = 4  # of the per cent, so that ranks, which sum in another order, do not change the choice
 CELLS = 256, 1024  # fewest and most per side, on which slopes are compared
@@ -168,7 +167,7 @@ def _comparisons(
     surface, L = problem.surface, problem.surface.L
     depth = problem.load_path.delta_max or estimate_approach(_with(problem, "small"), comm)
     own = problem.size.h_contact
-    h = GUIDE * L if tolerance is not None or own is None else min(GUIDE * L, COARSER * own)
+    h = size_for_strain(None if own is None else own / L, tolerance) * L
     while True:
         nothing = SmallStrain("", limit, (), np.empty(0), np.empty(0), 1.0, h, 0, "")
         try:
@@ -181,13 +180,14 @@ def _comparisons(
         dofs = comm.bcast(None if block is None else 3 * len(block.points), root=0)
         nothing = replace(nothing, slope_seen=seen, dofs=dofs)
         small, failed = _press(problem, "small", block, h, comm, hooks)
-        reason = failed or small.unresolved()
+        reason = failed or small.unresolved() or untouched(small)
         if reason and not failed:
             yield replace(nothing, reason=reason)
         else:
             finite, stopped = _press(problem, "finite", block, h, comm, hooks)
             branch, delta, percent = differences(small, finite, problem.load_path.steps)
-            yield replace(nothing, branch=branch, delta=delta, percent=percent, reason=failed or stopped)
+            reason = failed or stopped or ("" if branch else untouched(finite))
+            yield replace(nothing, branch=branch, delta=delta, percent=percent, reason=reason)
         h /= COARSER
 
 
@@ -220,6 +220,16 @@ def _press(
         if isinstance(error.__cause__, Interrupted):
             raise Interrupted(f"{name}: {error}") from None
         return error.result.curve, f"{name}: {error}"
+
+
+def untouched(curve: Curve) -> str:
+    """Reason why a curve shows nothing: the summit of a coarse mesh may lie below the last position of the flat.
+
+    Examples:
+        >>> untouched(asp.Curve.from_rows([{"delta": 0.01, "force": 0.0}]))
+        'the flat does not reach the coarse mesh'
+    """
+    return "" if (curve.loading().force > 0.0).any() else "the flat does not reach the coarse mesh"
 
 
 def differences(small: Curve, finite: Curve, steps: int) -> tuple[tuple[str, ...], Floats, Floats]:

@@ -11,6 +11,7 @@ and all forces are corrected for them. The error of the mesh follows from two of
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from math import inf, isfinite
@@ -54,8 +55,8 @@ class AccurateResult:
         budget: parts of the error bar, rows as in the curve, NaN where there is none
         levels: what was computed, in order
         contact: the result of the mesh of the curve, with its last state
-        worst: greatest relative bar that is judged, NaN without one
-        met: whether the bar is within the tolerance along the first loading
+        worst, worst_area: greatest relative bars of force and area that are judged, NaN without one
+        met: whether the bar is within the tolerance along the first loading, and that of the area if requested
         reason: "done", or what stopped the refinement
 
     Examples:
@@ -73,6 +74,7 @@ class AccurateResult:
     levels: tuple[Level, ...]
     contact: ContactResult
     worst: float
+    worst_area: float
     met: bool
     reason: str
 
@@ -91,6 +93,7 @@ class AccurateResult:
             "accuracy": {
                 "met": self.met,
                 "worst_relative_bar": self.worst if isfinite(self.worst) else None,
+                "worst_relative_bar_of_area": self.worst_area if isfinite(self.worst_area) else None,
                 "levels": [asdict(level) for level in self.levels],
                 "P_star_of_finest_mesh": self.raw.P_star.tolist(),
             },
@@ -184,10 +187,14 @@ def refine(
     steps = planned_steps(problem.load_path.steps)
     planned = replace(problem, load_path=replace(problem.load_path, steps=steps))
     comm = MPI.COMM_WORLD if comm is None else comm
-    run = LevelSolver(planned, target.max_dofs, comm, hooks or Hooks())
+    hooks = hooks or Hooks()
+    run = LevelSolver(planned, target.max_dofs, comm, hooks)
     guide = run(GUIDE)
     depth = float(guide.curve.loading().delta[-1])
-    roughness = on_root(comm, partial(_roughness, planned, depth, target.tolerance))
+    roughness = on_root(comm, partial(_roughness, planned, depth, target.tolerance, hooks.on_part))
+    rough = comm.bcast(roughness is not None)
+    if rough:
+        hooks.stage("half-space with all waves")
     run.aim(guide, None if roughness is None else roughness.contact_map())
     whole = guide.curve
     del guide
@@ -198,16 +205,28 @@ def refine(
         result, path = run(FIRST * GUIDE), LoadStepError.none()
     estimate = MeshErrorEstimate(run, target, steps, whole, path, roughness)
     while True:
+        if rough:
+            with suppress(Interrupted):  # this mesh is judged first; the next one is not begun
+                hooks.stage("half-space with the waves of the mesh")
         found = estimate.judge(result)
         if on_curve is not None:
             on_curve(found.curve)
         accurate = AccurateResult(
-            found.curve, result.curve, found.budget, tuple(run.levels), result, found.worst, True, "done"
+            found.curve,
+            result.curve,
+            found.budget,
+            tuple(run.levels),
+            result,
+            found.worst,
+            found.worst_area,
+            True,
+            "done",
         )
-        if found.worst <= target.tolerance:
+        if found.met:
             return accurate
         if found.limit:
             return replace(accurate, met=False, reason=f"{found.known}: {found.limit}")
+        result.solver.drop_matrices()  # room for the next mesh; its state stays, in case that mesh fails
         try:
             result = run(found.size, path.substeps)
         except (PartialResult, Interrupted, MeshError) as e:
@@ -222,9 +241,11 @@ def refine(
             return replace(accurate, met=False, reason=f"{found.known}: {failed}")
 
 
-def _roughness(problem: Problem, depth: float, tolerance: float) -> Roughness | None:
+def _roughness(
+    problem: Problem, depth: float, tolerance: float, on_part: Callable[[float], None] | None
+) -> Roughness | None:
     """The half-space of a surface whose waves coarse meshes miss, None of a smooth surface; in one process."""
     largest = FIRST * GUIDE * problem.surface.L
     if resolving_size(problem.surface, depth, tolerance, largest) == inf:
         return None
-    return Roughness(problem, depth, problem.load_path.steps)
+    return Roughness(problem, depth, problem.load_path.steps, on_part)

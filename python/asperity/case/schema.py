@@ -232,6 +232,10 @@ class AccuracySection(Section):
         "relative error of the force", None, shown="one mesh", ge=1e-6, lt=1,
         hint="0.01 for one per cent",
     )  # fmt: skip
+    area_tolerance: Real | None = _key(
+        "relative error of the contact area as well", None, shown="not judged", ge=1e-6, lt=1,
+        hint="0.05 for five per cent, with accuracy.tolerance",
+    )  # fmt: skip
     max_dofs: Whole = _key("limit of the dofs", 1_000_000, ge=1000)
     max_seconds: Real | None = _key("limit of time", None, shown="none", unit="s", gt=0)
 

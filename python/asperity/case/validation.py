@@ -271,7 +271,11 @@ def unused(case: Input) -> Iterator[str]:
     idle = [
         (tolerance is not None, size, "accuracy.tolerance chooses the mesh"),
         (case.mesh.file is not None, size, "mesh.file is the mesh"),
-        (tolerance is None, ("accuracy.max_dofs", "accuracy.max_seconds"), "there is no accuracy.tolerance"),
+        (
+            tolerance is None,
+            ("accuracy.area_tolerance", "accuracy.max_dofs", "accuracy.max_seconds"),
+            "there is no accuracy.tolerance",
+        ),
         (method != "penalty", ("contact.penalty",), by_method),
         (method != "nitsche", ("contact.gamma", "contact.theta"), by_method),
         (case.material.yield_strength is None, ("loading.integrator",), "the material is elastic"),

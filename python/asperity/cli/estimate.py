@@ -62,6 +62,14 @@ def show_estimate(title: str, case: Case, ranks: int) -> None:
 
     found = estimate(case, ranks)
     rows = [
+        (
+            f"coarse mesh of h_contact = {level.h_contact:.3g}, {level.steps} steps, {strain} strain",
+            f"{level.dofs}",
+            duration(level.seconds),
+        )
+        for strain, level in zip(("small", "finite"), found.strain, strict=False)
+    ]
+    rows += [
         (f"mesh of h_contact = {level.h_contact:.3g}, {level.steps} steps", f"{level.dofs}", duration(level.seconds))
         for level in found.levels
     ]
@@ -76,3 +84,7 @@ def show_estimate(title: str, case: Case, ranks: int) -> None:
             else f"the next mesh has more than the {case.accuracy.max_dofs} dofs of accuracy.max_dofs: "
             "the tolerance will probably not be met"
         )
+    if case.accuracy.area_tolerance is not None:
+        options.say("accuracy.area_tolerance is not in this estimate: it often takes finer meshes")
+    if case.material.kinematics == "auto":
+        options.say("the meshes are counted in small strain; if the run chooses finite strain, up to 2.2 times")

@@ -16,7 +16,7 @@ from asperity.cli import options
 from asperity.errors import InputError
 
 if TYPE_CHECKING:
-    from asperity.surface import Spectrum, SurfaceStatistics
+    from asperity.surface import HeightMap, Spectrum, SurfaceStatistics
     from asperity.surface.fractal_fit import FractalFit
     from asperity.surface.self_affine_fit import SelfAffineFit
 
@@ -31,12 +31,16 @@ E = 200e9
 nu = 0.3
 
 [loading]
-delta_max = {delta:.3g}              # half of the height of the summit above the mean plane
+delta_max = {delta:.3g}              # {share:.1%} of the heights are above the flat then
 steps = 10
 
 [accuracy]
 tolerance = 0.05                 # of the force; without it, one mesh of mesh.h_contact
 """
+CUT = 0.02  # share of the heights above the flat at the approach of the case
+LEAST = 0.02  # that approach over the range of heights, where more of them are equally high
+OVERSHOOT = 0.05  # rise of the interpolation above all heights, over their range, that is no roughness
+SMOOTH = 6  # pixels in the cut-off that keeps the interpolation of an edge below that
 KEPT = 5  # heights per wavelength of the filter that a patch keeps which has too many of them
 SPIKE = 8.0  # height of the summit above the mean plane over the rms height that no Gaussian surface reaches
 
@@ -73,8 +77,7 @@ def command(
     """
     from asperity.runtime.files import replace_file
     from asperity.runtime.progress import Progress, StepLines
-    from asperity.surface import Surface
-    from asperity.surface.height_map import MOST
+    from asperity.surface.height_map import MOST, HeightMap
     from asperity.surface.measured import HeightField
     from asperity.surface.statistics import psd
 
@@ -108,7 +111,7 @@ def command(
     folder = Path(output) if output else Path("out") / Path(map_file).stem
     folder.mkdir(parents=True, exist_ok=True)
     progress.stage("statistics")
-    surface = Surface.from_spec(kind="file", path=str(patch.save(folder / "patch.npz")))
+    surface = HeightMap(path=patch.save(folder / "patch.npz"))
     statistics = surface.statistics(min(len(patch.z), 1025))
     summit = surface.maximum()
     spectrum = psd(bare.z, len(bare.z) * bare.dx)
@@ -124,13 +127,28 @@ def command(
     about |= {"statistics": asdict(statistics), "self_affine": None if affine is None else asdict(affine)}
     about |= {"over_cutoff": cutoffs, "fit": None if fit is None else fit.to_dict()}
     replace_file(folder / "measured.json", f"{json.dumps(about, indent=2)}\n".encode())
-    replace_file(folder / "case.toml", CASE.format(delta=min(0.5 * statistics.Sp, 0.1 * surface.L)).encode())
+    replace_file(folder / "case.toml", _case(surface, summit[2]).encode())
     progress.done()
     if as_json:
         options.print_json(about)
         return
-    _show(map_file, surface.L, len(patch.z), statistics, affine, fit, cutoffs)
+    overshoot = summit[2] - float(surface.heights.max())
+    _show(map_file, surface.L, len(patch.z), statistics, overshoot, affine, fit, cutoffs)
     options.say(f"written to {folder}; next: asperity check {folder / 'case.toml'}")
+
+
+def _case(surface: HeightMap, summit: float) -> str:
+    """Text of case.toml, with the approach from the summit at which the flat cuts a light share of the heights.
+
+    The share does not depend on the spectrum. A spike takes all of the approach, up to a tenth of the side: the share
+    that the text names is then nearly nothing.
+    """
+    import numpy as np
+
+    heights = surface.heights
+    wanted = max(summit - float(np.quantile(heights, 1.0 - CUT)), LEAST * float(np.ptp(heights)))
+    delta = min(wanted, 0.1 * surface.L)
+    return CASE.format(delta=delta, share=float(np.mean(heights > summit - delta)))
 
 
 def _self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit | None:
@@ -177,10 +195,10 @@ def _draw(
 
 
 def _show(
-    title: str, side: float, nodes: int, statistics: SurfaceStatistics, affine: SelfAffineFit | None,
-    fit: FractalFit | None, cutoffs: list[dict[str, float]],
+    title: str, side: float, nodes: int, statistics: SurfaceStatistics, overshoot: float,
+    affine: SelfAffineFit | None, fit: FractalFit | None, cutoffs: list[dict[str, float]],
 ) -> None:  # fmt: skip
-    """Print the statistics, and rms height and slope over the cut-off."""
+    """Print the statistics, rms height and slope over the cut-off, and what is doubtful."""
     rows = [("side", f"{side:.4g} m"), ("nodes", f"{nodes}"), ("Sq", f"{statistics.Sq:.4g} m"),
             ("Sz", f"{statistics.Sz:.4g} m"), ("rms slope", f"{statistics.rms_slope:.4g}")]  # fmt: skip
     if affine is not None:
@@ -196,6 +214,16 @@ def _show(
         [(f"{c['wavelength']:.3g} m", f"{c['rms_height']:.3g} m", f"{c['rms_slope']:.3g}") for c in cutoffs],
         ("cut-off", "rms height", "rms slope"),
     )
+    if affine is not None and not -affine.error_H <= affine.H <= 1.0 + affine.error_H:
+        options.say(
+            f"H = {affine.H:.2f} is outside 0 to 1, so no power law of a self-affine surface fits: below 0 it is noise "
+            "that a filter removes (--cutoff), above 1 the map is smooth"
+        )
+    if overshoot > OVERSHOOT * statistics.Sz:
+        options.say(
+            f"between the heights the surface rises {overshoot:.2g} m above the highest of them, at an edge or noise "
+            f"that pixels do not resolve: a filter removes that (--cutoff {SMOOTH * side / (nodes - 1):.2g})"
+        )
     if statistics.Sp > SPIKE * statistics.Sq:
         options.say(
             f"the highest point is {statistics.Sp / statistics.Sq:.0f} rms heights above the mean: if it is a spike of "

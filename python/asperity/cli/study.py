@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import click
 
 from asperity.cli import options
+from asperity.runtime import compat
+from asperity.runtime.launch import started_ranks
 from asperity.runtime.parallel import on_root_bcast
 from asperity.runtime.progress import world_rank
 
@@ -67,7 +69,7 @@ def command(
     With --only any number of jobs share the cases; once they have ended, the command without it writes the table.
     """
     from asperity.study import Study, collect_study, run_study
-    from asperity.study.run import part
+    from asperity.study.portions import part
 
     if only is not None and collect:
         raise click.UsageError("--only runs a part of the cases and --collect none: give one of them")
@@ -87,6 +89,8 @@ def command(
     folder = Path(output) if output else Path("out") / Path(study_file).stem
     say = None if quiet else lambda line: click.echo(line)
     if collect:
+        if started_ranks() is not None:
+            compat.start()  # as rank 0 may need PETSc
         counts = on_root_bcast(None, lambda: collect_study(study, folder))
     else:
         counts = run_study(study, folder, only=only, ranks_per_case=ranks_per_case, retry=retry, say=say)
@@ -105,7 +109,8 @@ def command(
 
 def _describe(study: Study, only: tuple[int, int] | None) -> None:
     """Print how many cases and meshes a study or its part has."""
-    from asperity.study.run import mesh_key, part
+    from asperity.study.portions import part
+    from asperity.study.shared_mesh import mesh_key
 
     entries = study.entries if only is None else [study.entries[i] for i in part(study.entries, *only)]
     meshes = len({mesh_key(entry.case) for entry in entries})

@@ -42,8 +42,8 @@ def law_of(material: Material, flows: bool = True) -> _solver.Elastic | _solver.
 class CompiledKernels:
     """Internal force and tangent by the kernels of `asperity._solver`.
 
-    In small strain the elastic stiffness is assembled once. A tangent is a copy of it plus the correction of the cells
-    that yield.
+    In small strain a tangent is a copy of the elastic stiffness plus the correction of the cells that yield. A matrix
+    takes most of the memory, so no copy is kept of an elastic solid whose tangent is written only once.
 
     Args:
         x: nodes of the geometry (n, 3) [L]
@@ -68,9 +68,8 @@ class CompiledKernels:
         cells, points = len(cell_nodes), len(weights)
         self.plastic_points = self.inverted_points = 0
         self._pattern = _solver.BlockPattern(cell_nodes, sparsity.indptr, sparsity.indices)
-        if not self._finite:
-            self._elastic = np.zeros(len(sparsity.columns))
-            _solver.stiffness_elastic(self._cells, self._law, self._pattern, self._elastic)
+        self._elastic: Floats | None = None  # stiffness without plastic flow
+        self._once = False  # whether it has been assembled
         rows = cells if material.plastic else 0  # an elastic material has no history
         self._committed, self._trial = History.zeros(rows, points), History.zeros(rows, points)
         self._flowing = np.zeros(cells, dtype=bool)
@@ -94,7 +93,7 @@ class CompiledKernels:
             values[:] = 0.0
             _solver.stiffness_finite(self._cells, self._law, u, compiled(self._committed), self._pattern, values)
             return
-        np.copyto(values, self._elastic)
+        self._write_elastic(values)
         if self._flowing.any():
             _solver.stiffness_plastic(
                 self._cells,
@@ -111,7 +110,21 @@ class CompiledKernels:
             values[:] = 0.0
             _solver.stiffness_finite(self._cells, self._held, u, compiled(self._trial), self._pattern, values)
         else:
+            self._write_elastic(values)
+
+    def _write_elastic(self, values: Floats) -> None:
+        """Write the stiffness without plastic flow in small strain."""
+        if self._elastic is not None:
             np.copyto(values, self._elastic)
+            return
+        values[:] = 0.0
+        _solver.stiffness_elastic(self._cells, self._law, self._pattern, values)
+        if self._once or not self.linear:
+            self._elastic = values.copy()
+        self._once = True
+
+    def drop_matrices(self) -> None:
+        self._elastic, self._once = None, False
 
     def commit(self) -> None:
         self._committed.assign(self._trial)

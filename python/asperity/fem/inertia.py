@@ -86,6 +86,9 @@ class InertialKernels:
         if self.shift:
             values[self._diagonals] += self.shift * self.mass.data[:, None]
 
+    def drop_matrices(self) -> None:
+        self.inner.drop_matrices()
+
     def commit(self) -> None:
         self.inner.commit()
 

@@ -101,6 +101,9 @@ class ElementKernels(Protocol):
     def elastic_tangent(self, u: Floats, values: Floats) -> None:
         """Write the values of the local CSR matrix at u for a motion without plastic flow."""
 
+    def drop_matrices(self) -> None:
+        """Free stored matrices; they are made again when they are needed."""
+
     def commit(self) -> None:
         """Make the trial history the committed one."""
 

@@ -82,7 +82,8 @@ class Solid:
         self.base = self.nodes_on(BASE)
         self.kernels = self._make_kernels(kernels)
         self.ghosts = Ghosts(index_map)
-        self.values, self.version = np.zeros(len(self.sparsity.columns)), 0
+        self._values: Floats | None = None
+        self.version = 0
         self._with_contact = False  # whether a stiffness of the contact is in `values`
 
     def _make_kernels(self, kernels: str) -> ElementKernels:
@@ -147,6 +148,18 @@ class Solid:
             self.kernels.add_internal_force(self.u.x.array.reshape(-1, 3), b.reshape(-1, 3))
             self.force.x.scatter_reverse(la.InsertMode.add)
         return b.reshape(-1, 3)[: self.owned]
+
+    @property
+    def values(self) -> Floats:
+        """Values of the local tangent, in the order of `sparsity`."""
+        if self._values is None:
+            self._values = np.zeros(self.sparsity.size)
+        return self._values
+
+    def drop_matrices(self) -> None:
+        """Free the matrices, most of the memory of a solid; the next tangent makes them again."""
+        self._values, self.version = None, 0
+        self.kernels.drop_matrices()
 
     def assemble_tangent(self, add: Callable[[], None] | None = None) -> None:
         """Write the tangent at the state of the last internal force to `values`, without boundary conditions.

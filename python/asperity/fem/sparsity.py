@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from asperity.arrays import Integers
@@ -15,8 +17,7 @@ class SparsityPattern:
 
     Attributes:
         indptr, indices: CSR pattern of the nodes (indices ascending)
-        rows, columns: CSR pattern of the matrix with three dofs a node
-        diagonal: positions of its diagonal among its values
+        size: number of values of the matrix, three dofs a node
     """
 
     def __init__(self, cell_nodes: Integers, nodes: int) -> None:
@@ -36,25 +37,33 @@ class SparsityPattern:
         graph.sort_indices()
         self.indptr = graph.indptr.astype(np.int32)
         self.indices = graph.indices.astype(np.int32)
-        width = np.diff(self.indptr)
-        self.rows = np.concatenate([[0], np.cumsum(np.repeat(3 * width, 3))]).astype(np.int32)
-        self.columns = self._columns(width)
-        self.diagonal = self._diagonal()
+        self.size = 9 * len(self.indices)
 
-    def _columns(self, width: Integers) -> Integers:
-        """Column numbers of the dofs: each node's list of columns, expanded and repeated for its three rows."""
-        expanded = (3 * self.indices[:, None] + np.arange(3, dtype=np.int32)).ravel()
-        out = np.empty(3 * len(expanded), dtype=np.int32)
-        start = 3 * self.indptr[:-1].astype(np.int64)
-        row_of = np.repeat(np.arange(len(width)), 3 * width)
-        local = np.arange(len(expanded)) - start[row_of]
-        for i in range(3):
-            out[3 * start[row_of] + i * 3 * width[row_of].astype(np.int64) + local] = expanded
-        return out
+    @property
+    def rows(self) -> Integers:
+        """Row starts of the CSR pattern of the matrix."""
+        return self._expanded[0]
 
-    def _diagonal(self) -> Integers:
-        node = np.arange(len(self.indptr) - 1)
-        row_of = np.repeat(node, np.diff(self.indptr))
+    @property
+    def columns(self) -> Integers:
+        """Columns of the CSR pattern of the matrix."""
+        return self._expanded[1]
+
+    @cached_property
+    def _expanded(self) -> tuple[Integers, Integers]:
+        """Row starts and columns with three dofs a node; they take half the memory of the values, so made on demand."""
+        from scipy import sparse
+
+        nodes, blocks = len(self.indptr) - 1, np.zeros((len(self.indices), 3, 3), dtype=np.int8)
+        matrix = sparse.bsr_array((blocks, self.indices, self.indptr), shape=(3 * nodes, 3 * nodes)).tocsr()
+        return matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32)
+
+    @cached_property
+    def diagonal(self) -> Integers:
+        """Positions of the diagonal among the values of the matrix."""
+        node, width = np.arange(len(self.indptr) - 1), np.diff(self.indptr)
+        row_of = np.repeat(node, width)
         at = np.flatnonzero(self.indices == row_of) - self.indptr[:-1]
-        out = self.rows[:-1].reshape(-1, 3) + 3 * at[:, None] + np.arange(3)
+        i = np.arange(3)
+        out = 9 * self.indptr[:-1, None] + 3 * width[:, None] * i + 3 * at[:, None] + i
         return out.ravel().astype(np.int32)

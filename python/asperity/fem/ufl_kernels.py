@@ -112,6 +112,9 @@ class UflKernels:
         for array, before in state:  # a commit needs the displacement of the last residual
             array[:] = before
 
+    def drop_matrices(self) -> None:
+        """Nothing is freed: assembly needs the matrix, and its positions, in place."""
+
     def commit(self) -> None:
         if self._plastic:
             values = self._history.x.array.reshape(-1, 7)

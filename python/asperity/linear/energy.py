@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Floats, Integers
-from asperity.linear.coarsening import Coarsening
 from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.multigrid import PMultigrid
 
@@ -36,17 +35,16 @@ class EnergySolver:
 
     Args:
         tangent: operator with the matrix, symmetric and positive definite
-        coarsening: of its solid
 
     Attributes:
         contraction: second amount by which the energy fell over the first, in the last call with two
     """
 
-    def __init__(self, tangent: TangentOperator, coarsening: Coarsening) -> None:
+    def __init__(self, tangent: TangentOperator) -> None:
         from petsc4py import PETSc
 
         solid = tangent.solid
-        self._solid, self._tangent, self._multigrid = solid, tangent, PMultigrid(tangent, coarsening=coarsening)
+        self._solid, self._tangent, self._multigrid = solid, tangent, PMultigrid(tangent)
         self._b, self._y = solid.vector(), solid.vector()
         self._energy = self._fall = self._gain = self._left = self._seen = 0.0
         self.contraction = UNKNOWN

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from asperity import _solver
 from asperity.arrays import Floats, Singles
+from asperity.fem.shared_nodes import SharedNodes
 
 if TYPE_CHECKING:
     from asperity.fem.solid import Solid
@@ -49,6 +50,7 @@ class TangentOperator:
         self._columns = indices[upper]
         self._blocks = np.zeros(9 * len(self._columns) + 1, dtype=np.float32)  # one more is read with the last
         self._work = np.empty((2, solid.nodes, 4), dtype=np.float32)
+        self._shared = SharedNodes(solid.V.dofmap.index_map)
         self._image = np.empty((solid.nodes, 3))
         self._single_image = np.empty((solid.nodes, 3), dtype=np.float32)
         self.version = 0
@@ -75,22 +77,19 @@ class TangentOperator:
             self.version = self.solid.version
 
     def single_product(self, x: Singles) -> Singles:
-        """Copy of the tangent times owned dof values (3 owned,); collective. The next call overwrites the result."""
-        ghosts = self.solid.ghosts
-        _solver.symmetric_product(
-            self._starts,
-            self._columns,
-            self._blocks,
-            ghosts.scatter_forward(x.reshape(-1, 3)),
-            self._work,
-            self._single_image,
-        )
-        return ghosts.scatter_reverse(self._single_image).reshape(-1)
+        """Copy of the tangent times dof values of all local nodes, ghosts included (3 nodes,); collective.
+
+        The next call overwrites the result.
+        """
+        values = x.reshape(-1, 3)
+        _solver.symmetric_product(self._starts, self._columns, self._blocks, values, self._work, self._single_image)
+        return self._shared.sum(self._single_image).reshape(-1)
 
     def product(self, x: Floats) -> Floats:
         """Tangent times owned dof values (3 owned,), in the precision that PETSc uses; collective."""
         if self._single:
-            return self.single_product(x.astype(np.float32)).astype(np.float64)
+            values = self.solid.ghosts.scatter_forward(x.astype(np.float32).reshape(-1, 3))
+            return self.single_product(values)[: len(x)].astype(np.float64)
         sparsity, ghosts = self.solid.sparsity, self.solid.ghosts
         _solver.product(
             sparsity.indptr, sparsity.indices, self.solid.values, ghosts.scatter_forward(x.reshape(-1, 3)), self._image

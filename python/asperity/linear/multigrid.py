@@ -17,19 +17,15 @@ import numpy as np
 from scipy.linalg import eigh_tridiagonal
 
 from asperity import _solver
-from asperity.arrays import Singles
-from asperity.linear.coarsening import Coarsening
+from asperity.arrays import Floats, Singles
+from asperity.linear.coarse import make_coarse
 from asperity.linear.matrix_free import TangentOperator
-from asperity.linear.petsc_options import GAMG, set_defaults
+from asperity.mesh.element import node_ends
 
-COARSE_DIRECT_LIMIT = 60_000  # coarse dofs up to which the coarse problem is factorised on one rank
-COARSE_SWEEPS = 4  # of its smoother above the limit: a tenth fewer iterations on the fine level than with two
-
-PREFIX = "asperity_coarse_"
-
-SWEEPS = 2  # of the smoother, before and after the coarse correction
+SWEEPS = 3  # of the smoother, before and after the coarse correction
 LANCZOS, UPDATE = 20, 4  # steps of an estimate of the greatest eigenvalue: from the start, and for the next matrix
 RENEWAL = 1.5  # increase of the iterations at which the coarse matrix is renewed
+LAG = 16  # dofs held or released since the coarse matrix was made, up to which it is kept
 NOISE = 0.1  # in the start vector of an update, relative to the result of the one before
 SMOOTHED = (0.1, 1.1)  # part of the spectrum that is damped, in units of the estimate
 
@@ -44,47 +40,55 @@ class PMultigrid:
     Args:
         tangent: operator to precondition
         symmetric: whether it is symmetric; the smoother treats any operator as if it were
-        coarsening: of the solid, made by default
     """
 
-    def __init__(self, tangent: TangentOperator, symmetric: bool = True, coarsening: Coarsening | None = None) -> None:
-        from petsc4py import PETSc
+    def __init__(self, tangent: TangentOperator, symmetric: bool = True) -> None:
+        from dolfinx import fem
 
         self._tangent, self._solid = tangent, tangent.solid
         solid = self._solid
-        self._coarsening = coarsening or Coarsening(solid)
-        self._coarse, self._P = self._coarsening.matrix(), self._coarsening.P
-        self._fine = self._P.createVecLeft()
-        self._coarse_mask, self._rhs, self._correction = (self._P.createVecRight() for _ in range(3))
-        self._ksp = PETSc.KSP().create(solid.comm)
-        self._ksp.setOptionsPrefix(PREFIX)
-        self._coarse.A.setOption(PETSc.Mat.Option.SPD, symmetric)
-        self._ksp.setType("preonly")
-        pc = self._ksp.getPC()
-        small = self._coarsening.dofs <= COARSE_DIRECT_LIMIT
-        # a parallel factorisation is slower than multigrid at any size (benchmarks/linear.py coarse)
-        if small and (solid.comm.size == 1 or not symmetric):
-            pc.setType("cholesky" if symmetric else "lu")
-            # faster than MUMPS (benchmarks/linear.py pieces)
-            pc.setFactorSolverType("cholmod" if symmetric and PETSc.Sys.hasExternalPackage("cholmod") else "mumps")
-        else:
-            pc.setType("gamg")
-            set_defaults(PREFIX, GAMG | {"mg_levels_ksp_max_it": COARSE_SWEEPS})
-        self._ksp.setFromOptions()
+        coarse = fem.functionspace(solid.mesh, ("Lagrange", 1, (3,))).dofmap
+        index_map = coarse.index_map
+        corners = index_map.size_local + index_map.num_ghosts
+        self._corners = np.empty(corners, dtype=np.int32)  # node at each corner, ghosts included
+        self._corners[coarse.list] = solid.V.dofmap.list[:, :4]
+        self._owned_corners = index_map.size_local
+        # of each node: the corner it is, twice, or the ends of its edge
+        self._parents = np.empty((solid.nodes, 2), dtype=np.int32)
+        for k, ends in enumerate(node_ends()):
+            self._parents[solid.V.dofmap.list[:, k]] = coarse.list[:, ends]
+        self._prolongation = self._interpolation()
+        self._restriction = self._prolongation[: 3 * solid.owned].T.tocsr()
+        self._coarse = make_coarse(coarse, solid.points[self._corners], solid.comm, symmetric)
         self._version = 0
         self._reusable, self._of, self._usual = False, tangent.kept, 0  # free dofs and iterations of the coarse matrix
         noise = np.random.default_rng(solid.comm.rank).normal(size=3 * solid.owned)
-        self._noise = (NOISE * noise / np.sqrt(solid.dofs)).astype(np.float32)
-        self._supported = np.ones(3 * solid.owned, dtype=np.float32)
-        self._supported[solid.fixed] = 0.0
+        self._noise = self._with_ghosts(NOISE * noise / np.sqrt(solid.dofs))
+        supported = np.ones(3 * solid.owned)
+        supported[solid.fixed] = 0.0
+        self._supported = self._with_ghosts(supported)
         self._extreme, self._greatest = self._noise, 0.0
+
+    def _with_ghosts(self, owned: Floats) -> Singles:
+        """Values of all local dofs in single precision from those of the owned ones; collective."""
+        return self._solid.scatter_forward(owned).ravel().astype(np.float32)
+
+    def _interpolation(self) -> Any:
+        """Matrix from corner dofs to all dofs: a corner keeps its value, an edge takes the mean of its ends."""
+        from scipy import sparse
+
+        nodes = self._solid.nodes
+        half = np.full(2 * nodes, 0.5, dtype=np.float32)
+        at = np.repeat(np.arange(nodes), 2), self._parents.ravel()
+        local = sparse.coo_array((half, at), (nodes, len(self._corners))).tocsr()
+        return sparse.kron(local, sparse.eye_array(3, dtype=np.float32), format="csr")
 
     def update(self, renew: bool | None = None) -> bool:
         """Adapt to the current values and free dofs of the tangent; collective.
 
         Args:
-            renew: whether to renew the coarse matrix, the same on all ranks; None where other dofs are free than
-                when it was made, or where `judge` finds it too old
+            renew: whether to renew the coarse matrix, the same on all ranks; None where more than some dofs were held
+                or released since it was made, or where `judge` finds it too old
 
         Returns:
             whether the matrix can be smoothed: its diagonal must be positive
@@ -92,51 +96,57 @@ class PMultigrid:
         from mpi4py import MPI
 
         solid, tangent = self._solid, self._tangent
-        self._free = tangent.free.astype(np.float32)
+        self._free = tangent.kept.astype(np.float32).ravel()
         new = self._version != tangent.version
         if new:
-            diagonal = solid.ghosts.scatter_reverse(solid.values[solid.sparsity.diagonal].reshape(-1, 3)).ravel()
-            least = -solid.comm.allreduce(float(np.max(-diagonal[self._free > 0.0], initial=-np.inf)), op=MPI.MAX)
+            diagonal = solid.scatter_reverse(solid.values[solid.sparsity.diagonal].reshape(-1, 3)).ravel()
+            least = -solid.comm.allreduce(float(np.max(-diagonal[tangent.free > 0.0], initial=-np.inf)), op=MPI.MAX)
             if not least > 0.0:
                 return False
-            self._inverse = (1.0 / np.where(diagonal > 0.0, diagonal, 1.0)).astype(np.float32)
+            self._inverse = self._with_ghosts(1.0 / np.where(diagonal > 0.0, diagonal, 1.0))
             self._version = tangent.version
         self._scaling = self._free * self._inverse
         if renew is None:
-            same = self._reusable and bool(np.array_equal(self._of, tangent.kept))
-            renew = not solid.comm.allreduce(same, op=MPI.LAND)
-        self._coarse_mask.array = tangent.kept[self._coarsening.corners].ravel()[: self._coarse_mask.getLocalSize()]
+            renew = not self._reusable or self._changed() > LAG
         if renew:
             self._galerkin()
-            self._ksp.setOperators(self._coarse.A)
-            self._ksp.setUp()
+            self._coarse.update()
             self._of, self._usual = tangent.kept, 0
+        # a dof that was held has a unit row in the coarse matrix
+        self._coarse_free = (self._of * tangent.kept)[self._corners].ravel().astype(np.float32)
         if self._greatest == 0.0:
             self.estimate()
         elif new:
             self._greatest = max(self._greatest, self._greatest_eigenvalue(UPDATE, self._free))
         return True
 
+    def _changed(self) -> int:
+        """Number of dofs that were held or released since the coarse matrix was made; collective."""
+        owned = self._solid.owned
+        changed = np.count_nonzero(self._of[:owned] != self._tangent.kept[:owned])
+        return int(self._solid.comm.allreduce(changed))
+
     def _galerkin(self) -> None:
-        """Coarse matrix of the free dofs, with a unit row for each dof of a corner that is not free; collective."""
-        fine, coarse, mask, kept = self._solid.sparsity, self._coarse, self._coarse_mask, self._tangent.kept
-        corners = np.ascontiguousarray(kept[self._coarsening.corners])
+        """This rank's part of the coarse matrix of the free dofs, with a unit row for each other dof of a corner."""
+        fine, coarse, kept = self._solid.sparsity, self._coarse, self._tangent.kept
+        corners = np.ascontiguousarray(kept[self._corners])
         _solver.galerkin(
-            fine.indptr, fine.indices, self._solid.values, kept, self._coarsening.parents,
+            fine.indptr, fine.indices, self._solid.values, kept, self._parents,
             coarse.sparsity.indptr, coarse.sparsity.indices, corners, coarse.values,
         )  # fmt: skip
-        coarse.values[coarse.sparsity.diagonal[np.flatnonzero(mask.array_r == 0.0)]] = 1.0
-        coarse.assemble()
+        coarse.values[coarse.sparsity.diagonal[np.flatnonzero(corners[: self._owned_corners].ravel() == 0.0)]] = 1.0
 
     def forget(self) -> None:
-        """Let the next `update` set everything up again, unless the tangent never changed."""
+        """Let the next `update` set everything up again, except for the eigenvalue of a tangent that never changed."""
+        self._reusable = False
         if self._solid.version > 1:
-            self._greatest, self._reusable = 0.0, False
+            self._greatest = 0.0
 
     def judge(self, iterations: int) -> None:
         """Decide by the iterations of a solve whether the next one may use the same coarse matrix.
 
-        It may while the free dofs stay the same and the iterations do not increase, even if some more cells yield.
+        It may while few dofs are held or released and the iterations do not increase, even if some more cells yield: a
+        dof held since then is masked, one released since then is left to the smoother.
         """
         self._usual = self._usual or iterations
         self._reusable = iterations <= RENEWAL * self._usual + 2
@@ -153,19 +163,16 @@ class PMultigrid:
 
     def apply(self, pc: Any, r: Any, z: Any) -> None:
         """One V-cycle from zero: z approximates the solution for r; called by PETSc."""
-        x, left = np.zeros_like(self._free), self._free * r.array_r.astype(np.float32)
+        owned = len(r.array_r)
+        x = np.zeros_like(self._free)
+        left = self._free * self._solid.ghosts.scatter_forward(r.array_r.astype(np.float32).reshape(-1, 3)).ravel()
         left -= self._free * self._smooth(x, left)
-        self._fine.array = left
-        self._P.multTranspose(self._fine, self._rhs)
-        self._rhs.pointwiseMult(self._rhs, self._coarse_mask)
-        self._ksp.solve(self._rhs, self._correction)
-        self._correction.pointwiseMult(self._correction, self._coarse_mask)
-        self._P.mult(self._correction, self._fine)
-        correction = self._free * self._fine.array_r.astype(np.float32)
+        right = self._coarse_free * (self._restriction @ left[:owned])
+        correction = self._free * (self._prolongation @ (self._coarse_free * self._coarse.solve(right)))
         x += correction
         left -= self._free * self._tangent.single_product(correction)
         self._smooth(x, left, last=True)
-        z.array = x
+        z.array = x[:owned]
 
     def _smooth(self, x: Singles, residual: Singles, last: bool = False) -> Singles:
         """Chebyshev's iteration (Saad, Iterative Methods, 2003, algorithm 12.1) on x and its residual, in place.
@@ -188,11 +195,11 @@ class PMultigrid:
 
     def _greatest_eigenvalue(self, steps: int, free: Singles) -> float:
         """Of the Jacobi-scaled matrix with those dofs free, by Lanczos' method from the last vector; collective."""
-        comm = self._solid.comm
+        comm, owned = self._solid.comm, 3 * self._solid.owned
         root = np.sqrt(free * self._inverse)
 
         def dot(a: Singles, b: Singles) -> float:
-            return float(comm.allreduce(float(np.dot(a, b))))
+            return float(comm.allreduce(float(np.dot(a[:owned], b[:owned]))))
 
         v = free * self._extreme
         v /= np.float32(np.sqrt(dot(v, v)))

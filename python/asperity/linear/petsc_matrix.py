@@ -34,8 +34,7 @@ class NodeMatrix:
         self.values = np.zeros(len(sparsity.columns))
         sizes = (3 * index_map.size_local, 3 * index_map.size_global)
         if comm.size == 1:
-            csr = sparsity.rows, sparsity.columns, self.values
-            self.A = PETSc.Mat().createAIJWithArrays(sizes, csr, bsize=3, comm=comm)
+            self.A = local_matrix(sparsity, self.values, comm)
             return
         self.A = PETSc.Mat().create(comm)
         self.A.setSizes((sizes, sizes), bsize=3)
@@ -54,6 +53,15 @@ class NodeMatrix:
             self.A.zeroEntries()
             self.A.setValuesLocalCSR(self.sparsity.rows, self.sparsity.columns, self.values, PETSc.InsertMode.ADD)
         self.A.assemble()
+
+
+def local_matrix(sparsity: SparsityPattern, values: Floats, comm: Any) -> Any:
+    """PETSc matrix of one rank, on a communicator of size one, that shares `values`, in the order of the pattern."""
+    from petsc4py import PETSc
+
+    csr = sparsity.rows, sparsity.columns, values
+    size = len(sparsity.rows) - 1
+    return PETSc.Mat().createAIJWithArrays((size, size), csr, bsize=3, comm=comm)
 
 
 def assembled(solid: Solid) -> Any:

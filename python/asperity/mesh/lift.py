@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 SOUND = 0.1  # least ratio of the volume elements of a lifted and the flat element, at any point of it
 FIRST_WIDTH = 0.1  # standard deviation of the first Gaussian over the element size
 WIDER = 1.25  # ratio of the widths of two rounds
-SPREAD = 1.5  # largest ratio of the widths at nodes of neighbouring elements, so that heights do not jump there
+SPREAD = 0.25  # fall of the width with the distance from them, like that of the element size, so that no heights jump
+SETTLED = 1e-3  # relative change of a width that is not passed on
 ROUNDS = 100  # after which the width is beyond the side of any block
 
 
@@ -72,15 +73,12 @@ def lift(
         if apart > NEAR * surface.L:
             raise MeshError(
                 f'block.sides = "periodic": heights at opposite sides of the mesh differ by {apart:.3g}, because the '
-                "surface is not periodic, or a map smoothed for elements larger than its waves: reduce mesh.h_contact"
+                'surface is not periodic; take block.sides = "rollers"'
             )
         bad = tets[_least_stretch(gradients, np.take(z_of_flat * above / height, tets)) < SOUND]
         if not len(bad):
             return np.column_stack([points[:, :2], z_of_flat * (1.0 + above / height)]), width
-        wider = _widened(width, size, tets, bad)
-        if same is not None:
-            np.maximum.at(wider, same, wider)
-            wider = wider[same]
+        wider = _widened(width, size, points, tets, bad, same)
         moved, width = wider > width, wider
     raise MeshError(
         f"the surface is no height field on this block: {len(bad)} elements stay turned inside out, however smooth the "
@@ -88,15 +86,25 @@ def lift(
     )
 
 
-def _widened(width: Floats, size: Floats, tets: Indices, bad: Indices) -> Floats:
-    """Widths (N,) [length] of the next round: larger at the nodes of bad elements, not much smaller next to them."""
+def _widened(width: Floats, size: Floats, points: Floats, tets: Indices, bad: Indices, same: Indices | None) -> Floats:
+    """Widths (N,) [length] of the next round: larger at the nodes of bad elements, falling with the distance."""
     wider = width.copy()
     own = np.maximum(WIDER * width[bad].max(axis=1), FIRST_WIDTH * size[bad].max(axis=1))
     np.maximum.at(wider, bad, own[:, None])
-    changed = np.zeros(len(width), dtype=bool)
-    changed[bad] = True
-    near = tets[changed[tets].any(axis=1)]
-    np.maximum.at(wider, near, wider[near].max(axis=1)[:, None] / SPREAD)
+    changed = wider > width
+    while changed.any():
+        near = tets[changed[tets].any(axis=1)]
+        before = wider.copy()
+        for middle, ends in enumerate(EDGES[:ON_EDGES], start=4):
+            for end in ends:
+                i, j = near[:, end], near[:, middle]
+                fall = SPREAD * np.linalg.norm(points[i] - points[j], axis=1)
+                np.maximum.at(wider, j, before[i] - fall)
+                np.maximum.at(wider, i, before[j] - fall)
+        if same is not None:
+            np.maximum.at(wider, same, wider)
+            wider = wider[same]
+        changed = wider > (1.0 + SETTLED) * before
     return wider
 
 

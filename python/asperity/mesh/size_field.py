@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from asperity import _solver
 from asperity.arrays import Flags, Floats
-from asperity.model.settings import H_MAX, ApproachMap
+from asperity.model.settings import H_MAX, WIDEST_JOINED, ApproachMap
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
@@ -24,7 +24,6 @@ FLAT = 1e-12  # difference of depths below which a surface touches the flat ever
 #: Exponent of the size in the depth, and least size over h_contact. A spot grows with the root of the depth. With a
 #: first-contact map, a larger exponent equalises the errors of the load steps of a rough surface (docs/accuracy.md).
 GRADING, GUIDED = (0.5, 0.2), (0.75, 0.15)
-WIDEST_JOINED = 0.2  # greatest size with periodic sides: elements are up to twice as wide, see `periodic.joined` [L]
 GRID = 257  # nodes per side of the grid on which the region of each size is found
 NEIGHBOURS = 6  # nodes of a facet: adds a margin of one element around the nodes that were touched
 
@@ -38,6 +37,7 @@ class FirstContactMap:
     Attributes:
         xy: positions of the top nodes (N, 2) [length]
         touched_at: approach at which each of them first touched the flat, inf for never (N,) [length]
+        period: of the surface along x and y, whose sides are joined; None without one [length]
 
     Examples:
         >>> x, y = (a.ravel() for a in np.meshgrid(np.linspace(0.0, 1.0, 9), np.linspace(0.0, 1.0, 9)))
@@ -48,6 +48,7 @@ class FirstContactMap:
 
     xy: Floats
     touched_at: Floats
+    period: float | None = None
 
     @property
     def resolution(self) -> int:
@@ -56,7 +57,10 @@ class FirstContactMap:
 
     def depth(self, x: Floats, y: Floats) -> Floats:
         """Approach of first contact at points x, y, any shape: the least of the NEIGHBOURS nearest nodes [length]."""
-        _, nearest = cKDTree(self.xy).query(np.stack([x.ravel(), y.ravel()], axis=1), k=NEIGHBOURS)
+        nodes, points = self.xy, np.stack([x.ravel(), y.ravel()], axis=1)
+        if self.period is not None:  # a point that rounding leaves on the far side is on the near one
+            nodes, points = (np.mod(np.mod(p, self.period), self.period) for p in (nodes, points))
+        _, nearest = cKDTree(nodes, boxsize=self.period).query(points, k=NEIGHBOURS)
         return self.touched_at[nearest].min(axis=1).reshape(x.shape)
 
 
@@ -67,6 +71,7 @@ class GridContactMap:
     Attributes:
         touched_at: approach at which each cell is touched first, inf for never (n, n), index [iy, ix] [length]
         side: side of the patch [length]
+        periodic: whether the cells at opposite sides are neighbours
 
     Examples:
         >>> touched_at = np.full((4, 4), np.inf)
@@ -78,6 +83,7 @@ class GridContactMap:
 
     touched_at: Floats
     side: float
+    periodic: bool = False
 
     @property
     def resolution(self) -> int:
@@ -87,7 +93,7 @@ class GridContactMap:
     def depth(self, x: Floats, y: Floats) -> Floats:
         """Approach of first contact at points x, y, any shape: the least of a cell and its neighbours [length]."""
         n = len(self.touched_at)
-        near = minimum_filter(self.touched_at, size=3, mode="nearest")
+        near = minimum_filter(self.touched_at, size=3, mode="wrap" if self.periodic else "nearest")
         column, row = (np.clip((c / self.side * n).astype(int), 0, n - 1) for c in (x, y))
         return np.asarray(near[row, column])
 

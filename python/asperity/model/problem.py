@@ -5,12 +5,13 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass, field, replace
 
-from asperity.errors import InputError
+from asperity.errors import InputError, ResolutionWarning
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule, greatest_force
 from asperity.model.material import Material
-from asperity.model.settings import Formulation, MeshSize, SolverOptions
+from asperity.model.settings import WIDEST_JOINED, Formulation, MeshSize, SolverOptions
 from asperity.runtime.display import short_repr
 from asperity.surface import Surface
 
@@ -100,6 +101,8 @@ class Problem:
             kernels: "compiled" or "ufl"
             options: of the solver
 
+        Warns (ResolutionWarning) of a greatest size that periodic sides do not allow.
+
         Raises:
             InputError: not exactly one of delta_max, force_max and pressure_max, or a step count outside its range
         """
@@ -109,6 +112,13 @@ class Problem:
         if surface.rough and material.kinematics == "small":
             surface.check_small_slope()
         path = Schedule(delta_max, force_max, steps, unload_steps, cycles, integrator, substeps)
+        if sides == "periodic" and size is not None and (size.h_max or 0.0) > WIDEST_JOINED * surface.L:
+            warnings.warn(
+                f"mesh.h_max = {size.h_max:g} is reduced to {WIDEST_JOINED * surface.L:g}: with block.sides = "
+                '"periodic" elements must be narrower than half the side; give that, or leave mesh.h_max out',
+                ResolutionWarning,
+                stacklevel=2,
+            )
         settings = formulation or Formulation(), size or MeshSize(), kernels, options or SolverOptions()
         return Problem(surface, material, path, height, sides, *settings)
 

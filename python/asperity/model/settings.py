@@ -12,6 +12,7 @@ from asperity.arrays import Floats
 from asperity.errors import InputError
 
 H_CONTACT, H_MAX = 0.04, 0.25  # element sizes of a mesh when none are given [L]
+WIDEST_JOINED = 0.2  # greatest size with periodic sides: elements are up to twice as wide, see `periodic.joined` [L]
 LEAST_PENALTY = 10.0  # factor below which the penalty leaves an error of first order (docs/accuracy.md)
 COERCIVE = 3.0  # gamma from which theta = 1 is coercive: 2 where cells are straight, up to 2.9 seen under rough tops
 
@@ -128,7 +129,7 @@ class MeshSize:
     Attributes:
         h_contact: where the surface is touched; None takes H_CONTACT of the side
         growth: of the size per unit of distance from there
-        h_max: greatest size; None takes H_MAX of the side
+        h_max: greatest size; None takes H_MAX of the side; WIDEST_JOINED of it at most with periodic sides
         reach: what a coarse solution has touched; None judges by the heights
         grading: power of the size in the depth and least size over h_contact; None takes the default
 
@@ -175,6 +176,8 @@ class AccuracyTarget:
         tolerance: greatest error bar of the force along the first loading, relative to the force, in (0, 1)
         max_dofs: size no mesh may exceed
         max_seconds: time after which no finer mesh is started; None for no limit
+        area_tolerance: greatest error bar of the contact area as well, relative to the area, in (0, 1); None judges
+            the force only
 
     Raises:
         InputError: a value outside its range
@@ -191,11 +194,16 @@ class AccuracyTarget:
     tolerance: float
     max_dofs: int = 1_000_000
     max_seconds: float | None = None
+    area_tolerance: float | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 < self.tolerance < 1.0:
             raise InputError(
                 f"accuracy.tolerance = {self.tolerance!r} must lie between 0 and 1, for example 0.01 for 1 %"
+            )
+        if self.area_tolerance is not None and not 0.0 < self.area_tolerance < 1.0:
+            raise InputError(
+                f"accuracy.area_tolerance = {self.area_tolerance!r} must lie between 0 and 1, for example 0.05 for 5 %"
             )
         if self.max_dofs < 1000:
             raise InputError(f"accuracy.max_dofs = {self.max_dofs} must be at least 1000")

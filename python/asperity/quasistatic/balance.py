@@ -196,7 +196,7 @@ def _judge_penetration(checks: Checks, step: StepBalance, judge: Judge, rtol: fl
         checks.violated.pop("touch", None)
         checks.violated.pop("compliance", None)
         checks.greatest_force, checks.mean_penetration = step.force, abs(step.sinking) / step.force / step.delta
-    judge("touch", checks.greatest_force > 0.0, "no node is touched, make mesh.h_contact smaller,")
+    judge("touch", checks.greatest_force > 0.0, "no node is touched, take a finer mesh or a filtered surface,")
     judge(
         "compliance",
         checks.mean_penetration <= COMPLIANT,

@@ -5,10 +5,12 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -99,7 +101,8 @@ class ContactSolver:
         self, solid: Solid, contact_surface: ContactSurface, contact: Contact, summit: float, options: SolverOptions
     ) -> None:
         self.solid, self.contact_surface, self.contact, self.summit = solid, contact_surface, contact, summit
-        self.newton = NewtonSolver(solid, contact, options)
+        self._options = options
+        self._newton: NewtonSolver | None = NewtonSolver(solid, contact, options)
         self.counts, self.checks = Counts(), Checks()
         self.delta, self.force = 0.0, 0.0
         self.nodal_force = np.zeros(solid.owned)
@@ -111,6 +114,22 @@ class ContactSolver:
         self._first_touch = self._highest()
         self.probes: tuple[Probe, ...] = ()
         self.probed: dict[str, float] = {}
+
+    @property
+    def newton(self) -> NewtonSolver:
+        """Newton's method; collective after `drop_matrices`."""
+        if self._newton is None:
+            self._newton = NewtonSolver(self.solid, self.contact, self._options)
+        return self._newton
+
+    def drop_matrices(self) -> None:
+        """Free the matrices and their solvers, most of the memory; what needs them makes them again. Collective.
+
+        The state of the last accepted step stays, and steps may follow.
+        """
+        self._newton = None
+        self.solid.drop_matrices()
+        _destroy_unused(self.solid.comm)
 
     def step(self, delta: float, lead: float = 0.0) -> StepStats:
         """Move the flat to `delta`; on success the state is committed (see `commit`), else rolled back."""
@@ -195,7 +214,7 @@ class ContactSolver:
                 self.checks,
                 self._balance(delta_before, force_before, u_before, history, reaction),
                 dofs=solid.dofs,
-                rtol=self.newton.options.rtol,
+                rtol=self._options.rtol,
                 compliant=self.contact.stiff,
                 exact=lead == 0.0 and not self._led,
             )
@@ -295,3 +314,16 @@ class ContactSolver:
         self.contact.residual(self.newton.force)
         self._find_forces()
         self.force = state.force
+
+
+def _destroy_unused(comm: Any) -> None:
+    """Destroy the PETSc objects of a communicator to which nothing refers any more; collective.
+
+    On several ranks PETSc only puts them aside, since a garbage collector may release them in another order on each.
+    An object that another one holds is released with that, so the second pass takes those of the first.
+    """
+    from petsc4py import PETSc
+
+    for _ in range(2):
+        gc.collect()
+        PETSc.garbage_cleanup(comm)

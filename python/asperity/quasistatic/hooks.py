@@ -32,6 +32,7 @@ class Hooks:
         on_ready: called when mesh and solver are made, before anything is saved
         stiffness: whether to compute the columns k_n to k_n_interface
         conductance: whether to compute the column conductance
+        on_part: called on rank 0 with the part of a stage without load steps that is done, 0 to 1
 
     Examples:
         >>> from asperity.surface import Flat
@@ -52,6 +53,7 @@ class Hooks:
     on_ready: Callable[[], None] | None = None
     stiffness: bool = False
     conductance: bool = False
+    on_part: Callable[[float], None] | None = None
 
     def probes(self, solid: Solid) -> tuple[Probe, ...]:
         """Measurements of each accepted step that are requested; collective."""

@@ -19,7 +19,6 @@ import numpy as np
 from asperity.arrays import Flags, Floats, Integers, Singles
 from asperity.curve import STIFFNESSES
 from asperity.fem.solid import Solid
-from asperity.linear.coarsening import Coarsening
 from asperity.linear.energy import UNKNOWN, EnergySolver
 from asperity.linear.matrix_free import TangentOperator, tangent_product
 from asperity.mesh.distribute import SIDE_X, SIDE_Y
@@ -138,7 +137,7 @@ class _ElasticStiffness:
     """
 
     def __init__(self, solid: Solid) -> None:
-        self._solid, self._coarsening = solid, Coarsening(solid)
+        self._solid = solid
         self._operator = TangentOperator(solid, symmetric=True, single=True)
 
     def update(self) -> None:
@@ -153,7 +152,7 @@ class _ElasticStiffness:
 
     def system(self) -> EnergySolver:
         """A system with it."""
-        return EnergySolver(self._operator, self._coarsening)
+        return EnergySolver(self._operator)
 
 
 class _Motion:

@@ -8,6 +8,7 @@ It sees every spot of a surface in seconds, where a finite element mesh needs el
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,7 +61,14 @@ class RoughHalfSpace:
         ]
         return np.asarray(np.concatenate(parts))
 
-    def curve(self, heights: Floats, summit: float, delta_star: ArrayLike, tolerance: float = 1e-3) -> RoughCurve:
+    def curve(
+        self,
+        heights: Floats,
+        summit: float,
+        delta_star: ArrayLike,
+        tolerance: float = 1e-3,
+        on_part: Callable[[float], None] | None = None,
+    ) -> RoughCurve:
         """Press the layer to ascending approaches.
 
         Args:
@@ -68,6 +76,7 @@ class RoughHalfSpace:
             summit: height that the flat touches first [L]
             delta_star: ascending approaches from there (k,) [L]
             tolerance: largest gap in contact and penetration elsewhere, over the greatest approach
+            on_part: called after each approach with the part of them that is done
 
         Raises:
             InputError: the approaches do not ascend from above zero
@@ -79,11 +88,13 @@ class RoughHalfSpace:
         p = np.zeros_like(heights)
         touched_at = np.full(heights.shape, np.inf)
         force, area = [], []
-        for d in delta:
+        for k, d in enumerate(delta, start=1):
             p = _press(p, heights - (summit - d), compliance, self.sides, self.hardness, tolerance * delta[-1])
             touched_at[(p > 0.0) & np.isinf(touched_at)] = d
             force.append(float(p.mean()))
             area.append(max(corrected_area(p > 0.0, self.sides), 0.0))
+            if on_part is not None:
+                on_part(k / len(delta))
         return RoughCurve(delta, np.array(force), np.array(area), touched_at)
 
 

@@ -62,6 +62,9 @@ class Progress:
     def stage(self, name: str) -> None:
         """Show the start of a phase, for example "mesh"."""
 
+    def part(self, fraction_done: float) -> None:
+        """Show how much of a phase without load steps is done, 0 to 1."""
+
     def step(self, row: Mapping[str, Any], fraction_done: float) -> None:
         """Show an accepted load step.
 
@@ -74,6 +77,7 @@ class Progress:
         """End the display."""
 
 
+SILENCE = 10.0  # time between two lines about the same phase [s]
 COLUMNS = ("step", "branch", "delta/L", "P*", "area", "Newton", "Krylov", "time", "left")
 _WIDTHS = (5, 7, 11, 11, 7, 6, 6, 8, 8)
 
@@ -86,13 +90,20 @@ class StepLines(Progress):
         self._start = time.monotonic()
         self._first: float | None = None
         self._headed = self._begun = False
+        self._last = self._start  # time of the last line about a phase
 
     def _write(self, line: str) -> None:
         print(line, file=self._stream or sys.stdout, flush=True)
 
     def stage(self, name: str) -> None:
         self._write(f"[{time.monotonic() - self._start:6.1f} s] {name}")
-        self._headed, self._begun = False, True
+        self._headed, self._begun, self._last = False, True, time.monotonic()
+
+    def part(self, fraction_done: float) -> None:
+        now = time.monotonic()
+        if now - self._last >= SILENCE:
+            self._write(f"[{now - self._start:6.1f} s]   {fraction_done:.0%}")
+            self._last = now
 
     def step(self, row: Mapping[str, Any], fraction_done: float) -> None:
         if not self._headed:
@@ -148,7 +159,10 @@ class StepTable(StepLines):
         if not self._begun:
             self._bar.start()  # not earlier: messages about the case come first
         super().stage(name)
-        self._bar.update(self._task, description=name)
+        self._bar.update(self._task, description=name, completed=0.0, left="")
+
+    def part(self, fraction_done: float) -> None:
+        self._bar.update(self._task, completed=fraction_done, left="")
 
     def step(self, row: Mapping[str, Any], fraction_done: float) -> None:
         super().step(row, fraction_done)

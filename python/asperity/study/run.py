@@ -1,12 +1,11 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Run the cases of a study: groups of ranks pull them from a queue, meshes are shared, failures are recorded."""
+"""Run the cases of a study: groups of ranks pull them from a queue, and failures are recorded."""
 
 from __future__ import annotations
 
 import gc
-import hashlib
 import json
 import traceback
 import warnings
@@ -18,25 +17,24 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from asperity.case.validation import doubt_of_edge
 from asperity.errors import AsperityError, AssumptionWarning, CheckpointError, InputError, Interrupted
+from asperity.runtime import compat
 from asperity.runtime.files import is_aside, remove_asides, replace_file
 from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.progress import duration
 from asperity.study.definition import Entry, Study
 from asperity.study.locks import LOCK_FILES, FolderLock, claimed
+from asperity.study.portions import Queue, part, portions
 from asperity.study.results import ABOUT, DONE, case_folder, case_state, write_about, write_tables
+from asperity.study.shared_mesh import MESHES, shared_mesh, shares_mesh
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from asperity.case import Case
 
-MESHES = "meshes"  # folder of the meshes that cases share
 ERROR = "error.txt"  # traceback of a case that ended with an unexpected error
-PORTIONS = 4  # portions per group, approximately: with fewer, groups become idle; with more, meshes are built twice
 
 Say = Callable[[str], None]
 
@@ -124,18 +122,20 @@ def run_study(
         )
     chosen = range(len(study.entries)) if only is None else part(study.entries, *only)
     lock = FolderLock(folder, shared=only is not None)
+    if comm.size > 1:
+        compat.start()  # of PETSc: rank 0 presses blocks with free sides on its own, for the tables
     plan = _prepare(study, folder, lock, chosen, retry, comm.size // ranks_per_case) if comm.rank == 0 else None
-    portions = comm.bcast(plan)
-    if isinstance(portions, AsperityError):
+    batches = comm.bcast(plan)
+    if isinstance(batches, AsperityError):
         lock.release()
-        raise portions
+        raise batches
     group = comm.Split(comm.rank // ranks_per_case, comm.rank)
     queue = Queue(comm)
-    todo, run = sum(len(p) for p in portions), 0
+    todo, run = sum(len(batch) for batch in batches), 0
     start = perf_counter()
     try:
-        while (turn := group.bcast(queue.take() if group.rank == 0 else None)) < len(portions):
-            entries = [study.entries[i] for i in portions[turn]]
+        while (turn := group.bcast(queue.take() if group.rank == 0 else None)) < len(batches):
+            entries = [study.entries[i] for i in batches[turn]]
             for entry, state in run_portion(entries, folder, group, retry):
                 run += group.rank == 0
                 if group.rank == 0 and say is not None:
@@ -190,37 +190,6 @@ def _count(study: Study, folder: Path, chosen: Sequence[int], run: int) -> Study
     states = [state for i in chosen if (state := case_state(folder, study.entries[i].key)) is not None]
     done = sum(state["exit_reason"] == "done" for state in states)
     return StudyCounts(len(chosen), done, len(states) - done, run)
-
-
-def part(entries: Sequence[Entry], number: int, parts: int) -> list[int]:
-    """Return the case numbers of a part of a study; all parts together are the study.
-
-    Cases with the same mesh are next to each other, so that few parts build the same mesh. The parts differ by one case
-    at most, and depend on the study only, not on what is finished.
-
-    Args:
-        entries: of the study.
-        number: of the part, from 1.
-        parts: number of all parts; those beyond the number of cases are empty.
-
-    Raises:
-        InputError: there is no part of that number.
-
-    Examples:
-        >>> from asperity.study.run import part
-        >>> part([], 1, 2)
-        []
-    """
-    if not 1 <= number <= parts:
-        raise InputError(
-            f"--only {number}/{parts} is no part: the first is 1/{max(parts, 1)}, the last {parts}/{parts}"
-        )
-    batches: dict[str, list[int]] = {}
-    for i, entry in enumerate(entries):
-        batches.setdefault(mesh_key(entry.case), []).append(i)
-    ordered = [i for batch in batches.values() for i in batch]
-    first, last = ((n * len(ordered)) // parts for n in (number - 1, number))
-    return ordered[first:last]
 
 
 def run_portion(
@@ -313,47 +282,6 @@ def _run(case: Case, place: Path, mesh: Path | None, again: bool, comm: MPI.Comm
             run(case, place, force=True, block=block, comm=comm)
 
 
-def shares_mesh(case: Case) -> bool:
-    """Whether the mesh of a case depends only on its surface, block, element sizes and greatest approach."""
-    return case.accuracy.tolerance is None and case.mesh.file is None and case.loading.delta_max is not None
-
-
-def mesh_key(case: Case) -> str:
-    """Return the name of the mesh of a case; cases with the same name can share it."""
-    data = case.content()
-    parts = [data["surface"], data["block"]["height"], data["mesh"], data["loading"].get("delta_max")]
-    if case.block.sides == "periodic":  # opposite sides of its mesh fit
-        parts.append(case.block.sides)
-    if not shares_mesh(case):
-        parts.append(case.hash())
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
-
-
-def shared_mesh(case: Case, folder: Path, comm: MPI.Comm) -> Path | AsperityError:
-    """Return the file of the mesh of a case, built if missing, or the error of building it; collective."""
-    from asperity.model.settings import MeshSize
-    from asperity.quasistatic.make import make_block
-
-    path = (folder / MESHES / f"{mesh_key(case)}.npz").absolute()
-    if comm.bcast(path.is_file() if comm.rank == 0 else None):
-        return path
-    m, delta = case.mesh, case.loading.delta_max
-    assert delta is not None
-
-    def save() -> None:
-        assert block is not None
-        path.parent.mkdir(parents=True, exist_ok=True)
-        block.save(path)
-
-    try:
-        size = MeshSize(m.h_contact, m.growth, m.h_max)
-        block = make_block(comm, case.build_surface(), case.block.height, delta, size, case.block.sides)
-        on_root(comm, save)
-    except AsperityError as error:
-        return error
-    return path
-
-
 def _prepare(
     study: Study, folder: Path, lock: FolderLock, chosen: Sequence[int], retry: bool, groups: int
 ) -> list[list[int]] | AsperityError:
@@ -378,53 +306,6 @@ def _prepare(
         return InputError(f"{folder} cannot be written: {error.strerror}")
     todo = [i for i in chosen if _is_due(case_state(folder, study.entries[i].key), retry)]
     return portions(study.entries, todo, groups)
-
-
-def portions(entries: Sequence[Entry], todo: Sequence[int], groups: int) -> list[list[int]]:
-    """Divide case numbers into portions with one mesh each, small enough to keep all groups busy to the end."""
-    batches: dict[str, list[int]] = {}
-    for i in todo:
-        batches.setdefault(mesh_key(entries[i].case), []).append(i)
-    size = max(1, -(-len(todo) // (PORTIONS * groups))) if groups > 1 else len(todo)
-    return [batch[i : i + size] for batch in batches.values() for i in range(0, len(batch), size)]
-
-
-class Queue:
-    """Two counters shared by all ranks of a communicator: portions taken and cases finished.
-
-    They are in the memory of rank 0 and are updated by atomic one-sided operations, so that rank 0 can compute at the
-    same time.
-    """
-
-    def __init__(self, comm: MPI.Intracomm) -> None:
-        from mpi4py import MPI
-
-        self._comm, self._add = comm, MPI.SUM
-        size = MPI.INT64_T.Get_size()
-        self._window = MPI.Win.Allocate(2 * size if comm.rank == 0 else 0, size, comm=comm)
-        if comm.rank == 0:
-            np.frombuffer(self._window.tomemory(), dtype=np.int64)[:] = 0
-        comm.Barrier()
-
-    def take(self) -> int:
-        """Return the number of the next portion and advance the counter."""
-        return self._next(0)
-
-    def count(self) -> int:
-        """Count a finished case; return the number of finished cases."""
-        return self._next(1) + 1
-
-    def _next(self, place: int) -> int:
-        one, before = np.ones(1, np.int64), np.zeros(1, np.int64)
-        self._window.Lock(0)
-        self._window.Fetch_and_op(one, before, 0, place, self._add)
-        self._window.Unlock(0)
-        return int(before[0])
-
-    def close(self) -> None:
-        """Wait for all ranks and free the counters; collective."""
-        self._comm.Barrier()
-        self._window.Free()
 
 
 def _line(entry: Entry, state: dict[str, Any], keys: Sequence[str], done: int, total: int, left: float) -> str:

@@ -200,13 +200,15 @@ class HeightMap(Surface):
     def _level(self, s: float) -> Heights:
         """Return the heights, as a function of points, smoothed with the standard deviation s (length).
 
-        The Gaussian multiplies the cosine transform, so the map is mirrored at its edges. What is left has no waves
-        shorter than a few s, and a coarser grid holds it.
+        The Gaussian multiplies the cosine transform, so the map is mirrored at its edges; of a periodic map the Fourier
+        transform. What is left has no waves shorter than a few s, and a coarser grid holds it.
         """
         from scipy.fft import idctn
 
         if s == 0:
             return self.height
+        if self.periodic:
+            return self._periodic_level(s)
         shape = self.heights.shape
         fewer = [min(n, max(8, math.ceil(self.L / (_SPACING * s)) + 1)) for n in shape]
         waves = self._cosines[: fewer[0], : fewer[1]].astype(np.float32)
@@ -219,6 +221,28 @@ class HeightMap(Surface):
         ny, nx = fewer
         spacing = self.L / (ny - 1), self.L / (nx - 1)
         return spline_heights(idctn(waves, type=1, overwrite_x=True), spacing, "mirror", mean)
+
+    @cached_property
+    def _fourier(self) -> Array:
+        """Fourier coefficients of a period of the heights (ny - 1, (nx - 1)//2 + 1) (length)."""
+        from scipy.fft import rfft2
+
+        return np.asarray(rfft2(self.heights[:-1, :-1], norm="forward"))
+
+    def _periodic_level(self, s: float) -> Heights:
+        """Return the smoothed heights of a periodic map, see :meth:`_level`."""
+        from scipy.fft import fftfreq, irfft2
+
+        period = [n - 1 for n in self.heights.shape]
+        ny, nx = (min(n, max(8, math.ceil(self.L / (_SPACING * s)))) for n in period)
+        rows = np.rint(fftfreq(ny, 1 / ny)).astype(int)
+        waves = self._fourier[rows, : nx // 2 + 1].copy()
+        mean, waves[0, 0] = float(waves[0, 0].real), 0.0
+        for axis, (k, n) in enumerate(((rows, ny), (np.arange(nx // 2 + 1), nx))):
+            gain = np.exp(-((2 * np.pi * k * s / self.L) ** 2) / 2) / spline_gain(2 * np.pi * k / n)
+            waves *= np.expand_dims(gain, 1 - axis)
+        coefficients = irfft2(waves, s=(ny, nx), norm="forward")
+        return spline_heights(coefficients, (self.L / ny, self.L / nx), "grid-wrap", mean)
 
     def _at(self, x: ArrayLike, y: ArrayLike, dx: int = 0, dy: int = 0) -> Array:
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
@@ -256,7 +280,7 @@ class HeightMap(Surface):
         """Return the exact mean of the spline over the patch (length)."""
         return float(self._spline.integral(0, self.L, 0, self.L)) / self.L**2
 
-    @property
+    @cached_property
     def periodic(self) -> bool:
         """Whether the first and last rows and columns agree, and are no sharper an edge than there are inside.
 

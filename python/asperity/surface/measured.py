@@ -11,7 +11,9 @@ from __future__ import annotations
 
 import math
 import warnings
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Literal
 
@@ -34,7 +36,8 @@ from asperity.surface.height_map import DEEPEST
 
 Trend = Literal["mean", "plane", "curvature"]
 
-PLAIN = (".npz", ".npy", ".csv", ".txt")  # read by NumPy
+TEXT = (".csv", ".txt")
+PLAIN = (".npz", ".npy", *TEXT)  # read by NumPy
 MOST_MISSING = 0.2  # share of heights that may be filled; more would be guesswork
 ALPHA = math.sqrt(math.log(2) / math.pi)  # constant of the Gaussian filter, ISO 16610-61
 
@@ -103,7 +106,8 @@ class HeightField:
         """Read a file of heights.
 
         NumPy reads .npz (z with x and y, with dx, or with L, the extent along x), .npy and .csv or .txt matrices.
-        Other files are passed to SurfaceTopography, which reads the formats of some forty instruments.
+        Other files, and text that is no matrix, are passed to SurfaceTopography, which reads the formats of some forty
+        instruments.
 
         Args:
             path: the file.
@@ -121,6 +125,9 @@ class HeightField:
         try:
             z, dx, dy = _read_plain(path)
         except UNREADABLE as error:
+            if path.suffix in TEXT and find_spec("SurfaceTopography") is not None:  # perhaps text with a header
+                with suppress(InputError):
+                    return _read_instrument(path, pixel)
             raise InputError(f"{path}: cannot be read as a height map ({one_line(error)})") from None
         if pixel is not None:
             dx = dy = pixel
@@ -255,7 +262,7 @@ def _read_plain(path: Path) -> tuple[Array, float | None, float | None]:
     """Heights (ny, nx) and spacings (length) by NumPy; None for a spacing that the file does not contain."""
     if path.suffix == ".npy":
         return real(read_npy(path)), None, None
-    if path.suffix in (".csv", ".txt"):
+    if path.suffix in TEXT:
         return read_matrix(path, "," if path.suffix == ".csv" else None), None, None
     data = read_npz(path)
     if "z" not in data:
