@@ -121,6 +121,23 @@ def test_loops_are_the_damping_of_the_vibration(full: tuple[Path, RunResult]) ->
     assert "micro-slip" in (folder / "report.html").read_text(encoding="utf-8")
 
 
+def test_loops_that_do_not_converge_end_a_run_that_needs_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The error is that of the loops; curve and report are there, and no vibration without its damping."""
+
+    def fail(*args: object, **kwargs: object) -> None:
+        raise ConvergenceError("the loops did not reach the force")
+
+    monkeypatch.setattr("asperity.quasistatic.force_loops.force_loops", fail)
+    dynamics = {"law": "paper", "model": ["exact"], "damping": "loops"}
+    case = case_of(dynamics=dynamics, loops={"amplitudes": [0.3]}, output={"figures": False, "report": True})
+    with pytest.raises(ConvergenceError, match="the loops did not reach the force"):
+        run(case, tmp_path / "out")
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    assert summary["finished"] is False and summary["exit_reason"] == "the loops did not reach the force"
+    assert (tmp_path / "out" / "report.html").is_file() and "dynamics" not in summary
+    assert not (tmp_path / "out" / "response.csv").exists()
+
+
 def test_noise_and_sweeps_of_a_case_are_computed(tmp_path: Path) -> None:
     dynamics = {"law": "paper", "model": ["exact"], "zeta": 0.2, "omega": [0.9, 0.95], "sweeps": True}
     run(case_of(dynamics=dynamics | {"random": [0.02], "band": [0.2, 2.0]}, output={"figures": False}), tmp_path)

@@ -95,7 +95,7 @@ def write_outputs(
                 warnings.warn(text, AsperityWarning, stacklevel=2)
             if folder is not None:
                 loops.write(folder / LOOPS)
-        if case.dynamics is not None:
+        if case.dynamics is not None and not _lacks_loops(case, loops):
             progress.stage("dynamics")
             with parts.phase("dynamics"):
                 dynamics = _vibration(case, contact.curve, folder, loops)
@@ -124,6 +124,13 @@ def write_outputs(
     if failure is not None:
         raise failure
     return dynamics
+
+
+def _lacks_loops(case: Case, loops: LoopTable | None) -> bool:
+    """Whether the vibration is damped by loops that were requested and not found."""
+    from asperity.dynamics.law.damping import LOOPS as OF_LOOPS
+
+    return case.dynamics is not None and case.dynamics.damping == OF_LOOPS and case.loops is not None and loops is None
 
 
 def _write_fields(case: Case, contact: ContactResult, folder: Path) -> None:

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
 from scipy.interpolate import CubicSpline
 
-from asperity.dynamics import ContactOscillator, PowerLaw, run_dynamics
+from asperity.dynamics import ContactOscillator, LoopDamping, PowerLaw, run_dynamics
 from asperity.dynamics.motion.noise import Noise, integrate_noise
 from asperity.errors import InputError
 
@@ -86,6 +86,40 @@ def test_motion_under_noise_agrees_with_an_independent_integration(damping: str)
     assert np.abs(own - u).max() < 0.02 * np.abs(u).max()
     assert record.lost / period == pytest.approx(float(np.mean(u < -1.0)), abs=1e-3) and record.lost > 0.01 * period
     assert record.separations == int(np.sum((u[:-1] >= -1.0) & (u[1:] < -1.0)))
+
+
+def test_noise_damped_by_loops_agrees_with_an_independent_integration() -> None:
+    """The coefficient is linear between 0, a and b, and constant beyond; its nodes follow from two mean values.
+
+    A harmonic motion of amplitude a has the damping ratio (4/pi) int_0^(pi/2) c(a cos t) sin(t)^2 dt: 4/(3 pi) times
+    the coefficient of a where that is linear from zero.
+    """
+    n, zeta, rms, a, b = 1.5, 0.05, 0.1, 0.2, 0.5
+    zeta_a, c_b = 0.08, 0.6
+    c_a = 0.75 * np.pi * zeta_a
+
+    def coefficient(z: float) -> float:
+        return c_a * z / a if z < a else c_a + (c_b - c_a) * (z - a) / (b - a) if z < b else c_b
+
+    zeta_b = 4 / np.pi * quad(lambda t: coefficient(b * np.cos(t)) * np.sin(t) ** 2, 0.0, np.pi / 2, limit=200)[0]
+    o = ContactOscillator(PowerLaw(n), zeta=zeta, damping=LoopDamping((a, b), (zeta_a, zeta_b)))
+    noise = Noise.of(rms, (0.05, 3.0), zeta / 4, np.random.default_rng(5))
+    period, z_s = 2 * np.pi / noise.spacing, o.restoring.z_s
+
+    def field(t: float, y: np.ndarray) -> list[float]:
+        height = 1.0 + y[0]
+        p = height**n if height > 0 else 0.0
+        damper = zeta + coefficient(z_s * abs(y[0])) if height > 0 else 0.0
+        return [y[1], noise.at(t) - (p - 1.0) / n - 2 * damper * y[1]]
+
+    grid = np.linspace(0.0, period, 4001)
+    run = solve_ivp(field, (period - 200.0, 2 * period), [0.0, 0.0], rtol=1e-6, atol=1e-8, t_eval=period + grid)
+    record = integrate_noise(o.balance(), noise, step=0.05)
+    own = np.interp(grid, np.linspace(0.0, period, record.steps + 1), np.append(record.u, record.u[0]))
+    assert record.u.std() == pytest.approx(float(run.y[0].std()), rel=2e-3)
+    assert np.abs(own - run.y[0]).max() < 0.02 * np.abs(own).max()
+    without = integrate_noise(replace(o, damping="contact").balance(), noise, step=0.05)
+    assert record.u.std() < 0.9 * without.u.std()
 
 
 def test_light_noise_keeps_contact() -> None:

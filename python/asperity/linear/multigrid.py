@@ -83,8 +83,12 @@ class PMultigrid:
         local = sparse.coo_array((half, at), (nodes, len(self._corners))).tocsr()
         return sparse.kron(local, sparse.eye_array(3, dtype=np.float32), format="csr")
 
-    def update(self) -> bool:
+    def update(self, renew: bool | None = None) -> bool:
         """Adapt to the current values and free dofs of the tangent; collective.
+
+        Args:
+            renew: whether to renew the coarse matrix, the same on all ranks; None where more than some dofs were held
+                or released since it was made, or where `judge` finds it too old
 
         Returns:
             whether the matrix can be smoothed: its diagonal must be positive
@@ -102,7 +106,9 @@ class PMultigrid:
             self._inverse = self._with_ghosts(1.0 / np.where(diagonal > 0.0, diagonal, 1.0))
             self._version = tangent.version
         self._scaling = self._free * self._inverse
-        if not self._reusable or self._changed() > LAG:
+        if renew is None:
+            renew = not self._reusable or self._changed() > LAG
+        if renew:
             self._galerkin()
             self._coarse.update()
             self._of, self._usual = tangent.kept, 0

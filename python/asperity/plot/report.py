@@ -22,10 +22,11 @@ from asperity.plot import CAPTIONS, figures_of, plot_run
 from asperity.plot.citations import publications
 from asperity.plot.style import DPI
 from asperity.runtime.files import replace_file
-from asperity.runtime.run_folder import CURVE, FIGURES, REPORT
+from asperity.runtime.run_folder import BAND, CURVE, FIGURES, FREE, RANDOM, REPORT, RESPONSE, THRESHOLDS
 from asperity.units import quantity
 
 Rows = list[tuple[str, str]]
+DRAWN = (CURVE, FREE, RESPONSE, BAND, RANDOM, THRESHOLDS)  # data that the figures show
 STIFFNESS_WORDS = {
     "k_n": "normal stiffness of the loading",
     "k_n_elastic": "elastic normal stiffness",
@@ -38,7 +39,8 @@ STIFFNESS_WORDS = {
 def write_report(folder: str | Path, finished: bool | None = None) -> Path:
     """Write report.html into a run directory, from its files.
 
-    Figures are drawn first if they are missing or older than the curve. All text from the input is escaped.
+    Figures are drawn first if they are missing or older than the curve or the vibration. All text from the input
+    is escaped.
 
     Args:
         folder: the run directory.
@@ -165,11 +167,12 @@ def _known(curve: Curve, row: int, results: Results) -> Rows:
 
 
 def _figures(results: Results) -> list[Path]:
-    """Return the figures of the run, drawn again unless all exist and are newer than the curve."""
-    folder, curve = results.folder / FIGURES, results.folder / CURVE
+    """Return the figures of the run, drawn again unless all exist and are newer than the data of any."""
+    folder = results.folder / FIGURES
     found = sorted(folder.glob("*.png"))
     missing = figures_of(results).keys() - {path.stem for path in found}
-    if missing or any(path.stat().st_mtime < curve.stat().st_mtime for path in found):
+    data = [path for name in DRAWN if (path := results.folder / name).is_file()]
+    if missing or any(path.stat().st_mtime < max(file.stat().st_mtime for file in data) for path in found):
         plot_run(results.folder)
         found = sorted(folder.glob("*.png"))
     order = list(CAPTIONS)

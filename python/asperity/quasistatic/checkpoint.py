@@ -35,7 +35,7 @@ from asperity.runtime.run_folder import MESH, SNAPSHOT, STATE
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-FORMAT = 3  # 3: digests; the tolerance of the equations belongs to the case
+FORMAT = 4  # 3: digests; the tolerance of the equations belongs to the case; 4: start of the stiffness columns
 
 
 class Checkpoint:

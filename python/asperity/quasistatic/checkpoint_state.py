@@ -34,12 +34,14 @@ from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import ContactSolver, Counts, SolverState
 from asperity.quasistatic.measures import FirstContact, Snapshot, snapshot
 from asperity.quasistatic.stepping import Position, Record
+from asperity.quasistatic.stiffness import Stiffness
 from asperity.runtime.parallel import on_root_bcast
 from asperity.runtime.run_folder import SNAPSHOT, STATE
 
 OF_CELLS = ("stress", "plastic_strain")  # fields of a snapshot with a row per cell
 OF_CONTACT = "contact."  # prefix of the names of the contact's history
 HELD = "held"  # tangential displacement of the nodes that stick
+STIFFNESS = "stiffness"  # start of the systems of the stiffness columns; in states of runs with these columns only
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,10 @@ class Saved:
         if isinstance(solver.contact, Stick):
             top = nodes[solver.contact_surface.owned_nodes]
             solver.contact.held = spread_some(comm, top, rows(HELD), np.nan)
+        if comm.bcast(STIFFNESS in self.arrays):
+            memory = spread(comm, owned, self.arrays.get(STIFFNESS))
+            for probe in _with_memory(solver):
+                probe.recall(memory)
         solver.restore(_state(self.meta["press"], displacements))
         record.first_contact.delta = touched
         record.rows[:] = self.meta["rows"]
@@ -126,8 +132,11 @@ class Saved:
         def judge() -> None:
             assert self.block is not None
             like = fresh | {f"displacement.{name}": fresh["displacement.last"] for name in self._displacements()}
+            if (STIFFNESS in like) != (STIFFNESS in self.arrays):  # the columns were or are not requested
+                like = {name: array for name, array in like.items() if name != STIFFNESS}
             names = [SNAPSHOT.format(k) for k in range(len(self.snapshots))]
-            pairs = [(STATE, self.arrays, like), *((n, s, fields) for n, s in zip(names, self.snapshots, strict=True))]
+            state = {name: array for name, array in self.arrays.items() if name != STIFFNESS or name in like}
+            pairs = [(STATE, state, like), *((n, s, fields) for n, s in zip(names, self.snapshots, strict=True))]
             for name, arrays, expected in pairs:
                 wrong = wrong_array(arrays, expected, len(self.block.points), len(self.block.tets))
                 if wrong:
@@ -154,6 +163,10 @@ def solver_fields(solver: ContactSolver, first_contact: FirstContact) -> dict[st
         values = collect_nodes(solid, solid.scatter_forward(u.ravel()))
         if values is not None:
             out[f"displacement.{name}"] = values
+    for probe in _with_memory(solver):
+        memory = collect_nodes(solid, solid.ghosts.scatter_forward(probe.memory()))
+        if memory is not None:
+            out[STIFFNESS] = memory
     touched_at = collect_nodes(solid, _nodal(solver, first_contact.delta))
     if touched_at is not None:
         out["touched_at.at"] = np.flatnonzero(np.isfinite(touched_at))
@@ -173,6 +186,11 @@ def solver_fields(solver: ContactSolver, first_contact: FirstContact) -> dict[st
         for name, values in of_contact.arrays().items():
             keep_some(OF_CONTACT + name, facets, values)
     return out
+
+
+def _with_memory(solver: ContactSolver) -> list[Stiffness]:
+    """Probes that start from what they found at the step before."""
+    return [probe for probe in solver.probes if isinstance(probe, Stiffness)]
 
 
 def _nodal(solver: ContactSolver, touched_at: Floats) -> Floats:

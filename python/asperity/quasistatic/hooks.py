@@ -13,7 +13,7 @@ from asperity.fem.solid import Solid
 from asperity.quasistatic.conductance import Conductance
 from asperity.quasistatic.contact_solver import Probe
 from asperity.quasistatic.stepping import Callback
-from asperity.quasistatic.stiffness import stiffness_of
+from asperity.quasistatic.stiffness import Stiffness
 
 if TYPE_CHECKING:
     from asperity.quasistatic.checkpoint import Checkpoint
@@ -57,7 +57,7 @@ class Hooks:
 
     def probes(self, solid: Solid) -> tuple[Probe, ...]:
         """Measurements of each accepted step that are requested; collective."""
-        found: tuple[Probe, ...] = (stiffness_of,) if self.stiffness else ()
+        found: tuple[Probe, ...] = (Stiffness(solid),) if self.stiffness else ()
         return (*found, Conductance(solid)) if self.conductance else found
 
     def stage(self, name: str) -> None:

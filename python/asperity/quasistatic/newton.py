@@ -76,6 +76,7 @@ class NewtonSolver:
         self._residual_vec, self.x = solid.vector(), solid.vector()
         self._krylov = self._shortened = 0
         self.rows: Integers = NOT_YET
+        self._version = -1  # of the values of the solid that the last iteration wrote
         # in nearly incompressible solids the error is larger than the residual indicates
         self._loosest = options.krylov_rtol or (1e-2 if solid.material.nu <= 0.45 else 1e-3)
         self.linear = LinearSolver(solid, options.linear, contact.symmetric, min(self._loosest, TIGHTEST))
@@ -111,7 +112,17 @@ class NewtonSolver:
         r.array = flat
 
     def _jacobian(self, snes: Any, x: Any, A: Any, P: Any) -> None:
+        self.assemble_tangent()
+        self._version = self.solid.version
+
+    def assemble_tangent(self) -> None:
+        """Write the tangent at the last residual to the values of the solid."""
         self.solid.assemble_tangent(self.contact.add_tangent if self.contact.stiff else None)
+
+    def keep_tangent(self) -> None:
+        """Leave the tangent of the last iteration in the values of the solid, or write it if there was none."""
+        if self._version != self.solid.version:
+            self.assemble_tangent()
 
     def _test(self, snes: Any, it: int, norms: Any) -> int | bool:
         """Test of convergence: forces balance and nothing penetrates the flat, each relative to its own scale."""
@@ -232,6 +243,7 @@ class NewtonSolver:
         """
         largest = max(scale, self.solid.comm.allreduce(float(np.max(np.abs(start), initial=0.0)), op=_max()))
         self._scale, self._rounding = max(scale, 1e-6), ROUNDING * largest * stiffness
+        self._version = -1  # no tangent of this solve yet
         self.rows = NOT_YET  # a step of a resumed run is the same to the last bit
         self._krylov = self._shortened = 0
         self.linear.rescue, rescued = False, self.linear.rescued

@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from asperity.arrays import Floats, Integers
+from asperity.arrays import Flags, Floats, Integers, Singles
 from asperity.curve import STIFFNESSES
 from asperity.fem.solid import Solid
-from asperity.linear.matrix_free import tangent_product
+from asperity.linear.energy import UNKNOWN, EnergySolver
+from asperity.linear.matrix_free import TangentOperator, tangent_product
 from asperity.mesh.distribute import SIDE_X, SIDE_Y
 
 if TYPE_CHECKING:
@@ -30,52 +31,229 @@ ACCURACY = 1e-3  # the same of GMRES, which has no such estimate
 NEAR = 0.8  # stiffness over that of its start from the rate of the step, and tangential over normal stiffness, roughly
 PASSES = 5  # of the linear solver at most
 TIGHTEST = 1e-8  # relative tolerance where an absolute one counts
+WORN_OUT = 0.15  # contraction of an elastic system above which its coarse matrix is renewed, where also
+CHANGED = 0.1  # of the nodes in contact have changed
 FULL = 1e-3  # part of the compliance below which that of the interface is lost in rounding and discretisation
 
 
-def stiffness_of(solver: ContactSolver, rate: Floats | None = None) -> dict[str, float]:
-    """Stiffness at the last solve, before its history is committed; a probe of accepted steps; collective.
+class Stiffness:
+    """Stiffness of the contact: a probe of accepted steps; collective.
+
+    The elastic systems start from their solutions at the step before, and their coarse matrices last until they are
+    worn out. Both belong to the state of a run, see `memory`.
 
     Args:
-        solver: contact solver whose last solve converged
-        rate: change of the displacement with the approach in the step (owned, 3), with which the solution starts
-
-    Returns:
-        by name, in units of E L; what the linear solver does not find is left out
-            k_n: of the loading, with the consistent tangent
-            k_n_elastic: of unloading and small vibration, with the elastic stiffness
-            k_t: tangential, nodes in contact stick to a plate that moves along x and along y; mean of the two, elastic
-            k_n_interface: k_n_elastic without the compliance h_b/(A M) of the block; absent where that is all there is
-            k_t_interface: k_t without the compliance h_b/(A G), likewise
+        solid: in contact
     """
-    solid, contact = solver.solid, solver.contact
-    nodes = contact.nodes()
-    if not solid.comm.allreduce(len(nodes)):
-        return dict.fromkeys(STIFFNESSES, 0.0)
-    held = solver.newton.rows
-    solid.assemble_tangent(contact.add_tangent if contact.stiff else None)
-    normal = _Translation(solver, 2, np.concatenate([solid.fixed, held]), held, contact.symmetric, contact.stiff)
-    w = normal.start() if rate is None else normal.start(rate + normal.unit)
-    found = {}
-    found["k_n"], w = normal.force(w, near=None)
-    if solid.material.plastic and solid.comm.allreduce(solid.kernels.plastic_points) > 0:
-        solid.assemble_elastic(contact.add_elastic_tangent if contact.stiff else None)
-        found["k_n_elastic"], w = normal.force(w, near=found["k_n"])
-    else:
+
+    def __init__(self, solid: Solid) -> None:
+        self._solid = solid
+        self._elastic: _ElasticStiffness | None = None
+        self._height = 0.0  # of the undeformed block
+        self._along_x, self._along_y = (_Motion(solid, _mirrored(solid, k), (0, 1, 2)) for k in (0, 1))
+        self._along_z = _Motion(solid, solid.fixed, (2,))
+
+    def __call__(self, solver: ContactSolver, rate: Floats | None = None) -> dict[str, float]:
+        """Stiffness at the last solve, before its history is committed.
+
+        Args:
+            solver: contact solver whose last solve converged
+            rate: change of the displacement with the approach in the step (owned, 3), with which k_n starts
+
+        Returns:
+            by name, in units of E L; what the linear solver does not find is left out
+                k_n: of the loading, with the consistent tangent of the last iteration
+                k_n_elastic: of unloading and small vibration, with the elastic stiffness
+                k_t: tangential, nodes in contact stick to a plate that moves along x and along y; mean of the two,
+                    elastic
+                k_n_interface: k_n_elastic without the compliance h_b/(A M) of the block; absent where that is all
+                    there is
+                k_t_interface: k_t without the compliance h_b/(A G), likewise
+        """
+        solid, contact = solver.solid, solver.contact
+        nodes = contact.nodes()
+        if not solid.comm.allreduce(len(nodes)):
+            for motion in (self._along_x, self._along_y, self._along_z):
+                motion.part()
+            return dict.fromkeys(STIFFNESSES, 0.0)
+        held = solver.newton.rows
+        solver.newton.keep_tangent()
+        normal = _Translation(solver, 2, np.concatenate([solid.fixed, held]), held, contact.symmetric, contact.stiff)
+        w = normal.start() if rate is None else normal.start(rate + normal.unit)
+        found = {}
+        found["k_n"], w = normal.force(w, near=None)
+        yields = solid.material.plastic and solid.comm.allreduce(solid.kernels.plastic_points) > 0
         found["k_n_elastic"] = found["k_n"]
-    if contact.stiff:
-        solid.assemble_elastic()
-    plate = (3 * nodes[:, None] + np.arange(3, dtype=np.int32)).ravel()
-    x, y = (_Translation(solver, k, np.union1d(_mirrored(solid, k), plate), plate, True, False) for k in (0, 1))
-    # the vertical motion decays from the contact as the tangential one does, and that along y as that along x
-    along_x, w = x.force(x.start(w[:, 2:] * x.unit), near=NEAR * found["k_n_elastic"])
-    along_y, _ = y.force(y.start(w[:, (1, 0, 2)]), near=along_x)
-    found["k_t"] = 0.5 * (along_x + along_y)
-    height = solver.contact_surface.mean(solid.points[:, 2])
-    modulus, shear_modulus = solid.material.block_modulus(solid.sides), solid.material.lame[1]
-    found["k_n_interface"] = without_block(found["k_n_elastic"], modulus / height)  # elastic like k_t and the block
-    found["k_t_interface"] = without_block(found["k_t"], shear_modulus / height)
-    return {name: value for name, value in found.items() if value == value}
+        if yields and contact.stiff:
+            solid.assemble_elastic(contact.add_elastic_tangent)
+            found["k_n_elastic"], w = normal.force(w, near=found["k_n"])
+        self._elastic = self._elastic or _ElasticStiffness(solid)
+        self._elastic.update()
+        if yields and not contact.stiff:
+            found["k_n_elastic"], w = self._along_z.force(self._elastic, normal, nodes, w, None)
+        else:
+            self._along_z.take(w)
+        found["k_t"] = self._tangential(solver, nodes, w)
+        self._height = height = self._height or solver.contact_surface.mean(solid.points[:, 2])
+        modulus, shear_modulus = solid.material.block_modulus(solid.sides), solid.material.lame[1]
+        found["k_n_interface"] = without_block(found["k_n_elastic"], modulus / height)  # elastic like k_t and the block
+        found["k_t_interface"] = without_block(found["k_t"], shear_modulus / height)
+        return {name: value for name, value in found.items() if value == value}
+
+    def _tangential(self, solver: ContactSolver, nodes: Integers, w: Floats) -> float:
+        """Mean stiffness against motions along x and y [E L], from the displacement along z (owned, 3); collective.
+
+        The vertical motion decays from the contact as the tangential one does, and that along y as that along x. So do
+        their changes since the step before.
+        """
+        elastic, along_x, along_y, along_z = self._elastic, self._along_x, self._along_y, self._along_z
+        assert elastic is not None
+        plate = _dofs(nodes, (0, 1, 2))
+        x, y = (
+            _Translation(solver, k, np.union1d(motion.fixed, plate), plate, True, False)
+            for k, motion in enumerate((along_x, along_y))
+        )
+        change = None if along_z.change is None else along_z.change[:, 2:] * x.unit
+        k_x, w = along_x.force(elastic, x, nodes, w[:, 2:] * x.unit, change)
+        change = None if along_x.change is None else along_x.change[:, (1, 0, 2)]
+        k_y, _ = along_y.force(elastic, y, nodes, w[:, (1, 0, 2)], change)
+        return 0.5 * (k_x + k_y)
+
+    def memory(self) -> Singles:
+        """What the next step depends on, of the motions along x, y and z (owned, 12)."""
+        return np.concatenate([m.memory() for m in (self._along_x, self._along_y, self._along_z)], axis=1)
+
+    def recall(self, memory: Singles) -> None:
+        """Continue from what `memory` returned; collective."""
+        for k, motion in enumerate((self._along_x, self._along_y, self._along_z)):
+            motion.recall(memory[:, 4 * k : 4 * k + 4])
+
+
+class _ElasticStiffness:
+    """Elastic stiffness of a solid, kept next to the tangent of the solver.
+
+    Args:
+        solid: in contact
+    """
+
+    def __init__(self, solid: Solid) -> None:
+        self._solid = solid
+        self._operator = TangentOperator(solid, symmetric=True, single=True)
+
+    def update(self) -> None:
+        """Write the present one, which in small strain never changes."""
+        if self._solid.material.finite or not self._operator.version:
+            self.write()
+            self._operator.update()
+
+    def write(self) -> None:
+        """Write it to the values of the solid."""
+        self._solid.assemble_elastic()
+
+    def system(self) -> EnergySolver:
+        """A system with it."""
+        return EnergySolver(self._operator)
+
+
+class _Motion:
+    """Systems of a motion of the flat on the elastic solid, from step to step.
+
+    Args:
+        solid: in contact
+        fixed: dofs that are prescribed in addition to those of the flat
+        components: of the nodes in contact that the coarse matrix holds
+
+    Attributes:
+        fixed: as given
+        change: of the displacement relative to the flat since the step before (owned, 3), None without one
+    """
+
+    def __init__(self, solid: Solid, fixed: Integers, components: tuple[int, ...]) -> None:
+        self._solid, self.fixed, self._components = solid, fixed, components
+        self.change: Floats | None = None
+        self._before: Singles | None = None  # displacement at the step before
+        self._marked: Flags | None = None  # owned nodes in contact when the coarse matrix was made
+        self._contraction = UNKNOWN  # see `EnergySolver`
+        self._system: EnergySolver | None = None
+
+    def force(
+        self,
+        elastic: _ElasticStiffness,
+        motion: _Translation,
+        nodes: Integers,
+        guess: Floats,
+        change: Floats | None,
+    ) -> tuple[float, Floats]:
+        """Stiffness [E L], and displacement relative to the flat (owned, 3); collective.
+
+        Args:
+            elastic: stiffness of the solid
+            motion: of the flat
+            nodes: owned ones in contact
+            guess: start where there was no contact at the step before (owned, 3)
+            change: likely change since the step before (owned, 3)
+        """
+        system = self._prepare(elastic, nodes)
+        before = None if self._before is None else motion.start(self._before)
+        start = motion.start(guess) if before is None else before if change is None else motion.start(before + change)
+        force, w = system.minimise(start, motion.unit, motion.rows)
+        self._contraction = system.contraction
+        if force != force:
+            elastic.write()
+            force, w = motion.force(motion.start(guess), near=None)
+        self.take(w)
+        self.change = None if before is None else w - before
+        return force, w
+
+    def take(self, w: Floats) -> None:
+        """Keep the displacement of this step, found in another way."""
+        self.change, self._before = None, w.astype(np.float32)
+
+    def part(self) -> None:
+        """Keep nothing of a step without contact."""
+        self.change = self._before = None
+
+    def _prepare(self, elastic: _ElasticStiffness, nodes: Integers) -> EnergySolver:
+        """The system, with a new coarse matrix where it is worn out or belongs to another process; collective."""
+        now = np.zeros(self._solid.owned, dtype=bool)
+        now[nodes] = True
+        worn_out = self._is_worn_out(now)
+        if worn_out or self._marked is None:
+            self._marked, self._contraction = now, UNKNOWN
+        if worn_out or self._system is None:
+            self._system = self._system or elastic.system()
+            elastic.write()
+            held = _dofs(np.flatnonzero(self._marked).astype(np.int32), self._components)
+            self._system.renew(np.union1d(self.fixed, held).astype(np.int32))
+        self._system.contraction = self._contraction
+        return self._system
+
+    def _is_worn_out(self, now: Flags) -> bool:
+        """Whether the coarse matrix contracts badly because other nodes are in contact; collective."""
+        if self._marked is None or self._contraction <= WORN_OUT:
+            return False
+        changed, count = self._solid.comm.allreduce(np.array([np.sum(now != self._marked), np.sum(now)]))
+        return bool(changed > CHANGED * count)
+
+    def memory(self) -> Singles:
+        """Displacement, and the contraction at the nodes of the coarse matrix, zero elsewhere (owned, 4)."""
+        n = self._solid.owned
+        w = np.zeros((n, 3)) if self._before is None else self._before
+        marked = np.zeros(n) if self._marked is None else self._contraction * self._marked
+        return np.column_stack([w, marked]).astype(np.float32)
+
+    def recall(self, memory: Singles) -> None:
+        """Continue from what `memory` returned; collective."""
+        comm, marked = self._solid.comm, memory[:, 3]
+        self.change = None
+        self._before = np.ascontiguousarray(memory[:, :3]) if comm.allreduce(bool(memory[:, :3].any())) else None
+        self._contraction = max(comm.allgather(float(np.max(marked, initial=0.0)))) or UNKNOWN
+        self._marked, self._system = (marked > 0.0 if comm.allreduce(bool(marked.any())) else None), None
+
+
+def _dofs(nodes: Integers, components: tuple[int, ...]) -> Integers:
+    """Dofs of components of nodes."""
+    return (3 * nodes[:, None] + np.array(components, dtype=np.int32)).ravel()
 
 
 def without_block(whole: float, block: float) -> float:
@@ -105,19 +283,19 @@ class _Translation:
         self, solver: ContactSolver, axis: int, rows: Integers, held: Integers, symmetric: bool, tied: bool
     ) -> None:
         self._solid, self._linear = solver.solid, solver.newton.linear
-        self._rows, self._symmetric, self._tied = rows.astype(np.int32), symmetric, tied
+        self.rows, self._symmetric, self._tied = rows.astype(np.int32), symmetric, tied
         self.unit = np.eye(3)[axis]
         e = np.tile(self.unit, (self._solid.owned, 1))
         e.reshape(-1)[held] = 0.0
         self._e = e
 
-    def start(self, guess: Floats | None = None) -> Floats:
+    def start(self, guess: Floats | Singles | None = None) -> Floats:
         """Displacement relative to the flat (owned, 3): e on prescribed dofs, a guess (owned, 3) or e on the others."""
-        w = self._e.copy()
-        if guess is not None:
-            free = np.ones(w.size, dtype=bool)
-            free[self._rows] = False
-            w.reshape(-1)[free] = np.broadcast_to(guess, w.shape).reshape(-1)[free]
+        if guess is None:
+            return self._e.copy()
+        w = np.empty_like(self._e)
+        w[:] = guess
+        w.reshape(-1)[self.rows] = self._e.reshape(-1)[self.rows]
         return w
 
     def force(self, w: Floats, near: float | None) -> tuple[float, Floats]:
@@ -138,7 +316,7 @@ class _Translation:
         for _ in range(PASSES):
             r.array = -image
             rtol, atol = (TIGHTEST, np.sqrt(LEFT * abs(guess))) if symmetric else (ACCURACY, 0.0)
-            if not self._linear.solve(r, self._rows, np.empty(0), y, rtol, atol)[1]:
+            if not self._linear.solve(r, self.rows, np.empty(0), y, rtol, atol)[1]:
                 break
             w, before = w + y.array_r.reshape(-1, 3), force
             if symmetric:
@@ -154,7 +332,7 @@ class _Translation:
     def _fall(self, r: Any, y: Any) -> float:
         """Work of the residual on the correction of the free dofs [E L]; collective."""
         free = np.ones(len(r.array_r), dtype=bool)
-        free[self._rows] = False
+        free[self.rows] = False
         return float(self._solid.comm.allreduce(float(y.array_r[free] @ r.array_r[free])))
 
     def _work(self, w: Floats) -> tuple[float, Floats]:
