@@ -16,6 +16,7 @@ from asperity import reference as ref
 from asperity.contact.contact_surface import ContactSurface
 from asperity.errors import InputError
 from asperity.fem.solid import Solid
+from asperity.linear import coarse as coarse_problem
 from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.multigrid import PMultigrid
 from asperity.linear.petsc_matrix import assembled, set_rigid_modes
