@@ -27,8 +27,7 @@ class EnergySolver:
 
     An iteration lowers the energy by an amount that follows from the right-hand side and the solution, because the
     residual is orthogonal to the solution. The amounts fall about geometrically, so those of two iterations give what
-    is left (Strakos & Tichy, Electron. Trans. Numer. Anal. 13 (2002) 56), and after the first one the contraction that
-    an earlier call observed. The end of the iteration costs no V-cycle, which the norm of the residual would.
+    is left (Strakos & Tichy, Electron. Trans. Numer. Anal. 13 (2002) 56). The end of the iteration costs no V-cycle, which the norm of the residual would.
 
     The coarse matrix may be that of other prescribed dofs: the cycle masks those of today. The contraction shows when
     it is worn out.
@@ -104,7 +103,7 @@ class EnergySolver:
             return int(reasons.ITERATING)
         before, fall = self._gain, self._b.dot(self._y)
         self._gain, self._fall = max(fall - self._fall, 0.0), fall
-        contraction, enough = self.contraction, iteration > 1 or self.contraction < UNKNOWN
+        contraction, enough = self.contraction, iteration > 1  # one alone would let slow errors add up over the steps
         if iteration > 1:
             seen = self._gain / before if before > 0.0 else 0.0
             if iteration == 2:
