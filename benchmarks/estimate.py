@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from asperity.adaptive.estimate import Rates, estimate
+from asperity.adaptive.estimate import ELASTIC, PLASTIC, Rates, estimate
 from asperity.case import Case
 
 SIZES = (0.1, 0.06, 0.04, 0.03)  # h_contact [L]
@@ -66,14 +66,14 @@ def measure(kind: str, h: float) -> Sample:
     return Sample(case, summary["dofs"], summary["steps"], setup * cpu, cpu, usage.ru_maxrss * 1024.0)
 
 
-def rates(samples: list[Sample]) -> Rates:
-    """Least squares in the logarithms of the step, straight lines in memory."""
+def rates(samples: list[Sample], finite: float) -> Rates:
+    """Least squares in the logarithms of the step, straight lines in memory; `finite` as in the table it comes from."""
     dofs = np.array([s.dofs for s in samples], dtype=float)
     step = np.array([(s.seconds - s.setup) / s.steps for s in samples])
     growth, logarithm = np.polyfit(np.log(dofs / 1e4), np.log(step / 1e4), 1)
     per_dof, base = np.polyfit(dofs, [s.memory for s in samples], 1)
     return Rates(float(np.mean([s.setup / s.dofs for s in samples])), float(np.exp(logarithm)), float(growth),
-                 float(base), float(per_dof))  # fmt: skip
+                 float(base), float(per_dof), finite)  # fmt: skip
 
 
 def main() -> None:
@@ -90,10 +90,12 @@ def main() -> None:
             e = estimate(s.case)
             print(f"| {kind} | {h:g} | {s.dofs} | {e.dofs} | {s.seconds:.1f} | {e.seconds:.1f} | "
                   f"{s.memory / 2**20:.0f} | {e.memory / 2**20:.0f} |", flush=True)  # fmt: skip
-        constants[kind] = rates(samples)
+        constants[kind] = rates(samples, {"elastic": ELASTIC, "plastic": PLASTIC}[kind].finite)
     print()
     for kind, r in constants.items():
-        print(f"{kind.upper()} = Rates({r.mesh:.2g}, {r.step:.2g}, {r.growth:.3g}, {r.base:.3g}, {r.per_dof:.3g})")
+        print(
+            f"{kind.upper()} = Rates({r.mesh:.2g}, {r.step:.2g}, {r.growth:.3g}, {r.base:.3g}, {r.per_dof:.3g}, {r.finite:.3g})"
+        )
 
 
 if __name__ == "__main__":

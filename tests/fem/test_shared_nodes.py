@@ -49,7 +49,7 @@ def test_coarse_solution_solves_the_sum_of_the_parts(coarse: BlockMesh | None, k
     points = np.random.default_rng(0).random((index_map.size_global, 3))[numbers]
     problem: Replicated | Distributed = Replicated(dofmap, mesh.comm, symmetric=True)
     if kind == "distributed":
-        problem = Distributed(dofmap, points, mesh.comm, symmetric=True)
+        problem = Distributed(dofmap, points, mesh.comm, symmetric=True, factorised=False)
     sparsity = problem.sparsity
     rows = np.repeat(np.arange(3 * corners), np.diff(sparsity.rows))
     problem.values[:] = np.where(rows == sparsity.columns, 2.0, -0.01)

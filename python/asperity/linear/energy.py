@@ -27,7 +27,8 @@ class EnergySolver:
 
     An iteration lowers the energy by an amount that follows from the right-hand side and the solution, because the
     residual is orthogonal to the solution. The amounts fall about geometrically, so those of two iterations give what
-    is left (Strakos & Tichy, Electron. Trans. Numer. Anal. 13 (2002) 56). The end of the iteration costs no V-cycle, which the norm of the residual would.
+    is left (Strakos & Tichy, Electron. Trans. Numer. Anal. 13 (2002) 56). The end of the iteration costs no V-cycle,
+    which the norm of the residual would.
 
     The coarse matrix may be that of other prescribed dofs: the cycle masks those of today. The contraction shows when
     it is worn out.

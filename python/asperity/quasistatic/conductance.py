@@ -93,6 +93,9 @@ class Conductance:
         constriction = without_block(whole, 1.0 / solver.contact_surface.mean(solid.points[:, 2]))
         return {"conductance": constriction} if constriction == constriction else {}
 
+    def drop_matrices(self) -> None:
+        """Nothing is freed: a matrix with one unknown a node is small beside that of the displacements."""
+
 
 def _laplace(solid: Solid) -> Floats:
     """Integrals of grad N_i . grad N_j over the owned cells (cells, 10, 10) [L]."""

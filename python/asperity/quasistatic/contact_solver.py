@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import gc
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -25,9 +25,20 @@ from asperity.quasistatic import midpoint
 from asperity.quasistatic.balance import Checks, StepBalance, audit
 from asperity.quasistatic.newton import NewtonSolver, StepStats
 
-#: Measures the state of a converged solve, given the change of the displacement with the approach (owned, 3), None
-#: where the flat did not move; returns columns of the curve in units of L and E; collective.
-Probe = Callable[["ContactSolver", Floats | None], Mapping[str, float]]
+
+class Probe(Protocol):
+    """Measurement of the state of a converged solve, whose results become columns of the curve."""
+
+    def __call__(self, solver: ContactSolver, rate: Floats | None = None) -> Mapping[str, float]:
+        """Values by the name of the column, in units of L and E; collective.
+
+        Args:
+            solver: whose last solve converged
+            rate: change of the displacement with the approach in the step (owned, 3), None where the flat did not move
+        """
+
+    def drop_matrices(self) -> None:
+        """Free large matrices; they are made again when they are needed."""
 
 
 @dataclass
@@ -128,6 +139,8 @@ class ContactSolver:
         The state of the last accepted step stays, and steps may follow.
         """
         self._newton = None
+        for probe in self.probes:
+            probe.drop_matrices()
         self.solid.drop_matrices()
         _destroy_unused(self.solid.comm)
 

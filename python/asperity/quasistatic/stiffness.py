@@ -119,6 +119,12 @@ class Stiffness:
         k_y, _ = along_y.force(elastic, y, nodes, w[:, (1, 0, 2)], change)
         return 0.5 * (k_x + k_y)
 
+    def drop_matrices(self) -> None:
+        """Free the matrices; the next step makes them again."""
+        self._elastic = None
+        for motion in (self._along_x, self._along_y, self._along_z):
+            motion.drop_matrices()
+
     def memory(self) -> Singles:
         """What the next step depends on, of the motions along x, y and z (owned, 12)."""
         return np.concatenate([m.memory() for m in (self._along_x, self._along_y, self._along_z)], axis=1)
@@ -212,6 +218,10 @@ class _Motion:
     def part(self) -> None:
         """Keep nothing of a step without contact."""
         self.change = self._before = None
+
+    def drop_matrices(self) -> None:
+        """Free the system; the next step makes it again."""
+        self._system = None
 
     def _prepare(self, elastic: _ElasticStiffness, nodes: Integers) -> EnergySolver:
         """The system, with a new coarse matrix where it is worn out or belongs to another process; collective."""
