@@ -93,9 +93,8 @@ def main() -> None:
         constants[kind] = rates(samples, {"elastic": ELASTIC, "plastic": PLASTIC}[kind].finite)
     print()
     for kind, r in constants.items():
-        print(
-            f"{kind.upper()} = Rates({r.mesh:.2g}, {r.step:.2g}, {r.growth:.3g}, {r.base:.3g}, {r.per_dof:.3g}, {r.finite:.3g})"
-        )
+        memory = f"{r.base:.3g}, {r.per_dof:.3g}"
+        print(f"{kind.upper()} = Rates({r.mesh:.2g}, {r.step:.2g}, {r.growth:.3g}, {memory}, {r.finite:.3g})")
 
 
 if __name__ == "__main__":
