@@ -38,7 +38,7 @@ from asperity.surface import Surface
 
 Columns = Mapping[str, NDArray[Any]]
 
-SI = {"length": "m", "force": "N", "stress": "Pa"}
+SI = {"length": "m", "force": "N", "stress": "Pa", "stiffness": "N/m"}
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class Results:
         return cls(folder=folder, built=surface, **found)
 
     def unit(self, dimension: str) -> str:
-        """Return the SI unit of "length", "force" or "stress"; empty for another system of units."""
+        """Return the SI unit of "length", "force", "stress" or "stiffness"; empty for another system of units."""
         return SI[dimension] if self.case.get("units", "SI") == "SI" else ""
 
     @cached_property

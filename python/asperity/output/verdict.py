@@ -24,7 +24,7 @@ def verdict(results: Results) -> list[str]:
         >>> verdict(Results("out", asp.Curve.from_rows(rows), case={"units": "SI"}))
         ['The force is 2 µN ± 2 % at an approach of 1 nm; 1 % of the nominal area is in contact.']
     """
-    return [*_contact(results), *_vibration(results), *_doubts(results)]
+    return [*_contact(results), *_stiffness(results), *_vibration(results), *_doubts(results)]
 
 
 def _contact(results: Results) -> Iterator[str]:
@@ -45,6 +45,22 @@ def _contact(results: Results) -> Iterator[str]:
     yield f"The force is {force}{known} at an approach of {delta}{area}."
     if not known:
         yield "It has no error bar: the case requests no tolerance."
+
+
+def _stiffness(results: Results) -> Iterator[str]:
+    """Yield normal and tangential stiffness at the largest force."""
+    curve = results.curve
+    if not len(curve):
+        return
+    row = curve.where(np.array([np.argmax(curve.force)]))
+    known = []
+    for name, axis in (("k_n_elastic", "normal"), ("k_t", "tangential, without slip,")):
+        value, bar = (float(getattr(row, column)[0]) for column in (name, f"error_{name}"))
+        if np.isfinite(value) and value > 0.0:
+            off = f" ± {100 * bar / value:.2g} %" if np.isfinite(bar) else ""
+            known.append(f"{axis} {quantity(value, results.unit('stiffness'))}{off}")
+    if known:
+        yield f"Its elastic stiffness there: {' and '.join(known)}."
 
 
 def _vibration(results: Results) -> Iterator[str]:
