@@ -105,7 +105,7 @@ def test_what_is_no_run_is_not_replaced(cli: Cli, calls: list[Any], tmp_path: Pa
     for name in FOREIGN:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("mine")
-    texts = {"hand-written": Path(DEMO).read_text(), "of a measured map": CASE.format(delta=1e-8)}
+    texts = {"hand-written": Path(DEMO).read_text(), "of a measured map": CASE.format(delta=1e-8, share=0.02)}
     if case is not None:
         (tmp_path / "case.toml").write_text(texts[case])
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}

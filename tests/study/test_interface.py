@@ -70,7 +70,7 @@ def test_the_flat_block_with_free_sides_is_stiffer_than_E(nu: float, height: flo
 
 
 def test_without_lateral_strain_the_flat_block_has_Youngs_modulus() -> None:
-    assert free_block_modulus(0.0, 1.0) == pytest.approx(1.0, rel=1e-9)
+    assert free_block_modulus(0.0, 1.0) == pytest.approx(1.0, rel=1e-7)  # equations are solved to 1e-8
 
 
 def loading(side: float, height: float, modulus: float, **columns: float) -> Curve:
