@@ -427,7 +427,9 @@ def test_matrices_that_are_dropped_are_made_again(press_of: Callable[..., Contac
         assert dropped.solid._values is None
     # equations are solved to 1e-8, and sums over ranks are not repeatable to the last bit
     assert dropped.force == pytest.approx(kept.force, rel=1e-7)
-    np.testing.assert_allclose(dropped.pressure, kept.pressure, atol=1e-6 * kept.pressure.max())
+    found, expected = (measures.row(solver) for solver in (dropped, kept))  # the two may be partitioned differently
+    for name in ("max_pressure", "area_fraction", "mean_gap", "max_plastic_strain"):
+        assert found[name] == pytest.approx(expected[name], rel=1e-6, abs=1e-12)
     for solver in (kept, dropped):
         assert solver.release().converged
     assert dropped.delta == pytest.approx(kept.delta, abs=1e-9)
