@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import asperity as asp
 from asperity.output.results import Results
 from asperity.output.verdict import verdict
@@ -15,7 +17,7 @@ ROW = {"delta": 1e-9, "force": 2e-6, "P_star": 4e-5, "area_fraction": 0.01}
 def sentences(**columns: float) -> list[str]:
     """Of a run in SI units that ends with a row of these columns, after a lighter step."""
     rows = [ROW | {"force": 1e-6}, ROW | columns]
-    return verdict(Results("out", asp.Curve.from_rows(rows), case={"units": "SI"}))
+    return verdict(Results(Path("out"), asp.Curve.from_rows(rows), case={"units": "SI"}))
 
 
 def test_stiffness_of_the_largest_force_with_its_bar() -> None:

@@ -78,13 +78,13 @@ class Replicated:
         index_map, self._comm = dofmap.index_map, comm
         corners = index_map.size_local + index_map.num_ghosts
         self.sparsity = SparsityPattern(dofmap.list, corners)
-        self.values: Floats = np.zeros(len(self.sparsity.columns))
+        self.values: Floats = np.zeros(self.sparsity.size)
         self._whole, self._all = self.sparsity, self.values
         if comm.size > 1:
             numbers = index_map.local_to_global(np.arange(corners, dtype=np.int32)).astype(np.int32)
             cells = np.concatenate(comm.allgather(numbers[dofmap.list]))
             self._whole = SparsityPattern(cells, index_map.size_global)
-            self._all = np.zeros(len(self._whole.columns))
+            self._all = np.zeros(self._whole.size)
             self._dofs = (3 * numbers[:, None] + np.arange(3, dtype=np.int32)).ravel()
             self._place = self._places()
         self._sum = np.zeros(3 * index_map.size_global, dtype=np.float32)

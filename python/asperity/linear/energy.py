@@ -104,7 +104,7 @@ class EnergySolver:
             return int(reasons.ITERATING)
         before, fall = self._gain, self._b.dot(self._y)
         self._gain, self._fall = max(fall - self._fall, 0.0), fall
-        contraction, enough = self.contraction, iteration > 1  # one alone would let slow errors add up over the steps
+        contraction = self.contraction
         if iteration > 1:
             seen = self._gain / before if before > 0.0 else 0.0
             if iteration == 2:
@@ -113,6 +113,7 @@ class EnergySolver:
             contraction = seen if contraction == UNKNOWN else max(seen, contraction)
         contraction = min(contraction, SLOWEST)
         self._left = self._gain * contraction / (1.0 - contraction)
-        if enough and self._left <= LEFT * (self._energy - fall):
+        # one iteration alone would let slow errors add up over the steps
+        if iteration > 1 and self._left <= LEFT * (self._energy - fall):
             return int(reasons.CONVERGED_ATOL)
         return int(reasons.ITERATING if iteration < ITERATIONS else reasons.DIVERGED_MAX_IT)

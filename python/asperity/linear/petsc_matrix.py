@@ -31,7 +31,7 @@ class NodeMatrix:
         from petsc4py import PETSc
 
         self.sparsity, self._comm = sparsity, comm
-        self.values = np.zeros(len(sparsity.columns))
+        self.values = np.zeros(sparsity.size)
         sizes = (3 * index_map.size_local, 3 * index_map.size_global)
         if comm.size == 1:
             self.A = local_matrix(sparsity, self.values, comm)
