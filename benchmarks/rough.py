@@ -31,6 +31,7 @@ from asperity.adaptive.extrapolation import steady
 from asperity.adaptive.mesh_plan import extrapolate_mesh, growth
 from asperity.adaptive.roughness import FORCE_BAR, Roughness
 from asperity.arrays import Floats
+from asperity.mesh.top import Top
 from asperity.model.settings import MeshSize
 from asperity.quasistatic.make import make_block
 from asperity.quasistatic.solve_contact import solve_contact, solve_problem
@@ -78,7 +79,7 @@ def judge(
         forces.append(np.interp(at, fine.curve.loading().delta_star, fine.curve.loading().P_star))
     assert block is not None
     exact, _, spread = extrapolate_mesh(forces[0], forces[1], SIZES[0] / SIZES[1])
-    unsure = np.asarray(spread / exact + FORCE_BAR * np.abs(roughness.left_out(block).at(at)[0]))
+    unsure = np.asarray(spread / exact + FORCE_BAR * np.abs(roughness.left_out(Top.of(block, surface)).at(at)[0]))
     loading = found.curve.loading()
     P, bar = (np.interp(at, loading.delta_star, column) for column in (loading.P_star, loading.error_P_star))
     return found.contact.dofs, seconds, P / exact - 1.0, bar / exact, unsure, found.met

@@ -139,7 +139,7 @@ def _write_fields(case: Case, contact: ContactResult, folder: Path) -> None:
     from asperity.output.fields import gather_states, write_figure_data, write_vtkhdf
 
     states = gather_states(contact, case.surface.L, case.material.E)
-    block = contact.block
+    block = contact.whole_mesh()
     if contact.solver.solid.comm.rank == 0 and block is not None:
         with files_into(folder / FIELDS) as aside:
             write_figure_data(aside, block, states)

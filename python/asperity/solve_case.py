@@ -18,7 +18,6 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, Interrupted
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.resolution import judge_mesh
 from asperity.model.material import AUTO
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget
@@ -166,9 +165,7 @@ def _with_kinematics(
 
 def _solve(case: Case, problem: Problem, block: BlockMesh | None, comm: MPI.Comm, hooks: Hooks) -> ContactResult:
     """The static part of a case on one mesh; collective."""
-    delta = case.loading.delta_max
     if case.mesh.file is not None:
         block = BlockMesh.read(case.mesh.file)
-    elif comm.bcast(block is not None) and delta is not None:
-        on_root_bcast(comm, partial(judge_mesh, block, problem.surface, case.mesh.h_contact, delta))
-    return solve_problem(problem, block=block, comm=comm, hooks=hooks)
+    judged = case.mesh.file is not None or case.loading.delta_max is None
+    return solve_problem(problem, block=block, judged=judged, comm=comm, hooks=hooks)

@@ -16,6 +16,7 @@ from asperity.adaptive.roughness import Omission, Roughness
 from asperity.adaptive.solve_to_tolerance import refine
 from asperity.errors import Interrupted
 from asperity.mesh.generate import build_block
+from asperity.mesh.top import Top
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import MeshSize
@@ -37,7 +38,7 @@ def test_a_finer_mesh_leaves_out_less() -> None:
     roughness = Roughness(Problem.of(surface, ELASTIC, delta_max=0.02, steps=4), 0.02, 4)
 
     def left_out(h: float) -> Omission:
-        return roughness.left_out(build_block(surface, 1.0, lambda x, y, depth: h + 0.3 * depth))
+        return roughness.left_out(Top.of(build_block(surface, 1.0, lambda x, y, depth: h + 0.3 * depth), surface))
 
     found = [left_out(h) for h in (0.08, 0.04, 0.02)]
     force, area = (np.array([abs(getattr(o, name)).max() for o in found]) for name in ("force", "area"))

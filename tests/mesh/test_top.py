@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from asperity.mesh.generate import build_block
-from asperity.mesh.top import heights_of_top
+from asperity.mesh.top import Top, heights_of_top
 from asperity.surface import Flat, SelfAffine, Sinusoid
 
 
@@ -33,7 +33,7 @@ def test_a_quadratic_top_is_exact() -> None:
     points = np.column_stack([x, y, z + f(x, y) * (z / 3.0)])
     n = 37
     c = (np.arange(n) + 0.5) * 2.0 / n
-    found = heights_of_top(replace(block, points=points), Quadratic(L=2.0), n)
+    found = heights_of_top(Top.of(replace(block, points=points), Quadratic(L=2.0)), Quadratic(L=2.0), n)
     np.testing.assert_allclose(found, f(c[None, :], c[:, None]) / 2.0, atol=1e-13)
 
 
@@ -44,7 +44,7 @@ def test_the_top_tends_to_the_surface(h: float, error: float) -> None:
     block = build_block(surface, 1.0, lambda x, y, z: h)
     n = 64
     c = (np.arange(n) + 0.5) / n
-    found = heights_of_top(block, surface, n)
+    found = heights_of_top(Top.of(block, surface), surface, n)
     assert np.abs(found - surface.height(c[None, :], c[:, None])).max() < error
 
 
@@ -52,5 +52,5 @@ def test_smoothed_nodes_are_on_top_too() -> None:
     surface = SelfAffine(L=1.0, H=0.8, slope=1.0, lambda_roll=0.3, lambda_short=0.02, seed=5)
     block = build_block(surface, 1.0, lambda x, y, z: 0.1)
     assert block.smoothing is not None
-    found = heights_of_top(block, surface, 64)
+    found = heights_of_top(Top.of(block, surface), surface, 64)
     assert np.all(np.isfinite(found)) and 0.5 < np.std(found) / np.std(surface.grid(65)) < 1.2

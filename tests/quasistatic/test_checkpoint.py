@@ -104,6 +104,7 @@ def test_a_resumed_run_warns_of_the_waves_that_its_mesh_misses(tmp_path: Path) -
         (ELASTIC, "active-set", {}),
         (ELASTIC, "active-set", {"formulation": Formulation(friction="stick"), "unload_steps": 2, "cycles": 2}),
         (PLASTIC, "active-set", {"formulation": Formulation(friction="stick"), "steps": 2, "integrator": "midpoint"}),
+        (PLASTIC, "nitsche", {"unload_steps": 1, "block": None, "size": MeshSize(0.2, h_max=0.4, refinements=1)}),
     ],
 )
 def test_a_run_in_pieces_gives_the_same_curve(

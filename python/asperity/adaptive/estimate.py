@@ -236,7 +236,7 @@ def _plan(case: Case) -> Iterator[tuple[float, int]]:
 
 
 def _given_dofs(case: Case) -> int:
-    return 0 if case.mesh.file is None else 3 * len(BlockMesh.read(case.mesh.file).points)
+    return 0 if case.mesh.file is None else 3 * BlockMesh.read(case.mesh.file).counts()[0]
 
 
 def count_dofs(surface: Surface, case: Case, h_contact: float, most: float = inf, for_strain: bool = False) -> int:

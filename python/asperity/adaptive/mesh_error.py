@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from math import inf, nan
 
 import numpy as np
@@ -34,8 +33,8 @@ from asperity.adaptive.mesh_plan import (
 )
 from asperity.adaptive.roughness import Omission, Roughness
 from asperity.arrays import Floats
+from asperity.contact.contact_surface import gather_top
 from asperity.curve import Curve
-from asperity.mesh.block import BlockMesh
 from asperity.mesh.resolution import advice
 from asperity.model.settings import AccuracyTarget
 from asperity.quasistatic.contact_result import ContactResult
@@ -100,7 +99,7 @@ class MeshErrorEstimate:
         self._sizes.append(levels[-1].h / run.side)
         sizes, substeps = self._sizes, levels[-1].substeps
         curve = path.removed(result.curve, substeps)
-        missed = on_root_bcast(run.comm, partial(self._left_out, result.block))
+        missed = self._left_out(result)
         if missed is not None:
             curve = with_area(curve, missed)
         place = partner(sizes)
@@ -157,9 +156,17 @@ class MeshErrorEstimate:
             f"the contact area is known to {area:.2%}, not to the {goal.area_tolerance:.2%} of accuracy.area_tolerance"
         )
 
-    def _left_out(self, block: BlockMesh | None) -> Omission | None:
-        """What the mesh leaves out of a rough surface; on rank 0, which has both."""
-        return None if self._roughness is None or block is None else self._roughness.left_out(block)
+    def _left_out(self, result: ContactResult) -> Omission | None:
+        """What the mesh leaves out of a rough surface; collective."""
+        run = self._run
+        if not run.comm.bcast(self._roughness is not None, root=0):
+            return None
+        top = gather_top(result.solver.contact_surface, run.height / run.side)
+
+        def left_out() -> Omission | None:
+            return None if self._roughness is None or top is None else self._roughness.left_out(top)
+
+        return on_root_bcast(run.comm, left_out)
 
     def _wanted(self, sizes: list[float], place: int, mesh: Floats, rest: Floats) -> float:
         """Element size [L] that meets the tolerance.

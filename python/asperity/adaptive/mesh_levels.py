@@ -16,14 +16,12 @@ from asperity.adaptive.mesh_plan import DOFS_ORDER, growth
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.size_field import FirstContactMap
-from asperity.mesh.top import mean_plane
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget, ApproachMap, MeshSize
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.make import make_block
 from asperity.quasistatic.solve_contact import estimate_approach, solve_problem
-from asperity.runtime.parallel import on_root_bcast
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -50,14 +48,14 @@ class LevelSolver:
 
     Attributes:
         comm: communicator
-        side: of the block [length]
+        side, height: of the block [length]
         compliance: of the block under a uniform pressure, compression over P* [length]
         levels: what was computed, in order
     """
 
     def __init__(self, problem: Problem, max_dofs: int, comm: MPI.Comm, hooks: Hooks) -> None:
         self._problem, self._max_dofs, self._hooks = problem, max_dofs, hooks
-        self.comm, self.side = comm, problem.surface.L
+        self.comm, self.side, self.height = comm, problem.surface.L, problem.height
         material = problem.material
         self.compliance = problem.height * material.reduced_modulus / material.block_modulus(problem.sides)
         self._start = perf_counter()
@@ -96,9 +94,9 @@ class LevelSolver:
         if self._depth is None:
             self._depth = estimate_approach(self._problem, comm)
         while True:
-            size = MeshSize(h, growth(h / self.side), reach=self._reach)
+            size = MeshSize(h, growth(h / self.side), reach=self._reach, refinements=self._problem.size.refinements)
             block = make_block(comm, surface, self._problem.height, self._depth, size, self._problem.sides)
-            dofs = comm.bcast(None if block is None else 3 * len(block.points), root=0)
+            dofs = comm.bcast(None if block is None else 3 * block.counts()[0], root=0)
             if dofs <= self._max_dofs:
                 self._made, self._guide = (h, block), None
                 return block, h
@@ -126,8 +124,9 @@ class LevelSolver:
         path = replace(self._problem.load_path, substeps=substeps)
         problem = replace(self._problem, load_path=path, size=MeshSize(h, growth=growth(h / L)))
         result = solve_problem(problem, block=block, comm=self.comm, hooks=hooks)
-        # the mean plane of the surface is that of no mesh
-        plane = on_root_bcast(self.comm, lambda: mean_plane(result.block, problem.surface) if result.block else 0.0)
+        # facets that miss waves have another mean height than the surface; that of the summit is exact
+        top, of_solid = result.solver.contact_surface, result.solver.solid.points
+        plane = L * top.mean(of_solid[:, 2]) - self.height
         result = replace(result, curve=replace(result.curve, mean_gap=result.curve.mean_gap + plane))
         seconds = max(perf_counter() - start, float(result.curve.seconds.sum()))  # of a run continued too
         self.levels.append(Level(h, result.dofs, substeps, seconds))

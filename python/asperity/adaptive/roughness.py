@@ -18,9 +18,8 @@ from math import log2
 import numpy as np
 
 from asperity.arrays import Floats
-from asperity.mesh.block import BlockMesh
 from asperity.mesh.size_field import GridContactMap
-from asperity.mesh.top import heights_of_top
+from asperity.mesh.top import Top, heights_of_top
 from asperity.model.problem import Problem
 from asperity.reference import RoughCurve, RoughHalfSpace
 from asperity.reference.rough_halfspace import HARDNESS
@@ -89,9 +88,9 @@ class Roughness:
         L = self._surface.L
         return GridContactMap(self._whole.touched_at * L, L, self._layer.sides == "periodic")
 
-    def left_out(self, block: BlockMesh) -> Omission:
+    def left_out(self, top: Top) -> Omission:
         """What the top of a mesh leaves out."""
-        heights = heights_of_top(block, self._surface, self._layer.n)
+        heights = heights_of_top(top, self._surface, self._layer.n)
         mesh = self._press(heights)
         return Omission(
             self._delta_star,

@@ -25,7 +25,7 @@ from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.errors import Interrupted, MeshError
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.top import heights_of_top
+from asperity.mesh.top import Top, heights_of_top
 from asperity.model.material import AUTO
 from asperity.model.problem import Problem
 from asperity.model.settings import Formulation, MeshSize
@@ -295,6 +295,6 @@ def slope_seen(block: BlockMesh | None, surface: Surface, depth: float) -> float
         return 1.0
     whole, seen = (
         float(np.sqrt(np.mean(sum(slope[reached] ** 2 for slope in np.gradient(z, 1.0 / n)))))
-        for z in (heights, heights_of_top(block, surface, n))
+        for z in (heights, heights_of_top(Top.of(block, surface), surface, n))
     )
     return 1.0 if whole == 0.0 else float(np.clip(seen / whole, 1e-3, 1.0))

@@ -172,7 +172,7 @@ class Case(Input):
             unload_steps=loading.unload_steps if loading.unload else 0,
             cycles=loading.cycles,
             integrator=loading.integrator,
-            size=MeshSize(mesh.h_contact, mesh.growth, mesh.h_max),
+            size=MeshSize(mesh.h_contact, mesh.growth, mesh.h_max, refinements=mesh.refinements),
             formulation=self.contact.formulation,
             kernels=solver.kernels,
             options=SolverOptions(solver.linear, solver.rtol, solver.newton_max),

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, Strict
 
 from asperity.model.load_path import greatest_force
 from asperity.model.material import Material
-from asperity.model.settings import Formulation
+from asperity.model.settings import MOST_REFINEMENTS, Formulation
 
 Real = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Whole = Annotated[int, Strict()]
@@ -196,6 +196,10 @@ class MeshSection(Section):
     h_contact: Real = _key("size at the surface where it is reached last", shown="0.04 L", unit=LENGTH, gt=0)
     growth: Real = _key("increase of size per unit distance", 0.25, gt=0, le=10)
     h_max: Real | None = _key("largest size", None, shown="0.25 L, less where slopes need it", unit=LENGTH, gt=0)
+    refinements: Whole = _key(
+        "times that the ranks split each element of a mesh of 2^n times these sizes into eight", 0,
+        ge=0, le=MOST_REFINEMENTS,
+    )  # fmt: skip
     file: Text | None = _key("a saved mesh instead", None)
 
 

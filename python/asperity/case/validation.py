@@ -270,7 +270,7 @@ def unused(case: Input) -> Iterator[str]:
     size, by_method = ("mesh.h_contact", "mesh.growth", "mesh.h_max"), f"contact.method is {method}"
     idle = [
         (tolerance is not None, size, "accuracy.tolerance chooses the mesh"),
-        (case.mesh.file is not None, size, "mesh.file is the mesh"),
+        (case.mesh.file is not None, (*size, "mesh.refinements"), "mesh.file is the mesh"),
         (
             tolerance is None,
             ("accuracy.area_tolerance", "accuracy.max_dofs", "accuracy.max_seconds"),

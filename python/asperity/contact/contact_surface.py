@@ -16,6 +16,7 @@ from asperity.fem.global_numbering import cell_numbers
 from asperity.fem.solid import Solid
 from asperity.mesh import element
 from asperity.mesh.distribute import TOP
+from asperity.mesh.top import Top
 from asperity.runtime import compat
 
 FACET_DEGREE = 8  # 16 points: four times closer on cut facets than the 6 of degree 4, at no cost (docs/contact.md)
@@ -185,3 +186,25 @@ class ContactSurface:
 def facet_numbers(surface: ContactSurface) -> Indices:
     """Number of each facet in the built mesh: four times its cell plus its number in the cell (F,)."""
     return 4 * cell_numbers(surface.solid)[surface.cells] + surface.local
+
+
+def gather_top(surface: ContactSurface, height: float) -> Top | None:
+    """Gather the facets of the top on rank 0; None elsewhere; collective.
+
+    Args:
+        surface: with the facets of each rank
+        height: of the mean plane above the base [L]
+    """
+    mesh = surface.solid.mesh
+    in_order = np.array(element.facet_nodes())[:, (0, 1, 2, 5, 3, 4)]  # as in `element.FACES`
+    x_nodes = np.take_along_axis(compat.geometry_dofmap(mesh)[surface.cells], in_order[surface.local], axis=1)
+    used, faces = np.unique(x_nodes, return_inverse=True)
+    numbers = np.asarray(mesh.geometry.input_global_indices)[used]
+    parts = mesh.comm.gather((numbers, mesh.geometry.x[used], numbers[faces.reshape(x_nodes.shape)]), root=0)
+    if parts is None:
+        return None
+    names, points, rows = (np.concatenate(part) for part in zip(*parts, strict=True))
+    _, first, place = np.unique(names, return_index=True, return_inverse=True)
+    by_name = np.empty(1 + int(names.max()), dtype=np.int64)
+    by_name[names] = place.ravel()
+    return Top(points[first] - [0.0, 0.0, height], by_name[rows])

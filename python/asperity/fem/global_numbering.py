@@ -41,7 +41,7 @@ def collect_nodes(solid: Solid, values: Array) -> Array | None:
 
 def cell_numbers(solid: Solid) -> npt.NDArray[np.int64]:
     """Number in the built mesh of each owned cell (cells,)."""
-    return np.asarray(solid.mesh.topology.original_cell_index)[: len(solid.cell_nodes)]
+    return np.asarray(solid.mesh.cell_numbers)[: len(solid.cell_nodes)]
 
 
 def collect(comm: Any, numbers: npt.NDArray[np.int64], values: Array) -> Array | None:

@@ -21,6 +21,7 @@ import numpy.typing as npt
 from asperity.arrays import Floats
 from asperity.errors import MeshError
 from asperity.mesh.block import BlockMesh
+from asperity.mesh.copies import Copies
 from asperity.mesh.element import DEGREE, NODES
 from asperity.mesh.lift import lift
 from asperity.mesh.periodic import same_nodes
@@ -46,7 +47,11 @@ OPTIONS = {
 
 
 def build_block(
-    surface: Surface, height: float, size: Callable[[float, float, float], float], periodic: bool = False
+    surface: Surface,
+    height: float,
+    size: Callable[[float, float, float], float],
+    periodic: bool = False,
+    refinements: int = 0,
 ) -> BlockMesh:
     """Mesh the block under `surface` with gmsh, in one process.
 
@@ -55,6 +60,7 @@ def build_block(
         height: height of the mean plane above the base [length]
         size: element size at (x, y, depth below the top), all in units of L
         periodic: whether opposite sides have the same nodes and faces
+        refinements: see `BlockMesh`; `size` is that of the elements before them
 
     Raises:
         MeshError: gmsh fails, or see `lift.lift`
@@ -70,7 +76,10 @@ def build_block(
     x, y, _ = surface.maximum()
     points, tets = _flat_block(rounded(height / L), size, (_summit_node(x / L), _summit_node(y / L)), periodic)
     points *= L
-    points, smoothing = lift(points, tets, surface, height, same_nodes(points, L) if periodic else None)
+    if refinements:
+        return BlockMesh(points, tets, L, height, refinements=refinements)
+    copies = Copies(same_nodes(points, L)) if periodic else None
+    points, smoothing = lift(points, tets, surface, height, copies)
     return BlockMesh(points, tets, L, height, smoothing if smoothing.any() else None)
 
 

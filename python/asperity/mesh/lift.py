@@ -19,6 +19,7 @@ import numpy.typing as npt
 from asperity.arrays import Floats, Indices
 from asperity.errors import MeshError
 from asperity.mesh.block import NEAR, heights_at
+from asperity.mesh.copies import Copies
 from asperity.mesh.element import EDGES, ON_EDGES, corner_derivatives
 
 if TYPE_CHECKING:
@@ -33,9 +34,9 @@ ROUNDS = 100  # after which the width is beyond the side of any block
 
 
 def lift(
-    points: Floats, tets: Indices, surface: Surface, height: float, same: Indices | None = None
+    points: Floats, tets: Indices, surface: Surface, height: float, copies: Copies | None = None
 ) -> tuple[Floats, Floats]:
-    """Lift the nodes of a flat block so that its top follows a surface.
+    """Lift the nodes of a flat block so that its top follows a surface; collective where several ranks hold parts.
 
     The map is z -> z (1 + f/height) with the height f above the mean plane, so base and sides stay plane. All top
     nodes, mid-edge nodes included, lie on the surface, or on the smoothed one.
@@ -45,7 +46,7 @@ def lift(
         tets: their numbers in the tetrahedra, in the order of gmsh (M, 10)
         surface: top of the block
         height: height of the mean plane above the base [length]
-        same: of periodic sides, see `periodic.same_nodes` (N,)
+        copies: of nodes on several ranks or on joined sides
 
     Returns:
         Nodes of the lifted block (N, 3) [length], and the standard deviation of the Gaussian at each node, 0 where its
@@ -54,8 +55,9 @@ def lift(
     Raises:
         MeshError: a valley reaches the base, no smoothing makes the elements sound, or periodic sides do not fit
     """
+    copies = copies or Copies()
     mean, gradients = surface.mean(), _vertical_gradients(points, tets)
-    size, n = _sizes(points, tets), len(points)
+    size, n = _sizes(points, tets, copies), len(points)
     z_of_flat = points[:, 2]
     width: Floats = np.zeros(n)
     above: Floats = np.empty(n)
@@ -63,36 +65,39 @@ def lift(
     for _ in range(ROUNDS):
         x, y, _ = points[moved].T
         f = heights_at(surface, x, y, width[moved]) - mean
-        if np.min(f) <= -height:
+        lowest = copies.least(float(np.min(f, initial=np.inf)))
+        if lowest <= -height:
             raise MeshError(
-                f"block.height = {height:g} is less than the depth {-np.min(f):g} of the deepest valley below the mean "
+                f"block.height = {height:g} is less than the depth {-lowest:g} of the deepest valley below the mean "
                 "plane: make the block higher or the surface smoother"
             )
         above[moved] = f
-        apart = 0.0 if same is None else float(np.abs(above - above[same]).max())
+        apart = -copies.least(-float(np.max(copies.greatest(above) - above, initial=0.0)))
         if apart > NEAR * surface.L:
             raise MeshError(
                 f'block.sides = "periodic": heights at opposite sides of the mesh differ by {apart:.3g}, because the '
                 'surface is not periodic; take block.sides = "rollers"'
             )
         bad = tets[_least_stretch(gradients, np.take(z_of_flat * above / height, tets)) < SOUND]
-        if not len(bad):
+        left = copies.count(len(bad))
+        if not left:
             return np.column_stack([points[:, :2], z_of_flat * (1.0 + above / height)]), width
-        wider = _widened(width, size, points, tets, bad, same)
+        wider = _widened(width, size, points, tets, bad, copies)
         moved, width = wider > width, wider
     raise MeshError(
-        f"the surface is no height field on this block: {len(bad)} elements stay turned inside out, however smooth the "
+        f"the surface is no height field on this block: {left} elements stay turned inside out, however smooth the "
         "heights at their nodes are; filter the surface"
     )
 
 
-def _widened(width: Floats, size: Floats, points: Floats, tets: Indices, bad: Indices, same: Indices | None) -> Floats:
+def _widened(width: Floats, size: Floats, points: Floats, tets: Indices, bad: Indices, copies: Copies) -> Floats:
     """Widths (N,) [length] of the next round: larger at the nodes of bad elements, falling with the distance."""
     wider = width.copy()
     own = np.maximum(WIDER * width[bad].max(axis=1), FIRST_WIDTH * size[bad].max(axis=1))
     np.maximum.at(wider, bad, own[:, None])
+    wider = copies.greatest(wider)
     changed = wider > width
-    while changed.any():
+    while copies.count(int(changed.any())):
         near = tets[changed[tets].any(axis=1)]
         before = wider.copy()
         for middle, ends in enumerate(EDGES[:ON_EDGES], start=4):
@@ -101,21 +106,21 @@ def _widened(width: Floats, size: Floats, points: Floats, tets: Indices, bad: In
                 fall = SPREAD * np.linalg.norm(points[i] - points[j], axis=1)
                 np.maximum.at(wider, j, before[i] - fall)
                 np.maximum.at(wider, i, before[j] - fall)
-        if same is not None:
-            np.maximum.at(wider, same, wider)
-            wider = wider[same]
+        wider = copies.greatest(wider)
         changed = wider > (1.0 + SETTLED) * before
     return wider
 
 
-def _sizes(points: Floats, tets: Indices) -> Floats:
+def _sizes(points: Floats, tets: Indices, copies: Copies) -> Floats:
     """Mean length of the edges that meet at each corner; mean of two corners for a mid-edge node (N,) [length]."""
     ends = tets[:, EDGES]
     lengths = np.linalg.norm(points[ends[:, :, 0]] - points[ends[:, :, 1]], axis=2)
     n = len(points)
     corners = ends.reshape(-1, 2)
-    total = sum(np.bincount(corners[:, k], lengths.ravel(), minlength=n) for k in (0, 1))
-    count = sum(np.bincount(corners[:, k], minlength=n) for k in (0, 1))
+    total, count = (
+        copies.total(np.asarray(sum(np.bincount(corners[:, k], weights, minlength=n) for k in (0, 1)), dtype=float))
+        for weights in (lengths.ravel(), np.ones(lengths.size))
+    )
     size = np.divide(total, count, out=np.zeros(n), where=count > 0)
     size[tets[:, 4:]] = size[ends[:, :ON_EDGES]].mean(axis=2)
     return size

@@ -16,11 +16,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from asperity.arrays import Floats
 from asperity.errors import MeshError, ResolutionWarning
-from asperity.mesh.block import NEAR
 
 if TYPE_CHECKING:
-    from asperity.mesh.block import BlockMesh
+    from mpi4py import MPI
+
     from asperity.surface import Surface
 
 ELEMENTS = 1.5  # per wavelength: with fewer, the difference of two meshes does not show the error
@@ -90,36 +91,32 @@ def warn_of_missed_waves(surface: Surface, h: float, delta: float) -> None:
         warnings.warn(doubt, ResolutionWarning, stacklevel=2)
 
 
-def lowered_height(block: BlockMesh, surface: Surface, delta: float) -> float:
+def lowered_height(top: Floats, surface: Surface, height: float, delta: float, comm: MPI.Comm) -> float:
     """Rms change of height by smoothing (see `lift.lift`) of the nodes that the flat would meet, over the approach.
 
     Args:
-        block: mesh of the block
-        surface: its top
+        top: nodes of the top that this rank owns (n, 3) [length]
+        surface: top of the block
+        height: height of its mean plane above the base [length]
         delta: greatest approach [length]
+        comm: communicator; the call is collective
     """
-    if block.smoothing is None:
-        return 0.0
-    x, y, _ = block.points.T
-    exact = block.height + surface.height(x, y) - surface.mean()
-    top = block.heights(surface) - block.points[:, 2] <= NEAR * surface.L
-    met = top & (exact >= block.height + surface.maximum()[2] - surface.mean() - delta)
-    return float(np.sqrt(np.mean((exact - block.points[:, 2])[met] ** 2))) / delta if met.any() else inf
+    exact = np.asarray(surface.height(top[:, 0], top[:, 1]))
+    off = exact - surface.mean() + height - top[:, 2]
+    met = exact >= surface.maximum()[2] - delta
+    squares, count = comm.allreduce(np.array([np.sum(off[met] ** 2), np.count_nonzero(met)]))
+    return float(np.sqrt(squares / count)) / delta if count else inf
 
 
-def judge_smoothing(block: BlockMesh | None, surface: Surface, delta: float) -> None:
+def judge_smoothing(off: float) -> None:
     """Warn of a mesh whose smoothed heights lie off the surface that the flat meets; refuse it where little is left.
 
     Args:
-        block: mesh of the block, on rank 0
-        surface: its top
-        delta: greatest approach [length]
+        off: see `lowered_height`
 
     Raises:
         MeshError: the change of height is not small compared with the approach
     """
-    assert block is not None
-    off = lowered_height(block, surface, delta)
     if off <= ONE_MESH:
         return
     text = (
@@ -131,9 +128,9 @@ def judge_smoothing(block: BlockMesh | None, surface: Surface, delta: float) -> 
     warnings.warn(text, ResolutionWarning, stacklevel=2)
 
 
-def judge_mesh(block: BlockMesh | None, surface: Surface, h: float, delta: float) -> None:
+def judge_mesh(off: float, surface: Surface, h: float, delta: float) -> None:
     """Judge a mesh with elements of size h in the contact by `judge_smoothing` and `warn_of_missed_waves`; rank 0."""
-    judge_smoothing(block, surface, delta)
+    judge_smoothing(off)
     warn_of_missed_waves(surface, h, delta)
 
 

@@ -1,28 +1,53 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Heights of the top of a mesh on a regular grid, and their mean."""
+"""The curved facets of the top of a mesh, and their heights on a regular grid."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from asperity.arrays import Floats, Indices
 from asperity.mesh.block import NEAR, BlockMesh
-from asperity.mesh.element import BEARING, cross, face_functions, outer_faces
+from asperity.mesh.element import cross, face_functions, outer_faces
+from asperity.runtime.display import short_repr
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
 
 
-def heights_of_top(block: BlockMesh, surface: Surface, n: int) -> Floats:
+@dataclass(frozen=True)
+class Top:
+    """Facets of the top of a block, in one process.
+
+    Attributes:
+        points: nodes (N, 3), in the plane and above the mean plane of the surface [L]
+        faces: their numbers in each facet, ordered as in `element.FACES` (F, 6)
+    """
+
+    points: Floats
+    faces: Indices
+
+    __repr__ = short_repr
+
+    @staticmethod
+    def of(block: BlockMesh, surface: Surface) -> Top:
+        """Return the top of a mesh that is not refined any more, made for `surface`."""
+        on_top = np.abs(block.heights(surface) - block.points[:, 2]) < NEAR * block.side
+        faces = outer_faces(block.tets)
+        points = (block.points - np.array([0.0, 0.0, block.height])) / block.side
+        return Top(points, faces[on_top[faces].all(axis=1)])
+
+
+def heights_of_top(top: Top, surface: Surface, n: int) -> Floats:
     """Heights of the curved facets of the top, on the scale of the surface, at the centres of n x n cells.
 
     Args:
-        block: mesh of the block
-        surface: the top it was made for
+        top: of the mesh
+        surface: it was made for
         n: cells per side
 
     Returns:
@@ -30,10 +55,8 @@ def heights_of_top(block: BlockMesh, surface: Surface, n: int) -> Floats:
     """
     from matplotlib.tri import Triangulation
 
-    L = block.side
-    faces = _faces_of_top(block, surface)
+    faces, xy = top.faces, top.points[:, :2]
     corners, numbers = np.unique(faces[:, :3], return_inverse=True)
-    xy = block.points[:, :2] / L
     finder = Triangulation(xy[corners, 0], xy[corners, 1], numbers.reshape(-1, 3)).get_trifinder()
     centres = (np.arange(n) + 0.5) / n
     x, y = (c.ravel() for c in np.meshgrid(centres, centres))
@@ -43,37 +66,6 @@ def heights_of_top(block: BlockMesh, surface: Surface, n: int) -> Floats:
     area = cross(b - a, c - a)
     second, third = cross(p - a, c - a) / area, cross(b - a, p - a) / area
     first = 1.0 - second - third
-    z = (block.points[:, 2] - block.height + surface.mean()) / L
+    z = top.points[:, 2] + surface.mean() / surface.L
     parts = (face_functions(np.column_stack([first, second, third])) * z[nodes]).T
     return np.asarray(sum(parts[:3]) + sum(parts[3:])).reshape(n, n)
-
-
-def mean_plane(block: BlockMesh, surface: Surface) -> float:
-    """Height of the mean plane of the facets of the top above that of the surface [length].
-
-    Facets that miss waves have another mean height than the surface; that of the summit is exact.
-
-    Args:
-        block: mesh of the block
-        surface: the top it was made for
-
-    Examples:
-        >>> from asperity.mesh.generate import build_block
-        >>> wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.01)
-        >>> block = build_block(wave, 0.5, lambda x, y, depth: 0.2)
-        >>> abs(mean_plane(block, wave)) < 1e-3
-        True
-    """
-    faces = _faces_of_top(block, surface)
-    xy, z = block.points[:, :2], block.points[:, 2]
-    a, b, c = (xy[faces[:, k]] for k in range(3))
-    area = np.abs(cross(b - a, c - a))
-    # exact where the edges are straight in the plan: the weights of the integral of a facet
-    return float(area @ z[faces[:, BEARING]].mean(axis=1) / area.sum()) - block.height
-
-
-def _faces_of_top(block: BlockMesh, surface: Surface) -> Indices:
-    """Nodes of the facets of the top (F, 6), corners first."""
-    on_top = np.abs(block.heights(surface) - block.points[:, 2]) < NEAR * block.side
-    faces = outer_faces(block.tets)
-    return faces[on_top[faces].all(axis=1)]

@@ -12,6 +12,7 @@ from asperity.arrays import Floats
 from asperity.errors import InputError
 
 H_CONTACT, H_MAX = 0.04, 0.25  # element sizes of a mesh when none are given [L]
+MOST_REFINEMENTS = 6  # of a mesh: each makes eight elements of one
 WIDEST_JOINED = 0.2  # greatest size with periodic sides: elements are up to twice as wide, see `periodic.joined` [L]
 LEAST_PENALTY = 10.0  # factor below which the penalty leaves an error of first order (docs/accuracy.md)
 COERCIVE = 3.0  # gamma from which theta = 1 is coercive: 2 where cells are straight, up to 2.9 seen under rough tops
@@ -132,6 +133,7 @@ class MeshSize:
         h_max: greatest size; None takes H_MAX of the side; WIDEST_JOINED of it at most with periodic sides
         reach: what a coarse solution has touched; None judges by the heights
         grading: power of the size in the depth and least size over h_contact; None takes the default
+        refinements: number of times the ranks split each element of a mesh of 2^n times these sizes into eight
 
     Examples:
         >>> size = asp.MeshSize(h_contact=0.02e-6, h_max=0.2e-6)
@@ -144,6 +146,7 @@ class MeshSize:
     h_max: float | None = None
     reach: ApproachMap | None = None
     grading: tuple[float, float] | None = None
+    refinements: int = 0
 
 
 @dataclass(frozen=True)

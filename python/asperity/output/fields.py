@@ -24,7 +24,7 @@ TO_VTK_TENSOR = (0, 1, 2, 3, 5, 4)  # xx yy zz xy yz xz
 
 @dataclass(frozen=True)
 class State:
-    """A snapshot of the whole mesh, in physical units, rows in the order of `BlockMesh`.
+    """A snapshot of the whole mesh, in physical units, rows in the order of `ContactResult.whole_mesh`.
 
     Attributes:
         step, branch, delta: as in the curve, delta in [length]
@@ -71,7 +71,8 @@ def gather_states(result: ContactResult, side: float, E: float) -> list[State]:
         -0.013462
     """
     solid = result.solver.solid
-    facets = None if result.block is None else top_facets(result.block)
+    block = result.whole_mesh()
+    facets = None if block is None else top_facets(block)
     cells = cell_numbers(solid)
     states = []
     for s in result.snapshots:

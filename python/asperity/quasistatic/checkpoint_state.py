@@ -131,6 +131,7 @@ class Saved:
 
         def judge() -> None:
             assert self.block is not None
+            counts = self.block.counts()
             like = fresh | {f"displacement.{name}": fresh["displacement.last"] for name in self._displacements()}
             if (STIFFNESS in like) != (STIFFNESS in self.arrays):  # the columns were or are not requested
                 like = {name: array for name, array in like.items() if name != STIFFNESS}
@@ -138,7 +139,7 @@ class Saved:
             state = {name: array for name, array in self.arrays.items() if name != STIFFNESS or name in like}
             pairs = [(STATE, state, like), *((n, s, fields) for n, s in zip(names, self.snapshots, strict=True))]
             for name, arrays, expected in pairs:
-                wrong = wrong_array(arrays, expected, len(self.block.points), len(self.block.tets))
+                wrong = wrong_array(arrays, expected, *counts)
                 if wrong:
                     raise damaged(self.folder / name, wrong)
 

@@ -8,13 +8,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError
+from asperity.fem.global_numbering import cell_numbers, collect
 from asperity.mesh.block import BlockMesh
+from asperity.mesh.element import NODES
 from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import ContactSolver, Counts
 from asperity.quasistatic.measures import FirstContact, Snapshot, mean_stress
+from asperity.runtime import compat
 from asperity.runtime.display import brief
 from asperity.runtime.timing import Phases
 
@@ -30,7 +35,7 @@ class ContactResult:
         phases: seconds per phase, this rank
         memory: greatest resident memory, all ranks [bytes]
         snapshots: states of the top kept, this rank's part
-        block: the mesh on rank 0, None elsewhere
+        block: the mesh as built on rank 0, None elsewhere; with refinements that the ranks make, see `whole_mesh`
         solver: with the solid in its last state
         first_contact: approach at which each node of the top was touched first, this rank's part
         complete: whether the path was followed to its end
@@ -102,6 +107,31 @@ class ContactResult:
         stress.x.array.reshape(-1, 9)[cells] = values[:, (0, 3, 4, 3, 1, 5, 4, 5, 2)]  # of xx yy zz xy xz yz
         stress.x.scatter_forward()
         return stress
+
+    def whole_mesh(self) -> BlockMesh | None:
+        """Mesh with its refinements, gathered on rank 0; None elsewhere; collective.
+
+        Examples:
+            >>> from asperity.surface import Flat
+            >>> size = asp.MeshSize(h_contact=0.5, h_max=0.5, refinements=1)
+
+            >>> result = asp.solve_contact(Flat(L=1.0), asp.Material(E=1.0, nu=0.3), delta_max=0.01, steps=1, size=size)
+
+            >>> len(result.whole_mesh().tets) == 8 * len(result.block.tets) == result.cells
+            True
+        """
+        solid, block = self.solver.solid, self.block
+        if not solid.comm.bcast(block is not None and block.refinements > 0, root=0):
+            return block
+        numbers = np.asarray(solid.mesh.geometry.input_global_indices)
+        x_nodes = compat.geometry_dofmap(solid.mesh)[: len(solid.cell_nodes)]
+        points = collect(solid.comm, numbers, solid.mesh.geometry.x)
+        cells = collect(solid.comm, cell_numbers(solid), numbers[x_nodes])
+        if block is None or points is None or cells is None:
+            return None
+        tets = np.empty_like(cells)
+        tets[:, compat.gmsh_to_dolfinx(NODES)] = cells
+        return BlockMesh(points * block.side, tets, block.side, block.height)
 
     def touched_at(self) -> tuple[Floats, Floats]:
         """Position of each node of the top and the approach that first touched it [L], see `FirstContact.gather`."""

@@ -56,7 +56,8 @@ def make_block(
             surface, delta_max, h, growth=size.growth, h_max=size.h_max, first_contact=size.reach, grading=size.grading,
             periodic=sides == "periodic",
         )  # fmt: skip
-        return build_block(surface, height, field.compiled().at, field.periodic)
+        coarse = field.coarser(size.refinements).compiled()
+        return build_block(surface, height, coarse.at, field.periodic, size.refinements)
 
     return on_root(comm, build)
 
@@ -108,7 +109,7 @@ def make_contact_solver(
         return block.height
 
     height = on_root_bcast(comm, checked_height)
-    mesh, tags = distribute(comm, block, 1.0 / L, sides == "periodic")
+    mesh, tags = distribute(comm, block, 1.0 / L, sides == "periodic", surface)
     check_distortion(mesh, surface)
     solid = Solid(mesh, tags, material.scaled(material.E), sides, kernels, phases)
     top = ContactSurface(solid)

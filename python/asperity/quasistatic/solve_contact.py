@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from asperity.errors import ConvergenceError, Interrupted, MeshError
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.resolution import judge_mesh
+from asperity.mesh.resolution import judge_mesh, lowered_height
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.problem import Problem
@@ -81,13 +81,19 @@ def solve_contact(
 
 
 def solve_problem(
-    problem: Problem, *, block: BlockMesh | None = None, comm: MPI.Comm | None = None, hooks: Hooks | None = None
+    problem: Problem,
+    *,
+    block: BlockMesh | None = None,
+    judged: bool = True,
+    comm: MPI.Comm | None = None,
+    hooks: Hooks | None = None,
 ) -> ContactResult:
     """Press the block of a problem with a rigid frictionless flat; collective over `comm`.
 
     Args:
         problem: what to solve
         block: a mesh to use instead of making one (on rank 0)
+        judged: whether a given mesh needs no judgement, see `resolution.judge_mesh`, like one that is made here
         comm: communicator; default all ranks
         hooks: progress, checkpoint, snapshots
 
@@ -117,19 +123,18 @@ def solve_problem(
     wanted, L = problem.block_height, problem.surface.L
     if given is not None and wanted is not None and abs(given - wanted) > 1e-9 * L:
         raise MeshError(f"mesh.file: the mesh has the height {given:g}, block.height is {wanted:g}: make them equal")
-    if own_mesh:
-        if given is None:
-            hooks.stage("mesh")
-        delta_max = _depth_of_mesh(problem, comm, phases)
-        if given is None:
-            with phases.phase("mesh"):
-                block = make_block(comm, problem.surface, problem.height, delta_max, problem.size, problem.sides)
-        h = problem.size.h_contact or H_CONTACT * L
-        on_root(comm, partial(judge_mesh, block, problem.surface, h, delta_max))
+    if own_mesh and given is None:
+        hooks.stage("mesh")
+    delta_max = _depth_of_mesh(problem, comm, phases) if own_mesh or not judged else 0.0
+    if own_mesh and given is None:
+        with phases.phase("mesh"):
+            block = make_block(comm, problem.surface, problem.height, delta_max, problem.size, problem.sides)
     hooks.stage("set-up")
     with phases.phase("set-up"):
         solver = solver_of(problem, block, comm, phases)
         solver.probes = hooks.probes(solver.solid)
+        if own_mesh or not judged:
+            _judge(solver, block, problem, delta_max)
     record = Record(L, problem.material.E, problem.material.reduced_modulus)
     position = None if saved is None else saved.restore(solver, record)
     if hooks.on_ready is not None:
@@ -159,6 +164,16 @@ def solve_problem(
     if failure is not None:
         raise PartialResult(result.reason, result) from failure
     return result
+
+
+def _judge(solver: ContactSolver, block: BlockMesh | None, problem: Problem, delta_max: float) -> None:
+    """Warn of a mesh made for an approach [length] that does not resolve the surface, or refuse it; collective."""
+    comm, surface = solver.solid.comm, problem.surface
+    top = solver.solid.points[solver.contact_surface.owned_nodes] * surface.L
+    height = comm.bcast(None if block is None else block.height, root=0)
+    off = lowered_height(top, surface, height, delta_max, comm)
+    h = problem.size.h_contact or H_CONTACT * surface.L
+    on_root(comm, partial(judge_mesh, off, surface, h, delta_max))
 
 
 def _depth_of_mesh(problem: Problem, comm: MPI.Comm, phases: Phases) -> float:

@@ -54,7 +54,7 @@ def shared_mesh(case: Case, folder: Path, comm: MPI.Comm) -> Path | AsperityErro
         block.save(path)
 
     try:
-        size = MeshSize(m.h_contact, m.growth, m.h_max)
+        size = MeshSize(m.h_contact, m.growth, m.h_max, refinements=m.refinements)
         block = make_block(comm, case.build_surface(), case.block.height, delta, size, case.block.sides)
         on_root(comm, save)
     except AsperityError as error:
