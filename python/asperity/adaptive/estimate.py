@@ -260,7 +260,9 @@ def count_dofs(surface: Surface, case: Case, h_contact: float, most: float = inf
         surface, case.loading.delta_max, h_contact, growth=rate, h_max=h_max, grading=grading,
         periodic=case.block.sides == "periodic",
     )  # fmt: skip
-    nodes = NODES + NODES_OF_GROWTH * rate
+    refinements = 0 if for_strain else mesh.refinements
+    field = field.coarser(refinements)
+    nodes = 8**refinements * (NODES + NODES_OF_GROWTH * field.growth)
     return round(3 * nodes * integral(field.at, case.block.height / L, most / (3 * nodes)))
 
 

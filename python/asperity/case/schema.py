@@ -197,7 +197,7 @@ class MeshSection(Section):
     growth: Real = _key("increase of size per unit distance", 0.25, gt=0, le=10)
     h_max: Real | None = _key("largest size", None, shown="0.25 L, less where slopes need it", unit=LENGTH, gt=0)
     refinements: Whole = _key(
-        "times that the ranks split each element of a mesh of 2^n times these sizes into eight", 0,
+        "number n of times the ranks split each element of a mesh of 2^n times these sizes into eight", 0,
         ge=0, le=MOST_REFINEMENTS,
     )  # fmt: skip
     file: Text | None = _key("a saved mesh instead", None)

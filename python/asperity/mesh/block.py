@@ -111,7 +111,7 @@ class BlockMesh:
                 4 * faces + 8 * cells,
                 8 * cells,
             )
-        return corners + edges, cells
+        return corners + (edges if ON_EDGES else 0), cells
 
     @staticmethod
     def from_arrays(arrays: Mapping[str, npt.NDArray[Any]]) -> BlockMesh:

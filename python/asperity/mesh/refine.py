@@ -4,9 +4,9 @@
 """Refine a distributed mesh uniformly: each rank splits its tetrahedra into eight, so that none holds the whole mesh.
 
 A tetrahedron is split at the middles of its edges into four at its corners and four in the octahedron between them,
-about the shortest diagonal of the octahedron, which bounds the distortion (S. Zhang, Houston Journal of Mathematics 21
-(1995) 541-556). Neighbours split their common face alike, so only the numbers of the new nodes take communication:
-they are those of the second-order displacements on the mesh before.
+about the shortest diagonal of the octahedron, with which further splits do not distort a regular one more than the
+first. Neighbours split their common face alike, so only the numbers of the new nodes take communication: they are those
+of the second-order displacements on the mesh before.
 
 Elements and nodes get numbers that do not depend on the ranks: the children of element i of the mesh as built are
 8 i to 8 i + 7, and nodes follow the order in which the elements name them first.
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from asperity.surface import Surface
 
 SHORTER = 1.0 - 1e-9  # ratio of squared lengths below which a diagonal is shorter: ties do not depend on round-off
+SPLIT_NODES = 10  # corners and middles of the edges
 SIDES = 4  # copies of a node on joined sides, at most
 
 
@@ -59,7 +60,7 @@ def split(x: Floats) -> Indices:
     """Nodes that are the corners of the eight parts of each tetrahedron.
 
     Args:
-        x: nodes of straight tetrahedra in the order of gmsh (M, NODES, 3) [length]
+        x: their corners and the middles of their edges, in the order of gmsh (M, SPLIT_NODES, 3) [length]
 
     Returns:
         (M, 8, 4)
@@ -78,7 +79,7 @@ def _split_cells(mesh: Any, numbers: Indices, corners: Floats) -> tuple[Any, Ind
     import ufl
     from dolfinx import mesh as dmesh
 
-    nodes, index_map = _nodes(mesh)
+    nodes, index_map = _nodes(mesh, 2, SPLIT_NODES)
     x = _with_middles(corners)
     owned = nodes < index_map.size_local
     points = np.empty((index_map.size_local, 3))
@@ -99,8 +100,8 @@ def _lifted(mesh: Any, numbers: Indices, corners: Floats, surface: Surface, heig
     """Mesh of the same cells with nodes on their edges, lifted onto a surface."""
     import basix.ufl
 
-    nodes, index_map = _nodes(mesh)
-    x = _with_middles(corners)
+    nodes, index_map = _nodes(mesh, DEGREE, NODES)
+    x = _with_middles(corners)[:, :NODES]
     far = np.abs(x[:, :, :2] - surface.L) < NEAR * surface.L  # joined nodes differ in this
     keys, tets = np.unique(SIDES * nodes.astype(np.int64) + far @ np.array([1, 2]), return_inverse=True)
     tets = tets.reshape(nodes.shape)
@@ -116,18 +117,18 @@ def _lifted(mesh: Any, numbers: Indices, corners: Floats, surface: Surface, heig
     return compat.with_geometry(mesh, of_nodes, in_order, points, element)
 
 
-def _nodes(mesh: Any) -> tuple[Indices, Any]:
-    """Numbers of the second-order nodes of each cell in the order of gmsh (M, NODES), and their index map."""
+def _nodes(mesh: Any, degree: int, count: int) -> tuple[Indices, Any]:
+    """Numbers of the nodes of a Lagrange element in each cell, in the order of gmsh (M, count), and their index map."""
     from dolfinx import fem
 
-    dofmap = fem.functionspace(mesh, ("Lagrange", DEGREE)).dofmap
+    dofmap = fem.functionspace(mesh, ("Lagrange", degree)).dofmap
     nodes = np.empty_like(dofmap.list)
-    nodes[:, compat.gmsh_to_dolfinx(NODES)] = dofmap.list
+    nodes[:, compat.gmsh_to_dolfinx(count)] = dofmap.list
     return nodes, dofmap.index_map
 
 
 def _with_middles(corners: Floats) -> Floats:
-    """Nodes of straight tetrahedra in the order of gmsh (M, NODES, 3)."""
+    """Corners and middles of the edges of straight tetrahedra in the order of gmsh (M, SPLIT_NODES, 3)."""
     ends = corners[:, EDGES]
     return np.concatenate([corners, 0.5 * (ends[:, :, 0] + ends[:, :, 1])], axis=1)
 

@@ -25,7 +25,7 @@ FLAT = 1e-12  # difference of depths below which a surface touches the flat ever
 #: first-contact map, a larger exponent equalises the errors of the load steps of a rough surface (docs/accuracy.md).
 GRADING, GUIDED = (0.5, 0.2), (0.75, 0.15)
 GRID = 257  # nodes per side of the grid on which the region of each size is found
-WIDEST = 0.5  # greatest size of an element that is to be split [L]
+WIDEST, STEEPEST = 0.5, 0.5  # greatest size of an element that is to be split [L], and growth of it
 NEIGHBOURS = 6  # nodes of a facet: adds a margin of one element around the nodes that were touched
 
 
@@ -189,10 +189,14 @@ class SizeField:
         return SizeField(sizes, distances, (x0, y0, side), growth, greatest, periodic)
 
     def coarser(self, refinements: int) -> SizeField:
-        """Return the field of a mesh whose elements have this one after so many splits in two along each edge."""
+        """Return the field of a mesh whose elements have this one, or less, after so many splits of their edges in two.
+
+        Its growth is limited to STEEPEST: of a steeper one the mesh would not notice small spots between its nodes.
+        """
         ratio = 2.0**refinements
         greatest = min(ratio * self.h_max, max(self.h_max, WIDEST_JOINED if self.periodic else WIDEST))
-        return replace(self, sizes=ratio * self.sizes, growth=ratio * self.growth, h_max=greatest)
+        growth = min(ratio * self.growth, max(self.growth, STEEPEST))
+        return replace(self, sizes=ratio * self.sizes, growth=growth, h_max=greatest)
 
     def compiled(self) -> _solver.SizeField:
         """Return the compiled field, whose method `at` gives the same bits as that of this one in less time."""

@@ -133,7 +133,11 @@ class MeshSize:
         h_max: greatest size; None takes H_MAX of the side; WIDEST_JOINED of it at most with periodic sides
         reach: what a coarse solution has touched; None judges by the heights
         grading: power of the size in the depth and least size over h_contact; None takes the default
-        refinements: number of times the ranks split each element of a mesh of 2^n times these sizes into eight
+        refinements: number n of times the ranks split each element of a mesh of 2^n times these sizes into eight, at
+            most MOST_REFINEMENTS
+
+    Raises:
+        InputError: another number of refinements
 
     Examples:
         >>> size = asp.MeshSize(h_contact=0.02e-6, h_max=0.2e-6)
@@ -147,6 +151,13 @@ class MeshSize:
     reach: ApproachMap | None = None
     grading: tuple[float, float] | None = None
     refinements: int = 0
+
+    def __post_init__(self) -> None:
+        if self.refinements not in range(MOST_REFINEMENTS + 1):
+            raise InputError(
+                f"mesh.refinements = {self.refinements!r} must be a whole number from 0 to {MOST_REFINEMENTS}: each "
+                "makes eight elements of one"
+            )
 
 
 @dataclass(frozen=True)
