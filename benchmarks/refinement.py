@@ -37,7 +37,7 @@ ELASTIC = asp.Material(1.0, 0.3)
 ROUGH = SelfAffine(L=1.0, H=0.8, slope=0.05, lambda_roll=0.5, lambda_short=0.125, seed=3)
 DEMO = WeierstrassMandelbrot(L=1.0, D=2.4, G=1.36e-5)
 STEPS, HEIGHT = 5, 1.0
-SIZES = {
+SIZES: dict[str, dict[int, tuple[float, ...]]] = {
     "sphere": {
         0: (0.08, 0.056, 0.04, 0.028, 0.02, 0.014),
         1: (0.08, 0.056, 0.04, 0.028),

@@ -101,6 +101,8 @@ class BlockMesh:
             (24, True)
         """
         cells = len(self.tets)
+        if not self.refinements:
+            return len(self.points), cells
         corners = len(np.unique(self.tets[:, :4]))
         faces = (4 * cells + sum(1 for _ in outer_faces(self.tets))) // 2
         edges = corners + faces - cells - 1  # Euler's formula of a ball
