@@ -190,5 +190,14 @@ def tolerances() -> list[Scene]:
             plain | five | {"accuracy.tolerance": 1e-3, "solver.rtol": 1e-2},
             ends="stopped",
             reason="is left by the equations",
+            fast=True,
+        ),
+        Scene(
+            "tolerance/loose-equations-plastic",
+            "1 % on a quarter of an elastic-plastic sphere with equations solved to 1e-2",
+            own | quarter | five | {"accuracy.tolerance": 0.01, "solver.rtol": 1e-2},
+            ends="stopped",
+            reason="is left by the equations",
+            twin=Twin("equations solved to 1e-8", 0.03, {"solver.rtol": 1e-8}),
         ),
     ]
