@@ -48,7 +48,7 @@ class Checks:
 
     Attributes:
         force_balance: |force on the flat - reaction of the base| over the force
-        unsolved: sum of the magnitudes of the residual forces over the force
+        unsolved: sum of the magnitudes of the residual forces over the greatest force so far
         tension: greatest suction over the greatest pressure of a step
         penetration: of a node into the flat [L]
         greatest_force: so far [E L^2]
@@ -178,7 +178,7 @@ def _judge_forces(checks: Checks, step: StepBalance, judge: Judge, dofs: int, rt
     unbalanced = abs(step.reaction - step.force)
     if step.force > 0.0:
         checks.force_balance = max(checks.force_balance, unbalanced / step.force)
-        checks.unsolved = max(checks.unsolved, step.residual / step.force)
+        checks.unsolved = max(checks.unsolved, step.residual / max(step.force, checks.greatest_force))
     solved = sqrt(dofs) * (rtol * step.force + 1e-15) + ROUNDING * step.force
     judge(
         "force_balance",
