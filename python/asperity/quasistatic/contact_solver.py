@@ -259,7 +259,8 @@ class ContactSolver:
         along = [0.0, 0.0]
         if isinstance(contact, Stick):
             along = [contact.tangential_work(f, move) for f in (self._internal, internal)]
-        sums = np.array([*energies(solid, internal), dissipated, contact.sinking(), *works, *along])
+        residual = float(np.abs(self.newton.residual).sum())
+        sums = np.array([residual, *energies(solid, internal), dissipated, contact.sinking(), *works, *along])
         peaks = np.array(
             [
                 np.max(-self.gap()[owned], initial=0.0),
