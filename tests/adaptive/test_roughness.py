@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from asperity.model.settings import MeshSize
 from asperity.quasistatic.contact_result import PartialResult
 from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.solve_contact import solve_contact
-from asperity.surface import SelfAffine, SurfaceWarning
+from asperity.surface import HeightMap, SelfAffine, SurfaceWarning
 
 ELASTIC = Material(1.0, 0.3)
 
@@ -43,6 +44,23 @@ def test_a_finer_mesh_leaves_out_less() -> None:
     force, area = (np.array([abs(getattr(o, name)).max() for o in found]) for name in ("force", "area"))
     assert np.all(np.diff(force) < 0.0) and np.all(np.diff(area) < 0.0)
     assert force[-1] < 0.02
+
+
+def test_four_cells_per_wave_are_enough_and_pixels_do_not_count(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A map of 257 x 257 heights without waves shorter than 12 pixels."""
+    np.savez(tmp_path / "map.npz", z=surface_of(lambda_short=0.05).grid(257), L=1.0)
+    problem = Problem.of(HeightMap(path=tmp_path / "map.npz"), ELASTIC, delta_max=0.02, steps=4)
+    block = build_block(problem.surface, 1.0, lambda x, y, depth: 0.04 + 0.3 * depth)
+    few = Roughness(problem, 0.02, 4)
+    monkeypatch.setattr("asperity.adaptive.roughness.PER_WAVE", 16)
+    many = Roughness(problem, 0.02, 4)
+    cells = [len(roughness.contact_map().touched_at) for roughness in (few, many)]
+    assert cells[0] < 257 < cells[1]
+    force, exact = (roughness.left_out(block).force for roughness in (few, many))
+    assert np.abs(exact).max() > 0.05
+    assert np.abs(force - exact).max() < 0.01
 
 
 def test_the_contact_map_holds_the_approaches() -> None:
