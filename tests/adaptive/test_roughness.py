@@ -13,8 +13,11 @@ import pytest
 from mpi4py import MPI
 
 import asperity as asp
+from asperity.adaptive.extrapolation import Along, correct
+from asperity.adaptive.mesh_plan import OF_GUIDE, SAFETY, scatter
 from asperity.adaptive.roughness import Omission, Roughness
 from asperity.adaptive.solve_to_tolerance import refine
+from asperity.curve import Curve
 from asperity.errors import Interrupted
 from asperity.mesh.generate import build_block
 from asperity.model.material import Material
@@ -71,6 +74,26 @@ def test_the_contact_map_holds_the_approaches() -> None:
     assert parts == [0.25, 0.5, 0.75, 1.0]
     assert found.depth(np.array([x]), np.array([y]))[0] == pytest.approx(0.005)
     assert np.isinf(found.touched_at).any()
+
+
+def test_light_loads_of_rough_surfaces_have_a_wider_bar() -> None:
+    """Two meshes that agree by chance: what the edges of their contact leave open is the bar, as of no fine partner."""
+
+    def rows(error: float) -> Curve:
+        at = np.array([0.002, 0.004, 0.006])
+        return Curve.from_rows([
+            {"delta": d, "delta_star": d, "force": d, "P_star": d, "area_fraction": 0.01, "error_area_fraction": error}
+            for d in at
+        ])  # fmt: skip
+
+    coarse, fine = rows(0.004), rows(0.002)
+    steps, nothing = Along(np.array([0.0]), np.zeros(1)), Omission(fine.delta_star, np.zeros(3), np.zeros(3))
+    smooth, rough = (
+        correct(fine, coarse, 2.0, SAFETY, np.ones(3, dtype=bool), steps, 0.0, missed)[1].mesh / fine.P_star
+        for missed in (None, nothing)
+    )
+    assert smooth == pytest.approx(scatter(np.full(3, 0.4), np.full(3, 0.2), 2.0))
+    assert rough == pytest.approx(OF_GUIDE * smooth)
 
 
 def test_a_stop_while_a_mesh_is_judged_keeps_its_curve() -> None:
