@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import PchipInterpolator
 
-from asperity.adaptive.mesh_plan import bar_share, extrapolate_mesh, scatter
+from asperity.adaptive.mesh_plan import OF_GUIDE, bar_share, extrapolate_mesh, scatter
 from asperity.adaptive.roughness import AREA_BAR, FORCE_BAR, Omission
 from asperity.arrays import Floats
 from asperity.curve import WITH_ERRORS, Curve
@@ -36,7 +36,7 @@ class Budget:
         mesh: of the element size, the quadrature included, which the extrapolation removes with it
         roughness: of the waves that the mesh leaves out
         load_step: of the integration of plasticity and of stick along the path
-        algebraic: of the equations left unsolved, from the balance of forces
+        algebraic: of the equations left unsolved, from the residual forces
 
     Examples:
         >>> mesh, none = np.array([0.02]), np.zeros(1)
@@ -109,7 +109,8 @@ def correct(
     bar = spread / touching
     mesh_bar = steady(bar)
     mesh_bar[judged[loading]] = steady(bar[judged[loading]])
-    mesh_bar = np.maximum(mesh_bar, scatter(_area_error(coarse, at), _area_error(fine, at), ratio))
+    facets = scatter(_area_error(coarse, at), _area_error(fine, at), ratio)
+    mesh_bar = np.maximum(mesh_bar, facets if missed is None else OF_GUIDE * facets)
     path_bar = path.at(at)
     rows = _rows_of_loading(loading)
     rough_bar: Floats = np.zeros(len(raw))
