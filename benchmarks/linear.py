@@ -4,7 +4,7 @@
 """Linear solvers on the elastic-plastic demo surface: direct, p-multigrid, algebraic multigrid.
 
     ./run python3 benchmarks/linear.py [H ...]            element sizes in the contact, in units of L
-    ./run python3 benchmarks/linear.py pieces [H ...]     parts of the p-multigrid against what PETSc has for them
+    ./run python3 benchmarks/linear.py pieces [H ...]     parts of the p-multigrid in two ways, PETSc's or other orders
     ./run python3 benchmarks/linear.py parts [H ...]      time of each part of a load path, also under mpirun -n 2
     ./run python3 benchmarks/linear.py krylov [H ...]     tolerance of the Krylov solver, elastic and elastic-plastic
     ./run python3 benchmarks/linear.py coarse [H ...]     coarse problem factorised, or by algebraic multigrid
@@ -72,10 +72,10 @@ def main(sizes: tuple[float, ...]) -> None:
 
 
 def pieces(sizes: tuple[float, ...]) -> None:
-    """Milliseconds of the parts of a V-cycle and its set-up on the elastic stiffness, medians of REPEATS calls."""
+    """Milliseconds of parts of a V-cycle and its set-up in two ways, elastic stiffness; medians of REPEATS calls."""
     warnings.simplefilter("ignore")
     surface = asp.Surface.from_spec(kind="weierstrass-mandelbrot", L=L, D=2.4, G=1.36e-11)
-    print("| dofs | part | PETSc ms | here ms | ratio |\n|---|---|---|---|---|")
+    print("| dofs | part | first ms | second ms | ratio |\n|---|---|---|---|---|")
     for h in sizes:
         result = asp.solve_contact(surface, MATERIALS["elastic"], delta_max=0.03 * L, steps=1, size=asp.MeshSize(h * L))
         solid = result.solver.solid
@@ -93,10 +93,13 @@ def pieces(sizes: tuple[float, ...]) -> None:
         P = interpolation(cycle)
         galerkin = median(A.ptap, P, A.ptap(P)), median(cycle._galerkin)
         factor = median(factorise, cycle, "mumps"), median(factorise, cycle, "cholmod")
+        again, solution = zip(*(ordered(tangent, orders) for orders in (2, 3)), strict=True)
         for name, (theirs, ours) in {
-            "product (double, all; single, half)": product,
-            "Galerkin's matrix (PtAP; kernel)": galerkin,
+            "product (PETSc: double, all; here: single, half)": product,
+            "Galerkin's matrix (PETSc: PtAP; here: kernel)": galerkin,
             "coarse factors (MUMPS; CHOLMOD)": factor,
+            "coarse factors again (minimum degree; nested dissection tried too)": again,
+            "coarse solution (minimum degree; nested dissection tried too)": solution,
         }.items():
             print(f"| {solid.dofs} | {name} | {theirs:.2f} | {ours:.2f} | {theirs / ours:.1f} |", flush=True)
 
@@ -195,6 +198,19 @@ def interpolation(cycle: PMultigrid) -> Any:
     P = cycle._prolongation
     csr = P.indptr.astype(PETSc.IntType), P.indices.astype(PETSc.IntType), P.data.astype(float)
     return PETSc.Mat().createAIJ(P.shape, csr=csr, comm=PETSc.COMM_SELF)
+
+
+def ordered(tangent: TangentOperator, orders: int) -> tuple[float, float]:
+    """Milliseconds of coarse factors of known structure and of a coarse solution, with the first orders of CHOLMOD."""
+    from petsc4py import PETSc
+
+    options, key = PETSc.Options(), coarse_problem.PREFIX + "mat_cholmod_nmethods"
+    options[key] = orders
+    cycle = PMultigrid(tangent)
+    cycle.update()
+    options.delValue(key)
+    right = np.random.default_rng(0).normal(size=cycle._coarse.A.size[0]).astype(np.float32)
+    return median(cycle._coarse.update), median(cycle._coarse.solve, right)
 
 
 def factorise(cycle: PMultigrid, package: str) -> None:

@@ -4,8 +4,8 @@
 """CalculiX: input deck from a mesh, and the force from its output.
 
 Surface-to-surface penalty contact with a rigid plate, which is one element with all nodes prescribed. Without NLGEOM
-CalculiX takes small strains, in plasticity too. Of its options those are taken that were fastest: C3D8 (0.4 of the
-time of C3D8I) and, in small strain, conjugate gradients with incomplete Cholesky (0.6 of that of SPOOLES).
+CalculiX takes small strains, in plasticity too. Of its options those are taken that were fastest: C3D8, not C3D8I, and,
+in small strain, conjugate gradients with incomplete Cholesky, not SPOOLES.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-_PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
+_PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T", 15: "P"}
 
 
 def prefix(value: float, unit: str) -> tuple[float, str]:
@@ -27,7 +27,7 @@ def prefix(value: float, unit: str) -> tuple[float, str]:
     if not unit or not math.isfinite(value) or value == 0:
         return 1.0, unit
     exponent = 3 * math.floor(math.log10(abs(value) * (1 + 1e-12)) / 3)
-    exponent = min(max(exponent, -15), 12)
+    exponent = min(max(exponent, -15), 15)
     return 10.0**-exponent, _PREFIXES[exponent] + unit
 
 

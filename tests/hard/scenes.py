@@ -43,7 +43,16 @@ SCENES: tuple[Scene, ...] = (
         "slope/own-size",
         "slopes up to 1.5, without a greatest size of elements",
         wave(1.5 / (2 * pi)) | ELASTIC | {"loading.delta_max": 0.05 * L, "mesh.h_max": None},
-        twin=DIRECT,
+        ends="refused",
+        reason="too large for the slopes of the surface",
+    ),
+    Scene(
+        "slope/own-size-finer",
+        "the same with smaller elements in the contact, as the refusal advises",
+        wave(1.5 / (2 * pi))
+        | ELASTIC
+        | {"loading.delta_max": 0.05 * L, "mesh.h_max": None, "mesh.h_contact": 0.06 * L},
+        twin=Twin("mesh.h_max = 0.15 L", 0.1, {"mesh.h_max": 0.15 * L}),
     ),
     Scene(
         "full/wave-1d",

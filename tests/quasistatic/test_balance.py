@@ -22,7 +22,7 @@ from asperity.errors import CheckError, ResolutionWarning
 from asperity.mesh.block import BlockMesh
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
-from asperity.model.settings import Formulation
+from asperity.model.settings import Formulation, SolverOptions
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.newton import NewtonSolver
@@ -59,6 +59,28 @@ def test_correct_runs_pass(wave: Surface, coarse_wave: BlockMesh | None, method:
     assert checks.energy_excess == 0.0
     assert checks.energy_ratio == pytest.approx(1.0, abs=0.1)
     assert (checks.dissipated > 0.0) == material.plastic
+
+
+@pytest.mark.parametrize("material", [ELASTIC, PLASTIC])
+@pytest.mark.parametrize("method", ["active-set", "penalty"])
+def test_the_residual_bounds_the_error_of_loose_equations(
+    rough: Surface, coarse: BlockMesh | None, method: str, material: Material
+) -> None:
+    """Along the whole path, where an error stays in the plastic history; the balance of forces alone does not."""
+    from mpi4py import MPI
+
+    forces, bars = [], []
+    for rtol in (1e-10, 1e-4, 1e-3, 1e-2):
+        solver = make_contact_solver(
+            MPI.COMM_WORLD, rough, coarse, material, formulation=Formulation(method), options=SolverOptions(rtol=rtol)
+        )
+        record = Record(1.0, 1.0, 1.0)
+        follow(solver, Schedule(0.03, steps=5), record)
+        forces.append(np.array([row["force"] for row in record.rows]))
+        bars.append(solver.checks.unsolved)
+    errors = [np.max(np.abs(force / forces[0] - 1.0)) for force in forces]
+    assert np.all(np.array(errors[1:]) < bars[1:])
+    assert bars[0] < 1e-8 and bars[1] < 0.01 and bars[3] < 0.2
 
 
 @pytest.mark.parametrize("method", ["active-set", "nitsche"])

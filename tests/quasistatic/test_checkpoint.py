@@ -30,6 +30,7 @@ from asperity.quasistatic.checkpoint_identity import differences, identity
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.quasistatic.solve_contact import solve_contact
 from asperity.quasistatic.stepping import Position
+from asperity.quasistatic.stiffness import LEFT
 from asperity.runtime.files import npz_bytes, read_npz, remove_asides, replace_file
 from asperity.runtime.run_folder import MESH, SNAPSHOT, STATE
 from asperity.surface import Surface
@@ -144,7 +145,8 @@ def test_a_run_in_pieces_has_the_same_stiffness(
 ) -> None:
     """The linear solver starts from the same state; rows saved without stiffness stay without.
 
-    Where the state was saved without stiffness, the systems start as in the first step, and agree to their accuracy.
+    Where the state was saved without stiffness, the systems start as in the first step, and each run is within LEFT
+    of the exact value.
     """
     settings: dict[str, Any] = {"delta_max": 0.02, "steps": 3, "block": coarse_wave}
     straight = solve_contact(wave, PLASTIC, stiffness=True, **settings).curve
@@ -154,12 +156,12 @@ def test_a_run_in_pieces_has_the_same_stiffness(
         solve_contact(wave, PLASTIC, stop=stop_after(2), checkpoint=checkpoint, **settings)
     checkpoint = Checkpoint(shared_path / "without", {}, comm())
     mixed = solve_contact(wave, PLASTIC, stiffness=True, checkpoint=checkpoint, **settings).curve
-    same = 1e-10 if comm().size == 1 else 1e-3  # two meshes on several ranks may be partitioned differently
+    same = 1e-10 if comm().size == 1 else 1e-4  # two meshes on several ranks may be partitioned differently
     for name in (*STIFFNESSES, "mean_gap", "spots"):
         np.testing.assert_allclose(getattr(pieces, name), getattr(straight, name), rtol=same)
     for name in STIFFNESSES:
         assert np.isnan(getattr(mixed, name)[:2]).all()
-        np.testing.assert_allclose(getattr(mixed, name)[2:], getattr(straight, name)[2:], rtol=1e-2)
+        np.testing.assert_allclose(getattr(mixed, name)[2:], getattr(straight, name)[2:], rtol=2.0 * LEFT)
 
 
 @pytest.mark.mpi

@@ -36,7 +36,7 @@ class Budget:
         mesh: of the element size, the quadrature included, which the extrapolation removes with it
         roughness: of the waves that the mesh leaves out
         load_step: of the integration of plasticity and of stick along the path
-        algebraic: of the equations left unsolved, from the balance of forces
+        algebraic: of the equations left unsolved, from the residual forces
 
     Examples:
         >>> mesh, none = np.array([0.02]), np.zeros(1)

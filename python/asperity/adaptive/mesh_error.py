@@ -109,7 +109,7 @@ class MeshErrorEstimate:
         ratio = sizes[place] / sizes[-1]
         # a mesh that misses waves is as rough a partner as the guide
         safety = safety_of(place == 0 or missed is not None)
-        judged, algebraic = judged_rows(result.curve, self._steps), result.checks.force_balance
+        judged, algebraic = judged_rows(result.curve, self._steps), result.checks.unsolved
         unresolved = "no node is touched" if curve.untouched() or coarse.untouched() else path.unknown
         if not unresolved:
             curve, budget = correct(curve, coarse, ratio, safety, judged, path.bar[substeps], algebraic, missed)

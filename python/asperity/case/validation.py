@@ -120,7 +120,7 @@ def _check_joint(case: Input, joint: JointSection) -> None:
 
 
 def _check_rest_of_damping(dynamics: DynamicsSection, joint: JointSection | None) -> None:
-    """Refuse a vibration without damping beside that of the loops."""
+    """Refuse a vibration without damping in addition to that of the loops."""
     of_joint = joint is not None and joint.damping is not None
     if (joint.damping if joint is not None and of_joint else dynamics.zeta) == 0.0:
         _refuse(

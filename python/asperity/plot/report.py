@@ -82,7 +82,7 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
         assumptions=assumptions,
         figures=[_figure(path) for path in _figures(results)],
         tables=_tables("run", summary) + _tables("dynamics", _without_table(results.thresholds)),
-        laws=_laws(results.thresholds),
+        laws=_laws(results),
         inputs=[(name, list(_flat(table))) for name, table in _sections(results.case)],
         columns=COLUMNS,
         rows=[[_text(value) for value in row.values()] for row in results.curve.rows()],
@@ -203,14 +203,19 @@ def _tables(title: str, data: Mapping[str, Any]) -> list[tuple[str, Rows]]:
     return [(_words(name), [(_words(key), v) for key, v in _flat(t)]) for name, t in tables]
 
 
-def _laws(thresholds: Mapping[str, Any]) -> Rows:
+def _laws(results: Results) -> Rows:
     """Return the laws of the curve at the preload, one row each, the chosen one marked."""
     rows: Rows = []
-    for row in (thresholds.get("laws") or {}).get("table", ()):
+    units = {"k_n": "N/m", "f": "Hz"} if results.unit("force") else {}
+    for row in (results.thresholds.get("laws") or {}).get("table", ()):
         if row["k_n"] is None:
             rows.append((row["law"], f"– ({row['missing']})"))
             continue
-        known = ", ".join(f"{name} = {row[name]:.4g}" for name in ("n", "kappa", "k_n", "f") if row[name] is not None)
+        known = ", ".join(
+            f"{name} = {quantity(row[name], units.get(name, ''))}"
+            for name in ("n", "kappa", "k_n", "f")
+            if row[name] is not None
+        )
         other = "" if row["applies"] else " (not of this vibration)"
         rows.append((row["law"], f"{known}{' (chosen)' if row['chosen'] else other}"))
     return rows

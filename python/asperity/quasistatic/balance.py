@@ -48,6 +48,7 @@ class Checks:
 
     Attributes:
         force_balance: |force on the flat - reaction of the base| over the force
+        unsolved: sum of the magnitudes of the residual forces over the greatest force so far
         tension: greatest suction over the greatest pressure of a step
         penetration: of a node into the flat [L]
         greatest_force: so far [E L^2]
@@ -63,6 +64,7 @@ class Checks:
     """
 
     force_balance: float = 0.0
+    unsolved: float = 0.0
     tension: float = 0.0
     penetration: float = 0.0
     greatest_force: float = 0.0
@@ -111,6 +113,7 @@ class StepBalance:
         delta, delta_before: approach at the end and at the beginning of the step
         force, force_before: of the flat
         reaction: of the base
+        residual: sum of the magnitudes of the residual forces
         stored: energy of elastic strain and back stress at the end
         dissipated: by plastic flow so far
         dissipation: of the step, sum (sigma - X) : d eps_p with the back stress X
@@ -128,6 +131,7 @@ class StepBalance:
     force: float
     force_before: float
     reaction: float
+    residual: float
     stored: float
     dissipated: float
     dissipation: float
@@ -174,6 +178,7 @@ def _judge_forces(checks: Checks, step: StepBalance, judge: Judge, dofs: int, rt
     unbalanced = abs(step.reaction - step.force)
     if step.force > 0.0:
         checks.force_balance = max(checks.force_balance, unbalanced / step.force)
+        checks.unsolved = max(checks.unsolved, step.residual / max(step.force, checks.greatest_force))
     solved = sqrt(dofs) * (rtol * step.force + 1e-15) + ROUNDING * step.force
     judge(
         "force_balance",

@@ -94,7 +94,7 @@ class Conductance:
         return {"conductance": constriction} if constriction == constriction else {}
 
     def drop_matrices(self) -> None:
-        """Nothing is freed: a matrix with one unknown a node is small beside that of the displacements."""
+        """Nothing is freed: a matrix with one unknown a node is small compared with that of the displacements."""
 
 
 def _laplace(solid: Solid) -> Floats:

@@ -98,6 +98,11 @@ class NewtonSolver:
         snes.setFromOptions()
         self.snes = snes
 
+    @property
+    def residual(self) -> Floats:
+        """Forces out of balance after the last solve, at the owned dofs, zero at prescribed ones [E L^2]."""
+        return np.asarray(self._residual_vec.array_r)
+
     # -- SNES call-backs -------------------------------------------------------------------------------------
 
     def _function(self, snes: Any, x: Any, r: Any) -> None:

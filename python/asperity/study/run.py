@@ -233,7 +233,7 @@ def _attempt(case: Case, place: Path, mesh: Path | AsperityError | None, again: 
         case: the input.
         place: its folder.
         mesh: the file of its mesh, None for one of its own, or why there is none.
-        again: whether it has ended before, so that it starts anew.
+        again: whether it has ended before, so that it starts from the beginning.
         comm: the ranks.
 
     Raises:
