@@ -3,14 +3,15 @@
 
 """Error against error bar of tolerance runs on self-affine surfaces.
 
-    python3 benchmarks/rough.py [elastic] [plastic] [SEED]...
+    python3 benchmarks/rough.py [elastic] [plastic] [first] [SEED]...
     python3 benchmarks/rough.py orders
     python3 benchmarks/rough.py cutoff
 
 Each run has a tolerance of 5 %; the bars of a run that its greatest number of dofs ends before are judged too. The
 reference is extrapolated from two meshes of another grading, with elements of 0.014 L and 0.007 L wherever the surface
 is touched; its own bar, with what the finer mesh leaves out, is in the column `reference`. An error counts as inside
-the bar if it exceeds it by no more than that. Prints one Markdown table per material.
+the bar if it exceeds it by no more than that. Prints one Markdown table per material. With `first` only the first
+step is judged, by meshes of 0.004 L and 0.0025 L where this step alone touches, for its spots are the smallest.
 
 `orders`: the order of the force observed from three meshes of the family, step by step, and the bars that it gives
 beside those of the range of orders of two meshes, against half-spaces; elastic, slopes of 0.05. `cutoff`: waves down
@@ -38,8 +39,9 @@ from asperity.reference import RoughHalfSpace
 from asperity.surface import SelfAffine
 
 TOLERANCE, STEPS, SIZES = 0.05, 5, (0.014, 0.007)
+FIRST_SIZES = 0.004, 0.0025  # of the meshes for the first step alone [L]
 MATERIALS = {"elastic": asp.Material(1.0, 0.3), "plastic": asp.Material(1.0, 0.3, 0.01, 0.05)}
-MAX_DOFS = {"elastic": 1_000_000, "plastic": 250_000}
+MAX_DOFS = {"elastic": 1_000_000, "plastic": 400_000}
 #: seed, Hurst exponent, rms slope, roll-off and shortest wavelength [L], greatest approach [L]
 SURFACES = (
     (101, 0.8, 0.2, 0.5, 0.02, 0.015),
@@ -48,6 +50,8 @@ SURFACES = (
     (104, 0.8, 0.1, 0.3, 0.03, 0.006),
     (105, 0.5, 0.4, 0.25, 0.01, 0.012),
     (106, 0.8, 0.45, 0.4, 0.01, 0.02),
+    (107, 0.5, 0.2, 0.5, 0.05, 0.008),
+    (108, 0.5, 0.3, 0.4, 0.04, 0.008),
 )
 
 FAMILY = (0.0707, 0.0354, 0.0177)  # element sizes of the meshes of `orders` [L]
@@ -58,9 +62,12 @@ CLIP = 0.5, 4.0  # of an observed order
 
 
 def judge(
-    name: str, seed: int, H: float, slope: float, roll: float, short: float, depth: float
+    name: str, seed: int, H: float, slope: float, roll: float, short: float, depth: float, first: bool = False
 ) -> tuple[int, float, Floats, Floats, Floats, bool]:
-    """Run and reference of one surface: dofs, seconds, and (STEPS,) errors, bars, uncertainties of the reference."""
+    """Run and reference of one surface: dofs, seconds, and (STEPS,) errors, bars, uncertainties of the reference.
+
+    With `first` those of the first step only, (1,), against meshes made for it.
+    """
     surface = SelfAffine(L=1.0, H=H, slope=slope, lambda_roll=roll, lambda_short=short, seed=seed)
     material = MATERIALS[name]
     start = process_time()
@@ -68,20 +75,30 @@ def judge(
     found = asp.solve_to_tolerance(surface, material, target, delta_max=depth, steps=STEPS)
     seconds = process_time() - start
     at = depth * np.linspace(1.0 / STEPS, 1.0, STEPS)
-    problem = asp.Problem.of(surface, material, delta_max=depth, steps=2 * STEPS)
-    roughness = Roughness(problem, depth, STEPS)
-    forces = []
-    for h in SIZES:
-        size = MeshSize(h, growth=0.2, reach=roughness.contact_map(), grading=(1.0, 1.0))
-        block = make_block(MPI.COMM_SELF, surface, 1.0, depth, size)
-        fine = solve_contact(surface, material, block=block, comm=MPI.COMM_SELF, delta_max=depth, steps=2 * STEPS)
-        forces.append(np.interp(at, fine.curve.loading().delta_star, fine.curve.loading().P_star))
-    assert block is not None
-    exact, _, spread = extrapolate_mesh(forces[0], forces[1], SIZES[0] / SIZES[1])
-    unsure = np.asarray(spread / exact + FORCE_BAR * np.abs(roughness.left_out(block).at(at)[0]))
+    if first:
+        at = at[:1]
+    exact, unsure = reference(surface, material, at, FIRST_SIZES if first else SIZES)
     loading = found.curve.loading()
     P, bar = (np.interp(at, loading.delta_star, column) for column in (loading.P_star, loading.error_P_star))
     return found.contact.dofs, seconds, P / exact - 1.0, bar / exact, unsure, found.met
+
+
+def reference(
+    surface: SelfAffine, material: asp.Material, at: Floats, sizes: tuple[float, float]
+) -> tuple[Floats, Floats]:
+    """Forces at equally spaced approaches (k,), extrapolated from two meshes, and their relative uncertainty."""
+    depth, steps = float(at[-1]), 2 * len(at)
+    problem = asp.Problem.of(surface, material, delta_max=depth, steps=steps)
+    roughness = Roughness(problem, depth, len(at))
+    forces = []
+    for h in sizes:
+        size = MeshSize(h, growth=0.2, reach=roughness.contact_map(), grading=(1.0, 1.0))
+        block = make_block(MPI.COMM_SELF, surface, 1.0, depth, size)
+        fine = solve_contact(surface, material, block=block, comm=MPI.COMM_SELF, delta_max=depth, steps=steps)
+        forces.append(np.interp(at, fine.curve.loading().delta_star, fine.curve.loading().P_star))
+    assert block is not None
+    exact, _, spread = extrapolate_mesh(forces[0], forces[1], sizes[0] / sizes[1])
+    return exact, np.asarray(spread / exact + FORCE_BAR * np.abs(roughness.left_out(block).at(at)[0]))
 
 
 def observed(P: Floats) -> tuple[Floats, Floats]:
@@ -159,9 +176,10 @@ def main() -> None:
     if sys.argv[1:] in (["orders"], ["cutoff"]):
         {"orders": orders, "cutoff": cutoff}[sys.argv[1]]()
         return
-    seeds = {int(word) for word in sys.argv[1:] if word.isdecimal()}
+    words = sys.argv[1:]
+    seeds = {int(word) for word in words if word.isdecimal()}
     surfaces = [surface for surface in SURFACES if not seeds or surface[0] in seeds]
-    for name in [word for word in sys.argv[1:] if not word.isdecimal()] or list(MATERIALS):
+    for name in [word for word in words if word in MATERIALS] or list(MATERIALS):
         print(
             f"\n{name}\n\n| seed | H | slope | shortest/L | dofs | CPU s | met | errors % | bars % | reference % |\n"
             + "| --- " * 10
@@ -169,7 +187,7 @@ def main() -> None:
         )
         inside, ratios = [], []
         for seed, H, slope, roll, short, depth in surfaces:
-            dofs, seconds, error, bar, unsure, met = judge(name, seed, H, slope, roll, short, depth)
+            dofs, seconds, error, bar, unsure, met = judge(name, seed, H, slope, roll, short, depth, "first" in words)
             inside += list(np.abs(error) <= bar + unsure)
             ratios += list(bar / np.maximum(np.abs(error), 1e-4))
             columns = (" ".join(f"{100 * v:.1f}" for v in values) for values in (error, bar, unsure))

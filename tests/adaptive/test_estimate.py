@@ -30,12 +30,23 @@ QUICK = [
 
 def test_waves_that_the_last_mesh_misses_take_a_finer_one() -> None:
     """The demo surface has enough with the meshes of its tolerance, one with shorter waves has not."""
+    keys = ["accuracy.tolerance=0.01"]
     demo, fine = (
-        [level.h_contact for level in estimate(Case.load(ROOT / "cases/elastic.toml", keys)).levels]
-        for keys in (["accuracy.tolerance=0.05"], ["accuracy.tolerance=0.05", "surface.f_max=8"])
+        [level.h_contact for level in estimate(Case.load(ROOT / "cases/elastic.toml", [*keys, *more])).levels]
+        for more in ((), ("surface.f_max=12", "accuracy.max_dofs=10_000_000"))
     )
-    assert demo[0] == fine[0] and demo[-1] > 0.04e-6
+    assert demo == fine[: len(demo)]
     assert len(fine) > len(demo) and fine[-1] < demo[-1] / 1.5
+
+
+def test_a_surface_rough_down_to_the_pixel_takes_more_than_it_may(tmp_path: Path) -> None:
+    """As a scan with noise: the estimate follows its waves, and says that the tolerance will not be met."""
+    noise = np.random.default_rng(0).normal(size=(256, 256))
+    np.savez(tmp_path / "noise.npz", z=1e-3 * noise, L=1.0)
+    case = {"units": "other", "surface": {"kind": "file", "path": str(tmp_path / "noise.npz")}}
+    case |= {"material": {"E": 1.0, "nu": 0.3}, "loading": {"delta_max": 2e-3}, "accuracy": {"tolerance": 0.05}}
+    found = estimate(Case.from_dict(case))
+    assert not found.enough and found.levels[-1].h_contact < 0.02
 
 
 def test_dofs_steps_and_memory_are_those_of_the_run() -> None:

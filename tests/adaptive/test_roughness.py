@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,11 @@ import pytest
 from mpi4py import MPI
 
 import asperity as asp
+from asperity.adaptive.extrapolation import Along, correct
+from asperity.adaptive.mesh_plan import OF_GUIDE, SAFETY, scatter
 from asperity.adaptive.roughness import Omission, Roughness
 from asperity.adaptive.solve_to_tolerance import refine
+from asperity.curve import Curve
 from asperity.errors import Interrupted
 from asperity.mesh.generate import build_block
 from asperity.model.material import Material
@@ -22,7 +26,7 @@ from asperity.model.settings import MeshSize
 from asperity.quasistatic.contact_result import PartialResult
 from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.solve_contact import solve_contact
-from asperity.surface import SelfAffine, SurfaceWarning
+from asperity.surface import HeightMap, SelfAffine, SurfaceWarning
 
 ELASTIC = Material(1.0, 0.3)
 
@@ -45,6 +49,23 @@ def test_a_finer_mesh_leaves_out_less() -> None:
     assert force[-1] < 0.02
 
 
+def test_four_cells_per_wave_are_enough_and_pixels_do_not_count(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A map of 257 x 257 heights without waves shorter than 12 pixels."""
+    np.savez(tmp_path / "map.npz", z=surface_of(lambda_short=0.05).grid(257), L=1.0)
+    problem = Problem.of(HeightMap(path=tmp_path / "map.npz"), ELASTIC, delta_max=0.02, steps=4)
+    block = build_block(problem.surface, 1.0, lambda x, y, depth: 0.04 + 0.3 * depth)
+    few = Roughness(problem, 0.02, 4)
+    monkeypatch.setattr("asperity.adaptive.roughness.PER_WAVE", 16)
+    many = Roughness(problem, 0.02, 4)
+    cells = [len(roughness.contact_map().touched_at) for roughness in (few, many)]
+    assert cells[0] < 257 < cells[1]
+    force, exact = (roughness.left_out(block).force for roughness in (few, many))
+    assert np.abs(exact).max() > 0.05
+    assert np.abs(force - exact).max() < 0.01
+
+
 def test_the_contact_map_holds_the_approaches() -> None:
     surface, parts = surface_of(), list[float]()
     roughness = Roughness(Problem.of(surface, ELASTIC, delta_max=0.02, steps=4), 0.02, 4, parts.append)
@@ -53,6 +74,26 @@ def test_the_contact_map_holds_the_approaches() -> None:
     assert parts == [0.25, 0.5, 0.75, 1.0]
     assert found.depth(np.array([x]), np.array([y]))[0] == pytest.approx(0.005)
     assert np.isinf(found.touched_at).any()
+
+
+def test_light_loads_of_rough_surfaces_have_a_wider_bar() -> None:
+    """Two meshes that agree by chance: what the edges of their contact leave open is the bar, as of no fine partner."""
+
+    def rows(error: float) -> Curve:
+        at = np.array([0.002, 0.004, 0.006])
+        return Curve.from_rows([
+            {"delta": d, "delta_star": d, "force": d, "P_star": d, "area_fraction": 0.01, "error_area_fraction": error}
+            for d in at
+        ])  # fmt: skip
+
+    coarse, fine = rows(0.004), rows(0.002)
+    steps, nothing = Along(np.array([0.0]), np.zeros(1)), Omission(fine.delta_star, np.zeros(3), np.zeros(3))
+    smooth, rough = (
+        correct(fine, coarse, 2.0, SAFETY, np.ones(3, dtype=bool), steps, 0.0, missed)[1].mesh / fine.P_star
+        for missed in (None, nothing)
+    )
+    assert smooth == pytest.approx(scatter(np.full(3, 0.4), np.full(3, 0.2), 2.0))
+    assert rough == pytest.approx(OF_GUIDE * smooth)
 
 
 def test_a_stop_while_a_mesh_is_judged_keeps_its_curve() -> None:

@@ -16,6 +16,7 @@ from asperity.case import Case
 from asperity.cli import main
 from asperity.errors import InputError
 from asperity.surface import HeightMap, SelfAffine, Surface, height_map
+from asperity.surface.measured import HeightField
 
 SIDE = 0.5e-6
 SCAN = SelfAffine(L=SIDE, H=0.8, slope=0.4, lambda_roll=0.1e-6, lambda_short=8e-9, periodic=False, seed=4).grid(256)
@@ -183,9 +184,34 @@ def test_bad_options_are_one_sentence(
     assert words in error and len(error.splitlines()) == 1 and not (tmp_path / "out").exists()
 
 
-def test_a_spike_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert import_map(write(tmp_path, changed(up=0.3e-6)), "-o", tmp_path / "out") == 0
-    assert "if it is a spike" in capsys.readouterr().out
+def test_a_spike_is_reported_and_removed_on_request(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    spiky = write(tmp_path, changed(up=0.3e-6))
+    assert import_map(spiky, "-o", tmp_path / "out") == 0
+    assert "--despike removes such heights" in capsys.readouterr().out
+    assert import_map(spiky, "-o", tmp_path / "out", "--despike") == 0
+    assert "--despike" not in capsys.readouterr().out
+    patch = Surface.from_spec(kind="file", path=str(tmp_path / "out/patch.npz"))
+    assert isinstance(patch, HeightMap)
+    clean = HeightField(SCAN, 1.0, 1.0).levelled("plane").z
+    assert np.abs(patch.heights - clean).max() < 0.1 * np.ptp(clean) < 0.01 * 0.3e-6
+
+
+def test_a_high_bump_is_no_spike(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    x, y = np.meshgrid(*2 * [np.linspace(-1.0, 1.0, 256)])
+    assert import_map(write(tmp_path, SCAN + 60e-9 * np.exp(-300 * (x**2 + y**2))), "-o", tmp_path / "out") == 0
+    assert "if it does not belong to the surface" in capsys.readouterr().out
+
+
+def test_the_filter_named_for_a_noisy_map_makes_a_case_that_may_be_met(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    noisy = write(tmp_path, SCAN + 2e-9 * np.random.default_rng(0).normal(size=SCAN.shape))
+    assert import_map(noisy, "-o", tmp_path / "out") == 0
+    said = capsys.readouterr().out
+    assert "rough down to its pixels" in said
+    cutoff = said.split("filter the map (--cutoff ")[1].split(")")[0].strip()
+    assert import_map(noisy, "-o", tmp_path / "out", "--cutoff", cutoff) == 0
+    assert "rough down to its pixels" not in capsys.readouterr().out
 
 
 def test_a_huge_map_is_cut_or_filtered(

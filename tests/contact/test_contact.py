@@ -14,7 +14,7 @@ from scipy import sparse
 from scipy.optimize import brentq
 
 from asperity import reference as ref
-from asperity.contact import Contact
+from asperity.contact import ActiveSet, Contact
 from asperity.contact.contact_surface import ContactSurface
 from asperity.contact.make import make_contact
 from asperity.errors import InputError
@@ -291,6 +291,26 @@ def test_newton_converges_in_a_few_steps(rough: Surface, coarse: BlockMesh, form
     taken = [solver.step(delta).newton for delta in np.linspace(0.003, 0.03, 10)]
     assert max(taken) <= 8
     assert np.median(taken) <= 5
+
+
+def test_a_flat_that_recedes_lets_go_of_nodes_one_set_after_the_other(rough: Surface, coarse: BlockMesh) -> None:
+    """The first set of a step back is that in contact; at the new height of the flat nothing would be."""
+    solver = press_of(coarse, rough, EXACT, PLASTIC)
+    assert solver.step(0.01).converged
+    contact, force, z = solver.contact, solver.newton.force, solver.summit - 0.009
+    assert isinstance(contact, ActiveSet)
+    held = set(contact.nodes().tolist())
+    assert len(held) > 5
+    contact.begin(z)
+    contact.residual(force)
+    assert not len(contact.nodes())
+    contact.begin(z)
+    contact.recede(solver.summit - 0.01)
+    lacking = contact.residual(force)[2]
+    assert set(contact.nodes().tolist()) == held
+    np.testing.assert_allclose(lacking, 0.001, rtol=1e-6)  # up to the flat
+    contact.residual(force)  # the rule of every iteration that follows
+    assert not len(contact.nodes())
 
 
 def test_exact_contact_needs_no_more_newton_steps_on_a_finer_mesh(wave: Surface) -> None:

@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asperity.adaptive.mesh_plan import (
+    DOFS_ORDER,
     FIRST,
+    FIRST_STEP,
     GUIDE,
-    SMALLEST_RATIO,
     STEP_ORDERS,
     STICK,
     cheapest_substeps,
@@ -32,7 +33,7 @@ from asperity.adaptive.mesh_plan import (
 )
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.resolution import resolving_size
+from asperity.mesh.resolution import SHARE, resolving_size
 from asperity.mesh.size_field import GRADING, GUIDED, SizeField
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
 from asperity.runtime.display import short_repr
@@ -49,6 +50,8 @@ NODES, NODES_OF_GROWTH = 4.5, 19.0
 
 TYPICAL_BAR = 0.06  # relative, of the second mesh of a run driven by a tolerance
 TYPICAL_STEP_BAR = {MIDPOINT: 0.005, STICK: 0.01, BACKWARD_EULER: 0.1}  # relative, of whole load steps
+LEFT_OUT = 1.0  # height of the waves that the last mesh leaves out, over the approach times the tolerance
+CUTOFF = 3.0  # wavelength of a cut-off over the elements that resolve what it leaves: 6 % pass at half of it
 MOST_DOFS = 1e8  # that are counted
 
 
@@ -138,13 +141,17 @@ class Estimate:
         """Time of one core for everything."""
         return sum(level.seconds for level in self.strain + self.levels)
 
+    def cutoff(self, max_dofs: int) -> float:
+        """Cut-off of the surface, as of a Gaussian filter, that meshes of `max_dofs` dofs probably resolve [length]."""
+        last = self.levels[-1]
+        return CUTOFF * last.h_contact * (last.dofs / max_dofs) ** (1.0 / DOFS_ORDER)
+
 
 def estimate(case: Case, ranks: int = 1) -> Estimate:
     """Estimate the cost of a case, without meshing or solving it.
 
     Of kinematics = "auto" the meshes are counted in small strain. With `accuracy.tolerance` they are those a run plans
-    for a usual error of its first mesh, the last one fine enough for the shortest waves; a harder surface gets a finer
-    one more.
+    for a usual error of its first mesh, and finer ones where the waves that the last one leaves out take them.
 
     Raises:
         InputError: the case is driven by a force, so its approach is not known yet; or it has more than MOST_DOFS.
@@ -167,7 +174,7 @@ def estimate(case: Case, ranks: int = 1) -> Estimate:
     surface, rates = case.build_surface(), PLASTIC if case.material.yield_strength is not None else ELASTIC
     levels: list[MeshEstimate] = []
     enough, most = True, MOST_DOFS if case.accuracy.tolerance is None else min(case.accuracy.max_dofs, MOST_DOFS)
-    for h, steps in _plan(case):
+    for h, steps in _plan(case, surface):
         dofs = _given_dofs(case) or count_dofs(surface, case, h, most)
         if dofs > most:
             enough = False
@@ -205,7 +212,7 @@ def _steps(case: Case, planned: int, substeps: int = 1) -> int:
     return (len(schedule.stops()) + unloading) * loading.cycles
 
 
-def _plan(case: Case) -> Iterator[tuple[float, int]]:
+def _plan(case: Case, surface: Surface) -> Iterator[tuple[float, int]]:
     """Size h_contact [length] and load steps of each mesh, one after the other."""
     loading, plastic = case.loading, case.material.yield_strength is not None
     integrator, sticks = loading.integrator if plastic else BACKWARD_EULER, case.contact.formulation.sticks
@@ -224,10 +231,10 @@ def _plan(case: Case) -> Iterator[tuple[float, int]]:
         left = max(left - whole * substeps**-order, 0.1 * left)
     delta = loading.delta_max
     assert delta is not None
-    finest = resolving_size(case.build_surface(), delta, wanted, FIRST * GUIDE * L) / L
+    finest = resolving_size(surface, delta, wanted * LEFT_OUT / SHARE, FIRST * GUIDE * L) / L
     sizes = list(meshes(TYPICAL_BAR, left))
-    if sizes[-1] > finest:  # the waves that the last mesh leaves out take a finer one
-        sizes.append(max(finest, sizes[-1] / SMALLEST_RATIO))
+    while sizes[-1] > finest:  # the waves that the last mesh leaves out take finer ones
+        sizes.append(max(finest, sizes[-1] / FIRST_STEP))
     for k, h in enumerate(sizes):
         if k == 1 and (plastic or sticks):  # which measures the error of the steps, in two parts at the least
             yield from ((h * L, steps(2**n)) for n in range(max(int(log2(substeps)), 1) + 1))

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import PchipInterpolator
 
-from asperity.adaptive.mesh_plan import bar_share, extrapolate_mesh, scatter
+from asperity.adaptive.mesh_plan import OF_GUIDE, bar_share, extrapolate_mesh, scatter
 from asperity.adaptive.roughness import AREA_BAR, FORCE_BAR, Omission
 from asperity.arrays import Floats
 from asperity.curve import WITH_ERRORS, Curve
@@ -109,7 +109,8 @@ def correct(
     bar = spread / touching
     mesh_bar = steady(bar)
     mesh_bar[judged[loading]] = steady(bar[judged[loading]])
-    mesh_bar = np.maximum(mesh_bar, scatter(_area_error(coarse, at), _area_error(fine, at), ratio))
+    facets = scatter(_area_error(coarse, at), _area_error(fine, at), ratio)
+    mesh_bar = np.maximum(mesh_bar, facets if missed is None else OF_GUIDE * facets)
     path_bar = path.at(at)
     rows = _rows_of_loading(loading)
     rough_bar: Floats = np.zeros(len(raw))

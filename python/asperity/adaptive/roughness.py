@@ -13,20 +13,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from math import log2
 
 import numpy as np
 
 from asperity.arrays import Floats
 from asperity.mesh.block import BlockMesh
+from asperity.mesh.resolution import ELEMENTS, resolving_size
 from asperity.mesh.size_field import GridContactMap
 from asperity.mesh.top import heights_of_top
 from asperity.model.problem import Problem
 from asperity.reference import RoughCurve, RoughHalfSpace
-from asperity.reference.rough_halfspace import HARDNESS
+from asperity.reference.rough_halfspace import HARDNESS, cells_per_side
 
-CELLS = 128, 1024  # fewest and most per side
+CELLS = 128, 1000  # fewest and most per side
 PER_WAVE = 4  # cells per shortest wave
+NEGLIGIBLE = 0.004  # tolerance that the waves too short for that number of cells do not affect
 MOST_STEPS = 10  # at which both curves are computed
 FORCE_BAR = 0.5  # bar over the change of the force; stiff elements make up for a part (docs/rough_surfaces.md)
 AREA_BAR = 0.3  # bar over the change of the area, which is corrected
@@ -67,8 +68,9 @@ class Roughness:
     ) -> None:
         self._surface, material = problem.surface, problem.material
         L = self._surface.L
-        waves = PER_WAVE * L / self._surface.feature_size
-        n = int(np.clip(2 ** np.ceil(log2(waves)), *CELLS))
+        # of a filtered map the pixels are shorter than the waves
+        shortest = ELEMENTS * resolving_size(self._surface, depth, NEGLIGIBLE, L)
+        n = cells_per_side(float(np.clip(PER_WAVE * L / max(self._surface.feature_size, shortest), *CELLS)))
         hardness = np.inf
         if material.yield_strength is not None:
             hardness = HARDNESS * material.yield_strength / material.reduced_modulus

@@ -81,8 +81,9 @@ def show_estimate(title: str, case: Case, ranks: int) -> None:
         options.say(
             "finer meshes follow where the error bar of the last one is above the tolerance"
             if found.enough
-            else f"the next mesh has more than the {case.accuracy.max_dofs} dofs of accuracy.max_dofs: "
-            "the tolerance will probably not be met"
+            else f"the next mesh has more than the {case.accuracy.max_dofs} dofs of accuracy.max_dofs: the tolerance "
+            "will probably not be met; for that, cut off what is shorter than about "
+            f"{found.cutoff(case.accuracy.max_dofs):.2g}, or raise accuracy.tolerance"
         )
     if case.accuracy.area_tolerance is not None:
         options.say("accuracy.area_tolerance is not in this estimate: it often takes finer meshes")

@@ -42,7 +42,7 @@ LEAST = 0.02  # that approach over the range of heights, where more of them are 
 OVERSHOOT = 0.05  # rise of the interpolation above all heights, over their range, that is no roughness
 SMOOTH = 6  # pixels in the cut-off that keeps the interpolation of an edge below that
 KEPT = 5  # heights per wavelength of the filter that a patch keeps which has too many of them
-SPIKE = 8.0  # height of the summit above the mean plane over the rms height that no Gaussian surface reaches
+HIGH = 8.0  # height of the summit above the mean plane over the rms height that no Gaussian surface reaches
 
 
 @click.command()
@@ -52,6 +52,7 @@ SPIKE = 8.0  # height of the summit above the mean plane over the rms height tha
 @click.option("--level", type=click.Choice(["mean", "plane", "curvature"]), default="plane", show_default=True,
               help="Trend to remove.")  # fmt: skip
 @click.option("--window", type=float, nargs=3, metavar="X Y SIDE", help="Square to cut; default the largest.")
+@click.option("--despike", is_flag=True, help="Remove spikes and streaks, and fill them as gaps.")
 @click.option("--cutoff", type=float, metavar="LENGTH", help="Wavelength of a Gaussian low-pass filter; default none.")
 @click.option("--fit", "fitted", is_flag=True, help="Fit D and G of the fractal surface as well.")
 @click.option("--shortest", type=float, metavar="LENGTH",
@@ -64,6 +65,7 @@ def command(
     pixel: float | None,
     level: str,
     window: tuple[float, float, float] | None,
+    despike: bool,
     cutoff: float | None,
     fitted: bool,
     shortest: float | None,
@@ -79,6 +81,7 @@ def command(
     from asperity.runtime.progress import Progress, StepLines
     from asperity.surface.height_map import MOST, HeightMap
     from asperity.surface.measured import HeightField
+    from asperity.surface.spikes import prominence_of_summit
     from asperity.surface.statistics import psd
 
     progress = Progress() if as_json else StepLines()
@@ -92,6 +95,9 @@ def command(
         )
     progress.stage(f"level {nx} x {ny} heights")
     whole = whole.filled().levelled(level)  # type: ignore[arg-type]
+    if despike:
+        progress.stage("remove spikes")
+        whole = whole.despiked()
 
     def cut(field: HeightField) -> HeightField:
         return (field.square() if window is None else field.window(*window)).levelled(level)  # type: ignore[arg-type]
@@ -104,6 +110,7 @@ def command(
         if len(patch.z) > MOST:
             patch = patch.thinned(max(1, int(cutoff / (KEPT * patch.dx)))).square()
     patch.check_plausible()
+    spike = prominence_of_summit(bare.z)
     side = bare.size[0]
     shortest = 4 * bare.dx if shortest is None else shortest
     if not 2 * bare.dx <= shortest < side:
@@ -124,6 +131,7 @@ def command(
     _draw(folder, surface, summit, spectrum, affine, fit)
     cutoffs = _over_cutoff(spectrum, bare.dx)
     about = {"file": map_file, "side": surface.L, "nodes": len(patch.z), "level": level, "cutoff": cutoff}
+    about |= {"despike": despike}
     about |= {"statistics": asdict(statistics), "self_affine": None if affine is None else asdict(affine)}
     about |= {"over_cutoff": cutoffs, "fit": None if fit is None else fit.to_dict()}
     replace_file(folder / "measured.json", f"{json.dumps(about, indent=2)}\n".encode())
@@ -133,7 +141,9 @@ def command(
         options.print_json(about)
         return
     overshoot = summit[2] - float(surface.heights.max())
-    _show(map_file, surface.L, len(patch.z), statistics, overshoot, affine, fit, cutoffs)
+    _show(map_file, surface.L, len(patch.z), statistics, affine, fit, cutoffs)
+    _doubts(surface, statistics, overshoot, spike, affine)
+    _cost(folder / "case.toml")
     options.say(f"written to {folder}; next: asperity check {folder / 'case.toml'}")
 
 
@@ -195,10 +205,10 @@ def _draw(
 
 
 def _show(
-    title: str, side: float, nodes: int, statistics: SurfaceStatistics, overshoot: float,
-    affine: SelfAffineFit | None, fit: FractalFit | None, cutoffs: list[dict[str, float]],
+    title: str, side: float, nodes: int, statistics: SurfaceStatistics, affine: SelfAffineFit | None,
+    fit: FractalFit | None, cutoffs: list[dict[str, float]],
 ) -> None:  # fmt: skip
-    """Print the statistics, rms height and slope over the cut-off, and what is doubtful."""
+    """Print the statistics, rms height and slope over the cut-off."""
     rows = [("side", f"{side:.4g} m"), ("nodes", f"{nodes}"), ("Sq", f"{statistics.Sq:.4g} m"),
             ("Sz", f"{statistics.Sz:.4g} m"), ("rms slope", f"{statistics.rms_slope:.4g}")]  # fmt: skip
     if affine is not None:
@@ -214,6 +224,22 @@ def _show(
         [(f"{c['wavelength']:.3g} m", f"{c['rms_height']:.3g} m", f"{c['rms_slope']:.3g}") for c in cutoffs],
         ("cut-off", "rms height", "rms slope"),
     )
+
+
+def _doubts(
+    surface: HeightMap, statistics: SurfaceStatistics, overshoot: float, spike: float, affine: SelfAffineFit | None
+) -> None:
+    """Print what is doubtful.
+
+    Args:
+        surface: of the patch
+        statistics: of the patch
+        overshoot: of the interpolation above all heights [m]
+        spike: prominence of the highest point, see `spikes.prominence_of_summit`
+        affine: Hurst exponent
+    """
+    from asperity.surface.spikes import STANDS_OUT
+
     if affine is not None and not -affine.error_H <= affine.H <= 1.0 + affine.error_H:
         options.say(
             f"H = {affine.H:.2f} is outside 0 to 1, so no power law of a self-affine surface fits: below 0 it is noise "
@@ -222,10 +248,31 @@ def _show(
     if overshoot > OVERSHOOT * statistics.Sz:
         options.say(
             f"between the heights the surface rises {overshoot:.2g} m above the highest of them, at an edge or noise "
-            f"that pixels do not resolve: a filter removes that (--cutoff {SMOOTH * side / (nodes - 1):.2g})"
+            f"that pixels do not resolve: a filter removes that (--cutoff {SMOOTH * surface.feature_size / 2:.2g})"
         )
-    if statistics.Sp > SPIKE * statistics.Sq:
+    if spike > STANDS_OUT:
         options.say(
-            f"the highest point is {statistics.Sp / statistics.Sq:.0f} rms heights above the mean: if it is a spike of "
-            "the instrument, mark it as missing (NaN) in the map, and it is filled"
+            f"the highest point stands {spike:.0f} times the local roughness above its surroundings, as dust or a "
+            "spike of the instrument does: --despike removes such heights"
+        )
+    elif statistics.Sp > HIGH * statistics.Sq:
+        options.say(
+            f"the highest point is {statistics.Sp / statistics.Sq:.0f} rms heights above the mean: if it does not "
+            "belong to the surface, mark it as missing (NaN) in the map, and it is filled"
+        )
+
+
+def _cost(case_file: Path) -> None:
+    """Print if the case will probably not meet its tolerance, and which filter it takes."""
+    from asperity.adaptive.estimate import estimate
+    from asperity.case import Case
+
+    case = Case.load(case_file)
+    most = case.accuracy.max_dofs
+    found = estimate(case)
+    if not found.enough:
+        options.say(
+            f"the map is rough down to its pixels: a run would need more than the {most} dofs of accuracy.max_dofs for "
+            f"the {case.accuracy.tolerance:.0%} of accuracy.tolerance; raise one of them, or filter the map (--cutoff "
+            f"{found.cutoff(most):.2g})"
         )

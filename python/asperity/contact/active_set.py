@@ -32,18 +32,29 @@ class ActiveSet:
         self._height = solid.points[self._nodes, 2]
         # any positive c gives the same solution; a force over a displacement of the size of an element's stiffness
         self._c = 0.1
-        self._z = np.inf
+        self._z, self._receded = np.inf, 0.0
         self.active = np.zeros(len(self._nodes), dtype=bool)
 
     def begin(self, z: float) -> None:
-        self._z = z
+        self._z, self._receded = z, 0.0
+
+    def recede(self, before: float) -> None:
+        """Begin with the nodes in contact at the height `before` of a flat that recedes.
+
+        At its new height the flat touches nothing, and the solid would first spring back from no contact at all.
+
+        Args:
+            before: height at which the last displacement is in equilibrium [L]
+        """
+        self._receded = self._z - before
 
     def _penetration(self) -> Floats:
         return self._height + self._solid.u.x.array.reshape(-1, 3)[self._nodes, 2] - self._z
 
     def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]:
         d = self._penetration()
-        self.active = self._c * d - force[self._nodes, 2] > 0.0
+        self.active = self._c * (d + self._receded) - force[self._nodes, 2] > 0.0
+        self._receded = 0.0
         r = force.copy()
         held = self._nodes[self.active]
         r[held, 2] = 0.0

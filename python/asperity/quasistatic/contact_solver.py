@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from asperity.arrays import Floats
-from asperity.contact import Contact, Stick
+from asperity.contact import ActiveSet, Contact, Stick
 from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.energies import dissipation, energies
 from asperity.fem.kernels import History
@@ -160,6 +160,8 @@ class ContactSolver:
                 start = self._u + (self._u - u) * (delta - self.delta) / (self.delta - before)
                 ratio = (delta - self.delta) / (self.delta - before)
         self.contact.begin(self.summit - delta)
+        if isinstance(self.contact, ActiveSet) and start is self._u and delta < self.delta:
+            self.contact.recede(self.summit - self.delta)
         if isinstance(self.contact, Stick):
             self.contact.expect(self.summit - self.delta, self._u, start, ratio)
         return self._solve(f"delta/L = {delta:.6g}", start, abs(delta - self.delta))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import ceil
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +23,20 @@ from asperity.surface import Surface
 
 HARDNESS = 3.0  # of a full plastic indentation over the yield strength; Tabor, The Hardness of Metals (1951)
 _ITERATIONS = 200  # at one approach; what is left then is far below the use of the result
+_STRIDE = 256  # cosine transforms of multiples of it take up to twice as long: their columns share cache lines
+
+
+def cells_per_side(least: float) -> int:
+    """Number of cells per side of a `RoughHalfSpace` with a fast transform, no fewer than `least`.
+
+    Examples:
+        >>> cells_per_side(598.0), cells_per_side(1000.0), cells_per_side(512.0)
+        (600, 1000, 540)
+    """
+    from scipy.fft import next_fast_len
+
+    n = next_fast_len(ceil(least), real=True)  # no factors above 5, which the cosine transform wants too
+    return n if n % _STRIDE else cells_per_side(n + 1)
 
 
 @dataclass(frozen=True)

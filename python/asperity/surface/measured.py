@@ -33,6 +33,7 @@ from asperity.runtime.files import (
     replace_file,
 )
 from asperity.surface.height_map import DEEPEST
+from asperity.surface.spikes import without_spikes
 
 Trend = Literal["mean", "plane", "curvature"]
 
@@ -43,6 +44,7 @@ ALPHA = math.sqrt(math.log(2) / math.pi)  # constant of the Gaussian filter, ISO
 
 FLAT = 1e-12  # depth over the side below which a map is flat: that of round-off
 MOST_FACTORED = 400_000  # missing heights that are filled by a factorisation, others by iteration
+PASSES = 3  # of the search for spikes: what is left of a broad one stands out of what the last pass has filled
 MOST_READ = 400_000_000  # heights of a file, 3.2 GB; the largest instruments have 1e8
 STEEPEST = 30.0  # greatest plausible rms slope
 UNITS = {"mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "pm": 1e-12}  # of heights that were read as metres
@@ -150,6 +152,14 @@ class HeightField:
                 "choose a window with fewer gaps"
             )
         return replace(self, z=_harmonic_fill(self.z, gaps))
+
+    def despiked(self) -> HeightField:
+        """Fill spikes, and the nodes next to them, as missing heights; see `spikes.without_spikes`."""
+        self._require_complete("searched for spikes")
+        field = self
+        for _ in range(PASSES):
+            field = replace(field, z=without_spikes(field.z)).filled()
+        return field
 
     def levelled(self, trend: Trend = "plane") -> HeightField:
         """Subtract the least-squares polynomial: "mean", "plane", or "curvature" (second order)."""
@@ -284,12 +294,12 @@ def _read_plain(path: Path) -> tuple[Array, float | None, float | None]:
 def _read_instrument(path: Path, pixel: float | None) -> HeightField:
     """Heights in metres by SurfaceTopography, whose first index is x."""
     try:
-        import SurfaceTopography  # type: ignore[import-not-found, unused-ignore]
+        import SurfaceTopography  # type: ignore[import-not-found, import-untyped, unused-ignore]
     except ImportError:
         raise CompatError(
             f"{path}: files of type {path.suffix!r} need the package SurfaceTopography: pip install SurfaceTopography"
         ) from None
-    from SurfaceTopography.Exceptions import (  # type: ignore[import-not-found, unused-ignore]
+    from SurfaceTopography.Exceptions import (  # type: ignore[import-not-found, import-untyped, unused-ignore]
         CannotDetectFileFormat,
         ReadFileError,
     )

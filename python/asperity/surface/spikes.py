@@ -1,0 +1,91 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Dust, spikes and streaks in a height map: heights that stand far above their surroundings."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from asperity.arrays import Array
+from asperity.errors import InputError
+
+WINDOW = 7  # nodes per side of the surroundings; it sees streaks of up to three rows
+STANDS_OUT = 15.0  # over the usual distance from the median, from which a height is a spike
+MOST = 0.05  # share of the heights beyond which they are features of the surface
+MIDDLE = 512  # nodes per side of the middle of a map, enough for a median
+USUAL = 1.4826  # standard deviation of a normal distribution over its median absolute value
+
+
+def prominence(z: Array) -> Array:
+    """Heights above the median of their surroundings, over the usual size of this difference (ny, nx).
+
+    The usual size is 1.4826 times the median absolute value in the middle of the map, and the rms value where most
+    differences are zero. On self-affine surfaces the prominence is at most 12, on their summits 4.
+
+    Args:
+        z: heights (ny, nx) (length)
+
+    Examples:
+        >>> z = np.random.default_rng(0).normal(size=(50, 50))
+        >>> z[20, 30] += 30.0
+        >>> bool(prominence(z)[20, 30] > 20.0), int((prominence(z) > 6.0).sum())
+        (True, 1)
+    """
+    return np.asarray(_above(z) / _usual(z))
+
+
+def prominence_of_summit(z: Array) -> float:
+    """Prominence of the highest node, without that of the others.
+
+    Args:
+        z: heights (ny, nx) (length)
+
+    Examples:
+        >>> z = np.random.default_rng(0).normal(size=(50, 50))
+        >>> bool(prominence_of_summit(z) == prominence(z).flat[z.argmax()])
+        True
+    """
+    row, column = np.unravel_index(int(z.argmax()), z.shape)
+    part = np.pad(z, WINDOW // 2, mode="symmetric")[row : row + WINDOW, column : column + WINDOW]
+    return float((z[row, column] - np.median(part)) / _usual(z))
+
+
+def without_spikes(z: Array) -> Array:
+    """Heights with NaN in place of spikes and of the nodes next to them, whose heights a spike may have raised.
+
+    Args:
+        z: heights (ny, nx) (length)
+
+    Raises:
+        InputError: more than a twentieth of the heights stand out
+
+    Examples:
+        >>> z = np.random.default_rng(0).normal(size=(50, 50))
+        >>> z[20, 30] += 30.0
+        >>> int(np.isnan(without_spikes(z)).sum())
+        9
+    """
+    from scipy.ndimage import binary_dilation
+
+    spikes = binary_dilation(prominence(z) > STANDS_OUT, structure=np.ones((3, 3)))
+    if spikes.mean() > MOST:
+        raise InputError(
+            f"{spikes.mean():.0%} of the heights stand out of their surroundings, more than {MOST:.0%}: features of "
+            "the surface, no spikes; leave out --despike, or cut a window"
+        )
+    return np.where(spikes, np.nan, z)
+
+
+def _above(z: Array) -> Array:
+    """Heights above the median of their surroundings (ny, nx) (length)."""
+    from scipy.ndimage import median_filter
+
+    return np.asarray(z - median_filter(z, size=WINDOW, mode="reflect"))
+
+
+def _usual(z: Array) -> float:
+    """Usual size of the difference of heights from the median of their surroundings (length)."""
+    middle = tuple(slice(max(n - MIDDLE, 0) // 2, (n + MIDDLE) // 2) for n in z.shape)
+    above = _above(z[middle])
+    return USUAL * float(np.median(np.abs(above))) or float(np.sqrt(np.mean(above**2))) or 1.0
