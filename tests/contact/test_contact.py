@@ -299,7 +299,7 @@ def test_a_flat_that_recedes_lets_go_of_nodes_one_set_after_the_other(rough: Sur
     assert solver.step(0.01).converged
     contact, force, z = solver.contact, solver.newton.force, solver.summit - 0.009
     assert isinstance(contact, ActiveSet)
-    held = set(contact.nodes().tolist())
+    held = set(map(int, contact.nodes()))
     assert len(held) > 5
     contact.begin(z)
     contact.residual(force)
@@ -307,7 +307,7 @@ def test_a_flat_that_recedes_lets_go_of_nodes_one_set_after_the_other(rough: Sur
     contact.begin(z)
     contact.recede(solver.summit - 0.01)
     lacking = contact.residual(force)[2]
-    assert set(contact.nodes().tolist()) == held
+    assert set(map(int, contact.nodes())) == held
     np.testing.assert_allclose(lacking, 0.001, rtol=1e-6)  # up to the flat
     contact.residual(force)  # the rule of every iteration that follows
     assert not len(contact.nodes())
