@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 import asperity as asp
 from asperity.adaptive.extrapolation import Along, correct
-from asperity.adaptive.mesh_plan import OF_GUIDE, SAFETY, scatter
+from asperity.adaptive.mesh_plan import OF_GUIDE, SAFETY, SCATTER, YIELDED, scatter
 from asperity.adaptive.roughness import Omission, Roughness
 from asperity.adaptive.solve_to_tolerance import refine
 from asperity.curve import Curve
@@ -77,7 +77,7 @@ def test_the_contact_map_holds_the_approaches() -> None:
     assert np.isinf(found.touched_at).any()
 
 
-def test_light_loads_of_rough_surfaces_have_a_wider_bar() -> None:
+def test_few_elements_in_the_spots_of_a_rough_surface_have_a_wider_bar() -> None:
     """Two meshes that agree by chance: what the edges of their contact leave open is the bar, as of no fine partner."""
 
     def rows(error: float) -> Curve:
@@ -89,12 +89,15 @@ def test_light_loads_of_rough_surfaces_have_a_wider_bar() -> None:
 
     coarse, fine = rows(0.004), rows(0.002)
     steps, nothing = Along(np.array([0.0]), np.zeros(1)), Omission(fine.delta_star, np.zeros(3), np.zeros(3))
-    smooth, rough = (
-        correct(fine, coarse, 2.0, SAFETY, np.ones(3, dtype=bool), steps, 0.0, missed)[1].mesh / fine.P_star
+    smooth, smooth_plastic, rough, rough_plastic = (
+        correct(fine, coarse, 2.0, SAFETY, np.ones(3, dtype=bool), steps, 0.0, missed, plastic)[1].mesh / fine.P_star
         for missed in (None, nothing)
+        for plastic in (False, True)
     )
     assert smooth == pytest.approx(scatter(np.full(3, 0.4), np.full(3, 0.2), 2.0))
+    assert smooth_plastic == pytest.approx(smooth)
     assert rough == pytest.approx(OF_GUIDE * smooth)
+    assert rough_plastic == pytest.approx(OF_GUIDE * YIELDED / SCATTER * smooth)
 
 
 def test_a_stop_while_a_mesh_is_judged_keeps_its_curve() -> None:

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import PchipInterpolator
 
-from asperity.adaptive.mesh_plan import OF_GUIDE, bar_share, extrapolate_mesh, scatter
+from asperity.adaptive.mesh_plan import bar_share, extrapolate_mesh, facet_share, scatter
 from asperity.adaptive.roughness import AREA_BAR, FORCE_BAR, Omission
 from asperity.arrays import Floats
 from asperity.curve import WITH_ERRORS, Curve
@@ -86,6 +86,7 @@ def correct(
     path: Along,
     algebraic: float,
     missed: Omission | None,
+    plastic: bool,
 ) -> tuple[Curve, Budget]:
     """Extrapolated curve of the finest level with its error bars.
 
@@ -99,6 +100,7 @@ def correct(
         path: relative error left of the load steps
         algebraic: relative error of the equations left unsolved
         missed: what the mesh leaves out of a rough surface
+        plastic: whether the solid yields
     """
     loading = fine.branch == "load"
     at = fine.delta_star[loading]
@@ -109,8 +111,8 @@ def correct(
     bar = spread / touching
     mesh_bar = steady(bar)
     mesh_bar[judged[loading]] = steady(bar[judged[loading]])
-    facets = scatter(_area_error(coarse, at), _area_error(fine, at), ratio)
-    mesh_bar = np.maximum(mesh_bar, facets if missed is None else OF_GUIDE * facets)
+    share = facet_share(missed is not None, plastic)
+    mesh_bar = np.maximum(mesh_bar, scatter(_area_error(coarse, at), _area_error(fine, at), ratio, share))
     path_bar = path.at(at)
     rows = _rows_of_loading(loading)
     rough_bar: Floats = np.zeros(len(raw))

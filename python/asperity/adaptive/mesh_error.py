@@ -111,7 +111,9 @@ class MeshErrorEstimate:
         judged, algebraic = judged_rows(result.curve, self._steps), result.checks.unsolved
         unresolved = "no node is touched" if curve.untouched() or coarse.untouched() else path.unknown
         if not unresolved:
-            curve, budget = correct(curve, coarse, ratio, safety, judged, path.bar[substeps], algebraic, missed)
+            curve, budget = correct(
+                curve, coarse, ratio, safety, judged, path.bar[substeps], algebraic, missed, run.plastic
+            )
             curve = with_measures(curve, coarse, ratio, safety, budget, run.compliance)
             unresolved = curve.unresolved() or coarse.unresolved()
 

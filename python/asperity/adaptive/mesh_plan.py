@@ -23,6 +23,7 @@ MESH_ORDER = 2.0  # typical one, to plan with
 AREA_ORDER = 1.3  # of the bar of the contact area, to plan with; that of the edges of spots is 1.5 (docs/contact.md)
 SAFETY = 1.3  # on half the range of limits
 SCATTER = 0.15  # error of the force over that of the area of contact, both relative, which facets cut at random leave
+YIELDED = 0.5  # the same of a rough solid that yields: the force of a flattened spot is its area times the hardness
 OF_GUIDE = 1.6  # times that where the coarser mesh is the guiding one, on which small spots hardly have an element
 GUIDE_EXCESS = 2.0  # what the guide makes errors look larger than they are, by its own grading (docs/accuracy.md)
 GUIDE = 0.1  # size of the guiding mesh [L]
@@ -121,7 +122,7 @@ def bar_share(ratio: float, safety: float = SAFETY) -> float:
     return 0.5 * safety * (low - high)
 
 
-def scatter(coarse: Floats, fine: Floats, ratio: float) -> Floats:
+def scatter(coarse: Floats, fine: Floats, ratio: float, share: float = SCATTER) -> Floats:
     """Error bar of the limit from where the edges of the contact happen to cut the facets of two meshes, relative.
 
     A spot of a few facets is larger or smaller by chance from mesh to mesh, and its force with it. Two such meshes may
@@ -130,9 +131,20 @@ def scatter(coarse: Floats, fine: Floats, ratio: float) -> Floats:
     Args:
         coarse, fine: error of the area of contact over the area, on two meshes (n,)
         ratio: coarse over fine element size, above 1
+        share: error of the force over that of the area, see `facet_share`
     """
     weight = float(np.mean([1.0 / (ratio**p - 1.0) for p in MESH_ORDERS]))  # of the coarse force in the limit
-    return SCATTER * np.hypot((1.0 + weight) * fine, weight * coarse)
+    return share * np.hypot((1.0 + weight) * fine, weight * coarse)
+
+
+def facet_share(rough: bool, plastic: bool) -> float:
+    """Error of the force over that of the area of contact, both relative, which facets cut at random leave.
+
+    Args:
+        rough: whether the meshes leave out waves of the surface
+        plastic: whether the solid yields
+    """
+    return OF_GUIDE * (YIELDED if plastic else SCATTER) if rough else SCATTER
 
 
 def error_of(bar: float, ratio: float, guide: bool) -> float:
