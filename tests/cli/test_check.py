@@ -89,12 +89,12 @@ def test_what_a_run_warns_of_before_it_solves_is_warned_of(
     case_file.write_text(text, encoding="utf-8")
 
     class SetUp(Exception):
-        """The run has come to its solid."""
+        """The run has judged its mesh and comes to its load path."""
 
     def stop(*_: object, **__: object) -> None:
         raise SetUp
 
-    monkeypatch.setattr("asperity.quasistatic.make.make_contact_solver", stop)
+    monkeypatch.setattr("asperity.quasistatic.solve_contact.Record", stop)
     with warnings.catch_warnings(record=True) as given, pytest.raises(SetUp):
         warnings.simplefilter("always")
         asp.run(Case.load(case_file, changes))
