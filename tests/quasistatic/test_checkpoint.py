@@ -127,7 +127,8 @@ def test_a_run_in_pieces_gives_the_same_curve(
     }
     straight = solve_contact(wave, material, **settings)
     pieces = in_pieces(wave, material, shared_path / "checkpoint", (2, 0), **settings)
-    assert_same(straight, pieces, 1e-10)
+    # on several ranks the mesh may be partitioned differently: then to the tolerance of the equations
+    assert_same(straight, pieces, 1e-10 if comm().size == 1 else 1e-8)
     one, two = (gather_states(result, 1.0, 1.0) for result in (straight, pieces))
     assert len(one) == len(two) and (one or comm().rank > 0)
     for a, b in zip(one, two, strict=True):
