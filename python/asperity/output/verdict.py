@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from asperity.curve import Curve
 from asperity.output.results import Results
 from asperity.units import quantity
 
@@ -33,13 +34,12 @@ def _contact(results: Results) -> Iterator[str]:
     if not len(curve):
         yield "No load step was accepted."
         return
-    row = curve.where(np.array([np.argmax(curve.force)]))
+    row = _at_largest_force(curve)
     force, delta = (
         quantity(float(column[0]), results.unit(dimension))
         for column, dimension in ((row.force, "force"), (row.delta, "length"))
     )
-    bar = float(row.error_P_star[0] / row.P_star[0]) if row.P_star[0] > 0 else np.nan
-    known = f" ± {100 * bar:.2g} %" if np.isfinite(bar) else ""
+    known = _bar(float(row.error_P_star[0]), float(row.P_star[0]))
     share = float(row.area_fraction[0])
     area = f"; {100 * share:.3g} % of the nominal area is in contact" if np.isfinite(share) else ""
     yield f"The force is {force}{known} at an approach of {delta}{area}."
@@ -52,15 +52,24 @@ def _stiffness(results: Results) -> Iterator[str]:
     curve = results.curve
     if not len(curve):
         return
-    row = curve.where(np.array([np.argmax(curve.force)]))
+    row = _at_largest_force(curve)
     known = []
     for name, axis in (("k_n_elastic", "normal"), ("k_t", "tangential, without slip,")):
-        value, bar = (float(getattr(row, column)[0]) for column in (name, f"error_{name}"))
+        value, error = (float(getattr(row, column)[0]) for column in (name, f"error_{name}"))
         if np.isfinite(value) and value > 0.0:
-            off = f" ± {100 * bar / value:.2g} %" if np.isfinite(bar) else ""
-            known.append(f"{axis} {quantity(value, results.unit('stiffness'))}{off}")
+            known.append(f"{axis} {quantity(value, results.unit('stiffness'))}{_bar(error, value)}")
     if known:
         yield f"Its elastic stiffness there: {' and '.join(known)}."
+
+
+def _at_largest_force(curve: Curve) -> Curve:
+    """The row of the largest force."""
+    return curve.where(np.array([np.argmax(curve.force)]))
+
+
+def _bar(error: float, value: float) -> str:
+    """Error bar in per cent of a value, empty where it is not known."""
+    return f" ± {100 * error / value:.2g} %" if value > 0.0 and np.isfinite(error) else ""
 
 
 def _vibration(results: Results) -> Iterator[str]:
