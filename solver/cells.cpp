@@ -5,28 +5,110 @@
 // `Cells::at_points`; those that depend on the material are compiled for each law, see laws.hpp.
 #include "cells.hpp"
 
+#include <cmath>
+#include <optional>
+
 namespace asperity
 {
 namespace
 {
-/// Add the symmetric element matrix of a cell to the values; `at_point(p, A)` adds the part of a quadrature point to its
-/// upper triangle.
-template <typename AtPoint>
-void add_cell(const Cells& cells, std::size_t c, const BlockPattern& pattern, double* values, AtPoint at_point)
+/// Mean over a cell of its gradients, which the variation of its mean volumetric strain takes, and its volume.
+struct MeanGradients
+{
+  Gradients sum{};
+  double volume = 0.0;
+
+  void add(const Gradients& g, double weight)
+  {
+    volume += weight;
+    for (int a = 0; a < nodes; ++a)
+      for (int i = 0; i < 3; ++i)
+        sum[a][i] += weight * g[a][i];
+  }
+
+  /// Add the stiffness against the mean volumetric strain.
+  void add_stiffness(double bulk_modulus, double* A) const
+  {
+    if (bulk_modulus > 0.0 && volume > 0.0)
+      asperity::add_stiffness(sum, nominal_tangent({bulk_modulus, 0.0, 0.0}, {}), 1.0 / volume, A);
+  }
+};
+
+/// Add the symmetric element matrix of a cell to the values: `at_point(p, A)` adds the part of a quadrature point to its
+/// upper triangle, `at_end(A)` that of the whole cell.
+template <typename AtPoint, typename AtEnd>
+void add_cell(const Cells& cells, std::size_t c, const BlockPattern& pattern, double* values, AtPoint at_point,
+              AtEnd at_end)
 {
   double A[dofs * row_length] = {};
   pattern.prefetch(cells.dofs_of(c), c, values);
   cells.at_points(c, [&](const Point& p) { at_point(p, A); });
+  at_end(A);
   for (int r = 1; r < dofs; ++r)
     for (int s = 0; s < r; ++s)
       A[r * row_length + s] = A[s * row_length + r];
   pattern.add(cells.dofs_of(c), c, A, values);
 }
+
+/// Volumetric strain that all points of a cell have; none where each has its own.
+using Dilatation = std::optional<double>;
+
+/// That of the displacement of a cell, from `measure(p)` at its points.
+template <typename Measure>
+Dilatation mean_of(const Cells& cells, std::size_t c, Measure measure)
+{
+  if (!cells.mean_dilatation)
+    return {};
+  double sum = 0.0, volume = 0.0;
+  cells.at_points(c,
+                  [&](const Point& p)
+                  {
+                    sum += p.volume * measure(p);
+                    volume += p.volume;
+                  });
+  return sum / volume;
+}
+
+Dilatation small_dilatation(const Cells& cells, std::size_t c, const Gradients& u)
+{
+  return mean_of(cells, c, [&](const Point& p) { return trace(strain(p.g, u)); });
+}
+
+/// Of the points that are not inside out.
+Dilatation finite_dilatation(const Cells& cells, std::size_t c, const Gradients& u)
+{
+  return mean_of(cells, c,
+                 [&](const Point& p)
+                 {
+                   const Deformation deformation(p.g, u);
+                   return deformation.valid() ? std::log(deformation.det) : 0.0;
+                 });
+}
+
+/// The strain with the volumetric one of its cell.
+Sym dilated(Sym strain, const Dilatation& dilatation)
+{
+  if (dilatation)
+  {
+    const double change = (*dilatation - trace(strain)) / 3.0;
+    for (int i = 0; i < 3; ++i)
+      strain[i] += change;
+  }
+  return strain;
+}
+
+/// Bulk modulus that resists the mean volumetric strain of a cell; 0 where each point has its own.
+template <typename Law>
+double bulk_modulus(const Cells& cells, const Law& law)
+{
+  const Moduli C = law.elastic();
+  return cells.mean_dilatation ? C.lambda + 2.0 / 3.0 * C.mu : 0.0;
+}
 } // namespace
 
 Cells::Cells(Array<const double> x, Array<const int> x_dofs, Array<const int> u_dofs, Array<const double> gradients,
-             Array<const double> weights)
-    : x(x), x_dofs(x_dofs), u_dofs(u_dofs), gradients(gradients), weights(weights)
+             Array<const double> weights, bool mean_dilatation)
+    : x(x), x_dofs(x_dofs), u_dofs(u_dofs), gradients(gradients), weights(weights), mean_dilatation(mean_dilatation)
 {
   expect("x", x, {any(), 3});
   expect("x_dofs", x_dofs, {any(), nodes});
@@ -116,28 +198,31 @@ std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& la
   expect("plastic", plastic, {cells.count()});
   cells.expect_nodal("b", b);
   std::int64_t total = 0, inverted = 0;
-  // `at(material, p, uc, f)` adds the force of a point and returns whether it flows
-  const auto all_cells = [&](const auto& material, auto at)
+  // `at(material, p, uc, dilatation, f)` adds the force of a point and returns whether it flows
+  const auto all_cells = [&](const auto& material, auto dilatation_of, auto at)
   {
     for (std::size_t c = 0; c < cells.count(); ++c)
     {
       const Gradients uc = gather(u.data(), cells.dofs_of(c));
+      const Dilatation dilatation = dilatation_of(cells, c, uc);
       Gradients f{};
       int flowing = 0;
-      cells.at_points(c, [&](const Point& p) { flowing += at(material, p, uc, f); });
+      cells.at_points(c, [&](const Point& p) { flowing += at(material, p, uc, dilatation, f); });
       plastic.data()[c] = flowing > 0;
       total += flowing;
       scatter(f, cells.dofs_of(c), b.data());
     }
   };
-  const auto small_strain = [&](const auto& material, const Point& p, const Gradients& uc, Gradients& f)
+  const auto small_strain
+      = [&](const auto& material, const Point& p, const Gradients& uc, const Dilatation& dilatation, Gradients& f)
   {
-    const auto r = material.respond(strain(p.g, uc), committed.at(p.index));
+    const auto r = material.respond(dilated(strain(p.g, uc), dilatation), committed.at(p.index));
     trial.put(p.index, r.state);
     add_residual(p.g, r.stress, p.volume, f);
     return r.plastic;
   };
-  const auto finite_strain = [&](const auto& material, const Point& p, const Gradients& uc, Gradients& f)
+  const auto finite_strain
+      = [&](const auto& material, const Point& p, const Gradients& uc, const Dilatation& dilatation, Gradients& f)
   {
     const Deformation deformation(p.g, uc);
     const State state = committed.at(p.index);
@@ -150,23 +235,40 @@ std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& la
     return with_log_strain(deformation,
                            [&](const auto& x)
                            {
-                             const auto r = material.respond(x.strain, state);
+                             const auto r = material.respond(dilated(x.strain, dilatation), state);
                              trial.put(p.index, r.state);
                              add_residual(p.g, x.nominal(r.stress), p.volume, f);
                              return r.plastic;
                            });
   };
-  with_law(law, [&](const auto& material)
-           { finite ? all_cells(material, finite_strain) : all_cells(material, small_strain); });
+  with_law(law,
+           [&](const auto& material)
+           {
+             finite ? all_cells(material, finite_dilatation, finite_strain)
+                    : all_cells(material, small_dilatation, small_strain);
+           });
   return {total, inverted};
 }
 
 void stiffness_elastic(const Cells& cells, const Law& law, const BlockPattern& pattern, const Array<double>& values)
 {
   double* out = pattern.start(values, cells.count());
-  const Tangent tangent = nominal_tangent(with_law(law, [](const auto& material) { return material.elastic(); }), {});
+  const double bulk = with_law(law, [&](const auto& material) { return bulk_modulus(cells, material); });
+  Moduli moduli = with_law(law, [](const auto& material) { return material.elastic(); });
+  moduli.lambda -= bulk;
+  const Tangent tangent = nominal_tangent(moduli, {});
   for (std::size_t c = 0; c < cells.count(); ++c)
-    add_cell(cells, c, pattern, out, [&](const Point& p, double* A) { add_stiffness(p.g, tangent, p.volume, A); });
+  {
+    MeanGradients mean;
+    add_cell(
+        cells, c, pattern, out,
+        [&](const Point& p, double* A)
+        {
+          add_stiffness(p.g, tangent, p.volume, A);
+          mean.add(p.g, p.volume);
+        },
+        [&](double* A) { mean.add_stiffness(bulk, A); });
+  }
 }
 
 void stiffness_plastic(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
@@ -184,13 +286,16 @@ void stiffness_plastic(const Cells& cells, const Law& law, const Array<const dou
                if (!plastic.data()[c])
                  continue;
                const Gradients uc = gather(u.data(), cells.dofs_of(c));
-               add_cell(cells, c, pattern, out,
-                        [&](const Point& p, double* A)
-                        {
-                          const auto r = material.respond(strain(p.g, uc), committed.at(p.index));
-                          if (r.plastic)
-                            add_stiffness(p.g, nominal_tangent(material.softening(r), r.direction), p.volume, A);
-                        });
+               const Dilatation dilatation = small_dilatation(cells, c, uc);
+               add_cell(
+                   cells, c, pattern, out,
+                   [&](const Point& p, double* A)
+                   {
+                     const auto r = material.respond(dilated(strain(p.g, uc), dilatation), committed.at(p.index));
+                     if (r.plastic) // a flow that keeps the volume does not soften the bulk
+                       add_stiffness(p.g, nominal_tangent(material.softening(r), r.direction), p.volume, A);
+                   },
+                   [](double*) {});
              }
            });
 }
@@ -204,23 +309,29 @@ void stiffness_finite(const Cells& cells, const Law& law, const Array<const doub
   with_law(law,
            [&](const auto& material)
            {
+             const double bulk = bulk_modulus(cells, material);
              for (std::size_t c = 0; c < cells.count(); ++c)
              {
                const Gradients uc = gather(u.data(), cells.dofs_of(c));
-               add_cell(cells, c, pattern, out,
-                        [&](const Point& p, double* A)
-                        {
-                          const Deformation deformation(p.g, uc);
-                          if (!deformation.valid())
-                            return;
-                          with_log_strain(deformation,
-                                          [&](const auto& x)
-                                          {
-                                            const auto r = material.respond(x.strain, committed.at(p.index));
-                                            add_stiffness(p.g, x.tangent(r.stress, material.tangent(r), r.direction),
-                                                          p.volume, A);
-                                          });
-                        });
+               const Dilatation dilatation = finite_dilatation(cells, c, uc);
+               MeanGradients mean;
+               const auto at_point = [&](const Point& p, double* A)
+               {
+                 const Deformation deformation(p.g, uc);
+                 if (!deformation.valid())
+                   return;
+                 with_log_strain(deformation,
+                                 [&](const auto& x)
+                                 {
+                                   const auto r = material.respond(dilated(x.strain, dilatation), committed.at(p.index));
+                                   Moduli moduli = material.tangent(r);
+                                   moduli.lambda -= bulk;
+                                   add_stiffness(p.g, x.tangent(r.stress, moduli, r.direction), p.volume, A);
+                                 });
+                 if (bulk > 0.0)
+                   mean.add(deformed(p.g, deformation), p.volume);
+               };
+               add_cell(cells, c, pattern, out, at_point, [&](double* A) { mean.add_stiffness(bulk, A); });
              }
            });
 }
@@ -231,16 +342,17 @@ void stress(const Cells& cells, const Law& law, bool finite, bool conjugate, con
   cells.expect_nodal("u", u);
   committed.expect_shape("committed", cells.count(), cells.points());
   expect("out", out, {cells.count(), cells.points(), 6});
-  const auto at_point = [&](const auto& material, const Point& p, const Gradients& uc) -> Sym
+  const auto at_point
+      = [&](const auto& material, const Point& p, const Gradients& uc, const Dilatation& dilatation) -> Sym
   {
     const State state = committed.at(p.index);
     if (!finite)
-      return material.respond(strain(p.g, uc), state).stress;
+      return material.respond(dilated(strain(p.g, uc), dilatation), state).stress;
     const Deformation deformation(p.g, uc);
     if (!deformation.valid())
       return {};
     const LogStrain x(deformation);
-    const Sym T = material.respond(x.strain, state).stress;
+    const Sym T = material.respond(dilated(x.strain, dilatation), state).stress;
     return conjugate ? T : x.cauchy(T);
   };
   with_law(law,
@@ -249,10 +361,12 @@ void stress(const Cells& cells, const Law& law, bool finite, bool conjugate, con
              for (std::size_t c = 0; c < cells.count(); ++c)
              {
                const Gradients uc = gather(u.data(), cells.dofs_of(c));
+               const Dilatation dilatation
+                   = finite ? finite_dilatation(cells, c, uc) : small_dilatation(cells, c, uc);
                cells.at_points(c,
                                [&](const Point& p)
                                {
-                                 const Sym s = at_point(material, p, uc);
+                                 const Sym s = at_point(material, p, uc, dilatation);
                                  std::copy_n(s.begin(), 6, out.data() + 6 * p.index);
                                });
              }

@@ -2,6 +2,11 @@
 // SPDX-License-Identifier: LGPL-3.0-or-later
 
 // Kernels over cells: internal force, stiffness, stress, volumes.
+//
+// With mean dilatation the volumetric strain of each point of a cell, or its logarithmic one, is replaced by the mean over
+// the cell, in the strain and in the virtual strain (B-bar: Hughes, Int. J. Numer. Methods Eng. 15 (1980) 1413; of finite
+// strain: Simo, Taylor & Pister, Comput. Methods Appl. Mech. Engrg. 51 (1985) 177). Four points of a second-order
+// tetrahedron cannot all keep their volume in plastic flow: it locks.
 #pragma once
 
 #include "arrays.hpp"
@@ -31,10 +36,11 @@ struct Cells
   Array<const int> u_dofs;       // (cells, nodes)
   Array<const double> gradients; // reference gradients at the points (points, nodes, 3)
   Array<const double> weights;   // quadrature weights on the reference cell (points)
+  bool mean_dilatation;          // whether all points of a cell have its mean volumetric strain
   std::size_t u_nodes;           // least number of nodes of a nodal array
 
   Cells(Array<const double> x, Array<const int> x_dofs, Array<const int> u_dofs, Array<const double> gradients,
-        Array<const double> weights);
+        Array<const double> weights, bool mean_dilatation);
 
   std::size_t count() const { return x_dofs.shape(0); }
   std::size_t points() const { return weights.shape(0); }

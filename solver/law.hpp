@@ -22,6 +22,11 @@ inline double contract(const Sym& a, const Sym& b)
   return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + 2.0 * (a[3] * b[3] + a[4] * b[4] + a[5] * b[5]);
 }
 
+inline double trace(const Sym& a)
+{
+  return a[0] + a[1] + a[2];
+}
+
 /// Coefficients of a stiffness C = lambda 1x1 + 2 mu I + chi n x n with a unit direction n.
 struct Moduli
 {

@@ -170,6 +170,24 @@ struct Deformation
   bool valid() const { return det > 0.0; }
 };
 
+/// Gradients g F^-1 with respect to the deformed position: those of the logarithm of det F are their sum.
+inline Gradients deformed(const Gradients& g, const Deformation& deformation)
+{
+  const auto& F = deformation.F;
+  Matrix inverse;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+    {
+      const int k = (i + 1) % 3, l = (i + 2) % 3, m = (j + 1) % 3, n = (j + 2) % 3;
+      inverse[j][i] = (F[k][m] * F[l][n] - F[k][n] * F[l][m]) / deformation.det;
+    }
+  Gradients out;
+  for (int a = 0; a < nodes; ++a)
+    for (int i = 0; i < 3; ++i)
+      out[a][i] = g[a][0] * inverse[0][i] + g[a][1] * inverse[1][i] + g[a][2] * inverse[2][i];
+  return out;
+}
+
 /// Gauss' rule on [0, 1] with a number of points, and the greatest norm of C - 1 for which `Resolvents` take it: there the
 /// strain and the force are exact to rounding, the geometric part of the stiffness to 5e-13.
 template <int count>

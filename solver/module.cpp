@@ -46,8 +46,9 @@ void bind_cells(nb::module_& m)
 {
   nb::class_<Cells>(m, "Cells")
       .def(
-          nb::init<Array<const double>, Array<const int>, Array<const int>, Array<const double>, Array<const double>>(),
-          "x"_a, "x_dofs"_a, "u_dofs"_a, "gradients"_a, "weights"_a);
+          nb::init<Array<const double>, Array<const int>, Array<const int>, Array<const double>, Array<const double>,
+                   bool>(),
+          "x"_a, "x_dofs"_a, "u_dofs"_a, "gradients"_a, "weights"_a, "mean_dilatation"_a = false);
   nb::class_<History>(m, "History")
       .def(nb::init<Array<double>, Array<double>>(), out("plastic_strain"), out("accumulated"));
   nb::class_<BlockPattern>(m, "BlockPattern")

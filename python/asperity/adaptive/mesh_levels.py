@@ -17,7 +17,7 @@ from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.size_field import FirstContactMap
 from asperity.model.problem import Problem
-from asperity.model.settings import AccuracyTarget, ApproachMap, MeshSize
+from asperity.model.settings import MEAN, AccuracyTarget, ApproachMap, MeshSize
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.make import make_block
@@ -67,12 +67,13 @@ class LevelSolver:
         self._guide: ContactResult | None = None  # until the first mesh that it guides
         self.levels: list[Level] = []
 
-    def aim(self, guide: ContactResult, spots: ApproachMap | None = None) -> None:
+    def aim(self, guide: ContactResult, spots: ApproachMap | None = None, rough: bool = False) -> None:
         """Make the meshes from here on for what is touched.
 
         Args:
             guide: result of the first mesh
             spots: what is touched, on rank 0; None takes what the guide touched
+            rough: whether meshes miss waves of the surface; elements as large as its spots lock where they yield
         """
         L = self.side
         xy, touched_at = guide.touched_at()
@@ -82,6 +83,8 @@ class LevelSolver:
         self._reach = spots
         self._depth = float(guide.curve.loading().delta[-1])
         self._made, self._guide = None, guide
+        if rough and self.plastic and self._problem.dilatation is None and self._problem.kernels == "compiled":
+            self._problem = replace(self._problem, dilatation=MEAN)
 
     def _mesh(self, h: float) -> tuple[BlockMesh | None, float]:
         """Mesh of size h [length], or the finest that the greatest number of dofs allows, and its size; collective.

@@ -195,7 +195,7 @@ def refine(
     rough = comm.bcast(roughness is not None)
     if rough:
         hooks.stage("half-space with all waves")
-    run.aim(guide, None if roughness is None else roughness.contact_map())
+    run.aim(guide, None if roughness is None else roughness.contact_map(), rough)
     whole = guide.curve
     del guide
     if problem.path_dependent:

@@ -321,6 +321,11 @@ class SolverSection(Section):
     """Solution of the equations."""
 
     kernels: Literal["compiled", "ufl"] = _key("element kernels", "compiled")
+    dilatation: Literal["point", "mean"] | None = _key(
+        "volumetric strain of the elements, see docs/contact.md",
+        None,
+        shown='"mean" in runs with a tolerance where rough solids yield, otherwise "point"',
+    )
     linear: Literal["auto", "lu", "cg", "gamg"] = _key(
         "linear solver: direct, CG with p-multigrid, or with algebraic multigrid", "auto"
     )

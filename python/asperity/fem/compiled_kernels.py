@@ -51,6 +51,7 @@ class CompiledKernels:
         cell_nodes: displacement nodes of each cell (cells, 10)
         material: with stresses in units of E
         sparsity: of the local matrix
+        mean_dilatation: whether all points of a cell take its mean volumetric strain
     """
 
     def __init__(
@@ -60,9 +61,10 @@ class CompiledKernels:
         cell_nodes: npt.NDArray[np.int32],
         material: Material,
         sparsity: SparsityPattern,
+        mean_dilatation: bool = False,
     ) -> None:
         at, weights = quadrature(QUADRATURE_DEGREE)
-        self._cells = _solver.Cells(x, x_nodes, cell_nodes, shape_gradients(at), weights)
+        self._cells = _solver.Cells(x, x_nodes, cell_nodes, shape_gradients(at), weights, mean_dilatation)
         self._law, self._held = law_of(material), law_of(material, flows=False)
         self._finite, self.linear = material.finite, material.linear
         cells, points = len(cell_nodes), len(weights)

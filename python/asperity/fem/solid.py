@@ -34,6 +34,7 @@ class Solid:
         material: with stresses in units of E
         sides: "rollers" (no normal displacement), "free", or "periodic" for a mesh with joined sides
         kernels: "compiled" or "ufl"
+        mean_dilatation: see `compiled_kernels.CompiledKernels`
         phases: collects the time spent in each phase
 
     Attributes:
@@ -59,6 +60,7 @@ class Solid:
         material: Material,
         sides: str = "rollers",
         kernels: str = "compiled",
+        mean_dilatation: bool = False,
         phases: Phases | None = None,
     ) -> None:
         from dolfinx import fem
@@ -80,14 +82,14 @@ class Solid:
         self.sparsity = SparsityPattern(self.cell_nodes, self.nodes)
         self.fixed = self._fixed_rows(sides)
         self.base = self.nodes_on(BASE)
-        self.kernels = self._make_kernels(kernels)
+        self.kernels = self._make_kernels(kernels, mean_dilatation)
         self.ghosts = Ghosts(index_map)
         self._values: Floats | None = None
         self.version = 0  # counts the tangents written
         self._written = False
         self._with_contact = False  # whether a stiffness of the contact is in `values`
 
-    def _make_kernels(self, kernels: str) -> ElementKernels:
+    def _make_kernels(self, kernels: str, mean_dilatation: bool) -> ElementKernels:
         if kernels == "ufl":
             from asperity.fem.ufl_kernels import UflKernels
 
@@ -95,7 +97,9 @@ class Solid:
         from asperity.fem.compiled_kernels import CompiledKernels
 
         x_nodes = compat.geometry_dofmap(self.mesh)[: len(self.cell_nodes)]
-        return CompiledKernels(self.mesh.geometry.x, x_nodes, self.cell_nodes, self.material, self.sparsity)
+        return CompiledKernels(
+            self.mesh.geometry.x, x_nodes, self.cell_nodes, self.material, self.sparsity, mean_dilatation
+        )
 
     def positions(self, nodes: npt.NDArray[np.int32]) -> Floats:
         """Coordinates of the nodes (n, k) of cells or facets, across joined sides next to the first (n, k, 3) [L]."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, replace
 from asperity.errors import InputError, ResolutionWarning
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule, greatest_force
 from asperity.model.material import Material
-from asperity.model.settings import WIDEST_JOINED, Formulation, MeshSize, SolverOptions
+from asperity.model.settings import WIDEST_JOINED, Formulation, MeshSize, SolverOptions, wrong_dilatation
 from asperity.runtime.display import short_repr
 from asperity.surface import Surface
 
@@ -37,10 +37,14 @@ class Problem:
         formulation: of the contact
         size: of the elements
         kernels: "compiled" or "ufl"
+        dilatation: volumetric strain of the elements: "point", that of each quadrature point, or "mean", that of the
+            cell, which does not lock where elements as large as the spots flow but is softer where they do not
+            (docs/contact.md); None takes that of the points, except where a run with a tolerance chooses
         options: of the solver
 
     Raises:
-        InputError: not exactly one of delta_max and force_max, or periodic sides of a surface that is not periodic
+        InputError: not exactly one of delta_max and force_max, periodic sides of a surface that is not periodic, or
+            mean volumetric strains with UFL kernels
     """
 
     surface: Surface
@@ -51,6 +55,7 @@ class Problem:
     formulation: Formulation = field(default_factory=Formulation)
     size: MeshSize = field(default_factory=MeshSize)
     kernels: str = "compiled"
+    dilatation: str | None = None
     options: SolverOptions = field(default_factory=SolverOptions)
 
     __repr__ = short_repr
@@ -58,6 +63,8 @@ class Problem:
     def __post_init__(self) -> None:
         if (self.load_path.delta_max is None) == (self.load_path.force_max is None):
             raise InputError(ONE_OF)
+        if wrong := wrong_dilatation(self.dilatation, self.kernels):
+            raise InputError(wrong)
         if self.sides == "periodic" and not self.surface.periodic:
             kind = self.surface.kind or type(self.surface).__name__
             raise InputError(
@@ -83,6 +90,7 @@ class Problem:
         size: MeshSize | None = None,
         formulation: Formulation | None = None,
         kernels: str = "compiled",
+        dilatation: str | None = None,
         options: SolverOptions | None = None,
     ) -> Problem:
         """Make a problem of flat arguments, as scripts write them.
@@ -99,6 +107,7 @@ class Problem:
             size: element sizes
             formulation: of the contact
             kernels: "compiled" or "ufl"
+            dilatation: "point" or "mean"
             options: of the solver
 
         Warns (ResolutionWarning) of a greatest size that periodic sides do not allow.
@@ -119,7 +128,7 @@ class Problem:
                 ResolutionWarning,
                 stacklevel=2,
             )
-        settings = formulation or Formulation(), size or MeshSize(), kernels, options or SolverOptions()
+        settings = formulation or Formulation(), size or MeshSize(), kernels, dilatation, options or SolverOptions()
         return Problem(surface, material, path, height, sides, *settings)
 
     @property

@@ -14,6 +14,7 @@ from asperity.errors import InputError
 H_CONTACT, H_MAX = 0.04, 0.25  # element sizes of a mesh when none are given [L]
 MOST_REFINEMENTS = 6  # of a mesh: each makes eight elements of one
 WIDEST_JOINED = 0.2  # greatest size with periodic sides: elements are up to twice as wide, see `periodic.joined` [L]
+POINT, MEAN = "point", "mean"  # volumetric strain of the elements, see `problem.Problem`
 LEAST_PENALTY = 10.0  # factor below which the penalty leaves an error of first order (docs/accuracy.md)
 COERCIVE = 3.0  # gamma from which theta = 1 is coercive: 2 where cells are straight, up to 2.9 seen under rough tops
 
@@ -63,6 +64,20 @@ def wrong_friction(method: str, friction: str) -> str:
         f'contact.friction = "stick" holds nodes, which contact.method = "{method}" does not: take '
         'contact.method = "active-set", or contact.friction = "none"'
     )
+
+
+def wrong_dilatation(dilatation: str | None, kernels: str) -> str:
+    """Reason why a volumetric strain of the elements is refused; empty for a legal one.
+
+    Args:
+        dilatation: None where it is chosen
+        kernels: of the elements
+    """
+    if dilatation not in (None, POINT, MEAN):
+        return f'solver.dilatation = "{dilatation}" is not one of {POINT}, {MEAN}'
+    if dilatation == MEAN and kernels != "compiled":
+        return f'solver.dilatation = "{MEAN}" needs solver.kernels = "compiled": the UFL kernels have no means of cells'
+    return ""
 
 
 def no_rotations(sides: str) -> str:

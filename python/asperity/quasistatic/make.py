@@ -16,7 +16,7 @@ from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.model.problem import Problem
-from asperity.model.settings import H_CONTACT, Formulation, MeshSize, SolverOptions
+from asperity.model.settings import H_CONTACT, MEAN, POINT, Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.timing import Phases
@@ -71,6 +71,7 @@ def make_contact_solver(
     sides: str = "rollers",
     formulation: Formulation | None = None,
     kernels: str = "compiled",
+    dilatation: str = POINT,
     options: SolverOptions | None = None,
     phases: Phases | None = None,
 ) -> ContactSolver:
@@ -84,6 +85,7 @@ def make_contact_solver(
         sides: "rollers", "free" or "periodic"
         formulation: contact formulation
         kernels: "compiled" or "ufl"
+        dilatation: see `Problem`
         options: of the nonlinear solver
         phases: collects where the time goes
 
@@ -111,7 +113,7 @@ def make_contact_solver(
     height = on_root_bcast(comm, checked_height)
     mesh, tags = distribute(comm, block, 1.0 / L, sides == "periodic", surface)
     check_distortion(mesh, surface)
-    solid = Solid(mesh, tags, material.scaled(material.E), sides, kernels, phases)
+    solid = Solid(mesh, tags, material.scaled(material.E), sides, kernels, dilatation == MEAN, phases)
     top = ContactSurface(solid)
     contact = make_contact(formulation or Formulation(), solid, top)
     summit = (height + surface.maximum()[2] - surface.mean()) / L
@@ -128,6 +130,7 @@ def solver_of(problem: Problem, block: BlockMesh | None, comm: MPI.Comm, phases:
         sides=problem.sides,
         formulation=problem.formulation,
         kernels=problem.kernels,
+        dilatation=problem.dilatation or POINT,
         options=problem.options,
         phases=phases,
     )
