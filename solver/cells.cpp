@@ -53,11 +53,20 @@ void add_cell(const Cells& cells, std::size_t c, const BlockPattern& pattern, do
 /// Volumetric strain that all points of a cell have; none where each has its own.
 using Dilatation = std::optional<double>;
 
-/// That of the displacement of a cell, from `measure(p)` at its points.
-template <typename Measure>
-Dilatation mean_of(const Cells& cells, std::size_t c, Measure measure)
+/// Whether all points of a cell have the same one: after the step in which the plastic strain of any exceeds the limit.
+bool takes_mean(const Cells& cells, std::size_t c, const History& committed)
 {
-  if (!cells.mean_dilatation)
+  if (committed.empty())
+    return false;
+  const double* first = committed.accumulated.data() + c * cells.points();
+  return std::any_of(first, first + cells.points(), [&](double accumulated) { return accumulated > cells.mean_beyond; });
+}
+
+/// Mean of `measure(p)` over the points of a cell that takes it.
+template <typename Measure>
+Dilatation mean_of(const Cells& cells, std::size_t c, const History& committed, Measure measure)
+{
+  if (!takes_mean(cells, c, committed))
     return {};
   double sum = 0.0, volume = 0.0;
   cells.at_points(c,
@@ -69,15 +78,15 @@ Dilatation mean_of(const Cells& cells, std::size_t c, Measure measure)
   return sum / volume;
 }
 
-Dilatation small_dilatation(const Cells& cells, std::size_t c, const Gradients& u)
+Dilatation small_dilatation(const Cells& cells, std::size_t c, const History& committed, const Gradients& u)
 {
-  return mean_of(cells, c, [&](const Point& p) { return trace(strain(p.g, u)); });
+  return mean_of(cells, c, committed, [&](const Point& p) { return trace(strain(p.g, u)); });
 }
 
 /// Of the points that are not inside out.
-Dilatation finite_dilatation(const Cells& cells, std::size_t c, const Gradients& u)
+Dilatation finite_dilatation(const Cells& cells, std::size_t c, const History& committed, const Gradients& u)
 {
-  return mean_of(cells, c,
+  return mean_of(cells, c, committed,
                  [&](const Point& p)
                  {
                    const Deformation deformation(p.g, u);
@@ -97,18 +106,18 @@ Sym dilated(Sym strain, const Dilatation& dilatation)
   return strain;
 }
 
-/// Bulk modulus that resists the mean volumetric strain of a cell; 0 where each point has its own.
+/// Bulk modulus against the mean volumetric strain of a cell that takes it; 0 where each point has its own.
 template <typename Law>
-double bulk_modulus(const Cells& cells, const Law& law)
+double bulk_modulus(const Law& law, const Dilatation& dilatation)
 {
   const Moduli C = law.elastic();
-  return cells.mean_dilatation ? C.lambda + 2.0 / 3.0 * C.mu : 0.0;
+  return dilatation ? C.lambda + 2.0 / 3.0 * C.mu : 0.0;
 }
 } // namespace
 
 Cells::Cells(Array<const double> x, Array<const int> x_dofs, Array<const int> u_dofs, Array<const double> gradients,
-             Array<const double> weights, bool mean_dilatation)
-    : x(x), x_dofs(x_dofs), u_dofs(u_dofs), gradients(gradients), weights(weights), mean_dilatation(mean_dilatation)
+             Array<const double> weights, double mean_beyond)
+    : x(x), x_dofs(x_dofs), u_dofs(u_dofs), gradients(gradients), weights(weights), mean_beyond(mean_beyond)
 {
   expect("x", x, {any(), 3});
   expect("x_dofs", x_dofs, {any(), nodes});
@@ -204,11 +213,11 @@ std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& la
     for (std::size_t c = 0; c < cells.count(); ++c)
     {
       const Gradients uc = gather(u.data(), cells.dofs_of(c));
-      const Dilatation dilatation = dilatation_of(cells, c, uc);
+      const Dilatation dilatation = dilatation_of(cells, c, committed, uc);
       Gradients f{};
       int flowing = 0;
       cells.at_points(c, [&](const Point& p) { flowing += at(material, p, uc, dilatation, f); });
-      plastic.data()[c] = flowing > 0;
+      plastic.data()[c] = flowing > 0 || dilatation.has_value();
       total += flowing;
       scatter(f, cells.dofs_of(c), b.data());
     }
@@ -253,22 +262,11 @@ std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& la
 void stiffness_elastic(const Cells& cells, const Law& law, const BlockPattern& pattern, const Array<double>& values)
 {
   double* out = pattern.start(values, cells.count());
-  const double bulk = with_law(law, [&](const auto& material) { return bulk_modulus(cells, material); });
-  Moduli moduli = with_law(law, [](const auto& material) { return material.elastic(); });
-  moduli.lambda -= bulk;
-  const Tangent tangent = nominal_tangent(moduli, {});
+  const Tangent tangent = nominal_tangent(with_law(law, [](const auto& material) { return material.elastic(); }), {});
   for (std::size_t c = 0; c < cells.count(); ++c)
-  {
-    MeanGradients mean;
     add_cell(
-        cells, c, pattern, out,
-        [&](const Point& p, double* A)
-        {
-          add_stiffness(p.g, tangent, p.volume, A);
-          mean.add(p.g, p.volume);
-        },
-        [&](double* A) { mean.add_stiffness(bulk, A); });
-  }
+        cells, c, pattern, out, [&](const Point& p, double* A) { add_stiffness(p.g, tangent, p.volume, A); },
+        [](double*) {});
 }
 
 void stiffness_plastic(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
@@ -286,16 +284,19 @@ void stiffness_plastic(const Cells& cells, const Law& law, const Array<const dou
                if (!plastic.data()[c])
                  continue;
                const Gradients uc = gather(u.data(), cells.dofs_of(c));
-               const Dilatation dilatation = small_dilatation(cells, c, uc);
-               add_cell(
-                   cells, c, pattern, out,
-                   [&](const Point& p, double* A)
-                   {
-                     const auto r = material.respond(dilated(strain(p.g, uc), dilatation), committed.at(p.index));
-                     if (r.plastic) // a flow that keeps the volume does not soften the bulk
-                       add_stiffness(p.g, nominal_tangent(material.softening(r), r.direction), p.volume, A);
-                   },
-                   [](double*) {});
+               const Dilatation dilatation = small_dilatation(cells, c, committed, uc);
+               const double bulk = bulk_modulus(material, dilatation);
+               MeanGradients mean;
+               const auto at_point = [&](const Point& p, double* A)
+               {
+                 const auto r = material.respond(dilated(strain(p.g, uc), dilatation), committed.at(p.index));
+                 Moduli moduli = r.plastic ? material.softening(r) : Moduli{};
+                 moduli.lambda -= bulk;
+                 if (r.plastic || bulk > 0.0)
+                   add_stiffness(p.g, nominal_tangent(moduli, r.direction), p.volume, A);
+                 mean.add(p.g, p.volume);
+               };
+               add_cell(cells, c, pattern, out, at_point, [&](double* A) { mean.add_stiffness(bulk, A); });
              }
            });
 }
@@ -309,11 +310,11 @@ void stiffness_finite(const Cells& cells, const Law& law, const Array<const doub
   with_law(law,
            [&](const auto& material)
            {
-             const double bulk = bulk_modulus(cells, material);
              for (std::size_t c = 0; c < cells.count(); ++c)
              {
                const Gradients uc = gather(u.data(), cells.dofs_of(c));
-               const Dilatation dilatation = finite_dilatation(cells, c, uc);
+               const Dilatation dilatation = finite_dilatation(cells, c, committed, uc);
+               const double bulk = bulk_modulus(material, dilatation);
                MeanGradients mean;
                const auto at_point = [&](const Point& p, double* A)
                {
@@ -362,7 +363,7 @@ void stress(const Cells& cells, const Law& law, bool finite, bool conjugate, con
              {
                const Gradients uc = gather(u.data(), cells.dofs_of(c));
                const Dilatation dilatation
-                   = finite ? finite_dilatation(cells, c, uc) : small_dilatation(cells, c, uc);
+                   = finite ? finite_dilatation(cells, c, committed, uc) : small_dilatation(cells, c, committed, uc);
                cells.at_points(c,
                                [&](const Point& p)
                                {

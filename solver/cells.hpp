@@ -5,8 +5,9 @@
 //
 // With mean dilatation the volumetric strain of each point of a cell, or its logarithmic one, is replaced by the mean over
 // the cell, in the strain and in the virtual strain (B-bar: Hughes, Int. J. Numer. Methods Eng. 15 (1980) 1413; of finite
-// strain: Simo, Taylor & Pister, Comput. Methods Appl. Mech. Engrg. 51 (1985) 177). Four points of a second-order
-// tetrahedron cannot all keep their volume in plastic flow: it locks.
+// strain: Simo, Taylor & Pister, Comput. Methods Appl. Mech. Engrg. 51 (1985) 177), from the step after the plastic strain
+// of any point has exceeded a limit. The four points of a second-order tetrahedron cannot all keep their volume in plastic
+// flow: it locks. Where little or nothing flows, the mean would only make it softer.
 #pragma once
 
 #include "arrays.hpp"
@@ -36,11 +37,11 @@ struct Cells
   Array<const int> u_dofs;       // (cells, nodes)
   Array<const double> gradients; // reference gradients at the points (points, nodes, 3)
   Array<const double> weights;   // quadrature weights on the reference cell (points)
-  bool mean_dilatation;          // whether all points of a cell have its mean volumetric strain
+  double mean_beyond;            // plastic strain beyond which all points of a cell have its mean volumetric strain
   std::size_t u_nodes;           // least number of nodes of a nodal array
 
   Cells(Array<const double> x, Array<const int> x_dofs, Array<const int> u_dofs, Array<const double> gradients,
-        Array<const double> weights, bool mean_dilatation);
+        Array<const double> weights, double mean_beyond);
 
   std::size_t count() const { return x_dofs.shape(0); }
   std::size_t points() const { return weights.shape(0); }
@@ -155,7 +156,7 @@ void volumes(const Cells& cells, const Array<double>& out);
 void min_jacobian(const Cells& cells, const Array<double>& out);
 
 /// Add the internal force of the displacement `u` (nodes, 3) to `b` (nodes, 3), of small or `finite` strain. The same
-/// pass writes the trial history and `plastic` (cells), whether any point of a cell flows. Returns the number of points
+/// pass writes the trial history and `plastic` (cells), whether any point of a cell flows or all have the mean dilatation. Returns the number of points
 /// that flow, and of those where finite strain turns the solid inside out; these add nothing.
 std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& law, bool finite,
                                                const Array<const double>& u, const History& committed,
@@ -165,7 +166,7 @@ std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& la
 /// Add the elastic stiffness of all cells to the values of the matrix.
 void stiffness_elastic(const Cells& cells, const Law& law, const BlockPattern& pattern, const Array<double>& values);
 
-/// Add consistent tangent less elastic stiffness of the cells marked `plastic` (cells).
+/// Add consistent tangent less elastic stiffness of the cells marked `plastic` (cells) by `residual`.
 void stiffness_plastic(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
                        const Array<const bool>& plastic, const BlockPattern& pattern, const Array<double>& values);
 

@@ -7,6 +7,8 @@
 #include "linear.hpp"
 #include "size_field.hpp"
 
+#include <limits>
+
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/variant.h>
@@ -47,8 +49,8 @@ void bind_cells(nb::module_& m)
   nb::class_<Cells>(m, "Cells")
       .def(
           nb::init<Array<const double>, Array<const int>, Array<const int>, Array<const double>, Array<const double>,
-                   bool>(),
-          "x"_a, "x_dofs"_a, "u_dofs"_a, "gradients"_a, "weights"_a, "mean_dilatation"_a = false);
+                   double>(),
+          "x"_a, "x_dofs"_a, "u_dofs"_a, "gradients"_a, "weights"_a, "mean_beyond"_a = std::numeric_limits<double>::infinity());
   nb::class_<History>(m, "History")
       .def(nb::init<Array<double>, Array<double>>(), out("plastic_strain"), out("accumulated"));
   nb::class_<BlockPattern>(m, "BlockPattern")

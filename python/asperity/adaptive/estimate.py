@@ -31,6 +31,7 @@ from asperity.adaptive.mesh_plan import (
     size_for_strain,
     step_rule,
 )
+from asperity.adaptive.roughness import is_rough
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.resolution import SHARE, resolving_size
@@ -258,11 +259,15 @@ def count_dofs(surface: Surface, case: Case, h_contact: float, most: float = inf
     """
     assert case.loading.delta_max is not None
     mesh, L = case.mesh, surface.L
-    adaptive = case.accuracy.tolerance is not None
-    rate, h_max = (growth(h_contact / L), None) if adaptive else (mesh.growth, mesh.h_max)
+    tolerance = case.accuracy.tolerance
+    guided = tolerance is not None and h_contact < GUIDE * L
+    if tolerance is None:
+        rate, h_max = mesh.growth, mesh.h_max
+    else:
+        rate, h_max = growth(h_contact / L, guided and is_rough(surface, case.loading.delta_max, tolerance)), None
     if for_strain:
         rate, h_max = growth(GUIDE), None
-    grading = GUIDED if adaptive and h_contact < GUIDE * L else GRADING
+    grading = GUIDED if guided else GRADING
     field = SizeField.of(
         surface, case.loading.delta_max, h_contact, growth=rate, h_max=h_max, grading=grading,
         periodic=case.block.sides == "periodic",

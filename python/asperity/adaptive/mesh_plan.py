@@ -40,6 +40,7 @@ STEP_ORDERS = {MIDPOINT: 2.0, STICK: 1.5, BACKWARD_EULER: 1.0}  # of the force i
 MOST_SUBSTEPS = 32
 LEAST_STEPS = 5  # planned ones, for the difference of two meshes at one or two approaches may vanish by chance
 GROWTH = 0.25, 0.04  # growth of the element size around the contact, and the size in it that this belongs to [L]
+ROUGH_GROWTH = 1.5  # times that on a rough surface, whose small spots have few elements (docs/rough_surfaces.md)
 
 
 def step_rule(plastic: bool, sticks: bool, integrator: str) -> str:
@@ -61,14 +62,18 @@ def planned_steps(steps: int) -> int:
     return steps * ceil(LEAST_STEPS / steps)
 
 
-def growth(size: float) -> float:
-    """Growth of the element size around the contact of a mesh with elements of `size` in it [L].
+def growth(size: float, rough: bool = False) -> float:
+    """Growth of the element size around the contact.
 
     What surrounds the contact is refined too, by half the order: with the same growth on all meshes some 0.2 % of the
     force of a single spot would stay that no refinement of the contact shows (docs/accuracy.md).
+
+    Args:
+        size: of the elements in the contact [L]
+        rough: whether the meshes leave out waves of the surface
     """
     value, at = GROWTH
-    return float(value * (size / at) ** 0.5)
+    return float((ROUGH_GROWTH if rough else 1.0) * value * (size / at) ** 0.5)
 
 
 def size_for_strain(h: float | None, tolerance: float | None) -> float:

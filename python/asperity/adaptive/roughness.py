@@ -13,9 +13,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from asperity.adaptive.mesh_plan import FIRST, GUIDE
 from asperity.arrays import Floats
 from asperity.mesh.resolution import ELEMENTS, resolving_size
 from asperity.mesh.size_field import GridContactMap
@@ -23,6 +25,9 @@ from asperity.mesh.top import Top, heights_of_top
 from asperity.model.problem import Problem
 from asperity.reference import RoughCurve, RoughHalfSpace
 from asperity.reference.rough_halfspace import HARDNESS, cells_per_side
+
+if TYPE_CHECKING:
+    from asperity.surface import Surface
 
 CELLS = 128, 1000  # fewest and most per side
 PER_WAVE = 4  # cells per shortest wave
@@ -50,6 +55,17 @@ class Omission:
     def at(self, delta_star: Floats) -> tuple[Floats, Floats]:
         """Changes of force and area at other approaches."""
         return np.interp(delta_star, self.delta_star, self.force), np.interp(delta_star, self.delta_star, self.area)
+
+
+def is_rough(surface: Surface, depth: float, tolerance: float) -> bool:
+    """Whether the first guided mesh leaves out waves that matter to a tolerance of the force.
+
+    Args:
+        surface: top of the block
+        depth: greatest approach [length]
+        tolerance: relative error allowed for the force
+    """
+    return resolving_size(surface, depth, tolerance, FIRST * GUIDE * surface.L) < np.inf
 
 
 class Roughness:

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from math import inf, isfinite
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,10 +24,9 @@ from asperity.adaptive.load_step_error import LoadStepError, choose_substeps
 from asperity.adaptive.mesh_error import MeshErrorEstimate
 from asperity.adaptive.mesh_levels import Level, LevelSolver
 from asperity.adaptive.mesh_plan import FIRST, GUIDE, planned_steps, step_rule
-from asperity.adaptive.roughness import Roughness
+from asperity.adaptive.roughness import Roughness, is_rough
 from asperity.curve import Curve
 from asperity.errors import InputError, Interrupted, MeshError
-from asperity.mesh.resolution import resolving_size
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget, penalty_too_soft
@@ -245,7 +244,6 @@ def _roughness(
     problem: Problem, depth: float, tolerance: float, on_part: Callable[[float], None] | None
 ) -> Roughness | None:
     """The half-space of a surface whose waves coarse meshes miss, None of a smooth surface; in one process."""
-    largest = FIRST * GUIDE * problem.surface.L
-    if resolving_size(problem.surface, depth, tolerance, largest) == inf:
+    if not is_rough(problem.surface, depth, tolerance):
         return None
     return Roughness(problem, depth, problem.load_path.steps, on_part)

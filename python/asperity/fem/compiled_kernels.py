@@ -39,6 +39,10 @@ def law_of(material: Material, flows: bool = True) -> _solver.Elastic | _solver.
     return law
 
 
+#: Plastic strain from which on a cell takes its mean volumetric strain, over the strain at yield (docs/elements.md).
+FLOWED = 1.0
+
+
 class CompiledKernels:
     """Internal force and tangent by the kernels of `asperity._solver`.
 
@@ -51,7 +55,7 @@ class CompiledKernels:
         cell_nodes: displacement nodes of each cell (cells, 10)
         material: with stresses in units of E
         sparsity: of the local matrix
-        mean_dilatation: whether all points of a cell take its mean volumetric strain
+        mean_dilatation: whether all points of a cell that has flowed take its mean volumetric strain
     """
 
     def __init__(
@@ -64,8 +68,11 @@ class CompiledKernels:
         mean_dilatation: bool = False,
     ) -> None:
         at, weights = quadrature(QUADRATURE_DEGREE)
-        self._cells = _solver.Cells(x, x_nodes, cell_nodes, shape_gradients(at), weights, mean_dilatation)
+        strength = material.yield_strength
+        beyond = FLOWED * strength / material.E if mean_dilatation and strength is not None else np.inf
+        self._cells = _solver.Cells(x, x_nodes, cell_nodes, shape_gradients(at), weights, beyond)
         self._law, self._held = law_of(material), law_of(material, flows=False)
+        self._mean_dilatation = mean_dilatation
         self._finite, self.linear = material.finite, material.linear
         cells, points = len(cell_nodes), len(weights)
         self.plastic_points = self.inverted_points = 0
@@ -96,16 +103,13 @@ class CompiledKernels:
             _solver.stiffness_finite(self._cells, self._law, u, compiled(self._committed), self._pattern, values)
             return
         self._write_elastic(values)
+        self._add_to_elastic(self._law, u, values)
+
+    def _add_to_elastic(self, law: _solver.Elastic | _solver.J2, u: Floats, values: Floats) -> None:
+        """Add what flow, and the mean dilatation of cells that have flowed, change of the elastic stiffness."""
         if self._flowing.any():
-            _solver.stiffness_plastic(
-                self._cells,
-                self._law,
-                u,
-                compiled(self._committed),
-                self._flowing,
-                self._pattern,
-                values,
-            )
+            history = compiled(self._committed)
+            _solver.stiffness_plastic(self._cells, law, u, history, self._flowing, self._pattern, values)
 
     def elastic_tangent(self, u: Floats, values: Floats) -> None:
         if self._finite:
@@ -113,6 +117,8 @@ class CompiledKernels:
             _solver.stiffness_finite(self._cells, self._held, u, compiled(self._trial), self._pattern, values)
         else:
             self._write_elastic(values)
+            if self._mean_dilatation:
+                self._add_to_elastic(self._held, u, values)
 
     def _write_elastic(self, values: Floats) -> None:
         """Write the stiffness without plastic flow in small strain."""

@@ -38,8 +38,8 @@ class Problem:
         size: of the elements
         kernels: "compiled" or "ufl"
         dilatation: volumetric strain of the elements: "point", that of each quadrature point, or "mean", that of the
-            cell, which does not lock where elements as large as the spots flow but is softer where they do not
-            (docs/contact.md); None takes that of the points, except where a run with a tolerance chooses
+            cell once it has flowed, which does not lock where elements are as large as the spots (docs/elements.md);
+            None takes that of the points, except where a run with a tolerance chooses
         options: of the solver
 
     Raises:

@@ -1,0 +1,174 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Elements with the mean volumetric strain of each cell: forms of UFL, differences, and a spot as small as an element."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from scipy import sparse
+
+import asperity as asp
+from asperity.errors import InputError
+from asperity.fem.solid import Solid
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.distribute import distribute
+from asperity.model.material import Material
+from asperity.model.settings import MEAN, POINT
+from asperity.surface import Flat, Surface
+
+Array = npt.NDArray[np.float64]
+
+E, NU, Y = 1.0, 0.3, 0.005
+ELASTIC, STEEL = Material(E, NU), Material(E, NU, Y, 0.05)
+STRETCHED = Material(E, NU, Y, 0.05, kinematics="finite")
+PARTLY = 1.2e-4  # scale of a random displacement that makes a part of the cells flow
+
+
+def solid(block: BlockMesh | None, material: Material, mean: bool = True) -> Solid:
+    from mpi4py import MPI
+
+    return Solid(*distribute(MPI.COMM_SELF, block, 1.0), material, mean_dilatation=mean)
+
+
+def force(it: Solid, u: Array) -> Array:
+    b = np.zeros_like(u)
+    it.kernels.add_internal_force(u, b)
+    return b
+
+
+def tangent(it: Solid, u: Array) -> sparse.csr_array:
+    values = np.empty(it.sparsity.size)
+    it.kernels.tangent(u, values)
+    return sparse.csr_array((values, it.sparsity.columns, it.sparsity.rows), shape=(3 * it.nodes, 3 * it.nodes))
+
+
+def noise(it: Solid, scale: float, seed: int = 0) -> Array:
+    return scale * np.random.default_rng(seed).normal(size=(it.nodes, 3))
+
+
+def difference(a: Any, b: Any) -> float:
+    """Largest difference relative to the largest magnitude."""
+    return float(np.max(np.abs(np.asarray(a) - np.asarray(b))) / np.max(np.abs(np.asarray(b))))
+
+
+def flowed(it: Solid, u: Array) -> Array:
+    """Bring a solid to a displacement and commit it; whether a cell has flowed (cells,)."""
+    force(it, u)
+    it.kernels.commit()
+    found: Array = np.any(it.kernels.history().accumulated > 0.0, axis=1)
+    return found
+
+
+def test_force_is_that_of_projected_forms(coarse: BlockMesh) -> None:
+    """The mean over a cell is the projection on constants, as a form of UFL computes it."""
+    import ufl
+    from dolfinx import fem
+
+    ours, usual = (solid(coarse, STEEL, mean) for mean in (True, False))
+    before = PARTLY * noise(ours, 1.0)
+    cells = flowed(ours, before)
+    assert 0.2 < np.mean(cells) < 0.8
+    flowed(usual, before)
+    u = fem.Function(ours.V)
+    u.x.array[:] = noise(ours, 1e-3, seed=1).ravel()
+    dx = ufl.Measure("dx", domain=ours.mesh, metadata={"quadrature_degree": 2})
+    constants = fem.functionspace(ours.mesh, ("DG", 0))
+    one, mean, taken = ufl.TestFunction(constants), fem.Function(constants), fem.Function(constants)
+    sums, volumes = (fem.assemble_vector(fem.form(f * one * dx)).array for f in (ufl.div(u), 1.0 + 0.0 * ufl.div(u)))
+    mean.x.array[:], taken.x.array[:] = sums / volumes, cells
+    lam, mu = STEEL.lame
+    v = ufl.TestFunction(ours.V)
+    form = taken * (lam + 2.0 / 3.0 * mu) * (mean - ufl.div(u)) * ufl.div(v) * dx
+    expected = fem.assemble_vector(fem.form(form)).array.reshape(-1, 3)
+    nodal = u.x.array.reshape(-1, 3)
+    assert difference(force(ours, nodal) - force(usual, nodal), expected) < 1e-11
+
+
+@pytest.mark.parametrize("material", [STEEL, STRETCHED], ids=["small", "finite"])
+def test_tangent_is_the_derivative_of_the_force(coarse: BlockMesh, material: Material) -> None:
+    it = solid(coarse, material)
+    cells = flowed(it, PARTLY * noise(it, 1.0))
+    assert 0.2 < np.mean(cells) < 0.8
+    for scale in (1e-5, 1e-3):  # some cells that have flowed unload elastically in the first state
+        u = PARTLY * noise(it, 1.0) + noise(it, scale, seed=1)
+        force(it, u)
+        K = tangent(it, u)
+        assert difference(K.data, K.T.tocsr().sorted_indices().data) < 1e-12
+        du, step = noise(it, scale, seed=2), 1e-4
+        slope = (force(it, u + step * du) - force(it, u - step * du)) / (2.0 * step)
+        assert difference(K @ du.ravel(), slope.ravel()) < 1e-5
+
+
+def test_stiffness_of_small_vibration_is_that_of_unloading(coarse: BlockMesh) -> None:
+    it = solid(coarse, STEEL)
+    u = noise(it, 1e-3)
+    assert np.all(flowed(it, u))
+    back = 0.999 * u
+    force(it, back)
+    assert it.kernels.plastic_points == 0
+    held = np.empty(it.sparsity.size)
+    it.kernels.elastic_tangent(back, held)
+    assert difference(held, tangent(it, back).data) < 1e-14
+    usual = solid(coarse, STEEL, mean=False)
+    force(usual, back)
+    pointwise = np.empty_like(held)
+    usual.kernels.elastic_tangent(back, pointwise)
+    assert difference(held, pointwise) > 0.01
+
+
+@pytest.mark.parametrize("material", [STEEL, STRETCHED], ids=["small", "finite"])
+def test_only_the_volumetric_strain_is_that_of_the_cell(coarse: BlockMesh, material: Material) -> None:
+    """Logarithmic in finite strain, whose conjugate stress is therefore the one to look at."""
+    mean, point = (solid(coarse, material, mean=m) for m in (True, False))
+    cells = [flowed(it, PARTLY * noise(it, 1.0)) for it in (mean, point)][0]
+    u = noise(point, 1e-3, seed=1)
+    ours, usual = (it.kernels.conjugate_stress(u) for it in (mean, point))
+    assert difference(ours[~cells], usual[~cells]) < 1e-12
+    ours, usual, volumes = ours[cells], usual[cells], point.kernels.volumes[cells]
+    pressure, own = (stress[..., :3].mean(axis=-1) for stress in (ours, usual))
+    assert np.ptp(pressure, axis=1).max() < 1e-12 * np.abs(pressure).max()
+    assert difference(pressure[:, 0], (own * volumes).sum(axis=1) / volumes.sum(axis=1)) < 1e-10
+    for stress, p in ((ours, pressure), (usual, own)):
+        stress[..., :3] -= p[..., None]
+    assert difference(ours, usual) < 1e-10
+
+
+@pytest.mark.parametrize("material", [STEEL, STRETCHED], ids=["small", "finite"])
+def test_a_uniform_strain_is_that_of_the_points(coarse: BlockMesh, material: Material) -> None:
+    u = solid(coarse, material).points @ np.diag([0.004, -0.002, -0.01])
+    ours, usual = (solid(coarse, material, mean=m) for m in (True, False))
+    assert all(np.all(flowed(it, u)) for it in (ours, usual))
+    assert difference(force(ours, 1.5 * u), force(usual, 1.5 * u)) < 1e-12
+    assert ours.kernels.plastic_points == usual.kernels.plastic_points > 0
+
+
+def test_a_spot_as_small_as_an_element_does_not_lock() -> None:
+    """A deep indentation by a sphere, from elements as wide as the spot: the limit is that of both on finer meshes."""
+    sphere = Surface.from_spec("sphere", L=1.0, radius=1.0)
+    material = Material(E, NU, 0.002)
+
+    def pressed(h: float, dilatation: str) -> float:
+        size = asp.MeshSize(h, grading=(1.0, 1.0))
+        curve = asp.solve_contact(
+            sphere, material, delta_max=0.003, steps=3, size=size, dilatation=dilatation
+        ).curve
+        return float(curve.P_star[-1])
+
+    limit = pressed(0.01, POINT)
+    assert pressed(0.01, MEAN) == pytest.approx(limit, rel=0.01)
+    locked, free = (pressed(0.06, dilatation) / limit - 1.0 for dilatation in (POINT, MEAN))
+    print(locked, free)
+    assert abs(free) < 0.5 * locked
+
+
+def test_means_need_the_compiled_kernels() -> None:
+    flat = Flat(L=1.0)
+    with pytest.raises(InputError, match='solver.dilatation = "mean" needs solver.kernels = "compiled"'):
+        asp.Problem.of(flat, ELASTIC, delta_max=0.01, kernels="ufl", dilatation=MEAN)
+    with pytest.raises(InputError, match='solver.dilatation = "cell" is not one of point, mean'):
+        asp.Problem.of(flat, ELASTIC, delta_max=0.01, dilatation="cell")
