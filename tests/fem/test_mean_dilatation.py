@@ -14,6 +14,7 @@ from scipy import sparse
 
 import asperity as asp
 from asperity.errors import InputError
+from asperity.fem.compiled_kernels import FLOWED
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
@@ -26,7 +27,7 @@ Array = npt.NDArray[np.float64]
 E, NU, Y = 1.0, 0.3, 0.005
 ELASTIC, STEEL = Material(E, NU), Material(E, NU, Y, 0.05)
 STRETCHED = Material(E, NU, Y, 0.05, kinematics="finite")
-PARTLY = 1.2e-4  # scale of a random displacement that makes a part of the cells flow
+PARTLY = 2e-4  # scale of a random displacement that makes a part of the cells flow
 
 
 def solid(block: BlockMesh | None, material: Material, mean: bool = True) -> Solid:
@@ -60,8 +61,8 @@ def flowed(it: Solid, u: Array) -> Array:
     """Bring a solid to a displacement and commit it; whether a cell has flowed (cells,)."""
     force(it, u)
     it.kernels.commit()
-    found: Array = np.any(it.kernels.history().accumulated > 0.0, axis=1)
-    return found
+    limit = FLOWED * Y / E
+    return np.asarray(np.any(it.kernels.history().accumulated > limit, axis=1))
 
 
 def test_force_is_that_of_projected_forms(coarse: BlockMesh) -> None:
@@ -106,7 +107,7 @@ def test_tangent_is_the_derivative_of_the_force(coarse: BlockMesh, material: Mat
 
 def test_stiffness_of_small_vibration_is_that_of_unloading(coarse: BlockMesh) -> None:
     it = solid(coarse, STEEL)
-    u = noise(it, 1e-3)
+    u = noise(it, 1e-2)
     assert np.all(flowed(it, u))
     back = 0.999 * u
     force(it, back)
@@ -140,30 +141,27 @@ def test_only_the_volumetric_strain_is_that_of_the_cell(coarse: BlockMesh, mater
 
 @pytest.mark.parametrize("material", [STEEL, STRETCHED], ids=["small", "finite"])
 def test_a_uniform_strain_is_that_of_the_points(coarse: BlockMesh, material: Material) -> None:
-    u = solid(coarse, material).points @ np.diag([0.004, -0.002, -0.01])
+    u = solid(coarse, material).points @ np.diag([0.01, 0.01, -0.03])
     ours, usual = (solid(coarse, material, mean=m) for m in (True, False))
     assert all(np.all(flowed(it, u)) for it in (ours, usual))
-    assert difference(force(ours, 1.5 * u), force(usual, 1.5 * u)) < 1e-12
+    assert difference(force(ours, 1.2 * u), force(usual, 1.2 * u)) < 1e-12
     assert ours.kernels.plastic_points == usual.kernels.plastic_points > 0
 
 
 def test_a_spot_as_small_as_an_element_does_not_lock() -> None:
-    """A deep indentation by a sphere, from elements as wide as the spot: the limit is that of both on finer meshes."""
+    """A sphere pressed in far beyond yield: the limit is that of the usual elements on much finer meshes."""
     sphere = Surface.from_spec("sphere", L=1.0, radius=1.0)
     material = Material(E, NU, 0.002)
 
-    def pressed(h: float, dilatation: str) -> float:
-        size = asp.MeshSize(h, grading=(1.0, 1.0))
-        curve = asp.solve_contact(
-            sphere, material, delta_max=0.003, steps=3, size=size, dilatation=dilatation
-        ).curve
-        return float(curve.P_star[-1])
+    def pressed(h: float, dilatation: str, growth: float = 0.25) -> float:
+        size = asp.MeshSize(h, growth, grading=(1.0, 1.0))
+        result = asp.solve_contact(sphere, material, delta_max=0.003, steps=3, size=size, dilatation=dilatation)
+        return float(result.curve.P_star[-1])
 
-    limit = pressed(0.01, POINT)
-    assert pressed(0.01, MEAN) == pytest.approx(limit, rel=0.01)
+    limit = pressed(0.028, POINT, growth=0.125)
     locked, free = (pressed(0.06, dilatation) / limit - 1.0 for dilatation in (POINT, MEAN))
-    print(locked, free)
-    assert abs(free) < 0.5 * locked
+    assert locked > 0.04
+    assert abs(free) < 0.3 * locked
 
 
 def test_means_need_the_compiled_kernels() -> None:

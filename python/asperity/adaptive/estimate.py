@@ -264,7 +264,9 @@ def count_dofs(surface: Surface, case: Case, h_contact: float, most: float = inf
     if tolerance is None:
         rate, h_max = mesh.growth, mesh.h_max
     else:
-        rate, h_max = growth(h_contact / L, guided and is_rough(surface, case.loading.delta_max, tolerance)), None
+        flowing = guided and case.material.yield_strength is not None
+        flowing = flowing and is_rough(surface, case.loading.delta_max, tolerance)
+        rate, h_max = growth(h_contact / L, flowing), None
     if for_strain:
         rate, h_max = growth(GUIDE), None
     grading = GUIDED if guided else GRADING

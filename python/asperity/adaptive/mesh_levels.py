@@ -62,7 +62,7 @@ class LevelSolver:
         self.compliance = problem.height * material.reduced_modulus / material.block_modulus(problem.sides)
         self._start = perf_counter()
         self._reach: ApproachMap | None = None
-        self._rough = False
+        self._flowing = False  # spots of a rough surface
         self._depth = problem.load_path.delta_max  # that meshes are made for [length]
         self._made: tuple[float, BlockMesh | None] | None = None  # the last mesh and its size [length]
         self._guide: ContactResult | None = None  # until the first mesh that it guides
@@ -74,8 +74,8 @@ class LevelSolver:
         Args:
             guide: result of the first mesh
             spots: what is touched, on rank 0; None takes what the guide touched
-            rough: whether the meshes leave out waves of the surface; elements as large as its spots lock where these
-                flow, and what surrounds the spots takes fewer of them
+            rough: whether the meshes leave out waves of the surface: where its spots flow, elements as large as they
+                are would lock, and what surrounds them takes fewer elements
         """
         L = self.side
         xy, touched_at = guide.touched_at()
@@ -84,8 +84,8 @@ class LevelSolver:
             spots = FirstContactMap(xy * L, touched_at * L, period)
         self._reach = spots
         self._depth = float(guide.curve.loading().delta[-1])
-        self._made, self._guide, self._rough = None, guide, rough
-        if rough and self.plastic and self._problem.dilatation is None and self._problem.kernels == "compiled":
+        self._made, self._guide, self._flowing = None, guide, rough and self.plastic
+        if self._flowing and self._problem.dilatation is None and self._problem.kernels == "compiled":
             self._problem = replace(self._problem, dilatation=MEAN)
 
     def _mesh(self, h: float) -> tuple[BlockMesh | None, float]:
@@ -101,7 +101,7 @@ class LevelSolver:
         if self._depth is None:
             self._depth = estimate_approach(self._problem, comm)
         while True:
-            size = MeshSize(h, growth(h / self.side, self._rough), reach=self._reach, refinements=self._problem.size.refinements)
+            size = MeshSize(h, growth(h / self.side, self._flowing), reach=self._reach, refinements=self._problem.size.refinements)
             block = make_block(comm, surface, self._problem.height, self._depth, size, self._problem.sides)
             dofs = comm.bcast(None if block is None else 3 * block.counts()[0], root=0)
             if dofs <= self._max_dofs:
@@ -129,7 +129,7 @@ class LevelSolver:
         level = f"h = {h / L:.3g} L" + (f", {substeps} substeps" if substeps > 1 else "")
         hooks = replace(hooks, on_stage=lambda name: self._hooks.stage(f"{level}: {name}"))
         path = replace(self._problem.load_path, substeps=substeps)
-        problem = replace(self._problem, load_path=path, size=MeshSize(h, growth(h / L, self._rough)))
+        problem = replace(self._problem, load_path=path, size=MeshSize(h, growth(h / L, self._flowing)))
         result = solve_problem(problem, block=block, comm=self.comm, hooks=hooks)
         # facets that miss waves have another mean height than the surface; that of the summit is exact
         top, of_solid = result.solver.contact_surface, result.solver.solid.points

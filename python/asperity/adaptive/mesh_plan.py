@@ -23,7 +23,7 @@ MESH_ORDER = 2.0  # typical one, to plan with
 AREA_ORDER = 1.3  # of the bar of the contact area, to plan with; that of the edges of spots is 1.5 (docs/contact.md)
 SAFETY = 1.3  # on half the range of limits
 SCATTER = 0.15  # error of the force over that of the area of contact, both relative, which facets cut at random leave
-YIELDED = 0.5  # the same of a rough solid that yields: the force of a flattened spot is its area times the hardness
+YIELDED = 0.375  # the same of a rough solid that yields: the force of a flattened spot is its area times the hardness
 OF_GUIDE = 1.6  # times that where the coarser mesh is the guiding one, on which small spots hardly have an element
 GUIDE_EXCESS = 2.0  # what the guide makes errors look larger than they are, by its own grading (docs/accuracy.md)
 GUIDE = 0.1  # size of the guiding mesh [L]
@@ -40,7 +40,7 @@ STEP_ORDERS = {MIDPOINT: 2.0, STICK: 1.5, BACKWARD_EULER: 1.0}  # of the force i
 MOST_SUBSTEPS = 32
 LEAST_STEPS = 5  # planned ones, for the difference of two meshes at one or two approaches may vanish by chance
 GROWTH = 0.25, 0.04  # growth of the element size around the contact, and the size in it that this belongs to [L]
-ROUGH_GROWTH = 1.5  # times that on a rough surface, whose small spots have few elements (docs/rough_surfaces.md)
+FLOWING_GROWTH = 1.5  # times that around small spots that flow, whose error is in them (docs/rough_surfaces.md)
 
 
 def step_rule(plastic: bool, sticks: bool, integrator: str) -> str:
@@ -62,7 +62,7 @@ def planned_steps(steps: int) -> int:
     return steps * ceil(LEAST_STEPS / steps)
 
 
-def growth(size: float, rough: bool = False) -> float:
+def growth(size: float, flowing: bool = False) -> float:
     """Growth of the element size around the contact.
 
     What surrounds the contact is refined too, by half the order: with the same growth on all meshes some 0.2 % of the
@@ -70,10 +70,10 @@ def growth(size: float, rough: bool = False) -> float:
 
     Args:
         size: of the elements in the contact [L]
-        rough: whether the meshes leave out waves of the surface
+        flowing: whether the contact consists of spots of a rough surface that flow
     """
     value, at = GROWTH
-    return float((ROUGH_GROWTH if rough else 1.0) * value * (size / at) ** 0.5)
+    return float((FLOWING_GROWTH if flowing else 1.0) * value * (size / at) ** 0.5)
 
 
 def size_for_strain(h: float | None, tolerance: float | None) -> float:
