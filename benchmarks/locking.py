@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from mpi4py import MPI
-from scan import L, MATERIALS, approach
+from scan import MATERIALS, L, approach
 
 import asperity as asp
 from asperity.adaptive.mesh_plan import extrapolate, growth

@@ -111,8 +111,7 @@ def correct(
     bar = spread / touching
     mesh_bar = steady(bar)
     mesh_bar[judged[loading]] = steady(bar[judged[loading]])
-    share = facet_share(missed is not None, plastic)
-    mesh_bar = np.maximum(mesh_bar, scatter(_area_error(coarse, at), _area_error(fine, at), ratio, share))
+    mesh_bar = np.maximum(mesh_bar, facet_bar(fine, coarse, at, ratio, missed is not None, plastic))
     path_bar = path.at(at)
     rows = _rows_of_loading(loading)
     rough_bar: Floats = np.zeros(len(raw))
@@ -127,6 +126,19 @@ def correct(
     mesh_bar, rough_bar, path_bar = (bar[rows] * scale for bar in (mesh_bar, rough_bar, path_bar))
     budget = Budget(mesh_bar, rough_bar, path_bar, np.full(len(P), algebraic) * scale)
     return replace(curve, error_P_star=budget.total), budget
+
+
+def facet_bar(fine: Curve, coarse: Curve, at: Floats, ratio: float, rough: bool, plastic: bool) -> Floats:
+    """Relative error bars of the force that facets cut at random leave, at given approaches; see `mesh_plan.scatter`.
+
+    Args:
+        fine, coarse: of the finest level and of the one to extrapolate from
+        at: approaches (n,) [L]
+        ratio: of their element sizes
+        rough: whether the meshes leave out waves of the surface
+        plastic: whether the solid yields
+    """
+    return scatter(_area_error(coarse, at), _area_error(fine, at), ratio, facet_share(rough, plastic))
 
 
 def with_area(curve: Curve, missed: Omission) -> Curve:

@@ -13,6 +13,7 @@ import numpy as np
 from asperity.adaptive.extrapolation import (
     Budget,
     correct,
+    facet_bar,
     judged_rows,
     relative,
     with_area,
@@ -30,6 +31,7 @@ from asperity.adaptive.mesh_plan import (
     plan_next,
     safety_of,
     size_for_area,
+    size_for_facets,
 )
 from asperity.adaptive.roughness import Omission, Roughness
 from asperity.arrays import Floats
@@ -130,7 +132,11 @@ class MeshErrorEstimate:
             at, P_star = curve.delta_star[judged], curve.P_star[judged]
             of_steps = path.bar[path.substeps].at(at)
             mesh = relative((budget.mesh + budget.roughness)[judged], P_star)
-            wanted = self._wanted(sizes, place, mesh, algebraic + of_steps)
+            left = np.maximum(goal.tolerance - algebraic - of_steps, 0.1 * goal.tolerance)  # for the mesh
+            wanted = self._wanted(sizes, place, mesh, left)
+            if missed is not None:
+                facets = facet_bar(self._curves[-1], coarse, at, ratio, True, run.plastic)
+                wanted = min(wanted, size_for_facets(sizes[-1], facets, left))
             limit = "" if worst <= goal.tolerance else self._limit(algebraic, float(of_steps.max()))
             if goal.area_tolerance is not None:
                 for_area = size_for_area(sizes[-1], area, goal.area_tolerance)
@@ -170,17 +176,15 @@ class MeshErrorEstimate:
 
         return on_root_bcast(run.comm, left_out)
 
-    def _wanted(self, sizes: list[float], place: int, mesh: Floats, rest: Floats) -> float:
+    def _wanted(self, sizes: list[float], place: int, mesh: Floats, left: Floats) -> float:
         """Element size [L] that meets the tolerance.
 
         Args:
             sizes: of the levels [L]
             place: of the level extrapolated from
             mesh: relative error bars of the mesh at the judged rows (n,)
-            rest: those that no mesh reduces (n,)
+            left: what the tolerance leaves for them there (n,)
         """
-        tolerance = self._goal.tolerance
-        left = np.maximum(tolerance - rest, 0.1 * tolerance)  # for the mesh, when the load steps have theirs
         error = error_of(float(np.max(mesh / left)), sizes[place] / sizes[-1], place == 0)
         return plan_next(sizes, error, 1.0)
 

@@ -101,7 +101,8 @@ class LevelSolver:
         if self._depth is None:
             self._depth = estimate_approach(self._problem, comm)
         while True:
-            size = MeshSize(h, growth(h / self.side, self._flowing), reach=self._reach, refinements=self._problem.size.refinements)
+            rate, refinements = growth(h / self.side, self._flowing), self._problem.size.refinements
+            size = MeshSize(h, rate, reach=self._reach, refinements=refinements)
             block = make_block(comm, surface, self._problem.height, self._depth, size, self._problem.sides)
             dofs = comm.bcast(None if block is None else 3 * block.counts()[0], root=0)
             if dofs <= self._max_dofs:
