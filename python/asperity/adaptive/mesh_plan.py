@@ -21,8 +21,7 @@ from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
 MESH_ORDERS = (1.3, 3.5)  # range of the order of the force in the element size, measured by benchmarks/accuracy.py
 MESH_ORDER = 2.0  # typical one, to plan with
 AREA_ORDER = 1.3  # of the bar of the contact area, to plan with; that of the edges of spots is 1.5 (docs/contact.md)
-FACET_ORDER = 1.1  # of the bar of the force that facets cut at random leave, to plan with
-FACET_STEP = 3.0  # greatest one from one size to the next for it
+FACET_STEP = 3.0  # greatest one to the next size for what cut facets leave, which falls as the bar of the area does
 SAFETY = 1.3  # on half the range of limits
 SCATTER = 0.15  # error of the force over that of the area of contact, both relative, which facets cut at random leave
 YIELDED = 0.375  # the same of a rough solid that yields: the force of a flattened spot is its area times the hardness
@@ -206,7 +205,7 @@ def size_for_facets(size: float, bars: Floats, wanted: Floats) -> float:
         bars: relative error bars that they leave on it (n,), see `scatter`
         wanted: relative error bars requested (n,)
     """
-    return size / min(max(float(np.max(bars / (MARGIN * wanted))), 1.0) ** (1.0 / FACET_ORDER), FACET_STEP)
+    return size / min(max(float(np.max(bars / (MARGIN * wanted))), 1.0) ** (1.0 / AREA_ORDER), FACET_STEP)
 
 
 def size_for_area(size: float, bar: float, wanted: float) -> float:

@@ -69,10 +69,11 @@ class CompiledKernels:
     ) -> None:
         at, weights = quadrature(QUADRATURE_DEGREE)
         strength = material.yield_strength
-        beyond = FLOWED * strength / material.E if mean_dilatation and strength is not None else np.inf
-        self._cells = _solver.Cells(x, x_nodes, cell_nodes, shape_gradients(at), weights, beyond)
+        self._mean_beyond = np.inf
+        if mean_dilatation and strength is not None:
+            self._mean_beyond = FLOWED * strength / material.E
+        self._cells = _solver.Cells(x, x_nodes, cell_nodes, shape_gradients(at), weights, self._mean_beyond)
         self._law, self._held = law_of(material), law_of(material, flows=False)
-        self._mean_dilatation = mean_dilatation
         self._finite, self.linear = material.finite, material.linear
         cells, points = len(cell_nodes), len(weights)
         self.plastic_points = self.inverted_points = 0
@@ -117,7 +118,7 @@ class CompiledKernels:
             _solver.stiffness_finite(self._cells, self._held, u, compiled(self._trial), self._pattern, values)
         else:
             self._write_elastic(values)
-            if self._mean_dilatation:
+            if np.isfinite(self._mean_beyond):
                 self._add_to_elastic(self._held, u, values)
 
     def _write_elastic(self, values: Floats) -> None:
@@ -142,6 +143,12 @@ class CompiledKernels:
 
     def history(self) -> History:
         return self._committed
+
+    def softened(self, before: History) -> bool:
+        if not np.isfinite(self._mean_beyond):
+            return False
+        after, earlier = (np.any(h.accumulated > self._mean_beyond, axis=1) for h in (self._committed, before))
+        return bool(np.any(after & ~earlier))
 
     def stress(self, u: Floats) -> Floats:
         return self._stress(u, conjugate=False)

@@ -98,6 +98,9 @@ class InertialKernels:
     def history(self) -> History:
         return self.inner.history()
 
+    def softened(self, before: History) -> bool:
+        return self.inner.softened(before)
+
     def stress(self, u: Floats) -> Floats:
         return self.inner.stress(u)
 

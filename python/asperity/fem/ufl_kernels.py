@@ -132,6 +132,9 @@ class UflKernels:
             committed = committed[:0]
         return History(plastic_strain=committed[..., :6], accumulated=committed[..., 6])
 
+    def softened(self, before: History) -> bool:
+        return False
+
     def stress(self, u: Floats) -> Floats:
         self._u.x.array[:] = u.ravel()
         return self._state().cauchy

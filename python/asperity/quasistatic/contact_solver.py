@@ -121,6 +121,7 @@ class ContactSolver:
         self._u, self._internal = np.zeros((solid.owned, 3)), np.zeros((solid.owned, 3))
         self._previous: tuple[float, Floats] | None = None
         self._led = False  # whether the committed history is ahead of the displacement
+        self._softened = False  # whether cells have taken their mean volumetric strain after the last solve
         self._own: History | None = None  # history of the displacement where the committed one is ahead
         self._first_touch = self._highest()
         self.probes: tuple[Probe, ...] = ()
@@ -242,6 +243,7 @@ class ContactSolver:
                 self.contact.restore(midpoint.extrapolate(contact_before, contact_after, lead))
             if self.contact.stiff or isinstance(self.contact, Stick):  # for the energy balance, as after a restart
                 self._internal = solid.internal_force().copy()
+        self._softened = solid.kernels.softened(history)
         self.counts.steps += 1
 
     def _balance(
@@ -267,6 +269,7 @@ class ContactSolver:
                 np.max(-pressure, initial=0.0),
                 np.max(pressure, initial=0.0),
                 decrease,
+                float(self._softened or solid.kernels.softened(history)),
             ]
         )
         solid.comm.Allreduce(MPI.IN_PLACE, sums)
@@ -320,6 +323,8 @@ class ContactSolver:
     def restore(self, state: SolverState) -> None:
         """Restore a state returned by `state`, after the histories of solid and contact; collective."""
         self.delta, self._u, self._led = state.delta, state.displacement, state.led
+        committed = self.solid.kernels.history()
+        self._softened = self.solid.kernels.softened(History.zeros(*committed.accumulated.shape))  # perhaps
         self.counts, self.checks = deepcopy(state.counts), deepcopy(state.checks)
         self._previous = None
         if state.before is not None and state.previous is not None:
