@@ -165,6 +165,16 @@ def test_a_spot_as_small_as_an_element_does_not_lock() -> None:
     assert abs(free) < 0.3 * locked
 
 
+def test_energy_that_becomes_free_is_no_violation() -> None:
+    """Many small steps, whose energy bounds are narrow; without the means both bounds hold."""
+    sphere = Surface.from_spec("sphere", L=1.0, radius=1.0)
+    steps: dict[str, Any] = {"delta_max": 0.003, "steps": 40, "unload_steps": 5, "integrator": "backward-euler"}
+    for dilatation in (POINT, MEAN):
+        size = asp.MeshSize(0.06, grading=(1.0, 1.0))
+        result = asp.solve_contact(sphere, Material(E, NU, 0.002), size=size, dilatation=dilatation, **steps)
+        assert result.complete and not result.checks.violated and result.checks.energy_excess < 1e-8
+
+
 def test_means_need_the_compiled_kernels() -> None:
     flat = Flat(L=1.0)
     with pytest.raises(InputError, match=r'solver\.dilatation = "mean" needs solver.kernels = "compiled"'):

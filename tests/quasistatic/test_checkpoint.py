@@ -23,7 +23,7 @@ from asperity.errors import CheckpointError, Interrupted, OutputError, Resolutio
 from asperity.mesh.block import BlockMesh
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
-from asperity.model.settings import Formulation, MeshSize
+from asperity.model.settings import MEAN, Formulation, MeshSize
 from asperity.output.fields import gather_states
 from asperity.quasistatic.checkpoint import FORMAT, Checkpoint, signed
 from asperity.quasistatic.checkpoint_identity import differences, identity
@@ -105,6 +105,7 @@ def test_a_resumed_run_warns_of_the_waves_that_its_mesh_misses(tmp_path: Path) -
         (ELASTIC, "active-set", {}),
         (ELASTIC, "active-set", {"formulation": Formulation(friction="stick"), "unload_steps": 2, "cycles": 2}),
         (PLASTIC, "active-set", {"formulation": Formulation(friction="stick"), "steps": 2, "integrator": "midpoint"}),
+        (PLASTIC, "active-set", {"dilatation": MEAN, "integrator": "midpoint", "unload_steps": 2}),
         (PLASTIC, "nitsche", {"unload_steps": 1, "block": None, "size": MeshSize(0.2, h_max=0.4, refinements=1)}),
     ],
 )
