@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 import asperity as asp
 from asperity.adaptive.extrapolation import Along, correct
-from asperity.adaptive.mesh_plan import OF_GUIDE, SAFETY, SCATTER, YIELDED, scatter
+from asperity.adaptive.mesh_plan import OF_GUIDE, SAFETY, SCATTER, YIELDED, facet_share, scatter
 from asperity.adaptive.roughness import Omission, Roughness
 from asperity.adaptive.solve_to_tolerance import refine
 from asperity.curve import Curve
@@ -23,7 +23,7 @@ from asperity.mesh.generate import build_block
 from asperity.mesh.top import Top
 from asperity.model.material import Material
 from asperity.model.problem import Problem
-from asperity.model.settings import MeshSize
+from asperity.model.settings import MEAN, POINT, MeshSize
 from asperity.quasistatic.contact_result import PartialResult
 from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.solve_contact import solve_contact
@@ -89,15 +89,21 @@ def test_few_elements_in_the_spots_of_a_rough_surface_have_a_wider_bar() -> None
 
     coarse, fine = rows(0.004), rows(0.002)
     steps, nothing = Along(np.array([0.0]), np.zeros(1)), Omission(fine.delta_star, np.zeros(3), np.zeros(3))
-    smooth, smooth_plastic, rough, rough_plastic = (
-        correct(fine, coarse, 2.0, SAFETY, np.ones(3, dtype=bool), steps, 0.0, missed, plastic)[1].mesh / fine.P_star
-        for missed in (None, nothing)
-        for plastic in (False, True)
+    shares = [
+        facet_share(rough, plastic, dilatation)
+        for rough in (False, True)
+        for plastic, dilatation in ((False, POINT), (True, MEAN), (True, POINT))
+    ]
+    smooth, smooth_plastic, _, rough, free, locking = (
+        correct(fine, coarse, 2.0, SAFETY, np.ones(3, dtype=bool), steps, 0.0, nothing, share)[1].mesh / fine.P_star
+        for share in shares
     )
     assert smooth == pytest.approx(scatter(np.full(3, 0.4), np.full(3, 0.2), 2.0))
     assert smooth_plastic == pytest.approx(smooth)
     assert rough == pytest.approx(OF_GUIDE * smooth)
-    assert rough_plastic == pytest.approx(OF_GUIDE * YIELDED / SCATTER * smooth)
+    assert free == pytest.approx(OF_GUIDE * YIELDED[MEAN] / SCATTER * smooth)
+    assert locking == pytest.approx(OF_GUIDE * YIELDED[POINT] / SCATTER * smooth)
+    assert np.all(locking > free)
 
 
 def test_a_stop_while_a_mesh_is_judged_keeps_its_curve() -> None:

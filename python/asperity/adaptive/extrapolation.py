@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import PchipInterpolator
 
-from asperity.adaptive.mesh_plan import bar_share, extrapolate_mesh, facet_share, scatter
+from asperity.adaptive.mesh_plan import bar_share, extrapolate_mesh, scatter
 from asperity.adaptive.roughness import AREA_BAR, FORCE_BAR, Omission
 from asperity.arrays import Floats
 from asperity.curve import WITH_ERRORS, Curve
@@ -86,7 +86,7 @@ def correct(
     path: Along,
     algebraic: float,
     missed: Omission | None,
-    plastic: bool,
+    share: float,
 ) -> tuple[Curve, Budget]:
     """Extrapolated curve of the finest level with its error bars.
 
@@ -100,7 +100,7 @@ def correct(
         path: relative error left of the load steps
         algebraic: relative error of the equations left unsolved
         missed: what the mesh leaves out of a rough surface
-        plastic: whether the solid yields
+        share: error of the force over that of the area, see `mesh_plan.facet_share`
     """
     loading = fine.branch == "load"
     at = fine.delta_star[loading]
@@ -111,7 +111,7 @@ def correct(
     bar = spread / touching
     mesh_bar = steady(bar)
     mesh_bar[judged[loading]] = steady(bar[judged[loading]])
-    mesh_bar = np.maximum(mesh_bar, facet_bar(fine, coarse, at, ratio, missed is not None, plastic))
+    mesh_bar = np.maximum(mesh_bar, facet_bar(fine, coarse, at, ratio, share))
     path_bar = path.at(at)
     rows = _rows_of_loading(loading)
     rough_bar: Floats = np.zeros(len(raw))
@@ -128,17 +128,16 @@ def correct(
     return replace(curve, error_P_star=budget.total), budget
 
 
-def facet_bar(fine: Curve, coarse: Curve, at: Floats, ratio: float, rough: bool, plastic: bool) -> Floats:
+def facet_bar(fine: Curve, coarse: Curve, at: Floats, ratio: float, share: float) -> Floats:
     """Relative error bars of the force that facets cut at random leave, at given approaches; see `mesh_plan.scatter`.
 
     Args:
         fine, coarse: of the finest level and of the one to extrapolate from
         at: approaches (n,) [L]
         ratio: of their element sizes
-        rough: whether the meshes leave out waves of the surface
-        plastic: whether the solid yields
+        share: error of the force over that of the area, see `mesh_plan.facet_share`
     """
-    return scatter(_area_error(coarse, at), _area_error(fine, at), ratio, facet_share(rough, plastic))
+    return scatter(_area_error(coarse, at), _area_error(fine, at), ratio, share)
 
 
 def with_area(curve: Curve, missed: Omission) -> Curve:

@@ -27,6 +27,7 @@ from asperity.adaptive.mesh_plan import (
     FIRST_STEP,
     LEAST_STEP,
     error_of,
+    facet_share,
     partner,
     plan_next,
     safety_of,
@@ -110,12 +111,11 @@ class MeshErrorEstimate:
         ratio = sizes[place] / sizes[-1]
         # a mesh that misses waves is as rough a partner as the guide
         safety = safety_of(place == 0 or missed is not None)
+        share = facet_share(missed is not None, run.plastic, run.dilatation)
         judged, algebraic = judged_rows(result.curve, self._steps), result.checks.unsolved
         unresolved = "no node is touched" if curve.untouched() or coarse.untouched() else path.unknown
         if not unresolved:
-            curve, budget = correct(
-                curve, coarse, ratio, safety, judged, path.bar[substeps], algebraic, missed, run.plastic
-            )
+            curve, budget = correct(curve, coarse, ratio, safety, judged, path.bar[substeps], algebraic, missed, share)
             curve = with_measures(curve, coarse, ratio, safety, budget, run.compliance)
             unresolved = curve.unresolved() or coarse.unresolved()
 
@@ -135,7 +135,7 @@ class MeshErrorEstimate:
             left = np.maximum(goal.tolerance - algebraic - of_steps, 0.1 * goal.tolerance)  # for the mesh
             wanted = self._wanted(sizes, place, mesh, left)
             if missed is not None:
-                facets = facet_bar(self._curves[-1], coarse, at, ratio, True, run.plastic)
+                facets = facet_bar(self._curves[-1], coarse, at, ratio, share)
                 wanted = min(wanted, size_for_facets(sizes[-1], facets, left))
             limit = "" if worst <= goal.tolerance else self._limit(algebraic, float(of_steps.max()))
             if goal.area_tolerance is not None:

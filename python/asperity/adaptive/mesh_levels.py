@@ -17,7 +17,7 @@ from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.size_field import FirstContactMap
 from asperity.model.problem import Problem
-from asperity.model.settings import MEAN, AccuracyTarget, ApproachMap, MeshSize
+from asperity.model.settings import MEAN, POINT, AccuracyTarget, ApproachMap, MeshSize, wrong_dilatation
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.make import make_block
@@ -85,8 +85,15 @@ class LevelSolver:
         self._reach = spots
         self._depth = float(guide.curve.loading().delta[-1])
         self._made, self._guide, self._flowing = None, guide, rough and self.plastic
-        if self._flowing and self._problem.dilatation is None and self._problem.kernels == "compiled":
-            self._problem = replace(self._problem, dilatation=MEAN)
+        problem = self._problem
+        if self._flowing and problem.dilatation is None:
+            possible = not wrong_dilatation(MEAN, problem.kernels, problem.formulation.method)
+            self._problem = replace(problem, dilatation=MEAN if possible else POINT)
+
+    @property
+    def dilatation(self) -> str:
+        """Volumetric strain of the elements."""
+        return self._problem.dilatation or POINT
 
     def _mesh(self, h: float) -> tuple[BlockMesh | None, float]:
         """Mesh of size h [length], or the finest that the greatest number of dofs allows, and its size; collective.

@@ -17,6 +17,7 @@ import numpy as np
 
 from asperity.arrays import Floats
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
+from asperity.model.settings import MEAN, POINT
 
 MESH_ORDERS = (1.3, 3.5)  # range of the order of the force in the element size, measured by benchmarks/accuracy.py
 MESH_ORDER = 2.0  # typical one, to plan with
@@ -24,7 +25,8 @@ AREA_ORDER = 1.3  # of the bar of the contact area, to plan with; that of the ed
 FACET_STEP = 3.0  # greatest one to the next size for what cut facets leave, which falls as the bar of the area does
 SAFETY = 1.3  # on half the range of limits
 SCATTER = 0.15  # error of the force over that of the area of contact, both relative, which facets cut at random leave
-YIELDED = 0.375  # the same of a rough solid that yields: the force of a flattened spot is its area times the hardness
+#: The same of a rough solid that yields, by dilatation: the force of a flattened spot is its area times the hardness.
+YIELDED = {POINT: 0.5, MEAN: 0.375}
 OF_GUIDE = 1.6  # times that where the coarser mesh is the guiding one, on which small spots hardly have an element
 GUIDE_EXCESS = 2.0  # what the guide makes errors look larger than they are, by its own grading (docs/accuracy.md)
 GUIDE = 0.1  # size of the guiding mesh [L]
@@ -143,14 +145,15 @@ def scatter(coarse: Floats, fine: Floats, ratio: float, share: float = SCATTER) 
     return share * np.hypot((1.0 + weight) * fine, weight * coarse)
 
 
-def facet_share(rough: bool, plastic: bool) -> float:
+def facet_share(rough: bool, plastic: bool, dilatation: str) -> float:
     """Error of the force over that of the area of contact, both relative, which facets cut at random leave.
 
     Args:
         rough: whether the meshes leave out waves of the surface
         plastic: whether the solid yields
+        dilatation: of its elements
     """
-    return OF_GUIDE * (YIELDED if plastic else SCATTER) if rough else SCATTER
+    return OF_GUIDE * (YIELDED[dilatation] if plastic else SCATTER) if rough else SCATTER
 
 
 def error_of(bar: float, ratio: float, guide: bool) -> float:

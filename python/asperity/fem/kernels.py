@@ -114,7 +114,7 @@ class ElementKernels(Protocol):
         """Committed history of this rank's cells; without rows for an elastic material."""
 
     def softened(self, before: History) -> bool:
-        """Whether a cell of this rank takes its mean volumetric strain in the committed history, but not in `before`."""
+        """Whether a cell of this rank takes its mean volumetric strain in the committed history but not in `before`."""
 
     def stress(self, u: Floats) -> Floats:
         """Cauchy's stress (cells, points, 6) [E] of u over the committed history."""

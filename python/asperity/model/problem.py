@@ -44,7 +44,7 @@ class Problem:
 
     Raises:
         InputError: not exactly one of delta_max and force_max, periodic sides of a surface that is not periodic, or
-            mean volumetric strains with UFL kernels
+            mean volumetric strains with UFL kernels or Nitsche's method
     """
 
     surface: Surface
@@ -63,7 +63,7 @@ class Problem:
     def __post_init__(self) -> None:
         if (self.load_path.delta_max is None) == (self.load_path.force_max is None):
             raise InputError(ONE_OF)
-        if wrong := wrong_dilatation(self.dilatation, self.kernels):
+        if wrong := wrong_dilatation(self.dilatation, self.kernels, self.formulation.method):
             raise InputError(wrong)
         if self.sides == "periodic" and not self.surface.periodic:
             kind = self.surface.kind or type(self.surface).__name__

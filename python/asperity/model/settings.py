@@ -66,17 +66,23 @@ def wrong_friction(method: str, friction: str) -> str:
     )
 
 
-def wrong_dilatation(dilatation: str | None, kernels: str) -> str:
+def wrong_dilatation(dilatation: str | None, kernels: str, method: str) -> str:
     """Reason why a volumetric strain of the elements is refused; empty for a legal one.
 
     Args:
         dilatation: None where it is chosen
         kernels: of the elements
+        method: of the contact
     """
     if dilatation not in (None, POINT, MEAN):
         return f'solver.dilatation = "{dilatation}" is not one of {POINT}, {MEAN}'
     if dilatation == MEAN and kernels != "compiled":
-        return f'solver.dilatation = "{MEAN}" needs solver.kernels = "compiled": the UFL kernels have no means of cells'
+        return 'solver.dilatation = "mean" needs solver.kernels = "compiled": the UFL kernels have no means of cells'
+    if dilatation == MEAN and method == "nitsche":
+        return (
+            'solver.dilatation = "mean" cannot go with contact.method = "nitsche", whose traction is that of points, '
+            'which the mean leaves free: take contact.method = "active-set", or solver.dilatation = "point"'
+        )
     return ""
 
 
