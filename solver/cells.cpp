@@ -5,6 +5,7 @@
 // `Cells::at_points`; those that depend on the material are compiled for each law, see laws.hpp.
 #include "cells.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 

@@ -7,11 +7,11 @@
 #include "linear.hpp"
 #include "size_field.hpp"
 
-#include <limits>
-
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/variant.h>
+
+#include <limits>
 
 using namespace asperity;
 using namespace nb::literals;
@@ -50,7 +50,8 @@ void bind_cells(nb::module_& m)
       .def(
           nb::init<Array<const double>, Array<const int>, Array<const int>, Array<const double>, Array<const double>,
                    double>(),
-          "x"_a, "x_dofs"_a, "u_dofs"_a, "gradients"_a, "weights"_a, "mean_beyond"_a = std::numeric_limits<double>::infinity());
+          "x"_a, "x_dofs"_a, "u_dofs"_a, "gradients"_a, "weights"_a,
+          "mean_beyond"_a = std::numeric_limits<double>::infinity());
   nb::class_<History>(m, "History")
       .def(nb::init<Array<double>, Array<double>>(), out("plastic_strain"), out("accumulated"));
   nb::class_<BlockPattern>(m, "BlockPattern")

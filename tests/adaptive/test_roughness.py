@@ -14,7 +14,18 @@ from mpi4py import MPI
 
 import asperity as asp
 from asperity.adaptive.extrapolation import Along, correct
-from asperity.adaptive.mesh_plan import OF_GUIDE, SAFETY, SCATTER, YIELDED, facet_share, scatter
+from asperity.adaptive.mesh_plan import (
+    AREA_ORDER,
+    FACET_STEP,
+    MARGIN,
+    OF_GUIDE,
+    SAFETY,
+    SCATTER,
+    YIELDED,
+    facet_share,
+    scatter,
+    size_for_facets,
+)
 from asperity.adaptive.roughness import Omission, Roughness
 from asperity.adaptive.solve_to_tolerance import refine
 from asperity.curve import Curve
@@ -104,6 +115,15 @@ def test_few_elements_in_the_spots_of_a_rough_surface_have_a_wider_bar() -> None
     assert free == pytest.approx(OF_GUIDE * YIELDED[MEAN] / SCATTER * smooth)
     assert locking == pytest.approx(OF_GUIDE * YIELDED[POINT] / SCATTER * smooth)
     assert np.all(locking > free)
+
+
+def test_the_next_mesh_follows_what_cut_facets_leave() -> None:
+    """The row that is farthest from its tolerance decides; no mesh is coarser, or finer by more than the limit."""
+    wanted = np.array([0.05, 0.04])
+    size = size_for_facets(0.03, np.array([0.05, 0.08]), wanted)
+    assert 0.08 * (size / 0.03) ** AREA_ORDER == pytest.approx(MARGIN * 0.04)
+    assert size_for_facets(0.03, np.array([0.01, 0.02]), wanted) == 0.03
+    assert size_for_facets(0.03, np.array([0.5, 1.0]), wanted) == pytest.approx(0.03 / FACET_STEP)
 
 
 def test_a_stop_while_a_mesh_is_judged_keeps_its_curve() -> None:
