@@ -37,14 +37,18 @@ def approach(surface: asp.Surface, material: asp.Material) -> float:
     return float(np.interp(AREA, curve.area_fraction, curve.delta_star)) * L
 
 
+def rough(n: int) -> SelfAffine:
+    """The surface whose n x n heights are the map."""
+    return SelfAffine(L=L, H=0.8, slope=0.46, lambda_roll=L / 4, lambda_short=5 * L / n, seed=1)
+
+
 def main(n: int, name: str) -> None:
     """Run the map of n x n heights."""
     comm, material = MPI.COMM_WORLD, MATERIALS[name]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(comm.bcast(folder)) / "map.npz"
         if comm.rank == 0:
-            made = SelfAffine(L=L, H=0.8, slope=0.46, lambda_roll=L / 4, lambda_short=5 * L / n, seed=1)
-            np.savez(path, z=made.grid(n), L=L)
+            np.savez(path, z=rough(n).grid(n), L=L)
         comm.barrier()
         start = perf_counter()
         surface = HeightMap(path=path)

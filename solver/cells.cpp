@@ -295,7 +295,8 @@ void stiffness_plastic(const Cells& cells, const Law& law, const Array<const dou
                  moduli.lambda -= bulk;
                  if (r.plastic || bulk > 0.0)
                    add_stiffness(p.g, nominal_tangent(moduli, r.direction), p.volume, A);
-                 mean.add(p.g, p.volume);
+                 if (bulk > 0.0)
+                   mean.add(p.g, p.volume);
                };
                add_cell(cells, c, pattern, out, at_point, [&](double* A) { mean.add_stiffness(bulk, A); });
              }

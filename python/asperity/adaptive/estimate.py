@@ -174,9 +174,11 @@ def estimate(case: Case, ranks: int = 1) -> Estimate:
         )
     surface, rates = case.build_surface(), PLASTIC if case.material.yield_strength is not None else ELASTIC
     levels: list[MeshEstimate] = []
+    tolerance, plastic = case.accuracy.tolerance, case.material.yield_strength is not None
+    flowing = plastic and tolerance is not None and is_rough(surface, case.loading.delta_max, tolerance)
     enough, most = True, MOST_DOFS if case.accuracy.tolerance is None else min(case.accuracy.max_dofs, MOST_DOFS)
     for h, steps in _plan(case, surface):
-        dofs = _given_dofs(case) or count_dofs(surface, case, h, most)
+        dofs = _given_dofs(case) or count_dofs(surface, case, h, most, flowing)
         if dofs > most:
             enough = False
             break
@@ -247,7 +249,14 @@ def _given_dofs(case: Case) -> int:
     return 0 if case.mesh.file is None else 3 * BlockMesh.read(case.mesh.file).counts()[0]
 
 
-def count_dofs(surface: Surface, case: Case, h_contact: float, most: float = inf, for_strain: bool = False) -> int:
+def count_dofs(
+    surface: Surface,
+    case: Case,
+    h_contact: float,
+    most: float = inf,
+    flowing: bool = False,
+    for_strain: bool = False,
+) -> int:
     """Dofs of a mesh of a case.
 
     Args:
@@ -255,18 +264,14 @@ def count_dofs(surface: Surface, case: Case, h_contact: float, most: float = inf
         case: the input
         h_contact: element size [length]
         most: number from which on they are not counted
+        flowing: see `mesh_plan.growth`
         for_strain: whether it is the coarse mesh that compares small and finite strain
     """
     assert case.loading.delta_max is not None
     mesh, L = case.mesh, surface.L
-    tolerance = case.accuracy.tolerance
-    guided = tolerance is not None and h_contact < GUIDE * L
-    if tolerance is None:
-        rate, h_max = mesh.growth, mesh.h_max
-    else:
-        flowing = guided and case.material.yield_strength is not None
-        flowing = flowing and is_rough(surface, case.loading.delta_max, tolerance)
-        rate, h_max = growth(h_contact / L, flowing), None
+    adaptive = case.accuracy.tolerance is not None
+    guided = adaptive and h_contact < GUIDE * L
+    rate, h_max = (growth(h_contact / L, flowing and guided), None) if adaptive else (mesh.growth, mesh.h_max)
     if for_strain:
         rate, h_max = growth(GUIDE), None
     grading = GUIDED if guided else GRADING

@@ -19,7 +19,7 @@ import numpy as np
 
 from asperity.adaptive.mesh_plan import FIRST, GUIDE
 from asperity.arrays import Floats
-from asperity.mesh.resolution import ELEMENTS, resolving_size
+from asperity.mesh.resolution import ELEMENTS, SHARE, resolving_size, unresolved_height
 from asperity.mesh.size_field import GridContactMap
 from asperity.mesh.top import Top, heights_of_top
 from asperity.model.problem import Problem
@@ -65,7 +65,7 @@ def is_rough(surface: Surface, depth: float, tolerance: float) -> bool:
         depth: greatest approach [length]
         tolerance: relative error allowed for the force
     """
-    return resolving_size(surface, depth, tolerance, FIRST * GUIDE * surface.L) < np.inf
+    return unresolved_height(surface, FIRST * GUIDE * surface.L, depth) > SHARE * tolerance
 
 
 class Roughness:

@@ -324,7 +324,7 @@ class ContactSolver:
         """Restore a state returned by `state`, after the histories of solid and contact; collective."""
         self.delta, self._u, self._led = state.delta, state.displacement, state.led
         committed = self.solid.kernels.history()
-        self._softened = self.solid.kernels.softened(History.zeros(*committed.accumulated.shape))  # perhaps
+        self._softened = self.solid.kernels.softened(History.zeros(*committed.accumulated.shape))  # in any step before
         self.counts, self.checks = deepcopy(state.counts), deepcopy(state.checks)
         self._previous = None
         if state.before is not None and state.previous is not None:
