@@ -5,21 +5,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pytest
-from scipy import sparse
+from element_sample import Sample, difference, sample
 
 from asperity import reference as ref
 from asperity.errors import InputError
-from asperity.fem.kernels import ElementKernels
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.distribute import distribute
 from asperity.mesh.generate import build_block
 from asperity.model.material import Material
 from asperity.surface import Flat
@@ -41,47 +38,6 @@ ROUNDING = 500 * float(np.finfo(float).eps)
 TWINS = 40 * ROUNDING  # on curved cells of other sizes, some of them flat: the condition of their Jacobian on top
 
 
-@dataclass(frozen=True)
-class Sample:
-    """A small mesh driven by nodal displacements through one kind of kernels."""
-
-    solid: Solid
-
-    @property
-    def kernels(self) -> ElementKernels:
-        return self.solid.kernels
-
-    def force(self, u: Array) -> Array:
-        b = np.zeros((self.solid.nodes, 3))
-        self.kernels.add_internal_force(u, b)
-        return b
-
-    def tangent(self, u: Array) -> sparse.csr_array:
-        """Tangent of the last force."""
-        graph, n = self.solid.sparsity, 3 * self.solid.nodes
-        values = np.empty(len(graph.columns))
-        self.kernels.tangent(u, values)
-        return sparse.csr_array((values, graph.columns, graph.rows), shape=(n, n))
-
-    def affine(self, strain: npt.ArrayLike) -> Array:
-        """Displacement of a uniform strain (3, 3)."""
-        return self.solid.points @ np.asarray(strain, float).T
-
-    def follow(self, strains: Iterable[Array]) -> tuple[Array, Array]:
-        """Stress (m, 3, 3) and accumulated plastic strain (m,) along uniform strains, each a step."""
-        stress, accumulated = [], []
-        for strain in strains:
-            u = self.affine(strain)
-            self.force(u)
-            points = self.kernels.stress(u).reshape(-1, 6)
-            np.testing.assert_allclose(points, np.broadcast_to(points[0], points.shape), rtol=0, atol=1e-12 * Y)
-            xx, yy, zz, xy, xz, yz = points[0]
-            stress.append([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-            self.kernels.commit()
-            accumulated.append(self.kernels.history().accumulated.max())
-        return np.array(stress), np.array(accumulated)
-
-
 @pytest.fixture(scope="module")
 def cube() -> BlockMesh:
     return build_block(Flat(L=1.0), 1.0, lambda x, y, depth: 1.0)
@@ -90,17 +46,6 @@ def cube() -> BlockMesh:
 @pytest.fixture(params=KERNELS)
 def kernels(request: pytest.FixtureRequest) -> str:
     return str(request.param)
-
-
-def sample(block: BlockMesh | None, material: Material, kernels: str) -> Sample:
-    from mpi4py import MPI
-
-    return Sample(Solid(*distribute(MPI.COMM_SELF, block, 1.0), material, kernels=kernels))
-
-
-def difference(a: Any, b: Any) -> float:
-    """Largest difference relative to the largest magnitude."""
-    return float(np.max(np.abs(np.asarray(a) - np.asarray(b))) / np.max(np.abs(np.asarray(b))))
 
 
 # --- parameters -----------------------------------------------------------------------------------------------

@@ -10,15 +10,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import pytest
-from scipy import sparse
+from element_sample import Sample, difference, sample
 
 import asperity as asp
 from asperity.arrays import Flags
 from asperity.errors import InputError
 from asperity.fem.compiled_kernels import FLOWED
-from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.distribute import distribute
 from asperity.model.material import Material
 from asperity.model.settings import MEAN, POINT
 from asperity.surface import Flat, Surface
@@ -31,36 +29,13 @@ STRETCHED = Material(E, NU, Y, 0.05, kinematics="finite")
 PARTLY = 2e-4  # scale of a random displacement that makes a part of the cells flow
 
 
-def solid(block: BlockMesh | None, material: Material, mean: bool = True) -> Solid:
-    from mpi4py import MPI
-
-    return Solid(*distribute(MPI.COMM_SELF, block, 1.0), material, mean_dilatation=mean)
+def noise(it: Sample, scale: float, seed: int = 0) -> Array:
+    return scale * np.random.default_rng(seed).normal(size=(it.solid.nodes, 3))
 
 
-def force(it: Solid, u: Array) -> Array:
-    b = np.zeros_like(u)
-    it.kernels.add_internal_force(u, b)
-    return b
-
-
-def tangent(it: Solid, u: Array) -> sparse.csr_array:
-    values = np.empty(it.sparsity.size)
-    it.kernels.tangent(u, values)
-    return sparse.csr_array((values, it.sparsity.columns, it.sparsity.rows), shape=(3 * it.nodes, 3 * it.nodes))
-
-
-def noise(it: Solid, scale: float, seed: int = 0) -> Array:
-    return scale * np.random.default_rng(seed).normal(size=(it.nodes, 3))
-
-
-def difference(a: Any, b: Any) -> float:
-    """Largest difference relative to the largest magnitude."""
-    return float(np.max(np.abs(np.asarray(a) - np.asarray(b))) / np.max(np.abs(np.asarray(b))))
-
-
-def flowed(it: Solid, u: Array) -> Flags:
+def flowed(it: Sample, u: Array) -> Flags:
     """Bring a solid to a displacement and commit it; whether a cell has flowed (cells,)."""
-    force(it, u)
+    it.force(u)
     it.kernels.commit()
     limit = FLOWED * Y / E
     return np.asarray(np.any(it.kernels.history().accumulated > limit, axis=1))
@@ -71,53 +46,53 @@ def test_force_is_that_of_projected_forms(coarse: BlockMesh) -> None:
     import ufl
     from dolfinx import fem
 
-    ours, usual = (solid(coarse, STEEL, mean) for mean in (True, False))
+    ours, usual = (sample(coarse, STEEL, mean=mean) for mean in (True, False))
     before = PARTLY * noise(ours, 1.0)
     cells = flowed(ours, before)
     assert 0.2 < np.mean(cells) < 0.8
     flowed(usual, before)
-    u = fem.Function(ours.V)
+    u = fem.Function(ours.solid.V)
     u.x.array[:] = noise(ours, 1e-3, seed=1).ravel()
-    dx = ufl.Measure("dx", domain=ours.mesh, metadata={"quadrature_degree": 2})
-    constants = fem.functionspace(ours.mesh, ("DG", 0))
+    dx = ufl.Measure("dx", domain=ours.solid.mesh, metadata={"quadrature_degree": 2})
+    constants = fem.functionspace(ours.solid.mesh, ("DG", 0))
     one, mean, taken = ufl.TestFunction(constants), fem.Function(constants), fem.Function(constants)
     sums, volumes = (fem.assemble_vector(fem.form(f * one * dx)).array for f in (ufl.div(u), 1.0 + 0.0 * ufl.div(u)))
     mean.x.array[:], taken.x.array[:] = sums / volumes, cells
     lam, mu = STEEL.lame
-    v = ufl.TestFunction(ours.V)
+    v = ufl.TestFunction(ours.solid.V)
     form = taken * (lam + 2.0 / 3.0 * mu) * (mean - ufl.div(u)) * ufl.div(v) * dx
     expected = fem.assemble_vector(fem.form(form)).array.reshape(-1, 3)
     nodal = u.x.array.reshape(-1, 3)
-    assert difference(force(ours, nodal) - force(usual, nodal), expected) < 1e-11
+    assert difference(ours.force(nodal) - usual.force(nodal), expected) < 1e-11
 
 
 @pytest.mark.parametrize("material", [STEEL, STRETCHED], ids=["small", "finite"])
 def test_tangent_is_the_derivative_of_the_force(coarse: BlockMesh, material: Material) -> None:
-    it = solid(coarse, material)
+    it = sample(coarse, material, mean=True)
     cells = flowed(it, PARTLY * noise(it, 1.0))
     assert 0.2 < np.mean(cells) < 0.8
     for scale in (1e-5, 1e-3):  # some cells that have flowed unload elastically in the first state
         u = PARTLY * noise(it, 1.0) + noise(it, scale, seed=1)
-        force(it, u)
-        K = tangent(it, u)
+        it.force(u)
+        K = it.tangent(u)
         assert difference(K.data, K.T.tocsr().sorted_indices().data) < 1e-12
         du, step = noise(it, scale, seed=2), 1e-4
-        slope = (force(it, u + step * du) - force(it, u - step * du)) / (2.0 * step)
+        slope = (it.force(u + step * du) - it.force(u - step * du)) / (2.0 * step)
         assert difference(K @ du.ravel(), slope.ravel()) < 1e-5
 
 
 def test_stiffness_of_small_vibration_is_that_of_unloading(coarse: BlockMesh) -> None:
-    it = solid(coarse, STEEL)
+    it = sample(coarse, STEEL, mean=True)
     u = noise(it, 1e-2)
     assert np.all(flowed(it, u))
     back = 0.999 * u
-    force(it, back)
+    it.force(back)
     assert it.kernels.plastic_points == 0
-    held = np.empty(it.sparsity.size)
+    held = np.empty(it.solid.sparsity.size)
     it.kernels.elastic_tangent(back, held)
-    assert difference(held, tangent(it, back).data) < 1e-14
-    usual = solid(coarse, STEEL, mean=False)
-    force(usual, back)
+    assert difference(held, it.tangent(back).data) < 1e-14
+    usual = sample(coarse, STEEL, mean=False)
+    usual.force(back)
     pointwise = np.empty_like(held)
     usual.kernels.elastic_tangent(back, pointwise)
     assert difference(held, pointwise) > 0.01
@@ -126,7 +101,7 @@ def test_stiffness_of_small_vibration_is_that_of_unloading(coarse: BlockMesh) ->
 @pytest.mark.parametrize("material", [STEEL, STRETCHED], ids=["small", "finite"])
 def test_only_the_volumetric_strain_is_that_of_the_cell(coarse: BlockMesh, material: Material) -> None:
     """Logarithmic in finite strain, whose conjugate stress is therefore the one to look at."""
-    mean, point = (solid(coarse, material, mean=m) for m in (True, False))
+    mean, point = (sample(coarse, material, mean=m) for m in (True, False))
     cells, _ = (flowed(it, PARTLY * noise(it, 1.0)) for it in (mean, point))
     u = noise(point, 1e-3, seed=1)
     ours, usual = (it.kernels.conjugate_stress(u) for it in (mean, point))
@@ -142,10 +117,10 @@ def test_only_the_volumetric_strain_is_that_of_the_cell(coarse: BlockMesh, mater
 
 @pytest.mark.parametrize("material", [STEEL, STRETCHED], ids=["small", "finite"])
 def test_a_uniform_strain_is_that_of_the_points(coarse: BlockMesh, material: Material) -> None:
-    u = solid(coarse, material).points @ np.diag([0.01, 0.01, -0.03])
-    ours, usual = (solid(coarse, material, mean=m) for m in (True, False))
+    u = sample(coarse, material, mean=True).solid.points @ np.diag([0.01, 0.01, -0.03])
+    ours, usual = (sample(coarse, material, mean=m) for m in (True, False))
     assert all(np.all(flowed(it, u)) for it in (ours, usual))
-    assert difference(force(ours, 1.2 * u), force(usual, 1.2 * u)) < 1e-12
+    assert difference(ours.force(1.2 * u), usual.force(1.2 * u)) < 1e-12
     assert ours.kernels.plastic_points == usual.kernels.plastic_points > 0
 
 

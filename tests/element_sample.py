@@ -1,0 +1,75 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""A small mesh under given nodal displacements, for the tests of the element kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy import sparse
+
+from asperity.fem.kernels import ElementKernels
+from asperity.fem.solid import Solid
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.distribute import distribute
+from asperity.model.material import Material
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A small mesh driven by nodal displacements through one kind of kernels."""
+
+    solid: Solid
+
+    @property
+    def kernels(self) -> ElementKernels:
+        return self.solid.kernels
+
+    def force(self, u: Array) -> Array:
+        b = np.zeros((self.solid.nodes, 3))
+        self.kernels.add_internal_force(u, b)
+        return b
+
+    def tangent(self, u: Array) -> sparse.csr_array:
+        """Tangent of the last force."""
+        graph, n = self.solid.sparsity, 3 * self.solid.nodes
+        values = np.empty(len(graph.columns))
+        self.kernels.tangent(u, values)
+        return sparse.csr_array((values, graph.columns, graph.rows), shape=(n, n))
+
+    def affine(self, strain: npt.ArrayLike) -> Array:
+        """Displacement of a uniform strain (3, 3)."""
+        return self.solid.points @ np.asarray(strain, float).T
+
+    def follow(self, strains: Iterable[Array]) -> tuple[Array, Array]:
+        """Stress (m, 3, 3) and accumulated plastic strain (m,) along uniform strains, each a step."""
+        stress, accumulated, strength = [], [], self.solid.material.yield_strength
+        assert strength is not None
+        for strain in strains:
+            u = self.affine(strain)
+            self.force(u)
+            points = self.kernels.stress(u).reshape(-1, 6)
+            np.testing.assert_allclose(points, np.broadcast_to(points[0], points.shape), rtol=0, atol=1e-12 * strength)
+            xx, yy, zz, xy, xz, yz = points[0]
+            stress.append([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            self.kernels.commit()
+            accumulated.append(self.kernels.history().accumulated.max())
+        return np.array(stress), np.array(accumulated)
+
+
+def sample(block: BlockMesh | None, material: Material, kernels: str = "compiled", mean: bool = False) -> Sample:
+    from mpi4py import MPI
+
+    return Sample(Solid(*distribute(MPI.COMM_SELF, block, 1.0), material, kernels=kernels, mean_dilatation=mean))
+
+
+def difference(a: Any, b: Any) -> float:
+    """Largest difference relative to the largest magnitude."""
+    return float(np.max(np.abs(np.asarray(a) - np.asarray(b))) / np.max(np.abs(np.asarray(b))))
