@@ -3,7 +3,7 @@
 
 """A rough height map at full resolution, pressed to one per cent of contact area: time, memory, dofs, error bar.
 
-    mpirun -n 2 python3 benchmarks/scan.py [1024] [elastic | plastic]
+    mpirun -n 2 python3 benchmarks/scan.py [1024] [elastic | plastic] [nominal pressure, MPa, instead of the area]
 
 The map is self-affine with H = 0.8 from a quarter of the side to five pixels, rms slope 0.46, on 2 um, as of a scan
 of an atomic force microscope. Ten steps and unloading, with a tolerance of 5 % and nothing about the mesh. Prints one
@@ -42,8 +42,8 @@ def rough(n: int) -> SelfAffine:
     return SelfAffine(L=L, H=0.8, slope=0.46, lambda_roll=L / 4, lambda_short=5 * L / n, seed=1)
 
 
-def main(n: int, name: str) -> None:
-    """Run the map of n x n heights."""
+def main(n: int, name: str, pressure: float | None) -> None:
+    """Run the map of n x n heights, to that nominal pressure [MPa] or to AREA."""
     comm, material = MPI.COMM_WORLD, MATERIALS[name]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(comm.bcast(folder)) / "map.npz"
@@ -53,18 +53,23 @@ def main(n: int, name: str) -> None:
         start = perf_counter()
         surface = HeightMap(path=path)
         comm.barrier()
-    depth = comm.bcast(approach(surface, material) if comm.rank == 0 else None)
+    load: dict[str, float]
+    if pressure is None:
+        load = {"delta_max": comm.bcast(approach(surface, material) if comm.rank == 0 else None)}
+    else:
+        load = {"pressure_max": 1e6 * pressure}
     target = asp.AccuracyTarget(TOLERANCE, max_dofs=2_000_000)
-    found = asp.solve_to_tolerance(surface, material, target, delta_max=depth, steps=10, unload_steps=10)
+    found = asp.solve_to_tolerance(surface, material, target, steps=10, unload_steps=10, **load)
     busiest = comm.allreduce(process_time(), MPI.MAX)
     if comm.rank == 0:
-        area = found.curve.loading().area_fraction[-1]
+        last = found.curve.loading()
         time = f"{perf_counter() - start:.0f} s, {busiest:.0f} s of processor time"
         cost = f"{time}, {found.contact.memory / 2**30:.1f} GiB, {found.contact.dofs} dofs"
-        result = f"met {found.met}, bar {found.worst:.1%}, contact area {area:.2%} at {depth / L:.4f} L"
+        result = f"met {found.met}, bar {found.worst:.1%}, contact area {last.area_fraction[-1]:.2%} at {last.delta_star[-1]:.4f} L"
         print(f"{n} x {n}, {name}, {comm.size} ranks: {cost}, {result}")
 
 
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 1024, sys.argv[2] if len(sys.argv) > 2 else "elastic")
+    given = dict(enumerate(sys.argv))
+    main(int(given.get(1, 1024)), given.get(2, "elastic"), float(given[3]) if 3 in given else None)
