@@ -21,7 +21,7 @@ from asperity.cli import main
 from asperity.curve import COLUMNS, Curve
 from asperity.dynamics import Joint, LoopDamping, PowerLaw, TableLaw, law_from, run_dynamics
 from asperity.dynamics.run import small_vibration
-from asperity.errors import CheckpointError, ConvergenceError, InputError, MeshError
+from asperity.errors import CheckError, CheckpointError, ConvergenceError, InputError, MeshError
 from asperity.loops import LoopTable
 from asperity.mesh.block import BlockMesh
 from asperity.output.results import Results
@@ -393,6 +393,19 @@ def test_a_run_that_does_not_converge_keeps_its_curve(
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     assert "no convergence" in summary["exit_reason"] and summary["finished"] is False
     assert summary["fit"]["points"] == len(curve.planned()) >= 3
+
+
+def test_meshes_too_coarse_to_be_touched_are_no_wrong_result() -> None:
+    """The slopes take more elements than allowed: smoothed summits stay below the flat, and the message says so."""
+    surface = {"kind": "self-affine", "L": 1.0, "H": 0.5, "rms_slope": 10.0, "lambda_roll": 0.3, "lambda_short": 0.02}
+    loading, accuracy = {"delta_max": 0.01, "steps": 2}, {"tolerance": 0.1, "max_dofs": 12_000}
+    material = {"E": 1.0, "nu": 0.3, "kinematics": "small"}
+    case = Case.from_dict({"surface": surface, "material": material, "loading": loading, "accuracy": accuracy})
+    with pytest.raises(
+        ConvergenceError, match=r"no error bar, no node is touched: .*cut off what is shorter than"
+    ) as e:
+        run(case)
+    assert not isinstance(e.value, CheckError)
 
 
 def test_a_tolerance_that_is_not_met_leaves_all_that_was_found(tmp_path: Path) -> None:

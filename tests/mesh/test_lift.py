@@ -11,15 +11,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from asperity.adaptive.solve_to_tolerance import solve_to_tolerance
 from asperity.errors import MeshError, ResolutionWarning
 from asperity.mesh.block import NEAR, BlockMesh
-from asperity.mesh.element import least_jacobians
+from asperity.mesh.element import least_jacobians, projected_area
 from asperity.mesh.generate import build_block
-from asperity.mesh.lift import SOUND, _least_stretch, _vertical_gradients
+from asperity.mesh.lift import FREE, SOUND, _least_stretch, _vertical_gradients
 from asperity.mesh.resolution import judge_smoothing, lowered_height
+from asperity.mesh.size_field import GridContactMap, SizeField
+from asperity.mesh.top import Top
 from asperity.model.material import Material
-from asperity.model.settings import MeshSize
+from asperity.model.settings import AccuracyTarget, MeshSize
 from asperity.quasistatic.solve_contact import solve_contact
+from asperity.reference import RoughHalfSpace
 from asperity.runtime import compat
 from asperity.surface import Flat, HeightMap, SelfAffine, Sinusoid, Surface
 
@@ -41,12 +45,12 @@ def volumes(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
     return np.abs(np.einsum("ij,ij->i", b - a, np.cross(c - a, d - a)))
 
 
-def lowered(block: BlockMesh, surface: Surface) -> float:
-    """Change of the heights that a flat meets after an approach of 0.05, over this."""
+def lowered(block: BlockMesh, surface: Surface, delta: float = 0.05) -> float:
+    """Change of the heights that a flat meets after an approach, over this."""
     from mpi4py import MPI
 
     top = block.points[np.abs(block.heights(surface) - block.points[:, 2]) < NEAR]
-    return lowered_height(top, surface, block.height, 0.05, MPI.COMM_SELF)
+    return lowered_height(top, surface, block.height, delta, MPI.COMM_SELF)
 
 
 def self_affine(**changes: Any) -> Surface:
@@ -147,6 +151,59 @@ def test_smoothing_stays_near_the_elements_that_need_it() -> None:
     surface = SelfAffine(L=1.0, H=0.8, slope=0.7, lambda_roll=0.3, lambda_short=0.05, seed=2)
     block = build_block(surface, 1.0, lambda x, y, depth: 0.012 + 0.4 * max(x - 0.3, depth, 0.0))
     assert block.smoothing is not None and jacobians(block).min() > 0.0
-    assert block.smoothing.max() < 0.1
-    fine = block.smoothing[(block.points[:, 2] > 0.9) & (block.points[:, 0] < 0.25)]
+    width = np.where(block.smoothing < FREE, block.smoothing, 0.0)
+    assert width.max() < 0.1
+    fine = width[(block.points[:, 2] > 0.9) & (block.points[:, 0] < 0.25)]
     assert (fine > 0.0).mean() < 0.5 and fine.max() < 3.0 * 0.012
+
+
+@pytest.mark.parametrize(("slope", "seed"), [(1.0, 3), (1.5, 4), (1.5, 9)])
+def test_steep_summits_keep_their_heights(slope: float, seed: int) -> None:
+    """Elements that resolve the summits and grow around them, as the program makes them; the rest is far too steep."""
+    delta = 0.02 * slope
+    surface = self_affine(slope=slope, seed=seed, H=0.8, lambda_roll=0.25)
+    layer = RoughHalfSpace(256, 1.0, 0.3)
+    curve = layer.curve(layer.heights(surface), surface.maximum()[2], np.array([0.5, 1.0]) * delta)
+    field = SizeField.of(surface, delta, 0.015, growth=0.15, first_contact=GridContactMap(curve.touched_at, 1.0))
+    block = build_block(surface, 1.0, field.compiled().at)
+    assert block.smoothing is not None and jacobians(block).min() > 0.0
+    block.check(surface)
+    gap = block.points[:, 2].max() - 1.0 - (surface.maximum()[2] - surface.mean())
+    assert abs(gap) < 1e-3 * delta
+    assert lowered(block, surface, delta) < 0.05
+
+
+def test_nodes_leave_their_columns_inside_only(tmp_path: Path) -> None:
+    """What they do there is no surface: a mesh file says which they are, and its top is still that of the surface."""
+    surface = self_affine(slope=1.5)
+    block = build_block(surface, 1.0, lambda x, y, depth: 0.03 + 0.3 * max(x - 0.3, depth, 0.0))
+    assert block.smoothing is not None
+    free = block.smoothing == FREE
+    assert 0 < free.sum() < 0.2 * len(free) and jacobians(block).min() > 0.0
+    top, base = Top.of(block, surface), block.points[:, 2] == 0.0
+    assert not free[base].any() and not free[np.unique(top.faces)].any()
+    assert projected_area(top.points[top.faces[:, [0, 1, 2, 4, 5, 3]]]).sum() == pytest.approx(1.0, abs=1e-9)
+    block.save(tmp_path / "mesh.npz")
+    BlockMesh.read(tmp_path / "mesh.npz").check(surface)
+
+
+def test_a_sheer_step_has_sound_elements(tmp_path: Path) -> None:
+    """Two plateaus joined within a pixel: no element follows a slope of 12, and only its surroundings are smoothed."""
+    z = np.repeat(np.clip((np.arange(128) - 63.0), 0.0, 1.0)[None] * 0.1, 128, axis=0)
+    np.savez(tmp_path / "step.npz", z=z, L=1.0)
+    surface = HeightMap(path=tmp_path / "step.npz")
+    block = build_block(surface, 1.0, lambda x, y, depth: 0.06 + 0.3 * (depth + abs(x - 0.5)))
+    assert block.smoothing is not None and jacobians(block).min() > 0.0
+    x, _, height = block.points.T
+    plateau = (x > 0.8) & (block.heights(surface) - height < NEAR)
+    np.testing.assert_allclose(height[plateau], 1.1 - surface.mean(), atol=1e-3)
+
+
+@pytest.mark.mpi
+def test_a_steep_surface_is_pressed_to_a_tolerance() -> None:
+    """The first meshes are too coarse for a slope of 1.5; the summits of the later ones are in place."""
+    target = AccuracyTarget(0.3, max_dofs=40_000)
+    surface = self_affine(slope=1.5, H=0.8, lambda_roll=0.25, lambda_short=0.05)
+    found = solve_to_tolerance(surface, Material(1.0, 0.3), target, delta_max=0.03, steps=5)
+    assert found.met and not found.contact.checks.violated
+    assert np.all(np.diff(found.curve.loading().P_star) > 0.0)

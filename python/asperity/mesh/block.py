@@ -51,7 +51,7 @@ class BlockMesh:
         side: length L of the square base [length]
         height: height of the block [length]
         smoothing: standard deviation of the Gaussian that smooths the surface at each node, see `lift.lift` (N,)
-            [length]; None where all heights are exact
+            [length]; inf where a node inside has left its column; None where all heights are exact
         refinements: number of times the ranks split each element into eight, see `refine.refined`, before they lift the
             nodes onto the surface; the top of a mesh that is still to be refined is flat
 
@@ -83,11 +83,14 @@ class BlockMesh:
         return {**arrays, "side": np.array(self.side), "height": np.array(self.height)}
 
     def heights(self, surface: Surface) -> Floats:
-        """Height of the top above the base at x and y of each node (N,) [length]."""
+        """Height of the top above the base at x and y of each node, inf if it has left its column (N,) [length]."""
         if self.refinements:
             return np.full(len(self.points), self.height)
         x, y, _ = self.points.T
-        z = surface.height(x, y) if self.smoothing is None else heights_at(surface, x, y, self.smoothing)
+        if self.smoothing is None:
+            return np.asarray(self.height + surface.height(x, y) - surface.mean())
+        z, column = np.full(len(x), np.inf), np.isfinite(self.smoothing)
+        z[column] = heights_at(surface, x[column], y[column], self.smoothing[column])
         return np.asarray(self.height + z - surface.mean())
 
     def counts(self) -> tuple[int, int]:
@@ -138,9 +141,7 @@ class BlockMesh:
         if not (np.all(np.isfinite(points)) and 0.0 < side < np.inf and 0.0 < height < np.inf):
             raise ValueError("points, side and height must be finite, side and height positive")
         smoothing = arrays.get("smoothing")
-        if smoothing is not None and not (
-            smoothing.shape == (len(points),) and np.all(np.isfinite(smoothing)) and np.all(smoothing >= 0.0)
-        ):
+        if smoothing is not None and not (smoothing.shape == (len(points),) and np.all(smoothing >= 0.0)):
             raise ValueError(f"its smoothing should be {len(points)} lengths that are not negative")
         refinements = arrays.get("refinements", np.array(0))
         if not (refinements.shape == () and refinements.dtype.kind in "iu" and 0 <= refinements <= MOST_REFINEMENTS):

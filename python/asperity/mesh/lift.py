@@ -5,8 +5,12 @@
 
 Every node moves vertically to the exact height of the surface. Where elements are larger than the roughness, exact
 heights of neighbouring nodes differ so much that some elements turn inside out. The nodes of these elements follow the
-surface smoothed by a Gaussian whose width grows until all elements are sound. Elsewhere heights stay exact, so a
-surface that its mesh resolves is not changed at all.
+surface smoothed by a Gaussian, whose width grows to a part of the element size. What is still not sound then are some
+elements of steep places, and nodes inside the block leave their columns for them: the least stretch of an element is
+linear in the heights of its nodes, so these are the inequalities of Agmon's relaxation method (Can. J. Math. 6 (1954)
+382; Motzkin & Schoenberg, ibid. 393), taken all at once. Only where no such heights are found may the width
+grow further, because a wide Gaussian whose width differs from place to place stretches a steep surface itself.
+Elsewhere heights stay exact, so a surface that its mesh resolves is not changed at all.
 """
 
 from __future__ import annotations
@@ -14,9 +18,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-from asperity.arrays import Floats, Indices
+from asperity.arrays import Flags, Floats, Indices
 from asperity.errors import MeshError
 from asperity.mesh.block import NEAR, heights_at
 from asperity.mesh.copies import Copies
@@ -28,9 +31,16 @@ if TYPE_CHECKING:
 SOUND = 0.1  # least ratio of the volume elements of a lifted and the flat element, at any point of it
 FIRST_WIDTH = 0.1  # standard deviation of the first Gaussian over the element size
 WIDER = 1.25  # ratio of the widths of two rounds
-SPREAD = 0.25  # fall of the width with the distance from them, like that of the element size, so that no heights jump
+SPREAD = 0.4  # fall of the width with the distance from them, so that no heights jump
 SETTLED = 1e-3  # relative change of a width that is not passed on
-ROUNDS = 100  # after which the width is beyond the side of any block
+WIDEST = 0.2  # greatest width over the element size, before nodes inside have moved; most of the summits stay exact
+MORE = 1.25  # ratio of two such limits, one after the other
+LIMITS = 45  # number of them, after which the width is beyond the side of any block
+SWEEPS = 60  # of the nodes inside for each, at most
+TRIED = 20  # sweeps after which half of the elements must have become sound
+OVERSHOOT = 1.5  # of the step of a node over the one that just satisfies an inequality
+AIM = 0.2  # least stretch aimed at, so that an end is reached
+FREE = np.inf  # width at nodes inside that have left their columns
 
 
 def lift(
@@ -50,44 +60,119 @@ def lift(
 
     Returns:
         Nodes of the lifted block (N, 3) [length], and the standard deviation of the Gaussian at each node, 0 where its
-        height is exact (N,) [length].
+        height is exact, FREE where a node inside has moved on its own (N,) [length].
 
     Raises:
         MeshError: a valley reaches the base, no smoothing makes the elements sound, or periodic sides do not fit
     """
     copies = copies or Copies()
-    mean, gradients = surface.mean(), _vertical_gradients(points, tets)
-    size, n = _sizes(points, tets, copies), len(points)
-    z_of_flat = points[:, 2]
-    width: Floats = np.zeros(n)
-    above: Floats = np.empty(n)
-    moved: npt.NDArray[np.bool_] = np.ones(n, dtype=bool)
-    for _ in range(ROUNDS):
-        x, y, _ = points[moved].T
-        f = heights_at(surface, x, y, width[moved]) - mean
-        lowest = copies.least(float(np.min(f, initial=np.inf)))
-        if lowest <= -height:
-            raise MeshError(
-                f"block.height = {height:g} is less than the depth {-lowest:g} of the deepest valley below the mean "
-                "plane: make the block higher or the surface smoother"
-            )
-        above[moved] = f
-        apart = -copies.least(-float(np.max(copies.greatest(above) - above, initial=0.0)))
-        if apart > NEAR * surface.L:
-            raise MeshError(
-                f'block.sides = "periodic": heights at opposite sides of the mesh differ by {apart:.3g}, because the '
-                'surface is not periodic; take block.sides = "rollers"'
-            )
-        bad = tets[_least_stretch(gradients, np.take(z_of_flat * above / height, tets)) < SOUND]
-        left = copies.count(len(bad))
-        if not left:
-            return np.column_stack([points[:, :2], z_of_flat * (1.0 + above / height)]), width
-        wider = _widened(width, size, points, tets, bad, copies)
-        moved, width = wider > width, wider
+    gradients, size = _vertical_gradients(points, tets), _sizes(points, tets, copies)
+    width: Floats = np.zeros(len(points))
+    free: Flags = np.zeros(len(points), dtype=bool)
+    rise = _rise(points, width, surface, height, copies)
+    limit = WIDEST
+    for _ in range(LIMITS):
+        while True:
+            _check_joined(rise, surface.L, copies)
+            bad = tets[_least_stretch(gradients, rise[tets]) < SOUND]
+            left = copies.count(len(bad))
+            if not left:
+                return points + rise[:, None] * [0.0, 0.0, 1.0], np.where(free, FREE, width)
+            wider = np.maximum(width, np.minimum(_widened(width, size, points, tets, bad, copies), limit * size))
+            moved = wider > (1.0 + SETTLED) * width
+            if not copies.count(int(moved[bad].any())):
+                break
+            width[moved] = wider[moved]
+            rise[moved] = _rise(points[moved], width[moved], surface, height, copies)
+            free[moved] = False
+        free |= _relax(rise, points, tets, gradients, height, copies)
+        limit *= MORE
     raise MeshError(
         f"the surface is no height field on this block: {left} elements stay turned inside out, however smooth the "
         "heights at their nodes are; filter the surface"
     )
+
+
+def _rise(points: Floats, width: Floats, surface: Surface, height: float, copies: Copies) -> Floats:
+    """Rise (n,) [length] of nodes of the flat block, in proportion to the smoothed surface above them; collective.
+
+    Args:
+        points: some of the nodes (n, 3) [length]
+        width: standard deviations of the Gaussians there (n,) [length]
+        surface, height, copies: see `lift`
+
+    Raises:
+        MeshError: a valley reaches the base
+    """
+    x, y, z_of_flat = points.T
+    above = heights_at(surface, x, y, width) - surface.mean()
+    lowest = copies.least(float(np.min(above, initial=np.inf)))
+    if lowest <= -height:
+        raise MeshError(
+            f"block.height = {height:g} is less than the depth {-lowest:g} of the deepest valley below the mean "
+            "plane: make the block higher or the surface smoother"
+        )
+    return np.asarray(z_of_flat * above / height)
+
+
+def _check_joined(rise: Floats, L: float, copies: Copies) -> None:
+    """Check that the copies of each node rise alike; collective.
+
+    Raises:
+        MeshError: they do not
+    """
+    apart = -copies.least(-float(np.max(copies.greatest(rise) - rise, initial=0.0)))
+    if apart > NEAR * L:
+        raise MeshError(
+            f'block.sides = "periodic": heights at opposite sides of the mesh differ by {apart:.3g}, because the '
+            'surface is not periodic; take block.sides = "rollers"'
+        )
+
+
+def _relax(rise: Floats, points: Floats, tets: Indices, gradients: Floats, height: float, copies: Copies) -> Flags:
+    """Move nodes between base and top vertically until their elements are sound or it hardly helps; collective.
+
+    A stretch below SOUND breaks an inequality of the rises of its nodes. The step to AIM along its gradient is the
+    shortest; each node takes the mean of its steps.
+
+    Args:
+        rise: of the nodes, changed in place (N,) [length]
+        points, tets: the flat block
+        gradients: see `_vertical_gradients`
+        height: of the flat block [length]
+        copies: see `lift`
+
+    Returns:
+        Which nodes have moved (N,).
+    """
+    n = len(points)
+    free = (points[:, 2] > NEAR * height) & (points[:, 2] < (1.0 - NEAR) * height)
+    moved: Flags = np.zeros(n, dtype=bool)
+    near: Flags = np.asarray(_least_stretch(gradients, rise[tets]) < SOUND)
+    derivatives = corner_derivatives()
+    before = np.inf
+    for sweep in range(SWEEPS):
+        nodes = tets[near]
+        of_nodes = np.einsum("qnk,mk->mqn", derivatives, gradients[near])  # stretch at the corners q over the rise
+        stretch = 1.0 + np.einsum("mqn,mn->mq", of_nodes, rise[nodes])
+        broken = stretch < SOUND
+        left = copies.count(int(broken.any(axis=1).sum()))
+        if not left or (sweep % TRIED == 0 and left > 0.5 * before):
+            break
+        before = left if sweep % TRIED == 0 else before
+        of_nodes = np.where(free[nodes][:, None, :] & broken[:, :, None], of_nodes, 0.0)
+        squares = (of_nodes**2).sum(axis=2)
+        lengths = np.divide(AIM - stretch, squares, out=np.zeros_like(squares), where=squares > 0.0)
+        steps, weights = OVERSHOOT * (lengths[:, :, None] * of_nodes).sum(axis=1), (of_nodes != 0.0).sum(axis=1)
+        total, count = (
+            copies.total(np.bincount(nodes.ravel(), values.ravel(), minlength=n).astype(float))
+            for values in (steps, weights)
+        )
+        now = count > 0.0
+        rise[now] += total[now] / count[now]
+        moved |= now
+        near = np.asarray(moved[tets].any(axis=1))
+    return moved
 
 
 def _widened(width: Floats, size: Floats, points: Floats, tets: Indices, bad: Indices, copies: Copies) -> Floats:
