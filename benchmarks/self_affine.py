@@ -8,7 +8,7 @@
 
 Each part prints one Markdown table. `area`: area coefficient kappa = A h'/(P* A0) of the solid, of the
 half-space of asperity and of Tamaas (where benchmarks/peers/install has fetched it) at the same forces. `kappa`: the
-first of these surfaces with a tolerance of the area too. `ensemble`:
+same with a tolerance of the area too. `ensemble`:
 kappa of 20 half-spaces for each cut-off. `influence`:
 what height of the block, Poisson's ratio and slope change. `challenge`: cases/challenge.toml, columns as of `area`.
 `plastic`: mean pressure over the yield strength. `stiffness`: exponents of the stiffness over the force of 20
@@ -160,21 +160,18 @@ def head(*columns: str) -> None:
     print(f"| {' | '.join(columns)} |\n" + "|---" * len(columns) + "|", flush=True)
 
 
-def area() -> None:
-    """Area coefficients on several surfaces."""
+def area(of_area: float | None = None) -> None:
+    """Area coefficients on several surfaces, perhaps with a tolerance of the area."""
     head("L/shortest", "seed", *COMPARED)
     for waves, seed in SURFACES:
         surface = surface_of(waves, seed)
-        found = solid(surface, asp.Material(1.0, 0.0), AREA)
+        found = solid(surface, asp.Material(1.0, 0.0), AREA, of_area=of_area)
         compare(f"{waves} | {seed}", waves, surface, found)
 
 
 def kappa() -> None:
-    """Area coefficients on the first surface of `area`, with a tolerance of the area."""
-    head("L/shortest", "seed", *COMPARED)
-    waves, seed = SURFACES[0]
-    surface = surface_of(waves, seed)
-    compare(f"{waves} | {seed}", waves, surface, solid(surface, asp.Material(1.0, 0.0), AREA, of_area=OF_AREA))
+    """Area coefficients on the surfaces of `area`, with a tolerance of the area."""
+    area(OF_AREA)
 
 
 def ensemble() -> None:

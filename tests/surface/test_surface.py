@@ -396,6 +396,34 @@ def test_the_summit_of_a_noisy_map_is_that_of_the_search_with_one_bound(tmp_path
         assert surface.maximum()[:2] == pytest.approx(slow[:2], abs=1e-7)
 
 
+GRATINGS = {
+    "sinusoid": lambda x, y: np.cos(2 * np.pi * 12 * x),
+    "diagonal": lambda x, y: np.cos(2 * np.pi * (7 * x + 4 * y)),
+    "tilted": lambda x, y: np.cos(2 * np.pi * 12 * x) + 1e-3 * y,
+    "sheer ridges": lambda x, y: 1.0 * ((9.3 * x) % 1.0 < 0.5),
+    "plateaus": lambda x, y: np.clip(8 * np.sin(30 * x), 0, 1) * np.clip(8 * np.sin(30 * y), 0, 1),
+    "equal peaks": lambda x, y: np.cos(2 * np.pi * 40 * x) * np.cos(2 * np.pi * 40 * y),
+    "rings": lambda x, y: np.cos(2 * np.pi * 9 * np.hypot(x - 0.5, y - 0.5)),
+}
+
+
+@pytest.mark.parametrize("name", GRATINGS)
+def test_the_summit_of_ridges_and_equal_peaks_is_found_at_once(tmp_path, monkeypatch, name):
+    """Against the spline at ten points per sample; cells along ridges are not followed to the last digit."""
+    n = 193
+    x = np.linspace(0, 1, n)
+    np.savez(tmp_path / "map.npz", z=GRATINGS[name](x, x[:, None]) * np.ones((n, 1)), L=1.0)
+    surface, points = HeightMap(path=tmp_path / "map.npz"), []
+    at = HeightMap._at
+    monkeypatch.setattr(HeightMap, "_at", lambda self, x, y, *d: points.append(np.size(x)) or at(self, x, y, *d))
+    summit = surface.maximum()
+    assert sum(points) < 50 * n**2
+    dense = surface._spline(*2 * [np.linspace(0, 1, 10 * (n - 1) + 1)])
+    assert dense.max() <= summit[2] + 1e-12
+    assert summit[2] - dense.max() < surface.curvature_bound() * (0.1 / (n - 1)) ** 2 / 4
+    assert surface.height(*summit[:2]) == pytest.approx(summit[2], abs=1e-14)
+
+
 def test_closed_form_maxima():
     assert SURFACES["sphere and cone"].maximum() == (0.3, 0.6, 0.0)
     assert SURFACES["sinusoid"].maximum() == (0.1, 0.7, 0.01)

@@ -30,6 +30,7 @@ _FIRST = 0.225  # width that the levels of smoothed maps start from, over the di
 _SPACING = 0.5  # distance of the heights of a smoothed map over its width
 _TREND = 8  # degree of the polynomial trend removed before the waves are separated by length
 _SAME = 1e-6  # greatest difference of opposite edges of a periodic map, over the range of heights
+_ROWS = 256  # halves of rows of cells in which the highest point is sought at once
 MOST = 6000  # heights along a side: beyond it the spline and its derivatives need more than 6 GiB
 DEEPEST, FARTHEST = 10.0, 1e6  # greatest plausible peak-to-valley height and distance of heights from zero [L]
 
@@ -321,26 +322,52 @@ class HeightMap(Surface):
 
     @cached_property
     def _maximum(self) -> tuple[float, float, float]:
-        """The highest point: cells between knots that can exceed the highest knot, then branch and bound in them.
+        """The highest point: quarters of the cells between knots that can exceed the highest of the heights at their
+        corners, then branch and bound in them.
 
-        In a cell of sides a, b no height exceeds the highest corner by more than (a^2 max(-z_xx) + b^2 max(-z_yy))/8.
+        In a rectangle of sides a, b no height exceeds the highest corner by more than (a^2 max(-z_xx) + b^2
+        max(-z_yy))/8. Works by rows of cells, so that only what may hold the maximum is kept in memory.
         """
         k = self.order
-        tx, ty = (np.asarray(t)[k:-k] for t in self._spline.get_knots())
-        a, b = np.diff(tx), np.diff(ty)
-        z = self._spline(tx, ty).T
-        top = np.unravel_index(int(z.argmax()), z.shape)
-        best = climb(self, float(tx[top[1]]), float(ty[top[0]]))
-        corners = np.maximum(np.maximum(z[1:, 1:], z[:-1, 1:]), np.maximum(z[1:, :-1], z[:-1, :-1]))
+        x, y = (_with_middles(np.asarray(t)[k:-k]) for t in self._spline.get_knots())
+        a, b = np.diff(x), np.diff(y)
         (xx_low, xx_high), (xy_low, xy_high), (yy_low, yy_high) = (
             self._in_cells(*order) for order in ((2, 0), (1, 1), (0, 2))
         )
-        bulge = np.maximum(-xx_low, 0.0) * a**2 + np.maximum(-yy_low, 0.0) * b[:, None] ** 2
-        iy, ix = np.nonzero(corners + bulge / 8 > best[2])
-        along = np.maximum(np.maximum(-xx_low, xx_high), np.maximum(-yy_low, yy_high))
-        K = (along + np.maximum(-xy_low, xy_high))[iy, ix]
-        x, y = tx[ix] + a[ix] / 2, ty[iy] + b[iy] / 2
-        return refine(self, x, y, self.height(x, y), a[ix] / 2, b[iy] / 2, K, best)
+        best = climb(self, *self._highest_knot())
+        kept: list[Array] = []
+        for first in range(0, b.size, _ROWS):
+            rows = slice(first, min(first + _ROWS, b.size))
+            cells = np.arange(rows.start, rows.stop) // 2
+            z = self._spline(x, y[first : rows.stop + 1]).T
+            top = np.unravel_index(int(z.argmax()), z.shape)
+            if z[top] > best[2]:
+                best = climb(self, float(x[top[1]]), float(y[first + top[0]]))
+            corners = np.maximum(np.maximum(z[1:, 1:], z[:-1, 1:]), np.maximum(z[1:, :-1], z[:-1, :-1]))
+            bulge = np.repeat(np.maximum(-xx_low[cells], 0.0), 2, axis=1) * a**2
+            bulge += np.repeat(np.maximum(-yy_low[cells], 0.0), 2, axis=1) * b[rows, None] ** 2
+            iy, ix = np.nonzero(corners + bulge / 8 > best[2])
+            kept.append(np.stack([first + iy, ix, (corners + bulge / 8)[iy, ix]]))
+        iy, ix, bound = np.concatenate(kept, axis=1)
+        iy, ix = (i[bound > best[2]].astype(int) for i in (iy, ix))
+        cell = iy // 2, ix // 2
+        along = np.maximum(np.maximum(-xx_low, xx_high)[cell], np.maximum(-yy_low, yy_high)[cell])
+        K = along + np.maximum(-xy_low, xy_high)[cell]
+        cx, cy = x[ix] + a[ix] / 2, y[iy] + b[iy] / 2
+        return refine(self, cx, cy, self.height(cx, cy), a[ix] / 2, b[iy] / 2, K, best)
+
+    def _highest_knot(self) -> tuple[float, float]:
+        """Place (x, y) of the greatest of the heights as read, about that of a knot (length)."""
+        ny, nx = self.heights.shape
+        iy, ix = np.unravel_index(int(self.heights.argmax()), self.heights.shape)
+        return self.L * float(ix) / (nx - 1), self.L * float(iy) / (ny - 1)
+
+
+def _with_middles(t: Array) -> Array:
+    """Ascending values and those halfway between them (2n - 1,)."""
+    out = np.empty(2 * t.size - 1)
+    out[::2], out[1::2] = t, 0.5 * (t[1:] + t[:-1])
+    return out
 
 
 def _moving(extreme: np.ufunc, c: Array, width: int) -> Array:

@@ -14,6 +14,10 @@ from asperity.arrays import Array
 
 _MAX_CELLS = 4_000_000
 _LEVELS = 40
+_TIED = 10_000  # cells; so many that do not become fewer hold a ridge, or peaks of one height
+_CLIMBS = 100_000  # of them in which an ascent starts
+_TO_RIDGE = 2  # Newton steps from such a cell to its highest point
+_FEWER = 0.5  # ratio of the cells of two levels that counts as becoming fewer
 
 
 class SmoothSurface(Protocol):
@@ -59,7 +63,9 @@ def refine(
 
     In a cell of half-diagonal r about c no height exceeds z(c) + |grad z(c)| r + K r^2/2, K being a bound of the
     curvature in the cell. Cells that cannot hold a higher point than the best one known are dropped, the others are
-    quartered; a Newton ascent starts at each centre above the best known height.
+    quartered; a Newton ascent starts at each centre above the best known height. A grating has no single summit:
+    along its ridges the cells only multiply. An ascent then starts in each cell, or in those of the highest
+    centres, and the highest one ends the search.
 
     Args:
         surface: the height field.
@@ -68,6 +74,7 @@ def refine(
         K: bounds of the spectral norm of the Hessian in them (n,) (1/length).
         best: highest point known.
     """
+    before = x.size if x.size > _TIED else np.inf
     for _ in range(_LEVELS):
         slack = 1e-14 * max(abs(best[2]), float(np.abs(z).max(initial=0.0)))
         zx, zy = surface.gradient(x, y)
@@ -76,6 +83,11 @@ def refine(
         keep = np.flatnonzero(bound > best[2] + slack)
         if not keep.size or (0.5 * K * r**2).max() <= slack:
             break
+        if keep.size > max(_TIED, _FEWER * before):
+            keep = keep[np.argsort(z[keep])[-_CLIMBS:]]  # the centres nearest to a ridge are the highest across it
+            tops = climb_all(surface, x[keep], y[keep], float(r.max()), _TO_RIDGE)
+            return _improve(surface, *tops, best, slack)
+        before = keep.size
         if keep.size > _MAX_CELLS // 4:
             keep = keep[np.argpartition(bound[keep], -_MAX_CELLS // 4)[-_MAX_CELLS // 4 :]]
         half_x, half_y, K = (np.repeat(v[keep], 4) * part for v, part in ((half_x, 0.5), (half_y, 0.5), (K, 1.0)))
@@ -166,7 +178,7 @@ def climb(surface: SmoothSurface, x: float, y: float) -> tuple[float, float, flo
     return float(p[0]), float(p[1]), z
 
 
-def climb_all(surface: SmoothSurface, x: Array, y: Array, step: float) -> tuple[Array, Array, Array]:
+def climb_all(surface: SmoothSurface, x: Array, y: Array, step: float, rounds: int = 8) -> tuple[Array, Array, Array]:
     """Return points near the local maxima of the closed patch that ascents from (x, y) end in, and their heights.
 
     A few Newton steps of limited length, all points at once; :func:`climb` finds one of them to round-off.
@@ -175,10 +187,11 @@ def climb_all(surface: SmoothSurface, x: Array, y: Array, step: float) -> tuple[
         surface: the height field.
         x, y: starting points, each (n,) (length).
         step: longest step (length).
+        rounds: number of steps.
     """
     L = surface.L
     z = surface.height(x, y)
-    for _ in range(8):
+    for _ in range(rounds):
         zx, zy = surface.gradient(x, y)
         fixed_x = ((x <= 0) & (zx < 0)) | ((x >= L) & (zx > 0))
         fixed_y = ((y <= 0) & (zy < 0)) | ((y >= L) & (zy > 0))
