@@ -8,7 +8,7 @@
 
 Each part prints one Markdown table. `area`: area coefficient kappa = A h'/(P* A0) of the solid, of the
 half-space of asperity and of Tamaas (where benchmarks/peers/install has fetched it) at the same forces. `kappa`: the
-same with a tolerance of the area too. `ensemble`:
+same with a tolerance of the area too, and on two of these surfaces made flatter. `ensemble`:
 kappa of 20 half-spaces for each cut-off. `influence`:
 what height of the block, Poisson's ratio and slope change. `challenge`: cases/challenge.toml, columns as of `area`.
 `plastic`: mean pressure over the yield strength. `stiffness`: exponents of the stiffness over the force of 20
@@ -43,6 +43,7 @@ TOLERANCE, STEPS, SHOWN = 0.02, 6, 4  # of the force; load steps, and how many o
 AREA = 0.12  # greatest area fraction
 OF_AREA = 0.035  # tolerance of the area in `kappa`
 SURFACES = ((16, 1), (16, 2), (16, 3), (32, 1), (32, 2))  # L over the shortest wave, seed
+FLATTER = SLOPE / 4, ((16, 2), (16, 3))  # rms slope of other surfaces in `kappa`, and which
 CELLS = 16  # of the half-spaces per shortest wave; their bar is the change from half as many
 CUTOFFS, LOADS = (16, 32, 64, 128), np.array([0.01, 0.02, 0.04])  # of the ensemble: L over the shortest wave, P*/h'
 ENSEMBLE_CELLS = 8, 512  # per shortest wave, and no more than that per side: 4 per wave change kappa of L/64 by 1 %
@@ -160,18 +161,23 @@ def head(*columns: str) -> None:
     print(f"| {' | '.join(columns)} |\n" + "|---" * len(columns) + "|", flush=True)
 
 
-def area(of_area: float | None = None) -> None:
-    """Area coefficients on several surfaces, perhaps with a tolerance of the area."""
+def area() -> None:
+    """Area coefficients on several surfaces."""
     head("L/shortest", "seed", *COMPARED)
     for waves, seed in SURFACES:
         surface = surface_of(waves, seed)
-        found = solid(surface, asp.Material(1.0, 0.0), AREA, of_area=of_area)
+        found = solid(surface, asp.Material(1.0, 0.0), AREA)
         compare(f"{waves} | {seed}", waves, surface, found)
 
 
 def kappa() -> None:
-    """Area coefficients on the surfaces of `area`, with a tolerance of the area."""
-    area(OF_AREA)
+    """Area coefficients on the surfaces of `area`, and on two of them made flatter, with a tolerance of the area."""
+    head("rms slope", "L/shortest", "seed", *COMPARED)
+    for slope, surfaces in ((SLOPE, SURFACES), FLATTER):
+        for waves, seed in surfaces:
+            surface = surface_of(waves, seed, slope)
+            found = solid(surface, asp.Material(1.0, 0.0), AREA, of_area=OF_AREA)
+            compare(f"{slope} | {waves} | {seed}", waves, surface, found)
 
 
 def ensemble() -> None:
