@@ -91,7 +91,7 @@ class PMultigrid:
                 or released since it was made, or where `judge` finds it too old
 
         Returns:
-            whether the matrix can be smoothed: its diagonal must be positive
+            whether the matrix can be smoothed, its diagonal is positive, and the coarse one solved
         """
         from mpi4py import MPI
 
@@ -110,7 +110,8 @@ class PMultigrid:
             renew = not self._reusable or self._changed() > LAG
         if renew:
             self._galerkin()
-            self._coarse.update()
+            if not self._coarse.update():
+                return False
             self._of, self._usual = tangent.kept, 0
         # a dof that was held has a unit row in the coarse matrix
         self._coarse_free = (self._of * tangent.kept)[self._corners].ravel().astype(np.float32)
