@@ -22,8 +22,8 @@ from asperity.linear.petsc_matrix import NodeMatrix, set_rigid_modes
 from asperity.linear.petsc_options import GAMG, set_defaults
 from asperity.linear.substructures import Substructures, shared_corners
 
-DIRECT_LIMIT = 60_000  # coarse dofs up to which they are factorised
-INTERFACE_LIMIT = 2_500  # dofs of the interface up to which it is by substructures
+DIRECT_LIMIT = 200_000  # coarse dofs up to which they are factorised
+INTERFACE_LIMIT = 6_000  # dofs of the interface up to which it is by substructures
 INTERFACE_SHARE = 1 / 6  # of all coarse dofs, up to which the dense interface costs less than the factors of the whole
 REPLICATED_LIMIT = 15_000  # coarse dofs up to which else each of several ranks factorises all
 SWEEPS = 4  # of algebraic multigrid: a tenth fewer iterations on the fine level than with two

@@ -25,7 +25,7 @@ from asperity.mesh.element import node_ends
 SWEEPS = 3  # of the smoother, before and after the coarse correction
 LANCZOS, UPDATE = 20, 4  # steps of an estimate of the greatest eigenvalue: from the start, and for the next matrix
 RENEWAL = 1.5  # increase of the iterations at which the coarse matrix is renewed
-LAG = 16  # dofs held or released since the coarse matrix was made, up to which it is kept
+LAG, LAG_SHARE = 16, 1e-3  # dofs held or released since the coarse matrix was made, up to which it is kept; of all dofs
 NOISE = 0.1  # in the start vector of an update, relative to the result of the one before
 SMOOTHED = (0.1, 1.1)  # part of the spectrum that is damped, in units of the estimate
 
@@ -107,7 +107,7 @@ class PMultigrid:
             self._version = tangent.version
         self._scaling = self._free * self._inverse
         if renew is None:
-            renew = not self._reusable or self._changed() > LAG
+            renew = not self._reusable or self._changed() > max(LAG, LAG_SHARE * solid.dofs)
         if renew:
             self._galerkin()
             if not self._coarse.update():
