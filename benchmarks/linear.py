@@ -7,7 +7,7 @@
     ./run python3 benchmarks/linear.py pieces [H ...]     parts of the p-multigrid in two ways, PETSc's or other orders
     ./run python3 benchmarks/linear.py parts [H ...]      time of each part of a load path, also under mpirun -n 2
     ./run python3 benchmarks/linear.py krylov [H ...]     tolerance of the Krylov solver, elastic and elastic-plastic
-    ./run python3 benchmarks/linear.py coarse [H ...]     coarse problem factorised, or by algebraic multigrid
+    ./run python3 benchmarks/linear.py coarse [H ...]     ways to solve the coarse problem, also under mpirun
 
 Three large load steps to 0.03 L on one process. Seconds are CPU seconds of the load path; the part of the linear
 systems (preconditioner, solution) is in seconds of the clock; memory is the peak of all runs so far.
@@ -25,6 +25,7 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
+from mpi4py import MPI
 
 import asperity as asp
 from asperity.fem.solid import Solid
@@ -169,14 +170,27 @@ def krylov(sizes: tuple[float, ...]) -> None:
 
 
 def coarse(sizes: tuple[float, ...]) -> None:
-    """Iterations with the two ways to solve the coarse problem, elastic."""
-    print("| dofs | coarse problem | Newton | Krylov | CPU s |\n|---|---|---|---|---|")
+    """Iterations and time with the ways to solve the coarse problem, elastic; also under mpirun."""
+    limits: dict[str, dict[str, int]] = {
+        "factorised, by substructures on several ranks": {"DIRECT_LIMIT": coarse_problem.DIRECT_LIMIT},
+        "whole on each rank": {"INTERFACE_LIMIT": -1, "REPLICATED_LIMIT": coarse_problem.DIRECT_LIMIT},
+        "algebraic multigrid": {"DIRECT_LIMIT": 0},
+    }
+    if MPI.COMM_WORLD.size == 1:
+        del limits["whole on each rank"]
+    out("| ranks | dofs | coarse problem | Newton | Krylov | CPU s | MiB |\n|---|---|---|---|---|---|---|")
     for h in sizes:
-        for name, limit in (("factorised", coarse_problem.DIRECT_LIMIT), ("algebraic multigrid", 0)):
-            with patch.multiple(coarse_problem, DIRECT_LIMIT=limit, REPLICATED_LIMIT=limit):
+        for name, limit in limits.items():
+            with patch.multiple(coarse_problem, **limit):
                 result, seconds = demo(MATERIALS["elastic"], h)
-            counts = result.counts
-            print(f"| {result.dofs} | {name} | {counts.newton} | {counts.krylov} | {seconds:.1f} |", flush=True)
+            row = MPI.COMM_WORLD.size, result.dofs, name, result.counts.newton, result.counts.krylov
+            out("| " + " | ".join(map(str, row)) + f" | {seconds:.1f} | {result.memory / 2**20:.0f} |")
+
+
+def out(line: str) -> None:
+    """Print on rank 0."""
+    if MPI.COMM_WORLD.rank == 0:
+        print(line, flush=True)
 
 
 def median(work: Callable[..., object], *arguments: object) -> float:
