@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity.arrays import Array
-from asperity.fem.global_numbering import cell_numbers, collect, collect_nodes
+from asperity.fem.global_numbering import collect, share_cells, share_nodes
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.element import FACE_TRIANGLES, GMSH_TO_VTK, NODES, VTK_TYPE, outer_faces, to_face
 from asperity.quasistatic.contact_result import ContactResult
@@ -73,16 +73,15 @@ def gather_states(result: ContactResult, side: float, E: float) -> list[State]:
     solid = result.solver.solid
     block = result.whole_mesh()
     facets = None if block is None else top_facets(block)
-    cells = cell_numbers(solid)
     states = []
     for s in result.snapshots:
-        u = collect_nodes(solid, s.displacement * side)
-        p = collect_nodes(solid, s.pressure * E)
-        gap = collect_nodes(solid, s.gap * side)
-        stress = collect(solid.comm, cells, s.stress * E)
+        u = collect(share_nodes(solid, s.displacement * side))
+        p = collect(share_nodes(solid, s.pressure * E))
+        gap = collect(share_nodes(solid, s.gap * side))
+        stress = collect(share_cells(solid, s.stress * E))
         alpha = None
         if solid.material.plastic:
-            alpha = collect(solid.comm, cells, s.plastic_strain.mean(axis=1))
+            alpha = collect(share_cells(solid, s.plastic_strain.mean(axis=1)))
         if u is not None and p is not None and gap is not None and stress is not None and facets is not None:
             p[facets] = to_face(p[facets[:, :3]])
             mean = np.empty(0) if alpha is None else alpha

@@ -13,7 +13,7 @@ import numpy as np
 from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError
-from asperity.fem.global_numbering import cell_numbers, collect
+from asperity.fem.global_numbering import collect, share_cells
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.element import NODES
 from asperity.quasistatic.balance import Checks
@@ -21,6 +21,7 @@ from asperity.quasistatic.contact_solver import ContactSolver, Counts
 from asperity.quasistatic.measures import FirstContact, Snapshot, mean_stress
 from asperity.runtime import compat
 from asperity.runtime.display import brief
+from asperity.runtime.shares import count, share
 from asperity.runtime.timing import Phases
 
 
@@ -125,8 +126,8 @@ class ContactResult:
             return block
         numbers = np.asarray(solid.mesh.geometry.input_global_indices)
         x_nodes = compat.geometry_dofmap(solid.mesh)[: len(solid.cell_nodes)]
-        points = collect(solid.comm, numbers, solid.mesh.geometry.x)
-        cells = collect(solid.comm, cell_numbers(solid), numbers[x_nodes])
+        points = collect(share(solid.comm, numbers, solid.mesh.geometry.x, count(solid.comm, numbers)))
+        cells = collect(share_cells(solid, numbers[x_nodes]))
         if block is None or points is None or cells is None:
             return None
         tets = np.empty_like(cells)
