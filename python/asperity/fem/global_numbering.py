@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asperity.arrays import Array, Indices
+from asperity.mesh.element import NODES
 from asperity.runtime import compat
-from asperity.runtime.shares import Share, count, pieces, share
+from asperity.runtime.shares import Share, count, share
 
 if TYPE_CHECKING:
     from asperity.fem.solid import Solid
@@ -51,12 +52,16 @@ def share_cells(solid: Solid, values: Array) -> Share:
     return share(solid.comm, numbers, values, count(solid.comm, numbers))
 
 
-def collect(array: Share) -> Array | None:
-    """All rows on rank 0, None elsewhere; collective."""
-    rows = list(pieces(array))
-    return np.concatenate([array.values[:0], *rows]) if array.comm.rank == 0 else None
-
-
 def cell_numbers(solid: Solid) -> Indices:
     """Number in the built mesh of each owned cell (cells,)."""
     return np.asarray(solid.mesh.cell_numbers)[: len(solid.cell_nodes)]
+
+
+def share_mesh(solid: Solid) -> tuple[Share, Share]:
+    """Nodes (N, 3) [L] and elements (M, 10), in the order of gmsh, of the mesh as built; collective."""
+    numbers = np.asarray(solid.mesh.geometry.input_global_indices)
+    x_nodes = compat.geometry_dofmap(solid.mesh)[: len(solid.cell_nodes)]
+    points = share(solid.comm, numbers, solid.mesh.geometry.x, count(solid.comm, numbers))
+    tets = np.empty(x_nodes.shape, dtype=np.int64)
+    tets[:, compat.gmsh_to_dolfinx(NODES)] = numbers[x_nodes]
+    return points, share_cells(solid, tets)

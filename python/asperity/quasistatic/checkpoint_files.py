@@ -9,8 +9,7 @@ import hashlib
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
-from itertools import chain
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,9 +17,8 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.errors import CheckpointError
-from asperity.runtime.files import read_npz, stored_arrays, write_npz
-from asperity.runtime.parallel import on_root_bcast
-from asperity.runtime.shares import Share, deal, pieces, steps
+from asperity.runtime.files import Stream, read_npz, stored_arrays, write_npz
+from asperity.runtime.shares import Share, deal, on_root_of, steps, stream
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -61,33 +59,22 @@ def write_shares(comm: MPI.Comm, path: Path, shares: Mapping[str, Share], meta: 
     Raises:
         OutputError: it cannot be written; the earlier file is untouched
     """
-    parts = {name: (s.values.dtype, s.shape, pieces(s)) for name, s in sorted(shares.items())}
-
-    def members(content: Any) -> Iterator[tuple[str, np.dtype[Any], tuple[int, ...], Iterable[Array]]]:
-        letters = {META: _letters(meta)} if meta else {}
-        texts = {name: (text.dtype, text.shape, iter([text])) for name, text in letters.items()}
-        for name, (dtype, shape, rows) in sorted((parts | texts).items()):
-            content.update(_header(name, dtype, shape))
-            yield name, dtype, shape, _hashed(content, rows)
-        if meta:
-            digest = _letters(content.hexdigest())
-            yield DIGEST, digest.dtype, digest.shape, [digest]
+    streams = {name: stream(array) for name, array in sorted(shares.items())}
 
     def write() -> str:
-        content = hashlib.sha256()
-        try:
-            write_npz(path, members(content))
-        finally:
-            _exhaust(parts)  # the other ranks send all the same
+        content, text = hashlib.sha256(), {META: _letters(meta)} if meta else {}
+
+        def members() -> Iterator[tuple[str, Stream]]:
+            for name, array in sorted((streams | text).items()):
+                content.update(_header(name, array.dtype, array.shape))
+                yield name, replace(array, rows=_hashed(content, array.rows))
+            if meta:
+                yield DIGEST, _letters(content.hexdigest())
+
+        write_npz(path, members())
         return content.hexdigest()
 
-    if comm.rank:
-        _exhaust(parts)
-    return on_root_bcast(comm, write)
-
-
-def _exhaust(parts: Mapping[str, tuple[Any, Any, Iterator[Array]]]) -> None:
-    deque(chain.from_iterable(rows for _, _, rows in parts.values()), maxlen=0)
+    return on_root_of(comm, streams.values(), write)
 
 
 def read_shares(comm: MPI.Comm, path: Path, headers: Headers) -> dict[str, Share]:
@@ -178,5 +165,6 @@ def _header(name: str, dtype: np.dtype[Any], shape: tuple[int, ...]) -> bytes:
     return f"{name} {dtype.str} {shape};".encode()
 
 
-def _letters(text: str) -> Array:
-    return np.frombuffer(text.encode(), dtype=np.uint8)
+def _letters(text: str) -> Stream:
+    letters = np.frombuffer(text.encode(), dtype=np.uint8)
+    return Stream(letters.dtype, letters.shape, iter([letters]))

@@ -55,12 +55,10 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
             file.flush()
             os.fsync(file.fileno())
         aside.replace(path)
-    except BaseException as error:
+    except OSError as error:
         with suppress(OSError):
             aside.unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            raise OSError(error.errno, error.strerror, str(path)) from None
-        raise
+        raise OSError(error.errno, error.strerror, str(path)) from None
 
 
 def replace_file(path: Path, data: bytes) -> None:
@@ -120,28 +118,32 @@ def npz_bytes(arrays: Mapping[str, npt.NDArray[Any]], compress: bool = False) ->
     return buffer.getvalue()
 
 
-def write_npz(
-    path: Path,
-    arrays: Iterable[tuple[str, np.dtype[Any], tuple[int, ...], Iterable[npt.NDArray[Any]]]],
-    level: int | None = None,
-) -> None:
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """Array in pieces, each of consecutive rows, which are not all in memory at once."""
+
+    dtype: np.dtype[Any]
+    shape: tuple[int, ...]
+    rows: Iterator[npt.NDArray[Any]]
+
+
+def write_npz(path: Path, arrays: Iterable[tuple[str, Stream]], compress: bool = False) -> None:
     """Write a .npz file in pieces, complete or not at all.
 
     Args:
         path: of the file
-        arrays: name, type, shape and consecutive rows of each
-        level: of compression; None for no compression
+        arrays: with their names
+        compress: whether to compress them
 
     Raises:
         OSError: see `replacing`
     """
-    kind = ZIP_STORED if level is None else ZIP_DEFLATED
-    with replacing(path) as file, ZipFile(file, "w", kind, compresslevel=level) as archive:
-        for name, dtype, shape, pieces in arrays:
+    with replacing(path) as file, ZipFile(file, "w", ZIP_DEFLATED if compress else ZIP_STORED) as archive:
+        for name, array in arrays:
             with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
-                header = {"descr": dtype.str, "fortran_order": False, "shape": shape}
+                header = {"descr": array.dtype.str, "fortran_order": False, "shape": array.shape}
                 np.lib.format.write_array_header_1_0(member, header)
-                for piece in pieces:
+                for piece in array.rows:
                     member.write(piece.tobytes())
 
 

@@ -9,18 +9,23 @@ without pickling.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import chain, repeat
 from math import prod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from asperity.arrays import Array, Indices
+from asperity.runtime.files import Stream
+from asperity.runtime.parallel import on_root_bcast
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+T = TypeVar("T")
 
 PIECE = 2**22  # size of a buffer [bytes]
 
@@ -145,6 +150,41 @@ def pieces(array: Share) -> Iterator[Array]:
                 piece = np.empty((end - at, *array.values.shape[1:]), dtype=array.values.dtype)
                 comm.Recv(_bytes(piece), rank)
                 yield piece
+
+
+def collect(array: Share) -> Array | None:
+    """All rows on rank 0, None elsewhere; collective."""
+    rows = list(pieces(array))
+    return np.concatenate([array.values[:0], *rows]) if array.comm.rank == 0 else None
+
+
+def stream(array: Share) -> Stream:
+    """The rows on their way to rank 0; see `pieces`."""
+    return Stream(array.values.dtype, array.shape, pieces(array))
+
+
+def on_root_of(comm: MPI.Comm, streams: Iterable[Stream], work: Callable[[], T]) -> T:
+    """Do work on rank 0 that takes streams, and broadcast its result, see `on_root_bcast`; collective.
+
+    Args:
+        comm: communicator
+        streams: in the order in which `work` takes them; where it fails, the other ranks send all the same
+        work: called on rank 0 only
+    """
+    rows = [stream.rows for stream in streams]
+
+    def exhaust() -> None:
+        deque(chain.from_iterable(rows), maxlen=0)
+
+    def drained() -> T:
+        try:
+            return work()
+        finally:
+            exhaust()
+
+    if comm.rank:
+        exhaust()
+    return on_root_bcast(comm, drained)
 
 
 def deal(comm: MPI.Comm, shape: tuple[int, ...], dtype: np.dtype[Any], read: Callable[[int], Array] | None) -> Share:
