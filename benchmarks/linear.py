@@ -31,7 +31,7 @@ from asperity.fem.solid import Solid
 from asperity.linear import coarse as coarse_problem
 from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.multigrid import PMultigrid
-from asperity.linear.petsc_matrix import assembled
+from asperity.linear.petsc_matrix import assembled, local_matrix
 from asperity.quasistatic.contact_result import ContactResult
 
 L = 1e-6
@@ -92,14 +92,12 @@ def pieces(sizes: tuple[float, ...]) -> None:
         product = median(A.mult, x, y), median(tangent.single_product, single)
         P = interpolation(cycle)
         galerkin = median(A.ptap, P, A.ptap(P)), median(cycle._galerkin)
-        factor = median(factorise, cycle, "mumps"), median(factorise, cycle, "cholmod")
-        again, solution = zip(*(ordered(tangent, orders) for orders in (2, 3)), strict=True)
+        factors, solution = coarse_factors(cycle)
         for name, (theirs, ours) in {
             "product (PETSc: double, all; here: single, half)": product,
             "Galerkin's matrix (PETSc: PtAP; here: kernel)": galerkin,
-            "coarse factors (MUMPS; CHOLMOD)": factor,
-            "coarse factors again (minimum degree; nested dissection tried too)": again,
-            "coarse solution (minimum degree; nested dissection tried too)": solution,
+            "coarse factors (PETSc: CHOLMOD, double; here: single)": factors,
+            "coarse solution (PETSc: CHOLMOD, double; here: single)": solution,
         }.items():
             print(f"| {solid.dofs} | {name} | {theirs:.2f} | {ours:.2f} | {theirs / ours:.1f} |", flush=True)
 
@@ -111,10 +109,10 @@ def parts(sizes: tuple[float, ...]) -> None:
         "tangent": (Solid, "_assemble"),
         "copy in single precision": (TangentOperator, "update"),
         "Galerkin's matrix": (PMultigrid, "_galerkin"),
-        "coarse factors": (coarse_problem.Replicated, "update"),
+        "coarse factors": (coarse_problem.Substructures, "update"),
         "greatest eigenvalue": (PMultigrid, "_greatest_eigenvalue"),
         "V-cycle": (PMultigrid, "apply"),
-        "coarse solution": (coarse_problem.Replicated, "solve"),
+        "coarse solution": (coarse_problem.Substructures, "solve"),
         "product of the smoother": (TangentOperator, "single_product"),
     }
     for h in sizes:
@@ -200,28 +198,27 @@ def interpolation(cycle: PMultigrid) -> Any:
     return PETSc.Mat().createAIJ(P.shape, csr=csr, comm=PETSc.COMM_SELF)
 
 
-def ordered(tangent: TangentOperator, orders: int) -> tuple[float, float]:
-    """Milliseconds of coarse factors of known structure and of a coarse solution, with the first orders of CHOLMOD."""
+def coarse_factors(cycle: PMultigrid) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Milliseconds of coarse factors of known structure and of a coarse solution, by PETSc and here."""
     from petsc4py import PETSc
 
-    options, key = PETSc.Options(), coarse_problem.PREFIX + "mat_cholmod_nmethods"
-    options[key] = orders
-    cycle = PMultigrid(tangent)
-    cycle.update()
-    options.delValue(key)
-    right = np.random.default_rng(0).normal(size=cycle._coarse.A.size[0]).astype(np.float32)
-    return median(cycle._coarse.update), median(cycle._coarse.solve, right)
+    coarse, ksp = cycle._coarse, PETSc.KSP().create(PETSc.COMM_SELF)
+    A = local_matrix(coarse.sparsity, coarse.values, PETSc.COMM_SELF)
+    A.setOption(PETSc.Mat.Option.SPD, True)
+    ksp.setType("preonly")
+    ksp.getPC().setType("cholesky")
+    ksp.getPC().setFactorSolverType("cholmod")
+    ksp.setOperators(A)
 
+    def update() -> None:
+        A.assemble()
+        ksp.setOperators(A)
+        ksp.setUp()
 
-def factorise(cycle: PMultigrid, package: str) -> None:
-    """Symbolic and numeric factorisation of the coarse matrix."""
-    from petsc4py import PETSc
-
-    pc = PETSc.PC().create(PETSc.COMM_SELF)
-    pc.setType("cholesky")
-    pc.setFactorSolverType(package)
-    pc.setOperators(cycle._coarse.A)
-    pc.setUp()
+    x, b = A.createVecs()
+    b.array = np.random.default_rng(0).normal(size=A.size[0])
+    right = b.array_r.astype(np.float32)
+    return (median(update), median(coarse.update)), (median(ksp.solve, b, x), median(coarse.solve, right))
 
 
 if __name__ == "__main__":
