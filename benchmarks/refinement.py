@@ -39,6 +39,7 @@ from mpi4py import MPI
 import asperity as asp
 from asperity.adaptive.mesh_plan import extrapolate
 from asperity.arrays import Floats
+from asperity.fem.kernels import History
 from asperity.mesh.distribute import distribute
 from asperity.output.fields import write_vtkhdf
 from asperity.quasistatic.checkpoint import Checkpoint
@@ -131,11 +132,10 @@ def checkpoint(h: float, refinements: int) -> None:
     comm, delta = MPI.COMM_WORLD, 0.03
     block = make_block(comm, DEMO, HEIGHT, delta, asp.MeshSize(h, h_max=max(h, 0.25), refinements=refinements))
     solver = make_contact_solver(comm, DEMO, block, PLASTIC)
-    history = solver.solid.kernels.history()
-    random = np.random.default_rng(comm.rank)
-    flow = {name: 1e-3 * random.random(values.shape) for name, values in history.arrays().items()}
-    solver.solid.kernels.restore(type(history)(**flow))
-    del flow
+    kernels, random = solver.solid.kernels, np.random.default_rng(comm.rank)
+    virgin = kernels.history().copy()
+    flow = History(**{name: 1e-3 * random.random(values.shape) for name, values in virgin.arrays().items()})
+    kernels.restore(flow)
     record = Record(1.0, 1.0, 1.0)
     folder = Path(comm.bcast(tempfile.mkdtemp(prefix="asperity-") if comm.rank == 0 else None))
     kept = Checkpoint(folder, {}, comm)
@@ -158,13 +158,13 @@ def checkpoint(h: float, refinements: int) -> None:
         assert saved is not None
         saved.restore(solver, record)
 
-    before = solver.solid.kernels.history().copy()
     cost_of(lambda: kept.save(solver, record, Position()))
+    kernels.restore(virgin)
     cost_of(restore)
+    for name, values in kernels.history().arrays().items():
+        assert np.array_equal(values, getattr(flow, name))
     result = SimpleNamespace(solver=solver, snapshots=[snapshot(solver, 1, "load")])
     cost_of(lambda: write_vtkhdf(folder / "contact.vtkhdf", cast("asp.ContactResult", result), 1.0))
-    for name, values in solver.solid.kernels.history().arrays().items():
-        assert np.array_equal(values, getattr(before, name))
     if comm.rank == 0:
         size = sum(path.stat().st_size for path in folder.glob("state*")) / 2**20
         print("| " + " | ".join(map(str, (comm.size, solver.solid.dofs, f"{size:.0f}", *columns))) + " |", flush=True)
