@@ -16,12 +16,13 @@ import numpy.typing as npt
 from asperity.arrays import Array, Floats, Indices
 from asperity.contact.contact_surface import gather_at_top, gather_faces, gather_top
 from asperity.fem.global_numbering import at_built_nodes, share_cells, share_mesh, share_nodes
+from asperity.fem.solid import Solid
 from asperity.mesh.element import FACE_TRIANGLES, GMSH_TO_VTK, NODES, VTK_TYPE
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.measures import Snapshot
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import Stream
-from asperity.runtime.shares import collect, on_root_of, pieces, steps, stream
+from asperity.runtime.shares import Share, collect, on_root_of, pieces, steps, stream
 
 TO_VTK_TENSOR = (0, 1, 2, 3, 5, 4)  # xx yy zz xy yz xz
 
@@ -194,15 +195,12 @@ def vtkhdf_streams(result: ContactResult, E: float) -> dict[str, Stream]:
     """Arrays of `write_vtkhdf` with a row for each node or cell, of all states one after the other; collective."""
     solid, top, snapshots = result.solver.solid, result.solver.contact_surface, result.snapshots
     points, tets = share_mesh(solid)
-    nodes, cells = points.total, tets.total
+    cells = tets.total
 
-    def at_nodes(values: Callable[[Snapshot], Floats], *row: int) -> Stream:
-        parts = (pieces(share_nodes(solid, values(s))) for s in snapshots)
-        return Stream(np.dtype(float), (len(snapshots) * nodes, *row), chain.from_iterable(parts))
-
-    def in_cells(values: Callable[[Snapshot], Floats], *row: int) -> Stream:
-        parts = (pieces(share_cells(solid, values(s))) for s in snapshots)
-        return Stream(np.dtype(float), (len(snapshots) * cells, *row), chain.from_iterable(parts))
+    def field(share_of: Callable[[Solid, Array], Share], values: Callable[[Snapshot], Floats], *row: int) -> Stream:
+        parts = (pieces(share_of(solid, values(s))) for s in snapshots)
+        rows = points.total if share_of is share_nodes else cells
+        return Stream(np.dtype(float), (len(snapshots) * rows, *row), chain.from_iterable(parts))
 
     ends = steps(0, cells + 1, (cells + 1,), np.dtype(np.int64))
     out = {
@@ -211,13 +209,13 @@ def vtkhdf_streams(result: ContactResult, E: float) -> dict[str, Stream]:
             np.dtype(np.int64), (NODES * cells,), (rows[:, GMSH_TO_VTK].ravel() for rows in pieces(tets))
         ),
         "Offsets": Stream(np.dtype(np.int64), (cells + 1,), (NODES * np.arange(*bounds) for bounds in ends)),
-        "PointData/displacement": at_nodes(lambda s: s.displacement, 3),
-        "PointData/pressure": at_nodes(lambda s: top.linear_on_facets(s.pressure) * E),
-        "CellData/stress": in_cells(lambda s: s.stress[:, TO_VTK_TENSOR] * E, 6),
-        "CellData/von Mises stress": in_cells(lambda s: von_mises(s.stress) * E),
+        "PointData/displacement": field(share_nodes, lambda s: s.displacement, 3),
+        "PointData/pressure": field(share_nodes, lambda s: top.linear_on_facets(s.pressure) * E),
+        "CellData/stress": field(share_cells, lambda s: s.stress[:, TO_VTK_TENSOR] * E, 6),
+        "CellData/von Mises stress": field(share_cells, lambda s: von_mises(s.stress) * E),
     }
     if solid.material.plastic:
-        out["CellData/plastic strain"] = in_cells(lambda s: s.plastic_strain.mean(axis=1))
+        out["CellData/plastic strain"] = field(share_cells, lambda s: s.plastic_strain.mean(axis=1))
     return out
 
 
@@ -250,4 +248,4 @@ def write_vtkhdf_streams(path: Path, streams: dict[str, Stream], times: list[flo
                 at += len(rows)
             kind, _, field = name.rpartition("/")
             if kind:
-                series[f"{kind}Offsets/{field}"] = array.shape[0] // count * np.arange(count, dtype=np.int64)
+                series[f"{kind}Offsets/{field}"] = array.shape[0] // max(count, 1) * np.arange(count, dtype=np.int64)
