@@ -19,16 +19,19 @@ from asperity.loops import LoopTable
 from asperity.model.problem import Problem
 from asperity.output.run_files import RunFiles
 from asperity.runtime.files import files_into, write_npz
-from asperity.runtime.parallel import on_root_bcast
+from asperity.runtime.parallel import agree, on_root, on_root_bcast
 from asperity.runtime.progress import Progress
 from asperity.runtime.run_folder import BLOCK, DISTRIBUTIONS, FIELDS, LOOPS, TOP, VTKHDF
 from asperity.runtime.shares import on_root_of
 from asperity.runtime.timing import Phases
 
 if TYPE_CHECKING:
+    from mpi4py import MPI
+
     from asperity.dynamics import Dynamics, Joint
     from asperity.dynamics.joint import Numbers
     from asperity.quasistatic.contact_result import ContactResult
+    from asperity.surface import Surface
 
 
 def write_outputs(
@@ -88,7 +91,7 @@ def write_outputs(
         failure, finished = e, False
         summary["exit_reason"] = str(e)
 
-    def serial() -> Dynamics | None:
+    def vibrate() -> Dynamics | None:
         dynamics = None
         if loops is not None:
             summary["loops"] = loops.to_dict()
@@ -105,26 +108,45 @@ def write_outputs(
             if radiated := _radiation(case, dynamics):
                 summary["radiation"] = radiated
         writer.summary(summary)
-        if folder is not None and (case.output.figures or case.output.report):
-            from asperity.plot import plot_run
+        return dynamics
 
-            progress.stage("figures")
-            with parts.phase("figures"):
-                plot_run(folder, problem.surface)
-            writer.summary(summary)
+    def finish() -> None:
+        writer.summary(summary)
         if folder is not None and case.output.report:
             from asperity.plot.report import write_report
 
             write_report(folder, finished)
         summary["finished"] = finished  # not before all is there: a finished run is not continued
         writer.summary(summary)
-        return dynamics
 
     # the others wait, for a process that ends with an error would end all
-    dynamics = on_root_bcast(comm, serial)
+    dynamics = on_root_bcast(comm, vibrate)
+    if folder is not None and (case.output.figures or case.output.report):
+        progress.stage("figures")
+        with parts.phase("figures"):
+            _draw_figures(comm, folder, problem.surface)
+    on_root(comm, finish)
     if failure is not None:
         raise failure
     return dynamics
+
+
+def _draw_figures(comm: MPI.Comm, folder: Path, surface: Surface) -> None:
+    """Draw the figures, each by one of the ranks that share the machine of rank 0; collective."""
+    from mpi4py import MPI
+
+    node = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    near = node.bcast(comm.rank, root=0) == 0
+    part = (node.rank, node.size) if near else None
+    node.Free()
+
+    def draw() -> None:
+        if part is not None:
+            from asperity.plot import plot_run
+
+            plot_run(folder, surface, part)
+
+    agree(comm, draw)
 
 
 def _lacks_loops(case: Case, loops: LoopTable | None) -> bool:
