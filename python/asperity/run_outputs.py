@@ -18,10 +18,11 @@ from asperity.errors import AsperityError, AsperityWarning, ConvergenceError, In
 from asperity.loops import LoopTable
 from asperity.model.problem import Problem
 from asperity.output.run_files import RunFiles
-from asperity.runtime.files import files_into
+from asperity.runtime.files import files_into, write_npz
 from asperity.runtime.parallel import agree, on_root, on_root_bcast
 from asperity.runtime.progress import Progress
-from asperity.runtime.run_folder import DISTRIBUTIONS, FIELDS, LOOPS, VTKHDF
+from asperity.runtime.run_folder import BLOCK, DISTRIBUTIONS, FIELDS, LOOPS, TOP, VTKHDF
+from asperity.runtime.shares import on_root_of
 from asperity.runtime.timing import Phases
 
 if TYPE_CHECKING:
@@ -158,17 +159,23 @@ def _lacks_loops(case: Case, loops: LoopTable | None) -> bool:
 def _write_fields(case: Case, contact: ContactResult, folder: Path) -> None:
     """Write the snapshots for figures, ParaView and distributions; collective."""
     from asperity.output.distributions import write_distributions
-    from asperity.output.fields import gather_states, write_figure_data, write_vtkhdf
+    from asperity.output.fields import gather_top_states, mesh_streams, vtkhdf_streams, write_top, write_vtkhdf_streams
 
-    states = gather_states(contact, case.surface.L, case.material.E)
-    block = contact.whole_mesh()
-    if contact.solver.solid.comm.rank == 0 and block is not None:
+    L, E = case.surface.L, case.material.E
+    top, mesh = gather_top_states(contact, L, E), mesh_streams(contact, L)
+    grid = vtkhdf_streams(contact, E) if case.output.fields else {}
+
+    def write() -> None:
+        assert top is not None
         with files_into(folder / FIELDS) as aside:
-            write_figure_data(aside, block, states)
-            if case.output.fields:
-                write_vtkhdf(aside / VTKHDF, block, states)
+            write_top(aside / TOP, top)
+            write_npz(aside / BLOCK, mesh.items(), compress=True)
+            if grid:
+                write_vtkhdf_streams(aside / VTKHDF, grid, [s.delta for s in contact.snapshots])
             if case.output.distributions:
-                write_distributions(aside / DISTRIBUTIONS, block, states)
+                write_distributions(aside / DISTRIBUTIONS, top, L)
+
+    on_root_of(contact.solver.solid.comm, [*mesh.values(), *grid.values()], write)
 
 
 def compute_loops(
