@@ -7,7 +7,7 @@
     ./run python3 benchmarks/linear.py pieces [H ...]     parts of the p-multigrid in two ways, PETSc's or other orders
     ./run python3 benchmarks/linear.py parts [H ...]      time of each part of a load path, also under mpirun -n 2
     ./run python3 benchmarks/linear.py krylov [H ...]     tolerance of the Krylov solver, elastic and elastic-plastic
-    ./run python3 benchmarks/linear.py coarse [H ...]     coarse problem factorised, or by algebraic multigrid
+    ./run python3 benchmarks/linear.py coarse [H ...]     ways to solve the coarse problem, also under mpirun
 
 Three large load steps to 0.03 L on one process. Seconds are CPU seconds of the load path; the part of the linear
 systems (preconditioner, solution) is in seconds of the clock; memory is the peak of all runs so far.
@@ -25,13 +25,14 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
+from mpi4py import MPI
 
 import asperity as asp
 from asperity.fem.solid import Solid
 from asperity.linear import coarse as coarse_problem
 from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.multigrid import PMultigrid
-from asperity.linear.petsc_matrix import assembled
+from asperity.linear.petsc_matrix import assembled, local_matrix
 from asperity.quasistatic.contact_result import ContactResult
 
 L = 1e-6
@@ -92,14 +93,12 @@ def pieces(sizes: tuple[float, ...]) -> None:
         product = median(A.mult, x, y), median(tangent.single_product, single)
         P = interpolation(cycle)
         galerkin = median(A.ptap, P, A.ptap(P)), median(cycle._galerkin)
-        factor = median(factorise, cycle, "mumps"), median(factorise, cycle, "cholmod")
-        again, solution = zip(*(ordered(tangent, orders) for orders in (2, 3)), strict=True)
+        factors, solution = coarse_factors(cycle)
         for name, (theirs, ours) in {
             "product (PETSc: double, all; here: single, half)": product,
             "Galerkin's matrix (PETSc: PtAP; here: kernel)": galerkin,
-            "coarse factors (MUMPS; CHOLMOD)": factor,
-            "coarse factors again (minimum degree; nested dissection tried too)": again,
-            "coarse solution (minimum degree; nested dissection tried too)": solution,
+            "coarse factors (PETSc: CHOLMOD, double; here: single)": factors,
+            "coarse solution (PETSc: CHOLMOD, double; here: single)": solution,
         }.items():
             print(f"| {solid.dofs} | {name} | {theirs:.2f} | {ours:.2f} | {theirs / ours:.1f} |", flush=True)
 
@@ -111,10 +110,10 @@ def parts(sizes: tuple[float, ...]) -> None:
         "tangent": (Solid, "_assemble"),
         "copy in single precision": (TangentOperator, "update"),
         "Galerkin's matrix": (PMultigrid, "_galerkin"),
-        "coarse factors": (coarse_problem.Replicated, "update"),
+        "coarse factors": (coarse_problem.Substructures, "update"),
         "greatest eigenvalue": (PMultigrid, "_greatest_eigenvalue"),
         "V-cycle": (PMultigrid, "apply"),
-        "coarse solution": (coarse_problem.Replicated, "solve"),
+        "coarse solution": (coarse_problem.Substructures, "solve"),
         "product of the smoother": (TangentOperator, "single_product"),
     }
     for h in sizes:
@@ -171,14 +170,27 @@ def krylov(sizes: tuple[float, ...]) -> None:
 
 
 def coarse(sizes: tuple[float, ...]) -> None:
-    """Iterations with the two ways to solve the coarse problem, elastic."""
-    print("| dofs | coarse problem | Newton | Krylov | CPU s |\n|---|---|---|---|---|")
+    """Iterations and time with the ways to solve the coarse problem, elastic; also under mpirun."""
+    limits: dict[str, dict[str, int]] = {
+        "factorised, by substructures on several ranks": {"DIRECT_LIMIT": coarse_problem.DIRECT_LIMIT},
+        "whole on each rank": {"INTERFACE_LIMIT": -1, "REPLICATED_LIMIT": coarse_problem.DIRECT_LIMIT},
+        "algebraic multigrid": {"DIRECT_LIMIT": 0},
+    }
+    if MPI.COMM_WORLD.size == 1:
+        del limits["whole on each rank"]
+    out("| ranks | dofs | coarse problem | Newton | Krylov | CPU s | MiB |\n|---|---|---|---|---|---|---|")
     for h in sizes:
-        for name, limit in (("factorised", coarse_problem.DIRECT_LIMIT), ("algebraic multigrid", 0)):
-            with patch.multiple(coarse_problem, DIRECT_LIMIT=limit, REPLICATED_LIMIT=limit):
+        for name, limit in limits.items():
+            with patch.multiple(coarse_problem, **limit):
                 result, seconds = demo(MATERIALS["elastic"], h)
-            counts = result.counts
-            print(f"| {result.dofs} | {name} | {counts.newton} | {counts.krylov} | {seconds:.1f} |", flush=True)
+            row = MPI.COMM_WORLD.size, result.dofs, name, result.counts.newton, result.counts.krylov
+            out("| " + " | ".join(map(str, row)) + f" | {seconds:.1f} | {result.memory / 2**20:.0f} |")
+
+
+def out(line: str) -> None:
+    """Print on rank 0."""
+    if MPI.COMM_WORLD.rank == 0:
+        print(line, flush=True)
 
 
 def median(work: Callable[..., object], *arguments: object) -> float:
@@ -200,28 +212,27 @@ def interpolation(cycle: PMultigrid) -> Any:
     return PETSc.Mat().createAIJ(P.shape, csr=csr, comm=PETSc.COMM_SELF)
 
 
-def ordered(tangent: TangentOperator, orders: int) -> tuple[float, float]:
-    """Milliseconds of coarse factors of known structure and of a coarse solution, with the first orders of CHOLMOD."""
+def coarse_factors(cycle: PMultigrid) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Milliseconds of coarse factors of known structure and of a coarse solution, by PETSc and here."""
     from petsc4py import PETSc
 
-    options, key = PETSc.Options(), coarse_problem.PREFIX + "mat_cholmod_nmethods"
-    options[key] = orders
-    cycle = PMultigrid(tangent)
-    cycle.update()
-    options.delValue(key)
-    right = np.random.default_rng(0).normal(size=cycle._coarse.A.size[0]).astype(np.float32)
-    return median(cycle._coarse.update), median(cycle._coarse.solve, right)
+    coarse, ksp = cycle._coarse, PETSc.KSP().create(PETSc.COMM_SELF)
+    A = local_matrix(coarse.sparsity, coarse.values, PETSc.COMM_SELF)
+    A.setOption(PETSc.Mat.Option.SPD, True)
+    ksp.setType("preonly")
+    ksp.getPC().setType("cholesky")
+    ksp.getPC().setFactorSolverType("cholmod")
+    ksp.setOperators(A)
 
+    def update() -> None:
+        A.assemble()
+        ksp.setOperators(A)
+        ksp.setUp()
 
-def factorise(cycle: PMultigrid, package: str) -> None:
-    """Symbolic and numeric factorisation of the coarse matrix."""
-    from petsc4py import PETSc
-
-    pc = PETSc.PC().create(PETSc.COMM_SELF)
-    pc.setType("cholesky")
-    pc.setFactorSolverType(package)
-    pc.setOperators(cycle._coarse.A)
-    pc.setUp()
+    x, b = A.createVecs()
+    b.array = np.random.default_rng(0).normal(size=A.size[0])
+    right = b.array_r.astype(np.float32)
+    return (median(update), median(coarse.update)), (median(ksp.solve, b, x), median(coarse.solve, right))
 
 
 if __name__ == "__main__":

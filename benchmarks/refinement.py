@@ -5,6 +5,7 @@
 
     ./run python3 benchmarks/refinement.py error                            two tables, sphere and rough surface
     ./run python3 benchmarks/refinement.py cost H N mesh | step RANKS...    each number of ranks by a mpirun of its own
+    ./run python3 benchmarks/refinement.py checkpoint H N RANKS...          likewise
 
 Errors are relative root mean squares over five load steps, elastic. Reference of the sphere: layer theory
 (`asperity.verification.hertz`); of the rough surface: the extrapolated force of two finer meshes, by gmsh alone.
@@ -12,15 +13,25 @@ Errors are relative root mean squares over five load steps, elastic. Reference o
 The cost of N refinements is in processor seconds of the busiest rank, and in the greatest memory, start of the process
 included, of rank 0 and of any other: gmsh on rank 0, the rest of the mesh (distribution, refinement, lift) or, for a
 load step, all that comes before it, and the step.
+
+The checkpoint is that of a solid with flow in every cell, the greatest there is. Seconds are of the clock, memory is
+the peak of a process while it saves, restores or writes the fields of one state for ParaView above what it held before.
 """
 
 from __future__ import annotations
 
+import ctypes
 import resource
+import shutil
 import subprocess
 import sys
+import tempfile
 import warnings
-from time import process_time
+from collections.abc import Callable
+from pathlib import Path
+from time import perf_counter, process_time
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 from mpi4py import MPI
@@ -28,12 +39,17 @@ from mpi4py import MPI
 import asperity as asp
 from asperity.adaptive.mesh_plan import extrapolate
 from asperity.arrays import Floats
+from asperity.fem.kernels import History
 from asperity.mesh.distribute import distribute
+from asperity.output.fields import write_vtkhdf
+from asperity.quasistatic.checkpoint import Checkpoint
 from asperity.quasistatic.make import make_block, make_contact_solver
+from asperity.quasistatic.measures import snapshot
+from asperity.quasistatic.stepping import Position, Record
 from asperity.surface import SelfAffine, Surface, WeierstrassMandelbrot
 from asperity.verification.hertz import CONTACT, RADIUS, SPHERE, layer_force
 
-ELASTIC = asp.Material(1.0, 0.3)
+ELASTIC, PLASTIC = asp.Material(1.0, 0.3), asp.Material(1.0, 0.3, 0.005, 0.05)
 ROUGH = SelfAffine(L=1.0, H=0.8, slope=0.05, lambda_roll=0.5, lambda_short=0.125, seed=3)
 DEMO = WeierstrassMandelbrot(L=1.0, D=2.4, G=1.36e-5)
 STEPS, HEIGHT = 5, 1.0
@@ -111,17 +127,74 @@ def cost(h: float, refinements: int, what: str) -> None:
         print("| " + " | ".join(map(str, row)) + " |", flush=True)
 
 
+def checkpoint(h: float, refinements: int) -> None:
+    """Print one row: a state saved, and restored."""
+    comm, delta = MPI.COMM_WORLD, 0.03
+    block = make_block(comm, DEMO, HEIGHT, delta, asp.MeshSize(h, h_max=max(h, 0.25), refinements=refinements))
+    solver = make_contact_solver(comm, DEMO, block, PLASTIC)
+    kernels, random = solver.solid.kernels, np.random.default_rng(comm.rank)
+    virgin = kernels.history().copy()
+    flow = History(**{name: 1e-3 * random.random(values.shape) for name, values in virgin.arrays().items()})
+    kernels.restore(flow)
+    record = Record(1.0, 1.0, 1.0)
+    folder = Path(comm.bcast(tempfile.mkdtemp(prefix="asperity-") if comm.rank == 0 else None))
+    kept = Checkpoint(folder, {}, comm)
+    kept.begin(block)
+    columns: list[object] = []
+
+    def cost_of(work: Callable[[], object]) -> None:
+        ctypes.CDLL(None).malloc_trim(0)  # give back to the system what is free
+        before = memory("VmRSS")
+        Path("/proc/self/clear_refs").write_text("5")  # the peak starts again
+        comm.Barrier()
+        start = perf_counter()
+        work()
+        comm.Barrier()
+        seconds, peaks = perf_counter() - start, comm.gather(memory("VmHWM") - before) or [0.0]
+        columns.extend((f"{seconds:.2f}", f"{peaks[0]:.0f}", f"{max(peaks[1:], default=0.0):.0f}"))
+
+    def restore() -> None:
+        saved = Checkpoint(folder, {}, comm).load()
+        assert saved is not None
+        saved.restore(solver, record)
+
+    cost_of(lambda: kept.save(solver, record, Position()))
+    kernels.restore(virgin)
+    cost_of(restore)
+    for name, values in kernels.history().arrays().items():
+        assert np.array_equal(values, getattr(flow, name))
+    result = SimpleNamespace(solver=solver, snapshots=[snapshot(solver, 1, "load")])
+    cost_of(lambda: write_vtkhdf(folder / "contact.vtkhdf", cast("asp.ContactResult", result), 1.0))
+    if comm.rank == 0:
+        size = sum(path.stat().st_size for path in folder.glob("state*")) / 2**20
+        print("| " + " | ".join(map(str, (comm.size, solver.solid.dofs, f"{size:.0f}", *columns))) + " |", flush=True)
+        shutil.rmtree(folder)
+
+
+def memory(name: str) -> float:
+    """Memory of this process by its name in Linux [MiB]."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith(f"{name}:")) / 1024
+
+
 def main(arguments: list[str]) -> None:
     """Run what the command line names."""
     if arguments[0] == "error":
         error()
-    elif len(arguments) == 4:
-        cost(float(arguments[1]), int(arguments[2]), arguments[3])
+        return
+    cases = 3 if arguments[0] == "checkpoint" else 4
+    h, refinements = float(arguments[1]), int(arguments[2])
+    if len(arguments) == cases:
+        checkpoint(h, refinements) if cases == 3 else cost(h, refinements, arguments[3])
+        return
+    if cases == 3:
+        print("| ranks | dofs | file MiB | save s | rank 0 MiB | other MiB | restore s | rank 0 MiB | other MiB |"
+              " fields s | rank 0 MiB | other MiB |\n|" + "---|" * 12, flush=True)  # fmt: skip
     else:
         print("| ranks | refinements | dofs | Newton | Krylov | force | gmsh s | rest s | step s | cells a rank |"
               " rank 0 MiB | other MiB |\n|" + "---|" * 12, flush=True)  # fmt: skip
-        for ranks in arguments[4:]:
-            subprocess.run(["mpirun", "-n", ranks, sys.executable, __file__, *arguments[:4]], check=True)
+    for ranks in arguments[cases:]:
+        subprocess.run(["mpirun", "-n", ranks, sys.executable, __file__, *arguments[:cases]], check=True)
 
 
 if __name__ == "__main__":

@@ -65,7 +65,8 @@ def main(n: int, name: str, pressure: float | None) -> None:
         last = found.curve.loading()
         time = f"{perf_counter() - start:.0f} s, {busiest:.0f} s of processor time"
         cost = f"{time}, {found.contact.memory / 2**30:.1f} GiB, {found.contact.dofs} dofs"
-        result = f"met {found.met}, bar {found.worst:.1%}, contact area {last.area_fraction[-1]:.2%} at {last.delta_star[-1]:.4f} L"
+        state = f"contact area {last.area_fraction[-1]:.2%} at {last.delta_star[-1]:.4f} L"
+        result = f"met {found.met}, bar {found.worst:.1%}, {state}"
         print(f"{n} x {n}, {name}, {comm.size} ranks: {cost}, {result}")
 
 

@@ -3,6 +3,7 @@
 
 // Python interface: the classes and kernels of the module asperity._solver. Kernels run without the interpreter's lock.
 #include "cells.hpp"
+#include "cholesky.hpp"
 #include "facets.hpp"
 #include "linear.hpp"
 #include "size_field.hpp"
@@ -95,6 +96,13 @@ void bind_linear(nb::module_& m)
         unlocked);
   m.def("galerkin", &galerkin, "indptr"_a, "indices"_a, "values"_a, "kept"_a, "parents"_a, "coarse_indptr"_a,
         "coarse_indices"_a, "coarse_kept"_a, out("coarse"), unlocked);
+  nb::class_<Cholesky>(m, "Cholesky")
+      .def(nb::init<Graph, Graph, Array<const int>>(), "indptr"_a, "indices"_a, "interface"_a)
+      .def("factorise", &Cholesky::factorise, "values"_a, "shift"_a, unlocked)
+      .def("interface_factors", &Cholesky::interface_factors, out("out"), unlocked)
+      .def("forward", &Cholesky::forward, "right"_a, out("work"), unlocked)
+      .def("backward", &Cholesky::backward, out("work"), out("x"), unlocked)
+      .def_prop_ro("entries", &Cholesky::entries);
 }
 
 void bind_size_field(nb::module_& m)

@@ -18,16 +18,20 @@ from asperity.errors import AsperityError, AsperityWarning, ConvergenceError, In
 from asperity.loops import LoopTable
 from asperity.model.problem import Problem
 from asperity.output.run_files import RunFiles
-from asperity.runtime.files import files_into
-from asperity.runtime.parallel import on_root_bcast
+from asperity.runtime.files import files_into, write_npz
+from asperity.runtime.parallel import agree, on_root, on_root_bcast
 from asperity.runtime.progress import Progress
-from asperity.runtime.run_folder import DISTRIBUTIONS, FIELDS, LOOPS, VTKHDF
+from asperity.runtime.run_folder import BLOCK, DISTRIBUTIONS, FIELDS, LOOPS, TOP, VTKHDF
+from asperity.runtime.shares import on_root_of
 from asperity.runtime.timing import Phases
 
 if TYPE_CHECKING:
+    from mpi4py import MPI
+
     from asperity.dynamics import Dynamics, Joint
     from asperity.dynamics.joint import Numbers
     from asperity.quasistatic.contact_result import ContactResult
+    from asperity.surface import Surface
 
 
 def write_outputs(
@@ -87,7 +91,7 @@ def write_outputs(
         failure, finished = e, False
         summary["exit_reason"] = str(e)
 
-    def serial() -> Dynamics | None:
+    def vibrate() -> Dynamics | None:
         dynamics = None
         if loops is not None:
             summary["loops"] = loops.to_dict()
@@ -104,26 +108,45 @@ def write_outputs(
             if radiated := _radiation(case, dynamics):
                 summary["radiation"] = radiated
         writer.summary(summary)
-        if folder is not None and (case.output.figures or case.output.report):
-            from asperity.plot import plot_run
+        return dynamics
 
-            progress.stage("figures")
-            with parts.phase("figures"):
-                plot_run(folder, problem.surface)
-            writer.summary(summary)
+    def finish() -> None:
+        writer.summary(summary)
         if folder is not None and case.output.report:
             from asperity.plot.report import write_report
 
             write_report(folder, finished)
         summary["finished"] = finished  # not before all is there: a finished run is not continued
         writer.summary(summary)
-        return dynamics
 
     # the others wait, for a process that ends with an error would end all
-    dynamics = on_root_bcast(comm, serial)
+    dynamics = on_root_bcast(comm, vibrate)
+    if folder is not None and (case.output.figures or case.output.report):
+        progress.stage("figures")
+        with parts.phase("figures"):
+            _draw_figures(comm, folder, problem.surface)
+    on_root(comm, finish)
     if failure is not None:
         raise failure
     return dynamics
+
+
+def _draw_figures(comm: MPI.Comm, folder: Path, surface: Surface) -> None:
+    """Draw the figures, each by one of the ranks that share the machine of rank 0; collective."""
+    from mpi4py import MPI
+
+    node = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    near = node.bcast(comm.rank, root=0) == 0
+    part = (node.rank, node.size) if near else None
+    node.Free()
+
+    def draw() -> None:
+        if part is not None:
+            from asperity.plot import plot_run
+
+            plot_run(folder, surface, part)
+
+    agree(comm, draw)
 
 
 def _lacks_loops(case: Case, loops: LoopTable | None) -> bool:
@@ -136,17 +159,23 @@ def _lacks_loops(case: Case, loops: LoopTable | None) -> bool:
 def _write_fields(case: Case, contact: ContactResult, folder: Path) -> None:
     """Write the snapshots for figures, ParaView and distributions; collective."""
     from asperity.output.distributions import write_distributions
-    from asperity.output.fields import gather_states, write_figure_data, write_vtkhdf
+    from asperity.output.fields import gather_top_states, mesh_streams, vtkhdf_streams, write_top, write_vtkhdf_streams
 
-    states = gather_states(contact, case.surface.L, case.material.E)
-    block = contact.whole_mesh()
-    if contact.solver.solid.comm.rank == 0 and block is not None:
+    L, E = case.surface.L, case.material.E
+    top, mesh = gather_top_states(contact, L, E), mesh_streams(contact, L)
+    grid = vtkhdf_streams(contact, E) if case.output.fields else {}
+
+    def write() -> None:
+        assert top is not None
         with files_into(folder / FIELDS) as aside:
-            write_figure_data(aside, block, states)
-            if case.output.fields:
-                write_vtkhdf(aside / VTKHDF, block, states)
+            write_top(aside / TOP, top)
+            write_npz(aside / BLOCK, mesh.items(), compress=True)
+            if grid:
+                write_vtkhdf_streams(aside / VTKHDF, grid, [s.delta for s in contact.snapshots])
             if case.output.distributions:
-                write_distributions(aside / DISTRIBUTIONS, block, states)
+                write_distributions(aside / DISTRIBUTIONS, top, L)
+
+    on_root_of(contact.solver.solid.comm, [*mesh.values(), *grid.values()], write)
 
 
 def compute_loops(

@@ -57,6 +57,7 @@ def many(n: int) -> dict[str, Arguments]:
         "Cells": dict(x=x, x_dofs=cells, u_dofs=cells, gradients=gradients, weights=weights),
         "History": dict(plastic_strain=np.zeros((n, points, 6)), accumulated=np.zeros((n, points))),
         "BlockPattern": dict(cell_dofs=cells, **graph),
+        "Cholesky": dict(**graph, interface=np.array([3, 7], dtype=np.int32)),
         "Facets": dict(
             x=x, x_dofs=cells, u_dofs=cells, local=np.zeros(n, dtype=np.int32), gradients=facet_gradients,
             shape=shape, normals=element.area_vectors(), weights=facet_weights,
@@ -122,8 +123,10 @@ def spoilt(array: Any) -> dict[str, Any]:
     }
 
 
-LEGAL = {  # fewer cells need not have the whole graph; points are known to the facets only
+LEGAL = {  # fewer cells need not have the whole graph; points are known to the facets only; any nodes are an interface
     ("BlockPattern", "cell_dofs", "a row less"),
+    ("Cholesky", "interface", "a row less"),
+    ("Cholesky", "interface", "a column less"),
     ("ContactLaw", "height", "a column less"),
 }
 CHANGES = [
@@ -173,7 +176,14 @@ def test_objects_of_other_cells_are_refused(name: str, key: str) -> None:
 
 @pytest.mark.parametrize("value", [-1, 30])
 @pytest.mark.parametrize(
-    ("name", "key"), [("Cells", "x_dofs"), ("Facets", "x_dofs"), ("Facets", "local"), ("BlockPattern", "cell_dofs")]
+    ("name", "key"),
+    [
+        ("Cells", "x_dofs"),
+        ("Facets", "x_dofs"),
+        ("Facets", "local"),
+        ("BlockPattern", "cell_dofs"),
+        ("Cholesky", "interface"),
+    ],
 )
 def test_numbers_outside_their_range_are_refused(name: str, key: str, value: int) -> None:
     changed = SMALL[name][key].copy()

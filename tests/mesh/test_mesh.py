@@ -14,16 +14,17 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from asperity.arrays import Indices
 from asperity.contact.contact_surface import ContactSurface
 from asperity.errors import MeshError
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import BASE, SIDE_X, SIDE_Y, TOP, check_distortion, distribute
+from asperity.mesh.element import outer_faces
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import FirstContactMap, SizeField
 from asperity.model.material import Material
 from asperity.model.settings import MeshSize
-from asperity.output.fields import top_facets
 from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.surface import Flat, Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 
@@ -48,6 +49,16 @@ def uniform(surface: Surface, size: float, height: float = 1.0) -> BlockMesh:
 
 def solid_of(comm: Any, block: BlockMesh | None, material: Material | None = None) -> Solid:
     return Solid(*distribute(comm, block, 1.0), material or Material(1.0, 0.3))
+
+
+def top_facets(block: BlockMesh) -> Indices:
+    """Outer faces on no plane side or base; nodes as in FACES (K, nodes of a face)."""
+    faces = outer_faces(block.tets)
+    x = block.points[faces[:, :3]]
+    on_plane = (
+        np.abs(np.stack([x[..., 0], x[..., 0] - block.side, x[..., 1], x[..., 1] - block.side, x[..., 2]])) < 1e-9
+    )
+    return faces[~on_plane.all(axis=2).any(axis=0)]
 
 
 # --- geometry -------------------------------------------------------------------------------------------------

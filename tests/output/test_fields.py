@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from asperity.cli import main
-from asperity.errors import CompatError, InputError
+from asperity.errors import CompatError, InputError, OutputError
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 from asperity.output.fields import State, gather_states, von_mises, write_vtkhdf
@@ -35,14 +35,41 @@ def states(pressed: ContactResult) -> list[State]:
 
 
 @pytest.fixture(scope="module")
-def file(pressed: ContactResult, states: list[State], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def file(pressed: ContactResult, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The file at the path where a run writes it."""
     folder = tmp_path_factory.mktemp("run")
     (folder / "fields").mkdir()
     pressed.curve.write(folder / "curve.csv")
-    assert pressed.block is not None
-    write_vtkhdf(folder / "fields/contact.vtkhdf", pressed.block, states)
+    write_vtkhdf(folder / "fields/contact.vtkhdf", pressed, 1.0)
     return folder / "fields/contact.vtkhdf"
+
+
+@pytest.mark.mpi
+def test_all_ranks_write_one_file(wave: Surface, coarse_wave: BlockMesh | None, shared_path: Path) -> None:
+    """Or none: then all of them know."""
+    import h5py
+
+    result = solve_contact(wave, SOLID, delta_max=DELTA, steps=2, block=coarse_wave, snapshots=2)
+    states, whole = gather_states(result, 1.0, 3.0), result.whole_mesh()
+    write_vtkhdf(shared_path / "contact.vtkhdf", result, 3.0)
+    with pytest.raises(OutputError, match="cannot write"):
+        write_vtkhdf(shared_path / "none" / "contact.vtkhdf", result, 3.0)
+    if whole is None:
+        return
+    with h5py.File(shared_path / "contact.vtkhdf") as file:
+        root = file["VTKHDF"]
+        np.testing.assert_allclose(root["Points"], whole.points, atol=1e-15)
+        np.testing.assert_array_equal(np.diff(root["Offsets"]), 10)
+        np.testing.assert_array_equal(root["Types"], np.full(len(whole.tets), 24))  # VTK_QUADRATIC_TETRA
+        np.testing.assert_array_equal(np.sort(root["Connectivity"][:].reshape(-1, 10)), np.sort(whole.tets))
+        for name, of_state in (
+            ("PointData/displacement", lambda s: s.displacement),
+            ("PointData/pressure", lambda s: s.pressure),
+            ("CellData/von Mises stress", lambda s: von_mises(s.stress)),
+            ("CellData/plastic strain", lambda s: s.plastic_strain),
+        ):
+            written = np.concatenate([of_state(s) for s in states])
+            np.testing.assert_allclose(root[name], written, rtol=1e-14, atol=1e-15, err_msg=name)
 
 
 def test_stress_is_in_balance_with_the_force(pressed: ContactResult, states: list[State]) -> None:

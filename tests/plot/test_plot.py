@@ -98,6 +98,13 @@ def test_all_figures_of_a_run_are_drawn(folder: Path) -> None:
     assert {f"figures/{path.name}" for path in written} <= set(PRODUCTS)
 
 
+def test_processes_share_the_figures(folder: Path) -> None:
+    """Each figure once; a process too many draws nothing."""
+    shares = [plot_run(folder, part=(k, 20)) for k in range(20)]
+    assert not shares[-1]
+    assert sorted(path for share in shares for path in share) == sorted(plot_run(folder))
+
+
 def test_figures_without_data_are_left_out(tmp_path: Path) -> None:
     write_run(tmp_path, n=2, material={"E": 200e9, "nu": 0.3})
     shutil.rmtree(tmp_path / "fields")

@@ -16,7 +16,7 @@ from asperity.curve import Curve
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize
 from asperity.output.distributions import distributions, write_distributions
-from asperity.output.fields import gather_states
+from asperity.output.fields import gather_top_states
 from asperity.output.results import Results
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.solve_contact import solve_contact
@@ -92,11 +92,10 @@ def pressed() -> ContactResult:
 
 def test_pressures_of_hertz(pressed: ContactResult) -> None:
     """Mean 2/3 of the peak; the share of the force carried at pressures below p is (p/p0)^3."""
-    curve, block = pressed.curve, pressed.block
-    assert block is not None
+    curve, top = pressed.curve, gather_top_states(pressed, 1.0, 1.0)
+    assert top is not None
     assert curve.mean_pressure[-1] == pytest.approx(2.0 / 3.0 * curve.max_pressure[-1], rel=0.02)
-    states = gather_states(pressed, 1.0, 1.0)
-    found = {quantity: (edges, shares) for _, quantity, edges, shares in distributions(block, states)}
+    found = {quantity: (edges, shares) for _, quantity, edges, shares in distributions(top, 1.0)}
     edges, shares = found["pressure"]
     middles = 0.5 * (edges[1:] + edges[:-1])
     assert middles @ shares == pytest.approx(curve.force[-1], rel=0.005)
@@ -108,8 +107,9 @@ def test_pressures_of_hertz(pressed: ContactResult) -> None:
 
 
 def test_distributions_are_a_table(pressed: ContactResult, tmp_path: Path) -> None:
-    assert pressed.block is not None
-    write_distributions(tmp_path / "distributions.csv", pressed.block, gather_states(pressed, 1.0, 1.0))
+    top = gather_top_states(pressed, 1.0, 1.0)
+    assert top is not None
+    write_distributions(tmp_path / "distributions.csv", top, 1.0)
     lines = (tmp_path / "distributions.csv").read_text().splitlines()
     assert lines[0] == "step,branch,delta,quantity,low,high,share"
     assert len(lines) == 101 and lines[1].split(",")[3:5] == ["pressure", "0.0"]
@@ -121,8 +121,8 @@ def test_ranks_agree(wave: Surface, coarse_wave: Any) -> None:
     for comm in (here(), world()):
         block = world().bcast(coarse_wave) if comm.size == 1 else coarse_wave
         result = solve_contact(wave, material, delta_max=0.02, steps=2, block=block, snapshots=1, comm=comm)
-        states = gather_states(result, 1.0, 1.0)
-        shares = [] if result.block is None else [s for *_, s in distributions(result.block, states)]
+        top = gather_top_states(result, 1.0, 1.0)
+        shares = [] if top is None else [s for *_, s in distributions(top, 1.0)]
         found.append((result.curve, world().bcast(shares)))
     (one, shares_of_one), (all_, shares_of_all) = found
     for name in ("mean_gap", "mean_pressure", "spots", "largest_spot"):

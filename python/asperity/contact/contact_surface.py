@@ -11,15 +11,19 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity import _solver
-from asperity.arrays import Flags, Floats, Indices
+from asperity.arrays import Flags, Floats, Indices, Integers
 from asperity.fem.global_numbering import cell_numbers
 from asperity.fem.solid import Solid
 from asperity.mesh import element
 from asperity.mesh.distribute import TOP
 from asperity.mesh.top import Top
 from asperity.runtime import compat
+from asperity.runtime.shares import collect, share_some
 
 FACET_DEGREE = 8  # 16 points: four times closer on cut facets than the 6 of degree 4, at no cost (docs/contact.md)
+
+
+IN_ORDER = (0, 1, 2, 5, 3, 4)  # nodes of a facet, corners and opposite edges, in the order of `element.FACES`
 
 
 @dataclass(frozen=True)
@@ -149,6 +153,13 @@ class ContactSurface:
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.where(area > 0.0, force / area, 0.0)
 
+    def linear_on_facets(self, values: Floats) -> Floats:
+        """Values at the local nodes (nodes,) with those on the edges of facets the means of their ends; collective."""
+        faces = self.nodes[:, IN_ORDER]
+        edges, means = faces[:, 3:], element.to_face(values[faces[:, :3]])[:, 3:]
+        count = self.assemble(edges, np.ones(edges.shape))
+        return np.where(count > 0.0, self.assemble(edges, means) / np.maximum(count, 1.0), values)
+
     def area_of(self, touched: Flags, weights: Floats) -> Area:
         """Area where points of the facets are touched, and its error; collective.
 
@@ -189,22 +200,40 @@ def facet_numbers(surface: ContactSurface) -> Indices:
 
 
 def gather_top(surface: ContactSurface, height: float) -> Top | None:
-    """Gather the facets of the top on rank 0; None elsewhere; collective.
+    """Gather the facets of the top on rank 0, in an order independent of the ranks; None elsewhere; collective.
 
     Args:
         surface: with the facets of each rank
         height: of the mean plane above the base [L]
     """
-    mesh = surface.solid.mesh
-    in_order = np.array(element.facet_nodes())[:, (0, 1, 2, 5, 3, 4)]  # as in `element.FACES`
-    x_nodes = np.take_along_axis(compat.geometry_dofmap(mesh)[surface.cells], in_order[surface.local], axis=1)
-    used, faces = np.unique(x_nodes, return_inverse=True)
-    numbers = np.asarray(mesh.geometry.input_global_indices)[used]
-    parts = mesh.comm.gather((numbers, mesh.geometry.x[used], numbers[faces.reshape(x_nodes.shape)]), root=0)
-    if parts is None:
+    faces, points = gather_faces(surface), gather_at_top(surface, surface.solid.mesh.geometry.x)
+    if faces is None or points is None:
         return None
-    names, points, rows = (np.concatenate(part) for part in zip(*parts, strict=True))
-    _, first, place = np.unique(names, return_index=True, return_inverse=True)
-    by_name = np.empty(1 + int(names.max()), dtype=np.int64)
-    by_name[names] = place.ravel()
-    return Top(points[first] - [0.0, 0.0, height], by_name[rows])
+    _, place = np.unique(faces, return_inverse=True)
+    return Top(points - [0.0, 0.0, height], place.reshape(faces.shape))
+
+
+def gather_faces(surface: ContactSurface) -> Indices | None:
+    """Numbers in the built mesh of the nodes of all facets on rank 0 (F, 6), see `gather_top`; collective."""
+    numbers = np.asarray(surface.solid.mesh.geometry.input_global_indices)[_x_nodes(surface)]
+    return collect(share_some(surface.solid.comm, facet_numbers(surface), numbers)[1])
+
+
+def gather_at_top(surface: ContactSurface, values: Floats) -> Floats | None:
+    """Values at the points of `gather_top` on rank 0, None elsewhere; collective.
+
+    Args:
+        surface: with the facets of each rank
+        values: at the local nodes of the geometry (n, ...)
+    """
+    used = np.unique(_x_nodes(surface))
+    numbers = np.asarray(surface.solid.mesh.geometry.input_global_indices)[used]
+    return collect(share_some(surface.solid.comm, numbers, values[used])[1])
+
+
+def _x_nodes(surface: ContactSurface) -> Integers:
+    """Nodes of the geometry on each facet in the order of `element.FACES` (F, 6)."""
+    in_order = np.array(element.facet_nodes())[:, IN_ORDER]
+    return np.take_along_axis(
+        compat.geometry_dofmap(surface.solid.mesh)[surface.cells], in_order[surface.local], axis=1
+    )

@@ -1,23 +1,24 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Gather and scatter fields in a rank-independent numbering: that of the mesh as built."""
+"""Fields in a numbering that does not depend on the ranks: that of the mesh as built."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-from asperity.arrays import Array
+from asperity.arrays import Array, Indices
+from asperity.mesh.element import NODES
 from asperity.runtime import compat
+from asperity.runtime.shares import Share, count, share
 
 if TYPE_CHECKING:
     from asperity.fem.solid import Solid
 
 
-def node_numbers(solid: Solid) -> npt.NDArray[np.int64]:
+def node_numbers(solid: Solid) -> Indices:
     """Number in the built mesh of each local displacement node, of one of them where nodes are joined (nodes,)."""
     x_nodes = compat.geometry_dofmap(solid.mesh)
     out = np.full(solid.nodes, -1, dtype=np.int64)
@@ -26,8 +27,8 @@ def node_numbers(solid: Solid) -> npt.NDArray[np.int64]:
     return out
 
 
-def collect_nodes(solid: Solid, values: Array) -> Array | None:
-    """Nodal values in the order of the mesh as built on rank 0; None elsewhere; collective.
+def at_built_nodes(solid: Solid, values: Array) -> tuple[Indices, Array]:
+    """Numbers in the built mesh of all nodes of this rank's cells (n,), and the values there (n, ...).
 
     Args:
         solid: on the mesh
@@ -36,75 +37,31 @@ def collect_nodes(solid: Solid, values: Array) -> Array | None:
     numbers = np.asarray(solid.mesh.geometry.input_global_indices)
     node = np.empty(len(numbers), dtype=np.int64)
     node[compat.geometry_dofmap(solid.mesh).ravel()] = solid.V.dofmap.list.ravel()
-    return collect(solid.comm, numbers, values[node])
+    return numbers, values[node]
 
 
-def cell_numbers(solid: Solid) -> npt.NDArray[np.int64]:
+def share_nodes(solid: Solid, values: Array) -> Share:
+    """Nodal values in the order of the mesh as built; collective; see `at_built_nodes`."""
+    numbers, rows = at_built_nodes(solid, values)
+    return share(solid.comm, numbers, rows, count(solid.comm, numbers))
+
+
+def share_cells(solid: Solid, values: Array) -> Share:
+    """Values of the owned cells (cells, ...) in the order of the mesh as built; collective."""
+    numbers = cell_numbers(solid)
+    return share(solid.comm, numbers, values, count(solid.comm, numbers))
+
+
+def cell_numbers(solid: Solid) -> Indices:
     """Number in the built mesh of each owned cell (cells,)."""
     return np.asarray(solid.mesh.cell_numbers)[: len(solid.cell_nodes)]
 
 
-def collect(comm: Any, numbers: npt.NDArray[np.int64], values: Array) -> Array | None:
-    """Assemble values on rank 0 in the order of `numbers`; None elsewhere; collective.
-
-    Args:
-        comm: communicator
-        numbers: global position of each row (n,), every position at least once
-        values: rows (n, ...), the same on all ranks that have one
-    """
-    parts = comm.gather((numbers, values), root=0)
-    if parts is None:
-        return None
-    total = 1 + max(int(n.max(initial=-1)) for n, _ in parts)
-    out = np.empty((total, *values.shape[1:]), dtype=values.dtype)
-    for n, v in parts:
-        out[n] = v
-    return out
-
-
-def spread(comm: Any, numbers: npt.NDArray[np.int64], values: Array | None) -> Array:
-    """Scatter the rows `numbers` of an array on rank 0; collective."""
-    wanted = comm.gather(numbers, root=0)
-    parts = None if wanted is None or values is None else [values[n] for n in wanted]
-    return np.asarray(comm.scatter(parts, root=0))
-
-
-def collect_some(
-    comm: Any, numbers: npt.NDArray[np.int64], values: Array
-) -> tuple[npt.NDArray[np.int64], Array] | None:
-    """Gather the rows of some positions on rank 0, with their numbers in ascending order; None elsewhere; collective.
-
-    Args:
-        comm: communicator
-        numbers: global position of each row (n,), every position on one rank at most
-        values: rows (n, ...)
-    """
-    parts = comm.gather((numbers, values), root=0)
-    if parts is None:
-        return None
-    all_numbers = np.concatenate([n for n, _ in parts])
-    order = np.argsort(all_numbers)
-    return all_numbers[order], np.concatenate([v for _, v in parts])[order]
-
-
-def spread_some(
-    comm: Any,
-    wanted: npt.NDArray[np.int64],
-    rows: tuple[npt.NDArray[np.int64], Array] | None,
-    fill: float = 0.0,
-) -> Array:
-    """Scatter the rows `wanted` of the result of `collect_some`, `fill` where there is none; collective."""
-    requests = comm.gather(wanted, root=0)
-    parts = None
-    if requests is not None and rows is not None:
-        parts = [_look_up(*rows, request, fill) for request in requests]
-    return np.asarray(comm.scatter(parts, root=0))
-
-
-def _look_up(numbers: npt.NDArray[np.int64], values: Array, wanted: npt.NDArray[np.int64], fill: float) -> Array:
-    out = np.full((len(wanted), *values.shape[1:]), fill)
-    if len(numbers):
-        at = np.minimum(np.searchsorted(numbers, wanted), len(numbers) - 1)
-        found = numbers[at] == wanted
-        out[found] = values[at[found]]
-    return out
+def share_mesh(solid: Solid) -> tuple[Share, Share]:
+    """Nodes (N, 3) [L] and elements (M, 10), in the order of gmsh, of the mesh as built; collective."""
+    numbers = np.asarray(solid.mesh.geometry.input_global_indices)
+    x_nodes = compat.geometry_dofmap(solid.mesh)[: len(solid.cell_nodes)]
+    points = share(solid.comm, numbers, solid.mesh.geometry.x, count(solid.comm, numbers))
+    tets = np.empty(x_nodes.shape, dtype=np.int64)
+    tets[:, compat.gmsh_to_dolfinx(NODES)] = numbers[x_nodes]
+    return points, share_cells(solid, tets)

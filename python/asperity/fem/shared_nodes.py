@@ -27,7 +27,7 @@ class SharedNodes:
         self._ranks: list[int] = []
         if self._comm.size == 1:
             return
-        nodes, holders = _shared(index_map)
+        nodes, holders = shared_nodes(index_map)
         self._nodes = np.array(nodes, dtype=np.int64)
         self._ranks = sorted({rank for held in holders for rank in held})
         # which of the shared nodes each rank holds, in the same order on both sides
@@ -61,7 +61,7 @@ class SharedNodes:
         return values
 
 
-def _shared(index_map: Any) -> tuple[Indices, list[list[int]]]:
+def shared_nodes(index_map: Any) -> tuple[Indices, list[list[int]]]:
     """Local numbers of the nodes that several ranks hold, and these ranks, in the order of their global numbers."""
     comm, rank = index_map.comm, index_map.comm.rank
     links = index_map.index_to_dest_ranks()

@@ -1,11 +1,11 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Coarse problem of the p-multigrid: factorised by every rank for itself, or shared by algebraic multigrid.
+"""Coarse problem of the p-multigrid: factorised by substructures, by every rank for itself, or by algebraic multigrid.
 
-A factorisation that the ranks share costs more in messages than it saves in work while the coarse problem is small, and
-algebraic multigrid consists of many small steps, each with a message. So up to `REPLICATED_LIMIT` each rank holds the
-whole coarse matrix and its factors: a solution takes one sum over the ranks (benchmarks/linear.py coarse).
+Substructures serve while the corners that ranks share are few. Beyond, each rank holds the whole coarse matrix and its
+factors, up to `REPLICATED_LIMIT`: a solution takes one sum over the ranks, where algebraic multigrid consists of many
+small steps, each with a message (benchmarks/linear.py coarse).
 """
 
 from __future__ import annotations
@@ -14,14 +14,18 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from asperity import _solver
 from asperity.arrays import Floats, Integers, Singles
 from asperity.fem.ghosts import Ghosts
 from asperity.fem.sparsity import SparsityPattern
-from asperity.linear.petsc_matrix import NodeMatrix, local_matrix, set_rigid_modes
+from asperity.linear.petsc_matrix import NodeMatrix, set_rigid_modes
 from asperity.linear.petsc_options import GAMG, set_defaults
+from asperity.linear.substructures import Substructures, shared_corners
 
-DIRECT_LIMIT = 60_000  # coarse dofs up to which one rank factorises
-REPLICATED_LIMIT = 15_000  # the same where each of several ranks does
+DIRECT_LIMIT = 200_000  # coarse dofs up to which they are factorised
+INTERFACE_LIMIT = 6_000  # dofs of the interface up to which it is by substructures
+INTERFACE_SHARE = 1 / 6  # of all coarse dofs, up to which the dense interface costs less than the factors of the whole
+REPLICATED_LIMIT = 15_000  # coarse dofs up to which else each of several ranks factorises all
 SWEEPS = 4  # of algebraic multigrid: a tenth fewer iterations on the fine level than with two
 PREFIX = "asperity_coarse_"
 
@@ -32,15 +36,13 @@ class Coarse(Protocol):
     Attributes:
         sparsity: of this rank's part of the matrix, on its corners, ghosts included
         values: of this rank's part; the matrix is the sum of the parts
-        A: the matrix of PETSc, whole or distributed
     """
 
     sparsity: SparsityPattern
     values: Floats
-    A: Any
 
-    def update(self) -> None:
-        """Take up the current `values`; collective."""
+    def update(self) -> bool:
+        """Take up the current `values`; whether it can be solved, the same on all ranks; collective."""
 
     def solve(self, right: Singles) -> Singles:
         """Solution at the corners of this rank (3 corners,), ghosts included; collective.
@@ -60,38 +62,36 @@ def make_coarse(dofmap: Any, points: Floats, comm: Any, symmetric: bool) -> Coar
         symmetric: whether the matrix is symmetric and positive definite
     """
     dofs = 3 * dofmap.index_map.size_global
-    if dofs <= (DIRECT_LIMIT if comm.size == 1 else REPLICATED_LIMIT):
-        return Replicated(dofmap, comm, symmetric)
-    return Distributed(dofmap, points, comm, symmetric, factorised=not symmetric and dofs <= DIRECT_LIMIT)
+    if not symmetric or dofs > DIRECT_LIMIT:
+        return Distributed(dofmap, points, comm, symmetric, factorised=dofs <= DIRECT_LIMIT)
+    interface = 3 * len(np.unique(np.concatenate(comm.allgather(shared_corners(dofmap.index_map, comm)[1]))))
+    if interface <= min(INTERFACE_LIMIT, INTERFACE_SHARE * dofs):
+        return Substructures(dofmap, comm)
+    if dofs <= REPLICATED_LIMIT:
+        return Replicated(dofmap, comm)
+    return Distributed(dofmap, points, comm, symmetric, factorised=False)
 
 
 class Replicated:
-    """Each rank sums the parts of the matrix of all ranks and factorises it.
+    """Each rank sums the parts of the matrix of all ranks and factorises it, in single precision.
 
     Args:
-        dofmap, comm, symmetric: see `make_coarse`
+        dofmap, comm: see `make_coarse`
     """
 
-    def __init__(self, dofmap: Any, comm: Any, symmetric: bool) -> None:
-        from petsc4py import PETSc
-
+    def __init__(self, dofmap: Any, comm: Any) -> None:
         index_map, self._comm = dofmap.index_map, comm
         corners = index_map.size_local + index_map.num_ghosts
         self.sparsity = SparsityPattern(dofmap.list, corners)
         self.values: Floats = np.zeros(self.sparsity.size)
-        self._whole, self._all = self.sparsity, self.values
-        if comm.size > 1:
-            numbers = index_map.local_to_global(np.arange(corners, dtype=np.int32)).astype(np.int32)
-            cells = np.concatenate(comm.allgather(numbers[dofmap.list]))
-            self._whole = SparsityPattern(cells, index_map.size_global)
-            self._all = np.zeros(self._whole.size)
-            self._dofs = (3 * numbers[:, None] + np.arange(3, dtype=np.int32)).ravel()
-            self._place = self._places()
-        self._sum = np.zeros(3 * index_map.size_global, dtype=np.float32)
-        self.A = local_matrix(self._whole, self._all, PETSc.COMM_SELF)
-        self.A.setOption(PETSc.Mat.Option.SPD, symmetric)
-        self._x, self._b = self.A.createVecs()
-        self._ksp = _direct(self.A, symmetric)
+        numbers = index_map.local_to_global(np.arange(corners, dtype=np.int32)).astype(np.int32)
+        cells = np.concatenate(comm.allgather(numbers[dofmap.list]))
+        self._whole = SparsityPattern(cells, index_map.size_global)
+        self._dofs = (3 * numbers[:, None] + np.arange(3, dtype=np.int32)).ravel()
+        self._place = self._places()
+        self._all = np.zeros(self._whole.size)
+        self._sum, self._work, self._x = np.zeros((3, 3 * index_map.size_global), dtype=np.float32)
+        self._factors = _solver.Cholesky(self._whole.indptr, self._whole.indices, np.empty(0, dtype=np.int32))
 
     def _places(self) -> Integers:
         """Place of each value of this rank among those of the whole matrix."""
@@ -101,49 +101,24 @@ class Replicated:
         keys = size * row_of + whole.columns
         return np.searchsorted(keys, size * rows + self._dofs[self.sparsity.columns]).astype(np.int64)
 
-    def update(self) -> None:
+    def update(self) -> bool:
         """See `Coarse`; so for `solve`."""
         from mpi4py import MPI
 
-        if self._comm.size > 1:
-            self._all[:] = 0.0
-            self._all[self._place] = self.values
-            self._comm.Allreduce(MPI.IN_PLACE, self._all)
-        self.A.assemble()
-        self._ksp.setOperators(self.A)
-        self._ksp.setUp()
+        self._all[:] = 0.0
+        self._all[self._place] = self.values
+        self._comm.Allreduce(MPI.IN_PLACE, self._all)
+        return bool(self._factors.factorise(self._all, np.empty(0, dtype=np.float32)))
 
     def solve(self, right: Singles) -> Singles:
         from mpi4py import MPI
 
-        if self._comm.size == 1:
-            self._b.array = right
-        else:
-            self._sum[:] = 0.0
-            self._sum[self._dofs] = right
-            self._comm.Allreduce(MPI.IN_PLACE, self._sum)
-            self._b.array = self._sum
-        self._ksp.solve(self._b, self._x)
-        found = self._x.array_r.astype(np.float32)
-        return found if self._comm.size == 1 else found[self._dofs]
-
-
-def _direct(A: Any, symmetric: bool) -> Any:
-    """Factorisation of a matrix on one rank."""
-    from petsc4py import PETSc
-
-    ksp = PETSc.KSP().create(PETSc.COMM_SELF)
-    ksp.setOptionsPrefix(PREFIX)
-    ksp.setType("preonly")
-    pc = ksp.getPC()
-    pc.setType("cholesky" if symmetric else "lu")
-    # faster than MUMPS (benchmarks/linear.py pieces)
-    pc.setFactorSolverType("cholmod" if symmetric and PETSc.Sys.hasExternalPackage("cholmod") else "mumps")
-    # tries nested dissection too, not only minimum degree: a third less time for the factors at 12,000 dofs
-    set_defaults(PREFIX, {"mat_cholmod_nmethods": 3})
-    ksp.setOperators(A)
-    ksp.setFromOptions()
-    return ksp
+        self._sum[:] = 0.0
+        self._sum[self._dofs] = right
+        self._comm.Allreduce(MPI.IN_PLACE, self._sum)
+        self._factors.forward(self._sum, self._work)
+        self._factors.backward(self._work, self._x)
+        return self._x[self._dofs]
 
 
 class Distributed:
@@ -159,12 +134,12 @@ class Distributed:
 
         index_map = dofmap.index_map
         self._matrix = NodeMatrix(SparsityPattern(dofmap.list, len(points)), index_map, comm)
-        self.sparsity, self.A = self._matrix.sparsity, self._matrix.A
+        self.sparsity = self._matrix.sparsity
         self.values: Floats = self._matrix.values
-        set_rigid_modes(self.A, points)
-        self.A.setOption(PETSc.Mat.Option.SPD, symmetric)
+        set_rigid_modes(self._matrix.A, points)
+        self._matrix.A.setOption(PETSc.Mat.Option.SPD, symmetric)
         self._ghosts = Ghosts(index_map)
-        self._x, self._b = self.A.createVecs()
+        self._x, self._b = self._matrix.A.createVecs()
         self._ksp = PETSc.KSP().create(comm)
         self._ksp.setOptionsPrefix(PREFIX)
         self._ksp.setType("preonly")
@@ -177,11 +152,12 @@ class Distributed:
             set_defaults(PREFIX, GAMG | {"mg_levels_ksp_max_it": SWEEPS})
         self._ksp.setFromOptions()
 
-    def update(self) -> None:
+    def update(self) -> bool:
         """See `Coarse`; so for `solve`."""
         self._matrix.assemble()
-        self._ksp.setOperators(self.A)
+        self._ksp.setOperators(self._matrix.A)
         self._ksp.setUp()
+        return True
 
     def solve(self, right: Singles) -> Singles:
         self._b.array = self._ghosts.scatter_reverse(right.reshape(-1, 3)).ravel()

@@ -25,7 +25,7 @@ from asperity.mesh.element import node_ends
 SWEEPS = 3  # of the smoother, before and after the coarse correction
 LANCZOS, UPDATE = 20, 4  # steps of an estimate of the greatest eigenvalue: from the start, and for the next matrix
 RENEWAL = 1.5  # increase of the iterations at which the coarse matrix is renewed
-LAG = 16  # dofs held or released since the coarse matrix was made, up to which it is kept
+LAG, LAG_SHARE = 16, 1e-3  # dofs held or released since the coarse matrix was made, up to which it is kept; of all dofs
 NOISE = 0.1  # in the start vector of an update, relative to the result of the one before
 SMOOTHED = (0.1, 1.1)  # part of the spectrum that is damped, in units of the estimate
 
@@ -91,7 +91,7 @@ class PMultigrid:
                 or released since it was made, or where `judge` finds it too old
 
         Returns:
-            whether the matrix can be smoothed: its diagonal must be positive
+            whether the matrix can be smoothed, its diagonal is positive, and the coarse one solved
         """
         from mpi4py import MPI
 
@@ -107,10 +107,11 @@ class PMultigrid:
             self._version = tangent.version
         self._scaling = self._free * self._inverse
         if renew is None:
-            renew = not self._reusable or self._changed() > LAG
+            renew = not self._reusable or self._changed() > max(LAG, LAG_SHARE * solid.dofs)
         if renew:
             self._galerkin()
-            self._coarse.update()
+            if not self._coarse.update():
+                return False
             self._of, self._usual = tangent.kept, 0
         # a dof that was held has a unit row in the coarse matrix
         self._coarse_free = (self._of * tangent.kept)[self._corners].ravel().astype(np.float32)

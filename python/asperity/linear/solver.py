@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 
 SINGLE_RTOL = 1e-5  # smallest tolerance for which a product in single precision is exact enough
-LU_LIMIT = 6_000  # dofs below which a factorisation beats CG with multigrid (benchmarks/linear.py)
+LU_LIMIT = 1_000  # dofs below which a factorisation beats CG with multigrid (benchmarks/linear.py)
+GENERAL_LU_LIMIT = 6_000  # the same of a tangent that is not symmetric
 DIRECT_LIMIT = 200_000  # dofs up to which a factorisation may replace an iterative solver that fails
 KINDS = ("auto", "lu", "cg", "gamg")
 PREFIX, RESCUE_PREFIX = "asperity_linear_", "asperity_rescue_"
@@ -58,7 +59,7 @@ class LinearSolver:
         if kind not in KINDS:
             raise InputError(f'solver.linear = "{kind}" is not one of {", ".join(KINDS)}')
         if kind == "auto":
-            kind = "lu" if solid.dofs < LU_LIMIT else "cg"
+            kind = "lu" if solid.dofs < (LU_LIMIT if symmetric else GENERAL_LU_LIMIT) else "cg"
         self.rescue, self.rescued, self.left = False, 0, 0.0
         self._solid = solid
         self._may_rescue = (symmetric or kind != "lu") and solid.dofs <= DIRECT_LIMIT

@@ -24,6 +24,7 @@ from asperity.mesh.copies import Copies, Exchange
 from asperity.mesh.element import AT_CORNERS, DEGREE, DIAGONALS, EDGES, NODES
 from asperity.mesh.lift import lift
 from asperity.runtime import compat
+from asperity.runtime.shares import places
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
@@ -143,20 +144,8 @@ def _ranked(keys: Floats, owned: int, exchange: Exchange) -> Indices:
     """
     from mpi4py import MPI
 
-    comm = exchange.comm
     known = np.column_stack([exchange.merge(column, MPI.MAX) for column in keys.T])[:owned]
     there = np.isfinite(known)
-    mine: Indices = -known[there].astype(np.int64)
-    order = np.argsort(mine)
-    most = comm.allreduce(int(mine.max(initial=0)), MPI.MAX)
-    cuts = np.searchsorted(mine[order], (most + comm.size) // comm.size * np.arange(1, comm.size))
-    received = comm.alltoall(np.split(mine[order], cuts))  # each rank sorts an interval of the keys
-    together = np.concatenate(received)
-    place = np.empty(len(together), dtype=np.int64)
-    place[np.argsort(together)] = (comm.exscan(len(together)) or 0) + np.arange(len(together))
-    ends = np.cumsum([len(part) for part in received])[:-1]
-    places = np.empty(len(mine))
-    places[order] = np.concatenate(comm.alltoall(np.split(place, ends)))
     out = np.full(keys.shape, -1.0)
-    out[:owned][there] = places
+    out[:owned][there], _ = places(exchange.comm, -known[there].astype(np.int64))
     return np.column_stack([exchange.merge(column, MPI.MAX) for column in out.T]).astype(np.int64)

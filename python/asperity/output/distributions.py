@@ -13,9 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from asperity.arrays import Floats
-from asperity.mesh.block import BlockMesh
 from asperity.mesh.element import cross, face_functions, facet_quadrature
-from asperity.output.fields import State, top_facets
+from asperity.output.fields import TopStates
 from asperity.quasistatic.measures import TOUCHED
 from asperity.runtime.files import replace_file
 
@@ -23,36 +22,39 @@ BINS = 50  # of equal width, from zero to the greatest value of the step
 HEADER = ("step", "branch", "delta", "quantity", "low", "high", "share")
 
 
-def write_distributions(path: Path, block: BlockMesh, states: list[State]) -> None:
+def write_distributions(path: Path, top: TopStates, side: float) -> None:
     """Write a CSV file with a row per bin, see `distributions`; rank 0 only."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(HEADER)
-    for state, quantity, edges, shares in distributions(block, states):
+    for k, quantity, edges, shares in distributions(top, side):
         for low, high, share in zip(edges[:-1], edges[1:], shares, strict=True):
-            table.writerow((state.step, state.branch, state.delta, quantity, low, high, share))
+            table.writerow((top.steps[k], top.branch[k], top.delta[k], quantity, low, high, share))
     replace_file(path, text.getvalue().encode())
 
 
-def distributions(block: BlockMesh, states: list[State]) -> Iterator[tuple[State, str, Floats, Floats]]:
-    """Yield state, quantity, edges of the bins (BINS + 1,) and shares of the patch (BINS,) of each state and quantity.
+def distributions(top: TopStates, side: float) -> Iterator[tuple[int, str, Floats, Floats]]:
+    """Yield number, quantity, edges of the bins (BINS + 1,) and shares of the patch (BINS,) of each state and quantity.
 
     The quantity "pressure" [force/length^2] has the points in contact, "gap" [length] the others. The shares of the
     pressure add up to about the area fraction; the pressure of a facet that the edge of the contact cuts is spread over
-    the facet. The order of the mesh as built makes the shares independent of the number of ranks.
+    the facet. The order of the facets makes the shares independent of the number of ranks.
+
+    Args:
+        top: the states
+        side: L of the patch [length]
     """
-    facets = top_facets(block)
     shape, weights = _facet_rule()
-    a, b, c = np.moveaxis(block.points[facets[:, :3], :2], 1, 0)
+    a, b, c = np.moveaxis(top.points[top.faces[:, :3]], 1, 0)
     areas = np.abs(cross(b - a, c - a))
     shares = (areas[:, None] * weights / (areas.sum() * weights.sum())).ravel()
-    for state in states:
-        for quantity, least in (("pressure", 0.0), ("gap", TOUCHED * block.side)):
-            values = (getattr(state, quantity)[facets] @ shape.T).ravel()
+    for k in range(len(top.steps)):
+        for quantity, least in (("pressure", 0.0), ("gap", TOUCHED * side)):
+            values = (getattr(top, quantity)[k][top.faces] @ shape.T).ravel()
             counted = values > least
             edges = np.linspace(0.0, max(float(values.max()), least) or 1.0, BINS + 1)
             in_bins, _ = np.histogram(values[counted], edges, weights=shares[counted])
-            yield state, quantity, np.asarray(edges, dtype=float), np.asarray(in_bins, dtype=float)
+            yield k, quantity, np.asarray(edges, dtype=float), np.asarray(in_bins, dtype=float)
 
 
 def _facet_rule() -> tuple[Floats, Floats]:

@@ -5,19 +5,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from asperity.arrays import Array
-from asperity.fem.global_numbering import cell_numbers, collect, collect_nodes
-from asperity.mesh.block import BlockMesh
-from asperity.mesh.element import FACE_TRIANGLES, GMSH_TO_VTK, NODES, VTK_TYPE, outer_faces, to_face
+from asperity.arrays import Array, Floats, Indices
+from asperity.contact.contact_surface import gather_at_top, gather_faces, gather_top
+from asperity.fem.global_numbering import at_built_nodes, share_cells, share_mesh, share_nodes
+from asperity.fem.solid import Solid
+from asperity.mesh.element import FACE_TRIANGLES, GMSH_TO_VTK, NODES, VTK_TYPE
 from asperity.quasistatic.contact_result import ContactResult
+from asperity.quasistatic.measures import Snapshot
 from asperity.runtime.display import short_repr
-from asperity.runtime.run_folder import BLOCK, TOP
+from asperity.runtime.files import Stream
+from asperity.runtime.shares import Share, collect, on_root_of, pieces, steps, stream
 
 TO_VTK_TENSOR = (0, 1, 2, 3, 5, 4)  # xx yy zz xy yz xz
 
@@ -70,54 +75,87 @@ def gather_states(result: ContactResult, side: float, E: float) -> list[State]:
         >>> print(f"{state.stress[:, 2].mean():.6f}")  # a block in uniaxial strain
         -0.013462
     """
-    solid = result.solver.solid
-    block = result.whole_mesh()
-    facets = None if block is None else top_facets(block)
-    cells = cell_numbers(solid)
+    solid, top = result.solver.solid, result.solver.contact_surface
     states = []
     for s in result.snapshots:
-        u = collect_nodes(solid, s.displacement * side)
-        p = collect_nodes(solid, s.pressure * E)
-        gap = collect_nodes(solid, s.gap * side)
-        stress = collect(solid.comm, cells, s.stress * E)
-        alpha = None
-        if solid.material.plastic:
-            alpha = collect(solid.comm, cells, s.plastic_strain.mean(axis=1))
-        if u is not None and p is not None and gap is not None and stress is not None and facets is not None:
-            p[facets] = to_face(p[facets[:, :3]])
-            mean = np.empty(0) if alpha is None else alpha
-            states.append(State(s.step, s.branch, s.delta * side, u, p, gap, stress, mean))
+        u = collect(share_nodes(solid, s.displacement * side))
+        p = collect(share_nodes(solid, top.linear_on_facets(s.pressure) * E))
+        gap = collect(share_nodes(solid, s.gap * side))
+        stress = collect(share_cells(solid, s.stress * E))
+        alpha = collect(share_cells(solid, s.plastic_strain.mean(axis=1))) if solid.material.plastic else np.empty(0)
+        if u is not None and p is not None and gap is not None and stress is not None and alpha is not None:
+            states.append(State(s.step, s.branch, s.delta * side, u, p, gap, stress, alpha))
     return states
 
 
-def top_facets(block: BlockMesh) -> npt.NDArray[np.int64]:
-    """Facets of the top: the outer faces on no plane side or base; nodes as in FACES (K, nodes of a face)."""
-    outer = outer_faces(block.tets)
-    x, L = block.points[outer[:, :3]], block.side
-    eps = 1e-9 * L
-    on_side = np.zeros(len(outer), dtype=bool)
-    for axis, plane in ((0, 0.0), (0, L), (1, 0.0), (1, L), (2, 0.0)):
-        on_side |= np.all(np.abs(x[:, :, axis] - plane) < eps, axis=1)
-    return outer[~on_side]
+@dataclass(frozen=True, eq=False)
+class TopStates:
+    """Snapshots of the top, in physical units.
+
+    Attributes:
+        points: nodes (N, 2) [length]
+        faces: their numbers in each facet, ordered as in `element.FACES` (F, 6)
+        steps, branch, delta: as in the curve, delta in [length] (K,)
+        pressure: at the nodes, on an edge the mean of its corners (K, N) [force/length^2]
+        gap: distance of the nodes from the flat (K, N) [length]
+    """
+
+    points: Floats
+    faces: Indices
+    steps: Indices
+    branch: npt.NDArray[np.str_]
+    delta: Floats
+    pressure: Floats
+    gap: Floats
 
 
-def write_figure_data(folder: Path, block: BlockMesh, states: list[State]) -> None:
-    """Write mesh.npz and top.npz, the data of the figures; rank 0 only."""
-    folder.mkdir(exist_ok=True)
-    facets = top_facets(block)
-    np.savez_compressed(folder / BLOCK, points=block.points, tets=block.tets, triangles=facets)
-    triangles = np.concatenate([facets[:, nodes] for nodes in FACE_TRIANGLES])
-    used, number = np.unique(triangles, return_inverse=True)
-    np.savez_compressed(
-        folder / TOP,
-        points=block.points[used, :2],
-        triangles=number.reshape(triangles.shape),
-        steps=np.array([s.step for s in states]),
-        branch=np.array([s.branch for s in states]),
-        delta=np.array([s.delta for s in states]),
-        pressure=np.array([s.pressure[used] for s in states]),
-        gap=np.array([np.maximum(s.gap[used], 0.0) for s in states]),
+def gather_top_states(result: ContactResult, side: float, E: float) -> TopStates | None:
+    """Gather the snapshots of the top on rank 0, None elsewhere; collective; see `gather_states`."""
+    solid, surface = result.solver.solid, result.solver.contact_surface
+    top = gather_top(surface, 0.0)
+
+    def gather(values: Floats) -> Floats | None:
+        return gather_at_top(surface, at_built_nodes(solid, values)[1])
+
+    pressure = [gather(surface.linear_on_facets(s.pressure) * E) for s in result.snapshots]
+    gap = [gather(s.gap * side) for s in result.snapshots]
+    if top is None:
+        return None
+    return TopStates(
+        top.points[:, :2] * side,
+        top.faces,
+        np.array([s.step for s in result.snapshots]),
+        np.array([s.branch for s in result.snapshots]),
+        np.array([s.delta * side for s in result.snapshots]),
+        np.array(pressure),
+        np.array(gap),
     )
+
+
+def write_top(path: Path, top: TopStates) -> None:
+    """Write top.npz, the data of the figures of the top; rank 0 only."""
+    np.savez_compressed(
+        path,
+        points=top.points,
+        triangles=np.concatenate([top.faces[:, nodes] for nodes in FACE_TRIANGLES]),
+        steps=top.steps,
+        branch=top.branch,
+        delta=top.delta,
+        pressure=top.pressure,
+        gap=np.maximum(top.gap, 0.0),
+    )
+
+
+def mesh_streams(result: ContactResult, side: float) -> dict[str, Stream]:
+    """Arrays of mesh.npz, the data of the figure of the mesh; collective."""
+    points, tets = share_mesh(result.solver.solid)
+    faces = gather_faces(result.solver.contact_surface)
+    of_top = np.empty((0, 6), dtype=np.int64) if faces is None else faces
+    return {
+        "points": replace(stream(points), rows=(rows * side for rows in pieces(points))),
+        "tets": stream(tets),
+        "triangles": Stream(of_top.dtype, of_top.shape, iter([of_top])),
+    }
 
 
 def von_mises(stress: Array) -> Array:
@@ -127,10 +165,18 @@ def von_mises(stress: Array) -> Array:
     return np.asarray(np.sqrt(1.5 * (deviator**2).sum(axis=-1) + 3.0 * (shear**2).sum(axis=-1)))
 
 
-def write_vtkhdf(path: Path, block: BlockMesh, states: list[State]) -> None:
-    """Write the snapshots for ParaView (VTKHDF 2.0 unstructured grid, time = approach); rank 0 only.
+def write_vtkhdf(path: Path, result: ContactResult, E: float) -> None:
+    """Write the snapshots for ParaView (VTKHDF 2.0 unstructured grid, time = approach); collective.
 
     Lengths are in units of L, because viewers have problems with coordinates of 1e-6; stresses are physical.
+
+    Args:
+        path: of the file
+        result: result with snapshots
+        E: elastic modulus, the solver's unit of stress [force/length^2]
+
+    Raises:
+        OutputError: it cannot be written
 
     Examples:
         >>> from asperity.surface import Flat
@@ -138,42 +184,68 @@ def write_vtkhdf(path: Path, block: BlockMesh, states: list[State]) -> None:
 
         >>> path, elastic = {"delta_max": 0.01, "steps": 1}, asp.Material(E=1.0, nu=0.3)
         >>> result = asp.solve_contact(Flat(L=1.0), elastic, **path, size=size, snapshots=1)
-        >>> write_vtkhdf(Path("fields.vtkhdf"), result.block, gather_states(result, side=1.0, E=1.0))
+        >>> write_vtkhdf(Path("fields.vtkhdf"), result, E=1.0)
     """
+    streams = vtkhdf_streams(result, E)
+    times = [s.delta for s in result.snapshots]
+    on_root_of(result.solver.solid.comm, streams.values(), lambda: write_vtkhdf_streams(path, streams, times))
+
+
+def vtkhdf_streams(result: ContactResult, E: float) -> dict[str, Stream]:
+    """Arrays of `write_vtkhdf` with a row for each node or cell, of all states one after the other; collective."""
+    solid, top, snapshots = result.solver.solid, result.solver.contact_surface, result.snapshots
+    points, tets = share_mesh(solid)
+    cells = tets.total
+
+    def field(share_of: Callable[[Solid, Array], Share], values: Callable[[Snapshot], Floats], *row: int) -> Stream:
+        parts = (pieces(share_of(solid, values(s))) for s in snapshots)
+        rows = points.total if share_of is share_nodes else cells
+        return Stream(np.dtype(float), (len(snapshots) * rows, *row), chain.from_iterable(parts))
+
+    ends = steps(0, cells + 1, (cells + 1,), np.dtype(np.int64))
+    out = {
+        "Points": stream(points),
+        "Connectivity": Stream(
+            np.dtype(np.int64), (NODES * cells,), (rows[:, GMSH_TO_VTK].ravel() for rows in pieces(tets))
+        ),
+        "Offsets": Stream(np.dtype(np.int64), (cells + 1,), (NODES * np.arange(*bounds) for bounds in ends)),
+        "PointData/displacement": field(share_nodes, lambda s: s.displacement, 3),
+        "PointData/pressure": field(share_nodes, lambda s: top.linear_on_facets(s.pressure) * E),
+        "CellData/stress": field(share_cells, lambda s: s.stress[:, TO_VTK_TENSOR] * E, 6),
+        "CellData/von Mises stress": field(share_cells, lambda s: von_mises(s.stress) * E),
+    }
+    if solid.material.plastic:
+        out["CellData/plastic strain"] = field(share_cells, lambda s: s.plastic_strain.mean(axis=1))
+    return out
+
+
+def write_vtkhdf_streams(path: Path, streams: dict[str, Stream], times: list[float]) -> None:
+    """Write the arrays of `vtkhdf_streams`, at these times; rank 0 only."""
     import h5py
 
-    n, m, steps = len(block.points), len(block.tets), len(states)
+    nodes, links, count = streams["Points"].shape[0], streams["Connectivity"].shape[0], len(times)
+    cells = links // NODES
     with h5py.File(path, "w") as file:
         root = file.create_group("VTKHDF", track_order=True)
         root.attrs["Version"] = (2, 0)
         root.attrs.create("Type", b"UnstructuredGrid", dtype=h5py.string_dtype("ascii", 16))
-        for name, value in (("NumberOfPoints", n), ("NumberOfCells", m), ("NumberOfConnectivityIds", NODES * m)):
+        for name, value in (("NumberOfPoints", nodes), ("NumberOfCells", cells), ("NumberOfConnectivityIds", links)):
             root[name] = np.array([value], dtype=np.int64)
-        root["Points"] = block.points / block.side
-        root["Connectivity"] = block.tets[:, GMSH_TO_VTK].ravel()
-        root["Offsets"] = NODES * np.arange(m + 1, dtype=np.int64)
-        root["Types"] = np.full(m, VTK_TYPE, dtype=np.uint8)
         series = root.create_group("Steps")
-        series.attrs["NSteps"] = steps
-        series["Values"] = np.array([s.delta / block.side for s in states])
-        zeros = np.zeros(steps, dtype=np.int64)
+        series.attrs["NSteps"] = count
+        series["Values"] = np.array(times)
+        zeros = np.zeros(count, dtype=np.int64)
         for name in ("PartOffsets", "PointOffsets"):
             series[name] = zeros
         for name in ("CellOffsets", "ConnectivityIdOffsets"):
             series[name] = zeros[:, None]
-        series["NumberOfParts"] = np.ones(steps, dtype=np.int64)
-        point_data = {
-            "displacement": [s.displacement / block.side for s in states],
-            "pressure": [s.pressure for s in states],
-        }
-        cell_data = {
-            "stress": [s.stress[:, TO_VTK_TENSOR] for s in states],
-            "von Mises stress": [von_mises(s.stress) for s in states],
-        }
-        if states and states[0].plastic_strain.size:
-            cell_data["plastic strain"] = [s.plastic_strain for s in states]
-        for kind, fields, rows in (("PointData", point_data, n), ("CellData", cell_data, m)):
-            group, offsets = root.create_group(kind), series.create_group(f"{kind}Offsets")
-            for name, values in fields.items():
-                group[name] = np.concatenate(values) if values else np.empty((0,))
-                offsets[name] = rows * np.arange(steps, dtype=np.int64)
+        series["NumberOfParts"] = np.ones(count, dtype=np.int64)
+        root.create_dataset("Types", (cells,), np.uint8, fillvalue=VTK_TYPE)
+        for name, array in streams.items():
+            data, at = root.create_dataset(name, array.shape, array.dtype), 0
+            for rows in array.rows:
+                data[at : at + len(rows)] = rows
+                at += len(rows)
+            kind, _, field = name.rpartition("/")
+            if kind:
+                series[f"{kind}Offsets/{field}"] = array.shape[0] // max(count, 1) * np.arange(count, dtype=np.int64)

@@ -67,7 +67,7 @@ CAPTIONS = {
 }
 
 
-def plot_run(folder: str | Path, surface: Surface | None = None) -> list[Path]:
+def plot_run(folder: str | Path, surface: Surface | None = None, part: tuple[int, int] = (0, 1)) -> list[Path]:
     """Draw all figures that the files of a run allow, into its folder figures/.
 
     All are PNG files; those that consist of lines are SVG files too.
@@ -75,6 +75,7 @@ def plot_run(folder: str | Path, surface: Surface | None = None) -> list[Path]:
     Args:
         folder: the run directory.
         surface: surface of the case, if already built.
+        part: (k, n) draws the figures k, k + n, k + 2 n and so on only, the share of the kth of n processes.
 
     Returns:
         The files written.
@@ -85,7 +86,9 @@ def plot_run(folder: str | Path, surface: Surface | None = None) -> list[Path]:
     results = Results.read(folder, surface)
     target = results.folder / FIGURES
     target.mkdir(exist_ok=True)
-    return [path for name, draw in figures_of(results).items() for path in save_in(target, name, draw(results))]
+    first, processes = part
+    wanted = list(figures_of(results).items())[first::processes]
+    return [path for name, draw in wanted for path in save_in(target, name, draw(results))]
 
 
 def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:

@@ -11,7 +11,6 @@ needs. Its content is compared with that of a new run before it is restored (`ch
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping
 from contextlib import suppress
@@ -19,16 +18,24 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from asperity.arrays import Array
 from asperity.errors import CheckpointError
 from asperity.mesh.block import BlockMesh
+from asperity.quasistatic.checkpoint_files import (
+    Headers,
+    check_digest,
+    damaged,
+    digest_of,
+    read_arrays,
+    read_shares,
+    refusing,
+    scan,
+    write_shares,
+)
 from asperity.quasistatic.checkpoint_identity import refuse_another
-from asperity.quasistatic.checkpoint_state import Saved, damaged, snapshot_fields, solver_fields, solver_numbers
+from asperity.quasistatic.checkpoint_state import Saved, snapshot_fields, solver_fields, solver_numbers
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.stepping import Position, Record
-from asperity.runtime.files import UNREADABLE, npz_bytes, read_npz, remove_asides, replace_file
+from asperity.runtime.files import UNREADABLE, npz_bytes, remove_asides, replace_file
 from asperity.runtime.parallel import on_root_bcast
 from asperity.runtime.run_folder import MESH, SNAPSHOT, STATE
 
@@ -100,30 +107,34 @@ class Checkpoint:
         Raises:
             CheckpointError: it is damaged, of another case or of a newer version
         """
-        found: list[Saved] = []
+        blocks: list[BlockMesh] = []
 
-        def read() -> dict[str, Any] | None:
+        def read() -> tuple[dict[str, Any], dict[str, Headers]] | None:
             if self._ignored or not (self.folder / STATE).is_file():
                 return None
             remove_asides(self.folder)
-            meta, arrays = self._read_state(self.folder / STATE)
-            block = _read_block(self.folder / MESH, meta["mesh"])
-            digests = [about["digest"] for about in meta["snapshots"]]
-            snapshots = tuple(_read_npz(self.folder / SNAPSHOT.format(k), d) for k, d in enumerate(digests))
-            found.append(Saved(self.folder, meta, arrays, snapshots, block))
-            return meta
+            meta, headers = self._read_state(self.folder / STATE)
+            files = {STATE: headers}
+            blocks.append(_read_block(self.folder / MESH, meta["mesh"]))
+            for k, about in enumerate(meta["snapshots"]):
+                path = self.folder / SNAPSHOT.format(k)
+                content = scan(path)
+                check_digest(path, content.digest, about["digest"])
+                files[path.name] = content.headers
+            return meta, files
 
-        meta = on_root_bcast(self._comm, read)
-        if meta is None:
+        found = on_root_bcast(self._comm, read)
+        if found is None:
             return None
+        meta, files = found
+        state, *snapshots = (read_shares(self._comm, self.folder / name, headers) for name, headers in files.items())
         self._mesh, self._snapshots = meta["mesh"], [about["digest"] for about in meta["snapshots"]]
-        return found[0] if found else Saved(self.folder, meta, {}, (), None)
+        return Saved(self.folder, meta, state, tuple(snapshots), blocks[0] if blocks else None)
 
-    def _read_state(self, path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
-        arrays = _read_npz(path)
+    def _read_state(self, path: Path) -> tuple[dict[str, Any], Headers]:
+        content = scan(path)
         try:
-            text = arrays["meta"].tobytes()
-            meta: dict[str, Any] = json.loads(text)
+            meta: dict[str, Any] = json.loads(content.meta)
             version = meta["format"]
         except UNREADABLE:
             raise CheckpointError(f"{path} is not a checkpoint of asperity") from None
@@ -132,17 +143,15 @@ class Checkpoint:
                 f"{path} was written by asperity {meta.get('version', '?')} in format {version}, this version "
                 f"continues format {FORMAT}; use that version, or start again without --resume"
             )
-        digest = arrays.pop("digest", None)
-        if digest is None or digest.tobytes() != _digest(arrays).encode():
+        if content.signed != content.digest:
             raise damaged(path, "its content is not what was written")
         from asperity.quasistatic.checkpoint_schema import wrong_number  # takes time, and only a continued run needs it
 
-        wrong = wrong_number(text, meta)
+        wrong = wrong_number(content.meta, meta)
         if wrong:
             raise damaged(path, wrong)
-        del arrays["meta"]
         refuse_another(path, meta["identity"], self._identity)
-        return meta, arrays
+        return meta, content.headers
 
     def begin(self, block: BlockMesh | None) -> None:
         """Write the mesh, which rank 0 holds.
@@ -157,7 +166,7 @@ class Checkpoint:
             assert block is not None
             self.folder.mkdir(parents=True, exist_ok=True)
             replace_file(self.folder / MESH, npz_bytes(block.arrays()))
-            return _digest(block.arrays())
+            return digest_of(block.arrays())
 
         self._mesh = on_root_bcast(self._comm, write)
 
@@ -174,8 +183,9 @@ class Checkpoint:
         if not self.interval:
             return
         with solver.solid.phases.phase("checkpoint"):
-            arrays = solver_fields(solver, record.first_contact)
-            new = [snapshot_fields(solver, s) for s in record.snapshots[len(self._snapshots) :]]
+            for k, snapshot in enumerate(record.snapshots[len(self._snapshots) :], len(self._snapshots)):
+                fields = snapshot_fields(solver, snapshot)
+                self._snapshots.append(write_shares(self._comm, self.folder / SNAPSHOT.format(k), fields))
             meta: dict[str, Any] = {
                 "format": FORMAT,
                 "version": _version(),
@@ -184,62 +194,21 @@ class Checkpoint:
                 "position": asdict(position),
                 "press": solver_numbers(solver.state()),
                 "rows": record.rows,
+                "snapshots": [
+                    {"step": s.step, "branch": s.branch, "delta": s.delta, "digest": digest}
+                    for s, digest in zip(record.snapshots, self._snapshots, strict=True)
+                ],
                 "seconds": solver.solid.phases.seconds,
                 "calls": solver.solid.phases.calls,
             }
-
-            def write() -> list[str]:
-                for k, fields in enumerate(new, len(self._snapshots)):
-                    replace_file(self.folder / SNAPSHOT.format(k), npz_bytes(fields))
-                digests = [*self._snapshots, *map(_digest, new)]
-                meta["snapshots"] = [
-                    {"step": s.step, "branch": s.branch, "delta": s.delta, "digest": digest}
-                    for s, digest in zip(record.snapshots, digests, strict=True)
-                ]
-                replace_file(self.folder / STATE, npz_bytes(signed(meta, arrays)))
-                return digests
-
-            self._snapshots = on_root_bcast(self._comm, write)
-
-
-def signed(meta: Mapping[str, Any], arrays: Mapping[str, Array]) -> dict[str, Array]:
-    """Content of state.npz: numbers, arrays and their digest."""
-    content = {"meta": _letters(json.dumps(meta, default=float)), **arrays}
-    return {**content, "digest": _letters(_digest(content))}
-
-
-def _letters(text: str) -> Array:
-    return np.frombuffer(text.encode(), dtype=np.uint8)
-
-
-def _read_npz(path: Path, digest: str | None = None) -> dict[str, Array]:
-    try:
-        arrays = read_npz(path)
-    except FileNotFoundError:
-        raise CheckpointError(f"{path} is missing; start the run again with --force") from None
-    except OSError as error:
-        raise damaged(path, error.strerror or "it cannot be read") from None
-    except ValueError as error:
-        raise damaged(path, str(error)) from None
-    if digest is not None and digest != _digest(arrays):
-        raise CheckpointError(f"{path} does not belong to the state in this folder; start the run again with --force")
-    return arrays
+            fields = solver_fields(solver, record.first_contact)
+            write_shares(self._comm, self.folder / STATE, fields, json.dumps(meta, default=float))
 
 
 def _read_block(path: Path, digest: str) -> BlockMesh:
-    try:
-        return BlockMesh.from_arrays(_read_npz(path, digest))
-    except ValueError as error:
-        raise damaged(path, str(error)) from None
-
-
-def _digest(arrays: Mapping[str, Array]) -> str:
-    """SHA-256 of arrays with their names, types and shapes."""
-    content = hashlib.sha256()
-    for name, array in sorted(arrays.items()):
-        content.update(f"{name} {array.dtype.str} {array.shape};".encode())
-        content.update(array.tobytes())
-    return content.hexdigest()
+    arrays = read_arrays(path, digest)
+    with refusing(path):
+        return BlockMesh.from_arrays(arrays)
 
 
 def _version() -> str:

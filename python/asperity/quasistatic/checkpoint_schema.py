@@ -12,12 +12,12 @@ from typing import Any, Literal, get_type_hints
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 
-from asperity.arrays import Array
 from asperity.case.schema import show
 from asperity.curve import COLUMNS, OPTIONAL
 from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import Counts
 from asperity.quasistatic.stepping import Position
+from asperity.runtime.shares import Share
 
 
 class _Table(BaseModel):
@@ -94,8 +94,8 @@ def wrong_number(text: bytes, meta: Mapping[str, Any]) -> str:
     return next((f"{name} contradicts the other numbers" for name, well in fits.items() if not well), "")
 
 
-def wrong_array(arrays: Mapping[str, Array], fresh: Mapping[str, Array], nodes: int, cells: int) -> str:
-    """Name the first array that is missing, or has a wrong type, shape or value; empty for a sound state.
+def wrong_array(arrays: Mapping[str, Share], fresh: Mapping[str, Share], nodes: int, cells: int) -> str:
+    """Name the first array that is missing, or has a wrong type, shape or value; empty for a sound state; collective.
 
     Args:
         arrays: saved arrays; "NAME.at" holds the numbers of the nodes, cells or facets of the rows of NAME
@@ -107,17 +107,30 @@ def wrong_array(arrays: Mapping[str, Array], fresh: Mapping[str, Array], nodes: 
     for name, there in fresh.items():
         here, shape = arrays[name], there.shape
         if name.endswith(".at"):
-            shape = (here.size,)
+            shape = (here.total,)
         elif f"{name}.at" in fresh:
-            shape = (arrays[f"{name}.at"].size, *shape[1:])
-        if (here.dtype, here.shape) != (there.dtype, shape):
-            return f"{name} is {here.dtype} {here.shape} instead of {there.dtype} {shape}"
-        if not np.all(np.isfinite(here)):
+            shape = (arrays[f"{name}.at"].total, *shape[1:])
+        if (here.values.dtype, here.shape) != (there.values.dtype, shape):
+            return f"{name} is {here.values.dtype} {here.shape} instead of {there.values.dtype} {shape}"
+        if not _everywhere(here, bool(np.all(np.isfinite(here.values)))):
             return f"{name} is not finite"
         if not name.endswith(".at"):
             continue
-        count = nodes if name.startswith(("touched_at", "held")) else cells
-        rising = np.all(np.diff(here, prepend=-1, append=count) > 0)
-        if not (np.array_equal(here, there) if there.size else rising):
+        rising = _rising(here, nodes if name.startswith(("touched_at", "held")) else cells)
+        same = here.total == there.total and np.array_equal(here.values, there.values)
+        if not _everywhere(here, same if there.total else rising):
             return f"{name} are other numbers than those of the mesh"
     return ""
+
+
+def _rising(array: Share, count: int) -> bool:
+    """Whether the numbers of this rank ascend from the last one of the ranks before, and stay below `count`."""
+    greatest = array.comm.allgather(int(array.values.max(initial=-1)))
+    before = max(greatest[: array.comm.rank], default=-1)
+    return bool(np.all(np.diff(array.values, prepend=before, append=count) > 0))
+
+
+def _everywhere(array: Share, here: bool) -> bool:
+    from mpi4py import MPI
+
+    return bool(array.comm.allreduce(here, MPI.LAND))

@@ -1,9 +1,10 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""State of a contact solver as plain arrays and numbers: gathered for a checkpoint, checked and restored from one.
+"""State of a contact solver as plain arrays and numbers: for a checkpoint, checked and restored from one.
 
-Arrays are on rank 0, in the numbering of the mesh as built, so the number of ranks may differ between the two.
+Arrays are in the numbering of the mesh as built, each rank with its share, so the number of ranks may differ between
+the two.
 """
 
 from __future__ import annotations
@@ -18,25 +19,17 @@ import numpy as np
 from asperity.arrays import Array, Floats, Indices
 from asperity.contact import Stick
 from asperity.contact.contact_surface import facet_numbers
-from asperity.errors import CheckpointError
-from asperity.fem.global_numbering import (
-    cell_numbers,
-    collect,
-    collect_nodes,
-    collect_some,
-    node_numbers,
-    spread,
-    spread_some,
-)
+from asperity.fem.global_numbering import at_built_nodes, cell_numbers, node_numbers, share_cells, share_nodes
 from asperity.fem.kernels import History
 from asperity.mesh.block import BlockMesh
 from asperity.quasistatic.balance import Checks
+from asperity.quasistatic.checkpoint_files import damaged
 from asperity.quasistatic.contact_solver import ContactSolver, Counts, SolverState
 from asperity.quasistatic.measures import FirstContact, Snapshot, snapshot
 from asperity.quasistatic.stepping import Position, Record
 from asperity.quasistatic.stiffness import Stiffness
-from asperity.runtime.parallel import on_root_bcast
 from asperity.runtime.run_folder import SNAPSHOT, STATE
+from asperity.runtime.shares import Share, look_up, look_up_some, share_some
 
 OF_CELLS = ("stress", "plastic_strain")  # fields of a snapshot with a row per cell
 OF_CONTACT = "contact."  # prefix of the names of the contact's history
@@ -46,7 +39,7 @@ STIFFNESS = "stiffness"  # start of the systems of the stiffness columns; in sta
 
 @dataclass(frozen=True)
 class Saved:
-    """Content of a checkpoint; the arrays and the mesh on rank 0 only.
+    """Content of a checkpoint; this rank's share of the arrays, and the mesh on rank 0 only.
 
     Attributes:
         folder: from which it was read
@@ -58,8 +51,8 @@ class Saved:
 
     folder: Path
     meta: Mapping[str, Any]
-    arrays: Mapping[str, Array]
-    snapshots: tuple[Mapping[str, Array], ...]
+    arrays: Mapping[str, Share]
+    snapshots: tuple[Mapping[str, Share], ...]
     block: BlockMesh | None
 
     def restore(self, solver: ContactSolver, record: Record) -> Position:
@@ -76,41 +69,32 @@ class Saved:
             CheckpointError: the arrays are not those of `solver`
         """
         self._judge(solver, record.first_contact)
-        solid, comm = solver.solid, solver.solid.comm
+        solid, arrays = solver.solid, self.arrays
         nodes, cells = node_numbers(solid), cell_numbers(solid)
-        root = comm.rank == 0
+        owned, top = nodes[: solid.owned], nodes[solver.contact_surface.owned_nodes]
 
-        def rows(name: str) -> tuple[Array, Array] | None:
-            return (self.arrays[f"{name}.at"], self.arrays[name]) if root else None
-
-        owned = nodes[: solid.owned]
-        displacements = {
-            name: spread(comm, owned, self.arrays.get(f"displacement.{name}")) for name in self._displacements()
-        }
-        touched = spread_some(comm, nodes[solver.contact_surface.owned_nodes], rows("touched_at"), np.inf)
+        def some(name: str, numbers: Indices, fill: float = 0.0) -> Array:
+            return look_up_some(arrays[f"{name}.at"], arrays[name], numbers, fill)
 
         def history(numbers: Indices, prefix: str = "") -> History:
-            return History(**{name: spread_some(comm, numbers, rows(prefix + name)) for name in History.names()})
+            return History(**{name: some(prefix + name, numbers) for name in History.names()})
 
+        displacements = {name: look_up(arrays[f"displacement.{name}"], owned) for name in self._displacements()}
         if solid.material.plastic:
             solid.kernels.restore(history(cells))
         if solver.contact.history() is not None:
             solver.contact.restore(history(facet_numbers(solver.contact_surface), OF_CONTACT))
         if isinstance(solver.contact, Stick):
-            top = nodes[solver.contact_surface.owned_nodes]
-            solver.contact.held = spread_some(comm, top, rows(HELD), np.nan)
-        if comm.bcast(STIFFNESS in self.arrays):
-            memory = spread(comm, owned, self.arrays.get(STIFFNESS))
+            solver.contact.held = some(HELD, top, np.nan)
+        if STIFFNESS in arrays:
+            memory = look_up(arrays[STIFFNESS], owned)
             for probe in _with_memory(solver):
                 probe.recall(memory)
         solver.restore(_state(self.meta["press"], displacements))
-        record.first_contact.delta = touched
+        record.first_contact.delta = some("touched_at", top, np.inf)
         record.rows[:] = self.meta["rows"]
-        for k, about in enumerate(self.meta["snapshots"]):
-            fields = {
-                name: spread(comm, cells if name in OF_CELLS else nodes, self._snapshot(k, name))
-                for name in _snapshot_names(solver)
-            }
+        for about, saved in zip(self.meta["snapshots"], self.snapshots, strict=True):
+            fields = {name: look_up(values, cells if name in OF_CELLS else nodes) for name, values in saved.items()}
             fields.setdefault("plastic_strain", solid.kernels.history().accumulated.copy())
             record.snapshots.append(Snapshot(about["step"], about["branch"], about["delta"], **fields))
         for kind in ("seconds", "calls"):
@@ -129,58 +113,45 @@ class Saved:
 
         from asperity.quasistatic.checkpoint_schema import wrong_array  # takes time, and only a continued run needs it
 
-        def judge() -> None:
-            assert self.block is not None
-            counts = self.block.counts()
-            like = fresh | {f"displacement.{name}": fresh["displacement.last"] for name in self._displacements()}
-            if (STIFFNESS in like) != (STIFFNESS in self.arrays):  # the columns were or are not requested
-                like = {name: array for name, array in like.items() if name != STIFFNESS}
-            names = [SNAPSHOT.format(k) for k in range(len(self.snapshots))]
-            state = {name: array for name, array in self.arrays.items() if name != STIFFNESS or name in like}
-            pairs = [(STATE, state, like), *((n, s, fields) for n, s in zip(names, self.snapshots, strict=True))]
-            for name, arrays, expected in pairs:
-                wrong = wrong_array(arrays, expected, *counts)
-                if wrong:
-                    raise damaged(self.folder / name, wrong)
-
-        on_root_bcast(solver.solid.comm, judge)
-
-    def _snapshot(self, k: int, name: str) -> Array | None:
-        return self.snapshots[k][name] if self.snapshots else None
+        assert self.block is not None or solver.solid.comm.rank
+        counts = solver.solid.comm.bcast(None if self.block is None else self.block.counts(), root=0)
+        like = fresh | {f"displacement.{name}": fresh["displacement.last"] for name in self._displacements()}
+        if (STIFFNESS in like) != (STIFFNESS in self.arrays):  # the columns were or are not requested
+            like = {name: array for name, array in like.items() if name != STIFFNESS}
+        names = [SNAPSHOT.format(k) for k in range(len(self.snapshots))]
+        state = {name: array for name, array in self.arrays.items() if name != STIFFNESS or name in like}
+        pairs = [(STATE, state, like), *((n, s, fields) for n, s in zip(names, self.snapshots, strict=True))]
+        for name, arrays, expected in pairs:
+            wrong = wrong_array(arrays, expected, *counts)
+            if wrong:
+                raise damaged(self.folder / name, wrong)
 
 
-def solver_fields(solver: ContactSolver, first_contact: FirstContact) -> dict[str, Array]:
-    """Fields of a state on rank 0, in the numbering of the mesh as built; empty elsewhere; collective."""
+def solver_fields(solver: ContactSolver, first_contact: FirstContact) -> dict[str, Share]:
+    """Fields of a state in the numbering of the mesh as built; collective."""
     solid, comm = solver.solid, solver.solid.comm
     cells = cell_numbers(solid)
-    out: dict[str, Array] = {}
+    out: dict[str, Share] = {}
 
-    def keep_some(name: str, numbers: Array, values: Array) -> None:
-        rows = collect_some(comm, numbers, values)
-        if rows is not None:
-            out[f"{name}.at"], out[name] = rows
+    def keep_some(name: str, numbers: Indices, values: Array) -> None:
+        out[f"{name}.at"], out[name] = share_some(comm, numbers, values)
 
     for name, u in _displacements(solver.state()).items():
-        values = collect_nodes(solid, solid.scatter_forward(u.ravel()))
-        if values is not None:
-            out[f"displacement.{name}"] = values
+        out[f"displacement.{name}"] = share_nodes(solid, solid.scatter_forward(u.ravel()))
     for probe in _with_memory(solver):
-        memory = collect_nodes(solid, solid.ghosts.scatter_forward(probe.memory()))
-        if memory is not None:
-            out[STIFFNESS] = memory
-    touched_at = collect_nodes(solid, _nodal(solver, first_contact.delta))
-    if touched_at is not None:
-        out["touched_at.at"] = np.flatnonzero(np.isfinite(touched_at))
-        out["touched_at"] = touched_at[out["touched_at.at"]]
+        out[STIFFNESS] = share_nodes(solid, solid.ghosts.scatter_forward(probe.memory()))
+    numbers, touched_at = at_built_nodes(solid, _nodal(solver, first_contact.delta[:, None])[:, 0])
+    touched = np.isfinite(touched_at)
+    keep_some("touched_at", numbers[touched], touched_at[touched])
     if solid.material.plastic:
         history = solid.kernels.history()
         changed = history.changed()
         for name, values in history.arrays().items():
             keep_some(name, cells[changed], values[changed])
     if isinstance(solver.contact, Stick):
-        held = solver.contact.held
-        sticking = np.flatnonzero(~np.isnan(held[:, 0]))
-        keep_some(HELD, node_numbers(solid)[solver.contact_surface.owned_nodes[sticking]], held[sticking])
+        numbers, held = at_built_nodes(solid, _nodal(solver, solver.contact.held))
+        sticking = np.isfinite(held[:, 0])
+        keep_some(HELD, numbers[sticking], held[sticking, : solver.contact.held.shape[1]])
     of_contact = solver.contact.history()
     if of_contact is not None:
         facets = facet_numbers(solver.contact_surface)
@@ -194,12 +165,17 @@ def _with_memory(solver: ContactSolver) -> list[Stiffness]:
     return [probe for probe in solver.probes if isinstance(probe, Stiffness)]
 
 
-def _nodal(solver: ContactSolver, touched_at: Floats) -> Floats:
-    """Approach of first contact at the local nodes, inf for never (nodes,) [L]; collective."""
+def _nodal(solver: ContactSolver, values: Floats) -> Floats:
+    """Values at the local nodes (nodes, 3), inf where none is given; collective.
+
+    Args:
+        solver: on the mesh
+        values: at the owned nodes of the top (n, 3 at most); none before the first step
+    """
     solid = solver.solid
     out = np.full((solid.owned, 3), np.inf)
-    out[solver.contact_surface.owned_nodes[: len(touched_at)], 0] = touched_at
-    return solid.scatter_forward(out.ravel())[:, 0]
+    out[solver.contact_surface.owned_nodes[: len(values)], : values.shape[1]] = values
+    return solid.scatter_forward(out.ravel())
 
 
 def solver_numbers(state: SolverState) -> dict[str, Any]:
@@ -227,19 +203,9 @@ def _snapshot_names(solver: ContactSolver) -> list[str]:
     return [*names, "plastic_strain"] if solver.solid.material.plastic else names
 
 
-def snapshot_fields(solver: ContactSolver, snapshot: Snapshot) -> dict[str, Array]:
-    """Fields of a snapshot on rank 0; empty elsewhere; collective."""
-    solid, out = solver.solid, {}
-    for name in _snapshot_names(solver):
-        values = getattr(snapshot, name)
-        if name in OF_CELLS:
-            rows = collect(solid.comm, cell_numbers(solid), values)
-        else:
-            rows = collect_nodes(solid, values)
-        if rows is not None:
-            out[name] = rows
-    return out
-
-
-def damaged(path: Path, reason: str) -> CheckpointError:
-    return CheckpointError(f"{path} is damaged: {reason}; start the run again with --force")
+def snapshot_fields(solver: ContactSolver, snapshot: Snapshot) -> dict[str, Share]:
+    """Fields of a snapshot in the numbering of the mesh as built; collective."""
+    return {
+        name: (share_cells if name in OF_CELLS else share_nodes)(solver.solid, getattr(snapshot, name))
+        for name in _snapshot_names(solver)
+    }

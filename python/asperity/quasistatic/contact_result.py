@@ -8,19 +8,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError
-from asperity.fem.global_numbering import cell_numbers, collect
+from asperity.fem.global_numbering import share_mesh
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.element import NODES
 from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import ContactSolver, Counts
 from asperity.quasistatic.measures import FirstContact, Snapshot, mean_stress
-from asperity.runtime import compat
 from asperity.runtime.display import brief
+from asperity.runtime.shares import collect
 from asperity.runtime.timing import Phases
 
 
@@ -123,14 +120,9 @@ class ContactResult:
         solid, block = self.solver.solid, self.block
         if not solid.comm.bcast(block is not None and block.refinements > 0, root=0):
             return block
-        numbers = np.asarray(solid.mesh.geometry.input_global_indices)
-        x_nodes = compat.geometry_dofmap(solid.mesh)[: len(solid.cell_nodes)]
-        points = collect(solid.comm, numbers, solid.mesh.geometry.x)
-        cells = collect(solid.comm, cell_numbers(solid), numbers[x_nodes])
-        if block is None or points is None or cells is None:
+        points, tets = map(collect, share_mesh(solid))
+        if block is None or points is None or tets is None:
             return None
-        tets = np.empty_like(cells)
-        tets[:, compat.gmsh_to_dolfinx(NODES)] = cells
         return BlockMesh(points * block.side, tets, block.side, block.height)
 
     def touched_at(self) -> tuple[Floats, Floats]:

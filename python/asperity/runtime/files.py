@@ -11,12 +11,14 @@ import re
 import shutil
 import warnings
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from math import prod
 from pathlib import Path
 from tokenize import TokenError
-from typing import Any
-from zipfile import BadZipFile
+from typing import IO, Any
+from zipfile import ZIP_DEFLATED, ZIP_STORED, BadZipFile, ZipFile
 
 import numpy as np
 import numpy.typing as npt
@@ -26,6 +28,7 @@ UNREADABLE = (
     OSError, EOFError, LookupError, ValueError, TypeError, AttributeError, ArithmeticError, RuntimeError,
     MemoryError, SyntaxError, BadZipFile, TokenError, zlib.error,
 )  # fmt: skip
+NPZ = ".npz"
 
 
 def _temporary_for(path: Path) -> Path:
@@ -38,8 +41,9 @@ def is_aside(name: str) -> bool:
     return re.fullmatch(r"\..+\.[0-9]+\.asperity", name) is not None
 
 
-def replace_file(path: Path, data: bytes) -> None:
-    """Write a file so that `path` always has either its old content or the new one, even after a crash.
+@contextmanager
+def replacing(path: Path) -> Iterator[IO[bytes]]:
+    """Yield a file for the new content of `path`, which always has its old content or all of the new one.
 
     Raises:
         OSError: no space, no permission, no such folder; the old content is unchanged
@@ -47,7 +51,7 @@ def replace_file(path: Path, data: bytes) -> None:
     aside = _temporary_for(path)
     try:
         with aside.open("wb") as file:
-            file.write(data)
+            yield file
             file.flush()
             os.fsync(file.fileno())
         aside.replace(path)
@@ -55,6 +59,16 @@ def replace_file(path: Path, data: bytes) -> None:
         with suppress(OSError):
             aside.unlink(missing_ok=True)
         raise OSError(error.errno, error.strerror, str(path)) from None
+
+
+def replace_file(path: Path, data: bytes) -> None:
+    """Write a file so that `path` always has either its old content or the new one, even after a crash.
+
+    Raises:
+        OSError: see `replacing`
+    """
+    with replacing(path) as file:
+        file.write(data)
 
 
 @contextmanager
@@ -88,11 +102,91 @@ def one_line(error: Exception) -> str:
     return "".join(c if c.isprintable() else "?" for c in text)[:200]
 
 
+@contextmanager
+def _readable(kind: str) -> Iterator[None]:
+    """Raise ValueError for all errors of a damaged file, or of one of another kind."""
+    try:
+        yield
+    except UNREADABLE:
+        raise ValueError(f"it is not a whole {kind} file of numbers") from None
+
+
 def npz_bytes(arrays: Mapping[str, npt.NDArray[Any]], compress: bool = False) -> bytes:
     """Content of a .npz file, with a checksum per array."""
     buffer, save = io.BytesIO(), np.savez_compressed if compress else np.savez
     save(buffer, **arrays)  # type: ignore[arg-type]
     return buffer.getvalue()
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """Array in pieces, each of consecutive rows, which are not all in memory at once."""
+
+    dtype: np.dtype[Any]
+    shape: tuple[int, ...]
+    rows: Iterator[npt.NDArray[Any]]
+
+
+def write_npz(path: Path, arrays: Iterable[tuple[str, Stream]], compress: bool = False) -> None:
+    """Write a .npz file in pieces, complete or not at all.
+
+    Args:
+        path: of the file
+        arrays: with their names
+        compress: whether to compress them
+
+    Raises:
+        OSError: see `replacing`
+    """
+    with replacing(path) as file, ZipFile(file, "w", ZIP_DEFLATED if compress else ZIP_STORED) as archive:
+        for name, array in arrays:
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as member:
+                header = {"descr": array.dtype.str, "fortran_order": False, "shape": array.shape}
+                np.lib.format.write_array_header_1_0(member, header)
+                for piece in array.rows:
+                    member.write(piece.tobytes())
+
+
+@dataclass(frozen=True)
+class Stored:
+    """Array in a .npz file.
+
+    Attributes:
+        name, dtype, shape: of the array, whose shape has one dimension at least
+        file: at the next element
+    """
+
+    name: str
+    dtype: np.dtype[Any]
+    shape: tuple[int, ...]
+    file: IO[bytes]
+
+    def rows(self, count: int) -> npt.NDArray[Any]:
+        """Read the next rows, as many as called for.
+
+        Raises:
+            ValueError: the file is damaged
+        """
+        with _readable(NPZ):
+            wanted = self.dtype.itemsize * count * prod(self.shape[1:])
+            return np.frombuffer(self.file.read(wanted), dtype=self.dtype).reshape(count, *self.shape[1:])
+
+
+def stored_arrays(path: Path) -> Iterator[Stored]:
+    """Arrays of a .npz file in the order of their names; each can be read until the next is yielded.
+
+    Raises:
+        OSError: the file cannot be read
+        ValueError: it is damaged, of another kind, or contains Python objects
+    """
+    with path.open("rb") as file, _readable(NPZ), ZipFile(file) as archive:
+        for info in sorted(archive.infolist(), key=lambda info: info.filename.removesuffix(".npy")):
+            with archive.open(info) as member:
+                np.lib.format.read_magic(member)
+                shape, in_columns, dtype = np.lib.format.read_array_header_1_0(member)
+                if in_columns or dtype.hasobject or info.file_size != member.tell() + dtype.itemsize * prod(shape):
+                    raise ValueError
+                yield Stored(info.filename.removesuffix(".npy"), dtype, shape or (1,), member)
 
 
 def read_npz(path: str | Path) -> dict[str, npt.NDArray[Any]]:
@@ -103,11 +197,8 @@ def read_npz(path: str | Path) -> dict[str, npt.NDArray[Any]]:
         ValueError: it is damaged, of another kind, or contains Python objects
     """
     data = io.BytesIO(Path(path).read_bytes())
-    try:
-        with np.load(data, allow_pickle=False) as file:
-            return {name: np.asarray(file[name]) for name in file.files}
-    except UNREADABLE:
-        raise ValueError("it is not a whole .npz file of numbers") from None
+    with _readable(NPZ), np.load(data, allow_pickle=False) as file:
+        return {name: np.asarray(file[name]) for name in file.files}
 
 
 def read_npy(path: str | Path) -> npt.NDArray[Any]:
@@ -118,10 +209,8 @@ def read_npy(path: str | Path) -> npt.NDArray[Any]:
         ValueError: it is damaged, of another kind, or contains Python objects
     """
     data = io.BytesIO(Path(path).read_bytes())
-    try:
+    with _readable(".npy"):
         return np.asarray(np.lib.format.read_array(data, allow_pickle=False))
-    except UNREADABLE:
-        raise ValueError("it is not a whole .npy file of numbers") from None
 
 
 def read_matrix(path: str | Path, delimiter: str | None, skip: int = 0) -> npt.NDArray[np.float64]:

@@ -131,13 +131,9 @@ def agree(comm: MPI.Comm, work: Callable[[], T]) -> T:
 
     Raises:
         AsperityError: what `work` raised on the lowest rank where it failed
+        OutputError: for an OSError of `work`, likewise
     """
-    result: T | None = None
-    failure: AsperityError | None = None
-    try:
-        result = work()
-    except AsperityError as error:
-        failure = error
+    result, failure = _attempt(work)
     first = next((error for error in comm.allgather(failure) if error is not None), None)
     if first is not None:
         raise first

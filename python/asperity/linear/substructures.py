@@ -1,0 +1,98 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Coarse problem factorised by substructures: each rank eliminates its interior, and the interface is left.
+
+The interface, the corners that several ranks hold, is a small dense system, which every rank factorises. On one rank
+there is none, and the factors are those of the whole matrix (Przemieniecki, AIAA J. 1 (1963) 138).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.linalg.lapack import spotrf, spotrs
+
+from asperity import _solver
+from asperity.arrays import Floats, Singles
+from asperity.fem.ghosts import Ghosts
+from asperity.fem.shared_nodes import shared_nodes
+from asperity.fem.sparsity import SparsityPattern
+
+
+class Substructures:
+    """See `coarse.Coarse`: symmetric and positive definite, in single precision.
+
+    Args:
+        dofmap: of first-order displacements
+        comm: of the ranks
+
+    Attributes:
+        interface: dofs of the interface
+    """
+
+    def __init__(self, dofmap: Any, comm: Any) -> None:
+        index_map, self._comm = dofmap.index_map, comm
+        corners = index_map.size_local + index_map.num_ghosts
+        self.sparsity = SparsityPattern(dofmap.list, corners)
+        self.values: Floats = np.zeros(self.sparsity.size)
+        self._ghosts, self._owned = Ghosts(index_map), index_map.size_local
+        self._nodes, numbers = shared_corners(index_map, comm)
+        everywhere = np.unique(np.concatenate(comm.allgather(numbers)))
+        self.interface = 3 * len(everywhere)
+        self._at = (3 * np.searchsorted(everywhere, numbers)[:, None] + np.arange(3)).ravel()
+        self._factors = _solver.Cholesky(self.sparsity.indptr, self.sparsity.indices, self._nodes.astype(np.int32))
+        self._schur = np.zeros((self.interface, self.interface), dtype=np.float32)
+        self._left = np.zeros(self.interface, dtype=np.float32)
+        self._work = np.empty(3 * corners, dtype=np.float32)
+
+    def update(self) -> bool:
+        """See `Coarse`; so for `solve`."""
+        from mpi4py import MPI
+
+        shift = self._diagonal()
+        done = self._factors.factorise(self.values, shift)
+        if self._comm.size == 1:
+            return bool(done)
+        if not self._comm.allreduce(bool(done), MPI.LAND):
+            return False
+        lower = np.zeros((len(self._at), len(self._at)), dtype=np.float32)
+        self._factors.interface_factors(lower)
+        part = lower @ lower.T
+        part[np.diag_indices_from(part)] -= shift
+        whole = np.zeros_like(self._schur)
+        whole[np.ix_(self._at, self._at)] = part
+        self._comm.Allreduce(MPI.IN_PLACE, whole)
+        self._schur, failed = spotrf(whole.T, lower=True, overwrite_a=True)  # the transpose: LAPACK stores by columns
+        return failed == 0
+
+    def _diagonal(self) -> Singles:
+        """Diagonal of the whole matrix at this rank's part of the interface; collective."""
+        if self._comm.size == 1:
+            return np.empty(0, dtype=np.float32)
+        parts = self.values[self.sparsity.diagonal].reshape(-1, 3)
+        whole = self._ghosts.scatter_forward(self._ghosts.scatter_reverse(parts).copy())
+        return whole[self._nodes].ravel().astype(np.float32)
+
+    def solve(self, right: Singles) -> Singles:
+        from mpi4py import MPI
+
+        self._factors.forward(right, self._work)
+        if self.interface:
+            tail = self._work[len(self._work) - len(self._at) :]
+            self._left[:] = 0.0
+            self._left[self._at] = tail
+            self._comm.Allreduce(MPI.IN_PLACE, self._left)
+            tail[:] = spotrs(self._schur, self._left, lower=True)[0][self._at]
+        x = np.empty_like(self._work)
+        self._factors.backward(self._work, x)
+        return x
+
+
+def shared_corners(index_map: Any, comm: Any) -> tuple[Any, Any]:
+    """Corners of this rank that others hold too: local and global numbers, ascending in the latter; collective."""
+    if comm.size == 1:
+        return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
+    nodes, _ = shared_nodes(index_map)
+    return nodes, index_map.local_to_global(nodes.astype(np.int32))

@@ -1,0 +1,77 @@
+// SPDX-FileCopyrightText: The asperity developers
+// SPDX-License-Identifier: LGPL-3.0-or-later
+
+// Cholesky factors of a coarse matrix in single precision, by CHOLMOD (Chen et al., ACM Trans. Math. Softw. 35 (2008)
+// 22), whole or by substructures (Przemieniecki, AIAA J. 1 (1963) 138): each rank eliminates the nodes that it alone
+// holds, and a dense matrix is left of those that ranks share. A solution takes as long as reading the factors, hence
+// single precision.
+#pragma once
+
+#include "linear.hpp"
+
+#include <suitesparse/cholmod.h>
+
+#include <array>
+#include <memory>
+#include <vector>
+
+namespace asperity
+{
+/// Factors of one rank's part of a symmetric matrix with three dofs a node, on the square graph of its nodes.
+class Cholesky
+{
+public:
+  /// Order of elimination and structure of the factors. The nodes of `interface` come last, in that order.
+  Cholesky(const Graph& indptr, const Graph& indices, const Array<const int>& interface);
+
+  /// Factorise; false where the matrix is not positive definite to single precision. One rank's part alone may be
+  /// singular at the interface, so its diagonal gets `shift` (3 interface,) there.
+  bool factorise(const Array<const double>& values, const Array<const float>& shift);
+
+  /// Factor, its lower half only, of the Schur complement at the interface (3 interface, 3 interface), shift included.
+  void interface_factors(const Array<float>& out) const;
+
+  /// Eliminate the interior: `work` (dofs,) gets what is left of the right-hand side at the interface in its last places.
+  void forward(const Array<const float>& right, const Array<float>& work) const;
+
+  /// Solution x (dofs,) from the result of `forward` with the solution at the interface put in its last places.
+  void backward(const Array<float>& work, const Array<float>& x) const;
+
+  /// Number of entries of the factors.
+  std::size_t entries() const { return factor->xsize; }
+
+private:
+  struct Library : cholmod_common // made first and removed last: all that CHOLMOD allocates needs it
+  {
+    Library();
+    ~Library();
+    Library(const Library&) = delete;
+    Library& operator=(const Library&) = delete;
+  };
+  struct Release
+  {
+    cholmod_common* library;
+    void operator()(cholmod_sparse* object) const { cholmod_free_sparse(&object, library); }
+    void operator()(cholmod_factor* object) const { cholmod_free_factor(&object, library); }
+  };
+  using Sparse = std::unique_ptr<cholmod_sparse, Release>;
+  using Factor = std::unique_ptr<cholmod_factor, Release>;
+  using Pairs = std::vector<std::array<int, 2>>;
+
+  Sparse allocate(std::size_t n, std::size_t entries, int kind);
+  Factor analyse(cholmod_sparse& of, std::vector<int>* order);
+  std::vector<int> elimination_order(const Graph& indptr, const Graph& indices);
+  Pairs interface_chain(const Graph& indptr, const Graph& indices) const;
+  void expand(const Graph& indptr, const Graph& indices, const Pairs& more);
+
+  Library library;
+  std::size_t dofs = 0, interior = 0; // all, and those that are eliminated
+  std::size_t given = 0;              // number of values of the matrix from outside
+  std::vector<int> interface;
+  std::vector<char> shared;                  // whether a node is of the interface
+  Sparse matrix{nullptr, Release{&library}}; // upper half by columns
+  Factor factor{nullptr, Release{&library}};
+  std::vector<std::ptrdiff_t> source; // place of each entry of the matrix among the values, -1 for zero
+  std::vector<std::size_t> diagonal;  // place of each diagonal entry in the matrix
+};
+} // namespace asperity

@@ -1,0 +1,170 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Coarse problem of the p-multigrid: its factors, against dense algebra, and the ways in which ranks share it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from asperity import _solver
+from asperity.arrays import Floats
+from asperity.fem.ghosts import Ghosts
+from asperity.fem.sparsity import SparsityPattern
+from asperity.linear import coarse as coarse_problem
+from asperity.linear.coarse import Coarse, Distributed, Replicated, make_coarse
+from asperity.linear.substructures import Substructures
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.distribute import distribute
+
+PIECES = {  # pairs of neighbouring nodes, nodes of the interface
+    "no interface": ([[k, k + 1] for k in range(11)], []),
+    "one piece": ([[k, (k + 1) % 12] for k in range(12)] + [[k, (k + 5) % 12] for k in range(12)], [7, 2, 11]),
+    "pieces": ([[0, 1], [1, 2], [4, 5], [5, 6], [2, 9], [6, 3], [8, 10], [7, 11]], [9, 3, 10, 7]),
+    "interface next to itself only": ([[0, 1], [1, 2], [8, 9], [9, 10], [10, 11]], [11, 8, 2, 10, 9]),
+    "no interior": ([[k, k + 1] for k in range(11)], list(range(11, -1, -1))),
+}
+
+
+def matrix(pairs: list[list[int]], nodes: int = 12) -> tuple[SparsityPattern, Floats]:
+    """Positive definite matrix with three dofs a node on the graph of these pairs: pattern and values."""
+    pattern = SparsityPattern(np.array(pairs, dtype=np.int32), nodes)
+    dense = np.random.default_rng(3).normal(size=(3 * nodes, 3 * nodes))
+    rows = np.repeat(np.arange(3 * nodes), np.diff(pattern.rows))
+    values = (dense + dense.T)[rows, pattern.columns]
+    values[pattern.diagonal] = 1.0 + np.bincount(rows, abs(values))
+    return pattern, values
+
+
+def whole(pattern: SparsityPattern, values: Floats) -> Floats:
+    """Dense matrix."""
+    return np.asarray(sparse.csr_array((values, pattern.columns, pattern.rows)).todense())
+
+
+@pytest.mark.parametrize("name", PIECES)
+def test_elimination_leaves_the_schur_complement(name: str) -> None:
+    """Whatever the pieces of the interior, and whether they touch the interface."""
+    pairs, nodes = PIECES[name]
+    pattern, values = matrix(pairs)
+    A, interface = whole(pattern, values), np.array(nodes, dtype=np.int32)
+    outer = (3 * interface[:, None] + np.arange(3)).ravel()
+    inner = np.setdiff1d(np.arange(len(A)), outer)
+    factors = _solver.Cholesky(pattern.indptr, pattern.indices, interface)
+    shift = np.linspace(1.0, 2.0, len(outer), dtype=np.float32)
+    assert factors.factorise(values, shift)
+
+    lower = np.zeros((len(outer), len(outer)), dtype=np.float32)
+    factors.interface_factors(lower)
+    eliminated = A[np.ix_(outer, inner)] @ np.linalg.solve(A[np.ix_(inner, inner)], A[np.ix_(inner, outer)])
+    schur = A[np.ix_(outer, outer)] - eliminated
+    np.testing.assert_allclose(lower @ lower.T - np.diag(shift), schur, atol=1e-5 * abs(A).max())
+
+    right = np.random.default_rng(4).normal(size=len(A)).astype(np.float32)
+    work, x = np.empty_like(right), np.empty_like(right)
+    factors.forward(right, work)
+    left = right[outer] - A[np.ix_(outer, inner)] @ np.linalg.solve(A[np.ix_(inner, inner)], right[inner])
+    tail = work[len(inner) :]
+    np.testing.assert_allclose(tail, left, atol=1e-5)
+    tail[:] = np.linalg.solve(schur, left)
+    factors.backward(work, x)
+    np.testing.assert_allclose(x, np.linalg.solve(A, right), rtol=1e-4, atol=1e-6)
+
+
+def test_a_matrix_that_is_not_positive_definite_is_refused(capfd: pytest.CaptureFixture[str]) -> None:
+    """Without a word of the library; the next matrix is factorised again."""
+    pattern, values = matrix(PIECES["no interface"][0])
+    factors = _solver.Cholesky(pattern.indptr, pattern.indices, np.empty(0, dtype=np.int32))
+    none = np.empty(0, dtype=np.float32)
+    worse = values.copy()
+    worse[pattern.diagonal[5]] = -1.0
+    assert not factors.factorise(worse, none)
+    assert factors.factorise(values, none)
+    worse[pattern.diagonal[5]] = np.nan
+    assert not factors.factorise(worse, none)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("method", ["factorise", "interface_factors", "forward", "backward"])
+def test_arrays_of_another_shape_are_refused(method: str) -> None:
+    pattern, values = matrix(PIECES["pieces"][0])
+    factors = _solver.Cholesky(pattern.indptr, pattern.indices, np.array([9, 3], dtype=np.int32))
+    short, dofs = np.zeros(5, dtype=np.float32), np.zeros(36, dtype=np.float32)
+    wrong: dict[str, list[tuple[Any, ...]]] = {
+        "factorise": [(values[:-1], np.zeros(6, dtype=np.float32)), (values, short)],
+        "interface_factors": [(np.zeros((6, 5), dtype=np.float32),)],
+        "forward": [(short, dofs), (dofs, short)],
+        "backward": [(short, dofs), (dofs, short)],
+    }
+    for arguments in wrong[method]:
+        with pytest.raises(ValueError, match="has shape"):
+            getattr(factors, method)(*arguments)
+
+
+def test_a_node_is_of_the_interface_once() -> None:
+    pattern, _ = matrix(PIECES["pieces"][0])
+    with pytest.raises(ValueError, match="interface has node 3 twice"):
+        _solver.Cholesky(pattern.indptr, pattern.indices, np.array([3, 3], dtype=np.int32))
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("kind", ["substructures", "replicated", "distributed"])
+def test_coarse_solution_solves_the_sum_of_the_parts(coarse: BlockMesh | None, kind: str) -> None:
+    """Against products with the parts, which know nothing of the whole matrix; algebraic multigrid is approximate."""
+    from dolfinx import fem
+    from mpi4py import MPI
+
+    mesh, _ = distribute(MPI.COMM_WORLD, coarse, 1.0)
+    dofmap = fem.functionspace(mesh, ("Lagrange", 1, (3,))).dofmap
+    index_map = dofmap.index_map
+    ghosts = Ghosts(index_map)
+    corners = index_map.size_local + index_map.num_ghosts
+    numbers = index_map.local_to_global(np.arange(corners, dtype=np.int32))
+    points = np.random.default_rng(0).random((index_map.size_global, 3))[numbers]
+    problem: Coarse = Substructures(dofmap, mesh.comm)
+    if kind == "replicated":
+        problem = Replicated(dofmap, mesh.comm)
+    elif kind == "distributed":
+        problem = Distributed(dofmap, points, mesh.comm, symmetric=True, factorised=False)
+    sparsity = problem.sparsity
+    rows = np.repeat(np.arange(3 * corners), np.diff(sparsity.rows))
+    problem.values[:] = np.where(rows == sparsity.columns, 2.0, -0.01)
+    assert problem.update()
+    right = np.random.default_rng(mesh.comm.rank).normal(size=(corners, 3)).astype(np.float32)
+    x = problem.solve(right.ravel())
+    np.testing.assert_array_equal(x, ghosts.scatter_forward(x[: 3 * index_map.size_local].reshape(-1, 3)).ravel())
+    image = np.zeros(3 * corners)
+    np.add.at(image, rows, problem.values * x[sparsity.columns])
+    owned = ghosts.scatter_reverse(image.reshape(-1, 3)).copy(), ghosts.scatter_reverse(right).copy()
+    tolerance = 0.3 if kind == "distributed" else 1e-5
+    error = mesh.comm.allreduce(float(np.sum((owned[0] - owned[1]) ** 2)))
+    assert error < tolerance**2 * mesh.comm.allreduce(float(np.sum(owned[1] ** 2)))
+
+
+@pytest.mark.mpi
+def test_way_to_solve_the_coarse_problem(coarse: BlockMesh | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By its size, by that of the interface, and by its symmetry."""
+    from dolfinx import fem
+    from mpi4py import MPI
+
+    mesh, _ = distribute(MPI.COMM_WORLD, coarse, 1.0)
+    dofmap = fem.functionspace(mesh, ("Lagrange", 1, (3,))).dofmap
+    index_map = dofmap.index_map
+    points = np.random.default_rng(0).random((index_map.size_local + index_map.num_ghosts, 3))
+
+    def kind(symmetric: bool = True) -> type:
+        return type(make_coarse(dofmap, points, mesh.comm, symmetric))
+
+    monkeypatch.setattr(coarse_problem, "INTERFACE_SHARE", 1.0)
+    assert kind() is Substructures
+    assert kind(symmetric=False) is Distributed
+    if mesh.comm.size > 1:
+        monkeypatch.setattr(coarse_problem, "INTERFACE_LIMIT", 3)
+        assert kind() is Replicated
+        monkeypatch.setattr(coarse_problem, "REPLICATED_LIMIT", 3)
+        assert kind() is Distributed
+    monkeypatch.setattr(coarse_problem, "DIRECT_LIMIT", 3)
+    assert kind() is Distributed
