@@ -171,7 +171,7 @@ def krylov(sizes: tuple[float, ...]) -> None:
 
 def coarse(sizes: tuple[float, ...]) -> None:
     """Iterations and time with the ways to solve the coarse problem, elastic; also under mpirun."""
-    limits: dict[str, dict[str, int]] = {
+    limits: dict[str, dict[str, Any]] = {
         "factorised, by substructures on several ranks": {"DIRECT_LIMIT": coarse_problem.DIRECT_LIMIT},
         "whole on each rank": {"INTERFACE_LIMIT": -1, "REPLICATED_LIMIT": coarse_problem.DIRECT_LIMIT},
         "algebraic multigrid": {"DIRECT_LIMIT": 0},
