@@ -11,6 +11,7 @@ The fine level works in single precision, see `matrix_free.TangentOperator`.
 
 from __future__ import annotations
 
+from math import log10
 from typing import Any
 
 import numpy as np
@@ -61,7 +62,8 @@ class PMultigrid:
         self._restriction = self._prolongation[: 3 * solid.owned].T.tocsr()
         self._coarse = make_coarse(coarse, solid.points[self._corners], solid.comm, symmetric)
         self._version = 0
-        self._reusable, self._of, self._usual = False, tangent.kept, 0  # free dofs and iterations of the coarse matrix
+        # free dofs of the coarse matrix, and the iterations with it per digit of the residual
+        self._reusable, self._of, self._usual = False, tangent.kept, 0.0
         noise = np.random.default_rng(solid.comm.rank).normal(size=3 * solid.owned)
         self._noise = self._with_ghosts(NOISE * noise / np.sqrt(solid.dofs))
         supported = np.ones(3 * solid.owned)
@@ -112,7 +114,7 @@ class PMultigrid:
             self._galerkin()
             if not self._coarse.update():
                 return False
-            self._of, self._usual = tangent.kept, 0
+            self._of, self._usual = tangent.kept, 0.0
         # a dof that was held has a unit row in the coarse matrix
         self._coarse_free = (self._of * tangent.kept)[self._corners].ravel().astype(np.float32)
         if self._greatest == 0.0:
@@ -155,14 +157,15 @@ class PMultigrid:
             self.estimate()
         return done
 
-    def judge(self, iterations: int, solved: bool) -> None:
-        """Decide by the iterations of a solve and its success whether the next one may use the same coarse matrix.
+    def judge(self, iterations: int, rtol: float, solved: bool) -> None:
+        """Decide by the iterations of a solve to `rtol`, and its success, if the next one may use the same coarse matrix.
 
         It may while few dofs are held or released and the iterations do not increase, even if some more cells yield: a
         dof held since then is masked, one released since then is left to the smoother.
         """
-        self._usual = self._usual or iterations
-        self._reusable = solved and iterations <= RENEWAL * self._usual + 2
+        digits = -log10(rtol)
+        self._usual = self._usual or iterations / digits
+        self._reusable = solved and iterations <= RENEWAL * self._usual * digits + 2
 
     def estimate(self) -> None:
         """Estimate the greatest eigenvalue from a new start vector; collective.

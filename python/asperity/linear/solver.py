@@ -173,7 +173,7 @@ class Krylov:
                 self._ksp.solve(self._b, y)
             self.left = self._ksp.getResidualNorm() ** 2
             iterations, solved = self._ksp.getIterationNumber(), self._ksp.getConvergedReason() > 0
-            self._multigrid.judge(iterations, solved)
+            self._multigrid.judge(iterations, rtol, solved)
         return iterations, solved
 
 
