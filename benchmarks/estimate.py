@@ -26,8 +26,10 @@ from asperity.case import Case
 
 SIZES = (0.1, 0.06, 0.04, 0.03)  # h_contact [L]
 DEMO = Path(__file__).parent.parent / "cases/demo.toml"
-COMMON = ("output.figures=false", "output.fields=false", "output.report=false", "loading.unload=false",
-          "loading.steps=6", "loading.delta_max=0.03e-6", "material.kinematics=")  # fmt: skip
+COMMON = (
+    *(f"output.{name}=false" for name in ("figures", "fields", "report", "stiffness")),
+    *("loading.unload=false", "loading.steps=6", "loading.delta_max=0.03e-6", 'material.kinematics="small"'),
+)
 MATERIALS = {"elastic": ("material.yield_strength=", "material.tangent_modulus="), "plastic": ()}
 
 

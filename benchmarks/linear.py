@@ -172,12 +172,13 @@ def krylov(sizes: tuple[float, ...]) -> None:
 def coarse(sizes: tuple[float, ...]) -> None:
     """Iterations and time with the ways to solve the coarse problem, elastic; also under mpirun."""
     limits: dict[str, dict[str, Any]] = {
-        "factorised, by substructures on several ranks": {"DIRECT_LIMIT": coarse_problem.DIRECT_LIMIT},
+        "factorised": {"DIRECT_LIMIT": coarse_problem.DIRECT_LIMIT},
         "whole on each rank": {"INTERFACE_LIMIT": -1, "REPLICATED_LIMIT": coarse_problem.DIRECT_LIMIT},
         "algebraic multigrid": {"DIRECT_LIMIT": 0},
     }
     if MPI.COMM_WORLD.size == 1:
         del limits["whole on each rank"]
+    demo(MATERIALS["elastic"], 0.2)  # imports
     out("| ranks | dofs | coarse problem | Newton | Krylov | CPU s | MiB |\n|---|---|---|---|---|---|---|")
     for h in sizes:
         for name, limit in limits.items():

@@ -81,8 +81,8 @@ class Rates:
     finite: float
 
 
-ELASTIC = Rates(6.0e-5, 9.7e-6, 1.20, 231e6, 2.77e3, 2.17)
-PLASTIC = Rates(5.9e-5, 1.5e-5, 1.21, 228e6, 2.98e3, 1.45)
+ELASTIC = Rates(3.6e-5, 6.6e-6, 1.03, 247e6, 1.62e3, 2.17)
+PLASTIC = Rates(2.4e-5, 1.0e-5, 1.08, 246e6, 2.45e3, 1.45)
 
 
 @dataclass(frozen=True)

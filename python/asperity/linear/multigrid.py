@@ -158,7 +158,7 @@ class PMultigrid:
         return done
 
     def judge(self, iterations: int, rtol: float, solved: bool) -> None:
-        """Decide by the iterations of a solve to `rtol`, and its success, if the next one may use the same coarse matrix.
+        """Decide by the iterations of a solve to `rtol` and its success if the next one may use the same coarse matrix.
 
         It may while few dofs are held or released and the iterations do not increase, even if some more cells yield: a
         dof held since then is masked, one released since then is left to the smoother.
