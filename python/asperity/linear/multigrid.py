@@ -112,7 +112,8 @@ class PMultigrid:
             renew = not self._reusable or self._changed() > max(LAG, LAG_SHARE * solid.dofs)
         if renew:
             self._galerkin()
-            if not self._coarse.update():
+            self._reusable = self._coarse.update()
+            if not self._reusable:
                 return False
             self._of, self._usual = tangent.kept, 0.0
         # a dof that was held has a unit row in the coarse matrix
@@ -163,7 +164,7 @@ class PMultigrid:
         It may while few dofs are held or released and the iterations do not increase, even if some more cells yield: a
         dof held since then is masked, one released since then is left to the smoother.
         """
-        digits = -log10(rtol)
+        digits = max(-log10(rtol), 1.0)
         self._usual = self._usual or iterations / digits
         self._reusable = solved and iterations <= RENEWAL * self._usual * digits + 2
 
