@@ -23,6 +23,7 @@ from asperity.linear.petsc_options import GAMG, set_defaults
 from asperity.linear.substructures import Substructures, shared_corners
 
 DIRECT_LIMIT = 200_000  # coarse dofs up to which they are factorised
+GENERAL_LIMIT = 60_000  # the same where the matrix is not symmetric
 INTERFACE_LIMIT = 6_000  # dofs of the interface up to which it is by substructures
 INTERFACE_SHARE = 1 / 6  # of all coarse dofs, up to which the dense interface costs less than the factors of the whole
 REPLICATED_LIMIT = 15_000  # coarse dofs up to which else each of several ranks factorises all
@@ -63,7 +64,7 @@ def make_coarse(dofmap: Any, points: Floats, comm: Any, symmetric: bool) -> Coar
     """
     dofs = 3 * dofmap.index_map.size_global
     if not symmetric or dofs > DIRECT_LIMIT:
-        return Distributed(dofmap, points, comm, symmetric, factorised=dofs <= DIRECT_LIMIT)
+        return Distributed(dofmap, points, comm, symmetric, factorised=not symmetric and dofs <= GENERAL_LIMIT)
     interface = 3 * len(np.unique(np.concatenate(comm.allgather(shared_corners(dofmap.index_map, comm)[1]))))
     if interface <= min(INTERFACE_LIMIT, INTERFACE_SHARE * dofs):
         return Substructures(dofmap, comm)
