@@ -146,9 +146,10 @@ def test_coarse_solution_solves_the_sum_of_the_parts(coarse: BlockMesh | None, k
 
 @pytest.mark.mpi
 def test_way_to_solve_the_coarse_problem(coarse: BlockMesh | None, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By its size, by that of the interface, and by its symmetry."""
+    """By its size, by that of the interface, by its symmetry, and by the options of the user."""
     from dolfinx import fem
     from mpi4py import MPI
+    from petsc4py import PETSc
 
     mesh, _ = distribute(MPI.COMM_WORLD, coarse, 1.0)
     dofmap = fem.functionspace(mesh, ("Lagrange", 1, (3,))).dofmap
@@ -160,6 +161,10 @@ def test_way_to_solve_the_coarse_problem(coarse: BlockMesh | None, monkeypatch: 
 
     monkeypatch.setattr(coarse_problem, "INTERFACE_SHARE", 1.0)
     assert kind() is Substructures
+    options = PETSc.Options(coarse_problem.PREFIX)
+    options["pc_type"] = "gamg"
+    assert kind() is Distributed
+    options.delValue("pc_type")
     assert kind(symmetric=False) is Distributed
     if mesh.comm.size > 1:
         monkeypatch.setattr(coarse_problem, "INTERFACE_LIMIT", 3)

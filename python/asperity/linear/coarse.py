@@ -54,7 +54,7 @@ class Coarse(Protocol):
 
 
 def make_coarse(dofmap: Any, points: Floats, comm: Any, symmetric: bool) -> Coarse:
-    """Coarse problem on the corners of the cells; collective.
+    """Coarse problem on the corners of the cells; a solver of PETSc where the user has set its type; collective.
 
     Args:
         dofmap: of first-order displacements
@@ -62,8 +62,10 @@ def make_coarse(dofmap: Any, points: Floats, comm: Any, symmetric: bool) -> Coar
         comm: of the ranks
         symmetric: whether the matrix is symmetric and positive definite
     """
+    from petsc4py import PETSc
+
     dofs = 3 * dofmap.index_map.size_global
-    if not symmetric or dofs > DIRECT_LIMIT:
+    if not symmetric or dofs > DIRECT_LIMIT or PETSc.Options(PREFIX).hasName("pc_type"):
         return Distributed(dofmap, points, comm, symmetric, factorised=not symmetric and dofs <= GENERAL_LIMIT)
     interface = 3 * len(np.unique(np.concatenate(comm.allgather(shared_corners(dofmap.index_map, comm)[1]))))
     if interface <= min(INTERFACE_LIMIT, INTERFACE_SHARE * dofs):
