@@ -290,7 +290,7 @@ def test_newton_converges_in_a_few_steps(rough: Surface, coarse: BlockMesh, form
     solver = press_of(coarse, rough, formulation)
     taken = [solver.step(delta).newton for delta in np.linspace(0.003, 0.03, 10)]
     assert max(taken) <= 8
-    assert np.median(taken) <= 5
+    assert np.median(taken) <= 6
 
 
 def test_a_flat_that_recedes_lets_go_of_nodes_one_set_after_the_other(rough: Surface, coarse: BlockMesh) -> None:

@@ -78,7 +78,8 @@ class NewtonSolver:
         self.rows: Integers = NOT_YET
         self._version = -1  # of the values of the solid that the last iteration wrote
         # in nearly incompressible solids the error is larger than the residual indicates
-        self._loosest = options.krylov_rtol or (3e-2 if solid.material.nu <= 0.45 else 1e-3)
+        usual = 3e-2 if solid.material.linear and not contact.stiff else 1e-2
+        self._loosest = options.krylov_rtol or (usual if solid.material.nu <= 0.45 else 1e-3)
         self.linear = LinearSolver(solid, options.linear, contact.symmetric, min(self._loosest, TIGHTEST))
         snes = PETSc.SNES().create(solid.comm)
         snes.setOptionsPrefix("asperity_")
