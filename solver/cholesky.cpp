@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <cmath>
 #include <new>
-#include <numeric>
 #include <stdexcept>
 #include <string>
 
@@ -246,7 +245,7 @@ void Cholesky::expand(const Graph& indptr, const Graph& indices, const Pairs& mo
           rows[size++] = 3 * i + r;
           source.push_back(9 * static_cast<std::ptrdiff_t>(first) + 3 * (c * width + k) + r);
         }
-        if (end == c + 1 && i == static_cast<int>(j))
+        if (i == static_cast<int>(j))
           diagonal.push_back(source.size() - 1);
       }
       for (const int i : zeros[j])

@@ -37,9 +37,6 @@ public:
   /// Solution x (dofs,) from the result of `forward` with the solution at the interface put in its last places.
   void backward(const Array<float>& work, const Array<float>& x) const;
 
-  /// Number of entries of the factors.
-  std::size_t entries() const { return factor->xsize; }
-
 private:
   struct Library : cholmod_common // made first and removed last: all that CHOLMOD allocates needs it
   {

@@ -101,8 +101,7 @@ void bind_linear(nb::module_& m)
       .def("factorise", &Cholesky::factorise, "values"_a, "shift"_a, unlocked)
       .def("interface_factors", &Cholesky::interface_factors, out("out"), unlocked)
       .def("forward", &Cholesky::forward, "right"_a, out("work"), unlocked)
-      .def("backward", &Cholesky::backward, out("work"), out("x"), unlocked)
-      .def_prop_ro("entries", &Cholesky::entries);
+      .def("backward", &Cholesky::backward, out("work"), out("x"), unlocked);
 }
 
 void bind_size_field(nb::module_& m)

@@ -111,10 +111,10 @@ def write_outputs(
         return dynamics
 
     def finish() -> None:
-        writer.summary(summary)
         if folder is not None and case.output.report:
             from asperity.plot.report import write_report
 
+            writer.summary(summary)
             write_report(folder, finished)
         summary["finished"] = finished  # not before all is there: a finished run is not continued
         writer.summary(summary)

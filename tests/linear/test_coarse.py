@@ -17,7 +17,7 @@ from asperity.fem.ghosts import Ghosts
 from asperity.fem.sparsity import SparsityPattern
 from asperity.linear import coarse as coarse_problem
 from asperity.linear.coarse import Coarse, Distributed, Replicated, make_coarse
-from asperity.linear.substructures import Substructures
+from asperity.linear.substructures import Substructures, interface_of
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
 
@@ -124,7 +124,7 @@ def test_coarse_solution_solves_the_sum_of_the_parts(coarse: BlockMesh | None, k
     corners = index_map.size_local + index_map.num_ghosts
     numbers = index_map.local_to_global(np.arange(corners, dtype=np.int32))
     points = np.random.default_rng(0).random((index_map.size_global, 3))[numbers]
-    problem: Coarse = Substructures(dofmap, mesh.comm)
+    problem: Coarse = Substructures(dofmap, mesh.comm, interface_of(index_map, mesh.comm))
     if kind == "replicated":
         problem = Replicated(dofmap, mesh.comm)
     elif kind == "distributed":

@@ -20,7 +20,7 @@ from asperity.fem.ghosts import Ghosts
 from asperity.fem.sparsity import SparsityPattern
 from asperity.linear.petsc_matrix import NodeMatrix, set_rigid_modes
 from asperity.linear.petsc_options import GAMG, set_defaults
-from asperity.linear.substructures import Substructures, shared_corners
+from asperity.linear.substructures import Substructures, interface_of
 
 DIRECT_LIMIT = 200_000  # coarse dofs up to which they are factorised
 GENERAL_LIMIT = 60_000  # the same where the matrix is not symmetric
@@ -67,9 +67,9 @@ def make_coarse(dofmap: Any, points: Floats, comm: Any, symmetric: bool) -> Coar
     dofs = 3 * dofmap.index_map.size_global
     if not symmetric or dofs > DIRECT_LIMIT or PETSc.Options(PREFIX).hasName("pc_type"):
         return Distributed(dofmap, points, comm, symmetric, factorised=not symmetric and dofs <= GENERAL_LIMIT)
-    interface = 3 * len(np.unique(np.concatenate(comm.allgather(shared_corners(dofmap.index_map, comm)[1]))))
-    if interface <= min(INTERFACE_LIMIT, INTERFACE_SHARE * dofs):
-        return Substructures(dofmap, comm)
+    interface = interface_of(dofmap.index_map, comm)
+    if interface.dofs <= min(INTERFACE_LIMIT, INTERFACE_SHARE * dofs):
+        return Substructures(dofmap, comm, interface)
     if dofs <= REPLICATED_LIMIT:
         return Replicated(dofmap, comm)
     return Distributed(dofmap, points, comm, symmetric, factorised=False)

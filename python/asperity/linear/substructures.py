@@ -9,16 +9,41 @@ there is none, and the factors are those of the whole matrix (Przemieniecki, AIA
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import spotrf, spotrs
 
 from asperity import _solver
-from asperity.arrays import Floats, Singles
+from asperity.arrays import Floats, Indices, Singles
 from asperity.fem.ghosts import Ghosts
 from asperity.fem.shared_nodes import shared_nodes
 from asperity.fem.sparsity import SparsityPattern
+
+
+class Interface(NamedTuple):
+    """Corners that several ranks hold.
+
+    Attributes:
+        nodes: those of this rank (n,)
+        at: place of each dof of theirs among those of all ranks (3n,)
+        dofs: number of these
+    """
+
+    nodes: Indices
+    at: Indices
+    dofs: int
+
+
+def interface_of(index_map: Any, comm: Any) -> Interface:
+    """Interface between the ranks that share the corners of an index map; collective."""
+    if comm.size == 1:
+        return Interface(np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), 0)
+    nodes, _ = shared_nodes(index_map)
+    numbers = index_map.local_to_global(nodes.astype(np.int32))
+    everywhere = np.unique(np.concatenate(comm.allgather(numbers)))
+    at = (3 * np.searchsorted(everywhere, numbers)[:, None] + np.arange(3)).ravel()
+    return Interface(nodes, at, 3 * len(everywhere))
 
 
 class Substructures:
@@ -27,24 +52,19 @@ class Substructures:
     Args:
         dofmap: of first-order displacements
         comm: of the ranks
-
-    Attributes:
-        interface: dofs of the interface
+        interface: between the ranks
     """
 
-    def __init__(self, dofmap: Any, comm: Any) -> None:
+    def __init__(self, dofmap: Any, comm: Any, interface: Interface) -> None:
         index_map, self._comm = dofmap.index_map, comm
         corners = index_map.size_local + index_map.num_ghosts
         self.sparsity = SparsityPattern(dofmap.list, corners)
         self.values: Floats = np.zeros(self.sparsity.size)
         self._ghosts, self._owned = Ghosts(index_map), index_map.size_local
-        self._nodes, numbers = shared_corners(index_map, comm)
-        everywhere = np.unique(np.concatenate(comm.allgather(numbers)))
-        self.interface = 3 * len(everywhere)
-        self._at = (3 * np.searchsorted(everywhere, numbers)[:, None] + np.arange(3)).ravel()
+        self._nodes, self._at, dofs = interface
         self._factors = _solver.Cholesky(self.sparsity.indptr, self.sparsity.indices, self._nodes.astype(np.int32))
-        self._schur = np.zeros((self.interface, self.interface), dtype=np.float32)
-        self._left = np.zeros(self.interface, dtype=np.float32)
+        self._schur = np.zeros((dofs, dofs), dtype=np.float32)
+        self._left = np.zeros(dofs, dtype=np.float32)
         self._work = np.empty(3 * corners, dtype=np.float32)
 
     def update(self) -> bool:
@@ -79,7 +99,7 @@ class Substructures:
         from mpi4py import MPI
 
         self._factors.forward(right, self._work)
-        if self.interface:
+        if len(self._left):
             tail = self._work[len(self._work) - len(self._at) :]
             self._left[:] = 0.0
             self._left[self._at] = tail
@@ -88,11 +108,3 @@ class Substructures:
         x = np.empty_like(self._work)
         self._factors.backward(self._work, x)
         return x
-
-
-def shared_corners(index_map: Any, comm: Any) -> tuple[Any, Any]:
-    """Corners of this rank that others hold too: local and global numbers, ascending in the latter; collective."""
-    if comm.size == 1:
-        return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
-    nodes, _ = shared_nodes(index_map)
-    return nodes, index_map.local_to_global(nodes.astype(np.int32))
