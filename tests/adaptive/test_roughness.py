@@ -165,6 +165,8 @@ def test_the_bar_of_an_unresolved_surface_holds(material: Material) -> None:
     assert found.met
     sizes = [level.h for level in found.levels]
     assert min(sizes) > 0.02
+    assert found.levels[0].dilatation == POINT
+    assert {level.dilatation for level in found.levels[1:]} == {MEAN if material.plastic else POINT}
     fine = solve_contact(surface, material, delta_max=depth, steps=10, size=MeshSize(0.012, growth=0.2))
     loading = found.curve.loading()
     judged = loading.delta_star >= 0.999 * depth / 5

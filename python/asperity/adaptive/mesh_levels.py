@@ -29,12 +29,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Level:
-    """One computed curve: element size [length], dofs, equal parts of each load step, seconds."""
+    """One computed curve: element size [length], dofs, equal parts of each load step, seconds, `Problem.dilatation`."""
 
     h: float
     dofs: int
     substeps: int
     seconds: float
+    dilatation: str
 
 
 class LevelSolver:
@@ -144,7 +145,7 @@ class LevelSolver:
         plane = L * top.mean(of_solid[:, 2]) - self.height
         result = replace(result, curve=replace(result.curve, mean_gap=result.curve.mean_gap + plane))
         seconds = max(perf_counter() - start, float(result.curve.seconds.sum()))  # of a run continued too
-        self.levels.append(Level(h, result.dofs, substeps, seconds))
+        self.levels.append(Level(h, result.dofs, substeps, seconds, self.dilatation))
         return result
 
     def growth_of_dofs(self) -> float:
