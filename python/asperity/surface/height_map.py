@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
 from asperity.errors import InputError
-from asperity.runtime.files import UNREADABLE, one_line, read_matrix, read_npy, read_npz, real
 from asperity.surface.base import Surface, check, check_positive, is_integer, nodes, short_wave_share
+from asperity.surface.height_files import read_heights
 from asperity.surface.maximum import climb, refine
 from asperity.surface.scale_space import Heights, ScaleSpace, spline_gain, spline_heights
 
@@ -74,7 +74,7 @@ class HeightMap(Surface):
         check(is_integer(self.order) and 3 <= self.order <= 5, "order", self.order, "3, 4 or 5")
         if self.L is not None:
             check_positive("L", self.L)
-        z, side = _read(Path(self.path))
+        z, side = read_heights(Path(self.path))
         _check_heights(z, self.order, self.path)
         if side is not None and self.L is not None and not np.isclose(side, self.L, rtol=1e-6):
             raise InputError(
@@ -395,80 +395,3 @@ def _check_heights(z: Array, order: int, path: str | Path) -> None:
             f"{path}: {len(bad)} height(s) are not finite, the first at row {bad[0][0]}, column "
             f"{bad[0][1]}; fill the gaps before use."
         )
-
-
-def _read(path: Path) -> tuple[Array, float | None]:
-    """Return heights (ny, nx) and the side of the patch (length), None if the file does not contain it."""
-    readers = {".npz": _read_npz, ".npy": _read_npy, ".csv": _read_csv}
-    if path.suffix not in readers:
-        raise InputError(f"surface.path = {str(path)!r}: unknown type {path.suffix!r}; legal: .npz, .npy, .csv.")
-    if not path.is_file():
-        raise InputError(f"surface.path = {str(path)!r}: there is no such file.")
-    try:
-        return readers[path.suffix](path)
-    except UNREADABLE as error:
-        raise InputError(f"{path}: cannot be read as a height map ({one_line(error)}).") from error
-
-
-def _read_npy(path: Path) -> tuple[Array, None]:
-    return real(read_npy(path)), None
-
-
-def _read_npz(path: Path) -> tuple[Array, float | None]:
-    data = read_npz(path)
-    if "z" not in data:
-        raise InputError(f"{path}: no array 'z'; it has {', '.join(data) or 'none'}.")
-    z = real(data["z"])
-    if "x" in data and "y" in data:
-        x, y = (real(data[key]) for key in ("x", "y"))
-        if x.ndim == y.ndim == 2:
-            if x.shape != z.shape or y.shape != z.shape:
-                raise InputError(f"{path}: x {x.shape}, y {y.shape}, z {z.shape} must agree.")
-            if not (np.allclose(x, x[0]) and np.allclose(y, y[:, :1])):
-                raise InputError(f"{path}: x must vary along columns only, y along rows only.")
-            x, y = x[0], y[:, 0]
-        if z.shape != (y.size, x.size):
-            raise InputError(f"{path}: z has shape {z.shape}, expected (len(y), len(x)) = ({y.size}, {x.size}).")
-        return z, _side(x, y, path)
-    if "L" in data:
-        side = float(real(data["L"]))
-        check_positive("L", side)
-        return z, side
-    return z, None
-
-
-def _read_csv(path: Path) -> tuple[Array, float | None]:
-    with path.open(encoding="utf-8") as file:
-        header = [name.strip() for name in file.readline().split(",")]
-    if header != ["x", "y", "z"]:
-        return read_matrix(path, ","), None
-    table = read_matrix(path, ",", skip=1)
-    x, column = np.unique(table[:, 0], return_inverse=True)
-    y, row = np.unique(table[:, 1], return_inverse=True)
-    if len(table) != x.size * y.size or np.unique(row * x.size + column).size != len(table):
-        raise InputError(f"{path}: {len(table)} points do not fill a regular map of {x.size} x and {y.size} y values.")
-    z = np.empty((y.size, x.size))
-    z[row, column] = table[:, 2]
-    return z, _side(x, y, path)
-
-
-def _side(x: Array, y: Array, path: Path) -> float:
-    """Return the side of the patch (length).
-
-    Raises:
-        InputError: the spacing is irregular, or the patch is not square.
-    """
-    for name, values in (("x", x), ("y", y)):
-        steps = np.diff(values)
-        if values.ndim != 1 or values.size < 2 or not np.all(steps > 0):
-            raise InputError(f"{path}: {name} must be a rising sequence of at least two values.")
-        if np.ptp(steps) > 1e-6 * steps.mean():
-            raise InputError(
-                f"{path}: {name} is not regularly spaced (steps {steps.min():g} to {steps.max():g}); resample the map."
-            )
-    sides = float(np.ptp(x)), float(np.ptp(y))
-    if not np.isclose(*sides, rtol=1e-6):
-        raise InputError(
-            f"{path}: the patch must be square, but x spans {sides[0]:g} and y {sides[1]:g}; crop the map."
-        )
-    return sides[0]
