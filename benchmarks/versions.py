@@ -26,8 +26,9 @@ COLUMNS = {
     "Newton iterations": "Newton",
     "Krylov iterations": "Krylov",
     "calls of symmetric_product": "products",
-    "calls of galerkin": "coarse matrices",
+    "calls of symmetric_galerkin": "coarse matrices",
 }
+BEFORE = {"calls of symmetric_galerkin": "calls of galerkin"}  # names of older counts
 
 
 def git(*arguments: str) -> str:
@@ -44,7 +45,8 @@ def main() -> None:
         commit, day = line.split()
         found = re.search(r'__version__ = "(.*)"', git("show", f"{commit}:{VERSION}"))
         stored = json.loads(git("show", f"{commit}:{COUNTS}"))
-        cells = [str(stored.get(scene, {}).get(name, "")) for scene in SCENES for name in COLUMNS]
+        scenes = [stored.get(scene, {}) for scene in SCENES]
+        cells = [str(scene.get(name, scene.get(BEFORE.get(name), ""))) for scene in scenes for name in COLUMNS]
         if cells != before:
             print("| " + " | ".join([found[1] if found else "", day, *cells]) + " |")
         before = cells

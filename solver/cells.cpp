@@ -37,9 +37,9 @@ struct MeanGradients
 
 /// Add the symmetric element matrix of a cell to the values: `at_point(p, A)` adds the part of a quadrature point to its
 /// upper triangle, `at_end(A)` that of the whole cell.
-template <typename AtPoint, typename AtEnd>
-void add_cell(const Cells& cells, std::size_t c, const BlockPattern& pattern, double* values, AtPoint at_point,
-              AtEnd at_end)
+template <typename Pattern, typename AtPoint, typename AtEnd>
+void add_cell(const Cells& cells, std::size_t c, const Pattern& pattern, typename Pattern::Value* values,
+              AtPoint at_point, AtEnd at_end)
 {
   double A[dofs * row_length] = {};
   pattern.prefetch(cells.dofs_of(c), c, values);
@@ -114,6 +114,34 @@ double bulk_modulus(const Law& law, const Dilatation& dilatation)
   const Moduli C = law.elastic();
   return dilatation ? C.lambda + 2.0 / 3.0 * C.mu : 0.0;
 }
+
+/// Refuse inconsistent parts of a pattern.
+void expect_pattern(const Array<const int>& cell_dofs, const Array<const int>& indptr, const Array<const int>& indices)
+{
+  expect("cell_dofs", cell_dofs, {any(), nodes});
+  expect_graph("indptr", indptr, "indices", indices);
+  if (!std::is_sorted(indptr.data(), indptr.data() + indptr.shape(0)))
+    throw std::invalid_argument("indptr falls, expected the starts of rows one after the other");
+  check_range("cell_dofs", cell_dofs, indptr.shape(0) - 1);
+}
+
+/// Place of a column in a row of a node graph.
+std::uint16_t position(const Array<const int>& indptr, const Array<const int>& indices, int row, int column)
+{
+  const int* first = indices.data() + indptr.data()[row];
+  const int* last = indices.data() + indptr.data()[row + 1];
+  const int* found = std::lower_bound(first, last, column);
+  if (found == last || *found != column)
+    throw std::invalid_argument("indices has no column " + std::to_string(column) + " in row " + std::to_string(row)
+                                + ", expected those of all nodes that share a cell");
+  return static_cast<std::uint16_t>(found - first);
+}
+
+void expect_cells(std::size_t has, std::size_t wanted)
+{
+  if (has != wanted)
+    throw std::invalid_argument("pattern has " + std::to_string(has) + " cells, expected " + std::to_string(wanted));
+}
 } // namespace
 
 Cells::Cells(Array<const double> x, Array<const int> x_dofs, Array<const int> u_dofs, Array<const double> gradients,
@@ -145,38 +173,43 @@ void History::expect_shape(const char* name, std::size_t rows, std::size_t point
 BlockPattern::BlockPattern(Array<const int> cell_dofs, Array<const int> indptr, Array<const int> indices)
     : indptr(indptr), size(9 * indices.size()), offsets(cell_dofs.size() * nodes)
 {
-  expect("cell_dofs", cell_dofs, {any(), nodes});
-  expect_graph("indptr", indptr, "indices", indices);
-  if (!std::is_sorted(indptr.data(), indptr.data() + indptr.shape(0)))
-    throw std::invalid_argument("indptr falls, expected the starts of rows one after the other");
-  check_range("cell_dofs", cell_dofs, indptr.shape(0) - 1);
+  expect_pattern(cell_dofs, indptr, indices);
   auto out = offsets.begin();
   for (std::size_t c = 0; c < cell_dofs.shape(0); ++c)
   {
     const int* cell = cell_dofs.data() + nodes * c;
     for (int a = 0; a < nodes; ++a)
-    {
-      const int* first = indices.data() + indptr.data()[cell[a]];
-      const int* last = indices.data() + indptr.data()[cell[a] + 1];
       for (int b = 0; b < nodes; ++b)
-      {
-        const int* found = std::lower_bound(first, last, cell[b]);
-        if (found == last || *found != cell[b])
-          throw std::invalid_argument("indices has no column " + std::to_string(cell[b]) + " in row "
-                                      + std::to_string(cell[a]) + ", expected those of all nodes that share a cell");
-        *out++ = static_cast<std::uint16_t>(found - first);
-      }
-    }
+        *out++ = position(indptr, indices, cell[a], cell[b]);
   }
 }
 
 double* BlockPattern::start(const Array<double>& values, std::size_t cells) const
 {
-  if (offsets.size() != cells * nodes * nodes)
-    throw std::invalid_argument("pattern has " + std::to_string(offsets.size() / (nodes * nodes)) + " cells, expected "
-                                + std::to_string(cells));
+  expect_cells(offsets.size() / (nodes * nodes), cells);
   expect("values", values, {size});
   return values.data();
+}
+
+HalfPattern::HalfPattern(Array<const int> cell_dofs, Array<const int> indptr, Array<const int> indices)
+    : indptr(indptr), size(9 * indices.size()), offsets(cell_dofs.size() / nodes * pairs)
+{
+  expect_pattern(cell_dofs, indptr, indices);
+  auto out = offsets.begin();
+  for (std::size_t c = 0; c < cell_dofs.shape(0); ++c)
+  {
+    const int* cell = cell_dofs.data() + nodes * c;
+    for (int a = 0; a < nodes; ++a)
+      for (int b = a; b < nodes; ++b)
+        *out++ = position(indptr, indices, std::min(cell[a], cell[b]), std::max(cell[a], cell[b]));
+  }
+}
+
+float* HalfPattern::start(const Array<float>& blocks, std::size_t cells) const
+{
+  expect_cells(offsets.size() / pairs, cells);
+  expect("values", blocks, {at_least(size)});
+  return blocks.data();
 }
 
 void volumes(const Cells& cells, const Array<double>& out)
@@ -260,9 +293,11 @@ std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& la
   return {total, inverted};
 }
 
-void stiffness_elastic(const Cells& cells, const Law& law, const BlockPattern& pattern, const Array<double>& values)
+template <typename Pattern>
+void stiffness_elastic(const Cells& cells, const Law& law, const Pattern& pattern,
+                       const Array<typename Pattern::Value>& values)
 {
-  double* out = pattern.start(values, cells.count());
+  auto* out = pattern.start(values, cells.count());
   const Tangent tangent = nominal_tangent(with_law(law, [](const auto& material) { return material.elastic(); }), {});
   for (std::size_t c = 0; c < cells.count(); ++c)
     add_cell(
@@ -270,13 +305,15 @@ void stiffness_elastic(const Cells& cells, const Law& law, const BlockPattern& p
         [](double*) {});
 }
 
+template <typename Pattern>
 void stiffness_plastic(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
-                       const Array<const bool>& plastic, const BlockPattern& pattern, const Array<double>& values)
+                       const Array<const bool>& plastic, const Pattern& pattern,
+                       const Array<typename Pattern::Value>& values)
 {
   cells.expect_nodal("u", u);
   committed.expect_shape("committed", cells.count(), cells.points());
   expect("plastic", plastic, {cells.count()});
-  double* out = pattern.start(values, cells.count());
+  auto* out = pattern.start(values, cells.count());
   with_law(law,
            [&](const auto& material)
            {
@@ -303,12 +340,13 @@ void stiffness_plastic(const Cells& cells, const Law& law, const Array<const dou
            });
 }
 
+template <typename Pattern>
 void stiffness_finite(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
-                      const BlockPattern& pattern, const Array<double>& values)
+                      const Pattern& pattern, const Array<typename Pattern::Value>& values)
 {
   cells.expect_nodal("u", u);
   committed.expect_shape("committed", cells.count(), cells.points());
-  double* out = pattern.start(values, cells.count());
+  auto* out = pattern.start(values, cells.count());
   with_law(law,
            [&](const auto& material)
            {
@@ -338,6 +376,17 @@ void stiffness_finite(const Cells& cells, const Law& law, const Array<const doub
              }
            });
 }
+
+template void stiffness_elastic(const Cells&, const Law&, const BlockPattern&, const Array<double>&);
+template void stiffness_elastic(const Cells&, const Law&, const HalfPattern&, const Array<float>&);
+template void stiffness_plastic(const Cells&, const Law&, const Array<const double>&, const History&,
+                                const Array<const bool>&, const BlockPattern&, const Array<double>&);
+template void stiffness_plastic(const Cells&, const Law&, const Array<const double>&, const History&,
+                                const Array<const bool>&, const HalfPattern&, const Array<float>&);
+template void stiffness_finite(const Cells&, const Law&, const Array<const double>&, const History&,
+                               const BlockPattern&, const Array<double>&);
+template void stiffness_finite(const Cells&, const Law&, const Array<const double>&, const History&,
+                               const HalfPattern&, const Array<float>&);
 
 void stress(const Cells& cells, const Law& law, bool finite, bool conjugate, const Array<const double>& u,
             const History& committed, const Array<double>& out)

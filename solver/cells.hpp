@@ -105,6 +105,8 @@ struct History
 /// nodes) holds the position of column b in row a.
 struct BlockPattern
 {
+  using Value = double;
+
   Array<const int> indptr;
   std::size_t size; // number of values
   std::vector<std::uint16_t> offsets;
@@ -149,6 +151,55 @@ struct BlockPattern
   }
 };
 
+/// Positions of symmetric element matrices in the upper half of a matrix, in single precision: the columns of its blocks
+/// (blocks, 9), see linear.hpp. The graph is that of the upper half; `offsets` (cells, pairs of nodes) holds the position
+/// of the later node of a pair in the row of the earlier one.
+struct HalfPattern
+{
+  using Value = float;
+  static constexpr int pairs = nodes * (nodes + 1) / 2;
+
+  Array<const int> indptr;
+  std::size_t size; // number of values
+  std::vector<std::uint16_t> offsets;
+
+  /// See BlockPattern; so for the other functions.
+  HalfPattern(Array<const int> cell_dofs, Array<const int> indptr, Array<const int> indices);
+
+  /// The array may be longer.
+  float* start(const Array<float>& blocks, std::size_t cells) const;
+
+  /// Call `at(a, b, block)` for each pair of nodes of a cell, the one that comes first in the matrix first.
+  template <typename At>
+  void at_pairs(const int* cell_dofs, std::size_t c, float* blocks, At at) const
+  {
+    const std::uint16_t* offset = offsets.data() + c * pairs;
+    for (int a = 0; a < nodes; ++a)
+      for (int b = a; b < nodes; ++b, ++offset)
+      {
+        const bool sorted = cell_dofs[a] <= cell_dofs[b];
+        const int first = sorted ? a : b, second = sorted ? b : a;
+        at(first, second, blocks + 9 * (static_cast<std::ptrdiff_t>(indptr.data()[cell_dofs[first]]) + *offset));
+      }
+  }
+
+  void prefetch(const int* cell_dofs, std::size_t c, float* blocks) const
+  {
+    at_pairs(cell_dofs, c, blocks, [](int, int, float* block) { __builtin_prefetch(block, 1); });
+  }
+
+  void add(const int* cell_dofs, std::size_t c, const double* A, float* blocks) const
+  {
+    at_pairs(cell_dofs, c, blocks,
+             [&](int a, int b, float* block)
+             {
+               for (int j = 0; j < 3; ++j)
+                 for (int i = 0; i < 3; ++i)
+                   block[3 * j + i] += static_cast<float>(A[dof(a, i) * row_length + dof(b, j)]);
+             });
+  }
+};
+
 /// Volume of each quadrature point, out (cells, points).
 void volumes(const Cells& cells, const Array<double>& out);
 
@@ -165,15 +216,20 @@ std::pair<std::int64_t, std::int64_t> residual(const Cells& cells, const Law& la
                                                const Array<double>& b);
 
 /// Add the elastic stiffness of all cells to the values of the matrix.
-void stiffness_elastic(const Cells& cells, const Law& law, const BlockPattern& pattern, const Array<double>& values);
+template <typename Pattern>
+void stiffness_elastic(const Cells& cells, const Law& law, const Pattern& pattern,
+                       const Array<typename Pattern::Value>& values);
 
 /// Add consistent tangent less elastic stiffness of the cells marked `plastic` (cells) by `residual`.
+template <typename Pattern>
 void stiffness_plastic(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
-                       const Array<const bool>& plastic, const BlockPattern& pattern, const Array<double>& values);
+                       const Array<const bool>& plastic, const Pattern& pattern,
+                       const Array<typename Pattern::Value>& values);
 
 /// Add the consistent tangent of finite strain of all cells.
+template <typename Pattern>
 void stiffness_finite(const Cells& cells, const Law& law, const Array<const double>& u, const History& committed,
-                      const BlockPattern& pattern, const Array<double>& values);
+                      const Pattern& pattern, const Array<typename Pattern::Value>& values);
 
 /// Stress at the quadrature points, out (cells, points, 6). Of finite strain: Cauchy's, or if `conjugate` that whose
 /// work per undeformed volume is done on the logarithmic strain.

@@ -28,6 +28,85 @@ std::size_t expect_matrix(const Graph& indptr, const Graph& indices, const Array
   expect("values", values, {9 * indices.shape(0)});
   return indptr.shape(0) - 1;
 }
+
+/// Galerkin's coarse matrix of blocks by rows that `block_of(node, k, block)` writes, k the entry of the graph.
+template <typename BlockOf>
+void add_projected(const Graph& indptr, const Graph& indices, BlockOf block_of, const Array<const double>& kept,
+                   const Array<const int>& parents, const Graph& coarse_indptr, const Graph& coarse_indices,
+                   const Array<const double>& coarse_kept, const Array<double>& coarse)
+{
+  const int nodes = static_cast<int>(indptr.shape(0)) - 1;
+  expect("kept", kept, {indptr.shape(0) - 1, 3});
+  expect("parents", parents, {indptr.shape(0) - 1, 2});
+  expect_graph("coarse_indptr", coarse_indptr, "coarse_indices", coarse_indices);
+  expect("coarse_kept", coarse_kept, {coarse_indptr.shape(0) - 1, 3});
+  expect("coarse", coarse, {9 * coarse_indices.shape(0)});
+  std::fill_n(coarse.data(), coarse.size(), 0.0);
+  std::vector<int> place(coarse_indptr.shape(0)); // of a column in the current coarse row
+  double block[9];
+  for (int node = 0; node < nodes; ++node)
+  {
+    const double* mine = kept.data() + 3 * static_cast<std::ptrdiff_t>(node);
+    const int* up = parents.data() + 2 * static_cast<std::ptrdiff_t>(node);
+    const int count = up[0] == up[1] ? 1 : 2;
+    for (int p = 0; p < count; ++p)
+    {
+      const int start = coarse_indptr.data()[up[p]], end = coarse_indptr.data()[up[p] + 1], size = end - start;
+      double* out = coarse.data() + 9 * static_cast<std::ptrdiff_t>(start);
+      for (int k = start; k < end; ++k)
+        place[coarse_indices.data()[k]] = k - start;
+      const double* above = coarse_kept.data() + 3 * static_cast<std::ptrdiff_t>(up[p]);
+      double left[3];
+      for (int i = 0; i < 3; ++i)
+        left[i] = mine[i] * above[i] / count;
+      for (int k = indptr.data()[node]; k < indptr.data()[node + 1]; ++k)
+      {
+        const std::ptrdiff_t other = indices.data()[k];
+        const double* theirs = kept.data() + 3 * other;
+        const int* across = parents.data() + 2 * other;
+        const int counted = across[0] == across[1] ? 1 : 2;
+        const double share = 1.0 / counted;
+        block_of(node, k, block);
+        for (int q = 0; q < counted; ++q)
+        {
+          const double* beyond = coarse_kept.data() + 3 * static_cast<std::ptrdiff_t>(across[q]);
+          const double right[3]
+              = {share * theirs[0] * beyond[0], share * theirs[1] * beyond[1], share * theirs[2] * beyond[2]};
+          double* to = out + 3 * place[across[q]];
+          for (int i = 0; i < 3; ++i, to += 3 * size)
+            for (int j = 0; j < 3; ++j)
+              to[j] += left[i] * block[3 * i + j] * right[j];
+        }
+      }
+    }
+  }
+}
+
+/// Add to a matrix with a symmetric graph its transpose.
+void add_transpose(const Graph& indptr, const Graph& indices, double* values)
+{
+  const int *starts = indptr.data(), *columns = indices.data();
+  const auto entry = [&](int row, int k, int i, int j) -> double&
+  {
+    const int width = starts[row + 1] - starts[row];
+    return values[9 * static_cast<std::ptrdiff_t>(starts[row]) + 3 * (i * width + k - starts[row]) + j];
+  };
+  for (int row = 0; row + 1 < static_cast<int>(indptr.shape(0)); ++row)
+    for (int k = starts[row]; k < starts[row + 1]; ++k)
+    {
+      const int column = columns[k];
+      if (column < row)
+        continue;
+      const int across
+          = static_cast<int>(std::lower_bound(columns + starts[column], columns + starts[column + 1], row) - columns);
+      for (int i = 0; i < 3; ++i)
+        for (int j = column == row ? i : 0; j < 3; ++j)
+        {
+          double &one = entry(row, k, i, j), &other = entry(column, across, j, i);
+          one = other = one + other;
+        }
+    }
+}
 } // namespace
 
 void product(const Graph& indptr, const Graph& indices, const Array<const double>& values, const Array<const double>& x,
@@ -142,51 +221,34 @@ void galerkin(const Graph& indptr, const Graph& indices, const Array<const doubl
               const Array<const double>& kept, const Array<const int>& parents, const Graph& coarse_indptr,
               const Graph& coarse_indices, const Array<const double>& coarse_kept, const Array<double>& coarse)
 {
-  const std::size_t nodes = expect_matrix(indptr, indices, values);
-  expect("kept", kept, {nodes, 3});
-  expect("parents", parents, {nodes, 2});
-  expect_graph("coarse_indptr", coarse_indptr, "coarse_indices", coarse_indices);
-  expect("coarse_kept", coarse_kept, {coarse_indptr.shape(0) - 1, 3});
-  expect("coarse", coarse, {9 * coarse_indices.shape(0)});
-  std::fill_n(coarse.data(), coarse.size(), 0.0);
-  std::vector<int> place(coarse_indptr.shape(0)); // of a column in the current coarse row
-  for (std::size_t node = 0; node + 1 < indptr.shape(0); ++node)
+  expect_matrix(indptr, indices, values);
+  const auto block_of = [&](int node, int k, double* block)
   {
     const int first = indptr.data()[node], width = indptr.data()[node + 1] - first;
-    const double* rows = values.data() + 9 * static_cast<std::ptrdiff_t>(first);
-    const double* mine = kept.data() + 3 * node;
-    const int* up = parents.data() + 2 * node;
-    const int count = up[0] == up[1] ? 1 : 2;
-    for (int p = 0; p < count; ++p)
-    {
-      const int start = coarse_indptr.data()[up[p]], end = coarse_indptr.data()[up[p] + 1], size = end - start;
-      double* out = coarse.data() + 9 * static_cast<std::ptrdiff_t>(start);
-      for (int k = start; k < end; ++k)
-        place[coarse_indices.data()[k]] = k - start;
-      const double* above = coarse_kept.data() + 3 * static_cast<std::ptrdiff_t>(up[p]);
-      double left[3];
-      for (int i = 0; i < 3; ++i)
-        left[i] = mine[i] * above[i] / count;
-      for (int k = 0; k < width; ++k)
-      {
-        const std::ptrdiff_t other = indices.data()[first + k];
-        const double* theirs = kept.data() + 3 * other;
-        const int* across = parents.data() + 2 * other;
-        const int counted = across[0] == across[1] ? 1 : 2;
-        const double share = 1.0 / counted;
-        for (int q = 0; q < counted; ++q)
-        {
-          const double* beyond = coarse_kept.data() + 3 * static_cast<std::ptrdiff_t>(across[q]);
-          const double right[3]
-              = {share * theirs[0] * beyond[0], share * theirs[1] * beyond[1], share * theirs[2] * beyond[2]};
-          double* to = out + 3 * place[across[q]];
-          const double* from = rows + 3 * k;
-          for (int i = 0; i < 3; ++i, to += 3 * size, from += 3 * width)
-            for (int j = 0; j < 3; ++j)
-              to[j] += left[i] * from[j] * right[j];
-        }
-      }
-    }
-  }
+    const double* rows = values.data() + 9 * static_cast<std::ptrdiff_t>(first) + 3 * (k - first);
+    for (int i = 0; i < 3; ++i)
+      std::copy_n(rows + 3 * i * width, 3, block + 3 * i);
+  };
+  add_projected(indptr, indices, block_of, kept, parents, coarse_indptr, coarse_indices, coarse_kept, coarse);
+}
+
+void symmetric_galerkin(const Graph& indptr, const Graph& indices, const Array<const float>& blocks,
+                        const Array<const double>& kept, const Array<const int>& parents, const Graph& coarse_indptr,
+                        const Graph& coarse_indices, const Array<const double>& coarse_kept,
+                        const Array<double>& coarse)
+{
+  expect_graph("indptr", indptr, "indices", indices);
+  expect("blocks", blocks, {at_least(9 * indices.shape(0))});
+  // with half of the diagonal the matrix is the sum of what is here and its transpose, and so is the coarse one
+  const auto block_of = [&](int node, int k, double* block)
+  {
+    const float* columns = blocks.data() + 9 * static_cast<std::ptrdiff_t>(k);
+    const double share = k == indptr.data()[node] ? 0.5 : 1.0;
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j)
+        block[3 * i + j] = share * static_cast<double>(columns[3 * j + i]);
+  };
+  add_projected(indptr, indices, block_of, kept, parents, coarse_indptr, coarse_indices, coarse_kept, coarse);
+  add_transpose(coarse_indptr, coarse_indices, coarse.data());
 }
 } // namespace asperity

@@ -35,4 +35,10 @@ void relax(const Array<const float>& image, const Array<const float>& free, cons
 void galerkin(const Graph& indptr, const Graph& indices, const Array<const double>& values,
               const Array<const double>& kept, const Array<const int>& parents, const Graph& coarse_indptr,
               const Graph& coarse_indices, const Array<const double>& coarse_kept, const Array<double>& coarse);
+
+/// The same of a symmetric matrix, given by its upper half as in `symmetric_product`.
+void symmetric_galerkin(const Graph& indptr, const Graph& indices, const Array<const float>& blocks,
+                        const Array<const double>& kept, const Array<const int>& parents, const Graph& coarse_indptr,
+                        const Graph& coarse_indices, const Array<const double>& coarse_kept,
+                        const Array<double>& coarse);
 } // namespace asperity

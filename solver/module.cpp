@@ -45,6 +45,16 @@ void bind_laws(nb::module_& m)
       .def_ro("kinematic_share", &J2::kinematic_share);
 }
 
+template <typename Pattern>
+void bind_stiffness(nb::module_& m)
+{
+  m.def("stiffness_elastic", &stiffness_elastic<Pattern>, "cells"_a, "law"_a, "pattern"_a, out("values"), unlocked);
+  m.def("stiffness_plastic", &stiffness_plastic<Pattern>, "cells"_a, "law"_a, "u"_a, "committed"_a, "plastic"_a,
+        "pattern"_a, out("values"), unlocked);
+  m.def("stiffness_finite", &stiffness_finite<Pattern>, "cells"_a, "law"_a, "u"_a, "committed"_a, "pattern"_a,
+        out("values"), unlocked);
+}
+
 void bind_cells(nb::module_& m)
 {
   nb::class_<Cells>(m, "Cells")
@@ -57,15 +67,14 @@ void bind_cells(nb::module_& m)
       .def(nb::init<Array<double>, Array<double>>(), out("plastic_strain"), out("accumulated"));
   nb::class_<BlockPattern>(m, "BlockPattern")
       .def(nb::init<Array<const int>, Array<const int>, Array<const int>>(), "cell_dofs"_a, "indptr"_a, "indices"_a);
+  nb::class_<HalfPattern>(m, "HalfPattern")
+      .def(nb::init<Array<const int>, Array<const int>, Array<const int>>(), "cell_dofs"_a, "indptr"_a, "indices"_a);
   m.def("volumes", &volumes, "cells"_a, out("out"), unlocked);
   m.def("min_jacobian", &min_jacobian, "cells"_a, out("out"), unlocked);
   m.def("residual", &residual, "cells"_a, "law"_a, "finite"_a, "u"_a, "committed"_a, "trial"_a, out("plastic"), out("b"),
         unlocked);
-  m.def("stiffness_elastic", &stiffness_elastic, "cells"_a, "law"_a, "pattern"_a, out("values"), unlocked);
-  m.def("stiffness_plastic", &stiffness_plastic, "cells"_a, "law"_a, "u"_a, "committed"_a, "plastic"_a, "pattern"_a,
-        out("values"), unlocked);
-  m.def("stiffness_finite", &stiffness_finite, "cells"_a, "law"_a, "u"_a, "committed"_a, "pattern"_a, out("values"),
-        unlocked);
+  bind_stiffness<BlockPattern>(m);
+  bind_stiffness<HalfPattern>(m);
   m.def("stress", &stress, "cells"_a, "law"_a, "finite"_a, "conjugate"_a, "u"_a, "committed"_a, out("out"), unlocked);
 }
 
@@ -96,6 +105,8 @@ void bind_linear(nb::module_& m)
         unlocked);
   m.def("galerkin", &galerkin, "indptr"_a, "indices"_a, "values"_a, "kept"_a, "parents"_a, "coarse_indptr"_a,
         "coarse_indices"_a, "coarse_kept"_a, out("coarse"), unlocked);
+  m.def("symmetric_galerkin", &symmetric_galerkin, "indptr"_a, "indices"_a, "blocks"_a, "kept"_a, "parents"_a,
+        "coarse_indptr"_a, "coarse_indices"_a, "coarse_kept"_a, out("coarse"), unlocked);
   nb::class_<Cholesky>(m, "Cholesky")
       .def(nb::init<Graph, Graph, Array<const int>>(), "indptr"_a, "indices"_a, "interface"_a)
       .def("factorise", &Cholesky::factorise, "values"_a, "shift"_a, unlocked)

@@ -52,11 +52,13 @@ def many(n: int) -> dict[str, Arguments]:
     parents = element.node_ends() + 4 * np.arange(n)[:, None, None]
     coarse = np.ascontiguousarray(np.repeat(np.arange(4 * n, dtype=np.int32).reshape(n, 4), 4, axis=0).ravel())
     graph: Arguments = dict(indptr=indptr, indices=indices)
+    upper_graph: Arguments = dict(indptr=upper_indptr, indices=indices[upper])
 
     out: dict[str, Arguments] = {
         "Cells": dict(x=x, x_dofs=cells, u_dofs=cells, gradients=gradients, weights=weights),
         "History": dict(plastic_strain=np.zeros((n, points, 6)), accumulated=np.zeros((n, points))),
         "BlockPattern": dict(cell_dofs=cells, **graph),
+        "HalfPattern": dict(cell_dofs=cells, **upper_graph),
         "Cholesky": dict(**graph, interface=np.array([3, 7], dtype=np.int32)),
         "Facets": dict(
             x=x, x_dofs=cells, u_dofs=cells, local=np.zeros(n, dtype=np.int32), gradients=facet_gradients,
@@ -73,17 +75,27 @@ def many(n: int) -> dict[str, Arguments]:
     history: Arguments = dict(committed=made["History"])
     trial = _solver.History(np.zeros((n, points, 6)), np.zeros((n, points)))
     matrix: Arguments = dict(pattern=made["BlockPattern"], values=values.copy())
+    half: Arguments = dict(pattern=made["HalfPattern"], values=np.zeros(9 * upper.sum(), dtype=np.float32))
     on: Arguments = dict(facets=made["Facets"])
     held = {name: _solver.History(np.zeros((*quadrature, 6)), np.zeros(quadrature)) for name in ("committed", "trial")}
     pressure = np.ones(quadrature)
+    stiffness: dict[str, Arguments] = {
+        "stiffness_elastic": at | dict(law=law),
+        "stiffness_plastic": at | dict(law=law, u=u, **history, plastic=np.ones(n, dtype=bool)),
+        "stiffness_finite": at | dict(law=law, u=u, **history),
+    }
+    onto: Arguments = dict(
+        kept=np.ones_like(u), parents=parents.reshape(-1, 2).astype(np.int32),
+        coarse_indptr=np.arange(0, 16 * n + 1, 4, dtype=np.int32), coarse_indices=coarse,
+        coarse_kept=np.ones((4 * n, 3)), coarse=np.empty(9 * len(coarse)),
+    )  # fmt: skip
+    out |= {name: arguments | matrix for name, arguments in stiffness.items()}
+    out |= {f"{name} half": arguments | half for name, arguments in stiffness.items()}
     return out | {
         "volumes": at | dict(out=np.empty((n, points))),
         "min_jacobian": at | dict(out=np.empty(n)),
         "residual": at
         | dict(law=law, finite=False, u=u, **history, trial=trial, plastic=np.zeros(n, dtype=bool), b=np.zeros_like(u)),
-        "stiffness_elastic": at | dict(law=law) | matrix,
-        "stiffness_plastic": at | dict(law=law, u=u, **history, plastic=np.ones(n, dtype=bool)) | matrix,
-        "stiffness_finite": at | dict(law=law, u=u, **history) | matrix,
         "stress": at | dict(law=law, finite=False, conjugate=False, u=u, **history, out=np.empty((n, points, 6))),
         "facet_weights": on | dict(out=np.empty(quadrature)),
         "facet_pressure": on
@@ -95,7 +107,7 @@ def many(n: int) -> dict[str, Arguments]:
         "product": dict(**graph, values=values, x=u, y=np.empty_like(u)),
         "upper_half": dict(**graph, values=values, out=np.empty(9 * upper.sum(), dtype=np.float32)),
         "symmetric_product": dict(
-            indptr=upper_indptr, indices=indices[upper], blocks=np.ones(9 * upper.sum() + 1, dtype=np.float32),
+            **upper_graph, blocks=np.ones(9 * upper.sum() + 1, dtype=np.float32),
             x=u.astype(np.float32), work=np.empty((2, NODES * n, 4), dtype=np.float32),
             y=np.empty(u.shape, dtype=np.float32),
         ),
@@ -103,15 +115,17 @@ def many(n: int) -> dict[str, Arguments]:
             **singles, keep=0.5, add=0.5,
             **{name: np.zeros(300 * n, dtype=np.float32) for name in ("residual", "step", "x")},
         ),
-        "galerkin": dict(
-            **graph, values=values, kept=np.ones_like(u), parents=parents.reshape(-1, 2).astype(np.int32),
-            coarse_indptr=np.arange(0, 16 * n + 1, 4, dtype=np.int32), coarse_indices=coarse,
-            coarse_kept=np.ones((4 * n, 3)), coarse=np.empty(9 * len(coarse)),
-        ),
+        "galerkin": dict(**graph, values=values) | onto,
+        "symmetric_galerkin": dict(**upper_graph, blocks=np.ones(9 * upper.sum(), dtype=np.float32)) | onto,
     }  # fmt: skip
 
 
 SMALL = many(3)
+
+
+def kernel(name: str) -> Any:
+    """The kernel or class of a name above, whose second word tells two uses apart."""
+    return getattr(_solver, name.split()[0])
 
 
 def spoilt(array: Any) -> dict[str, Any]:
@@ -128,6 +142,7 @@ LEGAL = {  # fewer cells need not have the whole graph; points are known to the 
     ("Cholesky", "interface", "a row less"),
     ("Cholesky", "interface", "a column less"),
     ("ContactLaw", "height", "a column less"),
+    ("HalfPattern", "cell_dofs", "a row less"),
 }
 CHANGES = [
     (name, key, how)
@@ -140,9 +155,9 @@ CHANGES = [
 
 
 def test_every_kernel_is_tried() -> None:
-    assert set(KERNELS) == {name for name in SMALL if name[0].islower()}
+    assert set(KERNELS) == {name.split()[0] for name in SMALL if name[0].islower()}
     for name, arguments in SMALL.items():
-        getattr(_solver, name)(**arguments)
+        kernel(name)(**arguments)
 
 
 @pytest.mark.parametrize(("name", "key", "how"), CHANGES)
@@ -150,7 +165,7 @@ def test_a_wrong_shape_is_refused(name: str, key: str, how: str) -> None:
     """The sentence gives the shape of the array and the expected one."""
     arguments = SMALL[name] | {key: spoilt(SMALL[name][key])[how]}
     with pytest.raises(ValueError, match=r"has shape \(.*\), expected \(|has entries from .*, expected"):
-        getattr(_solver, name)(**arguments)
+        kernel(name)(**arguments)
 
 
 def test_the_array_is_named() -> None:
@@ -163,7 +178,7 @@ OTHERS = [
     (name, key)
     for name, arguments in SMALL.items()
     for key, value in arguments.items()
-    if isinstance(value, _solver.History | _solver.BlockPattern | _solver.ContactLaw)
+    if isinstance(value, _solver.History | _solver.BlockPattern | _solver.HalfPattern | _solver.ContactLaw)
 ]
 
 
@@ -171,7 +186,7 @@ OTHERS = [
 def test_objects_of_other_cells_are_refused(name: str, key: str) -> None:
     other = many(2)[name][key]
     with pytest.raises(ValueError, match=r"expected"):
-        getattr(_solver, name)(**SMALL[name] | {key: other})
+        kernel(name)(**SMALL[name] | {key: other})
 
 
 @pytest.mark.parametrize("value", [-1, 30])
@@ -182,6 +197,7 @@ def test_objects_of_other_cells_are_refused(name: str, key: str) -> None:
         ("Facets", "x_dofs"),
         ("Facets", "local"),
         ("BlockPattern", "cell_dofs"),
+        ("HalfPattern", "cell_dofs"),
         ("Cholesky", "interface"),
     ],
 )
@@ -189,14 +205,14 @@ def test_numbers_outside_their_range_are_refused(name: str, key: str, value: int
     changed = SMALL[name][key].copy()
     changed.flat[-1] = value
     with pytest.raises(ValueError, match=rf"^{key} has entries from .*{value}"):
-        getattr(_solver, name)(**SMALL[name] | {key: changed})
+        kernel(name)(**SMALL[name] | {key: changed})
 
 
 @pytest.mark.parametrize("key", ["u_dofs"])
 @pytest.mark.parametrize("name", ["Cells", "Facets"])
 def test_negative_dofs_are_refused(name: str, key: str) -> None:
     with pytest.raises(ValueError, match="u_dofs has entries from -1"):
-        getattr(_solver, name)(**SMALL[name] | {key: SMALL[name][key] - 1})
+        kernel(name)(**SMALL[name] | {key: SMALL[name][key] - 1})
 
 
 def test_a_graph_without_the_nodes_of_a_cell_is_refused() -> None:
@@ -219,7 +235,7 @@ def test_an_output_is_never_a_copy(name: str, key: str) -> None:
     given = SMALL[name][key]
     other = np.float32 if given.dtype == np.float64 else np.float64
     with pytest.raises(TypeError):
-        getattr(_solver, name)(**SMALL[name] | {key: given.astype(other)})
+        kernel(name)(**SMALL[name] | {key: given.astype(other)})
 
 
 def test_a_law_names_its_parameters() -> None:

@@ -270,6 +270,55 @@ def test_tangent_that_is_never_assembled_is_the_matrix(coarse: BlockMesh | None,
     np.testing.assert_allclose(y.array_r, expected.array_r, rtol=0, atol=error * A.norm())
 
 
+@pytest.mark.mpi
+@pytest.mark.parametrize("mean", [False, True])
+@pytest.mark.parametrize("kinematics", ["small", "finite"])
+@pytest.mark.parametrize("strength", [None, 0.005])
+def test_half_of_a_matrix_alone_is_that_of_the_whole(
+    coarse: BlockMesh | None, strength: float | None, kinematics: str, mean: bool
+) -> None:
+    """Tangent and elastic stiffness where some cells flow; the values are made when they are asked for."""
+    material = Material(1.0, NU, strength, kinematics=kinematics)
+    solid = solid_of(world(), coarse, material=material, mean_dilatation=mean)
+    rng = np.random.default_rng(world().rank)
+    for scale in (2e-4, 3e-4):
+        solid.u.x.array[:] = scale * rng.normal(size=solid.u.x.array.shape)
+        solid.u.x.scatter_forward()
+        solid.internal_force()
+        solid.kernels.commit()
+    solid.internal_force()
+    found: list[Any] = []
+    for solid.halved in (False, True):
+        solid.drop_matrices()
+        for write in (solid.assemble_tangent, solid.assemble_elastic):
+            write()
+            found += [solid.half.copy(), solid.values.copy()]
+    for theirs, ours in zip(found[:4], found[4:], strict=True):
+        error = 1e-5 if ours.dtype == np.float32 else 1e-12
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=error * np.abs(theirs).max())
+
+
+def test_the_stiffness_of_a_contact_needs_the_whole_matrix(coarse: BlockMesh) -> None:
+    """Written after a half, and before one: each time the current matrix counts."""
+    solid = solid_of(here(), coarse, material=Material(1.0, NU, 0.005))
+    solid.halved = True
+    solid.internal_force()
+    solid.assemble_tangent()
+    half, whole = solid.half.copy(), solid.values.copy()
+
+    def add() -> None:
+        solid.values[solid.sparsity.diagonal] += 1.0
+
+    solid.assemble_tangent(add)
+    stiffer = whole.copy()
+    stiffer[solid.sparsity.diagonal] += 1.0
+    np.testing.assert_array_equal(solid.values, stiffer)
+    assert np.sum(np.abs(solid.half - half) > 0.5) == solid.dofs  # the half by itself is rounded cell by cell
+    solid.assemble_tangent()
+    np.testing.assert_array_equal(solid.half, half)
+    np.testing.assert_array_equal(solid.values, whole)
+
+
 def test_galerkin_matrix_is_that_of_the_interpolation(coarse: BlockMesh) -> None:
     """With masks on both levels: a held corner has free edges next to it, and stays out of the coarse problem."""
     from asperity import _solver
@@ -291,14 +340,16 @@ def test_galerkin_matrix_is_that_of_the_interpolation(coarse: BlockMesh) -> None
     kept = (np.random.default_rng(0).random((solid.nodes, 3)) > 0.2).astype(float)
     above = np.ascontiguousarray(kept[corners])
     graph = SparsityPattern(number[cells[:, :4]], len(corners))
-    values = np.empty(len(graph.columns))
-    _solver.galerkin(solid.sparsity.indptr, solid.sparsity.indices, solid.values, kept, parents,
-                     graph.indptr, graph.indices, above, values)  # fmt: skip
+    full, half = np.empty((2, len(graph.columns)))
+    onto = kept, parents, graph.indptr, graph.indices, above
+    _solver.galerkin(solid.sparsity.indptr, solid.sparsity.indices, solid.values, *onto, full)
+    _solver.symmetric_galerkin(*solid.sparsity.upper, solid.half, *onto, half)
     Pm = kept.reshape(-1, 1) * P * above.reshape(-1)
     rows, columns, entries = A.getValuesCSR()
     fine = sparse.csr_array((entries, columns, rows))
-    ours = sparse.csr_array((values, graph.columns, graph.rows)).toarray()
-    np.testing.assert_allclose(ours, Pm.T @ (fine @ Pm), rtol=0, atol=1e-12 * np.abs(entries).max())
+    for values, error in ((full, 1e-12), (half, 1e-6)):
+        ours = sparse.csr_array((values, graph.columns, graph.rows)).toarray()
+        np.testing.assert_allclose(ours, Pm.T @ (fine @ Pm), rtol=0, atol=error * np.abs(entries).max())
 
 
 def test_multigrid_is_symmetric_and_bounded() -> None:

@@ -5,11 +5,13 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 import numpy.typing as npt
 
 from asperity import _solver
-from asperity.arrays import Floats
+from asperity.arrays import Floats, Singles
 from asperity.fem.kernels import History
 from asperity.fem.sparsity import SparsityPattern
 from asperity.mesh.element import QUADRATURE_DEGREE, quadrature, shape_gradients
@@ -58,6 +60,8 @@ class CompiledKernels:
         mean_dilatation: whether all points of a cell that has flowed take its mean volumetric strain
     """
 
+    halves = True
+
     def __init__(
         self,
         x: Floats,
@@ -77,9 +81,9 @@ class CompiledKernels:
         self._finite, self.linear = material.finite, material.linear
         cells, points = len(cell_nodes), len(weights)
         self.plastic_points = self.inverted_points = 0
-        self._pattern = _solver.BlockPattern(cell_nodes, sparsity.indptr, sparsity.indices)
-        self._elastic: Floats | None = None  # stiffness without plastic flow
-        self._once = False  # whether it has been assembled
+        self._cell_nodes, self._sparsity = cell_nodes, sparsity
+        self._elastic: dict[np.dtype, Floats | Singles] = {}  # stiffness without plastic flow, by precision
+        self._once: set[np.dtype] = set()  # where it has been assembled
         rows = cells if material.plastic else 0  # an elastic material has no history
         self._committed, self._trial = History.zeros(rows, points), History.zeros(rows, points)
         self._flowing = np.zeros(cells, dtype=bool)
@@ -98,42 +102,57 @@ class CompiledKernels:
             b,
         )
 
-    def tangent(self, u: Floats, values: Floats) -> None:
+    @cached_property
+    def _full(self) -> _solver.BlockPattern:
+        return _solver.BlockPattern(self._cell_nodes, self._sparsity.indptr, self._sparsity.indices)
+
+    @cached_property
+    def _half(self) -> _solver.HalfPattern:
+        return _solver.HalfPattern(self._cell_nodes, *self._sparsity.upper)
+
+    def _pattern(self, values: Floats | Singles) -> _solver.BlockPattern | _solver.HalfPattern:
+        return self._half if values.dtype == np.float32 else self._full
+
+    def tangent(self, u: Floats, values: Floats | Singles) -> None:
         if self._finite:
+            history = compiled(self._committed)
             values[:] = 0.0
-            _solver.stiffness_finite(self._cells, self._law, u, compiled(self._committed), self._pattern, values)
+            _solver.stiffness_finite(self._cells, self._law, u, history, self._pattern(values), values)
             return
         self._write_elastic(values)
         self._add_to_elastic(self._law, u, values)
 
-    def _add_to_elastic(self, law: _solver.Elastic | _solver.J2, u: Floats, values: Floats) -> None:
+    def _add_to_elastic(self, law: _solver.Elastic | _solver.J2, u: Floats, values: Floats | Singles) -> None:
         """Add what flow, and the mean dilatation of cells that have flowed, change of the elastic stiffness."""
         if self._flowing.any():
-            history = compiled(self._committed)
-            _solver.stiffness_plastic(self._cells, law, u, history, self._flowing, self._pattern, values)
+            history, pattern = compiled(self._committed), self._pattern(values)
+            _solver.stiffness_plastic(self._cells, law, u, history, self._flowing, pattern, values)
 
-    def elastic_tangent(self, u: Floats, values: Floats) -> None:
+    def elastic_tangent(self, u: Floats, values: Floats | Singles) -> None:
         if self._finite:
+            history = compiled(self._trial)
             values[:] = 0.0
-            _solver.stiffness_finite(self._cells, self._held, u, compiled(self._trial), self._pattern, values)
+            _solver.stiffness_finite(self._cells, self._held, u, history, self._pattern(values), values)
         else:
             self._write_elastic(values)
             if np.isfinite(self._mean_beyond):
                 self._add_to_elastic(self._held, u, values)
 
-    def _write_elastic(self, values: Floats) -> None:
+    def _write_elastic(self, values: Floats | Singles) -> None:
         """Write the stiffness without plastic flow in small strain."""
-        if self._elastic is not None:
-            np.copyto(values, self._elastic)
+        kept = self._elastic.get(values.dtype)
+        if kept is not None:
+            np.copyto(values, kept)
             return
         values[:] = 0.0
-        _solver.stiffness_elastic(self._cells, self._law, self._pattern, values)
-        if self._once or not self.linear:
-            self._elastic = values.copy()
-        self._once = True
+        _solver.stiffness_elastic(self._cells, self._law, self._pattern(values), values)
+        if values.dtype in self._once or not self.linear:
+            self._elastic[values.dtype] = values.copy()
+        self._once.add(values.dtype)
 
     def drop_matrices(self) -> None:
-        self._elastic, self._once = None, False
+        self._elastic.clear()
+        self._once.clear()
 
     def commit(self) -> None:
         self._committed.assign(self._trial)

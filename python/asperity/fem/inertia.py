@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from asperity import _solver
-from asperity.arrays import Floats
+from asperity.arrays import Floats, Singles
 from asperity.fem.kernels import ElementKernels, History
 from asperity.fem.solid import Solid
 from asperity.mesh.element import quadrature, shape_functions, shape_gradients
@@ -37,6 +37,8 @@ class InertialKernels:
         heaviest: greatest sum of the magnitudes in a row of `mass`, the same on all ranks
         mass: M of one component, of the cells of this rank (nodes, nodes) [E L T^2]
     """
+
+    halves = False
 
     def __init__(self, inner: ElementKernels, solid: Solid, density: float) -> None:
         self.inner = inner
@@ -74,15 +76,15 @@ class InertialKernels:
         if self.shift:
             b += self.shift * (self.mass @ (u - self.anchor))
 
-    def tangent(self, u: Floats, values: Floats) -> None:
+    def tangent(self, u: Floats, values: Floats | Singles) -> None:
         self.inner.tangent(u, values)
         self._add_mass(values)
 
-    def elastic_tangent(self, u: Floats, values: Floats) -> None:
+    def elastic_tangent(self, u: Floats, values: Floats | Singles) -> None:
         self.inner.elastic_tangent(u, values)
         self._add_mass(values)
 
-    def _add_mass(self, values: Floats) -> None:
+    def _add_mass(self, values: Floats | Singles) -> None:
         if self.shift:
             values[self._diagonals] += self.shift * self.mass.data[:, None]
 

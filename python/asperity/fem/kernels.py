@@ -10,7 +10,7 @@ from typing import Protocol, Self
 
 import numpy as np
 
-from asperity.arrays import Floats, Indices
+from asperity.arrays import Floats, Indices, Singles
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +79,7 @@ class ElementKernels(Protocol):
     """
 
     linear: bool  # whether the tangent never changes
+    halves: bool  # whether they can write the upper half of a tangent alone
 
     @property
     def plastic_points(self) -> int:
@@ -95,11 +96,17 @@ class ElementKernels(Protocol):
     def add_internal_force(self, u: Floats, b: Floats) -> None:
         """Add the internal force [E L^2] of the nodal displacement u (nodes, 3) to b; writes the trial history."""
 
-    def tangent(self, u: Floats, values: Floats) -> None:
-        """Write the values of the local CSR matrix at u, the state of the last residual."""
+    def tangent(self, u: Floats, values: Floats | Singles) -> None:
+        """Write the local matrix at u, the state of the last residual.
 
-    def elastic_tangent(self, u: Floats, values: Floats) -> None:
-        """Write the values of the local CSR matrix at u for a motion without plastic flow."""
+        Args:
+            u: nodal displacement (nodes, 3) [L]
+            values: of the CSR matrix; or, where `halves`, the upper half in single precision, by the columns of its
+                blocks in the order of `SparsityPattern.upper`
+        """
+
+    def elastic_tangent(self, u: Floats, values: Floats | Singles) -> None:
+        """Write the local matrix at u for a motion without plastic flow, see `tangent`."""
 
     def drop_matrices(self) -> None:
         """Free stored matrices; they are made again when they are needed."""

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from asperity.arrays import Floats
+from asperity import _solver
+from asperity.arrays import Floats, Singles
 from asperity.fem.ghosts import Ghosts
 from asperity.fem.kernels import ElementKernels
 from asperity.fem.sparsity import SparsityPattern
@@ -24,6 +25,9 @@ from asperity.mesh.element import DEGREE
 from asperity.model.material import Material
 from asperity.runtime import compat
 from asperity.runtime.timing import Phases
+
+#: Writes a matrix at a nodal displacement, see `ElementKernels.tangent`.
+Write = Callable[[Floats, Floats | Singles], None]
 
 
 class Solid:
@@ -50,7 +54,10 @@ class Solid:
         ghosts: ghost update of nodal values
         sparsity: of this rank's part of the tangent
         values: of that part; the tangent is the sum of the parts of all ranks
-        version: number of times `values` were written
+        half: upper half of that part in single precision
+        halved: whether a matrix without a stiffness of the contact is written as its half alone, a quarter of the
+            memory; `values` are then made when they are asked for, at the state of that moment
+        version: number of matrices written
     """
 
     def __init__(
@@ -85,7 +92,11 @@ class Solid:
         self.kernels = self._make_kernels(kernels, mean_dilatation)
         self.ghosts = Ghosts(index_map)
         self._values: Floats | None = None
-        self.version = 0  # counts the tangents written
+        self._half: Singles | None = None
+        self._missing: Write | None = None  # writes the values of a matrix of which there is only the half
+        self._halved_version = 0  # of the matrix in `_half`
+        self.halved = False
+        self.version = 0
         self._written = False
         self._with_contact = False  # whether a stiffness of the contact is in `values`
 
@@ -159,15 +170,38 @@ class Solid:
         """Values of the local tangent, in the order of `sparsity`."""
         if self._values is None:
             self._values = np.zeros(self.sparsity.size)
+        if self._missing is not None:
+            with self.phases.phase("tangent"):
+                self._missing(self.u.x.array.reshape(-1, 3), self._values)
+            self._missing = None
         return self._values
+
+    @property
+    def half(self) -> Singles:
+        """Upper half of the local tangent by the columns of its blocks (9 blocks + 1,), see `SparsityPattern.upper`.
+
+        The lower half counts for nothing. The next matrix overwrites it.
+        """
+        half = self._half_to_write()
+        if self._halved_version != self.version:
+            _solver.upper_half(self.sparsity.indptr, self.sparsity.indices, self.values, half)
+            self._halved_version = self.version
+        return half
+
+    def _half_to_write(self) -> Singles:
+        if self._half is None:
+            blocks = len(self.sparsity.upper[1])
+            self._half = np.zeros(9 * blocks + 1, dtype=np.float32)  # one more is read with the last
+        return self._half
 
     def drop_matrices(self) -> None:
         """Free the matrices, most of the memory of a solid; the next tangent makes them again."""
-        self._values, self._written = None, False
+        self._values = self._half = self._missing = None
+        self._written, self._halved_version = False, 0
         self.kernels.drop_matrices()
 
     def assemble_tangent(self, add: Callable[[], None] | None = None) -> None:
-        """Write the tangent at the state of the last internal force to `values`, without boundary conditions.
+        """Write the tangent at the state of the last internal force, without boundary conditions.
 
         Args:
             add: adds the stiffness of the contact to `values`
@@ -175,19 +209,23 @@ class Solid:
         self._assemble(self.kernels.tangent, add)
 
     def assemble_elastic(self, add: Callable[[], None] | None = None) -> None:
-        """Write the stiffness without plastic flow to `values`, without boundary conditions.
+        """Write the stiffness without plastic flow, without boundary conditions.
 
         Args:
             add: adds the stiffness of the contact to `values`
         """
         self._assemble(self.kernels.elastic_tangent, add)
 
-    def _assemble(self, write: Callable[[Floats, Floats], None], add: Callable[[], None] | None) -> None:
+    def _assemble(self, write: Write, add: Callable[[], None] | None) -> None:
         if self._written and self.kernels.linear and add is None and not self._with_contact:
             return
+        half = self.halved and self.kernels.halves and add is None
         with self.phases.phase("tangent"):
-            write(self.u.x.array.reshape(-1, 3), self.values)
+            self._missing = None
+            write(self.u.x.array.reshape(-1, 3), self._half_to_write() if half else self.values)
             if add is not None:
                 add()
         self._with_contact, self._written = add is not None, True
         self.version += 1
+        if half:
+            self._missing, self._halved_version = write, self.version

@@ -39,6 +39,13 @@ class SparsityPattern:
         self.indices = graph.indices.astype(np.int32)
         self.size = 9 * len(self.indices)
 
+    @cached_property
+    def upper(self) -> tuple[Integers, Integers]:
+        """Row starts and columns of the upper half of the node pattern; the diagonal comes first in its row."""
+        above = self.indices >= np.repeat(np.arange(len(self.indptr) - 1), np.diff(self.indptr))
+        starts = np.concatenate([[0], np.cumsum(above)])[self.indptr].astype(np.int32)
+        return starts, self.indices[above]
+
     @property
     def rows(self) -> Integers:
         """Row starts of the CSR pattern of the matrix."""

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from asperity.arrays import Floats
+from asperity.arrays import Floats, Singles
 from asperity.errors import InputError
 from asperity.fem.kernels import History
 from asperity.fem.log_strain import displacement_measure, logarithmic_strain, piola_kirchhoff
@@ -30,6 +30,8 @@ class UflKernels:
         material: with stresses in units of E
         sparsity: of the local matrix
     """
+
+    halves = False
 
     def __init__(self, V: Any, material: Material, sparsity: SparsityPattern) -> None:
         import basix.ufl
@@ -89,7 +91,7 @@ class UflKernels:
             self.plastic_points = int(np.sum(state.accumulated > self._committed()[..., 6])) if self._plastic else 0
             self.inverted_points = int(np.sum(state.det <= 0.0)) if self._finite else 0
 
-    def tangent(self, u: Floats, values: Floats) -> None:
+    def tangent(self, u: Floats, values: Floats | Singles) -> None:
         from dolfinx import fem
 
         self._u.x.array[:] = u.ravel()
@@ -98,7 +100,7 @@ class UflKernels:
         values[:] = 0.0
         values[self._to] = self._matrix.data[self._from]
 
-    def elastic_tangent(self, u: Floats, values: Floats) -> None:
+    def elastic_tangent(self, u: Floats, values: Floats | Singles) -> None:
         if self._finite:
             if self._plastic:
                 raise InputError(

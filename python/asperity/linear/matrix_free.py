@@ -11,11 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity import _solver
-from asperity.arrays import Floats, Singles
+from asperity.arrays import Floats, Integers, Singles
 from asperity.fem.shared_nodes import SharedNodes
 
 if TYPE_CHECKING:
     from asperity.fem.solid import Solid
+    from asperity.fem.sparsity import SparsityPattern
 
 
 def tangent_product(solid: Solid, x: Floats) -> Floats:
@@ -29,26 +30,24 @@ class TangentOperator:
     """Products with the tangent of a solid; a python context of PETSc for the matrix of the free dofs.
 
     A product takes as long as reading the matrix, and neither a preconditioner nor a Newton step needs many digits. So
-    the operator keeps a copy of the upper half in single precision (benchmarks/linear.py).
+    the operator takes the upper half in single precision (benchmarks/linear.py).
 
     Args:
         solid: owner of the tangent
-        symmetric: whether the tangent is symmetric; the copy treats any tangent as if it were
-        single: whether PETSc uses the copy of a symmetric tangent, sufficient for tolerances above 1e-5
+        symmetric: whether the tangent is symmetric; the half treats any tangent as if it were
+        single: whether PETSc uses the half of a symmetric tangent, sufficient for tolerances above 1e-5
+        keeps: whether the operator has a copy, which stays when the solid writes another matrix
 
     Attributes:
         kept: 1 at the free dofs, 0 at the others, ghosts included (nodes, 3)
         free: the same at the owned dofs (3 owned,)
-        version: that of the solid's values in the copy
+        version: of the solid's matrix that the operator has taken
     """
 
-    def __init__(self, solid: Solid, symmetric: bool, single: bool) -> None:
-        self.solid, self._single = solid, symmetric and single
-        indptr, indices = solid.sparsity.indptr, solid.sparsity.indices
-        upper = indices >= np.repeat(np.arange(solid.nodes), np.diff(indptr))
-        self._starts = np.concatenate([[0], np.cumsum(upper)])[indptr].astype(np.int32)
-        self._columns = indices[upper]
-        self._blocks = np.zeros(9 * len(self._columns) + 1, dtype=np.float32)  # one more is read with the last
+    def __init__(self, solid: Solid, symmetric: bool, single: bool, keeps: bool = False) -> None:
+        self.solid, self._symmetric, self._single, self._keeps = solid, symmetric, symmetric and single, keeps
+        self._starts, self._columns = solid.sparsity.upper
+        self._blocks: Singles = np.empty(0, dtype=np.float32)
         self._work = np.empty((2, solid.nodes, 4), dtype=np.float32)
         self._shared = SharedNodes(solid.V.dofmap.index_map)
         self._image = np.empty((solid.nodes, 3))
@@ -70,14 +69,35 @@ class TangentOperator:
         self.kept = self.solid.scatter_forward(self.free)
 
     def update(self) -> None:
-        """Copy the current values of the solid's tangent, unless they are those of the copy."""
+        """Take the current matrix of the solid, unless it has been taken."""
         if self.version != self.solid.version:
-            sparsity = self.solid.sparsity
-            _solver.upper_half(sparsity.indptr, sparsity.indices, self.solid.values, self._blocks)
+            self._blocks = self.solid.half.copy() if self._keeps else self.solid.half
             self.version = self.solid.version
 
+    def diagonal(self) -> Floats:
+        """Diagonal at the owned dofs (3 owned,); collective."""
+        first = 9 * self._starts[:-1].astype(np.int64)
+        parts = self._blocks[first[:, None] + np.array([0, 4, 8])].astype(float)
+        return self.solid.scatter_reverse(parts).ravel()
+
+    def project(self, parents: Integers, coarse: SparsityPattern, corners: Floats, values: Floats) -> None:
+        """Write Galerkin's coarse matrix of the free dofs, of this rank's part.
+
+        Args:
+            parents: corners of each node whose mean it is (nodes, 2), the same twice for a corner
+            coarse: pattern of the coarse matrix
+            corners: 1 at its free dofs, 0 at the others (corners, 3)
+            values: of the coarse matrix
+        """
+        onto = self.kept, parents, coarse.indptr, coarse.indices, corners, values
+        if self._symmetric:
+            _solver.symmetric_galerkin(self._starts, self._columns, self._blocks, *onto)
+        else:
+            fine = self.solid.sparsity
+            _solver.galerkin(fine.indptr, fine.indices, self.solid.values, *onto)
+
     def single_product(self, x: Singles) -> Singles:
-        """Copy of the tangent times dof values of all local nodes, ghosts included (3 nodes,); collective.
+        """The tangent by its upper half times dof values of all local nodes, ghosts included (3 nodes,); collective.
 
         The next call overwrites the result.
         """

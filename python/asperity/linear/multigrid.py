@@ -101,7 +101,7 @@ class PMultigrid:
         self._free = tangent.kept.astype(np.float32).ravel()
         new = self._version != tangent.version
         if new:
-            diagonal = solid.scatter_reverse(solid.values[solid.sparsity.diagonal].reshape(-1, 3)).ravel()
+            diagonal = tangent.diagonal()
             least = -solid.comm.allreduce(float(np.max(-diagonal[tangent.free > 0.0], initial=-np.inf)), op=MPI.MAX)
             if not least > 0.0:
                 return False
@@ -132,12 +132,9 @@ class PMultigrid:
 
     def _galerkin(self) -> None:
         """This rank's part of the coarse matrix of the free dofs, with a unit row for each other dof of a corner."""
-        fine, coarse, kept = self._solid.sparsity, self._coarse, self._tangent.kept
+        coarse, kept = self._coarse, self._tangent.kept
         corners = np.ascontiguousarray(kept[self._corners])
-        _solver.galerkin(
-            fine.indptr, fine.indices, self._solid.values, kept, self._parents,
-            coarse.sparsity.indptr, coarse.sparsity.indices, corners, coarse.values,
-        )  # fmt: skip
+        self._tangent.project(self._parents, coarse.sparsity, corners, coarse.values)
         coarse.values[coarse.sparsity.diagonal[np.flatnonzero(corners[: self._owned_corners].ravel() == 0.0)]] = 1.0
 
     def forget(self) -> None:

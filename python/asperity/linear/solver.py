@@ -65,8 +65,10 @@ class LinearSolver:
         self._may_rescue = (symmetric or kind != "lu") and solid.dofs <= DIRECT_LIMIT
         self._direct: Assembled | None = None
         self._method: Krylov | Assembled
+        single = rtol >= SINGLE_RTOL
+        solid.halved = kind == "cg" and symmetric and single
         if kind == "cg":
-            self._method = Krylov(TangentOperator(solid, symmetric, rtol >= SINGLE_RTOL), symmetric)
+            self._method = Krylov(TangentOperator(solid, symmetric, single), symmetric)
         else:
             self._method = Assembled(solid, kind, symmetric, PREFIX)
         self.operator = self._method.operator

@@ -144,7 +144,7 @@ class _ElasticStiffness:
 
     def __init__(self, solid: Solid) -> None:
         self._solid = solid
-        self._operator = TangentOperator(solid, symmetric=True, single=True)
+        self._operator = TangentOperator(solid, symmetric=True, single=True, keeps=True)
 
     def update(self) -> None:
         """Write the present one, which in small strain never changes."""
@@ -153,7 +153,7 @@ class _ElasticStiffness:
             self._operator.update()
 
     def write(self) -> None:
-        """Write it to the values of the solid."""
+        """Make it the matrix of the solid."""
         self._solid.assemble_elastic()
 
     def system(self) -> EnergySolver:
@@ -232,7 +232,6 @@ class _Motion:
             self._marked, self._contraction = now, UNKNOWN
         if worn_out or self._system is None:
             self._system = self._system or elastic.system()
-            elastic.write()
             held = _dofs(np.flatnonzero(self._marked).astype(np.int32), self._components)
             self._system.renew(np.union1d(self.fixed, held).astype(np.int32))
         self._system.contraction = self._contraction
