@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""What the compiled kernels buy: internal force and tangent against FFCx's code of the UFL twin.
+"""What the compiled kernels buy: internal force and tangent against FFCx's code of the UFL twin, and a tangent by half.
 
     ./run python3 benchmarks/kernels.py
 
@@ -50,6 +50,12 @@ def median_time(work: Callable[[], object]) -> float:
     return float(np.median(times))
 
 
+def half_of(solid: Solid) -> npt.NDArray[np.float32]:
+    """Upper half of the tangent in single precision, by way of the whole unless the solid is `halved`."""
+    solid.assemble_tangent()
+    return solid.half
+
+
 def difference(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64]) -> float:
     """Largest difference relative to the largest value."""
     return float(np.abs(a - b).max() / np.abs(b).max())
@@ -62,8 +68,11 @@ def main() -> None:
     z = compiled.points[:, 2]
     ripple = np.sin(7.0 * compiled.points[:, [1, 2, 0]]) * compiled.points[:, [2, 0, 1]]
     print(f"{cells} cells, {compiled.dofs} dofs")
-    print("| state | flowing | residual UFL | compiled | ratio | tangent UFL | compiled | ratio | difference |")
-    print("|---|---|---|---|---|---|---|---|---|")
+    print(
+        "| state | flowing | residual UFL | compiled | ratio | tangent UFL | compiled | ratio | difference |"
+        " whole, then its half | half alone | ratio |"
+    )
+    print("|---|---|---|---|---|---|---|---|---|---|---|---|")
     for name, size in STATES.items():
         u = size * (np.stack([0 * z, 0 * z, -z], axis=1) + 0.3 * ripple)
         times, results = [], []
@@ -74,13 +83,17 @@ def main() -> None:
             work = partial(solid.kernels.tangent, u, tangent)
             times += [median_time(solid.internal_force), median_time(work)]
             results += [force, tangent]
+        halves = []
+        for compiled.halved in (False, True):
+            halves.append(1e6 * median_time(partial(half_of, compiled)) / cells)
         share = compiled.kernels.plastic_points / compiled.kernels.volumes.size
         cost = 1e6 * np.array(times) / cells
         worst = max(difference(results[2], results[0]), difference(results[3], results[1]))
         tangent_ratio = f"{cost[1] / cost[3]:.1f}" if share else "kept"  # the elastic one is assembled once
         print(
             f"| {name} | {share:.0%} | {cost[0]:.2f} | {cost[2]:.2f} | {cost[0] / cost[2]:.1f} "
-            f"| {cost[1]:.2f} | {cost[3]:.2f} | {tangent_ratio} | {worst:.1e} |"
+            f"| {cost[1]:.2f} | {cost[3]:.2f} | {tangent_ratio} | {worst:.1e} "
+            f"| {halves[0]:.2f} | {halves[1]:.2f} | {halves[0] / halves[1]:.1f} |"
         )
 
 
