@@ -22,7 +22,6 @@ from asperity.adaptive.mesh_plan import (
     SAFETY,
     SCATTER,
     YIELDED,
-    bar_share,
     facet_share,
     scatter,
     size_for_facets,
@@ -116,25 +115,6 @@ def test_few_elements_in_the_spots_of_a_rough_surface_have_a_wider_bar() -> None
     assert free == pytest.approx(OF_GUIDE * YIELDED[MEAN] / SCATTER * smooth)
     assert locking == pytest.approx(OF_GUIDE * YIELDED[POINT] / SCATTER * smooth)
     assert np.all(locking > free)
-
-
-def test_the_bar_of_the_area_holds_where_two_meshes_agree_by_chance() -> None:
-    """No smaller than the root mean square over the steps next to it."""
-
-    def rows(areas: list[float]) -> Curve:
-        at = 0.002 * np.arange(1, len(areas) + 1)
-        return Curve.from_rows([
-            {"delta": d, "delta_star": d, "force": d, "P_star": d, "area_fraction": area, "error_area_fraction": 0.0}
-            for d, area in zip(at, areas, strict=True)
-        ])  # fmt: skip
-
-    coarse, fine = rows([0.0098, 0.0210, 0.0300, 0.0412, 0.0490]), rows([0.01, 0.02, 0.03, 0.04, 0.05])
-    steps, nothing = Along(np.array([0.0]), np.zeros(1)), Omission(fine.delta_star, np.zeros(5), np.zeros(5))
-    curve, _ = correct(fine, coarse, 2.0, SAFETY, np.ones(5, dtype=bool), steps, 0.0, nothing, SCATTER)
-    share = bar_share(2.0, SAFETY)
-    assert curve.error_area_fraction[3] == pytest.approx(share * 0.0012)
-    near = np.sqrt((0.02**2 + 0.05**2 + 0.0**2 + 0.03**2 + 0.02**2) / 5)
-    assert curve.error_area_fraction[2] == pytest.approx(share * near * 0.03)
 
 
 def test_the_next_mesh_follows_what_cut_facets_leave() -> None:

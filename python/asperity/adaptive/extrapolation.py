@@ -108,7 +108,9 @@ def correct(
     touching = np.where(raw > 0.0, raw, inf)  # what has no force has no relative error
     _, error, spread = extrapolate_mesh(loading_force(coarse, at), raw, ratio, safety)
     curve = scaled(fine, 1.0 / (1.0 + error / touching))  # positive, however much too stiff the coarse mesh is
-    mesh_bar = _steady_apart(spread / touching, judged[loading])
+    bar = spread / touching
+    mesh_bar = steady(bar)
+    mesh_bar[judged[loading]] = steady(bar[judged[loading]])
     mesh_bar = np.maximum(mesh_bar, facet_bar(fine, coarse, at, ratio, share))
     path_bar = path.at(at)
     rows = _rows_of_loading(loading)
@@ -116,11 +118,9 @@ def correct(
     if missed is not None:
         rough_bar = FORCE_BAR * np.abs(missed.at(at)[0])
         before = coarse.loading()
-        area = fine.area_fraction[loading]
-        change = area - np.interp(at, before.delta_star, before.area_fraction)
-        share_of_area = np.divide(change, area, out=np.zeros(len(area)), where=area > 0.0)
-        of_pair = bar_share(ratio, safety) * _steady_apart(share_of_area, judged[loading]) * area
-        curve = replace(curve, error_area_fraction=curve.error_area_fraction + of_pair[rows])
+        change = fine.area_fraction[loading] - np.interp(at, before.delta_star, before.area_fraction)
+        area_bar = curve.error_area_fraction + (bar_share(ratio, safety) * np.abs(change))[rows]
+        curve = replace(curve, error_area_fraction=area_bar)
     P = curve.P_star
     scale = np.where(loading, P, P[loading][-1])
     mesh_bar, rough_bar, path_bar = (bar[rows] * scale for bar in (mesh_bar, rough_bar, path_bar))
@@ -226,13 +226,6 @@ def steady(relative: Floats, reach: int = 2) -> Floats:
     window = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)
     mean_square = np.maximum(window.mean(axis=1), np.mean(relative**2))
     return np.maximum(np.abs(relative), np.sqrt(mean_square))
-
-
-def _steady_apart(relative: Floats, judged: npt.NDArray[np.bool_]) -> Floats:
-    """The same of the judged rows by themselves: those before have larger errors."""
-    out = steady(relative)
-    out[judged] = steady(relative[judged])
-    return out
 
 
 def judged_rows(curve: Curve, steps: int) -> npt.NDArray[np.bool_]:
