@@ -31,7 +31,7 @@ AT = DELTA * np.arange(1, STEPS + 1) / STEPS  # approaches compared [L]
 E, NU, YIELD, TANGENT = 1.0, 0.3, 0.005, 0.05  # of cases/demo.toml over its E = 200 GPa
 HARDENING = E * TANGENT / (E - TANGENT)  # of the yield strength with the plastic strain
 MATERIALS = {"elastic": asp.Material(E, NU), "plastic": asp.Material(E, NU, YIELD, TANGENT)}
-TOLERANCE = {"elastic": 0.002, "plastic": 0.005}  # of the reference: greatest error bar
+TOLERANCE = {"elastic": 0.002, "plastic": 0.007}  # of the reference: greatest error bar
 
 
 def surface() -> Surface:

@@ -81,8 +81,8 @@ class Rates:
     finite: float
 
 
-ELASTIC = Rates(3.6e-5, 6.6e-6, 1.03, 247e6, 1.62e3, 2.17)
-PLASTIC = Rates(2.4e-5, 1.0e-5, 1.08, 246e6, 2.45e3, 1.45)
+ELASTIC = Rates(3.6e-5, 6.6e-6, 1.03, 246e6, 1.02e3, 2.17)
+PLASTIC = Rates(2.4e-5, 1.0e-5, 1.08, 245e6, 1.39e3, 1.45)
 
 
 @dataclass(frozen=True)

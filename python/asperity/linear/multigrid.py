@@ -15,7 +15,6 @@ from math import log10
 from typing import Any
 
 import numpy as np
-from scipy.linalg import eigh_tridiagonal
 
 from asperity import _solver
 from asperity.arrays import Floats, Singles
@@ -229,8 +228,8 @@ class PMultigrid:
                 break
             off_diagonal.append(beta)
             before, v = v, w / np.float32(beta)
-        size = len(diagonal)
-        values, vectors = eigh_tridiagonal(diagonal, off_diagonal[: size - 1])
+        beside = off_diagonal[: len(diagonal) - 1]
+        values, vectors = np.linalg.eigh(np.diag(diagonal) + np.diag(beside, 1) + np.diag(beside, -1))
         # noise, so that a mode that has become the greatest elsewhere can grow
         self._extreme = np.stack(basis, axis=1) @ vectors[:, -1].astype(np.float32) + self._noise
         return float(values[-1])

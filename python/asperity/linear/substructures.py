@@ -12,7 +12,6 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import spotrf, spotrs
 
 from asperity import _solver
 from asperity.arrays import Floats, Indices, Singles
@@ -70,6 +69,7 @@ class Substructures:
     def update(self) -> bool:
         """See `Coarse`; so for `solve`."""
         from mpi4py import MPI
+        from scipy.linalg.lapack import spotrf
 
         shift = self._diagonal()
         done = self._factors.factorise(self.values, shift)
@@ -100,6 +100,8 @@ class Substructures:
 
         self._factors.forward(right, self._work)
         if len(self._left):
+            from scipy.linalg.lapack import spotrs
+
             tail = self._work[len(self._work) - len(self._at) :]
             self._left[:] = 0.0
             self._left[self._at] = tail
