@@ -114,34 +114,6 @@ double bulk_modulus(const Law& law, const Dilatation& dilatation)
   const Moduli C = law.elastic();
   return dilatation ? C.lambda + 2.0 / 3.0 * C.mu : 0.0;
 }
-
-/// Refuse inconsistent parts of a pattern.
-void expect_pattern(const Array<const int>& cell_dofs, const Array<const int>& indptr, const Array<const int>& indices)
-{
-  expect("cell_dofs", cell_dofs, {any(), nodes});
-  expect_graph("indptr", indptr, "indices", indices);
-  if (!std::is_sorted(indptr.data(), indptr.data() + indptr.shape(0)))
-    throw std::invalid_argument("indptr falls, expected the starts of rows one after the other");
-  check_range("cell_dofs", cell_dofs, indptr.shape(0) - 1);
-}
-
-/// Place of a column in a row of a node graph.
-std::uint16_t position(const Array<const int>& indptr, const Array<const int>& indices, int row, int column)
-{
-  const int* first = indices.data() + indptr.data()[row];
-  const int* last = indices.data() + indptr.data()[row + 1];
-  const int* found = std::lower_bound(first, last, column);
-  if (found == last || *found != column)
-    throw std::invalid_argument("indices has no column " + std::to_string(column) + " in row " + std::to_string(row)
-                                + ", expected those of all nodes that share a cell");
-  return static_cast<std::uint16_t>(found - first);
-}
-
-void expect_cells(std::size_t has, std::size_t wanted)
-{
-  if (has != wanted)
-    throw std::invalid_argument("pattern has " + std::to_string(has) + " cells, expected " + std::to_string(wanted));
-}
 } // namespace
 
 Cells::Cells(Array<const double> x, Array<const int> x_dofs, Array<const int> u_dofs, Array<const double> gradients,
@@ -168,48 +140,6 @@ void History::expect_shape(const char* name, std::size_t rows, std::size_t point
 {
   if (!empty())
     expect((std::string("plastic strain of ") + name).c_str(), plastic_strain, {rows, points, 6});
-}
-
-BlockPattern::BlockPattern(Array<const int> cell_dofs, Array<const int> indptr, Array<const int> indices)
-    : indptr(indptr), size(9 * indices.size()), offsets(cell_dofs.size() * nodes)
-{
-  expect_pattern(cell_dofs, indptr, indices);
-  auto out = offsets.begin();
-  for (std::size_t c = 0; c < cell_dofs.shape(0); ++c)
-  {
-    const int* cell = cell_dofs.data() + nodes * c;
-    for (int a = 0; a < nodes; ++a)
-      for (int b = 0; b < nodes; ++b)
-        *out++ = position(indptr, indices, cell[a], cell[b]);
-  }
-}
-
-double* BlockPattern::start(const Array<double>& values, std::size_t cells) const
-{
-  expect_cells(offsets.size() / (nodes * nodes), cells);
-  expect("values", values, {size});
-  return values.data();
-}
-
-HalfPattern::HalfPattern(Array<const int> cell_dofs, Array<const int> indptr, Array<const int> indices)
-    : indptr(indptr), size(9 * indices.size()), offsets(cell_dofs.size() / nodes * pairs)
-{
-  expect_pattern(cell_dofs, indptr, indices);
-  auto out = offsets.begin();
-  for (std::size_t c = 0; c < cell_dofs.shape(0); ++c)
-  {
-    const int* cell = cell_dofs.data() + nodes * c;
-    for (int a = 0; a < nodes; ++a)
-      for (int b = a; b < nodes; ++b)
-        *out++ = position(indptr, indices, std::min(cell[a], cell[b]), std::max(cell[a], cell[b]));
-  }
-}
-
-float* HalfPattern::start(const Array<float>& blocks, std::size_t cells) const
-{
-  expect_cells(offsets.size() / pairs, cells);
-  expect("values", blocks, {at_least(size)});
-  return blocks.data();
 }
 
 void volumes(const Cells& cells, const Array<double>& out)

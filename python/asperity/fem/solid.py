@@ -56,7 +56,7 @@ class Solid:
         values: of that part; the tangent is the sum of the parts of all ranks
         half: upper half of that part in single precision
         halved: whether a matrix without a stiffness of the contact is written as its half alone, a quarter of the
-            memory; `values` are then made when they are asked for, at the state of that moment
+            memory; `values` are then made on demand, at the state of that moment
         version: number of matrices written
     """
 

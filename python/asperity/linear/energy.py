@@ -60,7 +60,7 @@ class EnergySolver:
         self._ksp.setOperators(tangent.matrix())
 
     def renew(self, rows: Integers) -> bool:
-        """Make the coarse matrix with these owned dofs prescribed and the current values of the solid; collective.
+        """Make the coarse matrix with these owned dofs prescribed and the matrix of the operator; collective.
 
         Returns:
             whether the matrix can be smoothed
