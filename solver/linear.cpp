@@ -8,17 +8,56 @@
 #include <cstring>
 #include <vector>
 
+// A function is compiled for newer processors as well, and the one that fits is taken at the start.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__AVX2__)
+#define FOR_SEVERAL_PROCESSORS __attribute__((target_clones("arch=x86-64-v3", "default")))
+#else
+#define FOR_SEVERAL_PROCESSORS
+#endif
+
 namespace asperity
 {
 namespace
 {
-using Four = float __attribute__((vector_size(16))); // three components and one to spare
+using Four = float __attribute__((vector_size(16)));  // three components and one to spare
+using Eight = float __attribute__((vector_size(32))); // the same of two nodes
 
 Four load(const float* at)
 {
   Four out;
   std::memcpy(&out, at, sizeof(out));
   return out;
+}
+
+void store(Four value, float* at) { std::memcpy(at, &value, sizeof(value)); }
+
+Eight join(Four one, Four other) { return __builtin_shufflevector(one, other, 0, 1, 2, 3, 4, 5, 6, 7); }
+
+Eight load(const float* one, const float* other) { return join(load(one), load(other)); }
+
+Four first(Eight pair) { return __builtin_shufflevector(pair, pair, 0, 1, 2, 3); }
+
+Four second(Eight pair) { return __builtin_shufflevector(pair, pair, 4, 5, 6, 7); }
+
+/// The columns a, b, c of two blocks times vectors.
+Eight times(Eight a, Eight b, Eight c, Eight x)
+{
+  return a * __builtin_shufflevector(x, x, 0, 0, 0, 0, 4, 4, 4, 4)
+         + b * __builtin_shufflevector(x, x, 1, 1, 1, 1, 5, 5, 5, 5)
+         + c * __builtin_shufflevector(x, x, 2, 2, 2, 2, 6, 6, 6, 6);
+}
+
+/// The inner products of vectors with the columns a, b, c of two blocks: their terms sorted by component, and added.
+Eight transposed_times(Eight a, Eight b, Eight c, Eight x)
+{
+  const Eight ax = a * x, bx = b * x, cx = c * x, zero{};
+  const Eight ab = __builtin_shufflevector(ax, bx, 0, 8, 1, 9, 4, 12, 5, 13);
+  const Eight c0 = __builtin_shufflevector(cx, zero, 0, 8, 1, 9, 4, 12, 5, 13);
+  const Eight ab_third = __builtin_shufflevector(ax, bx, 2, 10, 3, 11, 6, 14, 7, 15);
+  const Eight c0_third = __builtin_shufflevector(cx, zero, 2, 10, 3, 11, 6, 14, 7, 15);
+  return __builtin_shufflevector(ab, c0, 0, 1, 8, 9, 4, 5, 12, 13)
+         + __builtin_shufflevector(ab, c0, 2, 3, 10, 11, 6, 7, 14, 15)
+         + __builtin_shufflevector(ab_third, c0_third, 0, 1, 8, 9, 4, 5, 12, 13);
 }
 
 /// Number of nodes of a matrix; refuses inconsistent parts.
@@ -150,6 +189,7 @@ void upper_half(const Graph& indptr, const Graph& indices, const Array<const dou
   }
 }
 
+FOR_SEVERAL_PROCESSORS
 void symmetric_product(const Graph& indptr, const Graph& indices, const Array<const float>& blocks,
                        const Array<const float>& x, const Array<float>& work, const Array<float>& y)
 {
@@ -166,31 +206,37 @@ void symmetric_product(const Graph& indptr, const Graph& indices, const Array<co
       from[4 * node + i] = i < 3 ? x.data()[3 * node + i] : 0.0f;
       to[4 * node + i] = 0.0f;
     }
+  const int *starts = indptr.data(), *columns = indices.data();
+  const auto at = [columns](int k) { return 4 * static_cast<std::ptrdiff_t>(columns[k]); };
   const float* block = blocks.data();
   for (std::size_t node = 0; node < count; ++node)
   {
-    const Four xi = load(from + 4 * node), zero{};
-    Four yi{};
-    const int first = indptr.data()[node];
-    for (int k = first; k < indptr.data()[node + 1]; ++k, block += 9)
+    int k = starts[node];
+    const int end = starts[node + 1];
+    if (k == end)
+      continue;
+    const Four xi = load(from + 4 * node);
+    const Eight xi_twice = join(xi, xi);
+    Four yi = load(block) * xi[0] + load(block + 3) * xi[1] + load(block + 6) * xi[2]; // the diagonal block
+    Eight sums{};
+    ++k, block += 9;
+    for (; k + 1 < end; k += 2, block += 18)
     {
-      const std::ptrdiff_t other = 4 * static_cast<std::ptrdiff_t>(indices.data()[k]);
-      const Four a = load(block), b = load(block + 3), c = load(block + 6);
-      const float* xj = from + other;
-      yi += a * xj[0] + b * xj[1] + c * xj[2];
-      if (k == first)
-        continue; // the diagonal
-      // the inner products of xi with the three columns: their terms sorted by component, and added
-      const Four ax = a * xi, bx = b * xi, cx = c * xi;
-      const Four low = __builtin_shufflevector(ax, bx, 0, 4, 1, 5), high = __builtin_shufflevector(ax, bx, 2, 6, 3, 7);
-      Four yj = load(to + other);
-      yj += __builtin_shufflevector(low, __builtin_shufflevector(cx, zero, 0, 4, 1, 4), 0, 1, 4, 5);
-      yj += __builtin_shufflevector(low, __builtin_shufflevector(cx, zero, 0, 4, 1, 4), 2, 3, 6, 7);
-      yj += __builtin_shufflevector(high, __builtin_shufflevector(cx, zero, 2, 4, 3, 4), 0, 1, 4, 5);
-      std::memcpy(to + other, &yj, sizeof(yj));
+      const Eight a = load(block, block + 9), b = load(block + 3, block + 12), c = load(block + 6, block + 15);
+      sums += times(a, b, c, load(from + at(k), from + at(k + 1)));
+      const Eight yj = transposed_times(a, b, c, xi_twice);
+      store(load(to + at(k)) + first(yj), to + at(k));
+      store(load(to + at(k + 1)) + second(yj), to + at(k + 1));
     }
-    yi += load(to + 4 * node);
-    std::memcpy(to + 4 * node, &yi, sizeof(yi));
+    if (k < end) // one is left
+    {
+      const Four a = load(block), b = load(block + 3), c = load(block + 6), ax = a * xi, bx = b * xi, cx = c * xi;
+      const float* xj = from + at(k);
+      yi += a * xj[0] + b * xj[1] + c * xj[2];
+      store(load(to + at(k)) + Four{ax[0] + ax[1] + ax[2], bx[0] + bx[1] + bx[2], cx[0] + cx[1] + cx[2]}, to + at(k));
+      block += 9;
+    }
+    store(load(to + 4 * node) + yi + first(sums) + second(sums), to + 4 * node);
   }
   for (std::size_t node = 0; node < count; ++node)
     std::copy_n(to + 4 * node, 3, y.data() + 3 * node);

@@ -500,10 +500,13 @@ def consistent_load(top: ContactSurface, pressure: Array) -> Array:
 
     solid = top.solid
     p = fem.Function(fem.functionspace(solid.mesh, ("Lagrange", 2)))
-    p.x.array[:] = pressure
+    at, nodes = p.function_space.dofmap.list, solid.V.dofmap.list
+    p.x.array[at] = pressure[nodes]
     ds = ufl.Measure("ds", solid.mesh, subdomain_data=solid.tags, subdomain_id=4)
     n = ufl.FacetNormal(solid.mesh)
     load = fem.assemble_vector(fem.form(p * n[2] * ufl.TestFunction(p.function_space) * ds))
     load.scatter_reverse(la.InsertMode.add)
     load.scatter_forward()
-    return load.array
+    out = np.empty(len(pressure))
+    out[nodes] = load.array[at]
+    return out

@@ -65,8 +65,8 @@ def shared_nodes(index_map: Any) -> tuple[Indices, list[list[int]]]:
     """Local numbers of the nodes that several ranks hold, and these ranks, in the order of their global numbers."""
     comm, rank = index_map.comm, index_map.comm.rank
     links = index_map.index_to_dest_ranks()
-    owned = [k for k in range(index_map.size_local) if len(links.links(k))]
-    numbers = index_map.local_to_global(np.array(owned, dtype=np.int32)).tolist()
+    owned = np.flatnonzero(np.diff(links.offsets)).astype(np.int32)
+    numbers = index_map.local_to_global(owned).tolist()
     holders = {n: sorted([rank, *map(int, links.links(k))]) for n, k in zip(numbers, owned, strict=True)}
     # only the owner knows all ranks that hold a node
     messages: list[dict[int, list[int]]] = [{} for _ in range(comm.size)]

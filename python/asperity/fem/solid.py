@@ -19,9 +19,9 @@ from asperity import _solver
 from asperity.arrays import Floats, Singles
 from asperity.fem.ghosts import Ghosts
 from asperity.fem.kernels import ElementKernels
+from asperity.fem.node_order import displacement_space
 from asperity.fem.sparsity import SparsityPattern
 from asperity.mesh.distribute import BASE, SIDE_X, SIDE_Y
-from asperity.mesh.element import DEGREE
 from asperity.model.material import Material
 from asperity.runtime import compat
 from asperity.runtime.timing import Phases
@@ -76,7 +76,7 @@ class Solid:
 
         self.mesh, self.tags, self.material, self.sides = mesh, tags, material, sides
         self.comm = mesh.comm
-        self.V = fem.functionspace(mesh, ("Lagrange", DEGREE, (3,)))
+        self.V = displacement_space(mesh)
         self.u = fem.Function(self.V, name="displacement")
         self.force = fem.Function(self.V, name="internal force")
         index_map = self.V.dofmap.index_map

@@ -89,6 +89,27 @@ def with_geometry(
     return dmesh.Mesh(made, domain)
 
 
+def renumbered(V: Any, dofs: npt.NDArray[np.int32], ghosts: npt.NDArray[np.int64]) -> Any:
+    """A function space like `V` whose owned dofs have other numbers; collective.
+
+    Args:
+        V: function space of dolfinx
+        dofs: new dofs of each local cell (cells, dofs per cell)
+        ghosts: new global numbers of the ghosts, in their order
+    """
+    from dolfinx import cpp, fem, graph
+
+    old, dofmap = V._cpp_object, V.dofmap
+    index_map = dofmap.index_map
+    neighbours = [np.unique(index_map.index_to_dest_ranks().array), np.unique(index_map.owners)]
+    made = cpp.common.IndexMap(V.mesh.comm, index_map.size_local, neighbours, ghosts, index_map.owners)
+    links = graph.adjacencylist(dofs)
+    links = getattr(links, "_cpp_object", links)  # since 0.10
+    made = cpp.fem.DofMap(dofmap.dof_layout, made, dofmap.index_map_bs, links, dofmap.bs)
+    shape = (old.value_shape,) if hasattr(old, "value_shape") else ()  # until 0.9
+    return fem.FunctionSpace(V.mesh, V.ufl_element(), type(old)(old.mesh, old.element, made, *shape))
+
+
 def stay(comm: Any, parts: int, kinds: Any, cells: Any) -> Any:
     """Partition of a mesh, for dolfinx, that leaves each cell on the rank that has it."""
     from dolfinx import graph
