@@ -94,7 +94,7 @@ def pieces(sizes: tuple[float, ...]) -> None:
         A.zeroRowsColumns(solid.fixed, diag=1.0)
         x, y = solid.vector(), solid.vector()
         x.array = np.random.default_rng(0).normal(size=solid.dofs)
-        single = x.array_r.astype(np.float32)
+        single = tangent.padded(x.array_r)
         product = median(A.mult, x, y), median(tangent.single_product, single)
         P = interpolation(cycle)
         galerkin = median(A.ptap, P, A.ptap(P)), median(cycle._galerkin)
@@ -213,10 +213,10 @@ def median(work: Callable[..., object], *arguments: object) -> float:
 
 def half_product(cell_nodes: Integers, x: Singles) -> float:
     """Milliseconds of a product with the upper half of a matrix whose nodes have these numbers; one process."""
-    starts, columns = SparsityPattern(cell_nodes, len(x) // 3).upper
-    blocks, work = np.ones(9 * len(columns) + 1, dtype=np.float32), np.empty((2, len(x) // 3, 4), dtype=np.float32)
-    values = x.reshape(-1, 3)
-    return median(_solver.symmetric_product, starts, columns, blocks, values, work, np.empty_like(values))
+    values = x.reshape(-1, 4)
+    starts, columns = SparsityPattern(cell_nodes, len(values)).upper
+    blocks = np.ones(9 * len(columns) + 1, dtype=np.float32)
+    return median(_solver.symmetric_product, starts, columns, blocks, values, np.empty_like(values))
 
 
 def interpolation(cycle: PMultigrid) -> Any:

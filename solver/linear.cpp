@@ -191,21 +191,16 @@ void upper_half(const Graph& indptr, const Graph& indices, const Array<const dou
 
 FOR_SEVERAL_PROCESSORS
 void symmetric_product(const Graph& indptr, const Graph& indices, const Array<const float>& blocks,
-                       const Array<const float>& x, const Array<float>& work, const Array<float>& y)
+                       const Array<const float>& x, const Array<float>& y)
 {
   expect_graph("indptr", indptr, "indices", indices);
   const std::size_t count = indptr.shape(0) - 1;
   expect("blocks", blocks, {at_least(9 * indices.shape(0) + 1)});
-  expect("x", x, {count, 3});
-  expect("work", work, {2, count, 4});
-  expect("y", y, {count, 3});
-  float *from = work.data(), *to = from + 4 * count;
-  for (std::size_t node = 0; node < count; ++node)
-    for (int i = 0; i < 4; ++i)
-    {
-      from[4 * node + i] = i < 3 ? x.data()[3 * node + i] : 0.0f;
-      to[4 * node + i] = 0.0f;
-    }
+  expect("x", x, {count, 4});
+  expect("y", y, {count, 4});
+  const float* from = x.data();
+  float* to = y.data();
+  std::fill_n(to, 4 * count, 0.0f);
   const int *starts = indptr.data(), *columns = indices.data();
   const auto at = [columns](int k) { return 4 * static_cast<std::ptrdiff_t>(columns[k]); };
   const float* block = blocks.data();
@@ -236,10 +231,10 @@ void symmetric_product(const Graph& indptr, const Graph& indices, const Array<co
       store(load(to + at(k)) + Four{ax[0] + ax[1] + ax[2], bx[0] + bx[1] + bx[2], cx[0] + cx[1] + cx[2]}, to + at(k));
       block += 9;
     }
-    store(load(to + 4 * node) + yi + first(sums) + second(sums), to + 4 * node);
+    yi += load(to + 4 * node) + first(sums) + second(sums);
+    yi[3] = 0.0f; // a product with what follows a column
+    store(yi, to + 4 * node);
   }
-  for (std::size_t node = 0; node < count; ++node)
-    std::copy_n(to + 4 * node, 3, y.data() + 3 * node);
 }
 
 void relax(const Array<const float>& image, const Array<const float>& free, const Array<const float>& scaling,

@@ -20,13 +20,13 @@ void product(const Graph& indptr, const Graph& indices, const Array<const double
 /// Blocks of the upper half row by row, the diagonal ones first in theirs, the columns of each one after the other.
 void upper_half(const Graph& indptr, const Graph& indices, const Array<const double>& values, const Array<float>& out);
 
-/// y = A x, both (nodes, 3), for the symmetric A whose upper half is given by the columns of its blocks (blocks, 9) and
-/// one float behind; the graph is that of the upper half. `work` (2, nodes, 4) is overwritten.
+/// y = A x for the symmetric A whose upper half is given by the columns of its blocks (blocks, 9) and one float behind;
+/// the graph is that of the upper half. x and y have three components and one to spare (nodes, 4), zero in y.
 void symmetric_product(const Graph& indptr, const Graph& indices, const Array<const float>& blocks,
-                       const Array<const float>& x, const Array<float>& work, const Array<float>& y);
+                       const Array<const float>& x, const Array<float>& y);
 
 /// Subtract the image of the last step from the residual at the free dofs, then step by keep * step + add * scaling *
-/// residual; all arrays have an entry per dof.
+/// residual; all arrays have the same length.
 void relax(const Array<const float>& image, const Array<const float>& free, const Array<const float>& scaling,
            float keep, float add, const Array<float>& residual, const Array<float>& step, const Array<float>& x);
 

@@ -99,8 +99,7 @@ void bind_linear(nb::module_& m)
 {
   m.def("product", &product, "indptr"_a, "indices"_a, "values"_a, "x"_a, out("y"), unlocked);
   m.def("upper_half", &upper_half, "indptr"_a, "indices"_a, "values"_a, out("out"), unlocked);
-  m.def("symmetric_product", &symmetric_product, "indptr"_a, "indices"_a, "blocks"_a, "x"_a, out("work"), out("y"),
-        unlocked);
+  m.def("symmetric_product", &symmetric_product, "indptr"_a, "indices"_a, "blocks"_a, "x"_a, out("y"), unlocked);
   m.def("relax", &relax, "image"_a, "free"_a, "scaling"_a, "keep"_a, "add"_a, out("residual"), out("step"), out("x"),
         unlocked);
   m.def("galerkin", &galerkin, "indptr"_a, "indices"_a, "values"_a, "kept"_a, "parents"_a, "coarse_indptr"_a,

@@ -108,8 +108,7 @@ def many(n: int) -> dict[str, Arguments]:
         "upper_half": dict(**graph, values=values, out=np.empty(9 * upper.sum(), dtype=np.float32)),
         "symmetric_product": dict(
             **upper_graph, blocks=np.ones(9 * upper.sum() + 1, dtype=np.float32),
-            x=u.astype(np.float32), work=np.empty((2, NODES * n, 4), dtype=np.float32),
-            y=np.empty(u.shape, dtype=np.float32),
+            x=np.ones((NODES * n, 4), dtype=np.float32), y=np.empty((NODES * n, 4), dtype=np.float32),
         ),
         "relax": dict(
             **singles, keep=0.5, add=0.5,

@@ -26,7 +26,7 @@ def test_all_ranks_that_hold_a_node_get_the_sum(coarse: BlockMesh | None) -> Non
     values = np.random.default_rng(mesh.comm.rank).normal(size=(nodes, 3)).astype(np.float32)
     ghosts = Ghosts(index_map)
     expected = ghosts.scatter_forward(ghosts.scatter_reverse(values.copy()).copy()).copy()
-    summed = SharedNodes(index_map).sum(values)
+    summed = SharedNodes(index_map, width=3).sum(values)
     np.testing.assert_allclose(summed, expected, rtol=0, atol=4e-6)
     of_owner = ghosts.scatter_forward(summed[: index_map.size_local].copy())
     np.testing.assert_array_equal(summed, of_owner)

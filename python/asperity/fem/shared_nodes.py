@@ -20,9 +20,10 @@ class SharedNodes:
 
     Args:
         index_map: of the nodes
+        width: number of values of a node
     """
 
-    def __init__(self, index_map: Any) -> None:
+    def __init__(self, index_map: Any, width: int) -> None:
         self._comm = index_map.comm
         self._ranks: list[int] = []
         if self._comm.size == 1:
@@ -32,11 +33,11 @@ class SharedNodes:
         self._ranks = sorted({rank for held in holders for rank in held})
         # which of the shared nodes each rank holds, in the same order on both sides
         self._at = [np.array([k for k, held in enumerate(holders) if r in held], dtype=np.int64) for r in self._ranks]
-        self._sent = [np.empty((len(at), 3), dtype=np.float32) for at in self._at]
-        self._received = [np.empty((len(at), 3), dtype=np.float32) for at in self._at]
+        self._sent = [np.empty((len(at), width), dtype=np.float32) for at in self._at]
+        self._received = [np.empty((len(at), width), dtype=np.float32) for at in self._at]
 
     def sum(self, values: Singles) -> Singles:
-        """Sum nodal values (nodes, 3) of all ranks, ghosts included, in place; collective."""
+        """Sum nodal values (nodes, width) of all ranks, ghosts included, in place; collective."""
         from mpi4py import MPI
 
         if not self._ranks:

@@ -48,10 +48,9 @@ class TangentOperator:
         self.solid, self._symmetric, self._single, self._keeps = solid, symmetric, symmetric and single, keeps
         self._starts, self._columns = solid.sparsity.upper
         self._blocks: Singles = np.empty(0, dtype=np.float32)
-        self._work = np.empty((2, solid.nodes, 4), dtype=np.float32)
-        self._shared = SharedNodes(solid.V.dofmap.index_map)
+        self._shared = SharedNodes(solid.V.dofmap.index_map, width=4)
         self._image = np.empty((solid.nodes, 3))
-        self._single_image = np.empty((solid.nodes, 3), dtype=np.float32)
+        self._single_image = np.empty((solid.nodes, 4), dtype=np.float32)
         self.version = 0
         self.hold(np.empty(0, dtype=np.int32))
 
@@ -97,19 +96,30 @@ class TangentOperator:
             _solver.galerkin(fine.indptr, fine.indices, self.solid.values, *onto)
 
     def single_product(self, x: Singles) -> Singles:
-        """The tangent by its upper half times dof values of all local nodes, ghosts included (3 nodes,); collective.
+        """The tangent by its upper half times dof values, both `padded`; collective.
 
         The next call overwrites the result.
         """
-        values = x.reshape(-1, 3)
-        _solver.symmetric_product(self._starts, self._columns, self._blocks, values, self._work, self._single_image)
+        _solver.symmetric_product(self._starts, self._columns, self._blocks, x.reshape(-1, 4), self._single_image)
         return self._shared.sum(self._single_image).reshape(-1)
+
+    def padded(self, owned: Floats) -> Singles:
+        """Values of all local dofs in single precision from those of the owned ones (3 owned,), collective.
+
+        A node has three and a zero (4 nodes,), a vector of the processor.
+        """
+        out = np.zeros((self.solid.nodes, 4), dtype=np.float32)
+        out[:, :3] = self.solid.ghosts.scatter_forward(owned.astype(np.float32).reshape(-1, 3))
+        return out.reshape(-1)
+
+    def unpadded(self, values: Singles) -> Floats:
+        """Values of the owned dofs (3 owned,) in double precision from padded ones."""
+        return values.reshape(-1, 4)[: self.solid.owned, :3].astype(np.float64).reshape(-1)
 
     def product(self, x: Floats) -> Floats:
         """Tangent times owned dof values (3 owned,), in the precision that PETSc uses; collective."""
         if self._single:
-            values = self.solid.ghosts.scatter_forward(x.astype(np.float32).reshape(-1, 3))
-            return self.single_product(values)[: len(x)].astype(np.float64)
+            return self.unpadded(self.single_product(self.padded(x)))
         sparsity, ghosts = self.solid.sparsity, self.solid.ghosts
         _solver.product(
             sparsity.indptr, sparsity.indices, self.solid.values, ghosts.scatter_forward(x.reshape(-1, 3)), self._image

@@ -6,7 +6,7 @@
 The coarse space is an eighth of the size, so it can be factorised where the second-order problem of the same mesh
 is far too large for that, and is set up in a fraction of the time of an algebraic hierarchy on the fine level.
 
-The fine level works in single precision, see `matrix_free.TangentOperator`.
+The fine level works in single precision, on padded values, see `matrix_free.TangentOperator`.
 """
 
 from __future__ import annotations
@@ -58,31 +58,27 @@ class PMultigrid:
         for k, ends in enumerate(node_ends()):
             self._parents[solid.V.dofmap.list[:, k]] = coarse.list[:, ends]
         self._prolongation = self._interpolation()
-        self._restriction = self._prolongation[: 3 * solid.owned].T.tocsr()
+        self._restriction = self._prolongation[: 4 * solid.owned].T.tocsr()
         self._coarse = make_coarse(coarse, solid.points[self._corners], solid.comm, symmetric)
         self._version = 0
         # free dofs of the coarse matrix, and the iterations with it per digit of the residual
         self._reusable, self._of, self._usual = False, tangent.kept, 0.0
         noise = np.random.default_rng(solid.comm.rank).normal(size=3 * solid.owned)
-        self._noise = self._with_ghosts(NOISE * noise / np.sqrt(solid.dofs))
+        self._noise = tangent.padded(NOISE * noise / np.sqrt(solid.dofs))
         supported = np.ones(3 * solid.owned)
         supported[solid.fixed] = 0.0
-        self._supported = self._with_ghosts(supported)
+        self._supported = tangent.padded(supported)
         self._extreme, self._greatest = self._noise, 0.0
 
-    def _with_ghosts(self, owned: Floats) -> Singles:
-        """Values of all local dofs in single precision from those of the owned ones; collective."""
-        return self._solid.scatter_forward(owned).ravel().astype(np.float32)
-
     def _interpolation(self) -> Any:
-        """Matrix from corner dofs to all dofs: a corner keeps its value, an edge takes the mean of its ends."""
+        """Matrix from corner dofs to padded ones: a corner keeps its value, an edge takes the mean of its ends."""
         from scipy import sparse
 
         nodes = self._solid.nodes
         half = np.full(2 * nodes, 0.5, dtype=np.float32)
         at = np.repeat(np.arange(nodes), 2), self._parents.ravel()
         local = sparse.coo_array((half, at), (nodes, len(self._corners))).tocsr()
-        return sparse.kron(local, sparse.eye_array(3, dtype=np.float32), format="csr")
+        return sparse.kron(local, sparse.eye_array(4, 3, dtype=np.float32), format="csr")
 
     def update(self, renew: bool | None = None) -> bool:
         """Adapt to the current values and free dofs of the tangent; collective.
@@ -97,14 +93,14 @@ class PMultigrid:
         from mpi4py import MPI
 
         solid, tangent = self._solid, self._tangent
-        self._free = tangent.kept.astype(np.float32).ravel()
+        self._free = tangent.padded(tangent.free)
         new = self._version != tangent.version
         if new:
             diagonal = tangent.diagonal()
             least = -solid.comm.allreduce(float(np.max(-diagonal[tangent.free > 0.0], initial=-np.inf)), op=MPI.MAX)
             if not least > 0.0:
                 return False
-            self._inverse = self._with_ghosts(1.0 / np.where(diagonal > 0.0, diagonal, 1.0))
+            self._inverse = tangent.padded(1.0 / np.where(diagonal > 0.0, diagonal, 1.0))
             self._version = tangent.version
         self._scaling = self._free * self._inverse
         if renew is None:
@@ -176,16 +172,15 @@ class PMultigrid:
 
     def apply(self, pc: Any, r: Any, z: Any) -> None:
         """One V-cycle from zero: z approximates the solution for r; called by PETSc."""
-        owned = len(r.array_r)
         x = np.zeros_like(self._free)
-        left = self._free * self._solid.ghosts.scatter_forward(r.array_r.astype(np.float32).reshape(-1, 3)).ravel()
+        left = self._free * self._tangent.padded(r.array_r)
         left -= self._free * self._smooth(x, left)
-        right = self._coarse_free * (self._restriction @ left[:owned])
+        right = self._coarse_free * (self._restriction @ left[: 4 * self._solid.owned])
         correction = self._free * (self._prolongation @ (self._coarse_free * self._coarse.solve(right)))
         x += correction
         left -= self._free * self._tangent.single_product(correction)
         self._smooth(x, left, last=True)
-        z.array = x[:owned]
+        z.array = self._tangent.unpadded(x)
 
     def _smooth(self, x: Singles, residual: Singles, last: bool = False) -> Singles:
         """Chebyshev's iteration (Saad, Iterative Methods, 2003, algorithm 12.1) on x and its residual, in place.
@@ -208,7 +203,7 @@ class PMultigrid:
 
     def _greatest_eigenvalue(self, steps: int, free: Singles) -> float:
         """Of the Jacobi-scaled matrix with those dofs free, by Lanczos' method from the last vector; collective."""
-        comm, owned = self._solid.comm, 3 * self._solid.owned
+        comm, owned = self._solid.comm, 4 * self._solid.owned
         root = np.sqrt(free * self._inverse)
 
         def dot(a: Singles, b: Singles) -> float:
