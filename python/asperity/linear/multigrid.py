@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from asperity import _solver
-from asperity.arrays import Floats, Singles
+from asperity.arrays import Singles
 from asperity.linear.coarse import make_coarse
 from asperity.linear.matrix_free import TangentOperator
 from asperity.mesh.element import node_ends
