@@ -16,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from importlib import metadata
 from pathlib import Path
+from time import perf_counter
 
 import calculix
 import numpy as np
@@ -37,6 +38,7 @@ class Run:
         force: after each load step done [E L^2]
         ended: "done", "limit" (of CPU time), or "failed" with the exit code
         limit: CPU seconds it was allowed
+        wall: seconds of the clock
     """
 
     program: str
@@ -48,35 +50,36 @@ class Run:
     force: list[float]
     ended: str
     limit: float
+    wall: float = float("nan")
 
 
 @dataclass(frozen=True)
 class Usage:
-    """CPU seconds of a process, user and system, its greatest resident memory [bytes], and how it ended (see Run)."""
+    """CPU seconds of a process, user and system, its memory [bytes], how it ended (see Run), seconds of the clock."""
 
     cpu: float
     memory: int
     ended: str
+    wall: float
 
 
-def timed(command: list[str], environment: dict[str, str], place: Path, limit: float) -> Usage:
-    """Run a command on one thread in a folder, with its output in the file `log` there."""
+def timed(command: list[str], environment: dict[str, str], place: Path, limit: float, threads: int = 1) -> Usage:
+    """Run a command on so many threads in a folder, with its output in the file `log` there."""
+    started = perf_counter()
+    variables = os.environ | {"OMP_NUM_THREADS": str(threads)} | environment
 
     def limited() -> None:
         seconds = int(np.ceil(limit))
         resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 10))
 
     with (place / "log").open("w", encoding="utf-8") as log:
-        child = subprocess.Popen(
-            command, cwd=place, env=os.environ | {"OMP_NUM_THREADS": "1"} | environment, stdout=log, stderr=log,
-            preexec_fn=limited,
-        )  # fmt: skip
+        child = subprocess.Popen(command, cwd=place, env=variables, stdout=log, stderr=log, preexec_fn=limited)
         _, status, used = os.wait4(child.pid, 0)
     child.returncode = os.waitstatus_to_exitcode(status)
     ended = "done" if child.returncode == 0 else f"failed ({child.returncode})"
     if child.returncode == -signal.SIGXCPU:
         ended = "limit"
-    return Usage(used.ru_utime + used.ru_stime, used.ru_maxrss * 1024, ended)
+    return Usage(used.ru_utime + used.ru_stime, used.ru_maxrss * 1024, ended, perf_counter() - started)
 
 
 @dataclass(frozen=True)
@@ -90,12 +93,13 @@ class Start:
 
 @dataclass(frozen=True)
 class Job:
-    """One run to make; `prepare` writes the input to a folder, and is not part of its time."""
+    """One run to make on one thread or more; `prepare` writes the input to a folder, and is not part of its time."""
 
     program: str
     material: str
     mesh: str
     prepare: Callable[[Path], Start]
+    threads: int = 1
 
     @property
     def _name(self) -> str:
@@ -115,19 +119,21 @@ class Job:
         place.mkdir(parents=True, exist_ok=True)
         start = self.prepare(place)
 
-        used = timed(start.command, start.environment, place, limit)
+        used = timed(start.command, start.environment, place, limit, self.threads)
         dofs, force = start.read()
         ended = "done"
         if len(force) < scene.STEPS:
             ended = used.ended
-        run = Run(self.program, self.material, self.mesh, dofs, used.cpu, used.memory, force, ended, limit)
+        run = Run(self.program, self.material, self.mesh, dofs, used.cpu, used.memory, force, ended, limit, used.wall)
         file = folder / "runs" / f"{self._name}.json"
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(json.dumps(asdict(run), indent=1) + "\n", encoding="utf-8")
         return run
 
 
-def _read_json(path: Path) -> Callable[[], tuple[int, list[float]]]:
+def read_json(path: Path) -> Callable[[], tuple[int, list[float]]]:
+    """Read dofs and forces from a file; nothing where there is none."""
+
     def read() -> tuple[int, list[float]]:
         if not path.exists():
             return 0, []
@@ -144,7 +150,7 @@ def asperity(material: str, by: str, value: float, steps: int = scene.STEPS) -> 
         out = place / "out.json"
         out.unlink(missing_ok=True)
         command = [sys.executable, str(HERE / "asperity_model.py"), material, by, str(value), str(steps), str(out)]
-        return Start(command, {}, _read_json(out))
+        return Start(command, {}, read_json(out))
 
     name = "asperity" if by == "size" else "asperity, by tolerance"
     return Job(name, material, f"{by} {value:g}{_in_steps(steps)}", prepare)
@@ -157,27 +163,29 @@ def _in_steps(steps: int) -> str:
 
 def calculix_grid(material: str, n: int, steps: int = scene.STEPS) -> Job:
     """n x n columns of bricks."""
-    return _calculix(
+    return calculix_deck(
         "CalculiX", material, f"{n} x {n} hex{_in_steps(steps)}", lambda at: calculix.write_grid(at, material, n, steps)
     )
 
 
 def calculix_own(material: str, h: float, steps: int = scene.STEPS) -> Job:
     """The mesh that asperity makes for elements of size h in the contact."""
-    return _calculix(
+    return calculix_deck(
         "CalculiX, mesh of asperity", material, f"C3D10, size {h:g}{_in_steps(steps)}",
         lambda at: calculix.write_own(at, material, h, steps),
     )  # fmt: skip
 
 
-def _calculix(program: str, material: str, mesh: str, write: Callable[[Path], int]) -> Job:
+def calculix_deck(program: str, material: str, mesh: str, write: Callable[[Path], int], threads: int = 1) -> Job:
+    """CalculiX with the deck that `write` makes, which returns its dofs."""
+
     def prepare(place: Path) -> Start:
         dofs = write(place / "model.inp")
         (place / "model.dat").unlink(missing_ok=True)
         command, environment = inside("bookworm", "usr/bin/ccx")
         return Start([*command, "model"], environment, lambda: (dofs, calculix.read(place / "model.dat")))
 
-    return Job(program, material, mesh, prepare)
+    return Job(program, material, mesh, prepare, threads)
 
 
 def getfem(material: str, n: int, degree: int) -> Job:
@@ -201,7 +209,7 @@ def getfem(material: str, n: int, degree: int) -> Job:
         return Start(
             [*command, str(HERE / "getfem_model.py"), "mesh.npz", "out.json"],
             {"PYTHONHOME": environment["PYTHONHOME"]},
-            _read_json(out),
+            read_json(out),
         )
 
     return Job(f"GetFEM, Q{degree}", material, f"{n} x {n} hex", prepare)
@@ -220,7 +228,7 @@ def tamaas(n: int, exact: tuple[float, float]) -> Job:
         )  # fmt: skip
         command, environment = inside("bookworm", "usr/bin/python3.11")
         out = place / "out.json"
-        return Start([*command, str(HERE / "tamaas_model.py"), "mesh.npz", "out.json"], environment, _read_json(out))
+        return Start([*command, str(HERE / "tamaas_model.py"), "mesh.npz", "out.json"], environment, read_json(out))
 
     return Job("Tamaas (half-space)", "elastic", f"{n} x {n} points", prepare)
 

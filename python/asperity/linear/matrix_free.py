@@ -48,7 +48,7 @@ class TangentOperator:
         self.solid, self._symmetric, self._single, self._keeps = solid, symmetric, symmetric and single, keeps
         self._starts, self._columns = solid.sparsity.upper
         self._blocks: Singles = np.empty(0, dtype=np.float32)
-        self._shared = SharedNodes(solid.V.dofmap.index_map, width=4)
+        self._shared = SharedNodes(solid.V.dofmap.index_map)
         self._image = np.empty((solid.nodes, 3))
         self._single_image = np.empty((solid.nodes, 4), dtype=np.float32)
         self.version = 0

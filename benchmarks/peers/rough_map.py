@@ -1,0 +1,134 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""A rough map: asperity and CalculiX on the meshes that asperity makes, elastic.
+
+    benchmarks/peers/install                          once: fetches CalculiX
+    ./run python3 benchmarks/peers/rough_map.py       [-o FOLDER] [--limit CPU_SECONDS] [H ...]
+
+The map is that of ../scan.py with 256 x 256 heights, on a block of side and height 1, pressed in ten steps to 1.2 per
+cent of contact. H are element sizes in the contact. Errors of the force are root mean squares over the steps, relative
+to the run with a tolerance of 2 %. On several cores asperity has ranks and CalculiX threads; memory is that of the
+largest process. Runs are kept as those of compare.py.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import warnings
+from pathlib import Path
+
+import calculix
+import numpy as np
+import programs
+import scene
+from mpi4py import MPI
+
+import asperity as asp
+from asperity.adaptive.extrapolation import loading_force
+from asperity.arrays import Floats
+from asperity.mesh.generate import build_block
+from asperity.mesh.size_field import SizeField
+from asperity.surface import SelfAffine
+
+DEPTH = 0.0164  # to which ../scan.py presses the elastic map, 1.2 % of contact [L]
+AT = DEPTH * np.arange(1, scene.STEPS + 1) / scene.STEPS
+STEEL = asp.Material(scene.E, scene.NU)
+SIZES = (0.04, 0.028, 0.02)
+CORES = 2
+REFERENCE, TOLERANCES = 0.02, (0.1, 0.05)
+
+
+def surface() -> SelfAffine:
+    """The map with side 1."""
+    return SelfAffine(L=1.0, H=0.8, slope=0.46, lambda_roll=0.25, lambda_short=5 / 256, seed=1)
+
+
+def model(by: str, value: float, target: str) -> None:
+    """One run of asperity: its forces, dofs and error bar go to a file."""
+    warnings.simplefilter("ignore")
+    path = {"delta_max": DEPTH, "steps": scene.STEPS}
+    if by == "size":
+        result = asp.solve_contact(surface(), STEEL, size=asp.MeshSize(value), **path)
+        curve, dofs = result.curve, result.dofs
+    else:
+        found = asp.solve_to_tolerance(surface(), STEEL, asp.AccuracyTarget(value, max_dofs=2_000_000), **path)
+        curve, dofs = found.curve, found.contact.dofs
+    force: Floats = loading_force(curve, AT) * STEEL.reduced_modulus
+    if MPI.COMM_WORLD.rank == 0:
+        Path(target).write_text(json.dumps({"force": force.tolist(), "dofs": dofs}), encoding="ascii")
+
+
+def ours(by: str, value: float, ranks: int = 1) -> programs.Job:
+    """A run of asperity in processes of its own."""
+
+    def prepare(place: Path) -> programs.Start:
+        out = place / "out.json"
+        out.unlink(missing_ok=True)
+        command = ["mpirun", "-n", str(ranks), sys.executable, __file__, "--model", by, str(value), str(out)]
+        return programs.Start(command[3 * (ranks == 1) :], {}, programs.read_json(out))
+
+    return programs.Job("asperity", "elastic map", f"{by} {value:g}{_on(ranks)}", prepare)
+
+
+def _on(cores: int) -> str:
+    """Addition to the name of a mesh where a run is on more than one core."""
+    return "" if cores == 1 else f", {cores} cores"
+
+
+def theirs(h: float, threads: int = 1) -> programs.Job:
+    """CalculiX on the mesh that asperity makes for elements of size h."""
+
+    def write(path: Path) -> int:
+        top = surface()
+        block = build_block(top, 1.0, SizeField.of(top, DEPTH, h).at)
+        x, y, z = block.points.T
+        on_top = np.abs(z - 1.0 - top.height(x, y) + top.mean()) < 1e-9
+        held = {
+            "BASE": (np.abs(z) < 1e-12, "1, 3"),
+            "XSIDES": (np.minimum(np.abs(x), np.abs(x - 1.0)) < 1e-12, "1"),
+            "YSIDES": (np.minimum(np.abs(y), np.abs(y - 1.0)) < 1e-12, "2"),
+        }
+        cells, stiffness = block.tets[:, calculix.GMSH_TO_C3D10], calculix.PENALTY / (calculix.FINEST * h)
+        calculix.write(path, calculix.Model(
+            block.points, cells, "C3D10", calculix.TET_FACES, on_top, held, STEEL, DEPTH, scene.STEPS, scene.STEPS,
+            stiffness,
+        ))  # fmt: skip
+        return 3 * len(block.points)
+
+    name = f"C3D10, size {h:g}{_on(threads)}"
+    return programs.calculix_deck("CalculiX, mesh of asperity", "elastic map", name, write, threads)
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("-o", "--output", type=Path, default=Path("out/peers"))
+    parser.add_argument("--limit", type=float, default=1800.0, help="CPU seconds after which a run is ended")
+    parser.add_argument("--model", nargs=3, help=argparse.SUPPRESS)
+    parser.add_argument("sizes", nargs="*", type=float, default=SIZES)
+    arguments = parser.parse_args()
+    if arguments.model:
+        by, value, target = arguments.model
+        model(by, float(value), target)
+        return
+    folder = arguments.output.absolute()
+    force = np.array(ours("tolerance", REFERENCE).run(folder, arguments.limit).force)
+    print("| program | mesh | dofs | CPU s | clock s | MiB | rms error of the force % |\n" + "|---" * 7 + "|")
+    jobs = [ours("tolerance", t) for t in (REFERENCE, *TOLERANCES)]
+    jobs += [ours("size", h, cores) for cores in (1, CORES) for h in arguments.sizes]
+    for job in jobs + [theirs(h, cores) for cores in (1, CORES) for h in arguments.sizes]:
+        run = job.run(folder, arguments.limit)
+        whole = len(run.force) == len(force)
+        error = f"{100 * np.sqrt(np.mean((np.array(run.force) / force - 1.0) ** 2)):.2f}" if whole else ""
+        spent = (
+            f"{run.cpu:.3g}" if run.ended == "done" else f"> {run.cpu:.3g}, {run.ended} in step {len(run.force) + 1}"
+        )
+        cells = run.program, run.mesh, run.dofs, spent, f"{run.wall:.3g}", round(run.memory / 2**20), error
+        print("| " + " | ".join(map(str, cells)) + " |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
