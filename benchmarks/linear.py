@@ -7,6 +7,7 @@
     ./run python3 benchmarks/linear.py pieces [H ...]     parts of the p-multigrid in two ways, PETSc's or other orders
     ./run python3 benchmarks/linear.py parts [H ...]      time of each part of a load path, also under mpirun -n 2
     ./run python3 benchmarks/linear.py krylov [H ...]     tolerance of the Krylov solver, elastic and elastic-plastic
+    ./run python3 benchmarks/linear.py norms [H ...]      energy norm of the residual by V-cycle and by prediction
     ./run python3 benchmarks/linear.py coarse [H ...]     ways to solve the coarse problem, also under mpirun
 
 Three large load steps to 0.03 L on one process. Seconds are CPU seconds of the load path; the part of the linear
@@ -36,6 +37,7 @@ from asperity.linear import coarse as coarse_problem
 from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.multigrid import PMultigrid
 from asperity.linear.petsc_matrix import assembled, local_matrix
+from asperity.linear.solver import Krylov
 from asperity.quasistatic.contact_result import ContactResult
 
 L = 1e-6
@@ -176,6 +178,48 @@ def krylov(sizes: tuple[float, ...]) -> None:
                 )
 
 
+def norms(sizes: tuple[float, ...]) -> None:
+    """Square of the energy norm of the residual by a V-cycle over the prediction of `Krylov`: quantiles."""
+    print("| dofs | material | iteration | residuals | 1 % | 50 % | 99 % |\n|---|---|---|---|---|---|---|")
+    for h in sizes:
+        for name, material in MATERIALS.items():
+            solves: list[list[tuple[float, float]]] = []
+            with ExitStack() as stack:
+                stack.enter_context(patch.object(PMultigrid, "apply", recorded(PMultigrid.apply, solves)))
+                stack.enter_context(patch.object(Krylov, "solve", counted(Krylov.solve, solves)))
+                dofs = demo(material, h)[0].dofs
+            found: dict[str, list[float]] = {"first": [], "later": []}
+            for energies, squares in (np.array(rows).T for rows in solves if len(rows) > 1):
+                ratios = (energies[1:] / energies[:-1]) / (squares[1:] / squares[:-1])
+                found["first"].append(ratios[0])
+                found["later"].extend(ratios[1:])
+            for which, values in found.items():
+                low, middle, high = np.quantile(values, (0.01, 0.5, 0.99))
+                print(
+                    f"| {dofs} | {name} | {which} | {len(values)} | {low:.2f} | {middle:.2f} | {high:.2f} |", flush=True
+                )
+
+
+def recorded(cycle: Callable[..., None], solves: list[list[tuple[float, float]]]) -> Callable[..., None]:
+    """The V-cycle, which also notes r.z and r.r of the last solution; one process."""
+
+    def call(multigrid: PMultigrid, pc: Any, r: Any, z: Any) -> None:
+        cycle(multigrid, pc, r, z)
+        solves[-1].append((multigrid.energy, float(r.array_r @ r.array_r)))
+
+    return call
+
+
+def counted(solve: Callable[..., Any], solves: list[list[tuple[float, float]]]) -> Callable[..., Any]:
+    """The solution of a system, which also starts a list."""
+
+    def call(*arguments: Any) -> Any:
+        solves.append([])
+        return solve(*arguments)
+
+    return call
+
+
 def coarse(sizes: tuple[float, ...]) -> None:
     """Iterations and time with the ways to solve the coarse problem, elastic; also under mpirun."""
     limits: dict[str, dict[str, Any]] = {
@@ -256,6 +300,7 @@ if __name__ == "__main__":
         "pieces": (pieces, (0.08, 0.04)),
         "parts": (parts, (0.05,)),
         "krylov": (krylov, (0.05,)),
+        "norms": (norms, (0.1, 0.05)),
         "coarse": (coarse, (0.1, 0.05, 0.022)),
     }
     job, sizes = jobs.get("".join(sys.argv[1:2]), (main, SIZES))

@@ -40,6 +40,9 @@ class PMultigrid:
     Args:
         tangent: operator to precondition
         symmetric: whether it is symmetric; the smoother treats any operator as if it were
+
+    Attributes:
+        energy: this rank's part of the product of the last residual and what the V-cycle made of it
     """
 
     def __init__(self, tangent: TangentOperator, symmetric: bool = True) -> None:
@@ -60,7 +63,7 @@ class PMultigrid:
         self._prolongation = self._interpolation()
         self._restriction = self._prolongation[: 4 * solid.owned].T.tocsr()
         self._coarse = make_coarse(coarse, solid.points[self._corners], solid.comm, symmetric)
-        self._version = 0
+        self._version, self.energy = 0, 0.0
         # free dofs of the coarse matrix, and the iterations with it per digit of the residual
         self._reusable, self._of, self._usual = False, tangent.kept, 0.0
         noise = np.random.default_rng(solid.comm.rank).normal(size=3 * solid.owned)
@@ -181,6 +184,7 @@ class PMultigrid:
         left -= self._free * self._tangent.single_product(correction)
         self._smooth(x, left, last=True)
         z.array = self._tangent.unpadded(x)
+        self.energy = float(r.array_r @ z.array_r)
 
     def _smooth(self, x: Singles, residual: Singles, last: bool = False) -> Singles:
         """Chebyshev's iteration (Saad, Iterative Methods, 2003, algorithm 12.1) on x and its residual, in place.
