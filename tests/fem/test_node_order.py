@@ -63,6 +63,10 @@ def test_nodes_around_a_corner_follow_one_another() -> None:
     assert reads(new[cell_nodes], nodes) < 0.6 * reads(cell_nodes, nodes)
 
 
+def test_a_rank_without_cells_has_an_order_too() -> None:
+    assert cuthill_mckee(np.empty((0, 10), dtype=np.int32), 3).tolist() == [0, 1, 2]
+
+
 def reads(cell_nodes: Integers, nodes: int) -> int:
     """Lines of four nodes that a product with the upper half reads, but those among its last 100 reads."""
     lines = SparsityPattern(cell_nodes, nodes).upper[1] // 4

@@ -47,6 +47,8 @@ def cuthill_mckee(cell_nodes: Integers, nodes: int) -> Indices:
     from scipy import sparse
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
+    if not len(cell_nodes):  # a rank may have none
+        return np.arange(nodes)
     corners, at = np.unique(cell_nodes[:, :4], return_inverse=True)
     at, cells = at.reshape(-1, 4), len(cell_nodes)
     entries = np.ones(at.size, dtype=np.int8), at.ravel(), np.arange(0, at.size + 1, 4)

@@ -104,7 +104,7 @@ class TangentOperator:
         return self._shared.sum(self._single_image).reshape(-1)
 
     def padded(self, owned: Floats) -> Singles:
-        """Values of all local dofs in single precision from those of the owned ones (3 owned,), collective.
+        """Values of all local dofs in single precision from those of the owned ones (3 owned,); collective.
 
         A node has three and a zero (4 nodes,), a vector of the processor.
         """
