@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Indices, Singles
+from asperity.runtime import compat
 
 
 class SharedNodes:
@@ -66,7 +67,7 @@ class SharedNodes:
 def shared_nodes(index_map: Any) -> tuple[Indices, list[list[int]]]:
     """Local numbers of the nodes that several ranks hold, and these ranks, in the order of their global numbers."""
     comm, rank = index_map.comm, index_map.comm.rank
-    links = index_map.index_to_dest_ranks()
+    links = compat.ghost_holders(index_map)
     owned = np.flatnonzero(np.diff(links.offsets)).astype(np.int32)
     numbers = index_map.local_to_global(owned).tolist()
     holders = {n: sorted([rank, *map(int, links.links(k))]) for n, k in zip(numbers, owned, strict=True)}
