@@ -9,7 +9,7 @@
 #include <vector>
 
 // A function is compiled for newer processors as well, and the one that fits is taken at the start.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__AVX2__)
+#if defined(__x86_64__) && defined(__GLIBC__) && !defined(__clang__) && !defined(__AVX2__)
 #define FOR_SEVERAL_PROCESSORS __attribute__((target_clones("arch=x86-64-v3", "default")))
 #else
 #define FOR_SEVERAL_PROCESSORS
@@ -31,16 +31,19 @@ Four load(const float* at)
 
 void store(Four value, float* at) { std::memcpy(at, &value, sizeof(value)); }
 
-Eight join(Four one, Four other) { return __builtin_shufflevector(one, other, 0, 1, 2, 3, 4, 5, 6, 7); }
+[[gnu::always_inline]] inline Eight join(Four one, Four other)
+{
+  return __builtin_shufflevector(one, other, 0, 1, 2, 3, 4, 5, 6, 7);
+}
 
-Eight load(const float* one, const float* other) { return join(load(one), load(other)); }
+[[gnu::always_inline]] inline Eight load(const float* one, const float* other) { return join(load(one), load(other)); }
 
-Four first(Eight pair) { return __builtin_shufflevector(pair, pair, 0, 1, 2, 3); }
+[[gnu::always_inline]] inline Four first(Eight pair) { return __builtin_shufflevector(pair, pair, 0, 1, 2, 3); }
 
-Four second(Eight pair) { return __builtin_shufflevector(pair, pair, 4, 5, 6, 7); }
+[[gnu::always_inline]] inline Four second(Eight pair) { return __builtin_shufflevector(pair, pair, 4, 5, 6, 7); }
 
 /// The columns a, b, c of two blocks times vectors.
-Eight times(Eight a, Eight b, Eight c, Eight x)
+[[gnu::always_inline]] inline Eight times(Eight a, Eight b, Eight c, Eight x)
 {
   return a * __builtin_shufflevector(x, x, 0, 0, 0, 0, 4, 4, 4, 4)
          + b * __builtin_shufflevector(x, x, 1, 1, 1, 1, 5, 5, 5, 5)
@@ -48,7 +51,7 @@ Eight times(Eight a, Eight b, Eight c, Eight x)
 }
 
 /// The inner products of vectors with the columns a, b, c of two blocks: their terms sorted by component, and added.
-Eight transposed_times(Eight a, Eight b, Eight c, Eight x)
+[[gnu::always_inline]] inline Eight transposed_times(Eight a, Eight b, Eight c, Eight x)
 {
   const Eight ax = a * x, bx = b * x, cx = c * x, zero{};
   const Eight ab = __builtin_shufflevector(ax, bx, 0, 8, 1, 9, 4, 12, 5, 13);

@@ -5,6 +5,10 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -15,6 +19,28 @@ from asperity.fem.sparsity import SparsityPattern
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
 from asperity.mesh.element import node_ends
+
+#: Ghosts on more ranks than the tests run on, where a rank may hold nodes that it shares with some of the others only.
+GHOSTS = """
+import numpy as np
+from dolfinx.mesh import create_unit_cube
+from mpi4py import MPI
+from asperity.fem.ghosts import Ghosts
+from asperity.fem.node_order import displacement_space
+
+for n in (2, 3, 4):
+    V = displacement_space(create_unit_cube(MPI.COMM_WORLD, n, n, n))
+    points, owned = V.tabulate_dof_coordinates(), V.dofmap.index_map.size_local
+    found = Ghosts(V.dofmap.index_map).scatter_forward(points[:owned].copy())
+    assert np.allclose(found, points, rtol=0, atol=1e-14)
+"""
+
+
+@pytest.mark.skipif(shutil.which("mpirun") is None, reason="there is no mpirun")
+def test_ghosts_have_the_numbers_of_their_owners_on_four_ranks() -> None:
+    command = ["mpirun", "--oversubscribe", "--bind-to", "none", "-n", "4", sys.executable, "-c", GHOSTS]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.mpi

@@ -38,7 +38,7 @@ def cuthill_mckee(cell_nodes: Integers, nodes: int) -> Indices:
     """Order of the nodes of second-order tetrahedra (nodes,): that of the corners, and edges where both ends are known.
 
     The corners are in the reverse order of Cuthill & McKee (Proc. 24th Nat. Conf. ACM (1969) 157). A node on an edge
-    follows the later of its ends, so the nodes around a corner lie one after the other.
+    comes just before the later of its ends, so the nodes around a corner lie one after the other.
 
     Args:
         cell_nodes: nodes of each cell in the order of dolfinx (cells, 10)

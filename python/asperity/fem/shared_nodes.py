@@ -68,7 +68,7 @@ def shared_nodes(index_map: Any) -> tuple[Indices, list[list[int]]]:
     """Local numbers of the nodes that several ranks hold, and these ranks, in the order of their global numbers."""
     comm, rank = index_map.comm, index_map.comm.rank
     links = compat.ghost_holders(index_map)
-    owned = np.flatnonzero(np.diff(links.offsets)).astype(np.int32)
+    owned = np.flatnonzero(np.diff(links.offsets[: index_map.size_local + 1])).astype(np.int32)
     numbers = index_map.local_to_global(owned).tolist()
     holders = {n: sorted([rank, *map(int, links.links(k))]) for n, k in zip(numbers, owned, strict=True)}
     # only the owner knows all ranks that hold a node

@@ -50,8 +50,8 @@ class LinearSolver:
         operator: the tangent as a matrix of PETSc
         rescue: whether systems are factorised because the solver failed in this step
         rescued: number of systems factorised for that reason
-        left: energy of the error of the last solution, the square of the energy norm of the residual; 0 after a
-            factorisation
+        left: energy of the error of the last solution, the square of the energy norm of the residual, as CG predicts
+            it; 0 after a factorisation
 
     Raises:
         InputError: unknown kind
@@ -140,6 +140,8 @@ class Krylov:
         self._ksp.setOptionsPrefix(PREFIX)
         self._ksp.setType("cg" if symmetric else "gmres")
         self._ksp.setTolerances(max_it=ITERATIONS)
+        if symmetric:  # of the methods that a user may set instead
+            self._ksp.setNormType(PETSc.KSP.NormType.NATURAL)
         pc = self._ksp.getPC()
         pc.setType("python")
         pc.setPythonContext(self._multigrid)
@@ -198,6 +200,7 @@ class Krylov:
             self.left = 0.0
             return int(reasons.CONVERGED_ATOL)
         if iteration == 0:
+            self.left = np.inf
             return int(reasons.ITERATING)
         energy = self._solid.comm.allreduce(self._multigrid.energy)
         if not energy > 0.0:
@@ -207,7 +210,7 @@ class Krylov:
         self.left = energy * (norm / before) ** 2
         if self.left <= max(ksp.rtol**2 * self._first, ksp.atol**2):
             return int(reasons.CONVERGED_RTOL)
-        return int(reasons.ITERATING if iteration < ITERATIONS else reasons.DIVERGED_MAX_IT)
+        return int(reasons.ITERATING if iteration < ksp.max_it else reasons.DIVERGED_MAX_IT)
 
 
 class Assembled:

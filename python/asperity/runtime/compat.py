@@ -90,7 +90,7 @@ def with_geometry(
 
 
 def ghost_holders(index_map: Any) -> Any:
-    """Ranks that hold each owned index as a ghost, an adjacency list of dolfinx; collective."""
+    """Other ranks that hold each local index, an adjacency list of dolfinx; of a ghost, ranks apart from its own."""
     try:
         return index_map.index_to_dest_ranks()
     except TypeError:  # since 0.11 with a tag of its messages
@@ -108,12 +108,14 @@ def renumbered(V: Any, dofs: npt.NDArray[np.int32], ghosts: npt.NDArray[np.int64
     from dolfinx import cpp, fem, graph
 
     old, dofmap = V._cpp_object, V.dofmap
-    index_map = dofmap.index_map
-    neighbours = [np.unique(ghost_holders(index_map).array), np.unique(index_map.owners)]
-    made = cpp.common.IndexMap(V.mesh.comm, index_map.size_local, neighbours, ghosts, index_map.owners)
+    owned = V.mesh.comm, dofmap.index_map.size_local, ghosts, dofmap.index_map.owners
+    try:
+        index_map = cpp.common.IndexMap(*owned)
+    except TypeError:  # since 0.11 with a tag of its messages
+        index_map = cpp.common.IndexMap(*owned, 0)
     links = graph.adjacencylist(dofs)
     links = getattr(links, "_cpp_object", links)  # since 0.10
-    made = cpp.fem.DofMap(dofmap.dof_layout, made, dofmap.index_map_bs, links, dofmap.bs)
+    made = cpp.fem.DofMap(dofmap.dof_layout, index_map, dofmap.index_map_bs, links, dofmap.bs)
     shape = (old.value_shape,) if hasattr(old, "value_shape") else ()  # until 0.9
     return fem.FunctionSpace(V.mesh, V.ufl_element(), type(old)(old.mesh, old.element, made, *shape))
 
