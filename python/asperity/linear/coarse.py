@@ -22,7 +22,7 @@ from asperity.linear.petsc_matrix import NodeMatrix, set_rigid_modes
 from asperity.linear.petsc_options import GAMG, set_defaults
 from asperity.linear.substructures import Substructures, interface_of
 
-DIRECT_LIMIT = 400_000  # coarse dofs up to which they are factorised
+DIRECT_LIMIT = 450_000  # coarse dofs up to which they are factorised
 GENERAL_LIMIT = 60_000  # the same where the matrix is not symmetric
 INTERFACE_LIMIT = 6_000  # dofs of the interface up to which it is by substructures
 INTERFACE_SHARE = 1 / 6  # of all coarse dofs, up to which the dense interface costs less than the factors of the whole
