@@ -17,7 +17,6 @@
 
 #include <cstdint>
 #include <utility>
-#include <vector>
 
 namespace asperity
 {

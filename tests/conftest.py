@@ -28,6 +28,8 @@ from asperity.surface import Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 
 ELASTIC = Material(1.0, 0.3)
 PLASTIC = Material(1.0, 0.3, 0.005, 0.05)
+#: Start of a command on several ranks, also on more of them than there are cores.
+MPIRUN = ("mpirun", "--oversubscribe", "--bind-to", "none", "-n")
 
 
 def make_curve(**header: object) -> Curve:

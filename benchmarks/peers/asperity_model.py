@@ -9,30 +9,45 @@ python3 asperity_model.py MATERIAL tolerance T STEPS OUT.json   driven by a tole
 
 import json
 import sys
+from pathlib import Path
 
 import scene
+from mpi4py import MPI
 
 import asperity as asp
 from asperity.adaptive.extrapolation import loading_force
-from asperity.adaptive.solve_to_tolerance import solve_to_tolerance
-from asperity.model.settings import Goal
+from asperity.arrays import Floats
+from asperity.surface import Surface
 
 
-def main(material: str, by: str, value: str, steps: str, target: str) -> None:
-    """Solve and keep the forces."""
-    law = scene.MATERIALS[material]
+def solve(
+    top: Surface, law: asp.Material, depth: float, at: Floats, by: str, value: float, steps: int, target: Path
+) -> None:
+    """Press a surface, and keep forces and dofs in a file; collective.
+
+    Args:
+        top: surface with side 1
+        law: material with E = 1
+        depth: of the flat [L]
+        at: approaches of the forces [L]
+        by: "size" or "tolerance"
+        value: of it
+        steps: planned ones
+        target: the file
+    """
     if by == "size":
-        size = asp.MeshSize(float(value))
-        result = asp.solve_contact(scene.surface(), law, delta_max=scene.DELTA, steps=int(steps), size=size)
+        result = asp.solve_contact(top, law, delta_max=depth, steps=steps, size=asp.MeshSize(value))
         curve, dofs = result.curve, result.dofs
     else:
-        goal = Goal(float(value))
-        found = solve_to_tolerance(scene.surface(), law, goal, delta_max=scene.DELTA, steps=int(steps))
-        curve, dofs = found.curve, found.levels[-1].dofs
-    force = loading_force(curve, scene.AT) * law.reduced_modulus
-    with open(target, "w", encoding="ascii") as out:
-        json.dump({"force": force.tolist(), "dofs": dofs}, out)
+        goal = asp.AccuracyTarget(value, max_dofs=2_000_000)
+        found = asp.solve_to_tolerance(top, law, goal, delta_max=depth, steps=steps)
+        curve, dofs = found.curve, found.contact.dofs
+    force = loading_force(curve, at) * law.reduced_modulus
+    if MPI.COMM_WORLD.rank == 0:
+        target.write_text(json.dumps({"force": force.tolist(), "dofs": dofs}), encoding="ascii")
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    material, by, value, steps, target = sys.argv[1:]
+    law = scene.MATERIALS[material]
+    solve(scene.surface(), law, scene.DELTA, scene.AT, by, float(value), int(steps), Path(target))

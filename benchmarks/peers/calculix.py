@@ -22,9 +22,11 @@ import asperity as asp
 from asperity.arrays import Floats
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
+from asperity.surface import Surface
 
 Ints = npt.NDArray[np.int64]
 Faces = list[tuple[int, ...]]
+Mesh = tuple[Floats, Ints, str, Faces]  # points, cells, element and faces of a `Model`
 
 STRESS = 200e3  # E in the deck [MPa], lengths in units of L
 PENALTY = 10.0  # stiffness of the contact, times E over the size of the smallest elements on the top
@@ -71,22 +73,29 @@ class Model:
 
 
 def write_grid(path: Path, material: str, n: int, steps: int) -> int:
-    """Deck of a structured mesh of n x n columns of bricks; returns its dofs."""
+    """Deck of the scene with a structured mesh of n x n columns of bricks; returns its dofs."""
     nodes = scene.grid(n)
-    return _write(path, material, nodes.reshape(-1, 3), scene.bricks(nodes), "C3D8", HEX_FACES, 1.0 / n, steps)
+    mesh = nodes.reshape(-1, 3), scene.bricks(nodes), "C3D8", HEX_FACES
+    return _write(path, mesh, scene.surface(), scene.MATERIALS[material], scene.DELTA, steps, 1.0 / n)
 
 
-def write_own(path: Path, material: str, h: float, steps: int) -> int:
-    """Deck of the mesh that asperity makes for elements of size h in the contact; returns its dofs."""
-    top = scene.surface()
-    block = build_block(top, 1.0, SizeField.of(top, scene.DELTA, h).at)
-    return _write(path, material, block.points, block.tets[:, GMSH_TO_C3D10], "C3D10", TET_FACES, FINEST * h, steps)
+def write_own(path: Path, top: Surface, law: asp.Material, depth: float, steps: int, h: float) -> int:
+    """Deck of the mesh that asperity makes for elements of size h in the contact; returns its dofs.
+
+    Args:
+        path: of the deck
+        top: surface with side 1
+        law: material with E = 1
+        depth, steps: see `Model`
+        h: size of the elements
+    """
+    block = build_block(top, 1.0, SizeField.of(top, depth, h).at)
+    mesh = block.points, block.tets[:, GMSH_TO_C3D10], "C3D10", TET_FACES
+    return _write(path, mesh, top, law, depth, steps, FINEST * h)
 
 
-def _write(
-    path: Path, material: str, points: Floats, cells: Ints, element: str, faces: Faces, h: float, steps: int
-) -> int:
-    top = scene.surface()
+def _write(path: Path, mesh: Mesh, top: Surface, law: asp.Material, depth: float, steps: int, h: float) -> int:
+    points, cells, element, faces = mesh
     x, y, z = points.T
     held = {
         "BASE": (np.abs(z) < 1e-12, "1, 3"),
@@ -94,7 +103,6 @@ def _write(
         "YSIDES": (np.minimum(np.abs(y), np.abs(y - 1.0)) < 1e-12, "2"),
     }
     on_top = np.abs(z - 1.0 - top.height(x, y) + top.mean()) < 1e-9
-    law, depth = scene.MATERIALS[material], scene.DELTA
     write(path, Model(points, cells, element, faces, on_top, held, law, depth, steps, scene.STEPS, PENALTY / h))
     return 3 * len(points)
 

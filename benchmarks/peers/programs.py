@@ -66,7 +66,8 @@ class Usage:
 def timed(command: list[str], environment: dict[str, str], place: Path, limit: float, threads: int = 1) -> Usage:
     """Run a command on so many threads in a folder, with its output in the file `log` there."""
     started = perf_counter()
-    variables = os.environ | {"OMP_NUM_THREADS": str(threads)} | environment
+    # bytecode is kept, as it is for users
+    variables = os.environ | {"OMP_NUM_THREADS": str(threads), "PYTHONDONTWRITEBYTECODE": ""} | environment
 
     def limited() -> None:
         seconds = int(np.ceil(limit))
@@ -172,7 +173,7 @@ def calculix_own(material: str, h: float, steps: int = scene.STEPS) -> Job:
     """The mesh that asperity makes for elements of size h in the contact."""
     return calculix_deck(
         "CalculiX, mesh of asperity", material, f"C3D10, size {h:g}{_in_steps(steps)}",
-        lambda at: calculix.write_own(at, material, h, steps),
+        lambda at: calculix.write_own(at, scene.surface(), scene.MATERIALS[material], scene.DELTA, steps, h),
     )  # fmt: skip
 
 

@@ -15,22 +15,17 @@ largest process. Runs are kept as those of compare.py.
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import warnings
 from pathlib import Path
 
+import asperity_model
 import calculix
 import numpy as np
 import programs
 import scene
-from mpi4py import MPI
 
 import asperity as asp
-from asperity.adaptive.extrapolation import loading_force
-from asperity.arrays import Floats
-from asperity.mesh.generate import build_block
-from asperity.mesh.size_field import SizeField
 from asperity.surface import SelfAffine
 
 DEPTH = 0.0164  # to which ../scan.py presses the elastic map, 1.2 % of contact [L]
@@ -44,21 +39,6 @@ REFERENCE, TOLERANCES = 0.02, (0.1, 0.05)
 def surface() -> SelfAffine:
     """The map with side 1."""
     return SelfAffine(L=1.0, H=0.8, slope=0.46, lambda_roll=0.25, lambda_short=5 / 256, seed=1)
-
-
-def model(by: str, value: float, target: str) -> None:
-    """One run of asperity: its forces, dofs and error bar go to a file."""
-    warnings.simplefilter("ignore")
-    path = {"delta_max": DEPTH, "steps": scene.STEPS}
-    if by == "size":
-        result = asp.solve_contact(surface(), STEEL, size=asp.MeshSize(value), **path)
-        curve, dofs = result.curve, result.dofs
-    else:
-        found = asp.solve_to_tolerance(surface(), STEEL, asp.AccuracyTarget(value, max_dofs=2_000_000), **path)
-        curve, dofs = found.curve, found.contact.dofs
-    force: Floats = loading_force(curve, AT) * STEEL.reduced_modulus
-    if MPI.COMM_WORLD.rank == 0:
-        Path(target).write_text(json.dumps({"force": force.tolist(), "dofs": dofs}), encoding="ascii")
 
 
 def ours(by: str, value: float, ranks: int = 1) -> programs.Job:
@@ -82,21 +62,7 @@ def theirs(h: float, threads: int = 1) -> programs.Job:
     """CalculiX on the mesh that asperity makes for elements of size h."""
 
     def write(path: Path) -> int:
-        top = surface()
-        block = build_block(top, 1.0, SizeField.of(top, DEPTH, h).at)
-        x, y, z = block.points.T
-        on_top = np.abs(z - 1.0 - top.height(x, y) + top.mean()) < 1e-9
-        held = {
-            "BASE": (np.abs(z) < 1e-12, "1, 3"),
-            "XSIDES": (np.minimum(np.abs(x), np.abs(x - 1.0)) < 1e-12, "1"),
-            "YSIDES": (np.minimum(np.abs(y), np.abs(y - 1.0)) < 1e-12, "2"),
-        }
-        cells, stiffness = block.tets[:, calculix.GMSH_TO_C3D10], calculix.PENALTY / (calculix.FINEST * h)
-        calculix.write(path, calculix.Model(
-            block.points, cells, "C3D10", calculix.TET_FACES, on_top, held, STEEL, DEPTH, scene.STEPS, scene.STEPS,
-            stiffness,
-        ))  # fmt: skip
-        return 3 * len(block.points)
+        return calculix.write_own(path, surface(), STEEL, DEPTH, scene.STEPS, h)
 
     name = f"C3D10, size {h:g}{_on(threads)}"
     return programs.calculix_deck("CalculiX, mesh of asperity", "elastic map", name, write, threads)
@@ -111,11 +77,14 @@ def main() -> None:
     parser.add_argument("sizes", nargs="*", type=float, default=SIZES)
     arguments = parser.parse_args()
     if arguments.model:
+        warnings.simplefilter("ignore")
         by, value, target = arguments.model
-        model(by, float(value), target)
+        asperity_model.solve(surface(), STEEL, DEPTH, AT, by, float(value), scene.STEPS, Path(target))
         return
     folder = arguments.output.absolute()
     force = np.array(ours("tolerance", REFERENCE).run(folder, arguments.limit).force)
+    if len(force) < scene.STEPS:
+        sys.exit(f"the reference has {len(force)} of {scene.STEPS} forces: raise --limit")
     print("| program | mesh | dofs | CPU s | clock s | MiB | rms error of the force % |\n" + "|---" * 7 + "|")
     jobs = [ours("tolerance", t) for t in (REFERENCE, *TOLERANCES)]
     jobs += [ours("size", h, cores) for cores in (1, CORES) for h in arguments.sizes]

@@ -17,6 +17,7 @@ from typing import Any
 import click
 import numpy as np
 import pytest
+from conftest import MPIRUN
 from made_up_run import write_run
 
 from asperity.cli import OLD_NAMES, group, main
@@ -289,9 +290,20 @@ def test_importing_the_command_line_is_light() -> None:
     assert done.stdout.strip() == "[]"
 
 
+def test_a_run_loads_the_vibration_only_when_it_is_requested() -> None:
+    """It would take more time than everything else before the first stage."""
+    later = "asperity.dynamics", "scipy.stats", "scipy.optimize", "matplotlib", "gmsh", "dolfinx"
+    code = (
+        "import sys; from asperity import Case, run_case\n"
+        f"Case.load({DEMO!r}); print([m for m in {later!r} if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
 def parallel(code: str) -> subprocess.CompletedProcess[str]:
     """Run Python code on two ranks, started afresh."""
-    command = ["mpirun", "--oversubscribe", "-n", "2", sys.executable, "-c", code]
+    command = [*MPIRUN, "2", sys.executable, "-c", code]
     return subprocess.run(command, capture_output=True, text=True, timeout=100)
 
 

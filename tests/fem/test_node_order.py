@@ -11,6 +11,7 @@ import sys
 
 import numpy as np
 import pytest
+from conftest import MPIRUN
 
 from asperity.arrays import Integers
 from asperity.fem.ghosts import Ghosts
@@ -38,7 +39,7 @@ for n in (2, 3, 4):
 
 @pytest.mark.skipif(shutil.which("mpirun") is None, reason="there is no mpirun")
 def test_ghosts_have_the_numbers_of_their_owners_on_four_ranks() -> None:
-    command = ["mpirun", "--oversubscribe", "--bind-to", "none", "-n", "4", sys.executable, "-c", GHOSTS]
+    command = [*MPIRUN, "4", sys.executable, "-c", GHOSTS]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
 

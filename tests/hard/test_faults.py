@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import MPIRUN
 
 from asperity.curve import Curve
 
@@ -43,7 +44,6 @@ unload = true
 """
 # tests of other modules may have started MPI in this process; its children must not join that job
 CLEAN = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_COMM", "PMIX_", "PRTE_", "PMI_"))}
-MPIRUN = ("mpirun", "--oversubscribe", "--bind-to", "none", "-n")
 needs_mpirun = pytest.mark.skipif(shutil.which("mpirun") is None, reason="there is no mpirun")
 
 # Breaks something on one rank after some calls, then runs the command line.

@@ -19,8 +19,6 @@ from asperity.quasistatic.checkpoint_files import read_shares, scan, write_share
 from asperity.runtime import shares
 from asperity.runtime.shares import Share, look_up, look_up_some, pieces, places, share, share_some
 
-MPIRUN = ("mpirun", "--oversubscribe", "--bind-to", "none", "-n")
-
 
 def world() -> Any:
     from mpi4py import MPI
@@ -162,6 +160,8 @@ def write_and_read_on(folder: Path, most: int) -> None:
 
 @pytest.mark.skipif(shutil.which("mpirun") is None, reason="there is no mpirun")
 def test_one_to_four_ranks_write_the_same_file_and_read_those_of_the_others(tmp_path: Path) -> None:
+    from conftest import MPIRUN  # the ranks, which import this module, do not find it
+
     code = f"from test_shares import *; write_and_read_on(Path({str(tmp_path)!r}), 4)"
     command = (*MPIRUN, "4", sys.executable, "-c", code)
     done = subprocess.run(command, cwd=Path(__file__).parent, capture_output=True, text=True, timeout=120)

@@ -143,8 +143,9 @@ def test_ridges_1_to_M_leave_out_the_first_row_of_the_same_phases():
 def test_grid_and_points_agree(name):
     surface = SURFACES[name]
     s = np.linspace(0, surface.L, 33)
-    x, y = s[None, :], s[:, None]
+    x, y = np.meshgrid(s, s)
     pairs: list[tuple[np.ndarray, np.ndarray]] = [(surface.grid(33), surface.height(x, y))]
+    pairs.append((surface.height(s[None, :], s[:, None]), pairs[0][1]))
     pairs += zip(surface.grid_gradient(33), surface.gradient(x, y), strict=True)
     pairs += zip(surface.grid_hessian(33), surface.hessian(x, y), strict=True)
     for grid, points in pairs:

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import PchipInterpolator
 
 from asperity.adaptive.mesh_plan import bar_share, extrapolate_mesh, scatter
 from asperity.adaptive.roughness import AREA_BAR, FORCE_BAR, Omission
@@ -201,6 +200,8 @@ def loading_force(curve: Curve, delta_star: Floats) -> Floats:
     Raises:
         InputError: no step has a force
     """
+    from scipy.interpolate import PchipInterpolator
+
     branch = curve.loading()
     branch = branch.where(branch.P_star > 0.0)
     if not len(branch):

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from asperity.case.schema import DRIVERS, DynamicsSection, Input, JointSection, LoopsSection, SelfAffineSection, show
-from asperity.dynamics.joint import EXCLUSIVE
 from asperity.errors import InputError
 from asperity.model.settings import H_CONTACT, H_MAX, gamma_too_small, no_rotations, penalty_too_soft, wrong_friction
 
@@ -94,6 +93,8 @@ def check_together(case: Input) -> None:
 
 
 def _check_joint(case: Input, joint: JointSection) -> None:
+    from asperity.dynamics.joint import EXCLUSIVE
+
     for one, other in EXCLUSIVE:
         if getattr(joint, one) is not None and getattr(joint, other) is not None:
             _refuse(f"joint.{one}", f"and joint.{other} are both given; give one of them")

@@ -43,17 +43,18 @@ def command(
     OUT receives case.toml (the completed input), curve.csv (force against approach), summary.json and, if the case
     requests them, dynamics, figures, fields and report.html.
     """
-    from asperity import run_case
     from asperity.case import Case
+
+    load = partial(Case.load, case_file, overrides)
+    if (code := options.start_ranks(ranks, load, _most_ranks, quiet)) is not None:
+        return code
+    from asperity import run_case
     from asperity.output.assumption import doubtful
     from asperity.output.friction_bounds import bounds_line
     from asperity.output.results import Results
     from asperity.output.verdict import verdict
     from asperity.runtime.run_folder import REPORT
 
-    load = partial(Case.load, case_file, overrides)
-    if (code := options.start_ranks(ranks, load, _most_ranks, quiet)) is not None:
-        return code
     case = load()
     folder = Path(output) if output else Path("out") / Path(case_file).stem
     progress = make_progress(quiet)

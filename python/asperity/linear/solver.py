@@ -91,7 +91,7 @@ class LinearSolver:
             rows: owned dofs to be zero in addition to the prescribed ones, which come last
             values: of the prescribed dofs, for the last rows
             y: receives the solution
-            rtol: relative tolerance of the iterative solvers, in the energy norm
+            rtol: relative tolerance of the iterative solvers: CG takes the energy norm as it predicts it
             atol: absolute one, sufficient as well
 
         Returns:

@@ -12,12 +12,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import exp, inf, pi, sqrt
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from asperity.case.validation import edge_of_summit
 from asperity.curve import UNRESOLVED, Curve
-from asperity.dynamics.joint import Numbers
 from asperity.mesh.resolution import ELEMENTS, ONE_MESH, SHARE, unresolved_height
 from asperity.model.problem import Problem
 from asperity.output.assumption import Assumption
@@ -30,6 +30,9 @@ from asperity.reference import (
     stickiness,
     tabor_parameter,
 )
+
+if TYPE_CHECKING:
+    from asperity.dynamics.joint import Numbers
 
 FLAT = 1e-12  # depth below which a surface counts as a plane [L]
 #: Strain up to which small-strain theory applies. The engineering strain e and the logarithmic strain ln(1 + e) have a

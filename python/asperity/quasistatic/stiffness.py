@@ -310,9 +310,8 @@ class _Translation:
     def force(self, w: Floats, near: float | None) -> tuple[float, Floats]:
         """Force of the flat [E L], NaN where the linear solver fails, and displacement, from a start (owned, 3).
 
-        The iterates of CG minimise the energy: it falls by the work of the residual on the correction, and has left to
-        fall what the preconditioner makes of the last residual. Each pass is as loose as the accuracy admits.
-        Collective.
+        The iterates of CG minimise the energy: it falls by the work of the residual on the correction, and has still to
+        fall by what the linear solver predicts. Each pass is as loose as the accuracy admits. Collective.
 
         Args:
             w: the start

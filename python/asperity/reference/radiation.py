@@ -7,9 +7,6 @@ from __future__ import annotations
 
 import math
 
-from scipy.integrate import quad
-from scipy.optimize import brentq
-
 LONG_WAVES = 0.3  # greatest side of a patch over the length of shear waves for which it counts as a point
 
 
@@ -33,6 +30,9 @@ def radiation_compliance(nu: float) -> tuple[float, float]:
         >>> round(value, 4), round(0.2125 * (1 - 0.25), 4), round(rayleigh, 3)
         (0.1481, 0.1594, 0.674)
     """
+    from scipy.integrate import quad
+    from scipy.optimize import brentq
+
     gamma = math.sqrt((1.0 - 2.0 * nu) / (2.0 - 2.0 * nu))  # slowness of pressure over that of shear waves
 
     def both(x: float) -> float:

@@ -210,7 +210,11 @@ class WeierstrassMandelbrot(Surface):
         return tuple(z.reshape(x.shape) for z in at_points(self._waves, x.ravel(), y.ravel(), wave, weights))
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        (z,) = self._at_points(x, y, np.cos, [-self._waves.a])
+        x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+        if min(x.size, y.size) > 1 and x.shape == (1, x.size) and y.shape == (y.size, 1):  # a grid
+            (z,) = on_product(self._waves, x[0], y[:, 0], -self._waves.a)
+        else:
+            (z,) = self._at_points(x, y, np.cos, [-self._waves.a])
         return z + self._offset
 
     def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
