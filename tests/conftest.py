@@ -12,6 +12,7 @@ import sys
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,8 @@ from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
-from asperity.runtime.parallel import on_root
+from asperity.runtime.launch import started_ranks
+from asperity.runtime.parallel import Ranks, on_root
 from asperity.surface import Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 
 ELASTIC = Material(1.0, 0.3)
@@ -43,14 +45,39 @@ def make_curve(**header: object) -> Curve:
     return Curve.from_rows(rows, header)
 
 
+RANKS, FAILURE = pytest.StashKey[Ranks](), pytest.StashKey[str]()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if (ranks := started_ranks()) is not None and ranks > 1:
+        config.stash[RANKS] = Ranks()
+
+
 @pytest.hookimpl(wrapper=True)
-def pytest_runtest_teardown() -> Iterator[None]:
-    """Destroy what a test leaves on all ranks at once: PETSc and dolfinx destructors are collective."""
+def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
+    report: Any = yield
+    if report.failed:
+        item.stash[FAILURE] = f"{item.nodeid}\n{report.longreprtext}"
+    return report
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_teardown(item: pytest.Item) -> Iterator[None]:
+    """End a test on all ranks at once.
+
+    A test that fails on some ranks only leaves the others waiting for them: its failure is printed, and all are ended.
+    """
+    if ranks := item.config.stash.get(RANKS, None):
+        failure = item.stash.get(FAILURE, "")
+        capture = item.config.pluginmanager.getplugin("capturemanager")
+        with capture.global_and_fixture_disabled() if failure and capture else nullcontext():
+            ranks.leave(int(bool(failure)), failure)
     yield
     if "mpi4py.MPI" in sys.modules:
         from mpi4py import MPI
 
-        # objects just freed are young; a full collection after each test would take longer than the tests
+        # Destructors of PETSc and dolfinx are collective. Objects just freed are young; a full collection after each
+        # test would take longer than the tests.
         gc.collect(0)
         MPI.COMM_WORLD.Barrier()
 

@@ -26,6 +26,7 @@ from asperity.mesh.size_field import FirstContactMap, SizeField
 from asperity.model.material import Material
 from asperity.model.settings import MeshSize
 from asperity.quasistatic.make import make_block, make_contact_solver
+from asperity.runtime.parallel import on_root
 from asperity.surface import Flat, Sinusoid, Sphere, Surface, WeierstrassMandelbrot
 
 Array = npt.NDArray[Any]
@@ -331,6 +332,17 @@ def test_arrays_that_are_not_a_mesh_are_refused(
     np.savez(tmp_path / "block.npz", **arrays)
     with pytest.raises(MeshError, match=reason):
         BlockMesh.read(tmp_path / "block.npz")
+
+
+@pytest.mark.mpi
+def test_the_ranks_have_the_same_cells_each_time() -> None:
+    """A partition that depends on threads would change the last digits of a result from run to run."""
+    comm = world()
+    block = on_root(comm, lambda: uniform(Flat(L=1.0), 0.1))
+    first, *others = (distribute(comm, block, 1.0)[0].cell_numbers for _ in range(8))
+    assert comm.allreduce(len(first)) >= len(first) > 0
+    for numbers in others:
+        np.testing.assert_array_equal(numbers, first)
 
 
 @pytest.mark.mpi

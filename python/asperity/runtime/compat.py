@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import warnings
 from typing import Any
 
@@ -33,7 +34,10 @@ def start() -> None:
     """Import dolfinx, which starts PETSc; collective.
 
     The form compiler of dolfinx redirects all warnings to a logger without output; this restores their display.
+    Scotch, which partitions the mesh, has one thread: with several each run has another partition, which changes the
+    last digits of its results, and takes longer. The environment variable SCOTCH_PTHREAD_NUMBER, if set, wins.
     """
+    os.environ.setdefault("SCOTCH_PTHREAD_NUMBER", "1")
     show = warnings.showwarning
     import dolfinx  # noqa: F401
 
