@@ -132,7 +132,7 @@ def test_a_run_in_pieces_gives_the_same_curve(
     }
     straight = solve_contact(wave, material, **settings)
     pieces = in_pieces(wave, material, shared_path / "checkpoint", (2, 0), **settings)
-    # on several ranks the mesh may be partitioned differently: then to the tolerance of the equations
+    # on several ranks, contributions are added in the order of their arrival: then to the tolerance of the equations
     assert_same(straight, pieces, 1e-10 if comm().size == 1 else 1e-8)
     one, two = (gather_states(result, 1.0, 1.0) for result in (straight, pieces))
     assert len(one) == len(two) and (one or comm().rank > 0)
@@ -163,7 +163,7 @@ def test_a_run_in_pieces_has_the_same_stiffness(
         solve_contact(wave, PLASTIC, stop=stop_after(2), checkpoint=checkpoint, **settings)
     checkpoint = Checkpoint(shared_path / "without", {}, comm())
     mixed = solve_contact(wave, PLASTIC, stiffness=True, checkpoint=checkpoint, **settings).curve
-    same = 1e-10 if comm().size == 1 else 1e-4  # two meshes on several ranks may be partitioned differently
+    same = 1e-10 if comm().size == 1 else 1e-4  # several ranks add in the order of arrival
     for name in (*STIFFNESSES, "mean_gap", "spots"):
         np.testing.assert_allclose(getattr(pieces, name), getattr(straight, name), rtol=same)
     for name in STIFFNESSES:
