@@ -107,7 +107,7 @@ def fit_power_law(
         n = 1.505 (1.47 to 1.54)
     """
     from scipy.optimize import least_squares
-    from scipy.stats import t as student
+    from scipy.special import stdtrit
 
     d, p = _fit_data(delta_star, P_star)
     if norm not in ("linear", "log"):
@@ -145,7 +145,7 @@ def fit_power_law(
             f"the power law through the points has n = {n:g} and ln k = {ln_k:g}, beyond floating-point range: scale "
             "approach and force to about 1"
         )
-    spread_k, spread_n = np.sqrt(np.diag(covariance)) * student.ppf((1 + confidence) / 2, d.size - 2)
+    spread_k, spread_n = np.sqrt(np.diag(covariance)) * stdtrit(d.size - 2, (1 + confidence) / 2)
     scale = math.sqrt(covariance[0, 0] * covariance[1, 1])
     return PowerLawFit(
         k=math.exp(ln_k),

@@ -354,13 +354,13 @@ def _number(text: str) -> Any:
 
 def mean_interval(values: Sequence[float] | Array, confidence: float = 0.95) -> tuple[float, float, float]:
     """Return (mean, low, high) of a sample (n,) with its confidence interval by Student's t; NaNs are ignored."""
-    from scipy.stats import t as student
+    from scipy.special import stdtrit
 
     sample = np.asarray(values, float)
     sample = sample[np.isfinite(sample)]
     if sample.size < 2:
         centre = float(sample.mean()) if sample.size else math.nan
         return centre, -math.inf, math.inf
-    half = float(student.ppf((1 + confidence) / 2, sample.size - 1) * sample.std(ddof=1) / math.sqrt(sample.size))
+    half = float(stdtrit(sample.size - 1, (1 + confidence) / 2) * sample.std(ddof=1) / math.sqrt(sample.size))
     centre = float(sample.mean())
     return centre, centre - half, centre + half

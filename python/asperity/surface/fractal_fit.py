@@ -17,8 +17,7 @@ from typing import Any, Literal
 
 import numpy as np
 from scipy.optimize import minimize_scalar
-from scipy.stats import chi2
-from scipy.stats import t as student
+from scipy.special import chdtrc, stdtrit
 
 from asperity.arrays import Array
 from asperity.errors import InputError
@@ -250,7 +249,7 @@ class _Fit:
         freedom = mean.size - 2
         # a large misfit widens the intervals, a small one never narrows them
         widening = max(1.0, misfit / freedom)
-        allowed = widening * float(student.ppf((1 + confidence) / 2, len(self._simulated) - 1 - mean.size)) ** 2
+        allowed = widening * float(stdtrit(len(self._simulated) - 1 - mean.size, (1 + confidence) / 2)) ** 2
         inside = [(x, self._at(x)) for x in np.linspace(*D_RANGE, 1000)]
         inside = [(x, at) for x, at in inside if at[1] - least <= allowed] or [(D, self._at(D))]
         ln_G = []
@@ -262,5 +261,5 @@ class _Fit:
         return FractalFit(
             D, G, (inside[0][0], inside[-1][0]), (math.exp(max(min(ln_G), -300.0)), math.exp(min(max(ln_G), 0.0))),
             self._L, self._M, self._gamma, f_max, ridges, confidence, wavelength, self._power,
-            np.exp(mean + height), float(chi2.sf(misfit, freedom)),
+            np.exp(mean + height), float(chdtrc(freedom, misfit)),
         )  # fmt: skip

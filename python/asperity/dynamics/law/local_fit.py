@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from asperity.arrays import Array
 from asperity.runtime.display import short_repr
@@ -70,7 +70,7 @@ class LocalFit:
             down[j - 1] -= h
             gradient[j] = (function(up) - function(down)) / (2 * h) * (1.0, 2.0, 6.0)[j - 1]
         spread = float(np.sqrt(max(float(gradient @ self.covariance @ gradient), 0.0)))
-        half = spread * float(student.ppf(0.5 * (1 + confidence), self.freedom))
+        half = spread * float(stdtrit(self.freedom, 0.5 * (1 + confidence)))
         return float(function(y)) - half, float(function(y)) + half
 
 

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import minimize_scalar
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from asperity.arrays import Array
 from asperity.dynamics.law.checks import positive
@@ -167,7 +167,7 @@ class TableLaw(Law):
     def fit(self) -> PowerLaw:
         """Fit a power law to all points in (ln z, ln F), with 95 % confidence intervals."""
         c, covariance, freedom = regress(np.log(self.z), np.log(self.F), 1)
-        half = np.sqrt(np.diag(covariance)) * float(student.ppf(0.975, freedom))
+        half = np.sqrt(np.diag(covariance)) * float(stdtrit(freedom, 0.975))
         n, K = float(c[1]), float(np.exp(c[0]))
         product = float(np.sqrt(covariance[0, 0] * covariance[1, 1]))
         return PowerLaw(
