@@ -8,24 +8,32 @@ Each case is solved by every rank alone (COMM_SELF) and by all together (COMM_WO
 
 from __future__ import annotations
 
+import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from asperity import run_outputs
+from asperity.case import Case
 from asperity.curve import Curve
+from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.output.fields import gather_states
+from asperity.output.results import Results
+from asperity.plot import figures_of
 from asperity.quasistatic import measures
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.solve_contact import solve_contact
 from asperity.run_case import run
 from asperity.runtime.parallel import on_root
+from asperity.runtime.run_folder import FIGURES, FREE
 from asperity.surface import Sinusoid, Surface
 
 pytestmark = pytest.mark.mpi
@@ -33,6 +41,12 @@ pytestmark = pytest.mark.mpi
 ELASTIC = Material(1.0, 0.3)
 PLASTIC = Material(1.0, 0.3, 0.005, 0.05)
 DELTA = 0.03
+SMALL: dict[str, Any] = {
+    "surface": {"kind": "sinusoid", "L": 1e-6, "amplitude": 0.03e-6, "dims": 2},
+    "material": {"E": 200e9, "nu": 0.3, "yield_strength": 1e9},
+    "mesh": {"h_contact": 0.2e-6, "growth": 0.6, "h_max": 0.6e-6},
+    "loading": {"delta_max": 0.01e-6, "steps": 2},
+}
 
 
 def comms() -> tuple[Any, Any]:
@@ -151,18 +165,10 @@ def test_fields_are_numbered_like_the_mesh_on_any_ranks(rough: Surface, coarse: 
 
 
 def test_a_run_writes_one_set_of_files(shared_path: Path) -> None:
-    case = {
-        "surface": {"kind": "sinusoid", "L": 1e-6, "amplitude": 0.03e-6, "dims": 2},
-        "material": {"E": 200e9, "nu": 0.3, "yield_strength": 1e9},
-        "mesh": {"h_contact": 0.2e-6, "growth": 0.6, "h_max": 0.6e-6},
-        "loading": {"delta_max": 0.01e-6, "steps": 2},
-        "output": {"fields": True},
-    }
-    from asperity.case import Case
-
+    case = Case.from_dict(SMALL | {"output": {"fields": True}})
     alone, together = comms()
-    result = run(Case.from_dict(case), shared_path / "together", comm=together)
-    expected = run(Case.from_dict(case), comm=alone)
+    result = run(case, shared_path / "together", comm=together)
+    expected = run(case, comm=alone)
     assert_same(result.curve, expected.curve)
     together.Barrier()
     stored = Curve.read(shared_path / "together" / "curve.csv")
@@ -174,3 +180,35 @@ def test_a_run_writes_one_set_of_files(shared_path: Path) -> None:
         "summary.json",
         "fields",
     }
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_figures_of_the_contact_are_drawn_beside_the_vibration(
+    shared_path: Path, monkeypatch: pytest.MonkeyPatch, fails: bool
+) -> None:
+    """Rank 0 ends the vibration only when the others have drawn these; the report does not draw them again."""
+    folder, together = shared_path / "out", comms()[1]
+    figures = [folder / FIGURES / f"{name}.png" for name in ("curve", "area", "surface", "mesh")]
+    compute = run_outputs._vibration
+
+    def vibration(*args: Any) -> Any:
+        patience = time.monotonic() + 25.0
+        while together.size > 1 and not all(path.is_file() for path in figures) and time.monotonic() < patience:
+            time.sleep(0.01)
+        if fails:
+            raise InputError("no law for this vibration")
+        return compute(*args)
+
+    monkeypatch.setattr(run_outputs, "_vibration", vibration)
+    case = Case.from_dict(SMALL | {"dynamics": {}, "output": {"figures": True, "report": True, "snapshots": 2}})
+    with pytest.raises(InputError, match="no law") if fails else nullcontext():
+        run(case, folder, comm=together)
+    together.Barrier()
+    if together.size > 1 or not fails:
+        assert all(path.is_file() for path in figures)
+    if not fails:
+        drawn = {path.stem for path in (folder / FIGURES).glob("*.png")}
+        assert drawn == {*figures_of(Results.read(folder))} >= {"frequency", "response", "curve", "pressure"}
+        if together.size > 1:
+            free = (folder / FREE).stat().st_mtime_ns
+            assert all(path.stat().st_mtime_ns < free for path in figures)

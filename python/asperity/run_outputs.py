@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from asperity.case import Case
 from asperity.case.schema import DynamicsSection
@@ -18,6 +18,7 @@ from asperity.errors import AsperityError, AsperityWarning, ConvergenceError, In
 from asperity.loops import LoopTable
 from asperity.model.problem import Problem
 from asperity.output.run_files import RunFiles
+from asperity.runtime.counters import Counters
 from asperity.runtime.files import files_into, write_npz
 from asperity.runtime.parallel import agree, on_root, on_root_bcast
 from asperity.runtime.progress import Progress
@@ -31,7 +32,8 @@ if TYPE_CHECKING:
     from asperity.dynamics import Dynamics, Joint
     from asperity.dynamics.joint import Numbers
     from asperity.quasistatic.contact_result import ContactResult
-    from asperity.surface import Surface
+
+T = TypeVar("T")
 
 
 def write_outputs(
@@ -119,34 +121,65 @@ def write_outputs(
         summary["finished"] = finished  # not before all is there: a finished run is not continued
         writer.summary(summary)
 
-    # the others wait, for a process that ends with an error would end all
-    dynamics = on_root_bcast(comm, vibrate)
-    if folder is not None and (case.output.figures or case.output.report):
-        progress.stage("figures")
+    def draw(names: Iterable[str]) -> None:
+        from asperity.plot import plot_run
+
+        assert folder is not None
         with parts.phase("figures"):
-            _draw_figures(comm, folder, problem.surface)
+            plot_run(folder, problem.surface, names)
+
+    def vibrate_and_draw(names: Iterable[str]) -> Dynamics | None:
+        """Rank 0 computes the vibration while the others begin with the figures of the contact."""
+        dynamics = vibrate() if comm.rank == 0 else None
+        progress.stage("figures")
+        draw(names)
+        return dynamics
+
+    if folder is not None and (case.output.figures or case.output.report):
+        from asperity.plot import OF_CONTACT, OF_VIBRATION
+
+        dynamics = comm.bcast(_shared(comm, OF_CONTACT, vibrate_and_draw))
+        if dynamics is not None:
+            _shared(comm, OF_VIBRATION, draw)
+    else:  # the others wait, for a process that ends with an error would end all
+        dynamics = on_root_bcast(comm, vibrate)
     on_root(comm, finish)
     if failure is not None:
         raise failure
     return dynamics
 
 
-def _draw_figures(comm: MPI.Comm, folder: Path, surface: Surface) -> None:
-    """Draw the figures, each by one of the ranks that share the machine of rank 0; collective."""
+def _shared(comm: MPI.Comm, names: Sequence[str], work: Callable[[Iterable[str]], T]) -> T | None:
+    """Work on figures on the ranks that share the machine of rank 0, each figure on one of them; collective.
+
+    Args:
+        comm: communicator
+        names: of the figures
+        work: called with the figures of a rank; which ones they are is settled as it asks for them
+
+    Returns:
+        what `work` returned on this rank
+    """
     from mpi4py import MPI
 
-    node = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    node = MPI.Intracomm(comm.Split_type(MPI.COMM_TYPE_SHARED))
     near = node.bcast(comm.rank, root=0) == 0
-    part = (node.rank, node.size) if near else None
+    counters = Counters(node)
+
+    def taken() -> Iterator[str]:
+        while (turn := counters.advance()) < len(names):
+            yield names[turn]
+
+    result, failure = None, None
+    try:
+        result = agree(comm, lambda: work(taken()) if near else None)
+    except AsperityError as e:  # on all ranks; another error may be of one, and the others would not come to close
+        failure = e
+    counters.close()
     node.Free()
-
-    def draw() -> None:
-        if part is not None:
-            from asperity.plot import plot_run
-
-            plot_run(folder, surface, part)
-
-    agree(comm, draw)
+    if failure is not None:
+        raise failure
+    return result
 
 
 def _lacks_loops(case: Case, loops: LoopTable | None) -> bool:

@@ -9,7 +9,6 @@ import json
 import os
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
 from html_page import Page
@@ -23,6 +22,12 @@ from asperity.plot.report import write_report
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     return write_run(tmp_path / "run", n=3)
+
+
+def vibrate(folder: Path) -> None:
+    from asperity.dynamics import run_dynamics
+
+    run_dynamics(folder, out_dir=folder, models=["exact"], omega=(0.9, 0.95), sweeps=False, bands=False)
 
 
 def test_the_page_contains_law_outcome_input_run_and_citations(folder: Path) -> None:
@@ -76,18 +81,33 @@ def test_a_missed_tolerance_is_among_the_warnings(folder: Path, met: bool) -> No
     assert ("<li>the tolerance is not met: max_dofs = 30000 allows no more</li>" in box) == (not met)
 
 
-def test_figures_are_drawn_again_only_after_curve_or_vibration_changed(folder: Path) -> None:
+@pytest.mark.parametrize(
+    ("data", "drawn", "kept"),
+    [
+        ("curve.csv", ("curve", "area", "response"), ()),
+        ("thresholds.json", ("response", "frequency"), ("curve", "area")),
+    ],
+)
+def test_only_figures_older_than_their_data_are_drawn_again(
+    folder: Path, data: str, drawn: tuple[str, ...], kept: tuple[str, ...]
+) -> None:
     """`asperity dynamics OUT -o OUT` leaves the curve as it is, and has another response."""
+
+    def times() -> dict[str, int]:
+        return {path.stem: path.stat().st_mtime_ns for path in (folder / "figures").glob("*.png")}
+
+    vibrate(folder)
     write_report(folder)
-    picture = folder / "figures/curve.png"
-    before = picture.stat().st_mtime_ns
+    before = times()
     write_report(folder)
-    assert picture.stat().st_mtime_ns == before
-    for name in ("curve.csv", "thresholds.json"):
-        later = picture.stat().st_mtime_ns + 1
-        os.utime(folder / name, ns=(later, later))
-        write_report(folder)
-        assert picture.stat().st_mtime_ns > later
+    assert times() == before
+    later = max(before.values()) + 1
+    os.utime(folder / data, ns=(later, later))
+    (folder / "figures/surface.png").unlink()
+    write_report(folder)
+    after = times()
+    assert all(after[name] > later for name in (*drawn, "surface"))
+    assert all(after[name] == before[name] for name in kept)
 
 
 def test_a_folder_without_a_run_is_refused(tmp_path: Path) -> None:
@@ -104,11 +124,8 @@ def test_only_models_and_programs_in_use_are_cited() -> None:
 
 
 def test_the_laws_of_vibration_stand_side_by_side(tmp_path: Path) -> None:
-    from asperity.dynamics import run_dynamics
-
     folder = write_run(tmp_path / "run", n=2)
-    quick: dict[str, Any] = {"models": ["exact"], "omega": (0.9, 0.95), "sweeps": False, "bands": False}
-    run_dynamics(folder, out_dir=folder, **quick)
+    vibrate(folder)
     page = write_report(folder).read_text(encoding="utf-8")
     assert "Laws of vibration at the preload" in page and "(chosen)" in page and "(not of this vibration)" in page
     assert "table 1.law" not in page

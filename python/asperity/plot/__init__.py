@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -66,16 +66,22 @@ CAPTIONS = {
     "size.",
 }
 
+# those of the vibration; the others can be drawn while it is computed
+OF_VIBRATION = ("response", "frequency", "receptance", "random")
+# the ones that take longest first, so that ranks which share them end at about the same time
+OF_CONTACT = ("curve", "pressure", "area", "surface", "stiffness", "mesh", "plasticity")
 
-def plot_run(folder: str | Path, surface: Surface | None = None, part: tuple[int, int] = (0, 1)) -> list[Path]:
-    """Draw all figures that the files of a run allow, into its folder figures/.
+
+def plot_run(folder: str | Path, surface: Surface | None = None, names: Iterable[str] = tuple(CAPTIONS)) -> list[Path]:
+    """Draw the figures that the files of a run allow, into its folder figures/.
 
     All are PNG files; those that consist of lines are SVG files too.
 
     Args:
         folder: the run directory.
         surface: surface of the case, if already built.
-        part: (k, n) draws the figures k, k + n, k + 2 n and so on only, the share of the kth of n processes.
+        names: of the figures, keys of CAPTIONS; each is asked for when the one before is finished, so that processes
+            can share them.
 
     Returns:
         The files written.
@@ -86,9 +92,8 @@ def plot_run(folder: str | Path, surface: Surface | None = None, part: tuple[int
     results = Results.read(folder, surface)
     target = results.folder / FIGURES
     target.mkdir(exist_ok=True)
-    first, processes = part
-    wanted = list(figures_of(results).items())[first::processes]
-    return [path for name, draw in wanted for path in save_in(target, name, draw(results))]
+    possible = figures_of(results)
+    return [path for name in names if name in possible for path in save_in(target, name, possible[name](results))]
 
 
 def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:

@@ -18,7 +18,7 @@ from asperity.curve import COLUMNS, Curve
 from asperity.output.friction_bounds import bounds_line
 from asperity.output.results import Results
 from asperity.output.verdict import verdict
-from asperity.plot import CAPTIONS, figures_of, plot_run
+from asperity.plot import CAPTIONS, OF_VIBRATION, figures_of, plot_run
 from asperity.plot.citations import publications
 from asperity.plot.style import DPI
 from asperity.runtime.files import replace_file
@@ -26,7 +26,7 @@ from asperity.runtime.run_folder import BAND, CURVE, FIGURES, FREE, RANDOM, REPO
 from asperity.units import quantity
 
 Rows = list[tuple[str, str]]
-DRAWN = (CURVE, FREE, RESPONSE, BAND, RANDOM, THRESHOLDS)  # data that the figures show
+VIBRATION_DATA = (CURVE, FREE, RESPONSE, BAND, RANDOM, THRESHOLDS)  # what the figures of the vibration show
 STIFFNESS_WORDS = {
     "k_n": "normal stiffness of the loading",
     "k_n_elastic": "elastic normal stiffness",
@@ -39,8 +39,8 @@ STIFFNESS_WORDS = {
 def write_report(folder: str | Path, finished: bool | None = None) -> Path:
     """Write report.html into a run directory, from its files.
 
-    Figures are drawn first if they are missing or older than the curve or the vibration. All text from the input
-    is escaped.
+    A figure is drawn first if it is missing or older than the curve or the vibration that it shows. All text from the
+    input is escaped.
 
     Args:
         folder: the run directory.
@@ -167,16 +167,19 @@ def _known(curve: Curve, row: int, results: Results) -> Rows:
 
 
 def _figures(results: Results) -> list[Path]:
-    """Return the figures of the run, drawn again unless all exist and are newer than the data of any."""
+    """Return the figures of the run; those that are missing, or older than what they show, are drawn first."""
     folder = results.folder / FIGURES
-    found = sorted(folder.glob("*.png"))
-    missing = figures_of(results).keys() - {path.stem for path in found}
-    data = [path for name in DRAWN if (path := results.folder / name).is_file()]
-    if missing or any(path.stat().st_mtime < max(file.stat().st_mtime for file in data) for path in found):
-        plot_run(results.folder)
-        found = sorted(folder.glob("*.png"))
+    if outdated := [name for name in figures_of(results) if _is_outdated(results.folder, name)]:
+        plot_run(results.folder, names=outdated)
     order = list(CAPTIONS)
-    return sorted(found, key=lambda p: order.index(p.stem) if p.stem in order else len(order))
+    return sorted(folder.glob("*.png"), key=lambda p: (order.index(p.stem) if p.stem in order else len(order), p.stem))
+
+
+def _is_outdated(run: Path, name: str) -> bool:
+    figure = run / FIGURES / f"{name}.png"
+    shown = VIBRATION_DATA if name in OF_VIBRATION else (CURVE,)
+    data = [path.stat().st_mtime_ns for file in shown if (path := run / file).is_file()]
+    return not figure.is_file() or figure.stat().st_mtime_ns < max(data)
 
 
 def _figure(path: Path) -> dict[str, Any]:

@@ -1,21 +1,15 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Which cases of a study a job and its groups of ranks take: parts, portions with one mesh, and their queue."""
+"""Which cases of a study a job and its groups of ranks take: parts, and portions with one mesh."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
-
-import numpy as np
 
 from asperity.errors import InputError
 from asperity.study.definition import Entry
 from asperity.study.shared_mesh import mesh_key
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
 
 PORTIONS = 4  # portions per group, approximately: with fewer, groups become idle; with more, meshes are built twice
 
@@ -60,41 +54,3 @@ def _by_mesh(entries: Sequence[Entry], numbers: Iterable[int]) -> list[list[int]
     for i in numbers:
         batches.setdefault(mesh_key(entries[i].case), []).append(i)
     return list(batches.values())
-
-
-class Queue:
-    """Two counters shared by all ranks of a communicator: portions taken and cases finished.
-
-    They are in the memory of rank 0 and are updated by atomic one-sided operations, so that rank 0 can compute at the
-    same time.
-    """
-
-    def __init__(self, comm: MPI.Intracomm) -> None:
-        from mpi4py import MPI
-
-        self._comm, self._add = comm, MPI.SUM
-        size = MPI.INT64_T.Get_size()
-        self._window = MPI.Win.Allocate(2 * size if comm.rank == 0 else 0, size, comm=comm)
-        if comm.rank == 0:
-            np.frombuffer(self._window.tomemory(), dtype=np.int64)[:] = 0
-        comm.Barrier()
-
-    def take(self) -> int:
-        """Return the number of the next portion and advance the counter."""
-        return self._next(0)
-
-    def count(self) -> int:
-        """Count a finished case; return the number of finished cases."""
-        return self._next(1) + 1
-
-    def _next(self, place: int) -> int:
-        one, before = np.ones(1, np.int64), np.zeros(1, np.int64)
-        self._window.Lock(0)
-        self._window.Fetch_and_op(one, before, 0, place, self._add)
-        self._window.Unlock(0)
-        return int(before[0])
-
-    def close(self) -> None:
-        """Wait for all ranks and free the counters; collective."""
-        self._comm.Barrier()
-        self._window.Free()

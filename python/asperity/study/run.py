@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Run the cases of a study: groups of ranks pull them from a queue, and failures are recorded."""
+"""Run the cases of a study: groups of ranks take them in turn, and failures are recorded."""
 
 from __future__ import annotations
 
@@ -20,12 +20,13 @@ from typing import TYPE_CHECKING, Any
 from asperity.case.validation import doubt_of_edge
 from asperity.errors import AsperityError, AssumptionWarning, CheckpointError, InputError, Interrupted
 from asperity.runtime import compat
+from asperity.runtime.counters import Counters
 from asperity.runtime.files import is_aside, remove_asides, replace_file
 from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.progress import duration
 from asperity.study.definition import Entry, Study
 from asperity.study.locks import LOCK_FILES, FolderLock, claimed
-from asperity.study.portions import Queue, part, portions
+from asperity.study.portions import part, portions
 from asperity.study.results import ABOUT, DONE, case_folder, case_state, write_about, write_tables
 from asperity.study.shared_mesh import MESHES, shared_mesh, shares_mesh
 
@@ -130,16 +131,17 @@ def run_study(
         lock.release()
         raise batches
     group = comm.Split(comm.rank // ranks_per_case, comm.rank)
-    queue = Queue(comm)
+    counters = Counters(comm, 2)
+    taken, ended = 0, 1  # portions, cases
     todo, run = sum(len(batch) for batch in batches), 0
     start = perf_counter()
     try:
-        while (turn := group.bcast(queue.take() if group.rank == 0 else None)) < len(batches):
+        while (turn := group.bcast(counters.advance(taken) if group.rank == 0 else None)) < len(batches):
             entries = [study.entries[i] for i in batches[turn]]
             for entry, state in run_portion(entries, folder, group, retry):
                 run += group.rank == 0
                 if group.rank == 0 and say is not None:
-                    finished = queue.count()
+                    finished = counters.advance(ended) + 1
                     left = (perf_counter() - start) * (todo / finished - 1)
                     say(_line(entry, state, study.keys, len(chosen) - todo + finished, len(chosen), left))
     except BaseException:
@@ -147,7 +149,7 @@ def run_study(
             write_tables(study, folder)  # the tables of a stopped study contain its finished cases
         lock.release()
         raise
-    queue.close()  # waits for all ranks
+    counters.close()  # waits for all ranks
     group.Free()
     if comm.rank == 0 and only is None:
         write_tables(study, folder)
