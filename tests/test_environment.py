@@ -15,11 +15,10 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from waiting import wait_until
 
 PROJECT = Path(__file__).parents[1]
 PACKAGES = re.findall(r"^[a-z0-9.+-]+", (PROJECT / "packages.txt").read_text(), re.MULTILINE)
@@ -188,13 +187,6 @@ class Clone:
 @pytest.fixture
 def clone(tmp_path: Path) -> Clone:
     return Clone(tmp_path)
-
-
-def wait_until(condition: Callable[[], object]) -> None:
-    end = time.monotonic() + 30
-    while not condition():
-        assert time.monotonic() < end, "nothing happened for 30 s"
-        time.sleep(0.02)
 
 
 def test_the_root_is_made_once(clone: Clone) -> None:

@@ -8,13 +8,13 @@ Each case is solved by every rank alone (COMM_SELF) and by all together (COMM_WO
 
 from __future__ import annotations
 
-import time
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from waiting import wait_until
 
 from asperity import run_outputs
 from asperity.case import Case
@@ -183,7 +183,7 @@ def test_a_run_writes_one_set_of_files(shared_path: Path) -> None:
 
 
 @pytest.mark.parametrize("fails", [False, True])
-def test_figures_of_the_contact_are_drawn_beside_the_vibration(
+def test_figures_of_the_contact_are_drawn_during_the_vibration(
     shared_path: Path, monkeypatch: pytest.MonkeyPatch, fails: bool
 ) -> None:
     """Rank 0 ends the vibration only when the others have drawn these; the report does not draw them again."""
@@ -192,9 +192,8 @@ def test_figures_of_the_contact_are_drawn_beside_the_vibration(
     compute = run_outputs._vibration
 
     def vibration(*args: Any) -> Any:
-        patience = time.monotonic() + 25.0
-        while together.size > 1 and not all(path.is_file() for path in figures) and time.monotonic() < patience:
-            time.sleep(0.01)
+        if together.size > 1:
+            wait_until(lambda: all(path.is_file() for path in figures))
         if fails:
             raise InputError("no law for this vibration")
         return compute(*args)
