@@ -66,10 +66,8 @@ CAPTIONS = {
     "size.",
 }
 
-# those of the vibration; the others can be drawn while it is computed
-OF_VIBRATION = ("response", "frequency", "receptance", "random")
-# the ones that take longest first, so that ranks which share them end at about the same time
-OF_CONTACT = ("curve", "pressure", "area", "surface", "stiffness", "mesh", "plasticity")
+OF_VIBRATION = ("frequency", "response", "receptance", "random")
+OF_CONTACT = tuple(name for name in CAPTIONS if name not in OF_VIBRATION)  # these need no vibration
 
 
 def plot_run(folder: str | Path, surface: Surface | None = None, names: Iterable[str] = tuple(CAPTIONS)) -> list[Path]:
@@ -80,8 +78,8 @@ def plot_run(folder: str | Path, surface: Surface | None = None, names: Iterable
     Args:
         folder: the run directory.
         surface: surface of the case, if already built.
-        names: of the figures, keys of CAPTIONS; each is asked for when the one before is finished, so that processes
-            can share them.
+        names: of the figures, keys of CAPTIONS; the next is taken from an iterator only when the one before is
+            finished, so that processes can share one.
 
     Returns:
         The files written.
