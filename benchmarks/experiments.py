@@ -123,23 +123,8 @@ def vibration(pictures: Path | None) -> None:
     print("| zeta | F/W, contact loss | 2 n zeta x that | F/W, second subharmonic | 36 zeta |\n|---|---|---|---|---|")
     for row in rows:
         print("| " + " | ".join(f"{x:.4g}" for x in row) + " |")
-    noise = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.02)
-    print("\n| rms of F/W, noise | rms of u | Fokker-Planck | time out of contact | Fokker-Planck |")
-    print("|---|---|---|---|---|")
-    for level in (0.05, 0.1, 0.2, 0.4):
-        motion = noise.random(level, (0.05, 6.0), records=16)
-        rms, lost = stationary(noise, level**2 / 5.95)
-        print(f"| {1.5 * level:.3g} | {motion.rms:.3g} | {rms:.3g} | {motion.lost:.3%} | {lost:.3%} |")
     if pictures:
         style.save(draw_vibration(rows), pictures / "vibration.png")
-
-
-def stationary(o: asp.ContactOscillator, density: float) -> tuple[float, float]:
-    """Rms of u and share out of contact under white noise of a one-sided density of F^, by Fokker and Planck."""
-    u = np.linspace(-30.0, 8.0, 200001)
-    p = np.exp(-o.restoring.potential(u) / (math.pi * density / (4.0 * o.zeta)))
-    p /= p.sum()
-    return float(np.sqrt(p @ u**2 - (p @ u) ** 2)), float(p[u < -1.0].sum())
 
 
 @style.styled

@@ -347,7 +347,7 @@ def _vibration(case: Case, curve: Curve, folder: Path | None, loops: LoopTable |
         damping = LoopDamping.of(loops)
     result = run_dynamics(
         curve, models=section.model, damping=damping, forcing=section.forcing, omega=section.omega,
-        sweeps=section.sweeps, random=section.random, band=section.band, out_dir=folder, **_of_small_vibration(case),
+        sweeps=section.sweeps, out_dir=folder, **_of_small_vibration(case),
     )  # fmt: skip
     if LACK in result.notes:
         warnings.warn(LACK, AsperityWarning, stacklevel=2)

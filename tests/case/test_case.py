@@ -461,9 +461,3 @@ def test_any_override_gives_a_case_or_a_sentence(text: str) -> None:
         Case.load(DEMO, [text])
     except InputError as error:
         assert "\n" not in str(error)
-
-
-def test_a_band_without_noise_is_not_used() -> None:
-    words = "dynamics.band = [0.1, 2] is not used: dynamics.random is empty"
-    assert [w for w in Case.load(DEMO, ["dynamics.band=[0.1, 2.0]"]).warnings() if "dynamics" in w] == [words]
-    assert words not in Case.load(DEMO, ["dynamics.band=[0.1, 2.0]", "dynamics.random=[0.1]"]).warnings()

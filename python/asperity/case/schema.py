@@ -280,12 +280,6 @@ class DynamicsSection(Section):
         "range of excitation frequency over omega_s", (0.5, 1.3)
     )
     sweeps: Flag = _key("also sweep up and down by time integration, as dots in the figure", False)
-    random: tuple[Annotated[Real, Field(ge=1e-9, le=1e6)], ...] = _key(
-        "rms of F/(m omega_s^2 z_s) of band-limited noise", (), min_length=0, max_length=100
-    )
-    band: tuple[Annotated[Real, Field(ge=0.01, le=100)], Annotated[Real, Field(ge=0.01, le=100)]] = _key(
-        "range of the noise over omega_s", (0.05, 3.0)
-    )
 
 
 class JointSection(Section):

@@ -280,7 +280,6 @@ def unused(case: Input) -> Iterator[str]:
         (method != "penalty", ("contact.penalty",), by_method),
         (method != "nitsche", ("contact.gamma", "contact.theta"), by_method),
         (case.material.yield_strength is None, ("loading.integrator",), "the material is elastic"),
-        (case.dynamics is not None and not case.dynamics.random, ("dynamics.band",), "dynamics.random is empty"),
         (case.dynamics is None and case.joint is None, ("material.density",), "no [dynamics], no [joint]"),
     ]
     defaults = {"mesh.h_contact": H_CONTACT * case.surface.L}  # which follow from other keys

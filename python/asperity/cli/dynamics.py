@@ -56,10 +56,6 @@ MODELS = ("exact", "taylor")
               "case of OUT, or 0.5 1.3.")  # fmt: skip
 @click.option("--sweeps/--no-sweeps", default=None,
               help="Also integrate sweeps up and down; default that of the case of OUT, or no.")  # fmt: skip
-@click.option("--random", type=float, multiple=True, metavar="RMS",
-              help="Also integrate under band-limited noise with this rms of F^; repeatable.")  # fmt: skip
-@click.option("--band", type=float, nargs=2, help="Range of the noise over omega_s; default that of the case of OUT, "
-              "or 0.05 3.")  # fmt: skip
 @click.option("--detached", is_flag=True, help="Also search for detached loops.")
 @click.option("--bands/--no-bands", default=True, show_default=True,
               help="Carry the error bar of the force and the spread of the laws to the response.")  # fmt: skip
@@ -97,7 +93,7 @@ def command(
     if preload is not None and pressure is not None:
         raise InputError("--preload and --pressure are both given; give one of them")
     joint = joint_of(source, given)
-    for name in ("forcing", "models", "random"):
+    for name in ("forcing", "models"):
         settings[name] = settings[name] or None
     result = run_dynamics(law, load=preload, joint=joint, out_dir=output, **settings)
     if output:
@@ -140,9 +136,6 @@ def _show(result: Dynamics) -> None:
         name = f"F^ = {setting.F_hat:g}, F/W = {setting.F_over_mg:g}"
         peaks = (response.peak for response in responses)
         rows.append((name, *(f"peak {u:.4g} at {omega:.4g}" for omega, u in peaks)))
-    for motion in result.random.get("exact", ()):
-        text = f"rms {motion.rms:.4g}, {100 * motion.lost:.3g} % of the time out of contact"
-        rows.append((f"noise, rms of F^ = {motion.setting.F_hat:g}", *(text if m == "exact" else "-" for m in models)))
     options.table(about, rows, ("", *models))
     if result.laws is not None:
         _show_laws(result.laws, "" if result.units == "other" else "SI")

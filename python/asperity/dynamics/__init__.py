@@ -26,7 +26,6 @@ from asperity.dynamics.law.tangent import TangentLaw
 from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.dynamics.law.two_branches import TwoBranchLaw
 from asperity.dynamics.laws import LawAtLoad, LawTable
-from asperity.dynamics.motion.noise import RandomResponse
 from asperity.dynamics.motion.sweep import Attractor, Sweep
 from asperity.dynamics.motion.trajectory import Trajectory
 from asperity.dynamics.orbits.branch import Branch, Event, Solution
@@ -56,7 +55,6 @@ __all__ = [
     "LocalFit",
     "LoopDamping",
     "PowerLaw",
-    "RandomResponse",
     "Restoring",
     "Setting",
     "Solution",

@@ -15,7 +15,6 @@ from asperity.errors import InputError
 OMEGA = (0.01, 100.0)  # below, motion is quasi-static; above, the mass hardly moves
 FORCING = (1e-9, 1e6)  # below, motion is linear in the forcing and lost in the round-off of the force
 MIN_ZETA = 1e-4  # smallest damping ratio with which motion settles in 20000 periods
-MIN_ZETA_NOISE = 1e-3  # smallest one under noise, whose records have 4/zeta periods
 
 
 @dataclass(frozen=True)

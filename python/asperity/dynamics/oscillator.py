@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
-from asperity.dynamics.forcing import MIN_ZETA, MIN_ZETA_NOISE, Setting, forcings, frequencies, window
+from asperity.dynamics.forcing import MIN_ZETA, Setting, forcings, frequencies, window
 from asperity.dynamics.law.checks import positive
 from asperity.dynamics.law.damping import Damping, check_damping
 from asperity.dynamics.law.law import Law
@@ -21,7 +21,6 @@ from asperity.dynamics.law.restoring import Restoring
 from asperity.dynamics.law.table import TableLaw
 from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.dynamics.motion import sweep as _sweep
-from asperity.dynamics.motion.noise import RandomResponse, random_response
 from asperity.dynamics.motion.shooting_correction import polish as _polish
 from asperity.dynamics.motion.sweep import Attractor, Sweep
 from asperity.dynamics.motion.trajectory import Trajectory, integrate
@@ -330,34 +329,6 @@ class ContactOscillator:
         low = float(path.u.min())
         self.restoring.check_range(low, float(path.u.max()))
         return replace(path, setting=self.setting(f), tolerance=rtol, valid=self.restoring.contact or low >= -1.0)
-
-    def random(
-        self, forcing: float, band: Sequence[float] = (0.05, 3.0), *, records: int = 8, seed: int = 0
-    ) -> RandomResponse:
-        """Integrate the motion under band-limited noise, with its spectrum and its share of time out of contact.
-
-        Args:
-            forcing: rms of F^ = F/(n_loc W), 1e-9 to 1e6.
-            band: lowest and highest Omega of the force.
-            records: number of records, each of 4/zeta periods of small vibration.
-            seed: of the random phases.
-
-        Raises:
-            InputError: an argument is not legal, zeta is below 1e-3, the law is a Taylor series, the band is narrower
-                than 5 zeta, or the records are too long.
-            RangeError: the motion leaves a table.
-        """
-        (f,) = forcings(positive("forcing", forcing))
-        if self.zeta < MIN_ZETA_NOISE:
-            raise InputError(
-                f"zeta = {self.zeta:g} is not legal under noise: it must be at least {MIN_ZETA_NOISE:g}, or the "
-                "records are too long"
-            )
-        if not self.restoring.contact:
-            raise InputError("noise is for the exact law: a Taylor law pulls where contact is lost, and motion escapes")
-        if records < 1:
-            raise InputError(f"records = {records} is not legal: give at least 1")
-        return random_response(self.balance(), self.setting(f), window(band, "band"), records=records, seed=seed)
 
     def _check_settles(self) -> None:
         if self.zeta < MIN_ZETA:

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Results of a vibration analysis, and the files free.csv, response.csv, band.csv, random.csv, thresholds.json."""
+"""Results of a vibration analysis, and the files free.csv, response.csv, band.csv, thresholds.json."""
 
 from __future__ import annotations
 
@@ -11,13 +11,12 @@ import json
 import math
 import os
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from asperity.dynamics.joint import Joint, Numbers
 from asperity.dynamics.laws import LawTable
-from asperity.dynamics.motion.noise import RandomResponse
 from asperity.dynamics.motion.sweep import Sweep
 from asperity.dynamics.orbits.free import FreeVibration
 from asperity.dynamics.orbits.response import FrequencyResponse
@@ -26,16 +25,12 @@ from asperity.dynamics.oscillator import ContactOscillator
 from asperity.dynamics.uncertainty import BAND_COLUMNS, Band, Uncertainty
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import replace_file
-from asperity.runtime.run_folder import BAND, FREE, RANDOM, RESPONSE, THRESHOLDS
+from asperity.runtime.run_folder import BAND, FREE, RESPONSE, THRESHOLDS
 
 FREE_COLUMNS = ("model", "u0", "omega_ratio", "u_min", "frequency", "amplitude", "a1")
 RESPONSE_COLUMNS = (
     "model", "F_hat", "zeta", "Omega", "u_max", "u_min", "a1", "stable", "branch", "contact_loss",
     "frequency", "force", "x_max", "x_min", "receptance", "phase",
-)  # fmt: skip
-RANDOM_COLUMNS = (
-    "model", "F_hat_rms", "Omega", "psd_u", "psd_u_linear", "psd_F_hat", "frequency", "psd_x", "psd_x_linear",
-    "psd_force",
 )  # fmt: skip
 
 
@@ -54,7 +49,6 @@ class Dynamics:
         free: natural frequency over amplitude.
         responses: one per forcing.
         sweeps: one per forcing and direction (empty if not requested).
-        random: motion under noise, one per rms (empty if not requested).
         thresholds: onsets and resonance peaks.
         uncertainty: intervals by the error bar of the force and the spread of the laws, or by the misfit of the fit of
             a given law; None if there is neither.
@@ -85,7 +79,6 @@ class Dynamics:
     laws: LawTable | None = None
     joint: Joint | None = None
     units: str | None = None
-    random: dict[str, tuple[RandomResponse, ...]] = field(default_factory=dict)
 
     @property
     def first(self) -> ContactOscillator:
@@ -100,7 +93,7 @@ class Dynamics:
     __repr__ = short_repr
 
     def write(self, out_dir: str | os.PathLike[str]) -> None:
-        """Write free.csv, response.csv and thresholds.json into `out_dir`; band.csv and random.csv if any."""
+        """Write free.csv, response.csv and thresholds.json into `out_dir`; band.csv if there is a band."""
         path = Path(out_dir)
         path.mkdir(parents=True, exist_ok=True)
         z_s, scale, unit = self.first.restoring.z_s, self.first.restoring.scale, self.numbers.frequency
@@ -127,23 +120,8 @@ class Dynamics:
             _write(path / BAND, BAND_COLUMNS, (row for band in self.bands for row in band.rows()))
         else:
             (path / BAND).unlink(missing_ok=True)  # of an earlier analysis
-        noisy = [row for many in self.random.values() for r in many for row in r.rows()]
-        if noisy:
-            _write(path / RANDOM, RANDOM_COLUMNS, (self._in_units(row) for row in noisy))
-        else:
-            (path / RANDOM).unlink(missing_ok=True)
         text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
         replace_file(path / THRESHOLDS, f"{text}\n".encode())
-
-    def _in_units(self, row: dict[str, Any]) -> dict[str, Any]:
-        """Return a row of random.csv with frequency, and densities per frequency instead of per Omega."""
-        r, unit = self.first.restoring, self.numbers.frequency
-        length, force = r.z_s**2 / unit, r.scale**2 / unit
-        return (
-            row
-            | {"frequency": unit * row["Omega"], "psd_force": force * row["psd_F_hat"]}
-            | {"psd_x": length * row["psd_u"], "psd_x_linear": length * row["psd_u_linear"]}
-        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of thresholds.json."""
@@ -175,7 +153,6 @@ class Dynamics:
                 "free_valid": all(self.free[model].valid),
                 "responses": [_summary(r) for r in self.responses[model]],
                 "sweeps": [_sweep_summary(s) for s in self.sweeps.get(model, ())],
-                "random": [r.summary() for r in self.random.get(model, ())],
             }
         return out
 

@@ -25,7 +25,6 @@ from asperity.dynamics.law.law import Law
 from asperity.dynamics.law.loop_damping import LoopDamping
 from asperity.dynamics.law.two_branches import TwoBranchLaw
 from asperity.dynamics.laws import LawTable, tabulate
-from asperity.dynamics.motion.noise import RandomResponse
 from asperity.dynamics.motion.sweep import ESCAPED, Sweep
 from asperity.dynamics.orbits.free import FreeVibration
 from asperity.dynamics.orbits.response import FrequencyResponse
@@ -41,7 +40,7 @@ __all__ = ["LAWS", "MODELS", "law_from", "run_dynamics", "small_vibration"]
 
 MODELS = ("exact", "taylor")
 ZETA = 0.01  # default damping ratio
-FORCING, OMEGA, BAND = (0.01,), (0.5, 1.3), (0.05, 3.0)  # default F^, window and band of random forcing
+FORCING, OMEGA = (0.01,), (0.5, 1.3)  # default F^ and window
 _SWEEP_POINTS = 41
 
 
@@ -102,8 +101,6 @@ def run_dynamics(
     patch_area: float | None = None,
     out_dir: str | os.PathLike[str] | None = None,
     sweeps: bool | None = None,
-    random: float | Iterable[float] | None = None,
-    band: Sequence[float] | None = None,
     detached: bool = False,
     bands: bool = True,
     tol: float = 1e-5,
@@ -135,8 +132,6 @@ def run_dynamics(
         out_dir: directory for free.csv, response.csv, thresholds.json and band.csv; None writes nothing. For figures
             see `asperity.plot.oscillator.plot_dynamics`.
         sweeps: also integrate sweeps up and down (half a second per forcing; not for zeta = 0); default no.
-        random: rms of F^ of band-limited noise, one or several; default none. See `ContactOscillator.random`.
-        band: lowest and highest Omega of the noise; default 0.05 and 3.
         detached: also search for branches that no other branch reaches (several seconds).
         bands: also carry the error bar of the force and the spread of the laws to the response (about 1 s per forcing);
             for a `Law` with intervals, these.
@@ -169,9 +164,6 @@ def run_dynamics(
     of_case = case.get("dynamics", {})
     values = forcings(of_case.get("forcing", FORCING) if forcing is None else forcing)
     omega = window(of_case.get("omega", OMEGA) if omega is None else omega)
-    band = window(of_case.get("band", BAND) if band is None else band, "band")
-    noise: Any = of_case.get("random", ()) if random is None else random
-    noise = forcings(noise, "random") if np.size(noise) else ()
     sweeps = of_case.get("sweeps", False) if sweeps is None else sweeps
     names = tuple(of_case.get("model", MODELS) if models is None else models)
     for name in names:
@@ -211,7 +203,6 @@ def run_dynamics(
     responses: dict[str, tuple[FrequencyResponse, ...]] = {}
     swept: dict[str, tuple[Sweep, ...]] = {}
     onset: dict[str, Thresholds] = {}
-    noisy: dict[str, tuple[RandomResponse, ...]] = {}
     for name, oscillator in oscillators.items():
         onset[name] = oscillator.thresholds(values)
         free[name] = oscillator.free()
@@ -222,14 +213,7 @@ def run_dynamics(
                 swept[name] = oscillator.sweep(values, omega, points=_SWEEP_POINTS)
             except AsperityError as error:
                 notes.append(f"{name}: no sweep: {error}")
-        if name == "exact" and noise:
-            try:
-                noisy[name] = tuple(oscillator.random(f, band) for f in noise)
-            except AsperityError as error:
-                notes.append(f"no random excitation: {error}")
-        elif noise and "exact" not in names:
-            notes.append("no random excitation: noise is for the exact law, and model has taylor only")
-        notes.extend(_notes(name, oscillator, responses[name], swept[name], noisy.get(name, ())))
+        notes.extend(_notes(name, oscillator, responses[name], swept[name]))
     members = laws.members() if laws is not None else None
     spread = _uncertainty(exact, members, laws, notes)
     enveloped: list[Band] = []
@@ -240,8 +224,7 @@ def run_dynamics(
             except AsperityError as error:
                 notes.append(f"exact, F^ = {f:g}: no band: {error}")
     result = Dynamics(
-        oscillators, free, responses, swept, onset, spread, tuple(enveloped), tuple(notes), gravity, laws, joint, units,
-        noisy,
+        oscillators, free, responses, swept, onset, spread, tuple(enveloped), tuple(notes), gravity, laws, joint, units
     )  # fmt: skip
     if out_dir is not None:
         result.write(out_dir)
@@ -364,7 +347,6 @@ def _notes(
     oscillator: ContactOscillator,
     responses: Iterable[FrequencyResponse],
     sweeps: Iterable[Sweep],
-    noisy: Iterable[RandomResponse],
 ) -> Iterator[str]:
     """Yield the notes on the results of a model."""
     for r in responses:
@@ -378,9 +360,6 @@ def _notes(
                 f"{name}, F^ = {s.setting.F_hat:g}: the sweep {s.direction} escapes from the Taylor "
                 f"well at Omega = {escape:.4g}, a property of the truncation"
             )
-    for motion in noisy:
-        where = f"{name}, noise of rms F^ = {motion.setting.F_hat:g}: the motion"
-        yield from _beyond_fit(where, oscillator, motion.u_max)
 
 
 def _gravity(

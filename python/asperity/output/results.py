@@ -28,7 +28,6 @@ from asperity.runtime.run_folder import (
     CURVE,
     FIELDS,
     FREE,
-    RANDOM,
     RESPONSE,
     SUMMARY,
     THRESHOLDS,
@@ -54,7 +53,6 @@ class Results:
         response: columns of response.csv.
         thresholds: contents of thresholds.json.
         band: columns of band.csv.
-        random: columns of random.csv.
         top: arrays of fields/top.npz.
         mesh: arrays of fields/mesh.npz.
         built: the surface of the case if it was passed to `read`, else None.
@@ -75,7 +73,6 @@ class Results:
     response: Columns = field(default_factory=dict)
     thresholds: Mapping[str, Any] = field(default_factory=dict)
     band: Columns = field(default_factory=dict)
-    random: Columns = field(default_factory=dict)
     top: Columns = field(default_factory=dict)
     mesh: Columns = field(default_factory=dict)
     built: Surface | None = None
@@ -104,7 +101,6 @@ class Results:
             "response": (RESPONSE, _read_csv),
             "thresholds": (THRESHOLDS, _read_json),
             "band": (BAND, _read_csv),
-            "random": (RANDOM, _read_csv),
             "top": (f"{FIELDS}/{TOP}", read_npz),
             "mesh": (f"{FIELDS}/{BLOCK}", read_npz),
         }

@@ -16,7 +16,7 @@ from asperity.output.results import Results
 from asperity.plot.contact import contact_area, pressure_histogram, pressure_maps
 from asperity.plot.curves import force_curve, plasticity
 from asperity.plot.fields import mesh_cut, surface_map
-from asperity.plot.spectra import noise, receptance
+from asperity.plot.spectra import receptance
 from asperity.plot.stiffness import stiffness
 from asperity.plot.style import save, save_in
 from asperity.plot.vibration import frequency, response
@@ -31,7 +31,6 @@ __all__ = [
     "force_curve",
     "frequency",
     "mesh_cut",
-    "noise",
     "plasticity",
     "plot_run",
     "pressure_histogram",
@@ -60,13 +59,12 @@ CAPTIONS = {
     "dotted line mark the onset of contact loss.",
     "receptance": "Frequency response function: amplitude at the forcing frequency over the force. A linear contact "
     "has one curve for all forces; the peak of each force lies on its backbone.",
-    "random": "Power spectral density of the displacement under band-limited noise, and that of the linear contact.",
     "surface": "Heights of the surface; the ring marks the first touch.",
     "mesh": "Vertical section of the mesh (a) through the highest point and (b) at the summit; colour is the element "
     "size.",
 }
 
-OF_VIBRATION = ("frequency", "response", "receptance", "random")
+OF_VIBRATION = ("frequency", "response", "receptance")
 OF_CONTACT = tuple(name for name in CAPTIONS if name not in OF_VIBRATION)  # these need no vibration
 
 
@@ -109,7 +107,6 @@ def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
         "frequency": (len(results.free.get("u0", ())) > 0, frequency),
         "response": (len(results.response.get("Omega", ())) > 0, response),
         "receptance": (len(results.response.get("a1", ())) > 0 and "F_hat" in results.response, receptance),
-        "random": (len(results.random.get("Omega", ())) > 0, noise),
     }
     return {name: draw for name, (possible, draw) in wanted.items() if possible}
 

@@ -22,7 +22,7 @@ from asperity.dynamics.law.checks import positives
 from asperity.dynamics.law.table import TableLaw
 from asperity.errors import AsperityError
 from asperity.plot import style
-from asperity.plot.spectra import noise_of, receptance_of
+from asperity.plot.spectra import receptance_of
 from asperity.plot.vibration import Scale, amplitude_frequency, natural_frequency
 
 if TYPE_CHECKING:
@@ -213,10 +213,7 @@ def stability_chart(
 
 
 def plot_dynamics(result: Dynamics, directory: str | os.PathLike[str]) -> list[Path]:
-    """Draw the figures of a result of `run_dynamics` into a directory; return the files written.
-
-    Without noise, the figure of noise of an earlier result is removed.
-    """
+    """Draw the figures of a result of `run_dynamics` into a directory; return the files written."""
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
     first = next(iter(result.oscillators.values()))
@@ -228,11 +225,6 @@ def plot_dynamics(result: Dynamics, directory: str | os.PathLike[str]) -> list[P
         "response": amplitude_frequency(responses, sweeps, result.bands, scale),
         "receptance": receptance_of(result),
     }
-    if any(result.random.values()):
-        figures["random"] = noise_of(result)
-    else:
-        for form in ("png", "svg"):
-            (folder / f"random.{form}").unlink(missing_ok=True)  # of an earlier analysis
     if first.model == "exact":
         top = max(max(float(b.u_max.max()) for b in r.branches) for r in result.responses["exact"])
         figures["operating-point"] = operating_point(first)

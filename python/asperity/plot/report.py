@@ -22,11 +22,11 @@ from asperity.plot import CAPTIONS, OF_VIBRATION, figures_of, plot_run
 from asperity.plot.citations import publications
 from asperity.plot.style import DPI
 from asperity.runtime.files import replace_file
-from asperity.runtime.run_folder import BAND, CURVE, FIGURES, FREE, RANDOM, REPORT, RESPONSE, THRESHOLDS
+from asperity.runtime.run_folder import BAND, CURVE, FIGURES, FREE, REPORT, RESPONSE, THRESHOLDS
 from asperity.units import quantity
 
 Rows = list[tuple[str, str]]
-VIBRATION_DATA = (CURVE, FREE, RESPONSE, BAND, RANDOM, THRESHOLDS)  # what the figures of the vibration show
+VIBRATION_DATA = (CURVE, FREE, RESPONSE, BAND, THRESHOLDS)  # what the figures of the vibration show
 STIFFNESS_WORDS = {
     "k_n": "normal stiffness of the loading",
     "k_n_elastic": "elastic normal stiffness",

@@ -1,10 +1,10 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Figures of the frequency response function (receptance) and of the motion under noise.
+"""Figure of the frequency response function (receptance).
 
-Both are drawn from rows as in response.csv, free.csv and random.csv, from the folder of a run or from memory. Axes are
-in hertz and in units of the case where these are known, else over omega_s and 1/k_n.
+It is drawn from rows as in response.csv and free.csv, from the folder of a run or from memory. Axes are in
+hertz and in units of the case where these are known, else over omega_s and 1/k_n.
 """
 
 from __future__ import annotations
@@ -36,17 +36,6 @@ def receptance_of(result: Dynamics, *, ax: style.Place | None = None) -> Figure:
     rows = columns_of(row for many in result.responses.values() for r in many for row in r.rows())
     free = columns_of(row for f in result.free.values() for row in f.rows())
     return _receptance(rows, free, result.to_dict(), ax=ax)
-
-
-def noise(results: Results, *, ax: style.Place | None = None) -> Figure:
-    """Draw the power spectral density of the motion under noise, from the folder of a run, on `ax` if given."""
-    return _noise(results.random, results.thresholds, ax=ax)
-
-
-def noise_of(result: Dynamics, *, ax: style.Place | None = None) -> Figure:
-    """Draw the power spectral density of the motion under noise of a result of `run_dynamics`, on `ax` if given."""
-    rows = columns_of(row for many in result.random.values() for r in many for row in r.rows())
-    return _noise(rows, result.to_dict(), ax=ax)
 
 
 def _axes(thresholds: Mapping[str, Any]) -> tuple[float, float, float, str, str]:
@@ -107,35 +96,3 @@ def _force(forcing: float, thresholds: Mapping[str, Any], si: bool) -> str:
         return f"$\\hat F$ = {forcing:g}"
     newton = f"{n_loc * forcing * load:.3g} N, " if si and load else ""
     return f"$F$ = {newton}{n_loc * forcing:.3g} $W$"
-
-
-@style.styled
-def _noise(rows: Columns, thresholds: Mapping[str, Any], *, ax: style.Place | None) -> Figure:
-    frequency, length, _, hertz, metre = _axes(thresholds)
-    figure, (axis, *_) = style.figure(style.SINGLE + 1.6, 4.0, ax=ax)
-    lost = {s["F_hat_rms"]: s["lost"] for m in ("exact", "taylor") for s in thresholds.get(m, {}).get("random", ())}
-    density = length**2 / frequency
-    levels = np.unique(rows["F_hat_rms"])
-    for level, colour in zip(levels, np.resize(COLOURS, len(levels)), strict=True):
-        of = where(rows, rows["F_hat_rms"] == level)
-        rms = _force(level, thresholds, metre == "m").replace("$F$", "$F_{rms}$").replace("hat F$", "hat F_{rms}$")
-        text = f"{rms}: {100 * lost[level]:.2g} % of the time in flight" if level in lost else rms
-        axis.plot(frequency * of["Omega"], density * of["psd_u"], color=colour, lw=0.9, label=text)
-        driven = of["psd_u_linear"] > 0
-        axis.plot(
-            frequency * of["Omega"][driven], density * of["psd_u_linear"][driven], ls=DASHES, color=colour, lw=0.9
-        )
-    axis.plot([], [], ls=DASHES, color=style.GREY, label="linear, $|H|^2 S_F$")
-    driven = rows["psd_u_linear"] > 0
-    axis.set_yscale("log")
-    axis.set_ylim(bottom=0.1 * density * float(rows["psd_u_linear"][driven].min()))
-    axis.set_xlim(0.0, frequency * rows["Omega"].max())
-    axis.set_xlabel(style.label("frequency", hertz) if hertz else "frequency $\\Omega = \\omega/\\omega_s$")
-    axis.set_ylabel(
-        f"PSD of the displacement ({metre}$^2$ {'/ Hz' if metre == 'm' else 'time'})" if metre else "PSD of $u$"
-    )
-    axis.legend(loc="best", fontsize=7)
-    zeta = [float(thresholds["zeta"])] if "zeta" in thresholds else []
-    axis.set_title(heading(zeta, thresholds.get("damping"), thresholds.get("n_loc")), loc="left")
-    style.grid(axis)
-    return figure

@@ -22,7 +22,6 @@ from asperity.runtime.files import is_aside
 
 CASE, CURVE, SUMMARY, LOG = "case.toml", "curve.csv", "summary.json", "run.log"
 FREE, RESPONSE, BAND, THRESHOLDS = "free.csv", "response.csv", "band.csv", "thresholds.json"
-RANDOM = "random.csv"
 LOOPS = "loops.csv"
 REPORT = "report.html"
 FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
@@ -30,7 +29,7 @@ TOP, BLOCK, VTKHDF = "top.npz", "mesh.npz", "contact.vtkhdf"  # in fields
 DISTRIBUTIONS = "distributions.csv"  # in fields
 PICTURES = (
     "surface", "mesh", "curve", "area", "pressure", "stiffness", "plasticity", "frequency", "response", "receptance",
-    "random", "scene",
+    "scene",
 )  # in figures # fmt: skip
 FIELD_PICTURES = ("surface", "mesh", "pressure", "scene")  # the others consist of lines and are in .svg too
 _FIGURES = {name: [f"{FIGURES}/{name}.{form}" for form in ("png", "svg") if form == "png" or name not in FIELD_PICTURES]
@@ -46,7 +45,7 @@ MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpo
 
 #: All files and folders that a run writes, folders after their files; without those of the checkpoint.
 PRODUCTS = (
-    CURVE, SUMMARY, LOG, LOOPS, FREE, RESPONSE, BAND, RANDOM, THRESHOLDS, REPORT,
+    CURVE, SUMMARY, LOG, LOOPS, FREE, RESPONSE, BAND, THRESHOLDS, REPORT,
     *(f"{FIELDS}/{name}" for name in (BLOCK, TOP, VTKHDF, DISTRIBUTIONS)), FIELDS,
     *(path for paths in _FIGURES.values() for path in paths), FIGURES,
     CASE,
@@ -59,9 +58,8 @@ _PARTS = {
         FREE,
         RESPONSE,
         BAND,
-        RANDOM,
         THRESHOLDS,
-        *(path for name in ("frequency", "response", "receptance", "random") for path in _FIGURES[name]),
+        *(path for name in ("frequency", "response", "receptance") for path in _FIGURES[name]),
     ),
     "loops": (LOOPS,),
     "fields": (f"{FIELDS}/{VTKHDF}",),
