@@ -12,12 +12,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw
-from asperity.dynamics.law.restoring import Restoring
-from asperity.dynamics.motion.shooting import shoot, state_at_phase_zero
+from asperity.dynamics.equation import Restoring
+from asperity.dynamics.motion.shooting import shoot
 from asperity.dynamics.orbits.free import free_orbit
 from asperity.dynamics.orbits.harmonic_balance import Balance
 from asperity.dynamics.orbits.response import frequency_response
-from asperity.dynamics.orbits.stability import floquet
+from asperity.dynamics.orbits.stability import floquet, state_at_phase_zero
 from asperity.errors import ConvergenceError, InputError, RangeError
 
 

@@ -228,8 +228,6 @@ model = ["exact"]
 omega = [0.95, 1.05]
 zeta = 0.2
 sweeps = true
-random = [0.01]
-band = [0.5, 1.5]
 """
     folder = _curve_in(tmp_path / "run", 1.0, 1.0, text)
     r = run_dynamics(folder)
@@ -237,11 +235,10 @@ band = [0.5, 1.5]
     assert r.first.restoring.load == 3e-5 and list(r.responses) == ["exact"]
     assert [one.setting.F_hat for one in r.responses["exact"]] == [0.002, 0.004]
     assert r.responses["exact"][0].omega == (0.95, 1.05) and len(r.sweeps["exact"]) == 4
-    assert r.random["exact"][0].band == (0.5, 1.5)
-    other = run_dynamics(folder, law="paper", load=2e-5, forcing=0.003, omega=(0.9, 0.91), sweeps=False, random=())
+    other = run_dynamics(folder, law="paper", load=2e-5, forcing=0.003, omega=(0.9, 0.91), sweeps=False)
     assert other.laws is not None and other.laws.choice.name == "paper" and other.first.restoring.load == 2e-5
-    assert len(other.responses["exact"]) == 1 and other.sweeps["exact"] == () and other.random == {}
-    joint = run_dynamics(folder, joint=asp.Joint(nominal_area=3e-12, mass=1.0), sweeps=False, random=())
+    assert len(other.responses["exact"]) == 1 and other.sweeps["exact"] == ()
+    joint = run_dynamics(folder, joint=asp.Joint(nominal_area=3e-12, mass=1.0), sweeps=False)
     assert joint.first.restoring.load == pytest.approx(9e-5, rel=1e-12)
 
 

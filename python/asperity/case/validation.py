@@ -63,8 +63,6 @@ def check_together(case: Input) -> None:
         _refuse("dynamics.model", f"= {show(dynamics.model)} names a model twice")
     if dynamics and dynamics.omega[0] >= dynamics.omega[1]:
         _refuse("dynamics.omega", f"= {show(dynamics.omega)} must rise, for example [0.5, 1.3]")
-    if dynamics and dynamics.band[0] >= dynamics.band[1]:
-        _refuse("dynamics.band", f"= {show(dynamics.band)} must rise, for example [0.05, 3]")
     if dynamics and dynamics.law == "unload-reload" and not loading.unload:
         _refuse("dynamics.law", '= "unload-reload" needs an unloading; set loading.unload = true')
     if dynamics and dynamics.overload is not None and dynamics.law != "auto":

@@ -14,13 +14,13 @@ Examples:
     0.989, 0.483
 """
 
+from asperity.dynamics.equation import Restoring
 from asperity.dynamics.forcing import Setting
 from asperity.dynamics.joint import Joint
 from asperity.dynamics.law.law import Law
 from asperity.dynamics.law.local_fit import LocalFit
 from asperity.dynamics.law.loop_damping import LoopDamping
 from asperity.dynamics.law.power import PowerLaw
-from asperity.dynamics.law.restoring import Restoring
 from asperity.dynamics.law.table import TableLaw, unload_reload
 from asperity.dynamics.law.tangent import TangentLaw
 from asperity.dynamics.law.taylor import TaylorLaw

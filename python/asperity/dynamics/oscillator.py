@@ -13,20 +13,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
+from asperity.dynamics.equation import Restoring
 from asperity.dynamics.forcing import MIN_ZETA, Setting, forcings, frequencies, window
 from asperity.dynamics.law.checks import positive
 from asperity.dynamics.law.damping import Damping, check_damping
 from asperity.dynamics.law.law import Law
-from asperity.dynamics.law.restoring import Restoring
 from asperity.dynamics.law.table import TableLaw
 from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.dynamics.motion import sweep as _sweep
-from asperity.dynamics.motion.shooting_correction import polish as _polish
 from asperity.dynamics.motion.sweep import Attractor, Sweep
 from asperity.dynamics.motion.trajectory import Trajectory, integrate
 from asperity.dynamics.orbits import thresholds as _thresholds
 from asperity.dynamics.orbits.free import FreeVibration, contact_limit, free_vibration
 from asperity.dynamics.orbits.harmonic_balance import Balance
+from asperity.dynamics.orbits.polish import coefficients
+from asperity.dynamics.orbits.polish import polish as _polish
 from asperity.dynamics.orbits.response import FrequencyResponse, frequency_response
 from asperity.dynamics.orbits.thresholds import Backbone, Thresholds
 from asperity.errors import AsperityWarning, InputError, RangeError
@@ -349,8 +350,6 @@ class ContactOscillator:
 
     def _seeds(self, forcing: float, window: tuple[float, float]) -> tuple[tuple[int, Array, float], ...]:
         """Periodic orbits reached from many initial states, as starting points of detached branches."""
-        from asperity.dynamics.motion.shooting_correction import coefficients
-
         if self.zeta < MIN_ZETA:
             text = f"zeta is below {MIN_ZETA:g}, so no motion settles: detached loops are not searched"
             warnings.warn(text, AsperityWarning, stacklevel=3)

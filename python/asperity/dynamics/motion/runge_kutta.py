@@ -3,7 +3,7 @@
 
 """One forcing period of many oscillators in parallel.
 
-Runge-Kutta method of order 4 with fixed steps in Lienard's variable (see `asperity.dynamics.law.damping`), one lane
+Runge-Kutta method of order 4 with fixed steps in Lienard's variable (see `asperity.dynamics.equation`), one lane
 of the arrays per oscillator.
 """
 
@@ -14,45 +14,44 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.law.damping import primitive
+from asperity.dynamics.equation import Equation, primitive
 from asperity.dynamics.law.taylor import TaylorLaw
-from asperity.dynamics.orbits.harmonic_balance import Balance
 
 STEP = 0.14  # longest step over the shortest local time scale
 ESCAPE = 1e4  # displacement beyond which a lane has escaped
 FEW = 16  # largest number of lanes for which plain floats are faster
 
 
-def steps_for(balance: Balance, omega: Array, u: Array) -> int:
+def steps_for(equation: Equation, omega: Array, u: Array) -> int:
     """Return the number of steps per period that resolve the stiffest contact at displacements `u`."""
-    stiff = balance.restoring.df(np.maximum(u, 0.0))
+    stiff = equation.restoring.df(np.maximum(u, 0.0))
     rate = np.sqrt(np.maximum(1.0, np.where(np.isfinite(stiff), stiff, 1.0)))
     return int(np.clip(2 * np.ceil(np.max(np.pi / omega * rate / STEP)), 64, 4096))
 
 
-def has_escaped(balance: Balance, u: Array, low: Array) -> Array:
+def has_escaped(equation: Equation, u: Array, low: Array) -> Array:
     """Return which lanes have left the Taylor well and cannot return."""
     bad = ~np.isfinite(u) | (np.abs(u) > ESCAPE)
-    law = balance.restoring.law
+    law = equation.restoring.law
     if isinstance(law, TaylorLaw) and np.isfinite(law.rim()):
         bad |= ~(low > law.rim() - 2.0)
     return bad
 
 
 def advance(
-    balance: Balance, u: Array, w: Array, omega: Array, forcing: Array, steps: int
+    equation: Equation, u: Array, w: Array, omega: Array, forcing: Array, steps: int
 ) -> tuple[Array, Array, Array, Array, Array]:
     """Advance all lanes by one forcing period.
 
     Args:
-        balance: the oscillator.
+        equation: the oscillator.
         u, w, omega, forcing: state, Omega and F^ of each lane, shape (lanes,).
         steps: Runge-Kutta steps.
 
     Returns:
         u, w, largest u, smallest u and amplitude at the forcing frequency, shape (lanes,) each.
     """
-    us, vs, w = path_of(balance, u, w, omega, forcing, steps)
+    us, vs, w = path_of(equation, u, w, omega, forcing, steps)
     with np.errstate(over="ignore", invalid="ignore"):
         low, high = _turning_values(us, vs * (2.0 * np.pi / omega / steps))
         wave = np.exp(-2j * np.pi / steps * np.arange(steps))
@@ -61,17 +60,19 @@ def advance(
 
 
 def path_of(
-    balance: Balance, u: Array, w: Array, omega: Array, forcing: Array, steps: int
+    equation: Equation, u: Array, w: Array, omega: Array, forcing: Array, steps: int
 ) -> tuple[Array, Array, Array]:
     """Return displacements and speeds (steps + 1, lanes) over one forcing period, and w at its end."""
-    few = u.size <= FEW and balance.restoring.law.scalar and balance.damping == "always"
-    return (_path_scalar if few else _path)(balance, u, w, omega, forcing, steps)
+    few = u.size <= FEW and equation.restoring.law.scalar and equation.damping == "always"
+    return (_path_scalar if few else _path)(equation, u, w, omega, forcing, steps)
 
 
-def _path(balance: Balance, u: Array, w: Array, omega: Array, forcing: Array, steps: int) -> tuple[Array, Array, Array]:
+def _path(
+    equation: Equation, u: Array, w: Array, omega: Array, forcing: Array, steps: int
+) -> tuple[Array, Array, Array]:
     """Integrate all lanes at once in arrays; see `path_of`."""
-    r, damping = balance.restoring, balance.damping
-    rest, twice = 1.0 / r.n_loc, 2.0 * balance.zeta
+    r, damping = equation.restoring, equation.damping
+    rest, twice = 1.0 / r.n_loc, 2.0 * equation.zeta
     always = damping == "always"
     h = 2.0 * np.pi / omega / steps
     half, sixth = 0.5 * h, h / 6.0
@@ -99,10 +100,10 @@ def _path(balance: Balance, u: Array, w: Array, omega: Array, forcing: Array, st
 
 
 def _path_scalar(
-    balance: Balance, u: Array, w: Array, omega: Array, forcing: Array, steps: int
+    equation: Equation, u: Array, w: Array, omega: Array, forcing: Array, steps: int
 ) -> tuple[Array, Array, Array]:
     """Integrate lane by lane in plain floats, faster for few lanes; for damping "always" only."""
-    r, twice = balance.restoring, 2.0 * balance.zeta
+    r, twice = equation.restoring, 2.0 * equation.zeta
     at, scale, z_s, rest = r.law.at, 1.0 / r.scale, r.z_s, 1.0 / r.n_loc
     us, vs, ends = np.full((steps + 1, u.size), np.nan), np.full((steps + 1, u.size), np.nan), np.full(u.size, np.nan)
     for lane in range(u.size):

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.motion.trajectory import augmented_state, damping_term, integrate_arc
-from asperity.dynamics.orbits.harmonic_balance import Balance
+from asperity.dynamics.equation import Equation
+from asperity.dynamics.motion.trajectory import augmented_state, integrate_arc
 from asperity.errors import ConvergenceError
 
 
@@ -38,12 +38,13 @@ class Shot:
 
 
 def shoot(
-    balance: Balance,
+    equation: Equation,
     omega: float,
     forcing: float,
     u: float,
     v: float,
     *,
+    order: int = 1,
     tol: float = 1e-10,
     rtol: float = 1e-12,
     hold: bool = True,
@@ -51,9 +52,10 @@ def shoot(
     """Correct a periodic orbit by Newton's method on the event-accurate flow.
 
     Args:
-        balance: the oscillator; its order sets the period.
+        equation: the oscillator.
         omega, forcing: Omega and F^.
         u, v: guess of the state at forcing phase 0.
+        order: forcing periods per period of the orbit.
         tol: allowed defect of periodicity, relative to the orbit.
         rtol: tolerance of the integrator.
         hold: keep Omega fixed; otherwise find the nearest orbit in (u, u', Omega), which also works at a fold.
@@ -61,22 +63,22 @@ def shoot(
     Raises:
         ConvergenceError: no convergence in 12 iterations.
     """
-    y = augmented_state(balance, u, v)
-    singular = balance.restoring.singular
+    y = augmented_state(equation, u, v)
+    singular = equation.restoring.singular
     for _ in range(12):
-        period = 2.0 * np.pi * balance.order / omega
-        arc = integrate_arc(balance, omega, forcing, y, 0.0, period, rtol, 0)
+        period = 2.0 * np.pi * order / omega
+        arc = integrate_arc(equation, omega, forcing, y, 0.0, period, rtol, 0)
         defect = arc.state[:2] - y[:2]
         flow: Array = arc.state[2:6].reshape(2, 2)
         if singular:
-            flow = _differences(balance, omega, forcing, y, period, rtol)
+            flow = _differences(equation, omega, forcing, y, period, rtol)
         size = max(arc.high - arc.low, 1e-12)
         residual = float(np.abs(defect).max())
         matrix: Array = flow - np.eye(2)
         if not hold:
             h = 1e-5 * omega
             ends = [
-                integrate_arc(balance, w, forcing, y, 0.0, 2.0 * np.pi * balance.order / w, rtol, 0).state[:2]
+                integrate_arc(equation, w, forcing, y, 0.0, 2.0 * np.pi * order / w, rtol, 0).state[:2]
                 for w in (omega + h, omega - h)
             ]
             matrix = np.column_stack([matrix, (ends[0] - ends[1]) / (2.0 * h)])
@@ -86,7 +88,7 @@ def shoot(
             return Shot(
                 omega,
                 float(y[0]),
-                float(y[1] - damping_term(balance, y[0])),
+                float(y[1] - equation.loss(y[0])),
                 arc.high,
                 arc.low,
                 float(2.0 / period * np.hypot(arc.state[6], arc.state[7])),
@@ -100,13 +102,7 @@ def shoot(
     raise ConvergenceError(f"shooting did not converge at Omega = {omega:g} (defect {residual:.1e})")
 
 
-def state_at_phase_zero(c: Array, omega: float, order: int = 1) -> tuple[float, float]:
-    """Return (u, v) at forcing phase 0 of an orbit with complex coefficients `c` (K + 1,)."""
-    k = np.arange(c.size)
-    return float(c.sum().real), float((1j * k * c).sum().real) * omega / order
-
-
-def _differences(balance: Balance, omega: float, forcing: float, y: Array, period: float, rtol: float) -> Array:
+def _differences(equation: Equation, omega: float, forcing: float, y: Array, period: float, rtol: float) -> Array:
     """Return the derivative (2, 2) of the flow over a period with respect to (u, w), by central differences."""
     flow = np.empty((2, 2))
     h = 1e-5
@@ -115,6 +111,6 @@ def _differences(balance: Balance, omega: float, forcing: float, y: Array, perio
         for sign in (1.0, -1.0):
             shifted = y.copy()
             shifted[j] += sign * h
-            ends.append(integrate_arc(balance, omega, forcing, shifted, 0.0, period, rtol, 0).state[:2])
+            ends.append(integrate_arc(equation, omega, forcing, shifted, 0.0, period, rtol, 0).state[:2])
         flow[:, j] = (ends[0] - ends[1]) / (2.0 * h)
     return flow

@@ -17,11 +17,10 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Array
+from asperity.dynamics.equation import Equation, primitive
 from asperity.dynamics.forcing import Setting
-from asperity.dynamics.law.damping import primitive
 from asperity.dynamics.law.law import EXTRAPOLATE
 from asperity.dynamics.motion.runge_kutta import advance, has_escaped, steps_for
-from asperity.dynamics.orbits.harmonic_balance import Balance
 from asperity.errors import RangeError
 from asperity.runtime.display import short_repr
 
@@ -127,7 +126,7 @@ class _Lanes:
 
 
 def sweep(
-    balance: Balance,
+    equation: Equation,
     settings: list[Setting],
     omega: Array,
     *,
@@ -139,7 +138,7 @@ def sweep(
     """Sweep all forcings and directions in parallel.
 
     Args:
-        balance: the oscillator.
+        equation: the oscillator.
         settings: one per forcing.
         omega: rising frequencies (frequencies,).
         directions: "up", "down" or both.
@@ -157,8 +156,8 @@ def sweep(
     forcing = np.array([s.F_hat for s, _ in lanes])
     path = np.array([omega if d == "up" else omega[::-1] for _, d in lanes])
     state = _Lanes(np.zeros(len(lanes)), np.zeros(len(lanes)), np.zeros(len(lanes), bool))
-    limit = max_periods or int(np.clip(4.0 / balance.zeta, 100, 20000))
-    columns = [_settle(balance, state, path[:, j], forcing, tol, limit, steps) for j in range(omega.size)]
+    limit = max_periods or int(np.clip(4.0 / equation.zeta, 100, 20000))
+    columns = [_settle(equation, state, path[:, j], forcing, tol, limit, steps) for j in range(omega.size)]
     out = []
     for i, (setting, direction) in enumerate(lanes):
         u_max, u_min, a1, residual = (np.array([c[k][i] for c in columns]) for k in range(4))
@@ -166,7 +165,7 @@ def sweep(
         status = tuple(_name(k) for k in kinds)
         settled = np.array([k > 0 for k in kinds])
         valid = np.ones(omega.size, bool)
-        if not balance.restoring.contact:
+        if not equation.restoring.contact:
             valid = (u_min >= -1.0) & np.array([s != ESCAPED for s in status])
         out.append(
             Sweep(
@@ -182,7 +181,7 @@ def sweep(
                 valid,
             )
         )
-        low, high = balance.restoring.u_range
+        low, high = equation.restoring.u_range
         seen = np.isfinite(u_max)
         if seen.any() and (u_max[seen].max() > high or u_min[seen].min() < low):
             worst = float(u_max[seen].max())
@@ -194,12 +193,19 @@ def sweep(
 
 
 def attractors(
-    balance: Balance, omega: Array, setting: Setting, *, starts: int, spread: float, tol: float, max_periods: int | None
+    equation: Equation,
+    omega: Array,
+    setting: Setting,
+    *,
+    starts: int,
+    spread: float,
+    tol: float,
+    max_periods: int | None,
 ) -> tuple[Attractor, ...]:
     """Find the steady motions reached from a grid of initial states at each frequency.
 
     Args:
-        balance: the oscillator.
+        equation: the oscillator.
         omega: frequencies, shape (frequencies,).
         setting: law, damping and forcing.
         starts: initial states per side of a square grid in (u, v).
@@ -212,10 +218,12 @@ def attractors(
     per = grid_u.size
     lanes_omega = np.repeat(omega, per)
     u, v = np.tile(grid_u.ravel(), omega.size), np.tile(grid_v.ravel(), omega.size)
-    state = _Lanes(u, v + 2.0 * balance.zeta * primitive(balance.restoring, balance.damping, u), np.zeros(u.size, bool))
-    limit = max_periods or int(np.clip(4.0 / balance.zeta, 100, 20000))
+    state = _Lanes(
+        u, v + 2.0 * equation.zeta * primitive(equation.restoring, equation.damping, u), np.zeros(u.size, bool)
+    )
+    limit = max_periods or int(np.clip(4.0 / equation.zeta, 100, 20000))
     u_max, u_min, a1, _, kind, _ = _settle(
-        balance, state, lanes_omega, np.full(u.size, setting.F_hat), tol, limit, None
+        equation, state, lanes_omega, np.full(u.size, setting.F_hat), tol, limit, None
     )
     found: list[Attractor] = []
     for block, om in enumerate(omega):
@@ -235,7 +243,7 @@ def attractors(
                 groups.append([i])
         for g in groups:
             j = g[0]
-            loss = 2.0 * balance.zeta * float(primitive(balance.restoring, balance.damping, state.u[j : j + 1])[0])
+            loss = equation.loss(float(state.u[j]))
             found.append(
                 Attractor(
                     setting,
@@ -246,7 +254,7 @@ def attractors(
                     len(g) / per,
                     (float(state.u[j]), float(state.w[j] - loss)),
                     tol,
-                    balance.restoring.contact or float(u_min[j]) >= -1.0,
+                    equation.restoring.contact or float(u_min[j]) >= -1.0,
                 )
             )
     return tuple(found)
@@ -259,7 +267,7 @@ def _name(kind: int) -> str:
 
 
 def _settle(
-    balance: Balance, state: _Lanes, omega: Array, forcing: Array, tol: float, limit: int, steps: int | None
+    equation: Equation, state: _Lanes, omega: Array, forcing: Array, tol: float, limit: int, steps: int | None
 ) -> tuple[Array, ...]:
     """Integrate every lane to its steady state.
 
@@ -271,7 +279,7 @@ def _settle(
         u_max, u_min, a1, residual, kind (period, 0 not settled, -1 escaped) and periods, shape (lanes,) each.
     """
     lanes = omega.size
-    shrink = 1.0 - np.exp(-2.0 * np.pi * balance.zeta / omega)
+    shrink = 1.0 - np.exp(-2.0 * np.pi * equation.zeta / omega)
     kind = np.where(state.escaped, -1, 0)
     residual = np.full(lanes, np.inf)
     periods = np.zeros(lanes, int)
@@ -279,15 +287,15 @@ def _settle(
     # perturb by more than the tolerance: a start exactly on an unstable orbit must not look settled
     state.u = state.u + 10.0 * tol * np.hypot(state.u, state.w)
     history = [np.stack([state.u, state.w], axis=1)]
-    count = steps or steps_for(balance, omega, state.u)
+    count = steps or steps_for(equation, omega, state.u)
     hold = 0
     active = np.flatnonzero(kind == 0)
     for period in range(limit):
         if active.size == 0:
             break
         u, w = state.u[active], state.w[active]
-        u, w, high, low, first = advance(balance, u, w, omega[active], forcing[active], count)
-        gone = has_escaped(balance, u, low)
+        u, w, high, low, first = advance(equation, u, w, omega[active], forcing[active], count)
+        gone = has_escaped(equation, u, low)
         state.escaped[active[gone]] = True
         kind[active[gone]] = -1
         state.u[active], state.w[active] = u, w
@@ -297,7 +305,7 @@ def _settle(
         history.append(np.stack([state.u, state.w], axis=1))
         history = history[-(2 * _LONGEST + 1) :]
         if steps is None:
-            count = max(count, steps_for(balance, omega[active], np.where(gone, 0.0, high)))
+            count = max(count, steps_for(equation, omega[active], np.where(gone, 0.0, high)))
         hold += 1
         if hold < 3:
             active = np.flatnonzero(kind == 0)

@@ -5,7 +5,7 @@
 
 Contact is integrated by an explicit Runge-Kutta method of order 8 (DOP853) up to the instant of separation, flight
 in closed form up to the instant of landing, so no step contains a contact loss. In Lienard's variable (see
-`asperity.dynamics.law.damping`) the vector field is continuous there, and perturbations need no jump condition.
+`asperity.dynamics.equation`) the vector field is continuous there, and perturbations need no jump condition.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from asperity.arrays import Array
+from asperity.dynamics.equation import Equation, primitive, rate
 from asperity.dynamics.forcing import Setting
-from asperity.dynamics.law.damping import in_flight, primitive, rate
+from asperity.dynamics.law.damping import in_flight
 from asperity.dynamics.motion.flight import Flight
-from asperity.dynamics.orbits.harmonic_balance import Balance
 from asperity.errors import ConvergenceError, RangeError
 from asperity.runtime.display import short_repr
 
@@ -72,7 +72,7 @@ class Arc:
 
 
 def integrate(
-    balance: Balance,
+    equation: Equation,
     omega: float,
     forcing: float,
     u: float,
@@ -86,7 +86,7 @@ def integrate(
     """Integrate from (u, v) at time `start` for `duration` (both in 1/omega_s).
 
     Args:
-        balance: the oscillator.
+        equation: the oscillator.
         omega, forcing: Omega and F^.
         u, v: initial state.
         duration: time to run.
@@ -100,28 +100,25 @@ def integrate(
     Raises:
         RangeError: the motion escapes from a Taylor well.
     """
-    arc = integrate_arc(balance, omega, forcing, augmented_state(balance, u, v), start, start + duration, rtol, samples)
-    final = np.array([arc.state[0], arc.state[1] - damping_term(balance, arc.state[0])])
+    arc = integrate_arc(
+        equation, omega, forcing, augmented_state(equation, u, v), start, start + duration, rtol, samples
+    )
+    final = np.array([arc.state[0], arc.state[1] - equation.loss(arc.state[0])])
     return Trajectory(arc.tau, arc.u, arc.v, np.array(arc.flight).reshape(-1, 2)), final
 
 
-def damping_term(balance: Balance, u: float) -> float:
-    """Return 2 zeta G(u), the difference between w and the speed."""
-    return 2.0 * balance.zeta * float(primitive(balance.restoring, balance.damping, np.array([u]))[0])
-
-
-def augmented_state(balance: Balance, u: float, v: float) -> Array:
+def augmented_state(equation: Equation, u: float, v: float) -> Array:
     """Return the augmented state (8,) of (u, v); sensitivities are with respect to (u, w)."""
-    return np.array([u, v + damping_term(balance, u), 1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
+    return np.array([u, v + equation.loss(u), 1.0, 0.0, 0.0, 1.0, 0.0, 0.0])
 
 
 def integrate_arc(
-    balance: Balance, omega: float, forcing: float, y: Array, start: float, stop: float, rtol: float, samples: int
+    equation: Equation, omega: float, forcing: float, y: Array, start: float, stop: float, rtol: float, samples: int
 ) -> Arc:
     """Integrate the augmented state from `start` to `stop`, alternating between contact and flight.
 
     Args:
-        balance: the oscillator.
+        equation: the oscillator.
         omega, forcing: Omega and F^.
         y: augmented state, see `augmented_state`; sensitivities and Fourier integrals start again.
         start, stop: times.
@@ -132,7 +129,7 @@ def integrate_arc(
         ConvergenceError: the integrator fails.
         RangeError: the motion escapes from a Taylor well.
     """
-    tau, u, v, flights = [np.array([start])], [y[:1]], [np.array([y[1] - damping_term(balance, y[0])])], []
+    tau, u, v, flights = [np.array([start])], [y[:1]], [np.array([y[1] - equation.loss(y[0])])], []
     low = high = float(y[0])
     t = start
     y = y.copy()
@@ -140,13 +137,13 @@ def integrate_arc(
     for _ in range(100000):
         if t >= stop:
             break
-        speed = y[1] - damping_term(balance, y[0])
-        flying = balance.restoring.contact and (y[0] < -1.0 - 1e-13 or (y[0] <= -1.0 + 1e-13 and speed < 0))
+        speed = y[1] - equation.loss(y[0])
+        flying = equation.restoring.contact and (y[0] < -1.0 - 1e-13 or (y[0] <= -1.0 + 1e-13 and speed < 0))
         if flying:
-            end, y, path = _in_flight(balance, omega, forcing, y, t, stop, samples)
+            end, y, path = _in_flight(equation, omega, forcing, y, t, stop, samples)
             flights.append((t, end))
         else:
-            end, y, path = _in_contact(balance, omega, forcing, y, t, stop, rtol, samples)
+            end, y, path = _in_contact(equation, omega, forcing, y, t, stop, rtol, samples)
         for part, whole in zip(path, (tau, u, v), strict=True):
             whole.append(part)
         low, high = min(low, float(path[1].min())), max(high, float(path[1].max()))
@@ -155,11 +152,11 @@ def integrate_arc(
 
 
 def _in_contact(
-    balance: Balance, omega: float, forcing: float, y: Array, start: float, stop: float, rtol: float, samples: int
+    equation: Equation, omega: float, forcing: float, y: Array, start: float, stop: float, rtol: float, samples: int
 ) -> tuple[float, Array, tuple[Array, Array, Array]]:
     """Integrate in contact until separation or `stop`: end time, state there, and samples with the extremes."""
-    r = balance.restoring
-    run = _integrated(balance, _field(balance, omega, forcing), y, start, stop, rtol, samples, np.pi / omega / 8.0)
+    r = equation.restoring
+    run = _integrated(equation, _field(equation, omega, forcing), y, start, stop, rtol, samples, np.pi / omega / 8.0)
     if run.t_events[0].size:
         t, state = float(run.t_events[0][0]), run.y_events[0][0]
         if not r.contact:
@@ -175,12 +172,12 @@ def _in_contact(
     table = np.concatenate([run.y[:, inside].T, extremes, state[None]])
     order = np.argsort(tau, kind="stable")
     u = table[order, 0]
-    return t, state, (tau[order], u, table[order, 1] - 2.0 * balance.zeta * primitive(r, balance.damping, u))
+    return t, state, (tau[order], u, table[order, 1] - 2.0 * equation.zeta * primitive(r, equation.damping, u))
 
 
-def _field(balance: Balance, omega: float, forcing: float) -> Callable[[float, Array], list[float]]:
+def _field(equation: Equation, omega: float, forcing: float) -> Callable[[float, Array], list[float]]:
     """Return the derivative of the augmented state in contact, as a function of time and state."""
-    r, zeta, damping = balance.restoring, balance.zeta, balance.damping
+    r, zeta, damping = equation.restoring, equation.zeta, equation.damping
     soft, always, weight = not r.singular, damping == "always", 1.0 / r.n_loc
 
     def field(t: float, s: Array) -> list[float]:
@@ -211,7 +208,7 @@ def _field(balance: Balance, omega: float, forcing: float) -> Callable[[float, A
 
 
 def _integrated(
-    balance: Balance,
+    equation: Equation,
     field: Callable[[float, Array], list[float]],
     y: Array,
     start: float,
@@ -223,12 +220,12 @@ def _integrated(
     """Integrate a field from the state `y` until separation or `stop`; SciPy's result with both kinds of events.
 
     Args:
-        balance: the oscillator.
+        equation: the oscillator.
         field: see `_field`.
         y, start, stop, rtol, samples: as in `integrate_arc`.
         longest: step of the integrator, a sixteenth of the forcing period.
     """
-    r = balance.restoring
+    r = equation.restoring
 
     def separation(t: float, s: Array) -> float:
         if r.contact:
@@ -236,7 +233,7 @@ def _integrated(
         return float(_ESCAPE - abs(s[0]))
 
     def turning(t: float, s: Array) -> float:
-        return float(s[1]) - damping_term(balance, s[0])
+        return float(s[1]) - equation.loss(s[0])
 
     separation.terminal, separation.direction = True, -1.0  # type: ignore[attr-defined]
     end = stop
@@ -264,19 +261,19 @@ def _integrated(
 
 
 def _in_flight(
-    balance: Balance, omega: float, forcing: float, y: Array, start: float, stop: float, samples: int
+    equation: Equation, omega: float, forcing: float, y: Array, start: float, stop: float, samples: int
 ) -> tuple[float, Array, tuple[Array, Array, Array]]:
     """Compute the flight in closed form until landing or `stop`: as `_in_contact`."""
-    zeta = balance.zeta if in_flight(balance.damping) else 0.0
-    speed = y[1] - damping_term(balance, y[0])
-    flight = Flight(balance.restoring.n_loc, 2.0 * zeta, omega, forcing, start, y[0], speed)
+    zeta = equation.zeta if in_flight(equation.damping) else 0.0
+    speed = y[1] - equation.loss(y[0])
+    flight = Flight(equation.restoring.n_loc, 2.0 * zeta, omega, forcing, start, y[0], speed)
     landing = flight.landing(stop - start)
     inner = np.linspace(0, landing, int(samples * landing) + 2)[1:-1]
     s = np.sort(np.concatenate([inner, flight.turns(landing), [landing]]))
     u, v = flight.position(s), flight.velocity(s)
     out = y.copy()
     out[0] = -1.0 if landing < stop - start else float(u[-1])
-    out[1] = float(v[-1]) + damping_term(balance, out[0])
+    out[1] = float(v[-1]) + equation.loss(out[0])
     decay, growth = 1.0, landing
     if zeta:
         decay, growth = np.exp(-flight.c * landing), float(flight.decay_integrals(np.array(landing))[0])

@@ -12,10 +12,9 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.dynamics.law.law import EXTRAPOLATE
-from asperity.dynamics.motion.shooting import state_at_phase_zero
 from asperity.dynamics.orbits.continuation import Point
 from asperity.dynamics.orbits.harmonic_balance import Balance
-from asperity.dynamics.orbits.stability import Floquet, extrema, floquet, stack, unstack
+from asperity.dynamics.orbits.stability import Floquet, extrema, floquet, stack, state_at_phase_zero, unstack
 from asperity.runtime.display import short_repr
 
 _ROUND_OFF = 1e-15  # relative round-off of the contact force

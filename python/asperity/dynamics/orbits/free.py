@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
+from asperity.dynamics.equation import Restoring, rate
 from asperity.dynamics.law.checks import positive, positives
-from asperity.dynamics.law.damping import Damping, in_flight, rate
-from asperity.dynamics.law.restoring import Restoring
+from asperity.dynamics.law.damping import Damping, in_flight
 from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.errors import ConvergenceError, RangeError
 from asperity.runtime.display import short_repr

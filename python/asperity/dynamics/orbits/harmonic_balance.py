@@ -20,8 +20,7 @@ import numpy as np
 from scipy.special import roots_legendre
 
 from asperity.arrays import Array
-from asperity.dynamics.law.damping import Damping, primitive, rate
-from asperity.dynamics.law.restoring import Restoring
+from asperity.dynamics.equation import Equation, primitive, rate
 from asperity.errors import ConvergenceError
 
 MAX_HARMONICS = 640
@@ -32,19 +31,14 @@ _NEAR = 0.02  # distance from contact loss within which the integrals are split 
 
 
 @dataclass(frozen=True)
-class Balance:
+class Balance(Equation):
     """Residual of the harmonic balance ``Omega^2 u'' + 2 zeta Omega G(u)' + f(u) - F^ cos(p theta) = 0``.
 
     Attributes:
-        restoring: normal form of the law.
-        zeta: damping ratio of small motion.
-        damping: damping model, see `asperity.dynamics.law.damping`.
+        restoring, zeta, damping: see `asperity.dynamics.equation.Equation`.
         order: p, periods of the forcing per period of the orbit.
     """
 
-    restoring: Restoring
-    zeta: float
-    damping: Damping = "always"
     order: int = 1
 
     def evaluate(self, x: Array, omega: float, forcing: float) -> tuple[Array, Array, Array]:

@@ -16,7 +16,6 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.dynamics.forcing import MIN_ZETA
-from asperity.dynamics.law.damping import primitive
 from asperity.dynamics.motion.runge_kutta import has_escaped, path_of, steps_for
 from asperity.dynamics.orbits.branch import Branch
 from asperity.dynamics.orbits.dense import on_cubic
@@ -76,7 +75,7 @@ def orbits_on_no_branch(
             at = (float(omega[i]), float(u[i]), float(w[i]))
             if not any(a[0] == at[0] and _near(a[1:], at[1:]) for a in found):
                 found.append(at)
-                loss = 2.0 * balance.zeta * float(primitive(balance.restoring, balance.damping, u[i : i + 1])[0])
+                loss = balance.loss(float(u[i]))
                 if not any(_near(state, (at[1], at[2] - loss)) for state in _states(branches, at[0])):
                     wave = np.fft.rfft(path[:-1, i])[: _HARMONICS + 1] / steps
                     wave[1:] *= 2.0

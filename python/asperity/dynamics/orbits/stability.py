@@ -3,7 +3,7 @@
 
 """Extrema and Floquet multipliers of many periodic orbits at once.
 
-The perturbation of an orbit obeys, in Lienard's variable (see `asperity.dynamics.law.damping`),
+The perturbation of an orbit obeys, in Lienard's variable (see `asperity.dynamics.equation`),
 
     delta' = w - 2 zeta g(u) delta,    w' = -f'(u) delta,
 
@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.law.damping import rate
+from asperity.dynamics.equation import rate
 from asperity.dynamics.orbits.harmonic_balance import Balance
 
 _SAMPLES = 512
@@ -85,6 +85,12 @@ def stack(orbits: list[Array]) -> Array:
 def unstack(c: Array, count: int) -> Array:
     """Return one row of `stack` as a coefficient vector of `count` harmonics."""
     return np.concatenate([c[: count + 1].real, -c[1 : count + 1].imag])
+
+
+def state_at_phase_zero(c: Array, omega: float, order: int = 1) -> tuple[float, float]:
+    """Return (u, v) at forcing phase 0 of an orbit with complex coefficients `c` (K + 1,)."""
+    k = np.arange(c.size)
+    return float(c.sum().real), float((1j * k * c).sum().real) * omega / order
 
 
 def samples(c: Array, points: int) -> Array:

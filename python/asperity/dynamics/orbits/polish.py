@@ -10,11 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.motion.shooting import shoot, state_at_phase_zero
+from asperity.dynamics.motion.shooting import shoot
 from asperity.dynamics.motion.trajectory import integrate
 from asperity.dynamics.orbits.branch import Branch
 from asperity.dynamics.orbits.harmonic_balance import Balance, tail
 from asperity.dynamics.orbits.response import FrequencyResponse
+from asperity.dynamics.orbits.stability import state_at_phase_zero
 from asperity.errors import AsperityError, ConvergenceError
 
 
@@ -56,7 +57,17 @@ def _polish_branch(response: FrequencyResponse, branch: Branch) -> Branch:
         size = branch.u_max[i] - branch.u_min[i]
         for hold in (True, False):
             try:
-                shot = shoot(balance, float(omega), response.setting.F_hat, u, v, tol=1e-10, rtol=1e-11, hold=hold)
+                shot = shoot(
+                    balance,
+                    float(omega),
+                    response.setting.F_hat,
+                    u,
+                    v,
+                    order=branch.order,
+                    tol=1e-10,
+                    rtol=1e-11,
+                    hold=hold,
+                )
                 break
             except ConvergenceError:
                 continue

@@ -1,7 +1,14 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Normal form of a law about a preload: the restoring force of the equations of motion."""
+"""Equation of motion of a mass on a contact, which everything else integrates or balances.
+
+    u'' + 2 zeta g(u) u' + f(u) = F^ cos(Omega tau)
+
+With ``G(u)``, the integral of the damping factor g from 0, and Lienard's variable ``w = u' + 2 zeta G(u)``, the motion
+obeys ``u' = w - 2 zeta G(u), w' = F^ cos(Omega tau) - f(u)``. The right-hand side is continuous at contact loss for
+every damping model.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
+from asperity.dynamics.law.damping import Damping
 from asperity.dynamics.law.law import EXTRAPOLATE, Law
+from asperity.dynamics.law.loop_damping import LoopDamping
 from asperity.errors import InputError, RangeError
 from asperity.runtime.display import short_repr
 
@@ -132,3 +141,47 @@ class Restoring:
                 f"the orbit reaches u = {worst:.6g}, outside the law, known for u from {low:g} to "
                 f"{high:.6g}; choose a smaller preload or amplitude, or {EXTRAPOLATE}"
             )
+
+
+@dataclass(frozen=True)
+class Equation:
+    """Restoring force and damping.
+
+    Attributes:
+        restoring: normal form of the law.
+        zeta: damping ratio of small motion.
+        damping: damping model, see `asperity.dynamics.law.damping`.
+    """
+
+    restoring: Restoring
+    zeta: float
+    damping: Damping = "always"
+
+    def loss(self, u: float) -> float:
+        """Return 2 zeta G(u), the difference between w and the speed, at one displacement."""
+        return 2.0 * self.zeta * float(primitive(self.restoring, self.damping, np.array([u]))[0])
+
+
+def rate(restoring: Restoring, damping: Damping, u: Array) -> Array:
+    """Return the damping factor g(u), same shape as `u`."""
+    if isinstance(damping, LoopDamping):
+        added = damping.coefficient(restoring.z_s * np.abs(u)) / damping.background
+        return np.where(u > -1.0, 1.0 + added, 0.0)
+    if damping == "always":
+        return np.ones_like(u)
+    if damping == "contact":
+        return np.where(u > -1.0, 1.0, 0.0)
+    return restoring.n_loc * restoring.pull(u)[0]
+
+
+def primitive(restoring: Restoring, damping: Damping, u: Array) -> Array:
+    """Return the integral G(u) of the damping factor from 0; constant in flight except for "always"."""
+    if isinstance(damping, LoopDamping):
+        u = np.maximum(u, -1.0)
+        added = damping.integral(restoring.z_s * np.abs(u)) / (restoring.z_s * damping.background)
+        return np.asarray(u + np.sign(u) * added)
+    if damping == "always":
+        return u
+    if damping == "contact":
+        return np.maximum(u, -1.0)
+    return restoring.n_loc * restoring.potential(u) + u
