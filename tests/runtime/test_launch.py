@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import shutil
 import signal
@@ -14,21 +13,14 @@ import sys
 import time
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 
+from asperity.cli import options
 from asperity.curve import Curve
-from asperity.runtime.launch import (
-    STARTED,
-    THREADS,
-    Room,
-    choose,
-    cpu_limit,
-    environment,
-    find_room,
-    physical_cores,
-    started_ranks,
-)
+from asperity.runtime import launch
+from asperity.runtime.launch import started_ranks
 
 CASE = """
 units = "other"
@@ -37,9 +29,8 @@ material = {E = 1.0, nu = 0.3, yield_strength = 0.005, tangent_modulus = 0.05}
 mesh = {h_contact = 0.2, h_max = 0.5}
 loading = {delta_max = 0.02, steps = 6, unload = true}
 """
-MACHINE = Room(4, "the cores of this machine", False)
 # neither the ranks of another test nor what ./run sets for mpirun
-STRANGE = ("OMPI_COMM", "OMPI_ALLOW", "PMIX_", "PRTE_", "PMI_", "OMP_", STARTED)
+STRANGE = ("OMPI_COMM", "OMPI_ALLOW", "PMIX_", "PRTE_", "PMI_", "OMP_")
 CLEAN = {name: value for name, value in os.environ.items() if not name.startswith(STRANGE)}
 needs_mpirun = pytest.mark.skipif(shutil.which("mpirun") is None, reason="there is no mpirun")
 
@@ -58,67 +49,6 @@ needs_mpirun = pytest.mark.skipif(shutil.which("mpirun") is None, reason="there 
 )
 def test_ranks_of_a_launcher_are_recognised(environ: dict[str, str], size: int | None) -> None:
     assert started_ranks(environ) == size
-
-
-def test_the_room_in_a_job_is_that_of_the_scheduler(tmp_path: Path) -> None:
-    nodes = tmp_path / "nodes"
-    nodes.write_text("a\na\nb\nb\n")
-    assert find_room({"SLURM_JOB_ID": "1", "SLURM_NTASKS": "16"}).ranks == 16
-    assert find_room({"SLURM_JOB_ID": "1", "SLURM_NTASKS": "16"}, multiple=5).ranks == 15
-    assert find_room({"PBS_JOBID": "1", "PBS_NODEFILE": str(nodes)}) == Room(4, "the job of PBS", True)
-    assert find_room({"LSB_JOBID": "1", "LSB_DJOB_NUMPROC": "6"}) == Room(6, "the job of LSF", True)
-    alone = find_room({})
-    assert not alone.scheduled and 1 <= alone.ranks <= len(os.sched_getaffinity(0))
-    assert find_room({}, multiple=64).ranks == 64
-
-
-def test_two_threads_of_a_core_count_once(tmp_path: Path) -> None:
-    for cpu in range(8):
-        file = tmp_path / f"devices/system/cpu/cpu{cpu}/topology/thread_siblings_list"
-        file.parent.mkdir(parents=True)
-        file.write_text(f"{cpu % 4},{cpu % 4 + 4}\n")
-    assert physical_cores(range(8), tmp_path) == 4
-    assert physical_cores({0, 4, 1}, tmp_path) == 2  # an affinity
-    assert physical_cores({0, 1}, tmp_path / "absent") == 2
-
-
-def test_the_cpu_limit_is_the_least_of_the_groups_above(tmp_path: Path) -> None:
-    group = tmp_path / "fs/cgroup/user/job"
-    group.mkdir(parents=True)
-    (group / "cpu.max").write_text("max 100000\n")
-    (group.parent / "cpu.max").write_text("250000 100000\n")
-    membership = tmp_path / "membership"
-    membership.write_text("0::/user/job\n")
-    assert cpu_limit(tmp_path, membership) == 2.5
-    old = tmp_path / "fs/cgroup/cpu/box"
-    old.mkdir(parents=True)
-    (old / "cpu.cfs_quota_us").write_text("-1\n")
-    (old / "cpu.cfs_period_us").write_text("100000\n")
-    membership.write_text("4:memory:/box\n3:cpu,cpuacct:/box\n")
-    assert cpu_limit(tmp_path, membership) == math.inf
-    (old / "cpu.cfs_quota_us").write_text("300000\n")
-    assert cpu_limit(tmp_path, membership) == 3.0
-    assert cpu_limit(tmp_path / "absent", tmp_path / "absent") == math.inf
-
-
-def test_the_number_of_ranks_and_what_is_said_of_it() -> None:
-    assert choose(3, MACHINE, None) == (3, "")
-    assert choose(None, MACHINE, 100)[0] == choose(None, MACHINE, None)[0] == 4
-    assert choose(None, MACHINE, 2)[0] == 2
-    count, words = choose(9, MACHINE, None)
-    assert count == 9 and "9 ranks on 4 cores take turns" in words
-    job = Room(16, "the job of SLURM", True)
-    assert choose(4, job, None) == (4, "")
-    assert choose(None, job, 2) == (16, "16 ranks: so many has the job of SLURM")
-
-
-def test_a_job_of_a_scheduler_keeps_its_binding() -> None:
-    alone, job = environment(2, MACHINE, {}), environment(2, Room(2, "the job of SLURM", True), {})
-    assert alone["PRTE_MCA_hwloc_default_binding_policy"] == "none"
-    assert not [name for name in job if "binding" in name or "mapping" in name]
-    assert all(each[name] == "1" for each in (alone, job) for name in THREADS)
-    own = environment(2, MACHINE, {"PRTE_MCA_hwloc_default_binding_policy": "core", "OMP_NUM_THREADS": "8"})
-    assert own["PRTE_MCA_hwloc_default_binding_policy"] == "core" and own["OMP_NUM_THREADS"] == "1"
 
 
 def start(tmp_path: Path, *options: str | Path, **environ: str) -> subprocess.Popen[str]:
@@ -148,7 +78,7 @@ def test_ranks_that_are_started_give_the_curve_of_one(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "code", "message"),
     [
-        (("--set", "material.nu=0.7"), 2, "material.nu"),  # refused before mpirun
+        (("--set", "material.nu=0.7"), 2, "material.nu"),
         (("--set", "loading.delta_max=0.5"), 2, "leaves no gap"),  # refused by the ranks
         (("--set", "solver.newton_max=1"), 3, "no convergence"),
     ],
@@ -163,47 +93,36 @@ def test_the_exit_code_of_the_ranks_is_that_of_the_command(
 
 
 @needs_mpirun
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_signal_to_the_command_ends_the_ranks_after_their_step(tmp_path: Path, number: signal.Signals) -> None:
-    """Sent to mpirun itself it would kill them."""
+def test_the_signal_that_mpirun_passes_on_ends_the_ranks_after_their_step(tmp_path: Path) -> None:
     out = tmp_path / "out"
     process = start(tmp_path, "-o", out, "--ranks", "2")
     for _ in range(3000):
         if (out / "curve.csv").is_file() and len(Curve.read(out / "curve.csv")) >= 2:
             break
         time.sleep(0.02)
-    process.send_signal(number)
+    process.send_signal(signal.SIGUSR1)
     _, err = process.communicate(timeout=120)
     assert process.returncode == 3, err
-    assert err.count("stopped by SIGTERM or SIGINT after step") == 1 and "Traceback" not in err
+    assert err.count("stopped by SIGUSR1 after step") == 1 and "Traceback" not in err
     again = start(tmp_path, "-o", out, "--ranks", "2", "--resume")
     assert again.communicate(timeout=300) and again.returncode == 0
 
 
-@needs_mpirun
-def test_killed_with_the_command_no_rank_is_left(tmp_path: Path) -> None:
-    process = start(tmp_path, "-o", tmp_path / "out", "--ranks", "2", "--set", "loading.steps=500")
-    while not (tmp_path / "out/curve.csv").is_file():
-        time.sleep(0.02)
-    process.kill()
-    process.communicate(timeout=60)
-
-    def left() -> list[str]:
-        found = []
-        for place in Path("/proc").glob("[0-9]*"):
-            try:
-                words = (place / "cmdline").read_bytes().split(b"\0")
-            except OSError:
-                continue
-            if os.fsencode(tmp_path / "case.toml") in words:
-                found.append(place.name)
-        return found
-
-    for _ in range(500):
-        if not left():
-            break
-        time.sleep(0.02)
-    assert not left()
+def test_auto_is_a_rank_for_each_core_that_the_process_may_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    started: list[list[str]] = []
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(7))
+    monkeypatch.setattr(os, "execve", lambda path, command, environ: started.append(command))
+    monkeypatch.setattr(launch, "started_ranks", lambda: None)
+    monkeypatch.setattr(shutil, "which", lambda name: "mpirun")
+    context = click.Context(click.Command("asperity"), obj=["run", "case.toml"])
+    with context:
+        options.start_ranks(0, quiet=True)
+        options.start_ranks(0, quiet=True, multiple=3)
+        options.start_ranks(5, quiet=True)
+        options.start_ranks(1, quiet=True)
+        options.start_ranks(None, quiet=True)
+    assert [command[2] for command in started] == ["7", "6", "5"]
+    assert all(command[-2:] == ["run", "case.toml"] for command in started)
 
 
 def test_a_module_of_the_current_folder_does_not_replace_one_of_the_package(tmp_path: Path) -> None:
@@ -220,8 +139,7 @@ def test_ranks_that_are_there_are_used(tmp_path: Path) -> None:
     process = start(tmp_path, "-o", tmp_path / "out", "--ranks", "2", PMI_SIZE="1", PMI_RANK="0")
     out, err = process.communicate(timeout=300)
     assert process.returncode == 0, err
-    assert "--ranks starts nothing: the ranks of an MPI job are there, 1 of them" in out
-    assert STARTED not in os.environ
+    assert "--ranks 2 starts nothing: this MPI job has 1 ranks already" in out
 
 
 def test_a_number_of_ranks_is_a_number_or_auto(tmp_path: Path) -> None:

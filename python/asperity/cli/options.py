@@ -8,10 +8,8 @@ from __future__ import annotations
 import functools
 import json
 import math
-import os
-import warnings
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.shell_completion import CompletionItem
@@ -20,8 +18,6 @@ from asperity.runtime.progress import world_rank
 
 if TYPE_CHECKING:
     from asperity.case import Case
-
-T = TypeVar("T")
 
 
 def _complete_files(*_: Any) -> list[CompletionItem]:
@@ -67,45 +63,27 @@ class _Ranks(click.ParamType):
 
 job_ranks = click.option(
     "--ranks", metavar="N|auto", type=_Ranks(),
-    help="Start mpirun with so many ranks, one thread each; auto: as many as there are cores and make sense.",
+    help="Start mpirun with so many ranks, one thread each; auto: as many as there are cores.",
 )  # fmt: skip
 
 
-def start_ranks(
-    ranks: int | None, load: Callable[[], T], most: Callable[[T], int | None], quiet: bool, multiple: int = 1
-) -> int | None:
-    """Start the ranks that are requested and wait for their end.
+def start_ranks(ranks: int | None, quiet: bool, multiple: int = 1) -> None:
+    """Replace this process by the ranks that are requested, unless it is one of them or alone.
 
     Args:
         ranks: requested, 0 for auto; None for none
-        load: reads the input, so that a wrong one is refused before ranks start
-        most: number of ranks that makes sense for the input, None if unknown; computed for auto only
         quiet: say nothing
         multiple: of which auto is one
-
-    Returns:
-        Exit code; None if this process is to do the work.
     """
     from asperity.runtime import launch
 
-    if ranks is None or launch.STARTED in os.environ:
-        return None
-    if (size := launch.started_ranks()) is not None:
-        if not quiet:
-            say(f"--ranks starts nothing: the ranks of an MPI job are there{f', {size} of them' if size else ''}")
-        return None
-    room, sensible = launch.find_room(multiple=multiple), None
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the ranks warn
-        found = load()
-        if not ranks and not room.scheduled:
-            sensible = most(found)
-    count, words = launch.choose(ranks or None, room, sensible)
-    if words and not quiet:
-        say(words)
-    if count == 1 and all(os.environ.get(name) == "1" for name in launch.THREADS):
-        return None
-    return launch.start(click.get_current_context().find_root().obj, count, room)
+    size = launch.started_ranks()
+    if size is None and ranks is not None:
+        count = ranks or max(launch.available_cores() // multiple, 1) * multiple
+        if count > 1:
+            launch.start(click.get_current_context().find_root().obj, count)
+    elif size and ranks and size != ranks and not quiet:
+        say(f"--ranks {ranks} starts nothing: this MPI job has {size} ranks already")
 
 
 as_json = click.option("--json", "as_json", is_flag=True, help="Print JSON.")

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,7 +14,6 @@ from asperity.cli import options
 from asperity.runtime.progress import make_progress, world_rank
 
 if TYPE_CHECKING:
-    from asperity.case import Case
     from asperity.power_law import PowerLawFit
 
 
@@ -43,19 +41,16 @@ def command(
     OUT receives case.toml (the completed input), curve.csv (force against approach), summary.json and, if the case
     requests them, dynamics, figures, fields and report.html.
     """
-    from asperity.case import Case
-
-    load = partial(Case.load, case_file, overrides)
-    if (code := options.start_ranks(ranks, load, _most_ranks, quiet)) is not None:
-        return code
+    options.start_ranks(ranks, quiet)
     from asperity import run_case
+    from asperity.case import Case
     from asperity.output.assumption import doubtful
     from asperity.output.friction_bounds import bounds_line
     from asperity.output.results import Results
     from asperity.output.verdict import verdict
     from asperity.runtime.run_folder import REPORT
 
-    case = load()
+    case = Case.load(case_file, overrides)
     folder = Path(output) if output else Path("out") / Path(case_file).stem
     progress = make_progress(quiet)
     try:
@@ -79,16 +74,6 @@ def command(
         if (folder / REPORT).is_file():
             options.say(f"report: {folder / REPORT}")
     return None
-
-
-def _most_ranks(case: Case) -> int | None:
-    """Ranks that make sense for the dofs of a case; None if these are not known before the run."""
-    from asperity.adaptive.estimate import estimate
-    from asperity.runtime.launch import DOFS_PER_RANK
-
-    if case.loading.delta_max is None:
-        return None
-    return max(1, estimate(case, 1).dofs // DOFS_PER_RANK)
 
 
 def _show_fit(fit: PowerLawFit | None) -> None:

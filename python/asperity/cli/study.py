@@ -69,20 +69,13 @@ def command(
     With --only any number of jobs share the cases; once they have ended, the command without it writes the table.
     """
     from asperity.study import Study, collect_study, run_study
-    from asperity.study.portions import part
 
     if only is not None and collect:
         raise click.UsageError("--only runs a part of the cases and --collect none: give one of them")
 
-    def load() -> Study:
-        return Study.load(study_file, overrides)
-
-    def most(study: Study) -> int:
-        return len(study.entries if only is None else part(study.entries, *only)) * ranks_per_case
-
-    if not (dry_run or collect) and (code := options.start_ranks(ranks, load, most, quiet, ranks_per_case)) is not None:
-        return code
-    study = on_root_bcast(None, load)
+    if not (dry_run or collect):
+        options.start_ranks(ranks, quiet, max(ranks_per_case, 1))
+    study = on_root_bcast(None, lambda: Study.load(study_file, overrides))
     if dry_run:
         _describe(study, only)
         return None

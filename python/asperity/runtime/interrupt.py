@@ -11,8 +11,6 @@ import threading
 from types import FrameType, TracebackType
 from typing import TYPE_CHECKING, Any
 
-from asperity.runtime.launch import STARTED
-
 if TYPE_CHECKING:
     from mpi4py import MPI
 
@@ -52,7 +50,7 @@ class StopRequest:
         self._noted = number
         for s in SIGNALS:
             signal.signal(s, signal.SIG_DFL)
-        name = _name(number)
+        name = signal.Signals(number).name
         # the signal may have interrupted print(), which is not re-entrant
         os.write(2, f"{name}: the run ends after this step; a second signal ends it at once\n".encode())
 
@@ -61,10 +59,4 @@ class StopRequest:
         from mpi4py import MPI
 
         number = self._comm.allreduce(self._noted, op=MPI.MAX)
-        return _name(number) if number else ""
-
-
-def _name(number: int) -> str:
-    """Name of a signal; of the one that `launch.start` sends, the names of those that it stands for."""
-    passed_on = number == signal.SIGUSR1 and STARTED in os.environ
-    return "SIGTERM or SIGINT" if passed_on else signal.Signals(number).name
+        return signal.Signals(number).name if number else ""
