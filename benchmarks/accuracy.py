@@ -3,18 +3,10 @@
 
 """What the accuracy of the force costs on the demo surface: element size, load steps, tolerance.
 
-    python3 benchmarks/accuracy.py mesh          order in the element size, elastic, 10 steps to 0.03 L
-    python3 benchmarks/accuracy.py steps         order in the load step, elastic-plastic, one coarse mesh
     python3 benchmarks/accuracy.py orders        order and bars of the family of meshes, on surfaces of many kinds
     python3 benchmarks/accuracy.py tolerance     bars and errors of runs driven by a tolerance, on the same surfaces
     python3 benchmarks/accuracy.py plastic       the same for elastic-plastic material
     python3 benchmarks/accuracy.py few           the same in fewer planned steps
-    python3 benchmarks/accuracy.py waves         bars where waves are shorter than elements, and runs that resolve them
-    python3 benchmarks/accuracy.py light         bars of light loads, without the floor of scatter and with it
-    python3 benchmarks/accuracy.py demo          the demo surface to 1 % and to 0.1 %, also under mpirun
-    python3 benchmarks/accuracy.py fixed         what the growth of a family of meshes is for
-    python3 benchmarks/accuracy.py grading       what finer elements at the spots touched first are for
-    python3 benchmarks/accuracy.py equations     how well equations have to be solved
 
 Prints Markdown tables. CPU seconds are those of rank 0, others of the clock. The limits that errors are judged by are
 those of meshes of another grading than the runs have. Forces are kept in out/accuracy, so that the next job need not
@@ -27,15 +19,13 @@ import sys
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from time import perf_counter, process_time
+from time import process_time
 from typing import ClassVar
 
 import numpy as np
 from mpi4py import MPI
 
 import asperity as asp
-from asperity.adaptive import mesh_plan
-from asperity.adaptive import solve_to_tolerance as module
 from asperity.adaptive.extrapolation import loading_force, steady
 from asperity.adaptive.mesh_levels import Level, LevelSolver
 from asperity.adaptive.mesh_plan import (
@@ -55,14 +45,10 @@ from asperity.mesh.size_field import GRADING, GUIDED, FirstContactMap
 from asperity.model.settings import Goal
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.make import make_block
-from asperity.reference import half_space_contact
 
 Judged = tuple[Floats, Floats]  # relative error and bar at some approaches
 
 L, DELTA, STEPS = 1e-6, 0.03e-6, 10
-AT = np.array([0.003 * k for k in range(1, 11)])
-ELASTIC = asp.Material(200e9, 0.3)
-PLASTIC = asp.Material(200e9, 0.3, 1e9, 10e9)
 UNIT = asp.Material(1.0, 0.3)
 KEPT = Path("out/accuracy")
 FAMILY = (0.1, 0.0707, 0.05, 0.0354, 0.025, 0.0177)  # element sizes in the contact
@@ -86,45 +72,6 @@ def per_cent(value: np.ndarray, reference: np.ndarray) -> tuple[float, float]:
     """Root mean square and greatest relative difference over the path, in per cent."""
     e = 100.0 * (value / reference - 1.0)
     return float(np.sqrt(np.mean(e**2))), float(np.max(np.abs(e)))
-
-
-def mesh() -> None:
-    """Force against element size."""
-    sizes = (0.08, 0.056, 0.04, 0.028, 0.02)
-    forces, facts = [], []
-    for h in sizes:
-        start = process_time()
-        result = asp.solve_contact(surface(), ELASTIC, delta_max=DELTA, steps=STEPS, size=asp.MeshSize(h * L))
-        forces.append(loading_force(result.curve, AT))
-        facts.append((result.dofs, result.counts.newton, result.counts.krylov, process_time() - start))
-    limit, _ = extrapolate(forces[-2], forces[-1], sizes[-2] / sizes[-1], 1.8)
-    row("h_contact/L", "dofs", "rms error %", "greatest %", "Newton", "Krylov", "CPU s")
-    row(*["---"] * 7)
-    for h, P, (dofs, newton, krylov, seconds) in zip(sizes, forces, facts, strict=True):
-        row(f"{h:g}", dofs, *per_cent(P, limit), newton, krylov, seconds)
-    errors = [per_cent(P, limit)[0] for P in forces[:-1]]
-    order = np.polyfit(np.log(sizes[:-1]), np.log(errors), 1)[0]
-    print(f"\norder of the rms error: {order:.2f}")
-    print(f"default h = 0.04 L against h = 0.02 L: {per_cent(forces[2], forces[4])[1]:.2f} % at most")
-
-
-def steps() -> None:
-    """Force against the parts of the load steps."""
-    size, parts = asp.MeshSize(0.14 * L), (1, 2, 4, 8)
-    found = {}
-    for rule in ("midpoint", "backward-euler"):
-        for n in parts:
-            result = asp.solve_contact(
-                surface(), PLASTIC, delta_max=DELTA, steps=STEPS, substeps=n, size=size, integrator=rule
-            )
-            found[rule, n] = loading_force(result.curve, AT), len(result.curve), result.counts.newton
-    limit, _ = extrapolate(found["midpoint", parts[-2]][0], found["midpoint", parts[-1]][0], 2.0, 2.0)
-    row("rule", "substeps", "steps", "Newton", "rms error %", "greatest %")
-    row(*["---"] * 6)
-    for (rule, n), (P, steps, newton) in found.items():
-        row(rule, n, steps, newton, *per_cent(P, limit))
-    other, _ = extrapolate(found["backward-euler", parts[-2]][0], found["backward-euler", parts[-1]][0], 2.0, 1.0)
-    print(f"\nlimits of the two rules differ by {per_cent(other, limit)[1]:.2f} % at most")
 
 
 def scenes() -> dict[str, tuple[asp.Surface, float]]:
@@ -298,48 +245,6 @@ def few() -> None:
     summary(judged)
 
 
-def short_waves(f_max: int, seed: int, D: float = 2.4, slope: float = 0.05) -> asp.Surface:
-    """A surface of a given rms slope whose shortest waves are 1.5^-f_max L long; L = 1."""
-    kind = dict(kind="weierstrass-mandelbrot", L=1.0, D=D, f_max=f_max, seed=seed)
-    guess = asp.Surface.from_spec(G=1e-8, **kind)
-    return asp.Surface.from_spec(G=1e-8 * (slope / guess.rms_slope()) ** (1.0 / (D - 2.0)), **kind)
-
-
-def boundary_elements(top: asp.Surface, at: Floats) -> Floats:
-    """Force at approaches [length], extrapolated from 256 and 512 cells a side; L = 1."""
-    half, whole = (
-        np.array([half_space_contact(top, n, delta_star=float(d), height=1.0).P_star for d in at]) for n in (256, 512)
-    )
-    return extrapolate(half, whole, 2.0, 2.0)[0]
-
-
-def waves() -> None:
-    """Bars of pairs of meshes by the elements in the shortest wave, and of runs, against boundary elements."""
-    delta, sizes = 0.006, FAMILY[1:-1]
-    at = delta * np.arange(1, 11) / 10
-    limits = {}
-    row("f_max, seed", "h/L of the pair", "elements a wave, finer mesh", "steps inside", "greatest error over bar")
-    row(*["---"] * 5)
-    for f_max, seed in ((5, 0), (8, 0), (8, 2), (9, 2), (10, 0)):
-        top = short_waves(f_max, seed)
-        limits[f_max, seed] = limit = boundary_elements(top, at)
-        found = forces(f"waves {f_max} {seed}", top, delta, (GUIDE, *sizes), grading=GUIDED)
-        for coarse, fine in ((sizes[0], sizes[2]), (sizes[0], sizes[3]), (sizes[1], sizes[3])):
-            value, _, bar = extrapolate_mesh(found[coarse], found[fine], coarse / fine)
-            error, bar = np.abs(value / limit - 1.0), steady(bar / value)
-            inside = f"{int(np.sum(error <= bar))}/{len(bar)}"
-            row(f"{f_max}, {seed}", f"{coarse:.3f}, {fine:.3f}", 1.5**-f_max / fine, inside, float(np.max(error / bar)))
-    print()
-    header("f_max, seed")
-    for (f_max, seed), limit in limits.items():
-        driven(f"{f_max}, {seed}", short_waves(f_max, seed), UNIT, 0.05, at, limit)
-
-
-# f_max, seed, D, greatest approach [L] at a slope of LIGHT_SLOPE: none of them was in view when SCATTER was chosen
-LIGHT = (
-    (5, 10, 2.4, 0.006), (4, 11, 2.3, 0.003), (6, 12, 2.5, 0.01), (7, 13, 2.4, 0.02),
-    (5, 14, 2.6, 0.004), (4, 15, 2.5, 0.015), (6, 16, 2.3, 0.006), (5, 17, 2.4, 0.01),
-)  # fmt: skip
 LIGHT_SLOPE, FLATTER = 0.05, 0.2  # heights and approach are scaled by the latter: boundary elements know no slopes
 
 
@@ -364,112 +269,6 @@ class Remembering(LevelSolver):
         self.levels.append(level)
         Remembering.seconds += seconds
         return result
-
-
-def light() -> None:
-    """Bars of light loads, whose spots have few elements, without the floor of scatter and with it."""
-    pairs = ("met", "bar %", "true error %", "steps inside", "greatest error over bar", "finest dofs", "CPU s")
-    row("f_max, seed, D, delta/L", "tolerance %", *(f"{name}: without, with" for name in pairs))
-    row(*["---"] * 9)
-    shares = (0.0, mesh_plan.SCATTER)
-    module.LevelSolver = Remembering  # type: ignore[misc]
-    judged: dict[float, list[Judged]] = {share: [] for share in shares}
-    for f_max, seed, D, depth in LIGHT:
-        top, at = short_waves(f_max, seed, D, FLATTER * LIGHT_SLOPE), FLATTER * depth * np.arange(1, 11) / 10
-        limit = boundary_elements(top, at)
-        Remembering.kept.clear()
-        for goal in (0.05, 0.02, 0.01):
-            cells: list[tuple[str, ...]] = []
-            for share in shares:
-                mesh_plan.SCATTER, Remembering.seconds = share, 0.0
-                result = solve_to_tolerance(top, UNIT, Goal(goal, max_dofs=150_000), delta_max=float(at[-1]))
-                branch = result.curve.planned()
-                error, bar = np.abs(branch.P_star / limit - 1.0), branch.error_P_star / branch.P_star
-                numbers = (100 * np.median(bar), 100 * np.median(error), np.max(error / bar), Remembering.seconds)
-                of_bar, of_error, worst, seconds = (f"{number:.2f}" for number in numbers)
-                inside, dofs = f"{int(np.sum(error <= bar))}/{len(bar)}", str(result.levels[-1].dofs)
-                cells.append((str(result.met), of_bar, of_error, inside, worst, dofs, seconds))
-                if np.isfinite(result.worst):
-                    judged[share].append((error, bar))
-            both = (", ".join(two) for two in zip(*cells, strict=True))
-            row(f"{f_max}, {seed}, {D}, {depth}", f"{100 * goal:g}", *both)
-    for share in shares:
-        summary(judged[share])
-    mesh_plan.SCATTER = shares[1]
-    module.LevelSolver = LevelSolver  # type: ignore[misc]
-
-
-def demo() -> None:
-    """The demo surface to a tolerance: what it costs, on which meshes; collective."""
-    row("material", "tolerance %", "ranks", "bar %", "substeps", "dofs of the meshes", "s")
-    row(*["---"] * 7)
-    for name, material, goal in (("elastic", ELASTIC, 0.01), ("plastic", PLASTIC, 0.01), ("elastic", ELASTIC, 0.001)):
-        start = perf_counter()
-        result = solve_to_tolerance(surface(), material, Goal(goal), delta_max=DELTA, steps=STEPS)
-        seconds = perf_counter() - start
-        dofs = ", ".join(str(level.dofs) for level in result.levels)
-        row(
-            name,
-            f"{100 * goal:g}",
-            MPI.COMM_WORLD.size,
-            f"{100 * result.worst:.2g}",
-            result.levels[-1].substeps,
-            dofs,
-            seconds,
-        )
-
-
-def fixed() -> None:
-    """What stays with a fixed growth of the elements around the contact of a sphere, instead of the family's."""
-    name = "sphere off the middle"
-    sphere, delta = scenes()[name]
-    limit = _limit(forces(name, sphere, delta, FAMILY[3:]))
-    at = delta * np.arange(1, 11) / 10
-    row("h_contact/L", "growth", "dofs", "rms error %", "greatest %")
-    row(*["---"] * 5)
-    for h, rate in ((0.05, 0.25), (0.025, 0.25), (0.0177, 0.25), (0.05, 0.125)):
-        guide = asp.solve_contact(sphere, UNIT, delta_max=delta, size=asp.MeshSize(GUIDE))
-        reach = FirstContactMap(*guide.touched_at())
-        result = asp.solve_contact(sphere, UNIT, delta_max=delta, size=asp.MeshSize(h, rate, reach=reach))
-        row(f"{h:g}", f"{rate:g}", result.dofs, *per_cent(loading_force(result.curve, at), limit))
-
-
-def grading() -> None:
-    """Error of the force on meshes of both gradings, with the steps as they are."""
-    row("surface", "material", "power", "h_contact/L", "dofs", "rms error %", "greatest %")
-    row(*["---"] * 7)
-    for name in ("rough, seed 12", "rough, seed 21", "sphere off the middle"):
-        top, delta, yielding = plastic_scenes()[name]
-        at = delta * np.arange(1, 11) / 10
-        for material in (UNIT, yielding):
-            sizes = (*FAMILY[4:], FINEST) if material.plastic else FAMILY[3:]
-            limit = _limit(forces(name, top, delta, sizes, material))
-            guide = asp.solve_contact(top, material, delta_max=delta, size=asp.MeshSize(GUIDE, growth(GUIDE)))
-            reach = FirstContactMap(*guide.first_contact.gather(guide.solver))
-            for powers in (GRADING, GUIDED):
-                for h in FAMILY[1:4]:
-                    block = mesh_of(top, delta, h, reach, powers)
-                    result = asp.solve_contact(top, material, delta_max=delta, block=block)
-                    errors = per_cent(loading_force(result.curve, at), limit)
-                    kind = "elastic-plastic" if material.plastic else "elastic"
-                    row(name, kind, f"{powers[0]:g}", f"{h:.3g}", result.dofs, *errors)
-
-
-def equations() -> None:
-    """Work, change of the force, and its bar from the residual forces, by the tolerance of the equations."""
-    row("material", "solver.rtol", "Newton", "Krylov", "greatest change of the force %", "bar %")
-    row(*["---"] * 6)
-    for name, material in (("elastic", ELASTIC), ("plastic", PLASTIC)):
-        exact = None
-        for rtol in (1e-8, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2):
-            options = asp.SolverOptions(rtol=rtol)
-            size = asp.MeshSize(0.06 * L)
-            result = asp.solve_contact(surface(), material, delta_max=DELTA, steps=STEPS, size=size, options=options)
-            P = loading_force(result.curve, AT)
-            exact = P if exact is None else exact
-            change = per_cent(P, exact)[1]
-            bar = 100.0 * result.checks.unsolved
-            row(name, f"{rtol:g}", result.counts.newton, result.counts.krylov, f"{change:.1g}", f"{bar:.1g}")
 
 
 def header(first: str) -> None:
@@ -513,9 +312,7 @@ def summary(judged: Sequence[Judged]) -> None:
 
 
 if __name__ == "__main__":
-    jobs = {"mesh": mesh, "steps": steps, "orders": orders, "tolerance": tolerance, "plastic": plastic, "waves": waves,
-            "light": light, "few": few, "demo": demo, "fixed": fixed, "grading": grading,
-            "equations": equations}  # fmt: skip
+    jobs = {"orders": orders, "tolerance": tolerance, "plastic": plastic, "few": few}
     for job in sys.argv[1:] or jobs:
         if MPI.COMM_WORLD.rank == 0:
             print(f"\n## {job}\n")

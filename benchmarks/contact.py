@@ -4,9 +4,7 @@
 """Print what each contact formulation costs and how far off it is, as Markdown tables.
 
 Cases: Hertz and Westergaard against their closed forms, the elastic and the elastic-plastic demo surface against exact
-contact on a finer mesh with the same load steps. Further tables on Hertz: "integration" compares quadratures on the
-facets, which the edge of contact cuts, with one of 384 points on the same mesh, "area" the area of contact with theory
-at many loads, "pressure" local pressures, "refinement" the force when all of the mesh or the contact alone is refined.
+contact on a finer mesh with the same load steps.
 Arguments name the tables; without any all are printed (some minutes on one core).
 """
 
@@ -23,16 +21,12 @@ import numpy as np
 from scipy.optimize import brentq
 
 from asperity import reference
-from asperity.contact import PressureContact
-from asperity.contact.contact_surface import FACET_DEGREE, ContactSurface, FacetRule
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize
 from asperity.quasistatic import measures
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.surface import Sinusoid, Sphere, Surface, WeierstrassMandelbrot
-from asperity.verification.hertz import CONTACT, RADIUS, SPHERE, layer_force, press_sphere
-from asperity.verification.table import solve_on_one_rank as press_alone
 
 NU = 0.3
 ELASTIC = Material(1.0, NU)
@@ -197,136 +191,8 @@ HEAD = (
 )  # fmt: skip
 
 
-RULES = {  # degree and splits of the rule, and whether heights at its points are exact or interpolated
-    "3 points": (2, 0, False),
-    "6 points": (4, 0, False),
-    "16 points": (8, 0, False),
-    "16 points, exact heights": (8, 0, True),
-    "4 x 6 points": (4, 1, False),
-    "16 x 6 points": (4, 2, False),
-}
-
-
-def points_of(top: ContactSurface, degree: int) -> tuple[Any, Any]:
-    """x and y of the points of a rule (facets, points); second-order facets are straight seen from above."""
-    import basix
-
-    points, _ = basix.make_quadrature(basix.CellType.triangle, degree)
-    first, second, third = np.moveaxis(top.solid.points[top.nodes[:, :3], :2], 1, 0)[:, :, None]
-    x, y = np.moveaxis(first + points[:, :1] * (second - first) + points[:, 1:] * (third - first), -1, 0)
-    return x, y
-
-
-def integration() -> Iterator[tuple[str, ...]]:
-    """Rows of the table of quadratures: what they change on a mesh, against the finest."""
-    for scene, case, size in (("hertz", hertz(), 0.05 / 6), ("demo", demo(ELASTIC, 3, (), 0.0), 0.06)):
-        press_of = make(case, size)
-        for law, factor in (("penalty", 10.0), ("nitsche", 1.0)):
-            plain = press_of(Formulation(law, factor, factor))
-
-            def press_with(degree: int, splits: int, exact: bool) -> tuple[list[State], ContactSolver, float]:
-                solver = press_of(Formulation(law, factor, factor))  # noqa: B023
-                rule = FacetRule(solver.contact_surface, degree, splits)
-                if exact:
-                    x, y = points_of(solver.contact_surface, degree)
-                    rule.height = 1.0 + case.surface.height(x, y) - case.surface.mean()  # noqa: B023
-                parts = solver.solid, solver.contact_surface
-                contact = PressureContact(*parts, factor, traction=law == "nitsche", rule=rule)  # noqa: B023
-                solver = ContactSolver(*parts, contact, solver.summit, solver.newton.options)
-                start = time.process_time()
-                return press_along(case, solver), solver, time.process_time() - start  # noqa: B023
-
-            finest, _, _ = press_with(4, 3, False)
-            for name, choice in RULES.items():
-                states, solver, seconds = press_with(*choice)
-
-                def change(key: str, states: list[State] = states, finest: list[State] = finest) -> float:
-                    return rms([getattr(a, key) / getattr(b, key) - 1.0 for a, b in zip(states, finest, strict=True)])
-
-                yield (
-                    scene, f"{plain.solid.dofs}", law, name, f"{change('force'):.3f}", f"{change('area'):.2f}",
-                    f"{change('peak'):.2f}", f"{solver.counts.newton / solver.counts.steps:.1f}", f"{seconds:.1f}",
-                )  # fmt: skip
-
-
-def areas() -> Iterator[tuple[str, ...]]:
-    """Rows of the table of areas: their error against Hertz under the same force, over many loads."""
-    radius, a = 1.0, 0.05
-    law = reference.Hertz(radius, reference.reduced_modulus(1.0, NU))
-    loads = tuple(float(d) for d in np.linspace(0.25, 1.0, 24) * a**2)
-    case = Case(Sphere(L=1.0, radius=radius, centre=(0.0, 0.0), shape="paraboloid"), ELASTIC, 1.0, loads, (), 0.0)
-    for size in (a / 3, a / 6):
-        press_of = make(case, size)
-        for name in ("active set", "penalty, beta 10", "Nitsche 0, gamma 1"):
-            solver = press_of(FORMULATIONS[name])
-            states = press_along(case, solver)
-            exact = [0.25 * np.pi * float(law.radius(law.approach(4.0 * s.force))) ** 2 for s in states]
-            error = np.array([s.area / e - 1.0 for s, e in zip(states, exact, strict=True)])
-            bar = np.array([s.area_error / s.area for s in states])
-            yield (
-                f"{size:.4g}", f"{solver.solid.dofs}", name, f"{100 * error.mean():+.1f}", f"{rms(error):.1f}",
-                f"{rms(bar):.1f}", f"{100 * np.mean(np.abs(error) <= bar):.0f}",
-            )  # fmt: skip
-
-
-def pressures() -> Iterator[tuple[str, ...]]:
-    """Rows of the table of local pressures within 0.8 of the radius of Hertz, as they come and as reported."""
-    case = hertz()
-    law = reference.Hertz(1.0, reference.reduced_modulus(1.0, NU))
-    for size in (0.05 / 3, 0.05 / 6):
-        press_of = make(case, size)
-        for name, formulation in FORMULATIONS.items():
-            solver = press_of(formulation)
-            press_along(case, solver)
-            top, contact = solver.contact_surface, solver.contact
-            depth = float(law.approach(4.0 * solver.force))
-            p0, radius = float(law.peak_pressure(depth)), float(law.radius(depth))
-
-            def errors(xy: Any, found: Any, p0: float = p0, radius: float = radius, depth: float = depth) -> Any:
-                r = np.hypot(xy[0], xy[1])
-                return (found - law.pressure(r, depth))[r < 0.8 * radius] / p0
-
-            corners = np.unique(top.nodes[:, :3])
-            reported = errors(solver.solid.points[corners].T, solver.pressure[corners])
-            if isinstance(contact, PressureContact):
-                raw = errors(points_of(top, FACET_DEGREE), contact.points)
-            else:
-                nodes = np.unique(top.nodes[:, 3:])
-                area = top.assemble(top.nodes[:, 3:], np.repeat(top.area[:, None] / 3.0, 3, axis=1))
-                raw = errors(solver.solid.points[nodes].T, solver.nodal_force[nodes] / area[nodes])
-            yield (
-                f"{size:.4g}", name, f"{rms(raw):.1f}", f"{100 * np.abs(raw).max():.0f}", f"{rms(reported):.1f}",
-                f"{100 * np.abs(reported).max():.0f}",
-            )  # fmt: skip
-
-
-def refinement() -> Iterator[tuple[str, ...]]:
-    """Rows of the table of the force of Hertz when all of the mesh is refined, and when the contact is alone."""
-    depth = CONTACT**2 / RADIUS
-    theory = layer_force([0.5 * depth, depth], 1024)[0][-1]
-    for k in 0.5 * 2.0 ** (0.5 * np.arange(6)):
-        size = 0.25 * CONTACT / k
-        alone = press_alone(SPHERE, ELASTIC, delta_max=depth, steps=2, size=MeshSize(size))
-        cells = [
-            f"{value}"
-            for result in (press_sphere(k), alone)
-            for value in (result.dofs, f"{100 * (result.curve.P_star[-1] / theory - 1.0):.3f}")
-        ]
-        yield f"{size:.4g}", *cells
-
-
-REFINEMENT_HEAD = ("h_contact/L", "dofs, all refined", "force %", "dofs, contact alone", "force %")
-PRESSURE_HEAD = ("h_contact/L", "formulation", "raw rms %", "raw greatest %", "reported rms %", "reported greatest %")
-INTEGRATION_HEAD = (
-    "scene", "dofs", "formulation", "rule", "force %", "area %", "peak %", "Newton/step", "CPU s",
-)  # fmt: skip
-AREA_HEAD = ("h_contact/L", "dofs", "formulation", "mean error %", "rms error %", "rms bar %", "inside %")
 TABLES: dict[str, tuple[tuple[str, ...], Callable[[], Iterator[tuple[str, ...]]]]] = {
     **{name: (HEAD, lambda case=case: rows(case())) for name, case in CASES.items()},  # type: ignore[misc]
-    "integration": (INTEGRATION_HEAD, integration),
-    "area": (AREA_HEAD, areas),
-    "pressure": (PRESSURE_HEAD, pressures),
-    "refinement": (REFINEMENT_HEAD, refinement),
 }
 
 

@@ -22,7 +22,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import architecture
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
@@ -115,39 +114,6 @@ def plain_log_ticks(axis: Any) -> None:
         scale.set_minor_formatter("")
 
 
-GROUPS = {
-    "meshes": ("guided mesh", "uniform mesh"),
-    "contact": ("penalty, factor 10", "penalty, factor 100", "Nitsche, theta 0"),
-    "kernels and flow": ("UFL kernels", "backward Euler"),
-}
-
-
-@style.styled
-def work_precision() -> Figure:
-    """Error against CPU time: a row a scene, a column a kind of choice, the default black in each panel."""
-    rows = table("work_precision")
-    scenes = list(dict.fromkeys(row["scene"] for row in rows))
-    default = rows[0]["choice"]
-    figure, axes = style.figure(style.WIDE, 8.6, columns=3, rows=len(scenes), sharex="row", sharey="row")
-    style.titles(axes, [f"{scene}: {group}" for scene in scenes for group in GROUPS])
-    for number, axis in enumerate(axes):
-        scene, group = scenes[number // 3], list(GROUPS)[number % 3]
-        own = [row for row in rows if row["scene"] == scene]
-        draw_costs(axis, [row for row in own if row["choice"] == default], "CPU s", "rms error %",
-                   {"color": style.BLACK, "label": "default", "zorder": 3})  # fmt: skip
-        for choice, colour, marker in zip(
-            GROUPS[group], (style.BLUE, style.VERMILION, style.GREEN), "s^D", strict=False
-        ):
-            draw_costs(axis, [row for row in own if row["choice"] == choice], "CPU s", "rms error %",
-                       {"color": colour, "marker": marker, "mfc": "white", "label": choice})  # fmt: skip
-        axis.legend(loc="best")
-        axis.set_xlabel("CPU time (s)" if number // 3 == len(scenes) - 1 else "")
-        axis.set_ylabel("rms error of the force (%)" if number % 3 == 0 else "")
-        plain_log_ticks(axis)
-        style.grid(axis)
-    return figure
-
-
 @style.styled
 def peers() -> Figure:
     """Error against CPU time: a row a material, a column a program, asperity black in each panel."""
@@ -194,105 +160,14 @@ def dynamics_work_precision() -> Figure:
     return figure
 
 
-@style.styled
-def small_strain() -> Figure:
-    """Differences of force and area between small and finite strain over the rms slope; bars: what the mesh changes."""
-    rows = table("small_strain_slopes")
-    figure, axes = style.figure(style.DOUBLE, 3.4, columns=2)
-    style.titles(axes, ("force", "contact area"))
-    names = list(dict.fromkeys(row["yield strain"] for row in rows))
-    for axis, column, sign in zip(axes, ("force %", "area %"), (-1.0, 1.0), strict=True):
-        for name, colour, marker in zip(names, (style.BLUE, style.VERMILION, style.GREEN), "os^", strict=True):
-            own = [row for row in rows if row["yield strain"] == name]
-            axis.errorbar(
-                numbers(own, "rms slope"), sign * numbers(own, column), numbers(own, f"{column}, mesh"), color=colour,
-                marker=marker, mfc="white", ms=4, lw=1, elinewidth=0.8, capsize=2,
-                label=name if name == "elastic" else f"$\\sigma_y/E$ = {name}",
-            )  # fmt: skip
-        axis.set_xlabel("rms slope")
-        axis.set_xlim(0.0, None)
-        style.grid(axis)
-    axes[0].set(ylabel="small strain is too low by (%)", yscale="log", ylim=(0.05, 40.0))
-    axes[1].set_ylabel("small strain is too high by (%)")
-    axes[1].axhline(0.0, color=style.GREY, lw=0.8)
-    axes[0].yaxis.set_major_formatter("{x:g}")
-    axes[0].legend(loc="lower right")
-    return figure
-
-
-def cycles() -> Figure:
-    """What each of twenty cycles dissipates, with isotropic and with kinematic hardening."""
-    rows = table("cycles")
-    figure, (axis,) = style.figure(style.SINGLE, 3.2)
-    colours = {"isotropic": style.GREY, "kinematic": style.BLUE, "kinematic, finite strain": style.VERMILION}
-    for path, name in dict.fromkeys((row["path"], row["hardening"]) for row in rows):
-        own = [row for row in rows if (row["path"], row["hardening"]) == (path, name)]
-        line = "o-" if path == "about a preload" else "o--"
-        axis.semilogy(
-            numbers(own, "cycle"), numbers(own, "dissipated / E L^3"), line, ms=3, color=colours[name],
-            lw=1 if "finite" in name else 2, label=f"{name}, {path}",
-        )  # fmt: skip
-    axis.set(xlabel="cycle", ylabel="dissipated in the cycle ($E L^3$)", ylim=(1e-14, None), xticks=[1, 5, 10, 15, 20])
-    axis.legend(loc="lower left", fontsize=6)
-    style.grid(axis)
-    return figure
-
-
 def numbers(rows: Rows, column: str) -> Any:
     """A column of numbers (rows,)."""
     return np.array([float(row[column]) for row in rows])
 
 
-def draw_bars(axis: Any, rows: Rows, columns: tuple[str, str, str], colour: str, marker: str, label: str) -> None:
-    """Points with error bars of some rows: columns of the abscissa, of the value and of its bar in per cent."""
-    x, y, bar = (numbers(rows, column) for column in columns)
-    axis.errorbar(x, y, y * bar / 100, fmt=marker, color=colour, mfc="white", ms=4, lw=0.9, label=label)
-
-
-@style.styled
-def self_affine() -> Figure:
-    """Area coefficient, mean plastic pressure, and stiffness of self-affine surfaces over the force."""
-    figure, (kappa, pressure, stiffness) = style.figure(style.WIDE, 3.6, columns=3)
-    style.titles((kappa, pressure, stiffness), ("area", "mean plastic pressure", "stiffness"))
-    own = {"self_affine_area": ("shortest wave L/16, L/32", style.BLUE, "o"),
-           "self_affine_challenge": ("challenge's class, L/64", style.VERMILION, "s")}  # fmt: skip
-    for name, (label, colour, marker) in own.items():
-        rows = table(name)
-        draw_bars(kappa, rows, ("P*/h'", "kappa", "bar of kappa %"), colour, marker, label)
-        kappa.plot(numbers(rows, "P*/h'"), numbers(rows, "kappa, half-space"), "k+", ms=6, zorder=3)
-        kappa.plot(numbers(rows, "P*/h'"), numbers(rows, "kappa, Tamaas"), "x", color=style.GREEN, ms=5, zorder=3)
-    kappa.plot([], [], "k+", label="half-space")
-    kappa.plot([], [], "x", color=style.GREEN, label="Tamaas")
-    kappa.set(xlabel="$P^*/h'$", ylabel="$\\kappa = A h'/(P^* A_0)$", ylim=(0, 3.6), xlim=(0, None))
-    rows = table("self_affine_plastic")
-    for strength, colour in (("0.02", style.BLUE), ("0.01", style.VERMILION)):
-        for seed, marker in (("1", "o"), ("2", "s")):
-            part = [row for row in rows if (row["yield strength/E"], row["seed"]) == (strength, seed)]
-            label = f"$\\sigma_y/E$ = {strength}, seed {seed}"
-            draw_bars(pressure, part, ("P*/h'", "mean pressure/yield strength", "bar %"), colour, marker, label)
-    pressure.set(xlabel="$P^*/h'$", ylabel="mean pressure over $\\sigma_y$", xscale="log", ylim=(0, 3))
-    rows = table("self_affine_interface")
-    for seed, colour, marker in (("0", style.BLUE, "o"), ("1", style.VERMILION, "s")):
-        part = [row for row in rows if row["seed"] == seed]
-        columns = ("P*/rms height", "k* of the interface", "bar %")
-        draw_bars(stiffness, part, columns, colour, marker, f"solid, seed {seed}")
-        stiffness.plot(numbers(part, columns[0]), numbers(part, "half-space"), "k+", ms=6, zorder=3)
-    stiffness.plot([], [], "k+", label="half-space")
-    stiffness.set(xlabel="$P^* L$/rms height", ylabel="$k^*$ of the interface", xscale="log", yscale="log")
-    for axis, place in ((kappa, "lower right"), (pressure, "lower left"), (stiffness, "upper left")):
-        axis.legend(loc=place, fontsize="x-small")
-        style.grid(axis)
-    return figure
-
-
 DRAWN: dict[str, Callable[[], Figure]] = {
-    "architecture": architecture.draw,
-    "work_precision": work_precision,
     "peers": peers,
     "dynamics_work_precision": dynamics_work_precision,
-    "small_strain": small_strain,
-    "cycles": cycles,
-    "self_affine": self_affine,
 }
 OF_JOINT = ("frequency", "response")
 OF_TUTORIALS = {"tutorial_scan": ("scan", "out/scan/surface.png"),

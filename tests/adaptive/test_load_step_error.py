@@ -32,6 +32,6 @@ def test_the_bar_holds_for_the_orders_of_the_rule(rule: str, order: float, most:
 
 
 def test_the_bar_of_stick_holds_where_the_correction_has_the_wrong_sign() -> None:
-    """As on an egg-box (benchmarks/stick_bars.csv): the second force is farther from the limit than the first."""
+    """As on an egg-box: the second force is farther from the limit than the first."""
     forces = {1: LIMIT * (1.0 - 0.0007), 2: LIMIT * (1.0 - 0.0023)}
     assert left_over_bar(forces, STICK) < 1.0

@@ -116,7 +116,7 @@ def wait_for_steps(out: Path, steps: int) -> None:
 
 @pytest.mark.slow
 def test_killed_runs_continue_without_a_difference() -> None:
-    code, out, err = call([sys.executable, str(ROOT / "benchmarks/kill_resume.py"), "--kills", "5"])
+    code, out, err = call([sys.executable, str(ROOT / "tests/hard/kill_resume.py"), "--kills", "5"])
     assert code == 0, out + err
 
 

@@ -66,7 +66,7 @@ class Rates:
         growth: exponent of the dofs in the seconds of a step.
         base: memory of a rank without a mesh [bytes].
         per_dof: memory per dof [bytes].
-        finite: time of a step in finite strain over that in small strain (docs/tables/small_strain_cost.csv).
+        finite: time of a step in finite strain over that in small strain.
 
     Examples:
         >>> PLASTIC.step > ELASTIC.step

@@ -37,7 +37,7 @@ from asperity.quasistatic.contact_result import ContactResult
 # Part of the load-step correction taken for its bar; of the rule of first order much more is corrected
 PATH_TRANSFER = {MIDPOINT: 0.5, STICK: 1.0, BACKWARD_EULER: 1.0}
 # With other steps other nodes are touched first, so that the order of stick is seen as low as this between two runs,
-# and a correction may even have the wrong sign (benchmarks/stick_bars.csv): the error by this order adds to its bar
+# and a correction may even have the wrong sign: the error by this order adds to its bar
 LEAST_ORDERS = {STICK: 0.5}
 
 

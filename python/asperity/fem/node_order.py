@@ -4,7 +4,7 @@
 """Order of the displacement nodes in memory.
 
 A product with the tangent reads for each node those that share a cell with it. It is fast where they are in the cache
-of the processor because the nodes before have the same neighbours (benchmarks/linear.py pieces).
+of the processor because the nodes before have the same neighbours.
 """
 
 from __future__ import annotations

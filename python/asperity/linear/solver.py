@@ -122,7 +122,7 @@ class Krylov:
     """CG, or GMRES, with p-multigrid on the free dofs.
 
     The energy norm of the residual would cost CG a V-cycle at the end of each solution. It is predicted instead: the
-    energy falls from one iteration to the next as the square of the residual does (benchmarks/linear.py norms).
+    energy falls from one iteration to the next as the square of the residual does.
 
     Args:
         tangent: of the solid

@@ -67,7 +67,7 @@ def rough_elastic_surface(D: float = 2.4, G: float = 1.36e-11, seed: int = 0) ->
 
 #: E_t/E -> force over that at the onset of yield, of a hemisphere on a sliding base pressed by a rigid flat to
 #: FLATTENED_DEPTHS times that approach (Jackson and Green's); E = 200 GPa, nu = 0.3, Y = 1 GPa, small strains.
-#: Second-order triangles in the plane of r and z (benchmarks/sphere.py); another mesh changes the forces by at most
+#: Second-order triangles in the plane of r and z (a solver of its own); another mesh changes the forces by at most
 #: 0.4 %, for E_t = 0 by 2 %.
 FLATTENED_SPHERE = {
     0.0: (12.99, 25.78, 195.82, 444.63),

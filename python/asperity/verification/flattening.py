@@ -39,7 +39,7 @@ def flattened_sphere(level: VerificationLevel) -> Iterator[Row]:
     """Force over that at the onset of yield, at w times the approach there, without and with hardening.
 
     References: Jackson & Green (2005); Kogut & Etsion (2002), with nearly the same onset; Ghaednia et al. (2019); and
-    a solution in the plane of r and z for the same hemisphere on a sliding base (benchmarks/sphere.py). The fit with
+    a solution in the plane of r and z for the same hemisphere on a sliding base. The fit with
     hardening differs by up to 12 % from that solution. Its bar is this difference where it exceeds the authors' 8 %.
     The error of the load steps, of first order, is extrapolated on the coarsest mesh.
     """

@@ -5,7 +5,7 @@
 
 After each SIGKILL every file must be whole: the old content or the new one. Each completed run must have the curve of
 the run that was never killed: on one rank to the last bit, on several to the tolerance of the equations, to which two
-runs that nobody killed agree there. Usage: python3 benchmarks/kill_resume.py [--kills 50] [--seed 0] [--ranks 1]
+runs that nobody killed agree there. Usage: python3 tests/hard/kill_resume.py [--kills 50] [--seed 0] [--ranks 1]
 """
 
 from __future__ import annotations
