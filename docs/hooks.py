@@ -1,12 +1,11 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""What mkdocs takes from elsewhere: README as front page, input reference, list of tables, notebooks, formulas."""
+"""What mkdocs takes from elsewhere: README as front page, input reference, formulas."""
 
 from __future__ import annotations
 
 import html
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -34,28 +33,7 @@ def keys() -> str:
     return "\n\n".join(f"## {name}\n\n{head}" + "\n".join(rows) for name, rows in tables.items())
 
 
-def tables() -> str:
-    """The stored tables, with the command that makes each and the day it was recorded."""
-    rows = []
-    for path in sorted((ROOT / "docs/tables").glob("*.csv")):
-        command, made, *table = path.read_text(encoding="utf-8").splitlines()
-        day = made.removeprefix("# ").partition(",")[0]
-        command = command.removeprefix("# ./run ")
-        rows.append(f"| [{path.stem}](tables/{path.name}) | {len(table) - 1} | `{command}` | {day} |")
-    return "| table | rows | command | recorded |\n|---|---|---|---|\n" + "\n".join(rows)
-
-
-def notebooks() -> str:
-    """The notebooks of examples/: their text and code."""
-    parts = []
-    for path in sorted((ROOT / "examples").glob("*.ipynb")):
-        for cell in json.loads(path.read_text(encoding="utf-8"))["cells"]:
-            text = "".join(cell["source"])
-            parts.append(f"```python\n{text}\n```" if cell["cell_type"] == "code" else re.sub(r"^#", "##", text))
-    return "\n\n".join(parts)
-
-
-PARTS = {"readme": readme, "keys": keys, "tables": tables, "notebooks": notebooks}
+PARTS = {"readme": readme, "keys": keys}
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:

@@ -38,12 +38,12 @@ COARSER = 2.5  # elements of the mesh that compares small and finite strain over
 MARGIN = 0.9  # part of the tolerance that is planned for
 COST_ORDER = 2.6  # time grows as h^-COST_ORDER
 DOFS_ORDER = 2.0  # dofs grow as h^-DOFS_ORDER: refinement is nearly confined to the contact
-STICK = "stick"  # where nodes are touched within a step (docs/friction.md)
+STICK = "stick"  # where nodes are touched within a step (docs/contact.md)
 STEP_ORDERS = {MIDPOINT: 2.0, STICK: 1.5, BACKWARD_EULER: 1.0}  # of the force in the load step
 MOST_SUBSTEPS = 32
 LEAST_STEPS = 5  # planned ones, for the difference of two meshes at one or two approaches may vanish by chance
 GROWTH = 0.25, 0.04  # growth of the element size around the contact, and the size in it that this belongs to [L]
-FLOWING_GROWTH = 1.5  # times that around small spots that flow, whose error is in them (docs/rough_surfaces.md)
+FLOWING_GROWTH = 1.5  # times that around small spots that flow, whose error is in them (docs/accuracy.md)
 
 
 def step_rule(plastic: bool, sticks: bool, integrator: str) -> str:

@@ -33,7 +33,7 @@ CELLS = 128, 1000  # fewest and most per side
 PER_WAVE = 4  # cells per shortest wave
 NEGLIGIBLE = 0.004  # tolerance that the waves too short for that number of cells do not affect
 MOST_STEPS = 10  # at which both curves are computed
-FORCE_BAR = 0.5  # bar over the change of the force; stiff elements make up for a part (docs/rough_surfaces.md)
+FORCE_BAR = 0.5  # bar over the change of the force; stiff elements make up for a part (docs/accuracy.md)
 AREA_BAR = 0.3  # bar over the change of the area, which is corrected
 MOST = 10.0  # change beyond which nothing is known
 

@@ -4,7 +4,7 @@
 """What small strain changes in the force: both kinematics pressed on one coarse mesh, and the choice between them.
 
 The difference of two forces on one mesh is known much better than the forces, because both have the same error of the
-mesh. A coarse mesh has larger differences than a fine one (docs/small_strain.md); they are divided by the share of the
+mesh. A coarse mesh has larger differences than a fine one (docs/accuracy.md); they are divided by the share of the
 slopes that it sees. Where it shows nothing, finite strain is chosen, which is right in any case.
 """
 

@@ -316,7 +316,7 @@ class SolverSection(Section):
 
     kernels: Literal["compiled", "ufl"] = _key("element kernels", "compiled")
     dilatation: Literal["point", "mean"] | None = _key(
-        "volumetric strain of the elements, see docs/elements.md",
+        "volumetric strain of the elements, see docs/contact.md",
         None,
         shown='"mean" in runs with a tolerance where rough solids yield, otherwise "point"',
     )

@@ -25,7 +25,7 @@ class Stick(ActiveSet):
     released and touched again within one step slips in this step.
 
     Where a node is touched within a step is taken on the way from the last displacement to the predicted one. The error
-    of the force is of order 3/2 in the step, see docs/friction.md.
+    of the force is of order 3/2 in the step, see docs/contact.md.
 
     Attributes:
         held: tangential displacement of the nodes in contact after the last committed step, NaN of the others

@@ -41,7 +41,7 @@ def law_of(material: Material, flows: bool = True) -> _solver.Elastic | _solver.
     return law
 
 
-#: Plastic strain from which on a cell takes its mean volumetric strain, over the strain at yield (docs/elements.md).
+#: Plastic strain from which on a cell takes its mean volumetric strain, over the strain at yield (docs/contact.md).
 FLOWED = 1.0
 
 

@@ -5,7 +5,7 @@
 
 A mesh whose elements are longer than some waves samples these waves at random. The difference of two such meshes does
 not show the resulting error of the force, because both miss the same waves, so it gives no error bar. The error is
-proportional to the height of these waves over the approach (measured in docs/rough_surfaces.md).
+proportional to the height of these waves over the approach (measured in docs/accuracy.md).
 """
 
 from __future__ import annotations

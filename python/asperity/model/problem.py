@@ -38,7 +38,7 @@ class Problem:
         size: of the elements
         kernels: "compiled" or "ufl"
         dilatation: volumetric strain of the elements: "point", that of each quadrature point, or "mean", that of the
-            cell once it has flowed, which does not lock where elements are as large as the spots (docs/elements.md);
+            cell once it has flowed, which does not lock where elements are as large as the spots (docs/contact.md);
             None takes that of the points, except where a run with a tolerance chooses
         options: of the solver
 

@@ -173,14 +173,14 @@ def resolution(run: Evidence) -> Assumption | None:
         assert run.tolerance is not None
         return Assumption(
             "resolution: waves left out, part of the bar", run.roughness, run.tolerance, "of the force",
-            "half-space with and without them (docs/rough_surfaces.md)", "a higher accuracy.max_dofs, or a cut-off",
+            "half-space with and without them (docs/accuracy.md)", "a higher accuracy.max_dofs, or a cut-off",
             waves,
         )  # fmt: skip
     tolerance = run.tolerance or ONE_MESH
     return Assumption(
         f"resolution: waves shorter than {ELEMENTS:g} elements, rms height over approach",
         unresolved_height(surface, run.h, float(run.curve.delta.max())), SHARE * tolerance, "",
-        f"error of the force of {100 * tolerance:.2g} % (docs/rough_surfaces.md)",
+        f"error of the force of {100 * tolerance:.2g} % (docs/accuracy.md)",
         "a smaller mesh.h_contact, or a cut-off", waves,
     )  # fmt: skip
 
