@@ -23,6 +23,7 @@ import tomllib
 from collections import Counter
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -93,6 +94,7 @@ def check_files(out: Path) -> int:
         ".toml": lambda path: tomllib.loads(path.read_text()),
         ".npz": read_npz,
         ".png": lambda path: path.stat().st_size,
+        ".svg": lambda path: ElementTree.parse(path),
         ".log": whole_lines,
     }
     steps = 0
