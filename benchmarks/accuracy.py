@@ -42,7 +42,7 @@ from asperity.adaptive.solve_to_tolerance import solve_to_tolerance
 from asperity.arrays import Floats
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.size_field import GRADING, GUIDED, FirstContactMap
-from asperity.model.settings import Goal
+from asperity.model.settings import AccuracyTarget
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.make import make_block
 
@@ -289,7 +289,7 @@ def driven(
     """Run to a tolerance; error and bar at the approaches `at` [length], relative, and a row of the table."""
     start = process_time()
     result = solve_to_tolerance(
-        top, material, Goal(goal), delta_max=float(at[-1]), steps=len(at), integrator=integrator
+        top, material, AccuracyTarget(goal), delta_max=float(at[-1]), steps=len(at), integrator=integrator
     )
     seconds = process_time() - start
     branch = result.curve.loading()

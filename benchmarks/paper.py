@@ -6,7 +6,7 @@
     ./run mpirun -n 2 python3 benchmarks/paper.py out/paper
 
 What the folder holds already is not repeated. A study of the page is in its folder "study", the map of the regimes in
-"map", and the smooth surface in full contact in full_contact.csv.
+"map".
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from full_contact import full_contact
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from mpi4py import MPI
@@ -27,6 +26,7 @@ from regimes import cubic, regime_map
 from regimes import table as map_table
 from statements import WHOLE, Finding, Statement, all_statements, smoother_surfaces, turning, verdict_of
 from tables import csv_text, versions
+from trend import CONDITIONS
 
 from asperity.case.schema import WeierstrassMandelbrotSection
 from asperity.dynamics import ContactOscillator, PowerLaw
@@ -35,7 +35,6 @@ from asperity.plot.vibration import amplitude_frequency
 from asperity.reference.tables import ROUGH_ELASTIC_FITS
 from asperity.study import Study, StudyLevel, StudyResults, run_study
 from asperity.study.figures import colours, draw_column, draw_curves, label_of
-from asperity.study.trend import CONDITIONS
 
 ROOT = Path(__file__).parent.parent
 COMMAND = "./run mpirun -n 2 python3 benchmarks/paper.py out/paper"
@@ -63,8 +62,7 @@ def main() -> None:
     for study, folder in ((Study.load(arguments.study), "study"), (regimes, "map")):
         run_study(study, arguments.folder / folder, say=lambda line: print(line, flush=True))
     if MPI.COMM_WORLD.rank == 0:
-        closed = full_contact(arguments.folder / "full_contact.csv")
-        write(StudyResults.read(arguments.folder / "study"), arguments.docs, closed)
+        write(StudyResults.read(arguments.folder / "study"), arguments.docs)
         write_map(regimes, StudyResults.read(arguments.folder / "map"), arguments.docs)
 
 
@@ -75,13 +73,12 @@ def write_map(study: Study, results: StudyResults, docs: Path) -> None:
     (docs / "tables/paper_map.csv").write_text(text, encoding="utf-8")
 
 
-def write(results: StudyResults, docs: Path, closed: Sequence[dict[str, float]]) -> None:
+def write(results: StudyResults, docs: Path) -> None:
     """Write the page and its figures into the folder of the documentation.
 
     Args:
         results: of the study.
         docs: the folder.
-        closed: rows of `full_contact`.
     """
     pictures = docs / "paper"
     for folder in (pictures, docs / "tables"):
@@ -89,7 +86,7 @@ def write(results: StudyResults, docs: Path, closed: Sequence[dict[str, float]])
     for name, figure in figures(results):
         style.save(figure, pictures / f"{name}.png")
     found = all_statements(results)
-    (docs / "paper.md").write_text(page(results, found, closed), encoding="utf-8")
+    (docs / "paper.md").write_text(page(results, found), encoding="utf-8")
     made = {"paper_fits": fits(results), "paper_conditions": conditions(found), "paper_unloading": physical(results)}
     for name, rows in made.items():
         (docs / "tables" / f"{name}.csv").write_text(csv_text(COMMAND, versions(), rows), encoding="utf-8")
@@ -389,21 +386,6 @@ def smallest_step(found: Iterable[Statement]) -> float:
     return min(steps, default=float("nan"))
 
 
-def closed_table(rows: Sequence[dict[str, float]]) -> str:
-    """Exponent over yield strength of a smooth surface in full contact."""
-    out = []
-    for strength in sorted({row["yield_strength"] for row in rows}):
-        own = [row for row in rows if row["yield_strength"] == strength]
-        mean = {c: float(np.nanmean([row[c] for row in own])) for c in ("n", "n_log", "r2", "full_at", "block_load")}
-        spread = f"{min(row['n'] for row in own):.3f} to {max(row['n'] for row in own):.3f}"
-        out.append((
-            f"{strength / 1e9:g}", f"{mean['n']:.3f}", spread, f"{mean['n_log']:.3f}", f"{mean['r2']:.4f}",
-            f"{mean['full_at']:.0%}", f"{mean['block_load']:.2g}",
-        ))  # fmt: skip
-    header = ("σ_y (GPa)", "n", "single surfaces", "n, log fit", "R²", "90 % contact at", "p / p_Y")
-    return table(header, out)
-
-
 def failures(results: StudyResults) -> str:
     """Why cases failed, in brackets."""
     found = [
@@ -421,7 +403,7 @@ def software_of(results: StudyResults) -> dict[str, Any]:
     return found
 
 
-def page(results: StudyResults, found: Sequence[Statement], closed: Sequence[dict[str, float]]) -> str:
+def page(results: StudyResults, found: Sequence[Statement]) -> str:
     """Text of docs/paper.md."""
     cost = sum(float(row["seconds"] or 0) for row in results.rows)
     shown = ("asperity", "dolfinx", "petsc4py")
@@ -436,7 +418,6 @@ def page(results: StudyResults, found: Sequence[Statement], closed: Sequence[dic
         software=", ".join(f"{k} {v}" for k, v in software_of(results).items() if k in shown),
         statements=table(("", "the source says", "test"), [(s.name, s.text, s.criterion) for s in found]),
         verdicts=table(("", "sides, regime", "verdict", "families: n by level (yes/no/open)"), verdicts(found)),
-        closed=closed_table(closed), smooth=len({row["seed"] for row in closed}),
         half_space=half_space(results), resolution=changes, most=f"{most:.3f}",
         cubic=table(("n", "Ω of the peak, power law", "Ω of the peak, cubic", "least u, cubic"), cubic()),
         smallest=f"{smallest_step(found):.3f}",
@@ -535,15 +516,7 @@ All means: [paper_conditions.csv](tables/paper_conditions.csv); fits: [paper_fit
 
 ![Exponents of families](paper/exponents.png)
 
-### Two other readings of T4
-
-**Full contact.** Between rollers, smooth surfaces ({smooth} seeds, D = 2.6, E_t = 2 GPa) pressed by 0.05 L:
-
-{closed}
-
-On linear scales alone, n > 1 up to 0.2 GPa and n < 1 from 2 GPa on, on every surface. But contact is full from the
-share of the range in the last column but one, and the block has yielded: the bilinear block changes, not the
-surface, and a case file with this load is refused. Printed by `benchmarks/full_contact.py`.
+### Another reading of T4
 
 **The cubic law.** The paper expands the power law to third order. At ζ = 0.01 and F̂ = 0.03 the peak of that cubic
 lies above Ω = 1, as that of a hardening spring, from n between 3.3 and 3.4 on; the power law itself softens:

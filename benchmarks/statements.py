@@ -10,13 +10,13 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
+from trend import CONDITIONS, Condition, Trend, trend, verdict
 
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.study import StudyLevel, StudyResults
 from asperity.study.interface import FULL, Block
 from asperity.study.results import Row
-from asperity.study.trend import CONDITIONS, Condition, Trend, trend, verdict
 from asperity.surface import Surface, WeierstrassMandelbrot
 
 SURFACE, YIELDS, CLOSED = "surface alone", "block yields", "contact nearly full"

@@ -38,14 +38,14 @@ def test_storing_a_curve(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     text = (CURVES / "elastic.toml").read_text(encoding="utf-8")
     case.write_text(text.replace("../..", str(CURVES.parent.parent)).replace("steps = 6", "steps = 3"))
     assert call("run", case, "-o", out) == 0
-    assert call("store", case, out, file, "--rtol", "force=1e-7") == 0
+    assert call("baseline", case, out, file, "--rtol", "force=1e-7") == 0
     header = Curve.read(file).header
     assert header["case"] == "case.toml" and header["tolerances"] == {"force": 1e-7}
     assert header["mesh"]["file"].endswith("fractal.npz") and header["mesh"]["cells"] == 861
     assert call("compare", out, file) == 0
     assert call("compare", out, CURVES / "elastic.csv") == 1
     assert "rows" in capsys.readouterr().out
-    assert call("store", case, out, file, "--rtol", "forces=1e-7") == 2
-    assert call("store", case, out, file, "--rtol", "force") == 2
-    assert call("store", CURVES / "plastic.toml", out, file) == 2
+    assert call("baseline", case, out, file, "--rtol", "forces=1e-7") == 2
+    assert call("baseline", case, out, file, "--rtol", "force") == 2
+    assert call("baseline", CURVES / "plastic.toml", out, file) == 2
     assert "is not a run of" in capsys.readouterr().err

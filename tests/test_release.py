@@ -122,9 +122,8 @@ def test_sdist_and_wheel_are_built_and_work(tmp_path: Path) -> None:
 @in_a_clone
 def test_every_source_file_names_its_licence() -> None:
     folders = ("benchmarks", "docs", "examples", "meshes", "python", "solver", "tests")
-    sources = [
-        path for name in folders for path in (ROOT / name).rglob("*.?p*") if path.suffix in (".py", ".hpp", ".cpp")
-    ]
+    found = [path for name in folders for path in (ROOT / name).rglob("*")]
+    sources = [path for path in found if path.suffix in (".py", ".hpp", ".cpp")]
     assert len(sources) > 100
     heads = {path: path.read_text(encoding="utf-8")[:250] for path in sources}
     assert [path for path, head in heads.items() if "SPDX-License-Identifier: LGPL-3.0-or-later\n" not in head] == []

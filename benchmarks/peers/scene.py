@@ -23,7 +23,7 @@ import asperity as asp
 from asperity.adaptive.extrapolation import loading_force
 from asperity.adaptive.solve_to_tolerance import solve_to_tolerance
 from asperity.arrays import Floats
-from asperity.model.settings import Goal
+from asperity.model.settings import AccuracyTarget
 from asperity.surface import Surface
 
 DELTA, STEPS = 0.03, 10
@@ -53,7 +53,7 @@ def reference(material: str, folder: Path) -> tuple[Floats, float]:
 
 def compute_reference(material: str, file: str) -> None:
     """Write the force and its error bar."""
-    goal = Goal(TOLERANCE[material])
+    goal = AccuracyTarget(TOLERANCE[material])
     found = solve_to_tolerance(surface(), MATERIALS[material], goal, delta_max=DELTA, steps=STEPS)
     modulus = MATERIALS[material].reduced_modulus
     kept = {

@@ -49,7 +49,6 @@ _PUBLIC = {
     "solve_problem": "quasistatic.solve_contact",
     "Problem": "model.problem",
     "AccuracyTarget": "model.settings",
-    "Goal": "model.settings",
     "solve_to_tolerance": "adaptive.solve_to_tolerance",
     "choose_kinematics": "adaptive.small_strain",
     "reference": "",

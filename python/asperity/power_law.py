@@ -237,6 +237,3 @@ def interface_approach(delta: ArrayLike, force: ArrayLike, *, height: float, are
         array([1.5e-08, 2.0e-08])
     """
     return np.asarray(delta, float) - np.asarray(force, float) * height / (area * modulus)
-
-
-interface_deflection = interface_approach  # former name

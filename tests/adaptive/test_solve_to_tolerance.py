@@ -40,7 +40,7 @@ from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import ResolutionWarning
 from asperity.mesh.resolution import ELEMENTS, doubt_of_waves, resolving_size
-from asperity.model.settings import Goal, SolverOptions
+from asperity.model.settings import AccuracyTarget, SolverOptions
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.reference import half_space_contact
@@ -162,14 +162,14 @@ def test_loading_force_interpolates_a_power_law_exactly() -> None:
 @pytest.mark.parametrize("tolerance", [0.0, -0.1, 1.0, 1.5, float("nan")])
 def test_impossible_tolerance(tolerance: float) -> None:
     with pytest.raises(asp.InputError, match=r"accuracy\.tolerance = .* between 0 and 1"):
-        Goal(tolerance)
+        AccuracyTarget(tolerance)
 
 
 def test_mesh_and_tolerance_exclude_each_other() -> None:
     with pytest.raises(asp.InputError, match="chooses mesh and substeps"):
-        solve_to_tolerance(wave(), ELASTIC, Goal(0.1), delta_max=0.01, size=asp.MeshSize(0.1))
+        solve_to_tolerance(wave(), ELASTIC, AccuracyTarget(0.1), delta_max=0.01, size=asp.MeshSize(0.1))
     with pytest.raises(asp.InputError, match="chooses mesh and substeps"):
-        solve_to_tolerance(wave(), ELASTIC, Goal(0.1), delta_max=0.01, substeps=2)
+        solve_to_tolerance(wave(), ELASTIC, AccuracyTarget(0.1), delta_max=0.01, substeps=2)
 
 
 def test_load_steps_have_second_order_by_the_midpoint_rule_and_both_rules_one_limit() -> None:
@@ -204,7 +204,7 @@ def test_planned_stops_are_hit_by_both_rules() -> None:
 def test_bar_holds_the_error_against_an_independent_solution() -> None:
     tolerance = 0.03
     flat = wave(0.001)  # slopes of 0.006: the small-slope theory of the reference holds to less than 1e-4
-    result = solve_to_tolerance(flat, ELASTIC, Goal(tolerance), delta_max=0.0012, steps=3)
+    result = solve_to_tolerance(flat, ELASTIC, AccuracyTarget(tolerance), delta_max=0.0012, steps=3)
     assert result.met and result.reason == "done"
     branch = result.curve.loading()
     reference = [half_space_contact(flat, 128, delta_star=float(d), height=1.0).P_star for d in branch.delta_star]
@@ -219,10 +219,11 @@ def test_a_tolerance_under_force_control_with_unloading_refines_where_the_load_w
     """Not where the flat has left the surface: the meshes are those of the loading alone."""
     sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=3.0, centre=(0.3, 0.4))
     cycle, loading = (
-        solve_to_tolerance(sphere, ELASTIC, Goal(0.05), force_max=1e-3, steps=5, unload_steps=n) for n in (2, 0)
+        solve_to_tolerance(sphere, ELASTIC, AccuracyTarget(0.05), force_max=1e-3, steps=5, unload_steps=n)
+        for n in (2, 0)
     )
     assert [level.dofs for level in cycle.levels] == [level.dofs for level in loading.levels]
-    same = solve_to_tolerance(sphere, ELASTIC, Goal(0.05), delta_max=float(loading.curve.delta[-1]), steps=5)
+    same = solve_to_tolerance(sphere, ELASTIC, AccuracyTarget(0.05), delta_max=float(loading.curve.delta[-1]), steps=5)
     top = int(np.argmax(cycle.curve.P_star))
     bars = cycle.curve.error_P_star[top] + same.curve.error_P_star[-1]
     assert cycle.met and np.abs(cycle.curve.P_star[top] - same.curve.P_star[-1]) <= bars
@@ -231,7 +232,7 @@ def test_a_tolerance_under_force_control_with_unloading_refines_where_the_load_w
 def test_load_steps_are_extrapolated_by_the_order_of_the_integrator() -> None:
     """Backward Euler is of first order: its steps have larger errors and bars, and the limit is the same."""
     midpoint, euler = (
-        solve_to_tolerance(bump(), PLASTIC, Goal(0.2), delta_max=0.04, steps=3, integrator=rule)
+        solve_to_tolerance(bump(), PLASTIC, AccuracyTarget(0.2), delta_max=0.04, steps=3, integrator=rule)
         for rule in ("midpoint", "backward-euler")
     )
     assert midpoint.levels[-1].substeps == euler.levels[-1].substeps == 2
@@ -244,7 +245,7 @@ def test_load_steps_are_extrapolated_by_the_order_of_the_integrator() -> None:
 
 def test_unloading_follows_an_extrapolated_elastic_plastic_loading() -> None:
     """The finest curve is scaled as a whole at its greatest load, and keeps the bar it has there."""
-    result = solve_to_tolerance(bump(), PLASTIC, Goal(0.2), delta_max=0.04, steps=3, unload_steps=2)
+    result = solve_to_tolerance(bump(), PLASTIC, AccuracyTarget(0.2), delta_max=0.04, steps=3, unload_steps=2)
     curve, raw = result.curve, result.raw
     last = int(np.flatnonzero(curve.branch == "load")[-1])
     assert result.met and curve.branch[last + 1] == "unload"
@@ -257,7 +258,7 @@ def test_a_run_with_a_tolerance_does_not_depend_on_the_ranks() -> None:
     from mpi4py import MPI
 
     together, alone = (
-        solve_to_tolerance(bump(), PLASTIC, Goal(0.2), delta_max=0.04, steps=2, comm=comm)
+        solve_to_tolerance(bump(), PLASTIC, AccuracyTarget(0.2), delta_max=0.04, steps=2, comm=comm)
         for comm in (MPI.COMM_WORLD, MPI.COMM_SELF)
     )
     assert [level.dofs for level in together.levels] == [level.dofs for level in alone.levels]
@@ -283,7 +284,7 @@ def test_few_planned_steps_are_divided_until_their_bars_support_each_other(steps
 
 def test_one_step_has_the_bar_of_five() -> None:
     sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=1.5)
-    one, five = (solve_to_tolerance(sphere, ELASTIC, Goal(0.2), delta_max=0.02, steps=n) for n in (1, 5))
+    one, five = (solve_to_tolerance(sphere, ELASTIC, AccuracyTarget(0.2), delta_max=0.02, steps=n) for n in (1, 5))
     assert one.met and len(one.curve) == 5
     np.testing.assert_array_equal(one.curve.error_P_star, five.curve.error_P_star)
 
@@ -291,7 +292,7 @@ def test_one_step_has_the_bar_of_five() -> None:
 def test_limit_ends_the_refinement_with_what_is_known() -> None:
     """No mesh is larger than allowed, not even by little; the last one uses what is left."""
     sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=3.0, centre=(0.3, 0.4))
-    result = solve_to_tolerance(sphere, ELASTIC, Goal(1e-4, max_dofs=60_000), delta_max=0.01, steps=2)
+    result = solve_to_tolerance(sphere, ELASTIC, AccuracyTarget(1e-4, max_dofs=60_000), delta_max=0.01, steps=2)
     assert not result.met
     assert "accuracy.max_dofs = 60000" in result.reason
     assert np.all(np.isfinite(result.curve.error_P_star))
@@ -314,7 +315,7 @@ def test_a_mesh_that_does_not_converge_leaves_the_curve_of_the_one_before(monkey
 
     monkeypatch.setattr("asperity.adaptive.mesh_levels.solve_problem", solve)
     sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=3.0, centre=(0.3, 0.4))
-    result = solve_to_tolerance(sphere, ELASTIC, Goal(1e-3), delta_max=0.01, steps=5, on_curve=curves.append)
+    result = solve_to_tolerance(sphere, ELASTIC, AccuracyTarget(1e-3), delta_max=0.01, steps=5, on_curve=curves.append)
     assert not result.met and len(result.levels) == 2 and len(curves) == 1
     np.testing.assert_array_equal(result.curve.error_P_star, curves[0].error_P_star)
     assert "no step converges beyond delta/L = 0.01, use more loading.steps" in result.reason
@@ -325,7 +326,7 @@ def test_a_tolerance_of_the_area_refines_until_its_bar_holds_it_too() -> None:
     """Of a sphere, whose force is known to 5 % on a mesh that leaves 5 % of its area open."""
     sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=3.0, centre=(0.5, 0.5))
     force_only, both = (
-        solve_to_tolerance(sphere, ELASTIC, Goal(0.05, area_tolerance=area), delta_max=0.004, steps=5)
+        solve_to_tolerance(sphere, ELASTIC, AccuracyTarget(0.05, area_tolerance=area), delta_max=0.004, steps=5)
         for area in (None, 0.03)
     )
     assert force_only.met and force_only.worst_area > 0.05 and both.met and both.worst_area <= 0.03
@@ -333,23 +334,25 @@ def test_a_tolerance_of_the_area_refines_until_its_bar_holds_it_too() -> None:
     exact = [half_space_contact(sphere, 256, delta_star=float(d), height=1.0, nu=0.3) for d in curve.delta_star]
     assert np.all(np.abs(curve.area_fraction - [found.area_fraction for found in exact]) <= curve.error_area_fraction)
     few = solve_to_tolerance(
-        sphere, ELASTIC, Goal(0.05, both.levels[-1].dofs // 2, area_tolerance=1e-3), delta_max=0.004, steps=5
+        sphere, ELASTIC, AccuracyTarget(0.05, both.levels[-1].dofs // 2, area_tolerance=1e-3), delta_max=0.004, steps=5
     )
     assert not few.met and "the contact area is known to" in few.reason and "accuracy.area_tolerance" in few.reason
     with pytest.raises(asp.InputError, match=r"accuracy\.area_tolerance = 1\.5 must lie"):
-        Goal(0.05, area_tolerance=1.5)
+        AccuracyTarget(0.05, area_tolerance=1.5)
 
 
 def test_what_the_equations_leave_is_not_blamed_on_the_load_steps() -> None:
     sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=3.0, centre=(0.3, 0.4))
-    result = solve_to_tolerance(sphere, ELASTIC, Goal(1e-6), delta_max=0.01, steps=5, options=SolverOptions(rtol=1e-3))
+    result = solve_to_tolerance(
+        sphere, ELASTIC, AccuracyTarget(1e-6), delta_max=0.01, steps=5, options=SolverOptions(rtol=1e-3)
+    )
     assert not result.met and "is left by the equations, lower solver.rtol" in result.reason
 
 
 def test_a_contact_of_one_node_meets_no_tolerance() -> None:
     """Its force is that of the size of the elements, and the difference of two meshes no error."""
     sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=1.0, centre=(0.31, 0.47))
-    result = solve_to_tolerance(sphere, ELASTIC, Goal(0.9, max_dofs=15_000), delta_max=1e-7, steps=5)
+    result = solve_to_tolerance(sphere, ELASTIC, AccuracyTarget(0.9, max_dofs=15_000), delta_max=1e-7, steps=5)
     assert not result.met and "the force has no error bar, the contact touches a few facets only" in result.reason
 
 
@@ -364,7 +367,7 @@ def rough(f_max: int, seed: int, slope: float = 0.05) -> asp.Surface:
 def test_the_bar_of_waves_shorter_than_the_elements_holds(f_max: int, seed: int) -> None:
     """Two coarse meshes miss the same waves and may agree with each other; the half-space does not."""
     surface = rough(f_max, seed)
-    result = solve_to_tolerance(surface, ELASTIC, Goal(0.05, max_dofs=100_000), delta_max=0.006, steps=5)
+    result = solve_to_tolerance(surface, ELASTIC, AccuracyTarget(0.05, max_dofs=100_000), delta_max=0.006, steps=5)
     branch = result.curve.loading()
     reference = np.array([half_space_contact(surface, 256, delta_star=d, height=1.0).P_star for d in branch.delta_star])
     assert result.met and np.all(result.budget.roughness > 0.0)
@@ -391,7 +394,7 @@ def test_a_case_of_a_rough_surface_that_meets_no_tolerance_names_a_cut_off(tmp_p
 def test_light_contact_of_a_smooth_surface_has_a_bar_that_holds_its_error() -> None:
     """Spots of a few facets: two meshes agree by chance in the middle of the loading, both 2 % too stiff."""
     surface = rough(5, 0, slope=0.01)  # heights and approach scaled by 0.2: the reference knows no slopes
-    result = solve_to_tolerance(surface, ELASTIC, Goal(0.05), delta_max=0.0012, steps=10)
+    result = solve_to_tolerance(surface, ELASTIC, AccuracyTarget(0.05), delta_max=0.0012, steps=10)
     branch = result.curve.loading()
     reference = [half_space_contact(surface, 256, delta_star=float(d), height=1.0).P_star for d in branch.delta_star]
     error = np.abs(branch.P_star / np.array(reference) - 1.0)
@@ -443,23 +446,25 @@ def test_one_mesh_that_misses_waves_is_told() -> None:
 def test_a_soft_penalty_has_no_error_bar() -> None:
     with pytest.raises(asp.InputError, match=r"contact\.penalty = 5 is too soft .* need 10 or more"):
         solve_to_tolerance(
-            wave(), ELASTIC, Goal(0.1), delta_max=0.01, formulation=asp.Formulation("penalty", penalty=5.0)
+            wave(), ELASTIC, AccuracyTarget(0.1), delta_max=0.01, formulation=asp.Formulation("penalty", penalty=5.0)
         )
 
 
 def test_a_force_is_refused_with_too_few_dofs_before_the_first_step() -> None:
     with pytest.raises(asp.InputError, match=r"accuracy\.max_dofs = 1000 is too small"):
-        solve_to_tolerance(wave(), ELASTIC, Goal(0.1, max_dofs=1000), force_max=1e-3, on_step=lambda *_: pytest.fail())
+        solve_to_tolerance(
+            wave(), ELASTIC, AccuracyTarget(0.1, max_dofs=1000), force_max=1e-3, on_step=lambda *_: pytest.fail()
+        )
 
 
 def test_no_room_for_more_than_the_guide_leaves_its_curve() -> None:
     sphere = asp.Surface.from_spec(kind="sphere", L=1.0, radius=3.0, centre=(0.3, 0.4))
-    dofs = solve_to_tolerance(sphere, ELASTIC, Goal(0.9), delta_max=0.01, steps=5).levels[0].dofs
+    dofs = solve_to_tolerance(sphere, ELASTIC, AccuracyTarget(0.9), delta_max=0.01, steps=5).levels[0].dofs
     with pytest.raises(PartialResult, match=r"the force has no error bar: accuracy\.max_dofs") as caught:
-        solve_to_tolerance(sphere, ELASTIC, Goal(0.1, max_dofs=dofs), delta_max=0.01, steps=5)
+        solve_to_tolerance(sphere, ELASTIC, AccuracyTarget(0.1, max_dofs=dofs), delta_max=0.01, steps=5)
     assert len(caught.value.result.curve) == 5
 
 
 def test_limit_below_the_coarsest_meshes() -> None:
     with pytest.raises(asp.InputError, match=r"accuracy\.max_dofs = 1000 is too small, a coarse mesh .* has \d+ dofs"):
-        solve_to_tolerance(wave(), ELASTIC, Goal(1e-4, max_dofs=1000), delta_max=0.012, steps=2)
+        solve_to_tolerance(wave(), ELASTIC, AccuracyTarget(1e-4, max_dofs=1000), delta_max=0.012, steps=2)

@@ -14,16 +14,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import click
 import numpy as np
 import pytest
 from conftest import MPIRUN
 from made_up_run import write_run
 
-from asperity.cli import OLD_NAMES, group, main
+from asperity.cli import main
 from asperity.cli.import_map import CASE
 from asperity.curve import Curve
-from asperity.errors import AsperityWarning, ConvergenceError, InputError
+from asperity.errors import ConvergenceError, InputError
 from asperity.plot import CAPTIONS
 from asperity.runtime.progress import COLUMNS, Progress, StepLines, duration, make_progress
 from asperity.runtime.run_folder import check
@@ -269,18 +268,9 @@ def test_help_names_every_command(cli: Cli) -> None:
     assert code == 0
     listed = {line.split()[0] for line in out.partition("Commands:\n")[2].splitlines()}
     assert listed >= {"baseline", "check", "compare", "import-map", "init", "keys", "plot", "run", "surface", "verify"}
-    assert not listed & {*OLD_NAMES, "options", "import_map"}
+    assert not listed & {"options", "import_map"}
     assert "..." not in out.partition("Commands:\n")[2]  # each summary fits into its line
     assert cli("--version")[0] == 0
-
-
-@pytest.mark.parametrize(("old", "new"), OLD_NAMES.items())
-def test_an_old_name_is_the_new_command(cli: Cli, old: str, new: str) -> None:
-    context = click.Context(group)
-    with pytest.warns(AsperityWarning, match=f"{old} is now {new}"):
-        command = group.get_command(context, old)
-    assert command is group.get_command(context, new) is not None
-    assert cli(old, "--help")[1].replace(old, new, 1).split() == cli(new, "--help")[1].split()
 
 
 def test_importing_the_command_line_is_light() -> None:

@@ -70,7 +70,7 @@ def map_of_an_instrument(folder: Path) -> None:
     rng = np.random.default_rng(0)
     np.save(folder.parent / "map.npy", 1e-9 * rng.normal(size=(65, 65)))
     with pytest.raises(SystemExit) as left:
-        main(["measure", str(folder.parent / "map.npy"), "--pixel", "1e-8", "-o", str(folder)])
+        main(["import-map", str(folder.parent / "map.npy"), "--pixel", "1e-8", "-o", str(folder)])
     assert not left.value.code
 
 

@@ -23,11 +23,10 @@ from asperity.curve import Curve
 from asperity.errors import AsperityWarning, InputError, OutputError
 from asperity.run_case import run
 from asperity.runtime.files import is_aside
-from asperity.study import Study, StudyLevel, StudyResults, ensemble_curve, run_study, summarise_case
+from asperity.study import Study, StudyResults, ensemble_curve, run_study, summarise_case
 from asperity.study.portions import portions
 from asperity.study.results import case_folder, mean_interval
 from asperity.study.shared_mesh import mesh_key, shared_mesh
-from asperity.study.trend import CONDITIONAL, FAILS, HOLDS, Condition, Trend, trend, verdict
 from asperity.surface import SurfaceWarning
 
 ROOT = Path(__file__).parents[2]
@@ -91,49 +90,6 @@ def inside(case: Case) -> bool:
     z = case.build_surface().grid(513)
     place = np.unravel_index(z.argmax(), z.shape)
     return all(0 < i < 512 for i in place)
-
-
-@pytest.mark.filterwarnings("ignore:surface")
-def test_seeds_with_first_contact_on_an_edge_are_omitted_or_replaced() -> None:
-    with pytest.warns(SurfaceWarning, match="1 omitted, 6 omitted, 7 omitted"):
-        skipped = rough_study(grid=SEEDS, edge_summits="skip")
-    assert [e.value("surface.seed") for e in skipped.entries] == [0, 2, 3, 4, 5, 8, 9]
-    with pytest.warns(SurfaceWarning, match=r"1 replaced by 10, 6 replaced by 11, 7 replaced by"):
-        drawn = rough_study(grid=SEEDS, edge_summits="redraw")
-    seeds = [e.value("surface.seed") for e in drawn.entries]
-    assert len(set(seeds)) == 10 and drawn.replaced == {1: seeds[1], 6: seeds[6], 7: seeds[7]}
-    assert all(new is not None and new >= 10 for new in drawn.replaced.values())
-    assert all(inside(e.case) for e in drawn.entries) and all(inside(e.case) for e in skipped.entries)
-    assert rough_study(grid=SEEDS).entries == rough_study(grid=SEEDS, edge_summits="keep").entries
-    assert not all(inside(e.case) for e in rough_study(grid=SEEDS).entries)
-
-
-@pytest.mark.filterwarnings("ignore:surface")
-def test_levels_of_a_study_keep_the_same_seeds_when_some_are_replaced() -> None:
-    """A trend compares them seed by seed."""
-    with pytest.warns(SurfaceWarning, match="seeds whose first contact"):
-        made = rough_study(grid=SEEDS | {"surface.M": [10, 7]}, edge_summits="redraw")
-    seeds: dict[int, list[int]] = {10: [], 7: []}
-    for entry in made.entries:
-        seeds[entry.value("surface.M")].append(entry.value("surface.seed"))
-    assert seeds[10] == seeds[7] and len(set(seeds[10])) == 10
-    assert all(inside(e.case) for e in made.entries)
-    with pytest.warns(SurfaceWarning, match="1 replaced by"):
-        single = rough_study(grid={"surface.D": [2.4, 2.3]}, edge_summits="redraw", base=BASE | {
-            "surface": ROUGH | {"seed": 1}})  # fmt: skip
-    assert "surface.seed" in single.keys and len({e.value("surface.seed") for e in single.entries}) == 1
-
-
-def test_seeds_that_cannot_be_replaced_are_refused(tmp_path: Path) -> None:
-    x = np.linspace(0.0, 1.0, 9)
-    np.savez(tmp_path / "tilted.npz", z=0.1 * x[None, :] + 0.0 * x[:, None], L=1.0)
-    tilted = {"surface": {"kind": "file", "path": str(tmp_path / "tilted.npz"), "L": 1.0}}
-    with pytest.raises(InputError, match="a surface of kind file has no seed and its first contact is on an edge"):
-        study(base=BASE | tilted, grid={"block.height": [1.0]}, edge_summits="redraw")
-    with pytest.raises(InputError, match="leaves no case"):
-        study(base=BASE | tilted, grid={"block.height": [1.0]}, edge_summits="skip")
-    with pytest.raises(InputError, match='edge_summits = "keeps" is not a choice: keep, redraw, skip'):
-        study(grid={"block.height": [1.0]}, edge_summits="keeps")
 
 
 @pytest.mark.filterwarnings("ignore:surface")
@@ -418,44 +374,6 @@ def test_the_ensemble_is_the_mean_on_the_common_range() -> None:
     np.testing.assert_allclose(spread, x)
     with pytest.raises(InputError):
         ensemble_curve([])
-
-
-def test_conditions_select_points_and_norm() -> None:
-    curve = power_law_curve(1.5, 1.8)
-    for condition in (Condition(), Condition("log"), Condition(share=0.5)):
-        assert condition.exponent(curve, side=1, height=1, modulus=1) == pytest.approx(1.8)
-    # an interface of exponent 2.5 in series with a block: delta = g + P h/M
-    g = np.linspace(0.001, 0.02, 15)
-    force = 3 * g**2.5
-    rows = [{"delta": d, "delta_star": d, "force": f, "P_star": f} for d, f in zip(g + force / 0.1, force, strict=True)]
-    series = Curve.from_rows(rows)
-    assert Condition(interface=True).exponent(series, side=1, height=1, modulus=0.1) == pytest.approx(2.5)
-    assert Condition().exponent(series, side=1, height=1, modulus=0.1) < 2.4
-    assert np.isnan(Condition(share=0.01).exponent(series, side=1, height=1, modulus=0.1))
-
-
-def test_trends_are_paired_over_the_seeds() -> None:
-    rng = np.random.default_rng(1)
-    surface = rng.normal(0, 1, 12)  # scatter between surfaces far above the effect
-    levels = [
-        StudyLevel(
-            {"x": i}, tuple({"surface.seed": s, "n": surface[s] + 0.1 * i + 0.01 * rng.normal()} for s in range(12))
-        )
-        for i in range(3)
-    ]
-    found = trend(levels, lambda row: row["n"], "made up")
-    assert found.rises and not found.falls and not found.level
-    assert found.seeds == 12 and found.agreeing == (1.0, 0.0)
-    assert all(low < 0.1 < high for _, low, high in found.steps)
-    missing = trend([levels[0], StudyLevel({}, levels[1].rows[:5])], lambda row: row["n"], "")
-    assert missing.seeds == 5
-    assert Trend("", np.array([[1.0, 2.0, 3.0], [1.1, 1.9, 3.0]])).level
-
-
-def test_verdicts() -> None:
-    assert verdict([True, True]) == HOLDS
-    assert verdict([True, False]) == CONDITIONAL
-    assert verdict([False, False]) == FAILS
 
 
 def test_the_interval_of_a_mean_is_students() -> None:

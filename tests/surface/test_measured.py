@@ -411,7 +411,7 @@ def test_the_command_makes_a_case(tmp_path: Path, capsys: pytest.CaptureFixture[
     scan = field(65, f_max=6, seed=8)
     np.savez(tmp_path / "scan.npz", z=scan.z + 1e-7 * x + 3e-7 * y, L=L)
     with pytest.raises(SystemExit) as left:
-        main(["measure", str(tmp_path / "scan.npz"), "-o", str(tmp_path / "out"), "--fit"])
+        main(["import-map", str(tmp_path / "scan.npz"), "-o", str(tmp_path / "out"), "--fit"])
     assert not left.value.code
     case = Case.load(tmp_path / "out/case.toml")
     assert case.surface.L == pytest.approx(L)

@@ -21,11 +21,9 @@ from typing import Any
 import click
 
 import asperity
-from asperity.errors import AsperityError, AsperityWarning
+from asperity.errors import AsperityError
 from asperity.runtime.parallel import Ranks
 from asperity.runtime.progress import world_rank
-
-OLD_NAMES = {"measure": "import-map", "store": "baseline", "validate": "verify"}
 
 
 class _Commands(click.Group):
@@ -36,10 +34,6 @@ class _Commands(click.Group):
         return sorted(modules - {"options"})
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        if name in OLD_NAMES:
-            new = OLD_NAMES[name]
-            warnings.warn(f"the command {name} is now {new}; the old name goes with 1.1", AsperityWarning, stacklevel=2)
-            name = new
         if name not in self.list_commands(ctx):
             return None
         command: click.Command = importlib.import_module(f"asperity.cli.{name.replace('-', '_')}").command

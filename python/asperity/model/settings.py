@@ -244,6 +244,3 @@ class AccuracyTarget:
             raise InputError(f"accuracy.max_dofs = {self.max_dofs} must be at least 1000")
         if self.max_seconds is not None and not self.max_seconds > 0:
             raise InputError(f"accuracy.max_seconds = {self.max_seconds!r} must be positive")
-
-
-Goal = AccuracyTarget  # former name

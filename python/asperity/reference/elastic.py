@@ -87,8 +87,6 @@ class Hertz:
         """Return the approach delta (length), the inverse of `force`."""
         return (0.75 * np.asarray(force, float) / (self.E_prime * math.sqrt(self.R))) ** (2 / 3)
 
-    deflection = approach  # former name
-
     def radius(self, delta: ArrayLike) -> Array:
         """Return the contact radius a = sqrt(R delta) (length)."""
         return np.sqrt(self.R * np.asarray(delta, float))
@@ -165,8 +163,6 @@ class Westergaard:
         r = np.minimum(np.asarray(pressure, float) / self.full_pressure, 1.0)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(r > 0, self.A * r * (1 - np.log(r)), 0.0)
-
-    deflection = approach  # former name
 
     def mean_gap(self, pressure: ArrayLike) -> Array:
         """Return the mean gap A (1 - r + r ln r), r = p/p* (length): A at first touch, 0 in full contact.
@@ -253,8 +249,6 @@ class DoubleSinusoid:
     def approach(self, pressure: ArrayLike) -> Array:
         """Return the approach of the mean planes (length), without the compression of a block."""
         return self.A * self._table(pressure, 2)
-
-    deflection = approach  # former name
 
     def mean_gap(self, pressure: ArrayLike) -> Array:
         """Return the mean gap (length): A at first touch, 0 in full contact."""

@@ -9,13 +9,12 @@ results = StudyResults.read("out/study")
 """
 
 from asperity.study.definition import Entry, Family, Study
-from asperity.study.results import Level, StudyLevel, StudyResults, ensemble_curve, summarise_case
+from asperity.study.results import StudyLevel, StudyResults, ensemble_curve, summarise_case
 from asperity.study.run import collect_study, run_study
 
 __all__ = [
     "Entry",
     "Family",
-    "Level",
     "Study",
     "StudyLevel",
     "StudyResults",

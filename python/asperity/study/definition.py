@@ -5,7 +5,6 @@
 
     title = "..."
     base = "base.toml"              # a case file, or a table [base] with the sections of one
-    edge_summits = "redraw"         # replace seeds whose first contact is on an edge; or "skip", or "keep" (default)
 
     [grid]                          # every combination
     "surface.seed" = {first = 0, count = 10}
@@ -31,7 +30,7 @@ import math
 import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +40,6 @@ from asperity.case.case_file import Case, _override, _read_toml
 from asperity.case.schema import Input, sections, show
 from asperity.errors import InputError
 from asperity.runtime.display import short_repr
-from asperity.study.edges import RULES, Rule, describe_replaced, without_edge_summits
 from asperity.surface import SurfaceWarning
 
 #: Key that varies within an ensemble; the levels of a family differ in the other keys.
@@ -52,7 +50,7 @@ CUTOFFS = {"surface.f_max", "surface.L_s"}
 MOST_CASES = 100_000
 
 Point = dict[str, Any]
-_KEYS = ("title", "base", "edge_summits", "grid", "points", "families")
+_KEYS = ("title", "base", "grid", "points", "families")
 _FAMILY_KEYS = ("title", "grid", "points")
 
 
@@ -124,17 +122,13 @@ class Study:
         title: for figures.
         families: parts of the study.
         entries: different cases in the order of the file.
-        keys: all dotted keys that vary in some family, and the seed if some seeds were replaced.
-        edge_summits: treatment of cases whose first contact is on an edge of the patch.
-        replaced: new seed by replaced seed of such cases, None for omitted ones.
+        keys: all dotted keys that vary in some family.
     """
 
     title: str
     families: tuple[Family, ...]
     entries: tuple[Entry, ...]
     keys: tuple[str, ...]
-    edge_summits: Rule = "keep"
-    replaced: Mapping[int, int | None] = field(default_factory=dict)
 
     __repr__ = short_repr
 
@@ -169,9 +163,6 @@ class Study:
         """
         _check_keys(data, _KEYS, source, "the study file")
         title = _text(data, "title", Path(source).stem, source)
-        rule = data.get("edge_summits", "keep")
-        if rule not in RULES:
-            raise InputError(f"{source}: edge_summits = {show(rule)} is not a choice: {', '.join(RULES)}")
         base, base_folder = _base(data, Path(folder), source)
         for text in overrides:
             _override(base, text)
@@ -188,14 +179,9 @@ class Study:
             varied = dict.fromkeys(k for point in points for k in point)
             families.append(Family(name, family_title, tuple(varied)))
             keys |= varied
-        chosen, replaced = without_edge_summits([case for case, _ in made], rule, source)
-        if replaced:
-            warnings.warn(describe_replaced(replaced), SurfaceWarning, stacklevel=2)
-            keys.setdefault(ENSEMBLE)
         cases: dict[str, tuple[Case, list[str]]] = {}
-        for case, (_, name) in zip(chosen, made, strict=True):
-            if case is not None:
-                cases.setdefault("c" + case.hash()[:15], (case, []))[1].append(name)
+        for case, name in made:
+            cases.setdefault("c" + case.hash()[:15], (case, []))[1].append(name)
         if CUTOFFS & keys.keys() and any(getattr(case.surface, "drawing", None) == "array" for case, _ in made):
             warnings.warn(
                 f"{source}: surfaces of one seed with different cut-offs are unrelated, because all phases are drawn "
@@ -204,7 +190,7 @@ class Study:
                 stacklevel=2,
             )
         entries = tuple(Entry(key, case, tuple(dict.fromkeys(names))) for key, (case, names) in cases.items())
-        return Study(title, tuple(families), entries, tuple(keys), rule, replaced)
+        return Study(title, tuple(families), entries, tuple(keys))
 
 
 def _base(data: Mapping[str, Any], folder: Path, source: str) -> tuple[dict[str, Any], Path]:

@@ -184,7 +184,6 @@ def write_about(study: Study, folder: Path) -> None:
     """Write study.json: what the study is, without results."""
     families = [{"name": f.name, "title": f.title, "keys": f.keys} for f in study.families]
     about = {"title": study.title, "families": families, "cases": len(study.entries), "keys": study.keys}
-    about |= {"edge_summits": study.edge_summits, "replaced_seeds": study.replaced}
     replace_file(folder / ABOUT, f"{json.dumps(about, indent=2)}\n".encode())
 
 
@@ -224,9 +223,6 @@ class StudyLevel:
     def column(self, name: str) -> Array:
         """Return the values of a column for all rows (rows,), NaN where missing."""
         return np.array([math.nan if row.get(name) in (None, "") else float(row[name]) for row in self.rows])
-
-
-Level = StudyLevel  # former name
 
 
 @dataclass(frozen=True)

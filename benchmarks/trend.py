@@ -27,10 +27,6 @@ HOLDS, CONDITIONAL, FAILS = "holds", "holds under conditions", "does not hold"
 class Condition:
     """How an exponent is determined from a curve.
 
-    >>> from asperity.study.trend import Condition
-    >>> str(Condition("log", share=0.5))
-    'log fit, first 50% of the range'
-
     Attributes:
         norm: of the fit, "linear" or "log".
         share: fraction of the range of approach that is used, from first contact.
@@ -93,10 +89,6 @@ class Trend:
         condition: as text.
         values: of each level and seed (levels, seeds), NaN where missing.
 
-    Examples:
-        >>> found = Trend("linear fit", np.array([[1.0, 1.1], [1.3, 1.41], [1.6, 1.7]]))
-        >>> found.seeds, found.rises, found.agreeing
-        (2, True, (1.0, 0.0))
     """
 
     condition: str
@@ -142,14 +134,7 @@ class Trend:
 
 
 def trend(levels: Sequence[StudyLevel], quantity: Callable[[Row], float], condition: str) -> Trend:
-    """Evaluate a quantity for each level and seed; it is NaN for seeds that are missing in a level.
-
-    Examples:
-        >>> found = {2.4: 1.8, 2.6: 1.3}
-        >>> levels = [StudyLevel({"surface.D": D}, ({"surface.seed": 0, "n": n},)) for D, n in found.items()]
-        >>> trend(levels, lambda row: row["n"], "linear fit").values.tolist()
-        [[1.8], [1.3]]
-    """
+    """Evaluate a quantity for each level and seed; it is NaN for seeds that are missing in a level."""
     seeds = sorted({row.get(ENSEMBLE) or 0 for level in levels for row in level.rows})
     values = np.full((len(levels), len(seeds)), np.nan)
     for i, level in enumerate(levels):
@@ -159,12 +144,7 @@ def trend(levels: Sequence[StudyLevel], quantity: Callable[[Row], float], condit
 
 
 def verdict(found: Iterable[bool]) -> str:
-    """Return HOLDS (under all conditions), CONDITIONAL (under some) or FAILS (under none).
-
-    Examples:
-        >>> verdict([True, True]), verdict([True, False])
-        ('holds', 'holds under conditions')
-    """
+    """Return HOLDS (under all conditions), CONDITIONAL (under some) or FAILS (under none)."""
     answers = list(found)
     if not answers:
         raise InputError("a verdict needs at least one condition")
