@@ -112,7 +112,10 @@ def test_an_overload_below_the_end_of_the_curve_has_its_own_branch(met: float) -
     """Its stiffness is neither that of the loading at the preload nor that of the unloading from the end."""
     exact = float(elastic(0.3, met))
     result = run_dynamics(joint(10), preload=0.3, overload=met, **QUICK)
-    assert result.numbers.stiffness == pytest.approx(exact, rel=1e-6)
+    assert result.numbers.stiffness == pytest.approx(exact, rel=0.06)
+    assert result.uncertainty is not None
+    ratio = math.sqrt(exact / result.numbers.stiffness) * result.first.omega_s
+    assert result.uncertainty.omega_s.low <= ratio <= result.uncertainty.omega_s.high
     assert any("does not unload from the overload" in note for note in result.notes)
     alone = run_dynamics(joint(10, unload=False), preload=0.3, overload=met, **QUICK)
     assert any("k_n lies between" in note and "loading.unload = true" in note for note in alone.notes)
@@ -141,7 +144,7 @@ def test_the_stiffness_falls_with_a_light_preload_or_the_preload_is_refused() ->
     assert np.all(np.diff(stiffness) > 0)
     assert "power 1.5" in law.doubts(1e-9)[0]
     offset = TableLaw(z, z**1.5 + 1.0)  # its approach is not from first contact
-    with pytest.raises(RangeError, match="below the first point .* stiffness would rise as the load falls"):
+    with pytest.raises(RangeError, match=r"below the first point .* stiffness would rise as the load falls"):
         offset.deflection(0.5)
 
 

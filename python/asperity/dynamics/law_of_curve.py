@@ -45,7 +45,7 @@ class Choice:
         yielded: whether the solid has yielded; None if the curve does not show it.
         reason: why it is this law, a part of a sentence.
         note: sentence on a law to be doubted, or "".
-        bound: another law that bounds this one, None where there is none.
+        bounds: other laws that bound this one.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Choice:
     yielded: bool | None
     reason: str
     note: str = ""
-    bound: Law | None = None
+    bounds: tuple[Law, ...] = ()
 
     @property
     def yields_at(self) -> float | None:
@@ -300,17 +300,19 @@ def _automatic(columns: CurveColumns, load: float, overload: float | None) -> Ch
         return Choice("elastic", tangent, load, load, True, "yielded, and the elastic stiffness is known", lack)
     if above is None:
         raise InputError("the points of the loading do not rise, so nothing is known above the overload: smooth them")
-    reason, note, bound = "yielded up to the overload, with the elastic stiffness", "", None
+    reason, note = "yielded up to the overload, with the elastic stiffness", ""
+    bounds: tuple[Law, ...] = ()
     if met > load * (1 + 1e-6):
-        tangent, bound, note = _between(tangent, leg, load, met)
-    return Choice("elastic", tangent.yielding(above, met), load, met, True, reason, note, bound)
+        tangent, bounds, note = _between(tangent, leg, load, met)
+    return Choice("elastic", tangent.yielding(above, met), load, met, True, reason, note, bounds)
 
 
-def _between(loading: TableLaw, leg: TableLaw | None, load: float, met: float) -> tuple[TableLaw, Law | None, str]:
-    """Return the branch of an overload from which the curve does not unload, another law that bounds it, and a note.
+def _between(loading: TableLaw, leg: TableLaw | None, load: float, met: float) -> tuple[TableLaw, tuple[Law, ...], str]:
+    """Return the branch of an overload from which the curve does not unload, other laws that bound it, and a note.
 
-    The stiffness is known on the loading, where the branch begins, and on the unloading from the end of the curve: the
-    branch has the shape of that unloading, over forces and stiffnesses that are those of its own beginning.
+    The stiffness is known on the loading, where the branch begins, and on the unloading from the end of the curve. The
+    branch goes from the shape of that unloading, over forces and stiffnesses of its own beginning, to that unloading
+    itself at light forces, where the overload hardly matters.
 
     Args:
         loading: elastic tangent of the states on the loading.
@@ -318,18 +320,21 @@ def _between(loading: TableLaw, leg: TableLaw | None, load: float, met: float) -
         load, met: preload and overload (force).
     """
     k_met, k_load = (float(loading.stiffness(loading.deflection(force))) for force in (met, load))
-    if leg is not None and leg.slopes[-1] > 0:
+    if leg is not None and leg.F.size > 1:
         shape = leg.scaled(met / _top(leg), k_met / float(leg.slopes[-1]))
-        k = float(shape.stiffness(shape.deflection(load)))
-        where = f"has the shape of the unloading from {_top(leg):.5g}, k_n = {k:.5g}"
+        share, end = shape.F / met, leg.both(np.array([leg.deflection(force) for force in shape.F]))[1]
+        k = shape.slopes**share * end ** (1.0 - share)
+        branch = TableLaw.of_stiffness(shape.F, k, name="branch of the overload", extrapolate=True)
+        ends = (float(law.stiffness(law.deflection(load))) for law in (shape, leg))
         return (
-            replace(shape, name="branch of the overload", extrapolate=True),
-            None,
-            f"the curve does not unload from the overload {met:.5g}: its branch {where} at the preload",
+            branch,
+            (shape, leg),
+            f"the curve does not unload from the overload {met:.5g}: its branch is interpolated between that of the end "
+            f"of the curve and the loading, and k_n is about {' to '.join(f'{x:.5g}' for x in sorted(ends))}",
         )
     return (
         loading,
-        loading.scaled(1.0, k_met / k_load),
+        (loading.scaled(1.0, k_met / k_load),),
         f"the curve does not unload from the overload {met:.5g}: k_n lies between {k_load:.5g}, that of the loading at "
         f"the preload, which is taken, and {k_met:.5g}, that at the overload; compute it with loading.unload = true",
     )

@@ -128,7 +128,7 @@ class LawTable:
         Empty where there is no error bar and no other law.
         """
         own = [law for law in self.chosen.sides() if law is not self.chosen.law]
-        own += [] if self.choice.bound is None else [self.choice.bound]
+        own += self.choice.bounds
         return (*own, *(law for row in self.rows if row.applies and not row.chosen for law in row.sides()))
 
     def describe_members(self) -> str:
@@ -137,7 +137,7 @@ class LawTable:
             f"error bar of the {row.bar_of}, {100 * row.bar:.2g} %" for row in self.rows if row.applies and row.bar > 0
         }
         parts = sorted(bars)
-        parts += ["unknown branch of the overload"] if self.choice.bound is not None else []
+        parts += ["unknown branch of the overload"] if self.choice.bounds else []
         others = [row.name for row in self.rows if row.applies and not row.chosen]
         parts += [f"spread of the laws {', '.join([self.choice.name, *others])}"] if others else []
         return " and ".join(parts)
