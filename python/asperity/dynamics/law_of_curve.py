@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -329,8 +329,8 @@ def _between(loading: TableLaw, leg: TableLaw | None, load: float, met: float) -
         return (
             branch,
             (shape, leg),
-            f"the curve does not unload from the overload {met:.5g}: its branch is interpolated between that of the end "
-            f"of the curve and the loading, and k_n is about {' to '.join(f'{x:.5g}' for x in sorted(ends))}",
+            f"the curve does not unload from the overload {met:.5g}: its branch is interpolated between that of the "
+            f"end of the curve and the loading, and k_n is about {' to '.join(f'{x:.5g}' for x in sorted(ends))}",
         )
     return (
         loading,
