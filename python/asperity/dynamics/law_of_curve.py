@@ -77,7 +77,14 @@ def law_from(
 
     Args:
         source: a `Law`, a `Curve`, a mapping or CSV file with columns delta and force, or a directory with curve.csv.
-        law, load, overload, extrapolate: see `choose`.
+        law: "auto": after yield the unload-reload branch through the preload, else the elastic tangent of the states on
+            the loading (column k_n_elastic), else "paper" with a warning; before yield "table". By name:
+            "unload-reload" (branch computed about the preload), "elastic" (the elastic tangent), "table" (the points
+            of the loading), "paper" (power law of `Curve.fit`, as a reversible spring).
+        load: preload (force); default half of the largest force of the curve.
+        overload: for "auto", greatest force before the vibration (force); default that of the unloading through the
+            preload, if there is one, else the preload. Equal to the preload, it is the weight itself.
+        extrapolate: whether the laws by name continue beyond their last point; "auto" and "paper" always do.
 
     Raises:
         InputError: the law is unknown, or the curve does not contain what it needs.
@@ -110,17 +117,9 @@ def choose(
 ) -> Choice:
     """Choose the law of a curve for the vibration about a preload.
 
-    "auto" takes, after yield, the unload-reload branch through the preload, else the elastic tangent of the states on
-    the loading, else the paper's law with a note; before yield the points of the loading. Beyond their last point it
-    continues them.
-
     Args:
         columns: of the curve.
-        law: one of `LAWS`.
-        load: preload (force); default half of the largest force of the curve.
-        overload: greatest force before the vibration (force); default that of the unloading through the preload, if
-            there is one, else the preload. Equal to the preload it is the weight itself that made the contact yield.
-        extrapolate: whether the laws by name continue beyond their last point; a power law always does.
+        law, load, overload, extrapolate: see `law_from`.
 
     Raises:
         InputError: an argument is not legal, or the curve does not contain what it needs.
