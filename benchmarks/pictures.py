@@ -81,7 +81,7 @@ def tutorial(name: str, folder: Path, file: str) -> Path:
 def joint_vibration(folder: Path) -> Results:
     """Vibration of the joint of the tutorial by the exact law and its Taylor series."""
     joint = tutorial("vibration", folder, "out/vibration/response.svg").parents[1] / "joint"
-    run_dynamics(joint, forcing=(0.005, 0.02), models=["exact", "taylor"], out_dir=folder / "joint")
+    run_dynamics(joint, forcing=(0.005, 0.02), model=["exact", "taylor"], out_dir=folder / "joint")
     if not (folder / "joint/curve.csv").exists():
         (folder / "joint/curve.csv").write_bytes((joint / "curve.csv").read_bytes())
     return Results.read(folder / "joint")

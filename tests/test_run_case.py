@@ -19,7 +19,7 @@ import asperity
 from asperity.case import Case
 from asperity.cli import main
 from asperity.curve import COLUMNS, Curve
-from asperity.dynamics import Joint, LoopDamping, PowerLaw, TableLaw, law_from, run_dynamics
+from asperity.dynamics import DynamicsSettings, Joint, LoopDamping, PowerLaw, TableLaw, law_from, run_dynamics
 from asperity.dynamics.run import small_vibration
 from asperity.errors import CheckError, CheckpointError, ConvergenceError, InputError, MeshError
 from asperity.loops import LoopTable
@@ -116,7 +116,7 @@ def test_loops_are_the_damping_of_the_vibration(full: tuple[Path, RunResult]) ->
     oscillator = result.dynamics.first
     damping, note = LoopDamping.of(table).on(result.dynamics.numbers.stiffness, table.loops[0].preload)
     assert oscillator.damping == replace(damping, background=0.05) and not note
-    again = run_dynamics(folder, law="paper", models=["exact"], forcing=0.02, sweeps=False, bands=False)
+    again = run_dynamics(folder, law="paper", model=["exact"], forcing=0.02, sweeps=False, bands=False)
     assert again.first.damping == oscillator.damping
     assert again.responses["exact"][0].peak == result.dynamics.responses["exact"][0].peak
     assert "micro-slip" in (folder / "report.html").read_text(encoding="utf-8")
@@ -162,7 +162,7 @@ def test_loops_and_ledger_take_the_preload_of_the_vibration() -> None:
 def test_small_vibration_of_a_joint_with_a_preload() -> None:
     delta = np.linspace(0.0, 1.0, 41)
     source, joint = {"delta": delta, "force": delta**1.5}, Joint(preload=0.05, mass=1.0)
-    numbers = small_vibration(source, law="table", joint=joint)
+    numbers = small_vibration(source, DynamicsSettings(law="table", joint=joint))
     assert numbers.stiffness == pytest.approx(1.5 * 0.05 ** (1 / 3), rel=1e-3)
 
 
@@ -349,7 +349,7 @@ def test_the_points_of_the_curve_are_the_law_of_the_mass(tmp_path: Path, gravity
         assert of_mass["omega_s"] == pytest.approx(np.sqrt(of_mass["n_loc"] * gravity / of_mass["z_s"]), rel=1e-12)
     for name in ("free", "response"):
         assert len((tmp_path / f"{name}.csv").read_text(encoding="utf-8").splitlines()) > 10
-    assert run_dynamics(tmp_path, law="table", models=["exact"], omega=(0.9, 0.95), sweeps=False).gravity == gravity
+    assert run_dynamics(tmp_path, law="table", model=["exact"], omega=(0.9, 0.95), sweeps=False).gravity == gravity
 
 
 # --- failures -------------------------------------------------------------------------------------------------

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from asperity.case import Case
-from asperity.case.schema import DynamicsSection
 from asperity.curve import Curve
 from asperity.errors import AsperityError, AsperityWarning, ConvergenceError, InputError, Interrupted
 from asperity.loops import LoopTable
@@ -29,7 +28,7 @@ from asperity.runtime.timing import Phases
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from asperity.dynamics import Dynamics, Joint
+    from asperity.dynamics import Dynamics, DynamicsSettings
     from asperity.dynamics.joint import Numbers
     from asperity.quasistatic.contact_result import ContactResult
 
@@ -250,8 +249,10 @@ def compute_loops(
 
 def _preload(case: Case) -> float | None:
     """Static force of the vibration on the patch, None where nothing gives it."""
-    load = _of_small_vibration(case)["load"]
-    return None if load is None else load / (1.0 if case.joint is None else _joint(case).factor(case.surface.L**2))
+    settings = _settings(case)
+    joint, patch = settings.joint, settings.patch_area
+    load = settings.preload if settings.preload is not None or joint is None else joint.load(patch)
+    return None if load is None else load / (1.0 if joint is None else joint.factor(patch))
 
 
 def loop_doubts(loops: LoopTable, top: float) -> Iterator[str]:
@@ -295,25 +296,10 @@ def nominal_side(case: Case) -> float:
     return case.surface.L if area is None else math.sqrt(area)
 
 
-def _joint(case: Case) -> Joint:
-    from asperity.dynamics import Joint
+def _settings(case: Case) -> DynamicsSettings:
+    from asperity.dynamics import DynamicsSettings
 
-    assert case.joint is not None
-    return Joint(**case.joint.model_dump())
-
-
-def _of_small_vibration(case: Case) -> dict[str, Any]:
-    """Law, preload, mass and damping of the vibration of a case, as `run_dynamics` takes them."""
-    from asperity.dynamics.joint import loads_of_case
-
-    section, patch = case.dynamics or DynamicsSection(), case.surface.L**2
-    joint = None if case.joint is None else _joint(case)
-    zeta = section.zeta if joint is None or joint.damping is None else joint.damping
-    load, overload = loads_of_case(section.preload, section.overload, joint, patch)
-    return {
-        "law": section.law, "load": load, "overload": overload, "zeta": zeta, "gravity": section.gravity,
-        "joint": joint, "units": case.units, "patch_area": patch,
-    }  # fmt: skip
+    return DynamicsSettings.of_case(case.to_dict())
 
 
 def small_vibration_of(case: Case, curve: Curve) -> Numbers | None:
@@ -328,7 +314,7 @@ def small_vibration_of(case: Case, curve: Curve) -> Numbers | None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            found = small_vibration(curve, **_of_small_vibration(case))
+            found = small_vibration(curve, _settings(case))
         except AsperityError:
             return None
     return found if math.isfinite(found.frequency) else None
@@ -337,18 +323,12 @@ def small_vibration_of(case: Case, curve: Curve) -> Numbers | None:
 def _vibration(case: Case, curve: Curve, folder: Path | None, loops: LoopTable | None) -> Dynamics:
     """Vibration on the curve of a case."""
     from asperity.dynamics import LoopDamping, run_dynamics
-    from asperity.dynamics.law.choice import LACK
     from asperity.dynamics.law.damping import LOOPS
 
-    section = case.dynamics
-    assert section is not None
-    damping: Any = section.damping
-    if damping == LOOPS and loops is not None:
-        damping = LoopDamping.of(loops)
-    result = run_dynamics(
-        curve, models=section.model, damping=damping, forcing=section.forcing, omega=section.omega,
-        sweeps=section.sweeps, out_dir=folder, **_of_small_vibration(case),
-    )  # fmt: skip
-    if LACK in result.notes:
-        warnings.warn(LACK, AsperityWarning, stacklevel=2)
+    settings = _settings(case)
+    if settings.damping == LOOPS and loops is not None:
+        settings = settings.replaced(damping=LoopDamping.of(loops))
+    result = run_dynamics(curve, settings, out_dir=folder)
+    if result.laws is not None and result.laws.choice.note:
+        warnings.warn(result.laws.choice.note, AsperityWarning, stacklevel=2)
     return result

@@ -282,7 +282,7 @@ def test_importing_the_command_line_is_light() -> None:
 
 def test_a_run_loads_the_vibration_only_when_it_is_requested() -> None:
     """It would take more time than everything else before the first stage."""
-    later = "asperity.dynamics", "scipy.stats", "scipy.optimize", "matplotlib", "gmsh", "dolfinx"
+    later = "asperity.dynamics.oscillator", "scipy.stats", "scipy.optimize", "matplotlib", "gmsh", "dolfinx"
     code = (
         "import sys; from asperity import Case, run_case\n"
         f"Case.load({DEMO!r}); print([m for m in {later!r} if m in sys.modules])"

@@ -136,7 +136,7 @@ def test_backbone_stays_inside_the_taylor_rim() -> None:
 def test_run_writes_its_files(tmp_path) -> None:
     law = PowerLaw(1.5, 2.0, (1.45, 1.55), (1.9, 2.2), -0.3)
     out = tmp_path / "out"
-    result = run_dynamics(law, zeta=0.05, forcing=[0.02, 0.04], omega=(0.9, 1.1), load=3.0, sweeps=True, out_dir=out)
+    result = run_dynamics(law, zeta=0.05, forcing=[0.02, 0.04], omega=(0.9, 1.1), preload=3.0, sweeps=True, out_dir=out)
     with (out / "free.csv").open() as file:
         assert {row["model"] for row in csv.DictReader(file)} == {"exact", "taylor"}
     with (out / "response.csv").open() as file:
@@ -161,7 +161,7 @@ def _curve_in(folder: Path, length: float, force: float, case: str = "") -> Path
     return folder
 
 
-QUICK: dict[str, Any] = {"models": ["exact"], "omega": (0.9, 0.91), "sweeps": False, "bands": False}
+QUICK: dict[str, Any] = {"model": ["exact"], "omega": (0.9, 0.91), "sweeps": False, "bands": False}
 
 
 def test_gravity_belongs_to_the_units(tmp_path: Path) -> None:
@@ -235,7 +235,7 @@ sweeps = true
     assert r.first.restoring.load == 3e-5 and list(r.responses) == ["exact"]
     assert [one.setting.F_hat for one in r.responses["exact"]] == [0.002, 0.004]
     assert r.responses["exact"][0].omega == (0.95, 1.05) and len(r.sweeps["exact"]) == 4
-    other = run_dynamics(folder, law="paper", load=2e-5, forcing=0.003, omega=(0.9, 0.91), sweeps=False)
+    other = run_dynamics(folder, law="paper", preload=2e-5, forcing=0.003, omega=(0.9, 0.91), sweeps=False)
     assert other.laws is not None and other.laws.choice.name == "paper" and other.first.restoring.load == 2e-5
     assert len(other.responses["exact"]) == 1 and other.sweeps["exact"] == ()
     joint = run_dynamics(folder, joint=asp.Joint(nominal_area=3e-12, mass=1.0), sweeps=False)
@@ -258,7 +258,7 @@ def test_an_overload_of_the_case_goes_with_its_preload(tmp_path: Path) -> None:
         return laws.choice.reached
 
     assert reached() == pytest.approx(0.3) and reached(overload=0.25) == pytest.approx(0.25)
-    assert reached(load=0.1) == pytest.approx(0.1) and reached(law="paper") is None
+    assert reached(preload=0.1) == pytest.approx(0.1) and reached(law="paper") is None
 
 
 def test_an_analysis_without_bands_keeps_no_old_ones(tmp_path: Path) -> None:
@@ -273,7 +273,7 @@ def test_an_analysis_without_bands_keeps_no_old_ones(tmp_path: Path) -> None:
 def test_a_table_is_extrapolated_on_request(tmp_path: Path) -> None:
     """The response leaves the table; the note names what to do in Python and on the command line."""
     folder = _curve_in(tmp_path / "run", 1.0, 1.0, 'units = "SI"\n')
-    options = {**QUICK, "omega": (0.85, 1.1), "law": "table", "load": 3e8 * (19e-9) ** 1.5, "forcing": 0.01}
+    options = {**QUICK, "omega": (0.85, 1.1), "law": "table", "preload": 3e8 * (19e-9) ** 1.5, "forcing": 0.01}
     cut = run_dynamics(folder, **options)
     assert any("extrapolate=True, asperity dynamics --extrapolate" in note for note in cut.notes)
     whole = run_dynamics(folder, extrapolate=True, **options)
@@ -301,12 +301,12 @@ def test_units_assumed_for_a_curve_are_reported(tmp_path: Path) -> None:
     [
         ({"forcing": []}, "forcing"),
         ({"forcing": 0.0}, "forcing"),
-        ({"models": ["cubic"]}, "cubic"),
-        ({"models": []}, "model"),
+        ({"model": ["cubic"]}, "cubic"),
+        ({"model": []}, "model"),
         ({"zeta": -1.0}, "zeta"),
         ({"damping": "no"}, "damping"),
         ({"omega": (1.0, 0.5)}, "omega"),
-        ({"load": -1.0}, "load"),
+        ({"preload": -1.0}, "load"),
         ({"omega": (1e-5, 1.3)}, "omega = 1e-05 is not legal: it must lie between 0.01 and 100"),
         ({"omega": (0.5, 1e160)}, r"omega = 1e\+160"),
         ({"forcing": [0.1, 1e-300]}, "forcing = 1e-300"),
@@ -329,12 +329,12 @@ def test_bad_arguments_write_nothing(tmp_path, options, words) -> None:
 def test_bad_curves_are_refused_as_a_paper_law(force, load, error, words) -> None:
     curve = {"delta": [float(k + 1) for k in range(len(force))], "force": force}
     with pytest.raises(error, match=words):
-        run_dynamics(curve, load=load, law="paper")
+        run_dynamics(curve, preload=load, law="paper")
 
 
 def test_response_beyond_the_fitted_curve_is_reported() -> None:
     z = np.linspace(0.1, 1.0, 10)
-    result = run_dynamics({"delta": z, "force": z**1.5}, zeta=0.05, forcing=0.15, models=["exact"], sweeps=False)
+    result = run_dynamics({"delta": z, "force": z**1.5}, zeta=0.05, forcing=0.15, model=["exact"], sweeps=False)
     assert any("beyond it the law is extrapolated" in note for note in result.notes)
 
 
@@ -361,7 +361,7 @@ def test_bad_calls_are_refused_in_one_sentence(call, words) -> None:
 
 
 def test_a_sweep_left_out_for_light_damping_is_reported() -> None:
-    result = run_dynamics(PowerLaw(1.5), zeta=1e-6, forcing=1e-5, omega=(0.7, 0.8), models=["exact"], sweeps=True)
+    result = run_dynamics(PowerLaw(1.5), zeta=1e-6, forcing=1e-5, omega=(0.7, 0.8), model=["exact"], sweeps=True)
     assert result.sweeps["exact"] == () and any("no sweep: zeta = 1e-06" in note for note in result.notes)
 
 

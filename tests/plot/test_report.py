@@ -27,7 +27,7 @@ def folder(tmp_path: Path) -> Path:
 def vibrate(folder: Path) -> None:
     from asperity.dynamics import run_dynamics
 
-    run_dynamics(folder, out_dir=folder, models=["exact"], omega=(0.9, 0.95), sweeps=False, bands=False)
+    run_dynamics(folder, out_dir=folder, model=["exact"], omega=(0.9, 0.95), sweeps=False, bands=False)
 
 
 def test_the_page_contains_law_outcome_input_run_and_citations(folder: Path) -> None:

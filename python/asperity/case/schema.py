@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, Strict
 
+from asperity.dynamics.settings import DynamicsSettings
 from asperity.model.load_path import greatest_force
 from asperity.model.material import Material
 from asperity.model.settings import MOST_REFINEMENTS, Formulation
@@ -252,7 +253,7 @@ class DynamicsSection(Section):
 
     law: Literal["auto", "unload-reload", "elastic", "table", "paper"] = _key(
         "unloading branch, elastic tangent, points of the loading curve, or its power law; auto takes the first that "
-        "the run has after yield, and the points of the loading before", "auto",
+        "the run has after yield, and the points of the loading before", DynamicsSettings.law,
     )  # fmt: skip
     preload: Real | None = _key(
         "static force, the weight of the mass", None, shown="half of the greatest force", unit=FORCE, gt=0
@@ -265,21 +266,21 @@ class DynamicsSection(Section):
         "gravity, for mass and omega_s alone", None, shown="9.80665; none with other units, nor mass and omega_s",
         unit="length/time^2", gt=0,
     )  # fmt: skip
-    zeta: Real = _key("damping ratio", 0.01, ge=0, lt=1)
+    zeta: Real = _key("damping ratio", DynamicsSettings.zeta, ge=0, lt=1)
     damping: Literal["always", "contact", "hunt-crossley", "loops"] = _key(
-        "when damping acts; loops adds that of [loops], in contact", "always"
+        "when damping acts; loops adds that of [loops], in contact", DynamicsSettings.damping
     )
     forcing: tuple[Annotated[Real, Field(ge=1e-9, le=1e6)], ...] = _key(
-        "amplitudes F/(m omega_s^2 z_s)", (0.01,), min_length=1, max_length=100
+        "amplitudes F/(m omega_s^2 z_s)", DynamicsSettings.forcing, min_length=1, max_length=100
     )
     model: tuple[Model, ...] = _key(
-        "restoring force: exact, its Taylor expansion", ("exact", "taylor"), min_length=1,
+        "restoring force: exact, its Taylor expansion", DynamicsSettings.model, min_length=1,
         max_length=2,
     )  # fmt: skip
     omega: tuple[Annotated[Real, Field(ge=0.01, le=100)], Annotated[Real, Field(ge=0.01, le=100)]] = _key(
-        "range of excitation frequency over omega_s", (0.5, 1.3)
+        "range of excitation frequency over omega_s", DynamicsSettings.omega
     )
-    sweeps: Flag = _key("also sweep up and down by time integration, as dots in the figure", False)
+    sweeps: Flag = _key("also sweep up and down by time integration, as dots in the figure", DynamicsSettings.sweeps)
 
 
 class JointSection(Section):

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from asperity.case.schema import DRIVERS, DynamicsSection, Input, JointSection, LoopsSection, SelfAffineSection, show
+from asperity.dynamics.settings import MIN_ROWS
 from asperity.errors import InputError
 from asperity.model.settings import H_CONTACT, H_MAX, gamma_too_small, no_rotations, penalty_too_soft, wrong_friction
 
@@ -288,6 +289,14 @@ def unused(case: Input) -> Iterator[str]:
             value = getattr(section, entry)
             if value != defaults.get(key, type(section).model_fields[entry].default):
                 yield f"{key} = {show(value)} is not used: {why}"
+    loading, least = case.loading, MIN_ROWS[case.output.stiffness]
+    if case.dynamics is not None and case.material.yield_strength is not None and loading.unload:
+        if loading.unload_steps < least:
+            yield (
+                f"loading.unload_steps = {loading.unload_steps} gives the law of the vibration {loading.unload_steps} "
+                f"rows in contact, and at least {least} show its curvature: raise it"
+                f"{'' if case.output.stiffness else ', or set output.stiffness = true'}"
+            )
     if case.loops is not None and case.material.yield_strength is None:
         yield "[loops] finds loss factors of zero only: the material is elastic; leave it out, or give a yield_strength"
 

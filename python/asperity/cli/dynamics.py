@@ -11,15 +11,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from asperity.cli import options
+from asperity.dynamics.law.damping import DAMPING, LOOPS
+from asperity.dynamics.settings import LAWS, MODELS
 from asperity.errors import InputError
 
 if TYPE_CHECKING:
     from asperity.dynamics import Dynamics
     from asperity.dynamics.laws import LawTable
-
-DAMPING = ("always", "contact", "hunt-crossley", "loops")
-LAWS = ("auto", "unload-reload", "elastic", "table", "paper")
-MODELS = ("exact", "taylor")
 
 
 @click.command()
@@ -44,13 +42,13 @@ MODELS = ("exact", "taylor")
 @click.option("--gravity", type=float, metavar="G", help="In the units of the curve, for mass and omega_s; default "
               "9.80665 with SI units.")  # fmt: skip
 @click.option("--zeta", type=float, help="Damping ratio; default that of the case of OUT, or 0.01.")
-@click.option("--damping", type=click.Choice(DAMPING),
+@click.option("--damping", type=click.Choice((*DAMPING, LOOPS)),
               help="When the damping acts, or that of the loops of OUT in addition; default that of the case of OUT, "
               "or always.")  # fmt: skip
 @click.option("--forcing", type=float, multiple=True,
               help="F^ = F/(n W) with the preload W; repeatable. Default that of the case of OUT, or "
               "0.01.")  # fmt: skip
-@click.option("--model", "models", type=click.Choice(MODELS), multiple=True,
+@click.option("--model", type=click.Choice(MODELS), multiple=True,
               help="Restoring force; repeatable. Default that of the case of OUT, or both.")  # fmt: skip
 @click.option("--omega", type=float, nargs=2, help="Range of excitation frequency over omega_s; default that of the "
               "case of OUT, or 0.5 1.3.")  # fmt: skip
@@ -93,9 +91,9 @@ def command(
     if preload is not None and pressure is not None:
         raise InputError("--preload and --pressure are both given; give one of them")
     joint = joint_of(source, given)
-    for name in ("forcing", "models"):
+    for name in ("forcing", "model"):
         settings[name] = settings[name] or None
-    result = run_dynamics(law, load=preload, joint=joint, out_dir=output, **settings)
+    result = run_dynamics(law, preload=preload, joint=joint, out_dir=output, **settings)
     if output:
         from asperity.plot.oscillator import plot_dynamics
 
@@ -139,6 +137,10 @@ def _show(result: Dynamics) -> None:
     options.table(about, rows, ("", *models))
     if result.laws is not None:
         _show_laws(result.laws, "" if result.units == "other" else "SI")
+    if (spread := result.uncertainty) is not None:
+        n, kappa = spread.n_loc, spread.kappa
+        curvature = f"kappa = {kappa.value:.3g} +- {kappa.half:.2g}, {spread.softening}"
+        options.say(f"n = {n.value:.4g} +- {n.half:.2g}, {curvature}, by the {spread.origin}")
     for note in result.notes:
         options.say(f"note: {note}")
     options.say(result.numbers.sentence(result.units))

@@ -14,62 +14,51 @@ Examples:
     0.989, 0.483
 """
 
-from asperity.dynamics.equation import Restoring
-from asperity.dynamics.forcing import Setting
-from asperity.dynamics.joint import Joint
-from asperity.dynamics.law.law import Law
-from asperity.dynamics.law.local_fit import LocalFit
-from asperity.dynamics.law.loop_damping import LoopDamping
-from asperity.dynamics.law.power import PowerLaw
-from asperity.dynamics.law.table import TableLaw, unload_reload
-from asperity.dynamics.law.tangent import TangentLaw
-from asperity.dynamics.law.taylor import TaylorLaw
-from asperity.dynamics.law.two_branches import TwoBranchLaw
-from asperity.dynamics.laws import LawAtLoad, LawTable
-from asperity.dynamics.motion.sweep import Attractor, Sweep
-from asperity.dynamics.motion.trajectory import Trajectory
-from asperity.dynamics.orbits.branch import Branch, Event, Solution
-from asperity.dynamics.orbits.free import FreeOrbit, FreeVibration
-from asperity.dynamics.orbits.response import FrequencyResponse
-from asperity.dynamics.orbits.thresholds import Backbone, Thresholds
-from asperity.dynamics.oscillator import ContactOscillator
-from asperity.dynamics.results import Dynamics
-from asperity.dynamics.run import law_from, run_dynamics
-from asperity.dynamics.uncertainty import Band, Uncertainty, ensemble, response_band, uncertainty
+from __future__ import annotations
 
-__all__ = [
-    "Attractor",
-    "Backbone",
-    "Band",
-    "Branch",
-    "ContactOscillator",
-    "Dynamics",
-    "Event",
-    "FreeOrbit",
-    "FreeVibration",
-    "FrequencyResponse",
-    "Joint",
-    "Law",
-    "LawAtLoad",
-    "LawTable",
-    "LocalFit",
-    "LoopDamping",
-    "PowerLaw",
-    "Restoring",
-    "Setting",
-    "Solution",
-    "Sweep",
-    "TableLaw",
-    "TangentLaw",
-    "TaylorLaw",
-    "Thresholds",
-    "Trajectory",
-    "TwoBranchLaw",
-    "Uncertainty",
-    "ensemble",
-    "law_from",
-    "response_band",
-    "run_dynamics",
-    "uncertainty",
-    "unload_reload",
-]
+import importlib
+from typing import Any
+
+# public name -> module that defines it; a module is loaded by its first use
+_PUBLIC = {
+    "Restoring": "equation",
+    "Setting": "forcing",
+    "Joint": "joint",
+    "Law": "law.law",
+    "LoopDamping": "law.loop_damping",
+    "PowerLaw": "law.power",
+    "TableLaw": "law.table",
+    "TaylorLaw": "law.taylor",
+    "law_from": "law_of_curve",
+    "unload_reload": "law_of_curve",
+    "LawAtLoad": "laws",
+    "LawTable": "laws",
+    "Attractor": "motion.sweep",
+    "Sweep": "motion.sweep",
+    "Trajectory": "motion.trajectory",
+    "Branch": "orbits.branch",
+    "Event": "orbits.branch",
+    "Solution": "orbits.branch",
+    "FreeOrbit": "orbits.free",
+    "FreeVibration": "orbits.free",
+    "FrequencyResponse": "orbits.response",
+    "Backbone": "orbits.thresholds",
+    "Thresholds": "orbits.thresholds",
+    "ContactOscillator": "oscillator",
+    "Dynamics": "results",
+    "run_dynamics": "run",
+    "DynamicsSettings": "settings",
+    "Band": "intervals",
+    "Uncertainty": "intervals",
+    "ensemble": "intervals",
+    "response_band": "intervals",
+    "uncertainty": "intervals",
+}
+
+__all__ = sorted(_PUBLIC)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PUBLIC:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_PUBLIC[name]}"), name)

@@ -150,11 +150,12 @@ class Numbers:
         frequency: natural frequency of small vibration (1/time), NaN if unknown.
         approach: static approach z_s (length).
         damping: damping ratio.
+        frequency_bar: error bar of the frequency (1/time), NaN if unknown.
 
     Examples:
         >>> from asperity.dynamics.joint import Numbers
-        >>> print(Numbers(2e5, 0.5, 100.66, 4e-9, 0.01).sentence("SI"))
-        k_n = 2e+05 N/m, m = 0.5 kg, f = 100.66 Hz, z_s = 4e-09 m, zeta = 0.01
+        >>> print(Numbers(2e5, 0.5, 100.66, 4e-9, 0.01, 0.42).sentence("SI"))
+        k_n = 2e+05 N/m, m = 0.5 kg, f = 100.66 +- 0.42 Hz, z_s = 4e-09 m, zeta = 0.01
     """
 
     stiffness: float
@@ -162,6 +163,7 @@ class Numbers:
     frequency: float
     approach: float
     damping: float
+    frequency_bar: float = math.nan
 
     def sentence(self, units: str | None) -> str:
         """Return them as one line, with SI units if `units` is "SI"."""
@@ -170,13 +172,14 @@ class Numbers:
         parts = []
         for (name, unit), value in zip(names.items(), values, strict=True):
             if math.isfinite(value):
-                parts.append(f"{name} = {value:.5g} {unit if units == 'SI' else ''}".rstrip())
+                bar = f" +- {self.frequency_bar:.2g}" if name == "f" and self.frequency_bar > 0 else ""
+                parts.append(f"{name} = {value:.5g}{bar} {unit if units == 'SI' else ''}".rstrip())
             else:
                 parts.append(f"{name} unknown (give joint.mass)")
         return ", ".join(parts)
 
     def to_dict(self) -> dict[str, float | None]:
         """Return the section "numbers" of thresholds.json, None where unknown."""
-        names = ("k_n", "m", "f", "z_s", "zeta")
-        values = (self.stiffness, self.mass, self.frequency, self.approach, self.damping)
+        names = ("k_n", "m", "f", "z_s", "zeta", "f_bar")
+        values = (self.stiffness, self.mass, self.frequency, self.approach, self.damping, self.frequency_bar)
         return {n: v if math.isfinite(v) else None for n, v in zip(names, values, strict=True)}

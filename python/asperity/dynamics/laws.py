@@ -10,16 +10,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
-from asperity.dynamics.law.choice import AFTER_YIELD, NAMES, Choice, law_named
-from asperity.dynamics.law.history import History
+from asperity.dynamics.columns import CurveColumns
 from asperity.dynamics.law.law import Law
 from asperity.dynamics.law.power import PowerLaw
 from asperity.dynamics.law.table import TableLaw
-from asperity.dynamics.law.tangent import TangentLaw
-from asperity.dynamics.law.two_branches import TwoBranchLaw
-from asperity.errors import AsperityError, InputError
+from asperity.dynamics.law_of_curve import AFTER_YIELD, Choice, law_named
+from asperity.dynamics.settings import NAMES
+from asperity.errors import AsperityError
 
 WORDS = {
     "unload-reload": "unload-reload branch",
@@ -44,14 +41,14 @@ class LawAtLoad:
             not, unless there is no other, nor does an unloading from a force that the contact has not met.
         chosen: whether it is the law of the vibration.
         missing: why there is no law, or "".
-        bar: error bar at the preload as a share: of the elastic stiffness for the law "elastic" where the curve has it,
-            else of the force; NaN for a curve without one.
+        bar: error bar at the preload as a share: of the elastic stiffness where the law is made of it and the curve has
+            it, else of the force; NaN for a curve without one.
         bar_of: what the bar is of, "force" or "k_n_elastic".
 
     Examples:
         >>> delta = np.linspace(0.0, 1.0, 21)
-        >>> result = asp.run_dynamics({"delta": delta, "force": delta**1.5}, units="SI", models=["exact"],
-        ...                           omega=(0.9, 1.0), sweeps=False, bands=False)
+        >>> result = asp.run_dynamics({"delta": delta, "force": delta**1.5}, units="SI", model="exact",
+        ...                           omega=(0.9, 1.0), bands=False)
         >>> row = result.laws.rows[0]
         >>> row.name, row.chosen, row.applies, f"{row.stiffness:.3f}"
         ('table', True, True, '1.191')
@@ -59,35 +56,32 @@ class LawAtLoad:
 
     name: str
     law: Law | None
-    n: float
-    kappa: float
-    z_s: float
-    stiffness: float
-    frequency: float
-    applies: bool
-    chosen: bool
+    n: float = math.nan
+    kappa: float = math.nan
+    z_s: float = math.nan
+    stiffness: float = math.nan
+    frequency: float = math.nan
+    applies: bool = False
+    chosen: bool = False
     missing: str = ""
     bar: float = math.nan
     bar_of: str = "force"
 
-    def sides(self) -> Iterator[Law]:
-        """Yield the law at both ends of its error bar; the law itself without one."""
-        if self.law is None:
-            return
+    def sides(self) -> tuple[Law, ...]:
+        """Return the law at both ends of its error bar; the law itself without one."""
+        law, factors = self.law, (1.0 - self.bar, 1.0 + self.bar)
         if not self.bar > 0:
-            yield self.law
-            return
-        scale = stiffened if self.bar_of == "k_n_elastic" else scaled
-        yield from (scale(self.law, 1.0 + side) for side in (-self.bar, self.bar))
+            return () if law is None else (law,)
+        if isinstance(law, TableLaw) and self.bar_of == "k_n_elastic":
+            return tuple(law.scaled(1.0, factor) for factor in factors)
+        return tuple(law.scaled(factor) for factor in factors) if isinstance(law, (TableLaw, PowerLaw)) else ()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the row as plain values, None where unknown."""
         values = {"n": self.n, "kappa": self.kappa, "z_s": self.z_s, "k_n": self.stiffness, "f": self.frequency}
-        known = {name: value if math.isfinite(value) else None for name, value in values.items()}
-        bar = {"bar": self.bar if math.isfinite(self.bar) else None, "bar_of": self.bar_of}
-        return {
-            "law": self.name, **known, **bar, "applies": self.applies, "chosen": self.chosen, "missing": self.missing
-        }  # fmt: skip
+        known = {name: value if math.isfinite(value) else None for name, value in (values | {"bar": self.bar}).items()}
+        last = {"bar_of": self.bar_of, "applies": self.applies, "chosen": self.chosen, "missing": self.missing}
+        return {"law": self.name, **known, **last}
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +95,8 @@ class LawTable:
 
     Examples:
         >>> delta = np.linspace(0.0, 1e-8, 21)
-        >>> result = asp.run_dynamics({"delta": delta, "force": 2e9 * delta**1.5}, units="SI", models=["exact"],
-        ...                           omega=(0.9, 1.0), sweeps=False, bands=False)
+        >>> result = asp.run_dynamics({"delta": delta, "force": 2e9 * delta**1.5}, units="SI", model="exact",
+        ...                           omega=(0.9, 1.0), bands=False)
         >>> for row in result.laws.rows:
         ...     print(row.name, f"{row.n:.3f}", row.chosen, f"{row.stiffness:.4g}")
         table 1.500 True 2.381e+05
@@ -134,6 +128,7 @@ class LawTable:
         Empty where there is no error bar and no other law.
         """
         own = [law for law in self.chosen.sides() if law is not self.chosen.law]
+        own += self.choice.bounds
         return (*own, *(law for row in self.rows if row.applies and not row.chosen for law in row.sides()))
 
     def describe_members(self) -> str:
@@ -142,6 +137,7 @@ class LawTable:
             f"error bar of the {row.bar_of}, {100 * row.bar:.2g} %" for row in self.rows if row.applies and row.bar > 0
         }
         parts = sorted(bars)
+        parts += ["unknown branch of the overload"] if self.choice.bounds else []
         others = [row.name for row in self.rows if row.applies and not row.chosen]
         parts += [f"spread of the laws {', '.join([self.choice.name, *others])}"] if others else []
         return " and ".join(parts)
@@ -174,81 +170,42 @@ class LawTable:
             yield (WORDS[row.name], f"{row.n:.4g}", f"{row.kappa:.3g}", f"{row.stiffness:.5g}", hertz, remark)
 
 
-def tabulate(history: History, choice: Choice, mass: float | None = None, *, extrapolate: bool = False) -> LawTable:
+def tabulate(
+    columns: CurveColumns, choice: Choice, mass: float | None = None, *, extrapolate: bool = False
+) -> LawTable:
     """Return all laws of a curve at the preload of a choice.
 
     Args:
-        history: columns of the curve.
+        columns: of the curve.
         choice: the law of the vibration.
         mass: of what vibrates (mass), None if unknown.
         extrapolate: whether the laws continue beyond their last point.
     """
-    rows = []
-    for name in NAMES:
-        try:
-            law = choice.law if name == choice.name else law_named(history, name, choice.load, extrapolate=extrapolate)
-            rows.append(_row(name, law, choice, mass))
-        except AsperityError as error:
-            rows.append(_row(name, None, choice, mass, _short(error)))
     applies: tuple[str, ...] = NAMES
     if choice.yielded and choice.name in AFTER_YIELD:
         # an unloading from a greater force is of another history
-        applies = AFTER_YIELD if choice.name == "unload-reload" or "unload" not in history.branch else ("elastic",)
-    rows = [replace(row, applies=row.law is not None and row.name in applies) for row in rows]
-    known = bool(np.isfinite(history.elastic_bar).any())
-    for i, row in enumerate(rows):
-        of_stiffness = row.name == "elastic" and known
-        bar = history.bar_at(choice.load, elastic=of_stiffness)
-        rows[i] = replace(row, bar=bar, bar_of="k_n_elastic" if of_stiffness else "force")
+        applies = AFTER_YIELD if choice.name == "unload-reload" or "unload" not in columns.branch else ("elastic",)
+    rows = []
+    for name in NAMES:
+        chosen = name == choice.name
+        try:
+            law = choice.law if chosen else law_named(columns, name, choice.load, extrapolate=extrapolate)
+            row = _row(name, law, choice.load, mass)
+        except AsperityError as error:
+            rows.append(LawAtLoad(name, None, missing=str(error).split(":")[0].split(";")[0]))
+            continue
+        of_stiffness = isinstance(law, TableLaw) and law.k is not None and not law.noise
+        bar = columns.bar_at(choice.load, elastic=of_stiffness)
+        if of_stiffness and math.isnan(bar):
+            of_stiffness, bar = False, columns.bar_at(choice.load)
+        bar_of = "k_n_elastic" if of_stiffness else "force"
+        rows.append(replace(row, applies=name in applies, chosen=chosen, bar=bar, bar_of=bar_of))
     rows.sort(key=lambda row: (row.law is None, not row.chosen))
-    return LawTable(tuple(rows), choice, history.bar_at(choice.load))
+    return LawTable(tuple(rows), choice, columns.bar_at(choice.load))
 
 
-def _row(name: str, law: Law | None, choice: Choice, mass: float | None, missing: str = "") -> LawAtLoad:
-    if law is None:
-        nan = math.nan
-        return LawAtLoad(name, None, nan, nan, nan, nan, nan, applies=False, chosen=False, missing=missing)
-    z = law.deflection(choice.load)
-    stiffness = law.derivatives(z)[0]
-    frequency = math.nan if mass is None else math.sqrt(stiffness / mass) / (2 * math.pi)
-    chosen = name == choice.name
-    return LawAtLoad(name, law, law.n_loc(z), law.kappa(z), z, stiffness, frequency, applies=chosen, chosen=chosen)
-
-
-def _short(error: AsperityError) -> str:
-    """Return the first clause of a message."""
-    return str(error).split(":")[0].split(";")[0]
-
-
-def stiffened(law: Law, factor: float) -> Law:
-    """Return a law with the stiffness at each force multiplied by a factor, if that is what it is made of.
-
-    Above the greatest force met, and where a law is made of forces, the force is multiplied.
-    """
-    match law:
-        case TangentLaw():
-            return replace(law, z=law.z / factor, k=law.k * factor, origin=0.0)
-        case TwoBranchLaw():
-            return TwoBranchLaw(stiffened(law.below, factor), law.above, law.reached)
-    return scaled(law, factor)
-
-
-def scaled(law: Law, factor: float) -> Law:
-    """Return a law with its force multiplied by a factor.
-
-    Raises:
-        InputError: the law is of another kind than those of a curve.
-    """
-    if factor == 1.0:
-        return law
-    match law:
-        case TangentLaw():
-            return replace(law, F=law.F * factor, k=law.k * factor, origin=0.0)
-        case TableLaw():
-            return replace(law, F=law.F * factor, origin=0.0)
-        case PowerLaw():
-            return replace(law, K=law.K * factor, ci_K=None, ci_n=None)
-        case TwoBranchLaw():
-            below, above = scaled(law.below, factor), scaled(law.above, factor)
-            return TwoBranchLaw(below, above, law.reached * factor)
-    raise InputError(f"a law of the kind {type(law).__name__} cannot be scaled")
+def _row(name: str, law: Law, load: float, mass: float | None) -> LawAtLoad:
+    z = law.deflection(load)
+    k = law.derivatives(z)[0]
+    frequency = math.nan if mass is None else math.sqrt(k / mass) / (2 * math.pi)
+    return LawAtLoad(name, law, law.n_loc(z), law.kappa(z), z, k, frequency)

@@ -18,7 +18,6 @@ from asperity.dynamics.forcing import MIN_ZETA, Setting, forcings, frequencies, 
 from asperity.dynamics.law.checks import positive
 from asperity.dynamics.law.damping import Damping, check_damping
 from asperity.dynamics.law.law import Law
-from asperity.dynamics.law.table import TableLaw
 from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.dynamics.motion import sweep as _sweep
 from asperity.dynamics.motion.sweep import Attractor, Sweep
@@ -92,7 +91,7 @@ class ContactOscillator:
         object.__setattr__(self, "damping", check_damping(self.damping, self.zeta))
         if self.gravity is not None:
             positive("gravity", self.gravity)
-        load = self.load if self.load is not None else _default_load(self.law)
+        load = self.load if self.load is not None else self.law.default_load
         object.__setattr__(self, "load", positive("load", load))
         object.__setattr__(self, "restoring", Restoring(self.law, float(load)))
         if self.restoring.u_range[1] < 1e-9:
@@ -364,11 +363,3 @@ class ContactOscillator:
                 if x is not None:
                     seeds.append((a.period, x, a.Omega))
         return tuple(seeds)
-
-
-def _default_load(law: Law) -> float:
-    if isinstance(law, TableLaw):
-        return 0.5 * float(law.F[-1])
-    if isinstance(law, TaylorLaw):
-        return law.load
-    return float(law.both(np.array([1.0]))[0][0])

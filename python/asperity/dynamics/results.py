@@ -11,10 +11,11 @@ import json
 import math
 import os
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from asperity.dynamics.intervals import BAND_COLUMNS, Band, Uncertainty
 from asperity.dynamics.joint import Joint, Numbers
 from asperity.dynamics.laws import LawTable
 from asperity.dynamics.motion.sweep import Sweep
@@ -22,7 +23,7 @@ from asperity.dynamics.orbits.free import FreeVibration
 from asperity.dynamics.orbits.response import FrequencyResponse
 from asperity.dynamics.orbits.thresholds import Thresholds
 from asperity.dynamics.oscillator import ContactOscillator
-from asperity.dynamics.uncertainty import BAND_COLUMNS, Band, Uncertainty
+from asperity.dynamics.settings import DynamicsSettings
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import BAND, FREE, RESPONSE, THRESHOLDS
@@ -34,10 +35,11 @@ RESPONSE_COLUMNS = (
 )  # fmt: skip
 
 
-def numbers_of(oscillator: ContactOscillator) -> Numbers:
-    """Return stiffness, mass, frequency, static approach and damping of the small vibration of an oscillator."""
-    r = oscillator.restoring
-    return Numbers(r.scale / r.z_s, oscillator.mass, oscillator.omega_s / (2 * math.pi), r.z_s, oscillator.zeta)
+def numbers_of(oscillator: ContactOscillator, omega_bar: float = math.nan) -> Numbers:
+    """Return the numbers of the small vibration of an oscillator, with the bar of its omega_s (rad/time)."""
+    r, turn = oscillator.restoring, 2 * math.pi
+    k = r.scale / r.z_s
+    return Numbers(k, oscillator.mass, oscillator.omega_s / turn, r.z_s, oscillator.zeta, omega_bar / turn)
 
 
 @dataclass(frozen=True)
@@ -50,18 +52,17 @@ class Dynamics:
         responses: one per forcing.
         sweeps: one per forcing and direction (empty if not requested).
         thresholds: onsets and resonance peaks.
-        uncertainty: intervals by the error bar of the force and the spread of the laws, or by the misfit of the fit of
-            a given law; None if there is neither.
+        uncertainty: intervals by the error bar, the spread of the laws and the points of the law, or by the misfit of
+            the fit of a given law; None if there is none of these.
         bands: bands of the exact response by the same, one per forcing, if requested.
         notes: limits and assumptions of the results, one sentence each.
         gravity: gravitational acceleration for mass and omega_s (length/time^2), None if unknown or if the joint has a
             mass.
         laws: all laws of the curve at the preload; None for a given `Law`.
-        joint: nominal area, preload and mass, None without a joint.
-        units: "SI" or "other"; None if unknown.
+        settings: what was computed.
 
     Examples:
-        >>> result = asp.run_dynamics(asp.PowerLaw(1.5), models=["exact"], omega=(0.9, 1.1), tol=1e-3, sweeps=False)
+        >>> result = asp.run_dynamics(asp.PowerLaw(1.5), model="exact", omega=(0.9, 1.1), tol=1e-3)
         >>> result.write("out")
         >>> sorted(os.listdir("out"))
         ['free.csv', 'response.csv', 'thresholds.json']
@@ -77,8 +78,7 @@ class Dynamics:
     notes: tuple[str, ...]
     gravity: float | None = None
     laws: LawTable | None = None
-    joint: Joint | None = None
-    units: str | None = None
+    settings: DynamicsSettings = field(default_factory=DynamicsSettings)
 
     @property
     def first(self) -> ContactOscillator:
@@ -87,8 +87,20 @@ class Dynamics:
 
     @property
     def numbers(self) -> Numbers:
-        """Stiffness, mass, frequency, static approach and damping of small vibration."""
-        return numbers_of(self.first)
+        """Stiffness, mass, frequency with its bar, static approach and damping of small vibration."""
+        measured = self.joint is not None and self.joint.frequency is not None
+        known = None if measured or self.uncertainty is None else self.uncertainty.omega_s
+        return numbers_of(self.first, math.nan if known is None else known.half)
+
+    @property
+    def joint(self) -> Joint | None:
+        """Nominal area, preload and mass, None without a joint."""
+        return self.settings.joint
+
+    @property
+    def units(self) -> str | None:
+        """ "SI" or "other"; None if unknown."""
+        return self.settings.units
 
     __repr__ = short_repr
 

@@ -21,10 +21,10 @@ import asperity
 from asperity.arrays import Array
 from asperity.case import Case
 from asperity.curve import Curve
+from asperity.dynamics.columns import CurveColumns
 from asperity.dynamics.joint import Joint
-from asperity.dynamics.law.choice import choose
-from asperity.dynamics.law.history import History
-from asperity.dynamics.law.table import TableLaw, unload_reload
+from asperity.dynamics.law.table import TableLaw
+from asperity.dynamics.law_of_curve import choose, unload_reload
 from asperity.errors import InputError
 from asperity.output.export_element import python_module
 from asperity.output.results import Results
@@ -108,7 +108,7 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
     if load is None and (of_joint := joint.load(patch)) is not None:
         load = of_joint / joint.factor(patch)
     if law == "auto":
-        law = "unload-reload" if choose(History.of(curve), "auto", load).name == "unload-reload" else "table"
+        law = "unload-reload" if choose(CurveColumns.of(curve), "auto", load).name == "unload-reload" else "table"
     approach, measure = _approach(curve, case)
     columns = {"delta": approach, "force": curve.force / patch, "branch": curve.branch}
     if law == "table":
@@ -193,8 +193,8 @@ def _stiffness(curve: Curve, case: Case, law: str) -> Callable[[str, Array], Arr
     """Return the function from column and nominal pressure to stiffness over the nominal area, NaN where unknown."""
     patch = case.surface.L**2
     modulus = case.material.solid.block_modulus(case.block.sides)
-    history = History.of(curve)
-    rows = history.rows_of(unloading=law != "table")
+    columns = CurveColumns.of(curve)
+    rows = columns.rows_of(unloading=law != "table")
     source = {"k_t": curve.k_t_interface}
     with np.errstate(all="ignore"):
         for name in ("k_n", "k_n_elastic"):

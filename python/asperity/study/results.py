@@ -72,7 +72,7 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
         (the block has yielded, or the contact is nearly full);
         stiffness: K of F = K delta^n (force/length^n);
         preload: half of the greatest P*; slope: dP*/d(delta*) there; n_loc, kappa_loc: local exponent and backbone
-        curvature there, from the points of the loading branch, with the 95 % interval of n_loc;
+        curvature there, from the points of the loading branch, with n_loc without every other of them;
         kappa, u_loss, omega_loss, drive_loss: of the fitted law as a spring: backbone curvature, amplitude and
         frequency at which contact is lost, F^/(2 zeta) at which contact is lost in resonance;
         ..._unload: the same for the unloading branch about the preload;
@@ -116,21 +116,18 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
 
 def _vibration(curve: Curve, fit: PowerLawFit, force: float, side: float) -> dict[str, Any]:
     """Results for a mass whose weight is half of the greatest force, with the laws of a curve as its spring."""
-    from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw, unload_reload
+    from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw, uncertainty, unload_reload
 
     preload = 0.5 * float(curve.loading().force.max())
     row: dict[str, Any] = {"preload": preload / force}
     paper = ContactOscillator(PowerLaw.from_fit(fit, side, force), preload).thresholds()
     row |= {"kappa": paper.kappa, "u_loss": paper.u_max, "omega_loss": paper.omega_loss, "drive_loss": paper.drive_loss}
     try:
-        table = TableLaw.from_curve(curve)
-        z = table.deflection(preload)
-        local = table.local_fit(z)
-        oscillator = ContactOscillator(table, preload)
-        low, high = local.interval("n_loc")
+        oscillator = ContactOscillator(TableLaw.from_curve(curve), preload)
+        r, n_loc = oscillator.restoring, uncertainty(oscillator).n_loc
         row |= {
-            "n_loc": oscillator.restoring.n_loc, "n_loc_low": low, "n_loc_high": high,
-            "kappa_loc": oscillator.restoring.kappa, "slope": table.derivatives(z)[0] * side / force,
+            "n_loc": n_loc.value, "n_loc_low": n_loc.low, "n_loc_high": n_loc.high,
+            "kappa_loc": r.kappa, "slope": r.scale / r.z_s * side / force,
         }  # fmt: skip
     except AsperityError:
         pass

@@ -106,6 +106,16 @@ class Law(ABC):
         """Largest approach of the points behind the law (length); results beyond it are extrapolated."""
         return np.inf
 
+    @property
+    def yields_at(self) -> float:
+        """Approach above which the contact yields again, where the slope may jump (length)."""
+        return np.inf
+
+    @property
+    def default_load(self) -> float:
+        """Preload where none is given (force): that at an approach of 1."""
+        return float(self.both(np.array([1.0]))[0][0])
+
     def force(self, z: ArrayLike) -> Array:
         """Return the force at `z` (length, any shape).
 
@@ -163,13 +173,18 @@ class Law(ABC):
         u = np.asarray(u, float)
         inside = np.maximum(u, -1.0) if self.contact else u
         value = (self.potential(z_s * (1 + inside)) - self.potential(z_s) - load * z_s * inside) / (scale * z_s)
+        kink = max(self.yields_at / z_s - 1.0, 0.0)
         small = np.abs(u) < SMALL
         if small.any():
-            v = u[small]
-            s = 0.5 * v[..., None] * (1.0 + _GAUSS_X)
-            f = (self.both(z_s * (1 + s))[0] - load) / scale
             value = np.array(value)
-            value[small] = 0.5 * v * (f @ _GAUSS_W)
+            value[small] = sum(
+                half
+                * ((self.both(z_s * (1 + start + half[..., None] * (1.0 + _GAUSS_X)))[0] - load) / scale @ _GAUSS_W)
+                for start, half in (
+                    (0.0, 0.5 * np.minimum(u[small], kink)),
+                    (kink, 0.5 * np.maximum(u[small] - kink, 0.0)),
+                )[: 2 if kink < SMALL else 1]
+            )
         return value + (inside - u) * load / scale
 
     def _checked(self, z: ArrayLike) -> Array:

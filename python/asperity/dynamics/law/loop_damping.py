@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import nnls
 
 from asperity.arrays import Array
 from asperity.errors import InputError
@@ -113,6 +112,8 @@ class LoopDamping:
     @cached_property
     def _nodes(self) -> tuple[Array, Array]:
         """Distances and coefficients between which the damper is linear: the least squares of the damping ratios."""
+        from scipy.optimize import nnls
+
         x = np.array([0.0, *self.deflection])
         theta = 0.5 * np.pi * (np.arange(_POINTS) + 0.5) / _POINTS
         weight = 2.0 / _POINTS * np.sin(theta) ** 2  # a damper that is one has the damping ratio one

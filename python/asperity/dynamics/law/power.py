@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -87,6 +87,10 @@ class PowerLaw(Law):
             float(np.clip(mixed / (half_n * half_K), -1, 1)) if half_n * half_K > 0 else 0.0,
             float(fit.range[1] * length),
         )
+
+    def scaled(self, force: float) -> PowerLaw:
+        """Return the law with its force multiplied by a factor, without intervals."""
+        return replace(self, K=self.K * force, ci_K=None, ci_n=None)
 
     @property
     def known_to(self) -> float:

@@ -1,42 +1,45 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Laws from computed or measured points: loading curves and unload-reload branches.
+"""Law through computed or measured points: one cubic Hermite curve in (ln z, ln F), where every power law is straight.
 
-Values come from a shape-preserving cubic through the points in (ln z, ln F), where every power law is a
-straight line. Derivatives come from a local polynomial fit in (ln z, ln F), with its confidence interval: those
-of the interpolant would be useless, because half a percent of noise ruins the second one.
+Its slopes are those given (the elastic stiffness of the states), elsewhere those of SciPy's shape-preserving cubic.
+Below the first point and beyond the last it is the power law with the slope there. A smoothing spline replaces points
+that scatter. The law without some of its points shows how much it depends on them.
 """
 
 from __future__ import annotations
 
-import csv
-import os
 from bisect import bisect_right
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import exp, log
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import PchipInterpolator
-from scipy.optimize import minimize_scalar
+from scipy.interpolate import PchipInterpolator, PPoly, make_smoothing_spline
+from scipy.optimize import brentq, minimize_scalar
 from scipy.special import stdtrit
 
 from asperity.arrays import Array
+from asperity.dynamics.columns import CurveColumns
 from asperity.dynamics.law.checks import positive
 from asperity.dynamics.law.law import Law, dense
-from asperity.dynamics.law.local_fit import LocalFit, log_derivatives, regress, roughness
-from asperity.dynamics.law.power import PowerLaw
+from asperity.dynamics.law.power import EXPONENT, PowerLaw
 from asperity.errors import InputError, RangeError
 from asperity.runtime.display import short_repr
 
-_POINTS = 5  # smallest number of points of a table
-_TOUCH = 1e-9  # share of the largest force above which a row is in contact
-_CLOSED = 1e-3  # a reloading closes its loop if it ends within this share below the top, in approach or force
-_NOISY = 0.1  # relative uncertainty of the stiffness through the points
+MIN_POINTS = 5  # of a table without slopes, and of a fitted origin
+TOUCH = 1e-9  # share of the largest force above which a row is in contact
+MAX_ROUGHNESS = 0.12  # relative uncertainty of the stiffness through points above which they are noisy
+_HEAVY = 0.25  # share of the largest force above which points are judged: at light loads few facets touch
+_NEIGHBOURS = 9  # smallest number of points from which the scatter is estimated
+_AROUND = log(1.5)  # distance in ln z within which all points count for the scatter
+_OF_MEDIAN = 1.4826  # standard deviation of a normal distribution over the median of its magnitude
+_GROUPS = 4  # of points that are left out in turn
+_REACHES = 0.4 * 0.5 ** np.arange(9)  # distances in ln z of the divided differences, tried in turn
+_STEEPEST = 0.9  # largest exponent of the stiffness over the force with which a law begins at zero approach
 _CELL_X, _CELL_W = np.polynomial.legendre.leggauss(10)
 
 
@@ -48,12 +51,12 @@ class TableLaw(Law):
         z: approaches from first contact (length), rising, shape (m,); rows with z <= 0 are dropped.
         F: forces, rising with z, shape (m,).
         origin: approach of the curve at first contact (length), subtracted from `z`.
-        values: "interpolant" (through the points) or "fit" (power law fitted to all points, for noisy data).
-        degree: degree of the local fit for the derivatives (1 to 3); lowered if points are few.
         extrapolate: continue beyond the last point along the last slope in (ln z, ln F).
         name: name of the law in descriptions.
-
-    Below the first point the law runs to the origin as a power of z, with the slope at the first point.
+        k: stiffness at the points (force/length), shape (m,), NaN where unknown; None without any.
+        yields_at: approach of a point at which the slope changes (length): a contact that was loaded to it yields
+            beyond.
+        k_above: stiffness there on the side of larger approaches (force/length).
 
     Raises:
         InputError: the table is empty, too short, not finite, or not rising.
@@ -63,69 +66,83 @@ class TableLaw(Law):
         >>> law = asp.TableLaw(z, z**1.5)
         >>> law.describe(), law.z_range
         ('table, 20 points, interpolated', (0.0, 2.0))
-        >>> f"{law.n_loc(1.0):.4f}, {law.force(1.05):.4f}"
-        '1.5000, 1.0759'
+        >>> f"{law.n_loc(1.0):.4f}, {law.kappa(1.0):.5f}, {law.force(1.05):.4f}"
+        '1.5000, -0.04167, 1.0759'
     """
 
     z: Array
     F: Array
     origin: float = 0.0
-    values: str = "interpolant"
-    degree: int = 3
     extrapolate: bool = False
     name: str = "table"
+    k: Array | None = field(default=None, kw_only=True)
+    yields_at: float = field(default=np.inf, kw_only=True)
+    k_above: float = field(default=np.nan, kw_only=True)
     contact: bool = field(default=True, init=False)
+    noise: float = field(default=0.0, init=False)
+    _measured: Array = field(init=False, repr=False)  # the forces given, in contact
 
     scalar = True
 
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
+        z, F, k = self._checked_points()
+        rising = bool(np.all(np.diff(z) > 0))
+        object.__setattr__(self, "_measured", F)
+        if k is None and rising:
+            noise = float(np.median(_roughness(np.log(z), np.log(F))[F >= _HEAVY * F.max()]))
+            if noise > MAX_ROUGHNESS:
+                F, k = _smoothed(z, F)
+                object.__setattr__(self, "noise", noise)
+        self._check_rising(z, F)
+        for name, column in (("z", z), ("F", F), ("k", k)):
+            if column is not None:
+                column.flags.writeable = False
+            object.__setattr__(self, name, column)
+
+    def _checked_points(self) -> tuple[Array, Array, Array | None]:
+        """Return the points in contact, from first contact."""
         try:
             z, F = np.asarray(self.z, float), np.asarray(self.F, float)
+            k = None if self.k is None else np.asarray(self.k, float)
         except (TypeError, ValueError) as error:
             raise InputError(f"the table contains something that is not a number: {error}") from None
-        if z.ndim != 1 or z.shape != F.shape:
+        if z.ndim != 1 or z.shape != F.shape or (k is not None and k.shape != z.shape):
             raise InputError(f"a table needs two columns of one length, got shapes {z.shape} and {F.shape}")
         if z.size == 0:
             raise InputError("the table is empty: it needs one row per approach")
         if not (np.isfinite(z).all() and np.isfinite(F).all()):
             raise InputError(f"row {int(np.argmin(np.isfinite(z) & np.isfinite(F)))} of the table is not finite")
-        if self.values not in ("interpolant", "fit"):
-            raise InputError(f'values = "{self.values}" is unknown: choose "interpolant" or "fit"')
-        if not 1 <= self.degree <= 3:
-            raise InputError(f"degree = {self.degree} must be 1, 2 or 3")
         z = z - self.origin
         keep = (z > 0) & (F > 0)
         stray = np.flatnonzero((z > 0) & (F <= 0) & (np.cumsum(keep) > 0))
         if stray.size:
             raise InputError(f"row {int(stray[0])} of the table has force {F[stray[0]]:g} <= 0 inside the contact")
-        if ((z <= 0) & (F > 1e-6 * F.max())).any():
-            raise InputError(
-                f"the table has force {F[z <= 0].max():g} at or below zero approach: its origin is offset; "
-                'pass the approach of first contact as origin, or use from_curve(..., origin="fit")'
-            )
         gap = np.flatnonzero((z > 0) & (F <= 0))
-        if gap.size and z[gap[-1]] > 1e-9 * z.max():
-            raise InputError(
-                f"the force is zero up to approach {z[gap[-1]]:g}: the origin is offset; pass origin = "
-                f'{z[gap[-1]] + self.origin:g}, or use from_curve(..., origin="fit")'
+        early = (z <= 0) & (F > 1e-6 * F.max())
+        if early.any() or (gap.size and z[gap[-1]] > 1e-9 * z.max()):
+            what = (
+                f"the table has force {F[early].max():g} at or below zero approach: its origin is offset"
+                if early.any()
+                else f"the force is zero up to approach {z[gap[-1]]:g}: the origin is offset"
             )
-        rows = np.flatnonzero(keep)
-        z, F = z[keep], F[keep]
-        if z.size < _POINTS:
-            raise InputError(f"the table has {z.size} usable rows, at least {_POINTS} are needed")
+            raise InputError(f'{what}; pass the approach of first contact as origin, or use from_curve(origin="fit")')
+        z, F, k = z[keep], F[keep], None if k is None else np.where(k[keep] > 0, k[keep], np.nan)
+        least = MIN_POINTS if k is None else 1 if np.isfinite(k).all() else 2
+        if z.size < least:
+            raise InputError(f"the table has {z.size} usable rows, at least {least} are needed")
+        return z, F, k
+
+    def _check_rising(self, z: Array, F: Array) -> None:
         for label, column in (("approach", z), ("force", F)):
             bad = np.flatnonzero(np.diff(column) <= 0)
-            if bad.size and not (label == "force" and self.values == "fit"):
-                remedy = "sort it" if label == "approach" else 'smooth it, or use values="fit"'
+            if bad.size:
+                remedy = "sort it" if label == "approach" else "smooth it, or fit a power law to it"
                 raise InputError(
-                    f"the {label} does not rise after row {int(rows[bad[0]])} of the table "
+                    f"the {label} does not rise after row {int(bad[0])} of the table "
                     f"({column[bad[0]]:g} to {column[bad[0] + 1]:g}): {remedy}"
                 )
-        z.flags.writeable = F.flags.writeable = False
-        object.__setattr__(self, "z", z)
-        object.__setattr__(self, "F", F)
 
     @classmethod
     def from_curve(cls, curve: Any, *, branch: str = "load", origin: float | str = 0.0, **options: Any) -> TableLaw:
@@ -135,19 +152,102 @@ class TableLaw(Law):
             curve: source of the columns.
             branch: branch to use if there is a column "branch".
             origin: approach of first contact (length), or "fit" to find it with the power law.
-            **options: `values`, `degree`, `extrapolate`, `name`.
+            **options: `extrapolate`, `name`.
 
         Raises:
             InputError: as for `TableLaw`, or the columns cannot be read.
         """
-        delta, force, branches = columns(curve)
-        if branches is not None:
-            delta, force = delta[branches == branch], force[branches == branch]
+        columns = curve if isinstance(curve, CurveColumns) else CurveColumns.of(curve)
+        delta, force = columns.delta[columns.branch == branch], columns.force[columns.branch == branch]
         if isinstance(origin, str):
             if origin != "fit":
                 raise InputError(f'origin = "{origin}" is unknown: give an approach or "fit"')
             origin = fit_origin(delta, force)
         return cls(delta, force, origin=float(origin), **options)
+
+    @classmethod
+    def of_stiffness(cls, force: ArrayLike, k: ArrayLike, **options: Any) -> TableLaw:
+        """Integrate dz = dF/k over rising forces `force` with the stiffness `k` (force/length), both of shape (m,).
+
+        Between two points the stiffness is a power of the force, and so it is below the first one. The approach is
+        measured from where the force vanishes on this law.
+
+        Args:
+            force: at least two positive ones.
+            k: positive.
+            **options: `name`, `extrapolate`.
+
+        Examples:
+            A Hertzian contact, K = 2 and k = 3 z^(1/2) = 3 (F/2)^(1/3):
+
+            >>> force = np.linspace(0.1, 2.0, 20)
+            >>> law = asp.TableLaw.of_stiffness(force, 3.0 * (force / 2.0) ** (1 / 3))
+            >>> round(law.deflection(2.0), 9), round(law.n_loc(1.0), 9), round(law.kappa(1.0), 6)
+            (1.0, 1.5, -0.041667)
+        """
+        F, stiffness = np.asarray(force, float), np.asarray(k, float)
+        p = np.diff(np.log(stiffness)) / np.diff(np.log(F))
+        flat = np.abs(1 - p) < 1e-6  # there F/k is constant, and z a logarithm
+        power = np.diff(F / stiffness) / np.where(flat, 1.0, 1 - p)
+        steps = np.where(flat, F[:-1] / stiffness[:-1] * np.diff(np.log(F)), power)
+        start = F[0] / stiffness[0] / (1 - np.clip(p[0], 0.0, _STEEPEST))
+        return cls(start + np.append(0.0, np.cumsum(steps)), F, k=stiffness, **options)
+
+    def yielding(self, loading: TableLaw, reached: float) -> TableLaw:
+        """Return the law of a contact that has met a force: this law below it, and above it a loading curve.
+
+        The loading is shifted along the approach so that both meet. As a spring the law is reversible: above the force
+        it is that of the first cycle.
+
+        Args:
+            loading: law of the first loading.
+            reached: greatest force that the contact has met (force).
+
+        Raises:
+            RangeError: a law does not reach it.
+
+        Examples:
+            A contact that was loaded to 1 and is stiffer below:
+
+            >>> z = np.linspace(0.05, 1.0, 20)
+            >>> law = asp.TableLaw(z, 2.0 * z**1.5).yielding(asp.TableLaw(z, z, extrapolate=True), reached=1.0)
+            >>> law.stiffness([0.999 * law.yields_at, 1.001 * law.yields_at]).round(3)
+            array([2.38, 1.  ])
+        """
+        top = self.deflection(reached)
+        shift = loading.deflection(reached) - top
+        low, high = self.z < top * (1 - 1e-9), loading.F > reached * (1 + 1e-9)
+        z = np.concatenate([self.z[low], [top], loading.z[high] - shift])
+        F = np.concatenate([self.F[low], [reached], loading.F[high]])
+        k = np.concatenate([self.slopes[low], self.both(np.array([top]))[1], loading.slopes[high]])
+        above = loading.both(np.array([top + shift]))[1][0]
+        extrapolate = loading.extrapolate
+        return TableLaw(z, F, name=self.name, k=k, yields_at=top, k_above=float(above), extrapolate=extrapolate)
+
+    def scaled(self, force: float = 1.0, stiffness: float | None = None) -> TableLaw:
+        """Return the law with forces and stiffnesses multiplied by factors, the stiffness by default as the force."""
+        k = force if stiffness is None else stiffness
+        length = force / k
+        given = None if self.k is None else self.k * k
+        return replace(
+            self, z=self.z * length, F=self.F * force, origin=0.0, k=given, yields_at=self.yields_at * length,
+            k_above=self.k_above * k,
+        )  # fmt: skip
+
+    @cached_property
+    def thinned(self) -> tuple[TableLaw, ...]:
+        """The law without every fourth of its points but the last, in all ways; what this changes is its error."""
+        inner = np.flatnonzero(self.z[:-1] != self.yields_at)
+        laws = []
+        for leave in (inner[i::_GROUPS] for i in range(min(_GROUPS, inner.size))):
+            kept = np.setdiff1d(np.arange(self.z.size), leave)
+            if self.noise and kept.size < MIN_POINTS:
+                continue
+            F, k = self.F[kept], np.full(kept.size, np.nan) if self.k is None else self.k[kept]
+            if self.noise:
+                F, k = _smoothed(self.z[kept], self._measured[kept])
+            laws.append(replace(self, z=self.z[kept], F=F, k=k, origin=0.0))
+        return tuple(laws)
 
     @property
     def z_range(self) -> tuple[float, float]:
@@ -162,11 +262,19 @@ class TableLaw(Law):
     @property
     def knots(self) -> Array:
         """Approaches at which the law is not smooth (length)."""
-        return self.z if self.values == "interpolant" else np.empty(0)
+        return self.z
+
+    @property
+    def default_load(self) -> float:
+        """Half of the largest force."""
+        return 0.5 * float(self.F[-1])
 
     def fit(self) -> PowerLaw:
         """Fit a power law to all points in (ln z, ln F), with 95 % confidence intervals."""
-        c, covariance, freedom = regress(np.log(self.z), np.log(self.F), 1)
+        basis, y = np.vander(np.log(self.z), 2, increasing=True), np.log(self._measured)
+        c, *_ = np.linalg.lstsq(basis, y, rcond=None)
+        freedom, residual = max(self.z.size - 2, 1), y - basis @ c
+        covariance = float(residual @ residual) / freedom * np.linalg.inv(basis.T @ basis)
         half = np.sqrt(np.diag(covariance)) * float(stdtrit(freedom, 0.975))
         n, K = float(c[1]), float(np.exp(c[0]))
         product = float(np.sqrt(covariance[0, 0] * covariance[1, 1]))
@@ -178,246 +286,224 @@ class TableLaw(Law):
             float(covariance[0, 1]) / product if product > 0 else 0.0,
         )
 
-    def local_fit(self, z: float) -> LocalFit:
-        """Fit ln F over ln z to the points within a factor 4 of `z` (length), at least 2 degree + 2 of them."""
-        x = np.log(self.z / z)
-        near = np.flatnonzero(np.abs(x) <= np.log(4.0))
-        if near.size < min(2 * self.degree + 2, x.size):
-            near = np.argsort(np.abs(x), kind="stable")[: 2 * self.degree + 2]
-        degree = max(1, min(self.degree, (near.size - 2) // 2))
-        c, covariance, freedom = regress(x[near], np.log(self.F[near]), degree)
-        residual = np.log(self.F[near]) - np.vander(x[near], degree + 1, increasing=True) @ c
-        scatter = float(np.sqrt(residual @ residual / freedom))
-        close = np.sort(np.abs(x))[: min(4, x.size)]
-        return LocalFit(float(z), c, covariance, freedom, scatter, float(close[-1]) / 2.0)
-
     def both(self, z: Array) -> tuple[Array, Array]:
         z = np.asarray(z, float)
         s = np.maximum(z, 1e-300)
-        if self.values == "fit":
-            return self._smooth.both(z)
         x = np.log(s)
-        y, slope = self._log_values(x)
-        force = np.where(z > 0, np.exp(y), 0.0)
-        return force, np.where(z > 0, force * slope / s, 0.0)
+        force = np.where(z > 0, np.exp(self._curve(x)), 0.0)
+        return force, np.where(z > 0, force * self._curve(x, 1) / s, 0.0)
 
     def push(self, z: Array) -> Array:
-        if self.values == "fit":
-            return self._smooth.push(z)
         return np.interp(z, *self._dense)
 
     def at(self, z: float) -> tuple[float, float]:
-        if self.values == "fit":
-            return self._smooth.at(z)
         if z <= 0.0:
             return 0.0, 0.0
         x = log(z)
         edges, cubics = self._cells
-        (a, b, c, d), start = cubics[bisect_right(edges, x)]
+        a, b, c, d, start = cubics[bisect_right(edges, x)]
         t = x - start
         force = exp(((a * t + b) * t + c) * t + d)
         return force, force * ((3.0 * a * t + 2.0 * b) * t + c) / z
 
     def potential(self, z: ArrayLike) -> Array:
-        if self.values == "fit":
-            return self._smooth.potential(z)
         z = np.maximum(np.asarray(z, float), 0.0)
-        knots, energy = self._energy
-        cell = np.clip(np.searchsorted(knots, z, side="right") - 1, 0, knots.size - 1)
-        left = knots[cell]
+        energy, n = self._energy
+        cell = np.clip(np.searchsorted(self.z, z, side="right") - 1, 0, self.z.size - 1)
+        left = self.z[cell]
         half = 0.5 * (z - left)
         inside = half * (self.both(left[..., None] + half[..., None] * (1.0 + _CELL_X))[0] @ _CELL_W)
-        n0 = self._ends[1]
-        below = self.F[0] * self.z[0] / (n0 + 1.0) * (z / self.z[0]) ** (n0 + 1.0)
-        return np.where(z < self.z[0], below, energy[cell] + inside)
+        return np.where(z < self.z[0], energy[0] * (z / self.z[0]) ** (n + 1.0), energy[cell] + inside)
 
     def derivatives(self, z: float) -> tuple[float, float, float]:
-        if self.values == "fit":
-            return self._smooth.derivatives(z)
-        slopes = self.local_fit(z).logarithmic() if z >= self.z[0] else np.array([self._ends[1], 0.0, 0.0])
-        return log_derivatives(slopes, float(self.both(np.array([z]))[0][0]), z)
+        """First derivative of the law, and divided differences of ln F over ln z for the others.
+
+        Their reach is the one at which half the reach and half the points change kappa least.
+        """
+        rows, _, best = self._reaches(z)
+        return _derivatives(rows[best], float(self.both(np.array([z]))[0][0]), z)
+
+    def kappa_bar(self, z: float) -> float:
+        """Return how much kappa at `z` changes with another reach of the differences, and without some points."""
+        _, error, best = self._reaches(z)
+        return float(error[best])
+
+    def _reaches(self, z: float) -> tuple[Array, Array, int]:
+        """Return the differences and the error of kappa for each reach, and the reach with the least error."""
+        branch = self._elastic if z <= self.yields_at * (1 + 1e-12) else self
+        rows = [law._differences(z) for law in (branch, *branch.thinned)]
+        kappa = np.array([[_kappa(y) for y in row] for row in rows])
+        change = np.abs(np.diff(kappa[0]))
+        change = np.maximum(change, np.append(0.0, change[:-1]))
+        error = change + np.abs(kappa - kappa[0]).sum(axis=0)[:-1]
+        return rows[0], error, int(error.argmin())
+
+    @cached_property
+    def _elastic(self) -> TableLaw:
+        """The law below `yields_at`, continued beyond."""
+        if np.isinf(self.yields_at):
+            return self
+        below = self.z <= self.yields_at
+        k = None if self.k is None else self.k[below]
+        return TableLaw(self.z[below], self.F[below], k=k, extrapolate=True)
+
+    def _differences(self, z: float) -> Array:
+        """Return the first three derivatives of ln F with respect to ln z for each reach, shape (reaches, 3)."""
+        x, h = np.log(z), _REACHES
+        low, mid, high = (np.asarray(self._curve(v)) for v in (x - h, np.full(h.size, x), x + h))
+        first = np.full(h.size, float(self._curve(x, 1)))
+        second = (high - 2 * mid + low) / h**2
+        return np.stack([first, second, 6 * ((high - low) / (2 * h) - first) / h**2], axis=1)
 
     def deflection(self, load: float) -> float:
-        if self.values == "fit":
-            z = self._smooth.deflection(load)
-            if z > self.z_range[1]:
-                raise RangeError(f"load = {load:g} lies outside the table, which ends at force {self.F[-1]:g}")
-            return z
         if load < self.F[0]:
-            return float(self.z[0] * (positive("load", load) / self.F[0]) ** (1.0 / self._ends[1]))
-        return super().deflection(load)
+            n = self._energy[1]
+            if n < 1.0:
+                raise RangeError(
+                    f"load = {load:g} lies below the first point of the table (force {self.F[0]:g}), where the force "
+                    f"rises with the power {n:.3g} of the approach, and the stiffness would rise as the load falls: "
+                    "give points at lighter loads, or the approach of first contact as origin"
+                )
+            return float(self.z[0] * (positive("load", load) / self.F[0]) ** (1.0 / n))
+        if load > self.F[-1] * (1 + 1e-12):
+            if not self.extrapolate:
+                return super().deflection(load)  # which refuses
+            return float(self.z[-1] * (load / self.F[-1]) ** (1.0 / self._cells[1][-1][2]))
+        i = int(np.argmax(self.F >= load * (1 - 1e-12)))
+        if self.F[i] <= load * (1 + 1e-12):
+            return float(self.z[i])
+        return float(brentq(lambda z: self.at(z)[0] - load, self.z[i - 1], self.z[i], xtol=1e-300, rtol=1e-14))
 
     def doubts(self, load: float) -> tuple[str, ...]:
-        if self.values == "fit":
-            return ()
         if load < self.F[0]:
             return (
-                f"load {load:g} lies below the first point of the table (force {self.F[0]:g}): the law "
-                "there is extrapolated",
+                f"load {load:g} lies below the first point of the table (force {self.F[0]:g}): the law there is the "
+                f"power {self._energy[1]:.3g} of the approach, that of the first points",
             )
-        z = self.deflection(load)
-        rough = roughness(np.log(self.z / z), np.log(self.F))
-        if rough <= _NOISY:
+        if not self.noise:
             return ()
         return (
-            f"the points scatter so that the stiffness through them is uncertain by {100 * rough:.0f} % "
-            f'at z = {z:g}: the table is noisy; values="fit" is safer',
+            f"the points scatter so that the stiffness through them is uncertain by {100 * self.noise:.0f} %: the "
+            "table is noisy, and the law a smoothing spline through it",
         )
 
     def describe(self) -> str:
-        how = "interpolated" if self.values == "interpolant" else "as fitted power law"
-        return f"{self.name}, {self.z.size} points, {how}"
+        how = "smoothed" if self.noise else "interpolated"
+        text = f"{self.name}, {self.z.size} points, {how}"
+        return text if np.isinf(self.yields_at) else f"{text}, yielding above {self.at(self.yields_at)[0]:.5g}"
 
     @cached_property
-    def _smooth(self) -> PowerLaw:
-        return self.fit()
+    def slopes(self) -> Array:
+        """Stiffness at the points (force/length), at `yields_at` that below, shape (m,)."""
+        return self._exponents * self.F / self.z
 
     @cached_property
-    def _curve(self) -> Any:
-        spline = PchipInterpolator(np.log(self.z), np.log(self.F))
-        return spline, spline.derivative()
-
-    @cached_property
-    def _ends(self) -> tuple[Array, float, float]:
-        """Logarithms of the end points (x, y of both), and the log-log slopes there."""
+    def _exponents(self) -> Array:
+        """Slopes d ln F / d ln z at the points, so small that the law rises between them."""
         x, y = np.log(self.z), np.log(self.F)
-        first = float(self._curve[1](x[0]))
-        last = float(self._curve[1](x[-1]))
-        return np.array([x[0], y[0], x[-1], y[-1]]), max(first, 0.1), max(last, 1e-3)
+        if x.size == 1:
+            assert self.k is not None
+            return np.asarray(self.k * self.z / self.F)
+        slopes = PchipInterpolator(x, y).derivative()(x)
+        if self.k is not None:
+            slopes = np.where(np.isnan(self.k), slopes, self.k * self.z / self.F)
+        secants = np.diff(y) / np.diff(x)
+        steepest = 3.0 * np.minimum(np.append(secants[0], secants), np.append(secants, secants[-1]))
+        return np.asarray(np.clip(slopes, 1e-3 * steepest, steepest))
 
     @cached_property
-    def _cells(self) -> tuple[list[float], list[tuple[tuple[float, float, float, float], float]]]:
-        """Edges in ln z, and for each cell, those beyond both ends too, coefficients of ln F and where they start."""
-        spline = self._curve[0]
-        (x0, y0, x1, y1), n0, n1 = self._ends
-        rows = list(zip(map(tuple, spline.c.T.tolist()), spline.x.tolist(), strict=False))
-        below, above = ((0.0, 0.0, n0, float(y0)), float(x0)), ((0.0, 0.0, n1, float(y1)), float(x1))
-        return spline.x.tolist(), [below, *rows, above]
+    def _curve(self) -> PPoly:
+        """ln F over ln z, straight in the first and the last cell, below and beyond the points."""
+        x, y, low = np.log(self.z), np.log(self.F), self._exponents
+        high = low.copy()  # the slope above each point
+        yields = np.flatnonzero(self.z == self.yields_at)
+        high[yields] = self.k_above * self.z[yields] / self.F[yields]
+        h, rise = np.diff(x), np.diff(y)
+        left, right = high[:-1], low[1:]
+        cubic = np.stack([(left + right - 2 * rise / h) / h**2, (3 * rise / h - 2 * left - right) / h, left, y[:-1]])
+        first, last = max(float(low[0]), EXPONENT[0]), float(high[-1])
+        ends = np.array([x[0] - 1.0, *x, x[-1] + 1.0])  # the outer cells continue to all z
+        below = np.array([[0.0], [0.0], [first], [y[0] - first]])
+        above = np.array([[0.0], [0.0], [last], [y[-1]]])
+        return PPoly(np.hstack([below, cubic, above]), ends)
+
+    @cached_property
+    def _cells(self) -> tuple[list[float], list[tuple[float, ...]]]:
+        """Edges in ln z, and for each cell the coefficients of ln F and where it starts."""
+        curve = self._curve
+        rows = [(*c, start) for c, start in zip(curve.c.T.tolist(), curve.x.tolist(), strict=False)]
+        return curve.x[1:-1].tolist(), rows
 
     @cached_property
     def _dense(self) -> tuple[Array, Array]:
         return dense(self, self.known_to, self.knots)
 
     @cached_property
-    def _energy(self) -> tuple[Array, Array]:
-        """Knots (length), and the energy stored up to each (force * length)."""
-        z = self.z
+    def _energy(self) -> tuple[Array, float]:
+        """Energy stored up to each point (force * length), and the exponent below the first."""
+        z, n = self.z, self._cells[1][0][2]
         half = 0.5 * np.diff(z)[:, None]
-        cells = (half[:, 0]) * (self.both(z[:-1, None] + half * (1.0 + _CELL_X))[0] @ _CELL_W)
-        first = self.F[0] * z[0] / (self._ends[1] + 1.0)
-        return z, first + np.concatenate([[0.0], np.cumsum(cells)])
-
-    def _log_values(self, x: Array) -> tuple[Array, Array]:
-        (x0, y0, x1, y1), n0, n1 = self._ends
-        inside = np.clip(x, x0, x1)
-        y, slope = self._curve[0](inside), self._curve[1](inside)
-        below, above = x < x0, x > x1
-        y = np.where(below, y0 + n0 * (x - x0), np.where(above, y1 + n1 * (x - x1), y))
-        return y, np.where(below, n0, np.where(above, n1, slope))
+        cells = half[:, 0] * (self.both(z[:-1, None] + half * (1.0 + _CELL_X))[0] @ _CELL_W)
+        return self.F[0] * z[0] / (n + 1.0) + np.append(0.0, np.cumsum(cells)), n
 
 
-def unload_reload(curve: Any, load: float | None = None, **options: Any) -> TableLaw:
-    """Return the physical law of a plastic contact about a preload: the last unload-reload loop of a curve.
+def _smoothed(z: Array, F: Array) -> tuple[Array, Array]:
+    """Return forces and stiffnesses of the smoothing spline of ln F over ln z, whose penalty is zero for a power law.
 
-    The law is the reloading of the last closed loop, up to the point where its unloading began. Without a closed
-    loop it is the last unloading, including that point. The approach is measured from the point where the
-    unloading flat separates, found by fitting a power law to the rows.
+    The weights are those of noise of one size in F, and hardly matter for noise of one share of F.
+    """
+    spline = make_smoothing_spline(np.log(z), np.log(F), w=(F / F.max()) ** 2)
+    force = np.exp(spline(np.log(z)))
+    return force, force / z * spline.derivative()(np.log(z))
+
+
+def _derivatives(y: Array, force: float, z: float) -> tuple[float, float, float]:
+    """Return the derivatives of F from those of ln F with respect to ln z."""
+    a, b, c = (float(value) for value in y)
+    third = a**3 - 3 * a * a + 2 * a + 3 * b * (a - 1) + c
+    return a * force / z, (a * a - a + b) * force / z**2, third * force / z**3
+
+
+def _kappa(y: Array) -> float:
+    p1, p2, p3 = _derivatives(y, 1.0, 1.0)
+    return (3 * p3 / p1 - 5 * (p2 / p1) ** 2) / 48.0
+
+
+def _roughness(x: Array, y: Array) -> Array:
+    """Return the relative uncertainty of the slope dy/dx at each point by the scatter of the points, shape (m,).
+
+    Scatter is the distance of a point from the cubic through its four neighbours; the median of those around counts
+    (after Gasser, Sroka & Jennen-Steinmetz, Biometrika 73 (1986) 625, who take the line through two neighbours).
+    A smooth curve has no such scatter, and a few corners, as where the next summit touches, do not change the
+    median. A polynomial fitted to many points would misread both as noise.
 
     Args:
-        curve: a `Curve`, CSV file or mapping with delta, force and branch.
-        load: preload that the loop must reach (force), or None.
-        **options: see `TableLaw`.
-
-    Raises:
-        InputError: the curve has no unloading rows, or no branch with enough of them in contact.
-        RangeError: no branch reaches the preload.
-
-    Examples:
-        A contact that separates at a residual indentation of 0.3:
-
-        >>> up, down = np.linspace(0.0, 1.0, 21), np.linspace(0.95, 0.3, 14)
-        >>> curve = {
-        ...     "delta": [*up, *down],
-        ...     "force": [*up**1.5, *((down - 0.3) / 0.7) ** 1.5],
-        ...     "branch": ["load"] * 21 + ["unload"] * 14,
-        ... }
-        >>> law = asp.unload_reload(curve, load=0.5)
-        >>> round(law.origin, 4), round(law.deflection(0.5), 4)
-        (0.3, 0.441)
+        x, y: at least 5 points in rising order, shape (m,).
     """
-    delta, force, branches = columns(curve)
-    found = [] if branches is None else _loops(delta, force, branches)
-    if not found:
-        raise InputError("the curve has no unloading branch: compute one with loading.unload = true")
-    enough = [rows for rows in found if (force[rows] > _TOUCH * force[rows].max()).sum() >= _POINTS] or found
-    reaching = [rows for rows in enough if load is None or force[rows].max() >= load]
-    if not reaching:
-        top = max(float(force[rows].max()) for rows in enough)
-        raise RangeError(f"preload = {load:g} exceeds the unload-reload branch, which ends at force {top:g}")
-    about = [rows for rows in reaching if load is None or force[rows].min() < load] or reaching
-    rows = about[0][np.argsort(delta[about[0]], kind="stable")]
-    z, f = delta[rows], force[rows]
-    return TableLaw(z, f, origin=fit_origin(z, f), name="unload-reload branch", **options)
-
-
-def _loops(delta: Array, force: Array, branches: Array) -> list[Array]:
-    """Return the rows of closing reloadings, then of unloadings with the row before, each the last one first."""
-    legs = np.split(np.arange(len(delta)), np.flatnonzero(branches[1:] != branches[:-1]) + 1)
-    up, down = [], []
-    top = None  # row at which the last unloading began
-    for leg in legs:
-        if branches[leg[0]] == "unload":
-            top = leg[0] - 1 if leg[0] > 0 else None
-            down.append(leg if top is None else np.append(top, leg))
-        elif branches[leg[0]] == "reload" and (
-            top is None
-            or delta[leg].max() >= (1 - _CLOSED) * delta[top]
-            or force[leg].max() >= (1 - _CLOSED) * force[top]
-        ):
-            up.append(leg)
-    return [*reversed(up), *reversed(down)]
-
-
-def columns(curve: Any) -> tuple[Array, Array, Array | None]:
-    """Read the columns delta (length), force and branch (or None) of a `Curve`, CSV file or mapping."""
-    get = column_of(curve)
-    for name in ("delta", "force"):
-        if get(name) is None:
-            raise InputError(f'the curve has no column "{name}"')
-    try:
-        delta, force = np.array(get("delta"), float), np.array(get("force"), float)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"the curve contains something that is not a number: {error}") from error
-    branches = get("branch")
-    return delta, force, None if branches is None else np.asarray(branches)
-
-
-def column_of(curve: Any) -> Callable[[str], Any]:
-    """Return the function from name to column, None where there is none, of a `Curve`, CSV file or mapping."""
-    if isinstance(curve, (str, os.PathLike)):
-        table: dict[str, list[str]] = {}
-        try:
-            with open(curve, newline="", encoding="utf-8") as file:
-                reader = csv.DictReader(line for line in file if not line.startswith("#"))
-                table = {name: [] for name in reader.fieldnames or ()}
-                for row in reader:
-                    for name in table:
-                        table[name].append(row[name])
-        except OSError as error:
-            raise InputError(f"cannot read the curve {os.fspath(curve)}: {error.strerror}") from error
-        except (UnicodeDecodeError, csv.Error) as error:
-            raise InputError(f"the curve {os.fspath(curve)} is not a table of text: {error}") from error
-        curve = table
-    return curve.get if isinstance(curve, Mapping) else lambda name: getattr(curve, name, None)
+    first = np.clip(np.arange(x.size) - 2, 0, x.size - 5)
+    five = first[:, None] + np.arange(5)
+    four = five[five != np.arange(x.size)[:, None]].reshape(-1, 4)
+    away = x[four] - x[:, None]
+    powers = (away / np.abs(away).max(axis=1)[:, None])[:, None, :] ** np.arange(4)[None, :, None]
+    weights = np.linalg.solve(powers, np.tile([[1.0], [0.0], [0.0], [0.0]], (x.size, 1, 1)))[..., 0]
+    scatter = np.abs(y - np.sum(weights * y[four], axis=1)) / np.sqrt(1.0 + np.sum(weights**2, axis=1))
+    out = np.empty(x.size)
+    for i in range(x.size):
+        order = np.argsort(np.abs(x - x[i]), kind="stable")
+        near = order[: max(_NEIGHBOURS, int((np.abs(x - x[i]) <= _AROUND).sum()))]
+        slope = np.polyfit(x[near], y[near], 1)[0]
+        spacing = float(np.abs(x[order[:4]] - x[i]).max()) / 2.0
+        out[i] = np.sqrt(2.0) * _OF_MEDIAN * np.median(scatter[near]) / (spacing * slope)
+    return out
 
 
 def fit_origin(delta: Array, force: Array) -> float:
-    """Return the approach of first contact: the best offset of a power law in (ln z, ln F)."""
+    """Return the approach of first contact of measured points: the best offset of a power law in (ln z, ln F)."""
     order = np.argsort(delta, kind="stable")
     z, f = delta[order], force[order]
-    touching = f > _TOUCH * f.max()
-    if touching.sum() < _POINTS:
-        raise InputError(f"the branch has {int(touching.sum())} rows in contact, at least {_POINTS} are needed")
+    touching = f > TOUCH * f.max()
+    if touching.sum() < MIN_POINTS:
+        raise InputError(f"the branch has {int(touching.sum())} rows in contact, at least {MIN_POINTS} are needed")
     first = z[touching][0]
     free = z[~touching]
     span = z[-1] - first

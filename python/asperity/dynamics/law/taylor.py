@@ -85,6 +85,11 @@ class TaylorLaw(Law):
             raise RangeError(f"load = {load:g}: this series was expanded about load {self.load:g}")
         return self.z_s
 
+    @property
+    def default_load(self) -> float:
+        """The load that the series was expanded about."""
+        return self.load
+
     def describe(self) -> str:
         return f"cubic Taylor series about z_s = {self.z_s:g}"
 

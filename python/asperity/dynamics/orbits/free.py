@@ -167,7 +167,7 @@ def free_orbit(restoring: Restoring, u0: float, damping: Damping = "always") -> 
                 f"u0 = {u0:g} is lost in round-off next to the static deflection: the frequency is that of small motion"
             )
         raise ConvergenceError(
-            f'the period at u0 = {u0:g} converges only to {half.error:.1e}: the law is too rough; use values="fit"'
+            f"the period at u0 = {u0:g} converges only to {half.error:.1e}: the law is too rough; fit a power law to it"
         )
     a1 = float(_harmonics(half, np.array([1]))[0])
     return FreeOrbit(

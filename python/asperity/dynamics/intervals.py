@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""What the uncertainty of the static law does to the vibration: error bar of the force, spread of the laws."""
+"""What the uncertainty of the static law does to the vibration: error bar, spread of the laws, points of a table."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from asperity.errors import InputError
 from asperity.runtime.display import short_repr
 
 _MEMBERS = 12
+_SAME_SHAPE = 1e-3  # difference in n and kappa up to which laws differ by their stiffness alone
 BAND_COLUMNS = ("F_hat", "Omega", "upper_low", "upper_high", "lower_low", "lower_high")
 
 
@@ -37,6 +38,11 @@ class Interval:
     def to_list(self) -> list[float]:
         """Return [value, low, high]."""
         return [self.value, self.low, self.high]
+
+    @property
+    def half(self) -> float:
+        """Greatest distance of an end from the value."""
+        return max(self.high - self.value, self.value - self.low)
 
 
 @dataclass(frozen=True)
@@ -114,7 +120,7 @@ def ensemble(law: Law) -> tuple[Law, ...]:
     measure how badly a power law describes it, and not what is known of the force.
 
     Args:
-        law: a `PowerLaw` with ci_n and ci_K, or a `TableLaw`, for which its scatter about the power-law fit counts.
+        law: a `PowerLaw` with ci_n and ci_K.
 
     Raises:
         InputError: the law has no confidence interval.
@@ -125,20 +131,15 @@ def ensemble(law: Law) -> tuple[Law, ...]:
         >>> len(members), round(min(law.n for law in members), 6)
         (12, 1.45)
     """
-    centre = law.fit() if isinstance(law, TableLaw) else law
-    if not isinstance(centre, PowerLaw) or centre.ci_n is None or centre.ci_K is None:
+    if not isinstance(law, PowerLaw) or law.ci_n is None or law.ci_K is None:
         raise InputError("the law has no confidence interval: give ci_n and ci_K, or a fitted law")
-    half_n = 0.5 * (centre.ci_n[1] - centre.ci_n[0])
-    half_k = 0.5 * float(np.log(centre.ci_K[1] / centre.ci_K[0]))
-    r = centre.correlation
-    factors = []
-    for angle in 2.0 * np.pi * np.arange(_MEMBERS) / _MEMBERS:
-        a, b = np.cos(angle), np.sin(angle)
-        factors.append((half_n * a, half_k * (r * a + np.sqrt(max(1.0 - r * r, 0.0)) * b)))
-    if isinstance(law, TableLaw) and law.values == "interpolant":
-        scale = law.z
-        return tuple(replace(law, F=law.F * scale**dn * np.exp(dk), origin=0.0) for dn, dk in factors)
-    return tuple(PowerLaw(float(np.clip(centre.n + dn, *EXPONENT)), centre.K * float(np.exp(dk))) for dn, dk in factors)
+    half_n = 0.5 * (law.ci_n[1] - law.ci_n[0])
+    half_k = 0.5 * float(np.log(law.ci_K[1] / law.ci_K[0]))
+    r, angle = law.correlation, 2.0 * np.pi * np.arange(_MEMBERS) / _MEMBERS
+    dn = half_n * np.cos(angle)
+    dk = half_k * (r * np.cos(angle) + np.sqrt(max(1.0 - r * r, 0.0)) * np.sin(angle))
+    n, K = np.clip(law.n + dn, *EXPONENT), law.K * np.exp(dk)
+    return tuple(PowerLaw(float(a), float(b)) for a, b in zip(n, K, strict=True))
 
 
 def uncertainty(
@@ -146,9 +147,12 @@ def uncertainty(
 ) -> Uncertainty:
     """Carry the intervals of the law, or an ensemble of laws (seeds), to omega_s, n_loc, kappa and z_s.
 
+    Every interval of a table is wider on both sides by the change without every other of its points.
+
     Args:
         oscillator: oscillator with the central law.
-        members: laws whose extremes are the bounds; default `ensemble` of the law, the misfit of its fit.
+        members: laws whose extremes are the bounds; default none for a table, and `ensemble` for another law, the
+            misfit of its fit.
         origin: what the members are made of, in words.
 
     Raises:
@@ -162,29 +166,31 @@ def uncertainty(
         >>> print(f"omega_s = {result.omega_s.low:.3f} to {result.omega_s.high:.3f} rad/s")
         omega_s = 3.705 to 3.961 rad/s
     """
-    fitted = members is None
+    law = oscillator.law
+    others = law.thinned if isinstance(law, TableLaw) else ()
+    thinned = tuple(_with_law(oscillator, one) for one in others)
     if members is None:
-        members, origin = ensemble(oscillator.law), "misfit of the fit"
+        members, origin = ((), "") if isinstance(law, TableLaw) else (ensemble(law), "misfit of the fit")
     laws = tuple(members)
-    others = [_with_law(oscillator, law) for law in laws]
+    if not laws and not thinned:
+        raise InputError("nothing bounds the law: it has too few points")
+    origin = " and ".join(text for text in (origin if laws else "", "points of the law" if thinned else "") if text)
+    bounds = [_with_law(oscillator, one) for one in laws]
 
     def interval(name: str) -> Interval:
         def value(o: ContactOscillator) -> float:
             return o.omega_s if name == "omega_s" else float(getattr(o.restoring, name))
 
-        values = [value(o) for o in others]
-        centre = value(oscillator)
-        return Interval(centre, min(*values, centre), max(*values, centre))
+        values, centre = [value(o) for o in bounds], value(oscillator)
+        if name == "kappa" and isinstance(law, TableLaw):
+            wider = law.kappa_bar(oscillator.restoring.z_s)
+        else:
+            wider = sum(abs(value(one) - centre) for one in thinned)
+        return Interval(centre, min([*values, centre]) - wider, max([*values, centre]) + wider)
 
     kappa = interval("kappa")
-    if isinstance(oscillator.law, TableLaw) and oscillator.law.values == "interpolant" and fitted:
-        fit = oscillator.law.local_fit(oscillator.restoring.z_s)
-        n_loc = Interval(oscillator.restoring.n_loc, *fit.interval("n_loc"))
-        kappa = Interval(oscillator.restoring.kappa, *fit.interval("kappa"))
-    else:
-        n_loc = interval("n_loc")
     word = "softening" if kappa.high < 0 else "hardening" if kappa.low > 0 else "undecided"
-    return Uncertainty(n_loc, kappa, interval("omega_s"), interval("z_s"), word, laws, origin)
+    return Uncertainty(interval("n_loc"), kappa, interval("omega_s"), interval("z_s"), word, laws, origin)
 
 
 def response_band(
@@ -198,11 +204,16 @@ def response_band(
 ) -> Band:
     """Compute the envelope of the stable response over the laws that bound its own.
 
+    A law that is stiffer by a factor s^2 moves about another position of rest, and the response is the same with
+    frequencies s times as high and displacements 1/s^2 as large. So the band at a frequency contains all points of the
+    response in a range of frequencies: that of omega_s over the members. The responses of members of another shape are
+    moved through the same range, which leaves no gaps between them.
+
     Args:
         oscillator: oscillator with the central law.
         forcing: F^ of the central oscillator; the physical force and frequency are the same for all members.
         omega: lowest and highest frequency over the central omega_s.
-        members: laws of the envelope; default `ensemble` of the law, the misfit of its fit.
+        members: laws that bound it, see `uncertainty`.
         points: number of frequencies.
         tol: see `ContactOscillator.response`.
 
@@ -216,45 +227,74 @@ def response_band(
         >>> band.upper[:, 1].round(3)
         array([0.048, 0.05 ])
     """
-    laws = tuple(members) if members is not None else ensemble(oscillator.law)
     (f,), (low, high) = forcings(forcing), window(omega)
     grid = np.linspace(low, high, points)
     centre = oscillator.restoring
-    upper, lower = [], []
-    for law in (oscillator.law, *laws):
-        other = _with_law(oscillator, law)
-        # ratio of the omega_s, at the same gravity
-        ratio = float(np.sqrt(centre.n_loc / centre.z_s * other.restoring.z_s / other.restoring.n_loc))
-        setting = other.setting(f * centre.scale / other.restoring.scale)
-        found = frequency_response(other.balance(), setting, (low * ratio, high * ratio), tol=tol, subharmonics=False)
-        greatest, smallest = stable_range(found, grid * ratio)
-        size = other.restoring.z_s / centre.z_s  # each moves about its own position of rest
-        upper.append(greatest * size)
-        lower.append(smallest * size)
+    known = uncertainty(_with_law(oscillator, oscillator.law, gravity=1.0), members)
+    stiff = (known.omega_s.low / known.omega_s.value, known.omega_s.high / known.omega_s.value)
+    shapes = [oscillator]
+    thinned = oscillator.law.thinned if isinstance(oscillator.law, TableLaw) else ()
+    for other in (_with_law(oscillator, law) for law in (*known.members, *thinned)):
+        if not any(_alike(other, shape) for shape in shapes):
+            shapes.append(other)
+    rows = []
+    for shape in shapes:
+        r = shape.restoring
+        own = float(np.sqrt(r.n_loc / r.z_s / (centre.n_loc / centre.z_s)))  # its omega_s over the central one
+        # to every stiffness in the range: its response is moved by s
+        moved = (stiff[0] / own, stiff[1] / own)
+        ends = (low / own / moved[1], high / own / moved[0])
+        setting = shape.setting(f * centre.scale / r.scale)
+        found = frequency_response(shape.balance(), setting, ends, tol=tol, subharmonics=False)
+        rows.append(_envelope(found, grid / own, moved) * r.z_s / centre.z_s)
     with np.errstate(all="ignore"):
-        pack = [np.array([np.fmin.reduce(v), np.fmax.reduce(v)]) for v in (np.array(upper), np.array(lower))]
-    return Band(f, grid, pack[0], pack[1])
+        lows, highs = np.fmin.reduce(rows), np.fmax.reduce(rows)
+    return Band(f, grid, np.array([lows[0], highs[1]]), np.array([lows[2], highs[3]]))
 
 
-def _with_law(oscillator: ContactOscillator, law: Law) -> ContactOscillator:
+def _alike(one: ContactOscillator, other: ContactOscillator) -> bool:
+    """Return whether two laws differ by their stiffness alone."""
+    a, b = one.restoring, other.restoring
+    return abs(a.n_loc / b.n_loc - 1.0) < _SAME_SHAPE and abs(a.kappa - b.kappa) < _SAME_SHAPE
+
+
+def _envelope(response: FrequencyResponse, omega: Array, moved: tuple[float, float]) -> Array:
+    """Return least and greatest u_max of the largest and of the smallest stable orbit at each Omega, shape (4, m).
+
+    Args:
+        response: of which a point at (Omega, u) becomes (s Omega, u/s^2).
+        omega: frequencies, shape (m,).
+        moved: least and greatest s.
+    """
+    left, right = omega / moved[1], omega / moved[0]
+    own = np.concatenate([line.Omega for line in response.lines()])
+    at = np.unique(np.concatenate([left, right, own]))
+    found = np.stack(stable_range(response, at)) * at**2
+    first, last = np.searchsorted(at, left), np.searchsorted(at, right)
+    out = np.empty((4, omega.size))
+    for i, (a, b) in enumerate(zip(first, last, strict=True)):
+        piece = found[:, a : b + 1]
+        out[::2, i], out[1::2, i] = np.fmin.reduce(piece, axis=1), np.fmax.reduce(piece, axis=1)
+    return np.asarray(out / omega**2)
+
+
+def _with_law(oscillator: ContactOscillator, law: Law, **changes: Any) -> ContactOscillator:
     """Return the oscillator with another law, without repeating its warnings."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return replace(oscillator, law=law, load=oscillator.restoring.load)
+        return replace(oscillator, law=law, load=oscillator.restoring.load, **changes)
 
 
 def stable_range(response: FrequencyResponse, omega: Array) -> tuple[Array, Array]:
-    """Return the largest and smallest stable u_max at each Omega, linearly interpolated; NaN where there is none."""
+    """Return the largest and smallest stable u_max at rising Omega (m,), linearly interpolated; NaN where none."""
     high, low = np.full(omega.size, np.nan), np.full(omega.size, np.nan)
     for b in response.lines():
-        for i in range(b.Omega.size - 1):
-            if not (b.stable[i] and b.stable[i + 1]):
+        for i in np.flatnonzero(b.stable[:-1] & b.stable[1:]):
+            ends = sorted(((b.Omega[i], b.u_max[i]), (b.Omega[i + 1], b.u_max[i + 1])))
+            (left, u), (right, v) = ends
+            inside = slice(*np.searchsorted(omega, (left - 1e-12, right + 1e-12)))
+            if right == left or inside.start == inside.stop:
                 continue
-            left, right = sorted((b.Omega[i], b.Omega[i + 1]))
-            inside = (omega >= left - 1e-12) & (omega <= right + 1e-12)
-            if not inside.any() or right == left:
-                continue
-            s = (omega[inside] - b.Omega[i]) / (b.Omega[i + 1] - b.Omega[i])
-            u = (1 - s) * b.u_max[i] + s * b.u_max[i + 1]
-            high[inside], low[inside] = np.fmax(high[inside], u), np.fmin(low[inside], u)
+            value = u + (v - u) * np.clip((omega[inside] - left) / (right - left), 0.0, 1.0)
+            high[inside], low[inside] = np.fmax(high[inside], value), np.fmin(low[inside], value)
     return high, low

@@ -1,0 +1,88 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Law after yield with the default number of unloading steps against 100 of them, on ten surfaces.
+
+    python3 benchmarks/after_yield.py OUT [--size H]
+
+Exponent, backbone curvature, static approach, stiffness and the frequency at two amplitudes about half of the greatest
+force, each as "value +- bar (reference)" with a star where the bars of both do not overlap. Curves are kept in OUT. The
+last line counts the stars.
+"""
+
+from __future__ import annotations
+
+import argparse
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+import asperity as asp
+
+SEEDS = (7, 3, 11, 0, 1, 2, 4, 5, 6, 8)
+AMPLITUDES = (0.15, 0.4)  # release displacement over z_s
+NAMES = ("n", "kappa", "z_s in nm", "k_n in kN/m", *(f"f at u = {u:g}" for u in AMPLITUDES))
+
+
+def curve_of(seed: int, unload_steps: int | None, size: float, folder: Path) -> asp.Curve:
+    """Return the curve of the demo surface with a seed on a coarse mesh, from OUT if it is there."""
+    file = folder / f"{seed}_{unload_steps or 'default'}_{size:g}.csv"
+    if not file.is_file():
+        loading = {"delta_max": 8e-9, "steps": 10, "unload": True}
+        case = asp.Case.from_dict({
+            "surface": {
+                "kind": "weierstrass-mandelbrot", "L": 1e-6, "D": 2.4, "G": 1.36e-11, "M": 10, "gamma": 1.5, "f_max": 5,
+                "seed": seed,
+            },
+            "material": {"E": 200e9, "nu": 0.3, "yield_strength": 1e9, "tangent_modulus": 10e9, "kinematics": "small"},
+            "mesh": {"h_contact": size},
+            "loading": loading | ({} if unload_steps is None else {"unload_steps": unload_steps}),
+            "output": {"stiffness": True},
+        })  # fmt: skip
+        asp.run(case).curve.write(file)
+    return asp.Curve.read(file)
+
+
+def numbers(curve: asp.Curve) -> tuple[np.ndarray, np.ndarray]:
+    """Return the values of `NAMES` about half of the greatest force, and their bars."""
+    load = 0.5 * float(curve.force.max())
+    law = asp.unload_reload(curve, load, extrapolate=True)
+
+    def values(one: asp.TableLaw) -> np.ndarray:
+        oscillator = asp.ContactOscillator(one, load=load, gravity=load)  # of unit mass
+        r = oscillator.restoring
+        f = oscillator.free(AMPLITUDES).omega_ratio * oscillator.omega_s / (2 * np.pi)
+        return np.array([r.n_loc, r.kappa, 1e9 * r.z_s, 1e-3 * r.scale / r.z_s, *f])
+
+    found = values(law)
+    bar = np.sum([np.abs(values(one) - found) for one in law.thinned], axis=0)
+    known = asp.uncertainty(asp.ContactOscillator(law, load=load))
+    bar[:2] = known.n_loc.half, known.kappa.half
+    return found, bar
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--size", type=float, default=0.07e-6, help="of the elements at the surface, in m")
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    warnings.simplefilter("ignore")
+    print("seed", *NAMES, sep=" | ")
+    outside = 0
+    for seed in SEEDS:
+        few, bar = numbers(curve_of(seed, None, options.size, options.out))
+        many, own = numbers(curve_of(seed, 100, options.size, options.out))
+        beyond = np.abs(few - many) > bar + own
+        outside += int(beyond.sum())
+        cells = [
+            f"{a:.4g} +- {b:.2g} ({c:.4g}){'*' if star else ''}"
+            for a, b, c, star in zip(few, bar, many, beyond, strict=True)
+        ]
+        print(seed, *cells, sep=" | ", flush=True)
+    print(f"{outside} of {len(SEEDS) * len(NAMES)} outside")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,176 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""What the columns of a curve say about the state that a mass vibrates about: branches, yield, stiffness, error bar."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asperity.arrays import Array
+from asperity.errors import InputError
+
+_HYSTERESIS = 0.01  # share of the greatest force by which an unloading falls short of the loading after yield
+_CLOSED = 1e-3  # a reloading closes its loop if it ends within this share below the top, in approach or force
+
+
+@dataclass(frozen=True, eq=False)
+class CurveColumns:
+    """Columns of a curve in the order of its steps, shape (n,); NaN where unknown.
+
+    Attributes:
+        delta: approach (length).
+        force: force.
+        branch: "load", "unload" or "reload"; all "load" where the curve has no such column.
+        plastic: greatest accumulated plastic strain, or the share of the volume that has yielded.
+        elastic: stiffness of unloading and small vibration (force/length), column k_n_elastic.
+        bar: error bar of the force over the force.
+        elastic_bar: error bar of the elastic stiffness over that stiffness, column error_k_n_elastic.
+
+    Examples:
+        >>> from asperity.dynamics.columns import CurveColumns
+        >>> columns = CurveColumns.of({"delta": [1.0, 2.0], "force": [1.0, 3.0], "max_plastic_strain": [0.0, 1e-3]})
+        >>> columns.yielded(1.0), columns.yielded(2.0)
+        (False, True)
+    """
+
+    delta: Array
+    force: Array
+    branch: Array
+    plastic: Array
+    elastic: Array
+    bar: Array
+    elastic_bar: Array
+
+    @classmethod
+    def of(cls, source: Any, factor: float = 1.0) -> CurveColumns:
+        """Read a `Curve`, a mapping, a CSV file, or a directory with curve.csv.
+
+        Args:
+            source: with the columns delta and force at least.
+            factor: by which forces and stiffnesses are multiplied, nominal area of a joint over that of the patch.
+
+        Raises:
+            InputError: there is no such file, or a column is missing, empty, or contains what is not a number.
+        """
+        table: Any = _read(Path(source)) if isinstance(source, (str, os.PathLike)) else source
+
+        def column(name: str) -> Any:
+            return table.get(name) if isinstance(table, Mapping) else getattr(table, name, None)
+
+        for name in ("delta", "force"):
+            if column(name) is None:
+                raise InputError(f'the curve has no column "{name}"')
+        size = len(column("delta"))
+        if size == 0:
+            raise InputError("the curve is empty: it needs one row per approach")
+
+        def number(name: str) -> Array:
+            values = column(name)
+            if values is None:
+                return np.full(size, np.nan)
+            try:
+                return np.array([np.nan if value == "" else value for value in values], float)
+            except (TypeError, ValueError) as error:
+                raise InputError(f"the curve contains something that is not a number: {error}") from error
+
+        def relative(name: str) -> Array:
+            with np.errstate(all="ignore"):
+                share = number(f"error_{name}") / number(name)
+            return np.where(np.isfinite(share) & (share >= 0), share, np.nan)
+
+        strain, branch = number("max_plastic_strain"), column("branch")
+        return cls(
+            delta=number("delta"), force=factor * number("force"),
+            branch=np.full(size, "load") if branch is None else np.asarray(branch),
+            plastic=np.where(np.isnan(strain), number("plastic_fraction"), strain),
+            elastic=factor * number("k_n_elastic"), bar=relative("P_star"), elastic_bar=relative("k_n_elastic"),
+        )  # fmt: skip
+
+    @property
+    def loading(self) -> Array:
+        """Whether a row belongs to the first loading, shape (n,)."""
+        return np.asarray(self.branch == "load")
+
+    def yielded(self, load: float) -> bool | None:
+        """Return whether the solid has yielded once the loading has reached a force; None if that is not known.
+
+        The plastic strain decides: that of the first row at or above the force and of those before. Without it, an
+        unloading that falls short of the loading does.
+
+        Args:
+            load: greatest force met (force).
+        """
+        rows = np.flatnonzero(self.loading)
+        first = int(np.argmax(self.force[rows] >= load * (1 - 1e-9))) if rows.size else 0
+        strain = self.plastic[rows[: first + 1]]
+        if np.isfinite(strain).any():
+            return bool(np.nanmax(strain) > 0.0)
+        down = np.flatnonzero(self.branch == "unload")
+        if not down.size or rows.size < 2:
+            return None
+        order = rows[np.argsort(self.delta[rows], kind="stable")]
+        up = np.interp(self.delta[down], self.delta[order], self.force[order])
+        return bool(np.max(up - self.force[down]) > _HYSTERESIS * self.force.max())
+
+    def bar_at(self, load: float, *, elastic: bool = False) -> float:
+        """Return the error bar of the force over the force at a load, by the nearest row; NaN if unknown.
+
+        Args:
+            load: force at which it is wanted (force).
+            elastic: take that of the elastic stiffness instead.
+        """
+        bars = self.elastic_bar if elastic else self.bar
+        known = np.flatnonzero(np.isfinite(bars))
+        return float(bars[known[np.argmin(np.abs(self.force[known] - load))]]) if known.size else np.nan
+
+    def rows_of(self, *, unloading: bool) -> Array:
+        """Return the rows of the first loading, or of the last unloading with the row before it, by rising force."""
+        rows = np.flatnonzero(self.loading)
+        if unloading:
+            rows = next((leg for leg in self.unloadings() if self.branch[leg[-1]] == "unload"), rows[:0])
+        rows = rows[np.argsort(self.force[rows], kind="stable")]
+        return np.asarray(rows[np.append(True, np.diff(self.force[rows]) > 0)] if rows.size else rows)
+
+    def unloadings(self) -> list[Array]:
+        """Return the rows of closing reloadings, then of unloadings, each with the row before, the last one first."""
+        legs = np.split(np.arange(self.delta.size), np.flatnonzero(self.branch[1:] != self.branch[:-1]) + 1)
+        up, down = [], []
+        top = None  # row at which the last unloading began
+        for leg in legs:
+            before = leg if leg[0] == 0 else np.append(leg[0] - 1, leg)
+            if self.branch[leg[0]] == "unload":
+                top = None if leg[0] == 0 else leg[0] - 1
+                down.append(before)
+            elif self.branch[leg[0]] == "reload" and (
+                top is None
+                or self.delta[leg].max() >= (1 - _CLOSED) * self.delta[top]
+                or self.force[leg].max() >= (1 - _CLOSED) * self.force[top]
+            ):
+                up.append(before)
+        return [*reversed(up), *reversed(down)]
+
+
+def _read(path: Path) -> dict[str, list[str]]:
+    path = path / "curve.csv" if path.is_dir() else path
+    if not path.is_file():
+        raise InputError(f"there is no curve at {path}")
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            reader = csv.DictReader(line for line in file if not line.startswith("#"))
+            table: dict[str, list[str]] = {name: [] for name in reader.fieldnames or ()}
+            for row in reader:
+                for name in table:
+                    table[name].append(row[name])
+    except OSError as error:
+        raise InputError(f"cannot read the curve {path}: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"the curve {path} is not a table of text: {error}") from error
+    return table

@@ -1,0 +1,400 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Which law of a curve is the spring of a vibration about a preload."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from asperity.arrays import Array
+from asperity.curve import fitted_rows
+from asperity.dynamics.columns import CurveColumns
+from asperity.dynamics.law.checks import positive
+from asperity.dynamics.law.law import Law
+from asperity.dynamics.law.power import PowerLaw
+from asperity.dynamics.law.table import MIN_POINTS, TOUCH, TableLaw, fit_origin
+from asperity.dynamics.settings import LAWS, MIN_ROWS, NAMES
+from asperity.errors import AsperityError, AsperityWarning, InputError, RangeError
+from asperity.power_law import fit_power_law
+
+AFTER_YIELD = NAMES[:2]
+LACK = (
+    "the contact has yielded, and the curve has neither an unloading through the preload nor the elastic stiffness: "
+    "the law is the paper's power law of the loading, whose frequency is too low, by a factor of 1.5 on the demo "
+    "surface; compute the curve with loading.unload = true or output.stiffness = true"
+)
+_NOISE = 0.05  # share of the largest force by which the force of a measured curve may fall
+_SAME = 1e-9  # relative difference of forces that are equal
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """A law of a curve as the spring of a vibration.
+
+    Attributes:
+        name: of the law, one of `NAMES`.
+        law: the law.
+        load: preload (force).
+        reached: greatest force before the vibration (force); an amplitude that passes it yields again. None where
+            nothing has yielded, or where this is not known.
+        yielded: whether the solid has yielded; None if the curve does not show it.
+        reason: why it is this law, a part of a sentence.
+        note: sentence on a law to be doubted, or "".
+        bounds: other laws that bound this one.
+    """
+
+    name: str
+    law: Law
+    load: float
+    reached: float | None
+    yielded: bool | None
+    reason: str
+    note: str = ""
+    bounds: tuple[Law, ...] = ()
+
+    @property
+    def yields_at(self) -> float | None:
+        """Displacement u = (z - z_s)/z_s above which the contact yields again; None where it has not yielded."""
+        if self.reached is None:
+            return None
+        return max(self.law.deflection(self.reached) / self.law.deflection(self.load) - 1.0, 0.0)
+
+
+def law_from(
+    source: Any,
+    law: str = "auto",
+    load: float | None = None,
+    *,
+    overload: float | None = None,
+    extrapolate: bool = False,
+) -> tuple[Law, float]:
+    """Return the static law and the preload (force) of a curve.
+
+    Args:
+        source: a `Law`, a `Curve`, a mapping or CSV file with columns delta and force, or a directory with curve.csv.
+        law: "auto": after yield the unload-reload branch through the preload, else the elastic tangent of the states on
+            the loading (column k_n_elastic), else "paper" with a warning; before yield "table". By name:
+            "unload-reload" (branch computed about the preload), "elastic" (the elastic tangent), "table" (the points
+            of the loading), "paper" (power law of `Curve.fit`, as a reversible spring).
+        load: preload (force); default half of the largest force of the curve.
+        overload: for "auto", greatest force before the vibration (force); default that of the unloading through the
+            preload, if there is one, else the preload. Equal to the preload, it is the weight itself.
+        extrapolate: whether the laws by name continue beyond their last point; "auto" and "paper" always do.
+
+    Raises:
+        InputError: the law is unknown, or the curve does not contain what it needs.
+        RangeError: the curve does not reach the load.
+
+    Examples:
+        >>> from asperity.dynamics import law_from
+        >>> delta = np.linspace(0.0, 1.0, 11)
+        >>> law, load = law_from({"delta": delta, "force": 2.0 * delta**1.5})
+        >>> print(law.describe(), "preload", load)
+        table, 10 points, interpolated preload 1.0
+        >>> law_from({"delta": delta, "force": 2.0 * delta**1.5}, "paper")[0].describe()
+        'power law n = 1.5, K = 2'
+    """
+    if isinstance(source, Law):
+        return source, source.default_load if load is None else load
+    choice = choose(CurveColumns.of(source), law, load, overload=overload, extrapolate=extrapolate)
+    if choice.note:
+        warnings.warn(choice.note, AsperityWarning, stacklevel=2)
+    return choice.law, choice.load
+
+
+def choose(
+    columns: CurveColumns,
+    law: str = "auto",
+    load: float | None = None,
+    *,
+    overload: float | None = None,
+    extrapolate: bool = False,
+) -> Choice:
+    """Choose the law of a curve for the vibration about a preload.
+
+    Args:
+        columns: of the curve.
+        law, load, overload, extrapolate: see `law_from`.
+
+    Raises:
+        InputError: an argument is not legal, or the curve does not contain what it needs.
+        RangeError: the curve does not reach the load.
+    """
+    if law not in LAWS:
+        raise InputError(f'law = "{law}" is unknown: choose one of {", ".join(LAWS)}')
+    top = float(np.max(columns.force))
+    load = 0.5 * top if load is None else positive("load", load)
+    if overload is not None:
+        if law != "auto":
+            raise InputError(f'overload = {overload:g} cannot go with law = "{law}": it is for law = "auto"')
+        if not load * (1 - _SAME) <= overload <= top * (1 + _SAME):
+            raise InputError(
+                f"overload = {overload:g} must lie between the preload {load:g} and {top:g}, the greatest force of the "
+                "curve; compute the curve further"
+            )
+    if law != "auto":
+        found = law_named(columns, law, load, extrapolate=extrapolate)
+        yielded = columns.yielded(top if law == "unload-reload" else load)
+        reached = load if law == "elastic" else None
+        if law == "unload-reload" and isinstance(found, TableLaw):
+            reached = _top(found)
+        return Choice(law, found, load, reached if yielded else None, yielded, "named")
+    if not 0 < load <= top * (1 + _SAME):
+        raise _beyond(load, top)
+    return _automatic(columns, min(load, top), None if overload is None else min(overload, top))
+
+
+def law_named(columns: CurveColumns, name: str, load: float, *, extrapolate: bool = False) -> Law:
+    """Return a law of `NAMES` about a preload (force).
+
+    Raises:
+        InputError: the curve does not contain what the law needs.
+        RangeError: the law does not reach the load.
+    """
+    if name == "unload-reload":
+        return unload_reload(columns, load, extrapolate=extrapolate)
+    if name == "table":
+        return TableLaw.from_curve(columns, extrapolate=extrapolate)
+    if name == "elastic":
+        return elastic_tangent(columns, load, unloading=_passes(columns, load), extrapolate=extrapolate)
+    delta, force = columns.delta[columns.loading], columns.force[columns.loading]
+    length, unit = float(delta.max(initial=0.0)), float(force.max(initial=0.0))
+    if not (length > 0 and unit > 0):
+        raise InputError("the loading branch of the curve never makes contact: no power law can be fitted")
+    _check_rising(delta, force)
+    if load > unit * (1 + _SAME):
+        raise _beyond(load, unit)
+    rows = fitted_rows(delta, force)
+    return PowerLaw.from_fit(fit_power_law(delta[rows] / length, force[rows] / unit), length, unit)
+
+
+def unload_reload(curve: Any, load: float | None = None, **options: Any) -> TableLaw:
+    """Return the physical law of a plastic contact about a preload: the last unload-reload loop of a curve.
+
+    The law is the reloading of the last closed loop, up to the point where its unloading began. Without a closed
+    loop it is the last unloading, including that point. Its slopes are the elastic stiffness of the rows (column
+    k_n_elastic), if known. The approach is measured from the row at which the contact separates. Without such a row the
+    law ends at zero force with the power that its lowest rows have.
+
+    Args:
+        curve: a `Curve`, CSV file or mapping with delta, force and branch.
+        load: preload that the loop must reach (force), or None.
+        **options: see `TableLaw`.
+
+    Raises:
+        InputError: the curve has no unloading rows, or no branch with enough of them in contact.
+        RangeError: no branch reaches the preload.
+
+    Examples:
+        A contact that separates at a residual indentation of 0.3:
+
+        >>> up, down = np.linspace(0.0, 1.0, 21), np.linspace(0.95, 0.3, 14)
+        >>> curve = {
+        ...     "delta": [*up, *down],
+        ...     "force": [*up**1.5, *((down - 0.3) / 0.7) ** 1.5],
+        ...     "branch": ["load"] * 21 + ["unload"] * 14,
+        ... }
+        >>> law = asp.unload_reload(curve, load=0.5)
+        >>> round(law.origin, 4), round(law.deflection(0.5), 4)
+        (0.3, 0.441)
+    """
+    columns = curve if isinstance(curve, CurveColumns) else CurveColumns.of(curve)
+    found = columns.unloadings()
+    if not found:
+        raise InputError("the curve has no unloading branch: compute one with loading.unload = true")
+    force = columns.force
+    enough = [rows for rows in found if _touching(columns, rows).size >= MIN_POINTS] or found
+    reaching = [rows for rows in enough if load is None or force[rows].max() >= load * (1 - _SAME)]
+    if not reaching:
+        top = max(float(force[rows].max()) for rows in enough)
+        raise RangeError(f"preload = {load:g} exceeds the unload-reload branch, which ends at force {top:g}")
+    about = [rows for rows in reaching if load is None or force[rows].min() < load] or reaching
+    return _branch(columns, about[0], **options)
+
+
+def _touching(columns: CurveColumns, rows: Array) -> Array:
+    return rows[columns.force[rows] > TOUCH * columns.force[rows].max()]
+
+
+def _branch(columns: CurveColumns, rows: Array, **options: Any) -> TableLaw:
+    """Return the law through the rows of an unloading or a reloading."""
+    rows = rows[np.argsort(columns.delta[rows], kind="stable")]
+    touching = _touching(columns, rows)
+    free = np.setdiff1d(rows, touching)
+    z, F, k = columns.delta[touching], columns.force[touching], columns.elastic[touching]
+    if free.size == 1 or (free.size and touching.size < MIN_POINTS):
+        origin = float(columns.delta[free].max())
+    elif touching.size > 1 and np.all(k[:2] > 0) and not free.size:
+        origin = float(z[0] - TableLaw.of_stiffness(F[:2], k[:2]).z[0])
+    else:
+        origin = fit_origin(columns.delta[rows], columns.force[rows])  # measured rows: none lies at the separation
+    known = bool(np.any(k > 0)) or touching.size < MIN_POINTS
+    return TableLaw(z, F, origin=origin, k=k if known else None, name="unload-reload branch", **options)
+
+
+def elastic_tangent(
+    columns: CurveColumns, load: float, *, unloading: bool = False, extrapolate: bool = False
+) -> TableLaw:
+    """Return the law with the elastic stiffness of the states on a branch.
+
+    Args:
+        columns: of the curve.
+        load: preload that the branch must reach (force).
+        unloading: take the last unloading instead of the first loading.
+        extrapolate: see `TableLaw`.
+
+    Raises:
+        InputError: fewer than two rows of the branch have an elastic stiffness.
+        RangeError: they end below the load.
+    """
+    rows = columns.rows_of(unloading=unloading)
+    rows = rows[(columns.force[rows] > 0) & (columns.elastic[rows] > 0)]
+    if rows.size < 2:
+        raise InputError(
+            f"the curve has the elastic stiffness k_n_elastic in {rows.size} rows of the branch, at least 2 are "
+            "needed: compute it with output.stiffness = true"
+        )
+    force = columns.force[rows]
+    if load > force[-1] * (1 + _SAME):
+        raise RangeError(
+            f"load = {load:g} lies outside the rows with an elastic stiffness, which end at force {force[-1]:g}"
+        )
+    name = f"elastic tangent of the {'unloading' if unloading else 'loading'}"
+    return TableLaw.of_stiffness(force, columns.elastic[rows], name=name, extrapolate=extrapolate)
+
+
+def _automatic(columns: CurveColumns, load: float, overload: float | None) -> Choice:
+    leg, lack = _leg(columns, load)
+    met = overload if overload is not None else load if leg is None else _top(leg)
+    yielded = columns.yielded(met)
+    if not yielded:
+        why = "nothing has yielded up to the preload" if yielded is False else "the curve does not show that it yields"
+        try:
+            return Choice("table", law_named(columns, "table", load, extrapolate=True), load, None, yielded, why)
+        except InputError:
+            found = law_named(columns, "paper", load)
+            return Choice("paper", found, load, None, yielded, "the points of the loading do not rise")
+    above = _above(columns)
+    if leg is not None and met >= _top(leg) * (1 - 1e-6):
+        whole = leg if above is None else leg.yielding(above, min(_top(leg), float(above.F[-1])))
+        return Choice("unload-reload", whole, load, _top(leg), True, "yielded, and unloaded through the preload", lack)
+    try:
+        tangent = elastic_tangent(columns, met, extrapolate=True)
+    except AsperityError as error:
+        if overload is not None:
+            raise InputError(
+                f"overload = {overload:g} lies below the force at which the curve unloads: its branch needs the "
+                "elastic stiffness of the loading; compute the curve with output.stiffness = true, or load it to the "
+                "overload"
+            ) from error
+        return Choice(
+            "paper", law_named(columns, "paper", load), load, None, True, "yielded, no other law", lack or LACK
+        )
+    if overload is None:
+        return Choice("elastic", tangent, load, load, True, "yielded, and the elastic stiffness is known", lack)
+    if above is None:
+        raise InputError("the points of the loading do not rise, so nothing is known above the overload: smooth them")
+    reason, note = "yielded up to the overload, with the elastic stiffness", ""
+    bounds: tuple[Law, ...] = ()
+    if met > load * (1 + 1e-6):
+        tangent, bounds, note = _between(tangent, leg, load, met)
+    return Choice("elastic", tangent.yielding(above, met), load, met, True, reason, note, bounds)
+
+
+def _between(loading: TableLaw, leg: TableLaw | None, load: float, met: float) -> tuple[TableLaw, tuple[Law, ...], str]:
+    """Return the branch of an overload from which the curve does not unload, other laws that bound it, and a note.
+
+    The stiffness is known on the loading, where the branch begins, and on the unloading from the end of the curve. The
+    branch goes from the shape of that unloading, over forces and stiffnesses of its own beginning, to that unloading
+    itself at light forces, where the overload hardly matters.
+
+    Args:
+        loading: elastic tangent of the states on the loading.
+        leg: the unloading from the end of the curve, None where it is unknown.
+        load, met: preload and overload (force).
+    """
+    k_met, k_load = (float(loading.stiffness(loading.deflection(force))) for force in (met, load))
+    if leg is not None and leg.F.size > 1:
+        shape = leg.scaled(met / _top(leg), k_met / float(leg.slopes[-1]))
+        share, end = shape.F / met, leg.both(np.array([leg.deflection(force) for force in shape.F]))[1]
+        k = shape.slopes**share * end ** (1.0 - share)
+        branch = TableLaw.of_stiffness(shape.F, k, name="branch of the overload", extrapolate=True)
+        ends = (float(law.stiffness(law.deflection(load))) for law in (shape, leg))
+        return (
+            branch,
+            (shape, leg),
+            f"the curve does not unload from the overload {met:.5g}: its branch is interpolated between that of the "
+            f"end of the curve and the loading, and k_n is about {' to '.join(f'{x:.5g}' for x in sorted(ends))}",
+        )
+    return (
+        loading,
+        (loading.scaled(1.0, k_met / k_load),),
+        f"the curve does not unload from the overload {met:.5g}: k_n lies between {k_load:.5g}, that of the loading at "
+        f"the preload, which is taken, and {k_met:.5g}, that at the overload; compute it with loading.unload = true",
+    )
+
+
+def _passes(columns: CurveColumns, load: float) -> bool:
+    """Return whether an unloading or reloading passes through a preload."""
+    after = columns.force[~columns.loading]
+    return bool(np.any(after <= load)) and any(
+        columns.force[rows].max() >= load * (1 - _SAME) for rows in columns.unloadings()
+    )
+
+
+def _leg(columns: CurveColumns, load: float) -> tuple[TableLaw | None, str]:
+    """Return the unload-reload branch that passes through a preload, None if there is none, and a doubt or ""."""
+    if not _passes(columns, load):
+        return None, ""
+    try:
+        leg = unload_reload(columns, load)
+    except AsperityError as error:
+        return None, f"the unloading through the preload gives no law: {error}; {_more_rows()}"
+    least = MIN_ROWS[leg.k is not None and not np.isnan(leg.k).any()]
+    if leg.z.size >= least:
+        return leg, ""
+    return leg, (
+        f"the unloading through the preload has {leg.z.size} rows in contact, and at least {least} show its "
+        f"curvature; {_more_rows()}"
+    )
+
+
+def _more_rows() -> str:
+    return f"compute it with loading.unload_steps = {MIN_POINTS} or more, and output.stiffness = true"
+
+
+def _top(leg: TableLaw) -> float:
+    """Return the greatest force of an unload-reload branch."""
+    return float(leg.F[-1])
+
+
+def _above(columns: CurveColumns) -> TableLaw | None:
+    """Return the loading curve, continued beyond its end; None where its points do not rise."""
+    try:
+        return TableLaw.from_curve(columns, extrapolate=True)
+    except InputError:
+        return None
+
+
+def _beyond(load: float, top: float) -> RangeError:
+    return RangeError(
+        f"load = {load:g} lies outside the curve, which ends at force {top:g}; lower the load, or compute the curve "
+        "further"
+    )
+
+
+def _check_rising(delta: Array, force: Array) -> None:
+    """Refuse a curve whose force falls by more than noise: a power law cannot describe it."""
+    f = force[np.argsort(delta, kind="stable")]
+    fall = np.maximum.accumulate(f) - f
+    if fall.max() > _NOISE * f.max():
+        row = int(fall.argmax())
+        raise InputError(
+            f"the force of the curve does not rise with the approach: it falls from {f[:row].max():g} to {f[row]:g}, "
+            f"by more than {100 * _NOISE:g} % of its largest value, the limit for noise: smooth it"
+        )

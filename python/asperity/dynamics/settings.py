@@ -1,0 +1,151 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Settings of a vibration analysis. Each default is here, and the section [dynamics] of a case takes it from here."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from asperity.dynamics.forcing import forcings, window
+from asperity.dynamics.joint import Joint, loads_of_case
+from asperity.dynamics.law.damping import Damping
+from asperity.errors import InputError
+
+MODELS = ("exact", "taylor")
+#: Laws of a curve by name, those of a contact that has yielded first.
+NAMES = ("unload-reload", "elastic", "table", "paper")
+LAWS = ("auto", *NAMES)
+#: Rows in contact that show the curvature of an unloading, without and with the stiffness of each.
+MIN_ROWS = (5, 3)
+
+
+@dataclass(frozen=True)
+class DynamicsSettings:
+    """What is computed of a vibration, in the units of its source.
+
+    Attributes:
+        law: "auto", "unload-reload", "elastic", "table" or "paper", see `law_from`; of no use for a `Law`.
+        preload: static force W (force); default that of the joint, or half of the largest force of the curve.
+        overload: greatest force before the vibration (force), see `law_from`.
+        gravity: gravitational acceleration (length/time^2), used for mass and omega_s only, where no joint has a mass;
+            default 9.80665 with SI units.
+        zeta: damping ratio of small motion, 0 <= zeta < 1.
+        damping: "always", "contact", "hunt-crossley", or "loops": in addition to zeta that of the loops.csv of a run
+            directory (or a `LoopDamping`).
+        forcing: F^ = F/(n_loc W), one or several, each 1e-9 to 1e6.
+        model: "exact" and/or "taylor".
+        omega: lowest and highest Omega = omega/omega_s, 0.01 to 100.
+        sweeps: also integrate sweeps up and down (half a second per forcing; not for zeta = 0).
+        detached: also search for branches that no other branch reaches (several seconds).
+        bands: also carry the uncertainty of the law to the response (about 1 s per forcing).
+        tol: relative truncation error of the response.
+        extrapolate: continue the laws "table" and "unload-reload" beyond their last point, along the last slope in
+            (ln z, ln F); "auto" always does.
+        joint: nominal area, preload and mass. With a joint all forces are those of the joint, and the mass is that of
+            the joint, not the preload over gravity.
+        patch_area: nominal area of the curve (length^2).
+        units: "SI" or "other"; with "other" and no `gravity`, mass and omega_s are left out. Default SI, with a note.
+
+    Raises:
+        InputError: a value is not legal.
+
+    Examples:
+        >>> from asperity.dynamics import DynamicsSettings
+        >>> settings = DynamicsSettings(forcing=0.02).replaced(omega=[0.9, 1.1], zeta=None)
+        >>> settings.forcing, settings.omega, settings.zeta
+        ((0.02,), (0.9, 1.1), 0.01)
+    """
+
+    law: str = "auto"
+    preload: float | None = None
+    overload: float | None = None
+    gravity: float | None = None
+    zeta: float = 0.01
+    damping: Damping = "always"
+    forcing: tuple[float, ...] = (0.01,)
+    model: tuple[str, ...] = MODELS
+    omega: tuple[float, float] = (0.5, 1.3)
+    sweeps: bool = False
+    detached: bool = False
+    bands: bool = True
+    tol: float = 1e-5
+    extrapolate: bool = False
+    joint: Joint | None = None
+    patch_area: float | None = None
+    units: str | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "forcing", forcings(self.forcing))
+        object.__setattr__(self, "omega", window(self.omega))
+        object.__setattr__(self, "model", (self.model,) if isinstance(self.model, str) else tuple(self.model))
+        for name in self.model:
+            if name not in MODELS:
+                raise InputError(f'model = "{name}" is unknown: choose one of {", ".join(MODELS)}')
+        if not self.model:
+            raise InputError("model is empty: choose exact, taylor or both")
+        if self.units not in (None, "SI", "other"):
+            raise InputError(f'units = "{self.units}" is unknown: choose SI or other')
+
+    @classmethod
+    def of_case(cls, case: Mapping[str, Any], joint: Joint | None = None) -> DynamicsSettings:
+        """Return the settings of a completed case; the preload of its patch becomes that of the joint.
+
+        Args:
+            case: sections of the case, as `Case.to_dict` returns them; empty for the defaults.
+            joint: instead of that of the case.
+        """
+        known = {field.name for field in fields(cls)}
+        given = {name: value for name, value in case.get("dynamics", {}).items() if name in known}
+        if joint is None and "joint" in case:
+            joint = Joint(**case["joint"])
+        length = case.get("surface", {}).get("L")
+        patch = None if length is None else float(length) ** 2
+        preload, overload = loads_of_case(given.get("preload"), given.get("overload"), joint, patch)
+        given |= {"preload": preload, "overload": overload, "units": case.get("units"), "patch_area": patch}
+        return cls(**given).replaced(joint=joint, preload=preload, overload=overload)
+
+    @classmethod
+    def of_source(cls, source: Any, joint: Joint | None = None) -> DynamicsSettings:
+        """Return the settings of the case in a run directory, or beside its curve.csv; the defaults without one.
+
+        Args:
+            source: of the curve.
+            joint: instead of that of the case.
+        """
+        return cls.of_case(case_of(source), joint)
+
+    def replaced(self, **changes: Any) -> DynamicsSettings:
+        """Return the settings with other values, None for no change.
+
+        The overload does not outlive a change of law or preload, and the damping ratio becomes that of a new joint.
+        """
+        new = {name: value for name, value in changes.items() if value is not None}
+        if unknown := new.keys() - {field.name for field in fields(self)}:
+            names = ", ".join(field.name for field in fields(self))
+            raise InputError(f"{min(unknown)} is no setting of the vibration: choose from {names}")
+        if new.keys() & {"law", "preload"}:
+            new.setdefault("overload", None)
+        joint = new.get("joint")
+        if joint is not None and joint.damping is not None:
+            new.setdefault("zeta", joint.damping)
+        return replace(self, **new)
+
+
+def case_of(source: Any) -> dict[str, Any]:
+    """Return the completed case of a run directory, or of the curve.csv in one; empty if there is none."""
+    if not isinstance(source, (str, os.PathLike)):
+        return {}
+    path = Path(source)
+    folder = path if path.is_dir() else path.parent
+    if folder != path and path.name != "curve.csv":
+        return {}
+    try:
+        return tomllib.loads((folder / "case.toml").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}

@@ -1,0 +1,198 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Laws of a curve against closed forms: few rows, overloads, kinks, light preloads; one frequency; the band."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import asperity as asp
+from asperity.case import Case
+from asperity.dynamics import DynamicsSettings, PowerLaw, TableLaw, law_from, run_dynamics, unload_reload
+from asperity.errors import AsperityWarning, InputError, RangeError
+
+QUICK: dict[str, Any] = {"model": "exact", "omega": (0.9, 0.91), "bands": False, "units": "SI"}
+
+
+def joint(rows: int, top: float = 1.0, *, stiffness: bool = True, unload: bool = True) -> dict[str, Any]:
+    """Curve of a contact that yields from the beginning, F = z^1.2, and unloads from a force M by F = K z^1.5.
+
+    K = 2 M^0.3 depends on the overload, so the elastic stiffness does: k = 1.5 K^(2/3) F^(1/3).
+
+    Args:
+        rows: rows of the unloading in contact, the top among them; the last row is the separation.
+        top: greatest force.
+        stiffness: whether there is a column k_n_elastic.
+        unload: whether there is an unloading.
+    """
+    up = np.linspace(0.0, top ** (1 / 1.2), 41)[1:]
+    force, depth = up**1.2, (top / (2.0 * top**0.3)) ** (1 / 1.5)
+    down = top * np.arange(rows - 1, -1, -1) / rows if unload else np.empty(0)
+    delta = np.append(up, up[-1] - depth + (down / (2.0 * top**0.3)) ** (1 / 1.5))
+    met = np.append(force, np.full(down.size, top))
+    curve = {"delta": delta, "force": np.append(force, down), "max_plastic_strain": np.full(delta.size, 0.01)}
+    curve["branch"] = np.array(["load"] * up.size + ["unload"] * down.size)
+    if stiffness:
+        curve["k_n_elastic"] = np.where(curve["force"] > 0, elastic(curve["force"], met), 0.0)
+    return curve
+
+
+def elastic(force: Any, met: Any) -> Any:
+    """Elastic stiffness at a force after a greatest force."""
+    return 1.5 * (2.0 * np.asarray(met) ** 0.3) ** (2 / 3) * np.asarray(force) ** (1 / 3)
+
+
+def rough(z: Any) -> tuple[Any, Any]:
+    """Force and stiffness of a contact whose exponent rises from 1.3 to 2.6 with the approach."""
+    z = np.asarray(z, float)
+    return z**1.3 + 3.0 * z**3, 1.3 * z**0.3 + 9.0 * z**2
+
+
+@pytest.mark.parametrize("rows", [5, 10, 100])
+def test_the_law_after_yield_does_not_depend_on_the_rows(rows: int) -> None:
+    """Exponent, curvature, approach and frequencies lie within their bars of the closed form, with few rows too."""
+    z = np.linspace(1.0, 0.0, rows + 1)
+    force, k = rough(z)
+    up = np.linspace(0.0, 1.4, 30)[1:]
+    curve = {
+        "delta": np.append(up, 0.4 + z[1:]), "force": np.append(4.0 * up / 1.4, force[1:]),
+        "k_n_elastic": np.append(np.append(np.full(28, 9.0), k[0]), k[1:]),
+        "branch": ["load"] * 29 + ["unload"] * rows,
+    }  # fmt: skip
+    law = unload_reload(curve, 1.5, extrapolate=True)
+    assert law.origin == pytest.approx(0.4, abs=1e-12)
+    o, fine = asp.ContactOscillator(law, load=1.5), np.linspace(0.0, 1.2, 4001)[1:]
+    exact = asp.ContactOscillator(TableLaw(fine, rough(fine)[0], k=rough(fine)[1]), load=1.5)
+    known = asp.uncertainty(o)
+    assert known.n_loc.half < 0.05 and known.z_s.half < 0.01 * known.z_s.value
+    for name in ("n_loc", "z_s", "kappa"):
+        interval = getattr(known, name)
+        assert interval.low <= getattr(exact.restoring, name) <= interval.high, name
+    assert o.omega_s == pytest.approx(exact.omega_s, rel=5e-3)
+    found, true = (x.omega_s * x.free([0.15, 0.4]).omega_ratio for x in (o, exact))
+    np.testing.assert_allclose(found, true, rtol=5e-3)
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3])
+def test_an_unloading_of_few_rows_is_a_law_by_its_slopes(rows: int) -> None:
+    """And not a joint that was never overloaded; where the rows cannot show the curvature, a note reports it."""
+    result = run_dynamics(joint(rows), preload=0.3, **QUICK)
+    assert result.laws is not None and result.laws.choice.name == "unload-reload"
+    assert result.numbers.stiffness == pytest.approx(float(elastic(0.3, 1.0)), rel=1e-9)
+    assert any(f"has {rows} rows in contact" in note for note in result.notes) is (rows < 3)
+
+
+def test_few_rows_without_stiffness_are_doubted() -> None:
+    with pytest.warns(AsperityWarning, match="has 2 rows in contact, and at least 5 show its curvature"):
+        law_from(joint(2, stiffness=False), load=0.3)
+    with pytest.warns(AsperityWarning, match=r"gives no law: .* loading\.unload_steps = 5 or more"):
+        law_from(joint(1, stiffness=False), load=0.3)
+
+
+def test_check_warns_of_an_unloading_of_few_rows() -> None:
+    case = {
+        "surface": {"kind": "sphere", "L": 1e-6, "radius": 1e-5},
+        "material": {"E": 200e9, "nu": 0.3, "yield_strength": 1e9, "tangent_modulus": 1e10},
+        "loading": {"delta_max": 1e-8, "unload": True, "unload_steps": 2},
+        "dynamics": {},
+    }
+    with pytest.warns(UserWarning, match=r"loading\.unload_steps = 2 .* at least 5 .* output\.stiffness = true"):
+        Case.from_dict(case).problem()
+    with pytest.warns(UserWarning, match="at least 3"):
+        Case.from_dict({**case, "output": {"stiffness": True}}).problem()
+
+
+@pytest.mark.parametrize("met", [0.4, 0.6, 0.9])
+def test_an_overload_below_the_end_of_the_curve_has_its_own_branch(met: float) -> None:
+    """Its stiffness is neither that of the loading at the preload nor that of the unloading from the end."""
+    exact = float(elastic(0.3, met))
+    result = run_dynamics(joint(10), preload=0.3, overload=met, **QUICK)
+    assert result.numbers.stiffness == pytest.approx(exact, rel=0.06)
+    assert result.uncertainty is not None
+    ratio = math.sqrt(exact / result.numbers.stiffness) * result.first.omega_s
+    assert result.uncertainty.omega_s.low <= ratio <= result.uncertainty.omega_s.high
+    assert any("does not unload from the overload" in note for note in result.notes)
+    alone = run_dynamics(joint(10, unload=False), preload=0.3, overload=met, **QUICK)
+    assert any("k_n lies between" in note and "loading.unload = true" in note for note in alone.notes)
+    f, spread = alone.numbers.frequency, alone.uncertainty
+    assert spread is not None and alone.numbers.frequency_bar > 0
+    true = f * math.sqrt(exact / alone.numbers.stiffness)
+    assert f < true <= spread.omega_s.high / (2 * math.pi)
+
+
+def test_a_kink_above_the_preload_does_not_change_small_motion() -> None:
+    """F = z, three times as steep beyond 1.025: small motion about F = 1 is linear."""
+    z = np.linspace(0.0, 2.0, 601)[1:]
+    law = TableLaw(z, np.where(z < 1.025, z, 1.025 + 3.0 * (z - 1.025)))
+    r = asp.ContactOscillator(law, load=1.0).restoring
+    assert r.scale / r.z_s == pytest.approx(1.0, rel=1e-12) and abs(r.kappa) < 1e-12
+    assert TableLaw(z[::30], z[::30]).kappa(1.0) == pytest.approx(0.0, abs=1e-12)
+    exact = TableLaw(z, np.exp(z) - 1.0)  # smooth: as from its derivatives, z^2/48 (3 - 5)
+    assert exact.kappa(1.0) == pytest.approx(-2 / 48, abs=2e-3)
+
+
+def test_the_stiffness_falls_with_a_light_preload_or_the_preload_is_refused() -> None:
+    z = np.linspace(0.1, 1.0, 19)
+    law = TableLaw(z, z**1.5 + 0.1 * z**3)
+    loads = np.geomspace(1e-9, float(law.F[0]), 9)
+    stiffness = [law.derivatives(law.deflection(load))[0] for load in loads]
+    assert np.all(np.diff(stiffness) > 0)
+    assert "power 1.5" in law.doubts(1e-9)[0]
+    offset = TableLaw(z, z**1.5 + 1.0)  # its approach is not from first contact
+    with pytest.raises(RangeError, match=r"below the first point .* stiffness would rise as the load falls"):
+        offset.deflection(0.5)
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.9])
+def test_there_is_one_frequency(share: float) -> None:
+    """Printed frequency, slope of the law, and the limit of free vibration at small amplitude are the same."""
+    z = np.linspace(0.0, 1.0, 21)[1:]
+    second = np.maximum(z - 0.26, 0.0)  # the next summit is touched
+    curve = {"delta": z, "force": z**1.3 + 40 * second**1.5 / (1 + 6 * second)}
+    result = run_dynamics(curve, preload=share * float(curve["force"][-1]), **QUICK)
+    o, laws = result.first, result.laws
+    assert laws is not None
+    slope = float(o.law.stiffness(o.restoring.z_s))
+    assert result.numbers.stiffness == pytest.approx(slope, rel=1e-12)
+    assert laws.chosen.frequency == pytest.approx(result.numbers.frequency, rel=1e-12)
+    assert float(o.free(1e-5).omega_ratio[0]) == pytest.approx(1.0, abs=1e-4)
+    assert f"f = {result.numbers.frequency:.5g} +- " in result.numbers.sentence("SI")
+
+
+@pytest.mark.parametrize("zeta", [0.02, 0.1])
+def test_the_band_holds_every_law_and_has_no_needles(zeta: float) -> None:
+    """Laws of any stiffness in the interval, each solved on its own, lie within it, and it has one peak."""
+    force = 0.02
+    o = asp.ContactOscillator(PowerLaw(1.5), load=1.0, zeta=zeta)
+    members = [PowerLaw(1.5, K) for K in (0.9, 1.1)]
+    band = asp.response_band(o, force, (0.8, 1.2), members=members, points=81)
+    slopes = np.sign(np.diff(band.upper[1]))
+    assert np.count_nonzero(np.diff(slopes[slopes != 0])) <= 1
+    highest = np.zeros(81)
+    for K in np.linspace(0.9, 1.1, 9):
+        one = asp.ContactOscillator(PowerLaw(1.5, float(K)), load=1.0, zeta=zeta)
+        ratio, size = one.omega_s / o.omega_s, one.restoring.z_s / o.restoring.z_s
+        response = one.response(force, (0.7, 1.35), tol=1e-4)
+        for i, omega in enumerate(band.Omega):
+            stable = [s.u_max for s in response.at(float(omega / ratio)) if s.stable]
+            high = size * max(stable)
+            assert band.upper[0, i] * (1 - 2e-3) <= high <= band.upper[1, i] * (1 + 2e-3)
+            highest[i] = max(highest[i], high)
+    sides = (band.Omega < 0.93) | (band.Omega > 1.05)  # away from the peak the laws are dense enough
+    np.testing.assert_allclose(band.upper[1, sides], highest[sides], rtol=3e-3)
+
+
+def test_the_case_and_the_settings_have_the_same_defaults() -> None:
+    case = Case.from_dict({
+        "surface": {"kind": "sphere", "L": 1e-6, "radius": 1e-5}, "material": {"E": 200e9, "nu": 0.3},
+        "loading": {"delta_max": 1e-8}, "dynamics": {},
+    })  # fmt: skip
+    found = DynamicsSettings.of_case(case.to_dict())
+    assert found == DynamicsSettings(units="SI", patch_area=1e-12)
+    with pytest.raises(InputError, match="modle is no setting of the vibration: choose from law, preload"):
+        run_dynamics(PowerLaw(1.5), modle="exact")
