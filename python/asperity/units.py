@@ -1,13 +1,14 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Numbers with SI prefixes, for tables and the axes of figures."""
+"""Units of length in files, and numbers with SI prefixes, for tables and the axes of figures."""
 
 from __future__ import annotations
 
 import math
 
 _PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T", 15: "P"}
+LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "nm": 1e-9, "pm": 1e-12}  # in m
 
 
 def prefix(value: float, unit: str) -> tuple[float, str]:

@@ -21,7 +21,7 @@ from asperity.model.two_bodies import SumSurface, composite_modulus, equivalent_
 from asperity.surface import SelfAffine, Sinusoid, Sphere, Surface, WeierstrassMandelbrot, measured
 from asperity.surface.fractal_fit import fit_fractal
 from asperity.surface.measured import HeightField
-from asperity.surface.self_affine_fit import fit_self_affine, rms_over_cutoff
+from asperity.surface.self_affine_fit import fit_self_affine
 from asperity.surface.statistics import psd
 
 L = 1e-6
@@ -323,14 +323,6 @@ def test_a_power_law_over_the_whole_patch_has_no_roll_off() -> None:
     q = 2 * math.pi / np.array([fit.lambda_long, fit.lambda_short])
     assert fit.density(q)[0] == pytest.approx(fit.C0)
     assert fit.density(q)[1] / fit.C0 == pytest.approx((q[1] / q[0]) ** (-2 - 2 * fit.H))
-
-
-def test_rms_values_over_the_cutoff_are_those_of_surfaces_with_fewer_waves() -> None:
-    surface = SelfAffine(L=1.0, H=0.8, slope=0.3, lambda_roll=0.1, lambda_short=0.01)
-    cutoffs = np.array([0.05, 0.02, 0.004])
-    spectrum = surface.psd(512, window="none")
-    exact = [surface.with_cutoff(float(c)).exact_rms()[:2] for c in np.maximum(cutoffs, 0.01)]
-    np.testing.assert_allclose(np.transpose(rms_over_cutoff(spectrum, cutoffs)), exact, rtol=0.05)
 
 
 def test_a_patch_without_waves_has_no_hurst_exponent() -> None:

@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from asperity.adaptive.mesh_plan import (
-    DOFS_ORDER,
     FIRST,
     FIRST_STEP,
     GUIDE,
@@ -52,7 +51,6 @@ NODES, NODES_OF_GROWTH = 4.5, 19.0
 TYPICAL_BAR = 0.06  # relative, of the second mesh of a run driven by a tolerance
 TYPICAL_STEP_BAR = {MIDPOINT: 0.005, STICK: 0.01, BACKWARD_EULER: 0.1}  # relative, of whole load steps
 LEFT_OUT = 1.0  # height of the waves that the last mesh leaves out, over the approach times the tolerance
-CUTOFF = 3.0  # wavelength of a cut-off over the elements that resolve what it leaves: 6 % pass at half of it
 MOST_DOFS = 1e8  # that are counted
 
 
@@ -142,17 +140,17 @@ class Estimate:
         """Time of one core for everything."""
         return sum(level.seconds for level in self.strain + self.levels)
 
-    def cutoff(self, max_dofs: int) -> float:
-        """Cut-off of the surface, as of a Gaussian filter, that meshes of `max_dofs` dofs probably resolve [length]."""
-        last = self.levels[-1]
-        return CUTOFF * last.h_contact * (last.dofs / max_dofs) ** (1.0 / DOFS_ORDER)
 
-
-def estimate(case: Case, ranks: int = 1) -> Estimate:
+def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Estimate:
     """Estimate the cost of a case, without meshing or solving it.
 
     Of kinematics = "auto" the meshes are counted in small strain. With `accuracy.tolerance` they are those a run plans
     for a usual error of its first mesh, and finer ones where the waves that the last one leaves out take them.
+
+    Args:
+        case: the input
+        ranks: that share the work
+        surface: in place of that of the case
 
     Raises:
         InputError: the case is driven by a force, so its approach is not known yet; or it has more than MOST_DOFS.
@@ -172,7 +170,8 @@ def estimate(case: Case, ranks: int = 1) -> Estimate:
             f"an estimate needs loading.delta_max: the approach at loading.{case.loading.driver} is only known after a "
             f"run; replace it, for example --set loading.{case.loading.driver}= --set loading.delta_max=2e-8"
         )
-    surface, rates = case.build_surface(), PLASTIC if case.material.yield_strength is not None else ELASTIC
+    surface = case.build_surface() if surface is None else surface
+    rates = PLASTIC if case.material.yield_strength is not None else ELASTIC
     levels: list[MeshEstimate] = []
     tolerance, plastic = case.accuracy.tolerance, case.material.yield_strength is not None
     flowing = plastic and tolerance is not None and is_rough(surface, case.loading.delta_max, tolerance)

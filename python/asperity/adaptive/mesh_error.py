@@ -38,7 +38,6 @@ from asperity.adaptive.roughness import Omission, Roughness
 from asperity.arrays import Floats
 from asperity.contact.contact_surface import gather_top
 from asperity.curve import Curve
-from asperity.mesh.resolution import advice
 from asperity.model.settings import AccuracyTarget
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.runtime.parallel import on_root_bcast
@@ -146,7 +145,7 @@ class MeshErrorEstimate:
             return Judgement(curve, budget, worst, area, True, known, size, "")
         limit = limit or run.limit(goal, sizes[-1], wanted if room < LEAST_STEP else size, path.substeps)
         if limit and missed is not None:
-            limit += f"; waves shorter than the elements limit it too, {advice(levels[-1].h / max(room, 1.0))}"
+            limit += "; waves shorter than the elements limit it too: cut them off (asperity check tries cut-offs)"
         return Judgement(curve, budget, worst, area, False, known, size, limit)
 
     def _known(self, worst: float, area: float) -> str:

@@ -58,9 +58,11 @@ def show_estimate(title: str, case: Case, ranks: int) -> None:
     Raises:
         InputError: the case is driven by a force, or its first mesh is too large
     """
+    from asperity.adaptive.cutoff import filter_advice
     from asperity.adaptive.estimate import estimate
 
-    found = estimate(case, ranks)
+    surface = case.build_surface()
+    found = estimate(case, ranks, surface)
     rows = [
         (
             f"coarse mesh of h_contact = {level.h_contact:.3g}, {level.steps} steps, {strain} strain",
@@ -78,13 +80,10 @@ def show_estimate(title: str, case: Case, ranks: int) -> None:
     if ranks > 1:
         options.say(f"time on {ranks} ranks: at least {duration(found.seconds / ranks)}, if they share the work evenly")
     if case.accuracy.tolerance is not None:
-        options.say(
-            "finer meshes follow where the error bar of the last one is above the tolerance"
-            if found.enough
-            else f"the next mesh has more than the {case.accuracy.max_dofs} dofs of accuracy.max_dofs: the tolerance "
-            "will probably not be met; for that, cut off what is shorter than about "
-            f"{found.cutoff(case.accuracy.max_dofs):.2g}, or raise accuracy.tolerance"
-        )
+        if advice := filter_advice(case, found, surface):
+            options.say(advice)
+        if found.enough:
+            options.say("finer meshes follow where the error bar of the last one is above the tolerance")
     if case.accuracy.area_tolerance is not None:
         options.say("accuracy.area_tolerance is not in this estimate: it often takes finer meshes")
     if case.material.kinematics == "auto":

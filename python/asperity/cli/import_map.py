@@ -6,6 +6,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,11 +16,14 @@ import click
 
 from asperity.cli import options
 from asperity.errors import InputError
+from asperity.units import LENGTHS
 
 if TYPE_CHECKING:
     from asperity.surface import HeightMap, Spectrum, SurfaceStatistics
     from asperity.surface.fractal_fit import FractalFit
+    from asperity.surface.measured import HeightField
     from asperity.surface.self_affine_fit import SelfAffineFit
+    from asperity.surface.texture import Wave
 
 CASE = """# The measured patch of patch.npz pressed by a rigid flat: set material and approach. SI units.
 
@@ -37,18 +42,25 @@ steps = 10
 [accuracy]
 tolerance = 0.05                 # of the force; without it, one mesh of mesh.h_contact
 """
-CUT = 0.02  # share of the heights above the flat at the approach of the case
-LEAST = 0.02  # that approach over the range of heights, where more of them are equally high
-OVERSHOOT = 0.05  # rise of the interpolation above all heights, over their range, that is no roughness
-SMOOTH = 6  # pixels in the cut-off that keeps the interpolation of an edge below that
 KEPT = 5  # heights per wavelength of the filter that a patch keeps which has too many of them
 HIGH = 8.0  # height of the summit above the mean plane over the rms height that no Gaussian surface reaches
+FORM = 2.5  # Sq of a second-order form over that of the rest; random surfaces without roll-off reach 2
+LARGEST = 0.1  # side of a patch [m]
+SMOOTHEST = 1e-4  # rms slope; below it, heights and distances may have different units
 
 
 @click.command()
 @click.argument("map_file", metavar="MAP")
 @options.output("OUT", "Folder; default out/<name of the file>.")
-@click.option("--pixel", type=float, metavar="LENGTH", help="Distance between heights, where the file has none.")
+@click.option(
+    "--pixel", type=float, metavar="LENGTH", help="Distance between heights in metres, where the file has none."
+)
+@click.option(
+    "--unit",
+    type=click.Choice([name for name in LENGTHS if name.isascii()]),
+    help="Of lengths whose unit the file does not name; default m.",
+)
+@click.option("--missing", type=float, metavar="VALUE", help="Value in the file that stands for a missing height.")
 @click.option("--level", type=click.Choice(["mean", "plane", "curvature"]), default="plane", show_default=True,
               help="Trend to remove.")  # fmt: skip
 @click.option("--window", type=float, nargs=3, metavar="X Y SIDE", help="Square to cut; default the largest.")
@@ -63,6 +75,8 @@ def command(
     map_file: str,
     output: str | None,
     pixel: float | None,
+    unit: str | None,
+    missing: float | None,
     level: str,
     window: tuple[float, float, float] | None,
     despike: bool,
@@ -73,20 +87,21 @@ def command(
 ) -> None:
     """Make a case from a measured height map.
 
-    Levels the map, cuts a square patch, and computes its statistics, spectrum and Hurst exponent. MAP is a .npz, .npy,
-    .csv or .txt file, or a file of an instrument that SurfaceTopography reads. Lengths in metres. OUT receives
-    patch.npz, case.toml to start from, measured.json, surface.png and spectrum.png.
+    Levels the map, cuts a square patch, and computes its statistics, spectrum and Hurst exponent. MAP is .npz or .npy,
+    text (a matrix, or x, y, z, with any separator), or a file of an instrument that SurfaceTopography reads. Lengths in
+    metres. OUT receives patch.npz, case.toml to start from, measured.json, surface.png and spectrum.png.
     """
     from asperity.runtime.files import replace_file
     from asperity.runtime.progress import Progress, StepLines
     from asperity.surface.height_map import MOST, HeightMap
     from asperity.surface.measured import HeightField
-    from asperity.surface.spikes import prominence_of_summit
     from asperity.surface.statistics import psd
+    from asperity.surface.texture import repeating_wave
 
     progress = Progress() if as_json else StepLines()
     progress.stage(f"read {map_file}")
-    whole = HeightField.read(map_file, pixel=pixel)
+    whole = HeightField.read(map_file, pixel=pixel, unit=unit, missing=missing)
+    zeros = whole.odd_zeros()
     ny, nx = whole.z.shape
     if min(nx, ny) > MOST and window is None and cutoff is None:
         raise InputError(
@@ -102,15 +117,16 @@ def command(
     def cut(field: HeightField) -> HeightField:
         return (field.square() if window is None else field.window(*window)).levelled(level)  # type: ignore[arg-type]
 
+    def filtered(cutoff: float) -> HeightField:
+        patch = cut(whole.filtered(cutoff))
+        return patch.thinned(max(1, int(cutoff / (KEPT * patch.dx)))).square() if len(patch.z) > MOST else patch
+
     bare = cut(whole)  # the filter would bend the spectrum near its cut-off
     patch = bare
     if cutoff is not None:
         progress.stage("filter")
-        patch = cut(whole.filtered(cutoff))
-        if len(patch.z) > MOST:
-            patch = patch.thinned(max(1, int(cutoff / (KEPT * patch.dx)))).square()
+        patch = filtered(cutoff)
     patch.check_plausible()
-    spike = prominence_of_summit(bare.z)
     side = bare.size[0]
     shortest = 4 * bare.dx if shortest is None else shortest
     if not 2 * bare.dx <= shortest < side:
@@ -119,46 +135,42 @@ def command(
     folder.mkdir(parents=True, exist_ok=True)
     progress.stage("statistics")
     surface = HeightMap(path=patch.save(folder / "patch.npz"))
-    statistics = surface.statistics(min(len(patch.z), 1025))
-    summit = surface.maximum()
+    statistics, summit = surface.statistics(min(len(patch.z), 1025)), surface.maximum()
     spectrum = psd(bare.z, len(bare.z) * bare.dx)
-    affine = _self_affine(spectrum, shortest)
+    wave = repeating_wave(bare.z, side)
+    affine = _self_affine(spectrum, shortest) if wave is None else None
     fit = None
     if fitted:
         progress.stage("fit of D and G")
         fit = _fractal(bare, shortest, level)
     progress.stage("figures")
     _draw(folder, surface, summit, spectrum, affine, fit)
-    cutoffs = _over_cutoff(spectrum, bare.dx)
+    progress.stage("cut-offs")
+    cutoffs = _over_cutoff(filtered, side, bare.dx)
     about = {"file": map_file, "side": surface.L, "nodes": len(patch.z), "level": level, "cutoff": cutoff}
     about |= {"despike": despike}
     about |= {"statistics": asdict(statistics), "self_affine": None if affine is None else asdict(affine)}
+    about |= {"repeating_wave": None if wave is None else asdict(wave)}
     about |= {"over_cutoff": cutoffs, "fit": None if fit is None else fit.to_dict()}
     replace_file(folder / "measured.json", f"{json.dumps(about, indent=2)}\n".encode())
-    replace_file(folder / "case.toml", _case(surface, summit[2]).encode())
+    replace_file(folder / "case.toml", _case(surface).encode())
     progress.done()
     if as_json:
         options.print_json(about)
         return
-    overshoot = summit[2] - float(surface.heights.max())
-    _show(map_file, surface.L, len(patch.z), statistics, affine, fit, cutoffs)
-    _doubts(surface, statistics, overshoot, spike, affine)
-    _cost(folder / "case.toml")
+    _show(map_file, surface.L, len(patch.z), statistics, affine, fit, cutoffs, cutoff)
+    _doubts(statistics, surface.L, bare, affine, wave, zeros)
+    if not _spike(whole, cut, bare, wave, statistics):
+        _cost(folder / "case.toml", surface)
     options.say(f"written to {folder}; next: asperity check {folder / 'case.toml'}")
 
 
-def _case(surface: HeightMap, summit: float) -> str:
-    """Text of case.toml, with the approach from the summit at which the flat cuts a light share of the heights.
+def _case(surface: HeightMap) -> str:
+    """Text of case.toml, with the approach of a light load."""
+    from asperity.surface.cutoff import approach_of_share, share_of_approach
 
-    The share does not depend on the spectrum. A spike takes all of the approach, up to a tenth of the side: the share
-    that the text names is then nearly nothing.
-    """
-    import numpy as np
-
-    heights = surface.heights
-    wanted = max(summit - float(np.quantile(heights, 1.0 - CUT)), LEAST * float(np.ptp(heights)))
-    delta = min(wanted, 0.1 * surface.L)
-    return CASE.format(delta=delta, share=float(np.mean(heights > summit - delta)))
+    delta = float(f"{approach_of_share(surface):.3g}")
+    return CASE.format(delta=delta, share=share_of_approach(surface, delta))
 
 
 def _self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit | None:
@@ -181,17 +193,18 @@ def _fractal(patch: Any, shortest: float, level: str) -> FractalFit | None:
         return None
 
 
-def _over_cutoff(spectrum: Spectrum, pixel: float) -> list[dict[str, float]]:
-    """Rms height [m] and slope of the waves longer than cut-offs an octave apart, down to two pixels."""
+def _over_cutoff(filtered: Callable[[float], HeightField], side: float, pixel: float) -> list[dict[str, float]]:
+    """Rms height [m] and slope of the patch that --cutoff makes, for cut-offs an octave apart, down to two pixels."""
     import numpy as np
 
-    from asperity.surface.self_affine_fit import rms_over_cutoff
+    from asperity.surface import HeightMap
 
-    longest = 2 * np.pi / float(spectrum.q[0])
-    wavelengths = longest / 2.0 ** np.arange(1, np.floor(np.log2(longest / (2 * pixel)) + 1e-9) + 1)
-    heights, slopes = rms_over_cutoff(spectrum, wavelengths)
-    rows = zip(wavelengths, heights, slopes, strict=True)
-    return [{"wavelength": float(w), "rms_height": float(h), "rms_slope": float(s)} for w, h, s in rows]
+    rows = []
+    for wavelength in side / 2.0 ** np.arange(1, np.floor(np.log2(side / (2 * pixel)) + 1e-9) + 1):
+        patch = filtered(float(wavelength))
+        height, slope, _ = HeightMap.of(patch.z, patch.size[0]).exact_rms()
+        rows.append({"wavelength": float(wavelength), "rms_height": height, "rms_slope": slope})
+    return rows
 
 
 def _draw(
@@ -206,9 +219,9 @@ def _draw(
 
 def _show(
     title: str, side: float, nodes: int, statistics: SurfaceStatistics, affine: SelfAffineFit | None,
-    fit: FractalFit | None, cutoffs: list[dict[str, float]],
+    fit: FractalFit | None, cutoffs: list[dict[str, float]], cutoff: float | None,
 ) -> None:  # fmt: skip
-    """Print the statistics, rms height and slope over the cut-off."""
+    """Print the statistics, rms height and slope over the cut-off; the last row is the patch itself."""
     rows = [("side", f"{side:.4g} m"), ("nodes", f"{nodes}"), ("Sq", f"{statistics.Sq:.4g} m"),
             ("Sz", f"{statistics.Sz:.4g} m"), ("rms slope", f"{statistics.rms_slope:.4g}")]  # fmt: skip
     if affine is not None:
@@ -219,60 +232,94 @@ def _show(
                  ("G", f"{fit.G:.3g} m ({fit.ci_G[0]:.2g} to {fit.ci_G[1]:.2g})"),
                  ("chance of this misfit", f"{fit.p_value:.2g}")]  # fmt: skip
     options.table(title, rows)
-    options.table(
-        "waves longer than the cut-off, from the spectrum",
-        [(f"{c['wavelength']:.3g} m", f"{c['rms_height']:.3g} m", f"{c['rms_slope']:.3g}") for c in cutoffs],
-        ("cut-off", "rms height", "rms slope"),
-    )
+    lines = [(f"{c['wavelength']:.3g} m", f"{c['rms_height']:.4g} m", f"{c['rms_slope']:.4g}") for c in cutoffs]
+    patch = "this patch" if cutoff is None else f"this patch, {cutoff:.3g} m"
+    lines.append((patch, f"{statistics.Sq:.4g} m", f"{statistics.rms_slope:.4g}"))
+    options.table("the patch filtered by --cutoff", lines, ("cut-off", "rms height", "rms slope"))
 
 
 def _doubts(
-    surface: HeightMap, statistics: SurfaceStatistics, overshoot: float, spike: float, affine: SelfAffineFit | None
-) -> None:
+    statistics: SurfaceStatistics, side: float, bare: HeightField, affine: SelfAffineFit | None, wave: Wave | None,
+    zeros: float,
+) -> None:  # fmt: skip
     """Print what is doubtful.
 
     Args:
-        surface: of the patch
         statistics: of the patch
-        overshoot: of the interpolation above all heights [m]
-        spike: prominence of the highest point, see `spikes.prominence_of_summit`
+        side: of the patch [m]
+        bare: the patch without a filter
         affine: Hurst exponent
+        wave: that repeats
+        zeros: share of the heights that are 0 and may be missing
     """
-    from asperity.surface.spikes import STANDS_OUT
+    import numpy as np
 
+    if side > LARGEST:
+        options.say(f"the side of {side:.3g} m is long for roughness: if lengths are not in metres, give --unit")
+    if statistics.rms_slope < SMOOTHEST:
+        options.say(
+            f"the rms slope of {statistics.rms_slope:.1e} is small for roughness: if heights and distances have "
+            "different units in the file, write both in one"
+        )
+    if zeros:
+        options.say(f"{zeros:.2%} of the heights are exactly 0: if they are missing, give --missing 0")
+    if wave is not None:
+        options.say(
+            f"no Hurst exponent: waves of {wave.length:.3g} m repeat, with {wave.share:.0%} of the mean square height, "
+            "as on turned or textured surfaces"
+        )
     if affine is not None and not -affine.error_H <= affine.H <= 1.0 + affine.error_H:
+        options.say(f"H = {affine.H:.2f} is outside 0 to 1: the spectrum is not that of a self-affine surface")
+    rest = float(np.std(bare.levelled("curvature").z))
+    form = float(np.std(bare.z - bare.levelled("curvature").z))
+    if form > FORM * rest:
         options.say(
-            f"H = {affine.H:.2f} is outside 0 to 1, so no power law of a self-affine surface fits: below 0 it is noise "
-            "that a filter removes (--cutoff), above 1 the map is smooth"
+            f"the map has a form of second order, as of a sphere, with Sq = {form:.3g} m, and {rest:.3g} m without it: "
+            "if only roughness is meant, --level curvature removes the form"
         )
-    if overshoot > OVERSHOOT * statistics.Sz:
-        options.say(
-            f"between the heights the surface rises {overshoot:.2g} m above the highest of them, at an edge or noise "
-            f"that pixels do not resolve: a filter removes that (--cutoff {SMOOTH * surface.feature_size / 2:.2g})"
-        )
-    if spike > STANDS_OUT:
-        options.say(
-            f"the highest point stands {spike:.0f} times the local roughness above its surroundings, as dust or a "
-            "spike of the instrument does: --despike removes such heights"
-        )
-    elif statistics.Sp > HIGH * statistics.Sq:
+
+
+def _spike(
+    whole: HeightField, cut: Callable[[HeightField], HeightField], bare: HeightField, wave: Wave | None,
+    statistics: SurfaceStatistics,
+) -> bool:  # fmt: skip
+    """Print if the summit may be dust or a spike; --despike is tried before it is recommended.
+
+    Args:
+        whole: levelled map
+        cut: makes the patch of it
+        bare: the patch without a filter
+        wave: that repeats, whose crests are no spikes
+        statistics: of the patch
+
+    Returns:
+        Whether it is recommended.
+    """
+    from asperity.surface.spikes import STANDS_OUT, prominence_of_summit
+
+    spike = prominence_of_summit(bare.z)
+    if spike > STANDS_OUT and wave is None:
+        with suppress(InputError):
+            if prominence_of_summit(cut(whole.despiked()).z) <= STANDS_OUT:
+                options.say(
+                    f"the highest point stands {spike:.0f} times the local roughness above its surroundings, as dust "
+                    "or a spike of the instrument does: --despike removes such heights"
+                )
+                return True
+    if statistics.Sp > HIGH * statistics.Sq:
         options.say(
             f"the highest point is {statistics.Sp / statistics.Sq:.0f} rms heights above the mean: if it does not "
             "belong to the surface, mark it as missing (NaN) in the map, and it is filled"
         )
+    return False
 
 
-def _cost(case_file: Path) -> None:
+def _cost(case_file: Path, surface: HeightMap) -> None:
     """Print if the case will probably not meet its tolerance, and which filter it takes."""
+    from asperity.adaptive.cutoff import filter_advice
     from asperity.adaptive.estimate import estimate
     from asperity.case import Case
 
     case = Case.load(case_file)
-    most = case.accuracy.max_dofs
-    found = estimate(case)
-    if not found.enough:
-        options.say(
-            f"the map is rough down to its pixels: a run would need more than the {most} dofs of accuracy.max_dofs for "
-            f"the {case.accuracy.tolerance:.0%} of accuracy.tolerance; raise one of them, or filter the map (--cutoff "
-            f"{found.cutoff(most):.2g})"
-        )
+    if advice := filter_advice(case, estimate(case, surface=surface), surface):
+        options.say(advice)

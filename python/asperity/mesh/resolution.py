@@ -18,6 +18,7 @@ import numpy as np
 
 from asperity.arrays import Floats
 from asperity.errors import MeshError, ResolutionWarning
+from asperity.surface.cutoff import shortest_cutoff
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -78,10 +79,12 @@ def doubt_of_waves(surface: Surface, h: float, delta: float) -> str:
     part = unresolved_height(surface, h, delta)
     if part <= SHARE * ONE_MESH:
         return ""
-    size = resolving_size(surface, delta, ONE_MESH, h)
+    size, limit = resolving_size(surface, delta, ONE_MESH, h), SHARE * ONE_MESH
+    cutoff = shortest_cutoff(surface, delta, lambda filtered, depth: unresolved_height(filtered, h, depth) <= limit)
+    other = "" if cutoff is None else f", or cut off what is shorter than {cutoff:g} ({surface.cutoff_key})"
     return (
         f"waves shorter than {ELEMENTS:g} elements of mesh.h_contact = {h:.3g} have an rms height of {part:.2g} of the "
-        f"greatest approach, and the force may be off by about as much: {size:.2g} would resolve them, or {advice(h)}"
+        f"greatest approach, and the force may be off by about as much: {size:.2g} would resolve them{other}"
     )
 
 
@@ -132,9 +135,3 @@ def judge_mesh(off: float, surface: Surface, h: float, delta: float) -> None:
     """Judge a mesh with elements of size h in the contact by `judge_smoothing` and `warn_of_missed_waves`; rank 0."""
     judge_smoothing(off)
     warn_of_missed_waves(surface, h, delta)
-
-
-def advice(h: float) -> str:
-    """Advice how to cut off the waves that elements of size h [length] do not resolve."""
-    keys = "surface.f_max, surface.L_s or surface.lambda_short, asperity import-map --cutoff of a map"
-    return f"cut off what is shorter than {ELEMENTS * h:.3g} ({keys})"

@@ -74,6 +74,8 @@ class Surface(ABC):
     rough: ClassVar[bool] = False
     #: What makes it smoother, for a warning.
     smoother: ClassVar[str] = ""
+    #: What cuts off its short waves, for a message.
+    cutoff_key: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         for f in fields(self):  # NumPy turns integers above 2^63 into arrays of objects
@@ -147,6 +149,10 @@ class Surface(ABC):
             depth: depth below the summit (length); a surface that is not statistically uniform is judged above it.
         """
         return 0.0
+
+    def cut_off(self, wavelength: float) -> Surface:
+        """Return the surface without the waves shorter than a wavelength (length), as `cutoff_key` makes it."""
+        return self
 
     @property
     def periodic(self) -> bool:
@@ -256,7 +262,7 @@ class Surface(ABC):
 
     def rms_slope(self) -> float:
         """Return sqrt(<|grad z|^2>) over the patch (dimensionless)."""
-        zx, zy = self.grid_gradient(513)
+        zx, zy = self.grid_gradient(1025)
         return float(np.sqrt(np.mean(zx**2 + zy**2)))
 
     def check_small_slope(self, limit: float = SMALL_SLOPE) -> None:

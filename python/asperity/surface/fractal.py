@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Literal
 
@@ -97,6 +97,7 @@ class WeierstrassMandelbrot(Surface):
     kind: ClassVar[str] = "weierstrass-mandelbrot"
     rough: ClassVar[bool] = True
     smoother: ClassVar[str] = "smaller G or larger D"
+    cutoff_key: ClassVar[str] = "surface.f_max or surface.L_s"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -263,6 +264,11 @@ class WeierstrassMandelbrot(Surface):
             return np.exp(1j * half) * np.sinc(half / np.pi)
 
         return side(kx) * side(ky)
+
+    def cut_off(self, wavelength: float) -> WeierstrassMandelbrot:
+        assert self.f_max is not None and self.phases is not None
+        f_max = min(cut_off_index(self.L, min(wavelength, self.L), self.gamma), self.f_max)
+        return replace(self, f_max=f_max, L_s=None, phases=self.phases[:, : f_max + 1])
 
     def exact_rms(self) -> tuple[float, float, float]:
         """Return (Sq, rms slope, rms curvature) over the patch in closed form.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -20,7 +20,9 @@ from asperity.errors import InputError
 from asperity.surface.base import Surface, check, check_positive, is_integer, nodes, short_wave_share
 from asperity.surface.height_files import read_heights
 from asperity.surface.maximum import climb, refine
-from asperity.surface.scale_space import Heights, ScaleSpace, spline_gain, spline_heights
+from asperity.surface.scale_space import Heights, ScaleSpace, gaussian_filtered, spline_gain, spline_heights
+from asperity.surface.spline_moments import spline_rms
+from asperity.surface.statistics import SurfaceStatistics
 
 if TYPE_CHECKING:
     from scipy.interpolate import RectBivariateSpline
@@ -68,6 +70,7 @@ class HeightMap(Surface):
     kind: ClassVar[str] = "file"
     rough: ClassVar[bool] = True
     smoother: ClassVar[str] = "a filtered map"
+    cutoff_key: ClassVar[str] = "asperity import-map --cutoff"
 
     def __post_init__(self) -> None:
         check(isinstance(self.path, (str, Path)), "path", self.path, "the name of a file")
@@ -93,6 +96,20 @@ class HeightMap(Surface):
         z.flags.writeable = False
         object.__setattr__(self, "L", float(L))
         object.__setattr__(self, "_z", z)
+
+    @classmethod
+    def of(cls, z: Array, L: float, order: int = 3) -> HeightMap:
+        """Return the map of heights that are in no file.
+
+        Args:
+            z: finite heights (ny, nx), index [iy, ix] (length).
+            L: side of the patch (length).
+            order: degree of the spline.
+        """
+        surface = object.__new__(cls)
+        for name, value in {"path": "", "L": float(L), "order": order, "_z": z}.items():
+            object.__setattr__(surface, name, value)
+        return surface
 
     @property
     def heights(self) -> Array:
@@ -295,6 +312,27 @@ class HeightMap(Surface):
             same = np.allclose(rows[0], rows[-1], rtol=0.0, atol=_SAME * np.ptp(z))
             found.append(same and np.sqrt(np.mean(across**2)) <= 2.0 * np.sqrt(np.mean(bend**2)))
         return all(found)
+
+    def exact_rms(self) -> tuple[float, float, float]:
+        """Return (Sq, rms slope, rms curvature) of the spline over the patch; see :func:`spline_rms`."""
+        return self._exact_rms
+
+    @cached_property
+    def _exact_rms(self) -> tuple[float, float, float]:
+        return spline_rms(self._spline.tck[:2], self.order, self._coefficients)
+
+    def rms_slope(self) -> float:
+        """Return sqrt(<|grad z|^2>) of the spline over the patch (dimensionless)."""
+        return self.exact_rms()[1]
+
+    def statistics(self, n: int = 1025) -> SurfaceStatistics:
+        """Return the roughness parameters, those of :meth:`exact_rms` exactly, the others of an n x n grid."""
+        Sq, slope, curvature = self.exact_rms()
+        return replace(super().statistics(n), Sq=Sq, rms_slope=slope, rms_curvature=curvature)
+
+    def cut_off(self, wavelength: float) -> HeightMap:
+        """Return the map after a Gaussian filter with 50 % transmission at a wavelength (length)."""
+        return self.of(gaussian_filtered(self.heights, (self.L, self.L), wavelength), self.L, self.order)
 
     def curvature_bound(self) -> float:
         """Return a bound of the Hessian (1/length) from the convex hull of the spline coefficients."""

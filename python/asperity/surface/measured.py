@@ -26,28 +26,33 @@ from asperity.runtime.files import (
     UNREADABLE,
     npz_bytes,
     one_line,
-    read_matrix,
     read_npy,
     read_npz,
     real,
     replace_file,
 )
 from asperity.surface.height_map import DEEPEST
+from asperity.surface.scale_space import gaussian_filtered
 from asperity.surface.spikes import without_spikes
+from asperity.surface.text_map import read_text_map
+from asperity.units import LENGTHS
 
 Trend = Literal["mean", "plane", "curvature"]
 
-TEXT = (".csv", ".txt")
-PLAIN = (".npz", ".npy", *TEXT)  # read by NumPy
+TEXT = (".csv", ".txt", ".dat", ".tsv", ".asc", ".xyz")
+PLAIN = (".npz", ".npy", *TEXT)
+MARKS = (-32768.0, -2147483648.0, -9999.0, -99999.0)  # usual ones of missing heights
+FAR_OUTSIDE = 3.0  # distance of a mark from the other heights, over their range
+FEW_ZEROS, ODD = 5e-4, 10.0  # share of zeros that is noticed, and over that of the most frequent other height
+SAME_PIXEL = 1e-3  # relative difference of lengths that were rounded
 MOST_MISSING = 0.2  # share of heights that may be filled; more would be guesswork
-ALPHA = math.sqrt(math.log(2) / math.pi)  # constant of the Gaussian filter, ISO 16610-61
 
 FLAT = 1e-12  # depth over the side below which a map is flat: that of round-off
 MOST_FACTORED = 400_000  # missing heights that are filled by a factorisation, others by iteration
 PASSES = 3  # of the search for spikes: what is left of a broad one stands out of what the last pass has filled
 MOST_READ = 400_000_000  # heights of a file, 3.2 GB; the largest instruments have 1e8
 STEEPEST = 30.0  # greatest plausible rms slope
-UNITS = {"mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "pm": 1e-12}  # of heights that were read as metres
+LIKELY = {"mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "pm": 1e-12}  # of heights that were read as metres
 USUAL = 0.1  # rms slope of rough surfaces, within a factor of ten
 
 POWERS: dict[str, tuple[tuple[int, int], ...]] = {
@@ -103,36 +108,57 @@ class HeightField:
         """Share of the heights that are missing."""
         return float(np.isnan(self.z).mean())
 
+    def odd_zeros(self) -> float:
+        """Share of the heights that are exactly 0, if they may stand for missing ones that can be filled, else 0.
+
+        No other height is nearly as frequent then.
+        """
+        zeros = self.z == 0.0
+        share = float(zeros.mean())
+        if not FEW_ZEROS < share < MOST_MISSING - self.missing:
+            return 0.0
+        rest = self.z[~zeros & np.isfinite(self.z)][:: max(1, self.z.size // 10**6)]
+        usual = np.unique(rest, return_counts=True)[1].max(initial=1) / rest.size
+        return share if share > ODD * usual else 0.0
+
     @staticmethod
-    def read(path: str | Path, *, pixel: float | None = None) -> HeightField:
+    def read(
+        path: str | Path, *, pixel: float | None = None, unit: str | None = None, missing: float | None = None
+    ) -> HeightField:
         """Read a file of heights.
 
-        NumPy reads .npz (z with x and y, with dx, or with L, the extent along x), .npy and .csv or .txt matrices.
-        Other files, and text that is no matrix, are passed to SurfaceTopography, which reads the formats of some forty
-        instruments.
+        NumPy reads .npz (z with x and y, with dx, or with L, the extent along x) and .npy; text is read by
+        `text_map.read_text_map`; other files, and text that it does not understand, by SurfaceTopography, which reads
+        the formats of some forty instruments.
 
         Args:
             path: the file.
-            pixel: distance between heights (length), for files that do not contain it.
+            pixel: distance between heights (m), for files that do not contain it.
+            unit: of lengths whose unit the file does not name, a key of `units.LENGTHS`; default metres.
+            missing: value in the file that stands for a missing height, besides the usual ones (`MARKS`).
 
         Raises:
-            InputError: the file cannot be read, or it has no lengths and `pixel` is missing.
+            InputError: the file cannot be read, it has no lengths and `pixel` is missing, or others than `pixel`.
             CompatError: the file requires SurfaceTopography, which is not installed.
         """
         path = Path(path)
         if not path.is_file():
             raise InputError(f"{path}: there is no such file")
-        if path.suffix not in PLAIN:
-            return _read_instrument(path, pixel)
+        if unit is not None and unit not in LENGTHS:
+            raise InputError(f"unit = {unit!r} is unknown; choose {', '.join(LENGTHS)}")
+        if path.suffix.lower() not in PLAIN:
+            return _read_instrument(path, pixel, unit)
+        factor = 1.0 if unit is None else LENGTHS[unit]
         try:
-            z, dx, dy = _read_plain(path)
+            z, dx, dy = _read_plain(path, factor, missing)
         except UNREADABLE as error:
-            if path.suffix in TEXT and find_spec("SurfaceTopography") is not None:  # perhaps text with a header
-                with suppress(InputError):
-                    return _read_instrument(path, pixel)
+            if path.suffix.lower() in TEXT and find_spec("SurfaceTopography") is not None:  # perhaps of an instrument
+                with suppress(InputError, *UNREADABLE):
+                    return _read_instrument(path, pixel, unit)
             raise InputError(f"{path}: cannot be read as a height map ({one_line(error)})") from None
         if pixel is not None:
-            dx = dy = pixel
+            _check_pixel(path, pixel, dx, dy)
+            dx, dy = (pixel, pixel) if dx is None or dy is None else (dx, dy)
         if dx is None or dy is None:
             raise InputError(f"{path} contains heights without lengths; give the distance between heights (--pixel)")
         return HeightField(z, dx, dy)
@@ -175,19 +201,13 @@ class HeightField:
         Raises:
             InputError: heights are missing, or the cut-off is below two pixels or beyond the side.
         """
-        from scipy.fft import dctn, idctn
-
         self._require_complete("filtered")
-        if not 2 * max(self.dx, self.dy) <= cutoff <= max(self.size):
+        if not 2 * min(self.dx, self.dy) <= cutoff <= max(self.size):
             raise InputError(
-                f"cutoff = {cutoff:g} must lie between two pixels, {2 * max(self.dx, self.dy):g}, and the side, "
+                f"cutoff = {cutoff:g} must lie between two pixels, {2 * min(self.dx, self.dy):g}, and the side, "
                 f"{max(self.size):g}"
             )
-        waves = dctn(self.z, type=1)
-        for axis, (n, length) in enumerate(zip(self.z.shape, self.size[::-1], strict=True)):
-            half_waves = np.arange(n) / (2 * length)  # 1/wavelength
-            waves *= np.expand_dims(np.exp(-np.pi * (ALPHA * cutoff * half_waves) ** 2), 1 - axis)
-        return replace(self, z=idctn(waves, type=1, overwrite_x=True))
+        return replace(self, z=gaussian_filtered(self.z, self.size, cutoff))
 
     def window(self, x: float, y: float, side: float) -> HeightField:
         """Cut the square [x, x + side] x [y, y + side] (lengths from the first node).
@@ -242,7 +262,7 @@ class HeightField:
             slope = math.sqrt(float(np.nanmean(zx**2)) + float(np.nanmean(zy**2)))
         if STEEPEST > slope and depth <= DEEPEST * max(self.size):
             return
-        unit, factor = min(UNITS.items(), key=lambda item: abs(math.log10(min(slope, 1e300) * item[1] / USUAL)))
+        unit, factor = min(LIKELY.items(), key=lambda item: abs(math.log10(min(slope, 1e300) * item[1] / USUAL)))
         guess = f"heights in {unit} read as metres? Multiply them by {factor:g}, or " if slope * factor < 10 else ""
         raise InputError(
             f"heights that differ by {depth:.3g} over a side of {max(self.size):.3g}, with an rms slope of "
@@ -268,12 +288,49 @@ class HeightField:
             raise InputError(f"{self.missing:.2%} of the heights are missing; fill them before the map is {what}")
 
 
-def _read_plain(path: Path) -> tuple[Array, float | None, float | None]:
-    """Heights (ny, nx) and spacings (length) by NumPy; None for a spacing that the file does not contain."""
-    if path.suffix == ".npy":
+def _check_pixel(path: Path, pixel: float, dx: float | None, dy: float | None) -> None:
+    """Refuse a distance between heights that is not that of the file (length)."""
+    for name, own in (("dx", dx), ("dy", dy)):
+        if own is not None and not math.isclose(own, pixel, rel_tol=SAME_PIXEL):
+            raise InputError(
+                f"{path} has lengths of its own, {name} = {own:.6g} between heights, not {pixel:g}: leave out --pixel, "
+                "or correct the file"
+            )
+
+
+def _without_marks(z: Array, missing: float | None) -> Array:
+    """Heights with NaN in place of values that mark missing ones (unit of the file).
+
+    A mark of `MARKS` counts only if it lies far outside all other heights.
+    """
+    for mark in MARKS if missing is None else (*MARKS, missing):
+        at = z == mark
+        if mark != missing and at.any() and not at.all():
+            rest = z[np.isfinite(z) & ~at]
+            at &= bool(rest.size) and abs(mark - float(np.median(rest))) > FAR_OUTSIDE * float(np.ptp(rest))
+        z = np.where(at, np.nan, z)
+    return z
+
+
+def _read_plain(path: Path, unit: float, missing: float | None) -> tuple[Array, float | None, float | None]:
+    """Heights (ny, nx) and spacings [m]; None for a spacing that the file does not contain.
+
+    Args:
+        path: of an array of NumPy, or of text
+        unit: of lengths without one [m]
+        missing: value of missing heights (unit of the file)
+    """
+    if path.suffix.lower() in TEXT:
+        return read_text_map(path, unit, lambda z: _without_marks(z, missing))
+    z, *steps = _read_arrays(path)
+    dx, dy = (None if step is None else unit * step for step in steps)
+    return unit * _without_marks(z, missing), dx, dy
+
+
+def _read_arrays(path: Path) -> tuple[Array, float | None, float | None]:
+    """Heights (ny, nx) and spacings of a file of NumPy (unit of the file)."""
+    if path.suffix.lower() == ".npy":
         return real(read_npy(path)), None, None
-    if path.suffix in TEXT:
-        return read_matrix(path, "," if path.suffix == ".csv" else None), None, None
     data = read_npz(path)
     if "z" not in data:
         raise ValueError(f"no array 'z'; it has {', '.join(data) or 'none'}")
@@ -291,7 +348,7 @@ def _read_plain(path: Path) -> tuple[Array, float | None, float | None]:
     return z, None, None
 
 
-def _read_instrument(path: Path, pixel: float | None) -> HeightField:
+def _read_instrument(path: Path, pixel: float | None, unit: str | None) -> HeightField:
     """Heights in metres by SurfaceTopography, whose first index is x."""
     try:
         import SurfaceTopography  # type: ignore[import-not-found, import-untyped, unused-ignore]
@@ -325,12 +382,16 @@ def _read_instrument(path: Path, pixel: float | None) -> HeightField:
         raise InputError(f"{path}: cannot be read as a height map ({reason})") from None
     if topography.dim != 2 or not topography.is_uniform:
         raise InputError(f"{path} holds a line scan; contact needs a map of heights")
-    if topography.unit is None:
-        raise InputError(f"{path} does not give the unit of its lengths; export it with units, or as .npz in metres")
-    in_metres = topography.to_unit("m")
-    dx, dy = (float(p) for p in in_metres.pixel_size)
+    if topography.unit is None and unit is None:
+        raise InputError(f"{path} does not give the unit of its lengths: give it (--unit)")
+    in_metres, factor = (
+        (topography, LENGTHS[unit]) if topography.unit is None and unit else (topography.to_unit("m"), 1.0)
+    )
+    dx, dy = (factor * float(p) for p in in_metres.pixel_size)
+    if pixel is not None:
+        _check_pixel(path, pixel, dx, dy)
     z = np.ma.filled(np.ma.masked_invalid(np.ma.asarray(in_metres.heights(), dtype=float)), np.nan)
-    return HeightField(np.asarray(z).T, dx, dy)
+    return HeightField(factor * np.asarray(z).T, dx, dy)
 
 
 def _check_plausible(path: Path, reader: Any, channel: Any) -> None:

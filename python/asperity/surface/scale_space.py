@@ -14,6 +14,8 @@ from asperity.arrays import Array
 
 Heights = Callable[[Array, Array], Array]
 
+_ALPHA = math.sqrt(math.log(2) / math.pi)  # constant of the Gaussian filter, ISO 16610-61
+
 
 class ScaleSpace:
     """Heights smoothed by a Gaussian of any width, interpolated between levels of fixed widths.
@@ -89,6 +91,23 @@ def spline_heights(coefficients: Array, spacing: tuple[float, float], mode: str,
         return mean + np.asarray(map_coordinates(spline, places, output=float, order=5, mode=mode, prefilter=False))
 
     return heights
+
+
+def gaussian_filtered(z: Array, size: tuple[float, float], cutoff: float) -> Array:
+    """Return heights after a Gaussian low-pass filter of ISO 16610-61, mirrored at the edges.
+
+    Args:
+        z: heights (ny, nx) (length)
+        size: of the map along x and along y (length)
+        cutoff: wavelength of 50 % transmission (length)
+    """
+    from scipy.fft import dctn, idctn
+
+    waves = dctn(z, type=1)
+    for axis, (n, length) in enumerate(zip(z.shape, size[::-1], strict=True)):
+        half_waves = np.arange(n) / (2 * length)  # 1/wavelength
+        waves *= np.expand_dims(np.exp(-np.pi * (_ALPHA * cutoff * half_waves) ** 2), 1 - axis)
+    return np.asarray(idctn(waves, type=1, overwrite_x=True))
 
 
 def _cubic(t: Array) -> Array:

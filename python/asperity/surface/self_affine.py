@@ -86,6 +86,7 @@ class SelfAffine(Surface):
     kind: ClassVar[str] = "self-affine"
     rough: ClassVar[bool] = True
     smoother: ClassVar[str] = "a smaller height or slope"
+    cutoff_key: ClassVar[str] = "surface.lambda_short"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -140,6 +141,10 @@ class SelfAffine(Surface):
     def with_cutoff(self, lambda_short: float) -> SelfAffine:
         """Return the same surface with waves down to another shortest wavelength (length)."""
         return replace(self, lambda_short=lambda_short, rms_height=self._ideal_rms, slope=None)
+
+    def cut_off(self, wavelength: float) -> SelfAffine:
+        assert self.lambda_roll is not None
+        return self.with_cutoff(min(max(wavelength, self.lambda_short), self.lambda_roll))
 
     @cached_property
     def _ideal_sum(self) -> float:

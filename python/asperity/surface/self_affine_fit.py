@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""The self-affine equivalent of a spectrum: Hurst exponent and roll-off, and heights and slopes over a cut-off."""
+"""The self-affine equivalent of a spectrum: Hurst exponent and roll-off."""
 
 from __future__ import annotations
 
@@ -93,25 +93,6 @@ def fit_self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit:
         lambda_long=L / math.exp(bands.x[0]),
         C0=math.exp(found.level - (found.exponent * bands.x[0] if found.x_roll is None else 0.0)),
     )
-
-
-def rms_over_cutoff(spectrum: Spectrum, wavelengths: Array) -> tuple[Array, Array]:
-    """Return rms height (length) and rms slope of the waves not shorter than each of some wavelengths (length).
-
-    Args:
-        spectrum: radial, with one density for each multiple of 2 pi over the period.
-        wavelengths: cut-offs, any shape (length).
-
-    >>> from asperity.surface import SelfAffine
-    >>> surface = SelfAffine(L=1.0, H=0.8, slope=0.1, lambda_roll=0.5, lambda_short=0.05, seed=1)
-    >>> rms_over_cutoff(surface.psd(128, window="none"), np.array([0.2, 0.05]))[1].round(2)
-    array([0.06, 0.1 ])
-    """
-    q, C = spectrum.q, spectrum.density
-    ring = C * q * q[0] / (2 * np.pi)  # mean square of the heights in a ring of width q[0]
-    last = np.searchsorted(q, 2 * np.pi / np.asarray(wavelengths) * (1 + 1e-9), side="right")
-    height, slope = (np.concatenate([[0.0], np.cumsum(part)])[last] for part in (ring, ring * q**2))
-    return np.sqrt(height), np.sqrt(slope)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,69 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""The one cut-off recommended for a case whose short waves no mesh resolves that it may have."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from asperity.adaptive.estimate import Estimate, estimate
+from asperity.errors import InputError
+from asperity.surface.cutoff import overshoot, shortest_cutoff
+
+if TYPE_CHECKING:
+    from asperity.case import Case
+    from asperity.surface import Surface
+
+ROOM = (
+    0.7  # part of accuracy.max_dofs for the filtered surface: mirrored edges and approach are not those of a new case
+)
+
+
+def filter_advice(case: Case, found: Estimate, surface: Surface) -> str:
+    """Sentence on a surface that probably no mesh of the case resolves, with the cut-off to apply; empty for others.
+
+    Args:
+        case: with accuracy.tolerance and loading.delta_max
+        found: its estimate
+        surface: of the case
+    """
+    rise, reasons, others = overshoot(surface), [], ""
+    if rise:
+        reasons.append(
+            f"between the heights the surface rises {rise:.2g} above the highest of them, at an edge or noise that "
+            "pixels do not resolve"
+        )
+    if not found.enough:
+        others = "raise one of them, or "
+        reasons.append(
+            f"a run would need more than the {case.accuracy.max_dofs} dofs of accuracy.max_dofs for the "
+            f"{case.accuracy.tolerance:.2g} of accuracy.tolerance"
+        )
+    if not reasons:
+        return ""
+    cutoff, text = recommended_cutoff(case, surface), "; ".join(reasons)
+    if cutoff is not None:
+        return f"{text}: {others}cut off what is shorter than {cutoff:g} ({surface.cutoff_key})"
+    other = f": {others.removesuffix(', or ')}" if others else ""
+    return f"{text}{other}; a cut-off that helps would take more than a quarter of the rms height"
+
+
+def recommended_cutoff(case: Case, surface: Surface) -> float | None:
+    """Shortest cut-off with which the case is expected to meet its tolerance; see `cutoff.shortest_cutoff` [length].
+
+    Args:
+        case: with accuracy.tolerance and loading.delta_max
+        surface: of the case
+    """
+    accuracy = case.accuracy.model_copy(update={"max_dofs": int(ROOM * case.accuracy.max_dofs)})
+
+    def accepts(filtered: Surface, delta: float) -> bool:
+        loading = case.loading.model_copy(update={"delta_max": delta})
+        try:
+            return estimate(case.model_copy(update={"loading": loading, "accuracy": accuracy}), surface=filtered).enough
+        except InputError:  # its first mesh is too large
+            return False
+
+    assert case.loading.delta_max is not None
+    return shortest_cutoff(surface, case.loading.delta_max, accepts)

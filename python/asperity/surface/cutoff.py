@@ -1,0 +1,101 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""The shortest cut-off that makes a surface acceptable and leaves it nearly as high as before.
+
+A cut-off is tried before it is recommended, so the filtered surface needs no second one, and its dimples are there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import ceil, floor, log2, log10
+
+import numpy as np
+
+from asperity.arrays import Array
+from asperity.surface.base import Surface
+
+KEPT = 0.75  # least rms height of the filtered surface over that of the surface
+RUNGS = 4  # cut-offs tried per octave
+OVERSHOOT = 0.05  # rise of the interpolation above all heights, over their range, that is no roughness
+LIGHT = 0.02  # share of the heights above the flat at a light load
+LEAST = 0.02  # that approach over the range of heights, where more of them are equally high
+_SAMPLES = 513  # nodes per side for shares of the heights
+
+
+def overshoot(surface: Surface) -> float:
+    """Return the rise of the interpolation of a map above all its heights (length), 0 where it is roughness.
+
+    Args:
+        surface: any; only a map is interpolated
+    """
+    z = _heights(surface)
+    rise = surface.maximum()[2] - float(z.max()) if hasattr(surface, "heights") else 0.0
+    return rise if rise > OVERSHOOT * float(np.ptp(z)) else 0.0
+
+
+def approach_of_share(surface: Surface, share: float = LIGHT) -> float:
+    """Return the approach from the summit (length), at most a tenth of the side, with a share of the heights above it.
+
+    The share does not depend on the spectrum. A spike takes all of the approach.
+    """
+    z = _heights(surface)
+    wanted = surface.maximum()[2] - float(np.quantile(z, 1.0 - share))
+    return min(max(wanted, LEAST * float(np.ptp(z))), 0.1 * surface.L)
+
+
+def share_of_approach(surface: Surface, delta: float) -> float:
+    """Return the share of the heights above a flat at an approach from the summit (length)."""
+    return float(np.mean(_heights(surface) > surface.maximum()[2] - delta))
+
+
+def shortest_cutoff(surface: Surface, delta: float, accepts: Callable[[Surface, float], bool]) -> float | None:
+    """Return the shortest cut-off, of two digits, that makes a surface acceptable (length).
+
+    Args:
+        surface: any; there is no cut-off of one without short waves
+        delta: approach (length)
+        accepts: whether a surface is acceptable at an approach, that with the same share of the heights above the flat
+
+    Returns:
+        None if none makes it acceptable that leaves three quarters of the rms height
+    """
+    if not surface.cutoff_key:
+        return None
+    share, height = share_of_approach(surface, delta), _rms(surface)
+
+    def acceptable(cutoff: float) -> bool:
+        filtered = surface.cut_off(cutoff)
+        return not overshoot(filtered) and accepts(filtered, approach_of_share(filtered, share))
+
+    rungs = _rungs(surface.feature_size, surface.L / 2)
+    rungs = rungs[: _first(rungs, lambda cutoff: _rms(surface.cut_off(cutoff)) < KEPT * height)]
+    if not rungs or not acceptable(rungs[-1]):
+        return None
+    return rungs[_first(rungs, acceptable)]
+
+
+def _heights(surface: Surface) -> Array:
+    found = getattr(surface, "heights", None)  # of a map
+    return surface.grid(_SAMPLES) if found is None else np.asarray(found)
+
+
+def _rms(surface: Surface) -> float:
+    return float(np.std(_heights(surface)))
+
+
+def _rungs(shortest: float, longest: float) -> list[float]:
+    """Return cut-offs in equal ratios, rounded up to two digits (length)."""
+    rungs = [shortest * 2.0 ** (k / RUNGS) for k in range(1, max(int(RUNGS * log2(longest / shortest)), 0) + 1)]
+    digits = [10.0 ** (floor(log10(rung)) - 1) for rung in rungs]
+    return [float(f"{ceil(rung / digit) * digit:.1e}") for rung, digit in zip(rungs, digits, strict=True)]
+
+
+def _first(rungs: list[float], holds: Callable[[float], bool]) -> int:
+    """Return the index of the first cut-off from which on something holds, len(rungs) for none."""
+    low, high = 0, len(rungs)
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if holds(rungs[middle]) else (middle + 1, high)
+    return low
