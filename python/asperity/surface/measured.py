@@ -42,7 +42,7 @@ Trend = Literal["mean", "plane", "curvature"]
 TEXT = (".csv", ".txt", ".dat", ".tsv", ".asc", ".xyz")
 PLAIN = (".npz", ".npy", *TEXT)
 MARKS = (-32768.0, -2147483648.0, -9999.0, -99999.0)  # usual ones of missing heights
-FAR_OUTSIDE = 3.0  # distance of a mark from the other heights, over their range
+OUTSIDE = 0.1  # distance of a mark from the nearest of the other heights, over their range
 FEW_ZEROS, ODD = 5e-4, 10.0  # share of zeros that is noticed, and over that of the most frequent other height
 SAME_PIXEL = 1e-3  # relative difference of lengths that were rounded
 MOST_MISSING = 0.2  # share of heights that may be filled; more would be guesswork
@@ -301,13 +301,13 @@ def _check_pixel(path: Path, pixel: float, dx: float | None, dy: float | None) -
 def _without_marks(z: Array, missing: float | None) -> Array:
     """Heights with NaN in place of values that mark missing ones (unit of the file).
 
-    A mark of `MARKS` counts only if it lies far outside all other heights.
+    A mark of `MARKS` counts only if it lies outside all other heights.
     """
     for mark in MARKS if missing is None else (*MARKS, missing):
         at = z == mark
         if mark != missing and at.any() and not at.all():
             rest = z[np.isfinite(z) & ~at]
-            at &= bool(rest.size) and abs(mark - float(np.median(rest))) > FAR_OUTSIDE * float(np.ptp(rest))
+            at &= bool(rest.size) and float(rest.min()) - mark > OUTSIDE * float(np.ptp(rest))
         z = np.where(at, np.nan, z)
     return z
 
