@@ -77,7 +77,7 @@ def command(
     .csv or .txt file, or a file of an instrument that SurfaceTopography reads. Lengths in metres. OUT receives
     patch.npz, case.toml to start from, measured.json, surface.png and spectrum.png.
     """
-    from asperity.runtime.files import replace_file
+    from asperity.runtime.files import files_into
     from asperity.runtime.progress import Progress, StepLines
     from asperity.surface.height_map import MOST, HeightMap
     from asperity.surface.measured import HeightField
@@ -116,26 +116,30 @@ def command(
     if not 2 * bare.dx <= shortest < side:
         raise InputError(f"shortest = {shortest:g} must lie between two pixels, {2 * bare.dx:g}, and the side {side:g}")
     folder = Path(output) if output else Path("out") / Path(map_file).stem
-    folder.mkdir(parents=True, exist_ok=True)
     progress.stage("statistics")
-    surface = HeightMap(path=patch.save(folder / "patch.npz"))
-    statistics = surface.statistics(min(len(patch.z), 1025))
-    summit = surface.maximum()
-    spectrum = psd(bare.z, len(bare.z) * bare.dx)
-    affine = _self_affine(spectrum, shortest)
-    fit = None
-    if fitted:
-        progress.stage("fit of D and G")
-        fit = _fractal(bare, shortest, level)
-    progress.stage("figures")
-    _draw(folder, surface, summit, spectrum, affine, fit)
-    cutoffs = _over_cutoff(spectrum, bare.dx)
-    about = {"file": map_file, "side": surface.L, "nodes": len(patch.z), "level": level, "cutoff": cutoff}
-    about |= {"despike": despike}
-    about |= {"statistics": asdict(statistics), "self_affine": None if affine is None else asdict(affine)}
-    about |= {"over_cutoff": cutoffs, "fit": None if fit is None else fit.to_dict()}
-    replace_file(folder / "measured.json", f"{json.dumps(about, indent=2)}\n".encode())
-    replace_file(folder / "case.toml", _case(surface, summit[2]).encode())
+    with files_into(folder) as aside:  # whole, or not at all
+        surface = HeightMap(path=patch.save(aside / "patch.npz"))
+        statistics = surface.statistics(min(len(patch.z), 1025))
+        summit = surface.maximum()
+        spectrum = psd(bare.z, len(bare.z) * bare.dx)
+        affine = _self_affine(spectrum, shortest)
+        fit = None
+        if fitted:
+            progress.stage("fit of D and G")
+            fit = _fractal(bare, shortest, level)
+        progress.stage("figures")
+        _draw(aside, surface, summit, spectrum, affine, fit)
+        cutoffs = _over_cutoff(spectrum, bare.dx)
+        about = {"file": map_file, "side": surface.L, "nodes": len(patch.z), "level": level, "cutoff": cutoff}
+        about |= {"despike": despike}
+        about |= {"statistics": asdict(statistics), "self_affine": None if affine is None else asdict(affine)}
+        about |= {"over_cutoff": cutoffs, "fit": None if fit is None else fit.to_dict()}
+        (aside / "measured.json").write_text(f"{json.dumps(about, indent=2)}\n", encoding="utf-8")
+        (aside / "case.toml").write_text(_case(surface, summit[2]), encoding="utf-8")
+        try:
+            cost = _cost(aside / "case.toml")
+        except InputError as error:
+            raise InputError(str(error).replace(str(aside), str(folder))) from None
     progress.done()
     if as_json:
         options.print_json(about)
@@ -143,7 +147,8 @@ def command(
     overshoot = summit[2] - float(surface.heights.max())
     _show(map_file, surface.L, len(patch.z), statistics, affine, fit, cutoffs)
     _doubts(surface, statistics, overshoot, spike, affine)
-    _cost(folder / "case.toml")
+    if cost:
+        options.say(cost)
     options.say(f"written to {folder}; next: asperity check {folder / 'case.toml'}")
 
 
@@ -262,17 +267,22 @@ def _doubts(
         )
 
 
-def _cost(case_file: Path) -> None:
-    """Print if the case will probably not meet its tolerance, and which filter it takes."""
+def _cost(case_file: Path) -> str:
+    """A sentence if the case will probably not meet its tolerance, with the filter it takes; empty otherwise.
+
+    Raises:
+        InputError: the case cannot be run
+    """
     from asperity.adaptive.estimate import estimate
     from asperity.case import Case
 
     case = Case.load(case_file)
     most = case.accuracy.max_dofs
     found = estimate(case)
-    if not found.enough:
-        options.say(
-            f"the map is rough down to its pixels: a run would need more than the {most} dofs of accuracy.max_dofs for "
-            f"the {case.accuracy.tolerance:.0%} of accuracy.tolerance; raise one of them, or filter the map (--cutoff "
-            f"{found.cutoff(most):.2g})"
-        )
+    if found.enough:
+        return ""
+    return (
+        f"the map is rough down to its pixels: a run would need more than the {most} dofs of accuracy.max_dofs for "
+        f"the {case.accuracy.tolerance:.0%} of accuracy.tolerance; raise one of them, or filter the map (--cutoff "
+        f"{found.cutoff(most):.2g})"
+    )
