@@ -52,7 +52,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
     """Replace the solver after a run has begun: note the jobs, report two steps."""
     noted: list[dict[str, Any]] = []
 
-    def run(job: Any, begin: Callable[[], None], stop: Any) -> Any:
+    def run(job: Any, continues: bool, begin: Callable[[], None], stop: Any) -> Any:
         begin()
         noted.append({"case": job.case, "folder": job.folder})
         job.progress.stage("solve")
