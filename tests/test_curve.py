@@ -141,3 +141,18 @@ def test_planned_points_of_the_midpoint_rule(steps: int, substeps: int):
     stops = Schedule(delta_max=1.0, steps=steps, integrator=MIDPOINT, substeps=substeps).stops()
     planned = Curve.from_rows([{"delta": 0.03e-6 * x, "force": x} for x in stops]).planned()
     np.testing.assert_allclose(planned.force, np.arange(1, steps * substeps + 1) / (steps * substeps), rtol=1e-12)
+
+
+def test_the_message_of_an_unresolved_contact_is_true_for_a_large_one():
+    """A few facets are none where they are most of the patch, and a share of it has no error above 1."""
+    small, large = (
+        Curve.from_rows([{"delta": 1.0, "force": 1.0, "area_fraction": a, "error_area_fraction": e}]).unresolved()
+        for a, e in ((0.02, 0.03), (0.85, 1.8))
+    )
+    assert "touches a few facets only: area_fraction = 0.02 with an error of 0.03" in small
+    assert "a few facets" not in large and "area_fraction = 0.85 with an error of 0.85" in large
+
+
+def test_bars_of_a_row():
+    curve = Curve.from_rows([{"delta": 1.0, "force": 0.0, "P_star": p, "error_P_star": 0.1} for p in (0.0, 2.0)])
+    assert np.isnan(curve.bar("P_star", 0)) and curve.bar("P_star", 1) == 0.05 and np.isnan(curve.bar("k_n", 1))

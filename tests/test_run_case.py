@@ -16,15 +16,17 @@ import numpy as np
 import pytest
 
 import asperity
+from asperity.adaptive.mesh_levels import LevelSolver
 from asperity.case import Case
 from asperity.cli import main
 from asperity.curve import COLUMNS, Curve
 from asperity.dynamics import DynamicsSettings, Joint, LoopDamping, PowerLaw, TableLaw, law_from, run_dynamics
 from asperity.dynamics.run import small_vibration
-from asperity.errors import CheckError, CheckpointError, ConvergenceError, InputError, MeshError
+from asperity.errors import CheckError, CheckpointError, ConvergenceError, InputError, MeshError, OutputError
 from asperity.loops import LoopTable
 from asperity.mesh.block import BlockMesh
 from asperity.output.results import Results
+from asperity.output.run_files import RunFiles
 from asperity.quasistatic.newton import NewtonSolver
 from asperity.run_case import RunResult, run
 from asperity.run_outputs import small_vibration_of
@@ -143,6 +145,56 @@ def test_sweeps_of_a_case_are_computed(tmp_path: Path) -> None:
     dynamics = {"law": "paper", "model": ["exact"], "zeta": 0.2, "omega": [0.9, 0.95], "sweeps": True}
     run(case_of(dynamics=dynamics, output={"figures": False}), tmp_path)
     assert "sweep" in (tmp_path / "response.csv").read_text(encoding="utf-8")
+
+
+QUIET: dict[str, Any] = {
+    "loading": {"delta_max": 0.01e-6, "steps": 1},
+    "material": {"E": 200e9, "nu": 0.3},
+    "output": {"figures": False, "report": False},
+}
+
+
+def test_a_run_that_is_refused_on_its_way_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Exit code 2 after a first mesh, whose steps were saved; files of other origin stay."""
+    solve, out, calls = LevelSolver.__call__, tmp_path / "out", []
+
+    def refuse(*arguments: Any) -> Any:
+        calls.append(arguments)
+        if len(calls) % 2 == 0:
+            assert (out / "case.toml").is_file() and (out / "checkpoint").is_dir()
+            raise MeshError("the second mesh cannot be made")
+        return solve(*arguments)
+
+    monkeypatch.setattr(LevelSolver, "__call__", refuse)
+    case = case_of(surface={"kind": "flat", "L": 1e-6}, **QUIET, mesh={}, accuracy={"tolerance": 0.1})
+    with pytest.raises(MeshError, match="the second mesh"):
+        run(case, out)
+    assert not out.exists()
+
+
+def test_a_preload_beyond_the_curve_keeps_the_curve(tmp_path: Path) -> None:
+    """Only the curve tells that it is too great: the exit code is not that of input that was refused."""
+    for sections in ({"dynamics": {"law": "paper", "preload": 0.1, "model": ["exact"]}}, {"loops": {"preload": 0.1}}):
+        out = tmp_path / next(iter(sections))
+        with pytest.raises(ConvergenceError, match="the curve is kept") as caught:
+            run(case_of(**QUIET, **sections), out)
+        assert caught.value.exit_code == 3
+        summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+        assert summary["finished"] is False and summary["exit_reason"] == str(caught.value)
+        assert len(Curve.read(out / "curve.csv")) >= 1
+
+
+@pytest.mark.parametrize(("method", "saved"), [("steps", True), ("begin", False)])
+def test_a_full_disk_mentions_a_saved_state_only_where_there_is_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str, saved: bool
+) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(28, "No space left on device", "curve.csv")
+
+    monkeypatch.setattr(RunFiles, method, full)
+    with pytest.raises(OutputError, match="No space left") as caught:
+        run(case_of(**QUIET), tmp_path / "out")
+    assert ("--resume continues from the last step saved" in str(caught.value)) == saved
 
 
 def test_loops_and_ledger_take_the_preload_of_the_vibration() -> None:

@@ -258,10 +258,22 @@ class Curve:
         area, error = branch.area_fraction[-1:], branch.error_area_fraction[-1:]
         if not np.any(error > UNRESOLVED * area):
             return ""
+        few = "the contact touches a few facets only" if area[0] < 0.5 else "the facets are too large for its edge"
+        most = max(area[0], 1.0 - area[0])  # a share of the patch has no greater error
         return (
-            f"the contact touches a few facets only: area_fraction = {area[0]:.2g} with an error of {error[0]:.2g} at "
-            f"delta/L = {branch.delta_star[-1]:.3g}"
+            f"{few}: area_fraction = {area[0]:.2g} with an error of {min(error[0], most):.2g} at delta/L = "
+            f"{branch.delta_star[-1]:.3g}"
         )
+
+    def bar(self, name: str, row: int) -> float:
+        """Return the error bar of a column over its value in a row; NaN where either is unknown, or the value is 0.
+
+        Args:
+            name: of a column with an error bar: "P_star" (that of the force too), "area_fraction" or one of WITH_ERRORS
+            row: position
+        """
+        value, error = float(getattr(self, name)[row]), float(getattr(self, f"error_{name}")[row])
+        return abs(error / value) if value else math.nan
 
     def planned(self) -> Curve:
         """Return the steps of the first loading that end at the planned, equal increments of the approach.

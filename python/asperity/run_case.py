@@ -20,6 +20,7 @@ from asperity.errors import (
     AssumptionWarning,
     CaseWarning,
     CheckError,
+    ConvergenceError,
     InputError,
     Interrupted,
     OutputError,
@@ -38,7 +39,7 @@ from asperity.runtime.display import brief, html_table
 from asperity.runtime.notices import Notices, noting
 from asperity.runtime.parallel import agree, on_root_bcast
 from asperity.runtime.progress import Progress, log_file
-from asperity.runtime.run_folder import CHECKPOINT, LOG
+from asperity.runtime.run_folder import CHECKPOINT, LOG, STATE
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -168,7 +169,7 @@ def run(
         ):
             notices.log()
             stop = None if request is None else request.agreed
-            return job.run(partial(job.begin, continues, force, open_log), stop)
+            return job.run(continues, partial(job.begin, continues, force, open_log), stop)
 
 
 def prepare(
@@ -271,16 +272,27 @@ class _Job:
         on_root_bcast(self.comm, self.writer.begin)
         open_log()
 
-    def run(self, begin: Callable[[], None], stop: Callable[[], str] | None) -> RunResult:
+    def _withdraw(self, continues: bool) -> None:
+        """Remove what a run wrote that is refused after it began, for example when its next mesh cannot be made."""
+        if self.checkpoint is not None and not continues and on_root_bcast(self.comm, lambda: self.writer.begun):
+            self.checkpoint.clear()
+            on_root_bcast(self.comm, self.writer.withdraw)
+
+    def run(self, continues: bool, begin: Callable[[], None], stop: Callable[[], str] | None) -> RunResult:
         """Solve, judge, write; collective.
 
         Args:
+            continues: whether the run in the folder continues
             begin: called once there is a mesh, before the first file is written: a case whose surface cannot be meshed
                 leaves the folder as it is
             stop: gives the reason to stop, empty for none; collective; None never stops
         """
         case, comm, writer = self.case, self.comm, self.writer
-        solved = self._solve(begin, stop)
+        try:
+            solved = self._solve(begin, stop)
+        except InputError:
+            self._withdraw(continues)
+            raise
         contact, failure = solved.contact, solved.failure
         fit = contact.curve.fit_or_none()
         summary = solved.summary(case, fit, comm.size)
@@ -311,10 +323,11 @@ class _Job:
             dynamics = write_outputs(
                 case, self.problem, contact, summary, self.folder, writer, self.progress, failure is None, stop=stop
             )
-        except Interrupted as e:
-            summary["exit_reason"] = str(e)
+        except (Interrupted, InputError) as e:
+            kept = e if isinstance(e, Interrupted) else ConvergenceError(f"{e}; the curve is kept")
+            summary["exit_reason"] = str(kept)
             on_root_bcast(comm, partial(writer.summary, summary))
-            raise
+            raise kept from None
         if failure is not None:
             raise failure
         return RunResult(contact.curve, fit, summary, contact, dynamics)
@@ -341,7 +354,8 @@ class _Job:
                 on_step_of_other=lambda rows, fraction: self.progress.step(rows[-1], fraction),
             )
         except OutputError as e:
-            hint = "; --resume continues from the last step saved" if self.case.output.checkpoint else ""
+            saved = self.checkpoint is not None and any(self.checkpoint.folder.glob(f"**/{STATE}"))
+            hint = "; --resume continues from the last step saved" if saved else ""
             raise OutputError(f"{e}{hint}") from None
 
     def _warn(self, lines: Sequence[Assumption], solved: SolvedCase, unresolved: str) -> None:

@@ -88,7 +88,7 @@ def write_outputs(
                 loops = compute_loops(case, problem, contact, stop)
     except Interrupted:
         raise
-    except ConvergenceError as e:  # on all ranks; what does not need them is written all the same
+    except (ConvergenceError, InputError) as e:  # on all ranks; what does not need them is written all the same
         failure, finished = e, False
         summary["exit_reason"] = str(e)
 

@@ -1,14 +1,16 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Units of length in files, and numbers with SI prefixes, for tables and the axes of figures."""
+"""Units of length in files, and numbers with SI prefixes and the digits that their error bar allows."""
 
 from __future__ import annotations
 
 import math
+from decimal import Decimal
 
 _PREFIXES = {-15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T", 15: "P"}
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "nm": 1e-9, "pm": 1e-12}  # in m
+_MOST_DIGITS = 9  # of a number with an error bar
 
 
 def prefix(value: float, unit: str) -> tuple[float, str]:
@@ -32,12 +34,39 @@ def prefix(value: float, unit: str) -> tuple[float, str]:
     return 10.0**-exponent, _PREFIXES[exponent] + unit
 
 
-def quantity(value: float, unit: str, digits: int = 4) -> str:
-    """Return a value with its unit.
+def quantity(value: float, unit: str, digits: int = 4, *, bar: float = math.nan) -> str:
+    """Return a value with its unit, and with its error bar where that is known.
+
+    A bar has two digits. The last digit of the value is worth between a hundredth and a tenth of its bar.
+
+    Args:
+        value: in `unit`.
+        unit: see `prefix`.
+        digits: significant ones of a value without an error bar.
+        bar: error bar over the value; NaN if unknown.
 
     Examples:
         >>> quantity(4.455e-8, "m")
         '44.55 nm'
+        >>> quantity(3.6062e10, "N/m", bar=0.08), quantity(3.6062e10, "N/m", bar=0.0012), quantity(2.0, "N", bar=0.7)
+        ('36.1 GN/m ± 8 %', '36.06 GN/m ± 0.12 %', '2 N ± 70 %')
+        >>> quantity(123.4, "N", bar=0.1), quantity(1.234567, "N", bar=1e-9)
+        ('120 N ± 10 %', '1.234567 N ± 0.0000001 %')
     """
     factor, name = prefix(value, unit)
-    return f"{value * factor:.{digits}g} {name}".rstrip()
+    known = math.isfinite(bar) and bar >= 0.0
+    if known and bar > 0.0:
+        digits = min(max(1 - math.floor(math.log10(bar)), 1), _MOST_DIGITS)
+    rounded = float(f"{value * factor:.{digits}g}")
+    text = f"{rounded:.{max(digits, 4)}g} {name}".rstrip()  # four digits show 1 to 1000 without an exponent
+    return f"{text} ± {per_cent(bar)}" if known else text
+
+
+def per_cent(share: float) -> str:
+    """Return a share in per cent to two digits, without an exponent.
+
+    Examples:
+        >>> per_cent(0.0123), per_cent(1e-6), per_cent(1.234)
+        ('1.2 %', '0.0001 %', '120 %')
+    """
+    return f"{Decimal(f'{100.0 * share:.2g}'):f} %"

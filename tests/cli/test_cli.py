@@ -24,7 +24,8 @@ from asperity.cli.import_map import CASE
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError
 from asperity.plot import CAPTIONS
-from asperity.runtime.progress import COLUMNS, Progress, StepLines, duration, make_progress
+from asperity.runtime.launch import TERMINAL
+from asperity.runtime.progress import COLUMNS, Progress, StepLines, duration, is_terminal, make_progress
 from asperity.runtime.run_folder import check
 
 ROOT = Path(__file__).parents[2]
@@ -51,7 +52,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
     """Replace the solver after a run has begun: note the jobs, report two steps."""
     noted: list[dict[str, Any]] = []
 
-    def run(job: Any, begin: Callable[[], None], stop: Any) -> Any:
+    def run(job: Any, continues: bool, begin: Callable[[], None], stop: Any) -> Any:
         begin()
         noted.append({"case": job.case, "folder": job.folder})
         job.progress.stage("solve")
@@ -425,3 +426,55 @@ def test_export_writes_a_file(cli: Cli, tmp_path: Path, program: str) -> None:
 def test_dynamics_refuses_bad_input(cli: Cli, arguments: tuple[str, ...], part: str) -> None:
     code, _, err = cli("dynamics", *arguments)
     assert code == 2 and part in err and len(err.splitlines()) == 1
+
+
+def test_a_rank_of_mpirun_has_no_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Open MPI gives it a pseudo-terminal, also where mpirun writes to a file; ranks of --ranks know better."""
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setenv("TERM", "xterm")
+    for name in ("OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "PMIX_RANK", "PMI_RANK", "SLURM_STEP_NUM_TASKS", TERMINAL):
+        monkeypatch.delenv(name, raising=False)
+    assert is_terminal()
+    monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "2")
+    assert not is_terminal()
+    monkeypatch.setenv(TERMINAL, "2")
+    assert is_terminal()
+    monkeypatch.setenv("TERM", "dumb")
+    assert not is_terminal()
+
+
+DOUBTED = """units = "other"
+[surface]
+kind = "sphere"
+L = 1.0
+radius = 0.6
+[material]
+E = 1.0
+nu = 0.3
+[mesh]
+h_contact = 0.12
+h_max = 0.5
+[loading]
+delta_max = 0.05
+steps = 2
+[output]
+figures = false
+report = false
+"""
+
+
+def test_each_doubt_of_a_run_is_printed_once(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "case.toml").write_text(DOUBTED)
+    code, out, err = cli("run", tmp_path / "case.toml", "-o", tmp_path / "out")
+    assert code == 0 and (out + err).count("contact pressure") == 1 and "Doubtful" not in out
+    assert "assumptions that were checked" in out and "\x1b" not in out
+    _, out, _ = cli("run", tmp_path / "case.toml", "-o", tmp_path / "out", "--resume")
+    assert out.count("contact pressure") == 1  # of a run that was finished before
+
+
+def test_an_occupied_folder_is_refused_before_ranks_start(cli: Cli, tmp_path: Path) -> None:
+    (tmp_path / "case.toml").write_text(DOUBTED)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out/mine.txt").touch()
+    code, out, err = cli("run", tmp_path / "case.toml", "-o", tmp_path / "out", "--ranks", "2")
+    assert code == 2 and len(err.splitlines()) == 1 and "not empty and holds no run" in err and not out

@@ -233,6 +233,23 @@ def test_a_huge_map_is_cut_or_filtered(
         height_map.HeightMap(path=scan)
 
 
+def test_a_refused_map_leaves_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The case is judged last, when patch and pictures are there already; an earlier result stays as it is."""
+    scan, out = write(tmp_path, SCAN), tmp_path / "out"
+
+    def refuse(case: Any, surface: Any = None) -> None:
+        raise InputError(f"{case.surface.path}: its first mesh is too large")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("asperity.adaptive.estimate.estimate", refuse)
+        assert import_map(scan, "-o", out) == 2
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["scan.npz"]
+        assert f"{out}/patch.npz: its first mesh is too large" in capsys.readouterr().err
+    assert import_map(scan, "-o", out) == 0
+
+
 # ---------------------------------------------------------------------------------------- advice
 
 S = np.linspace(0.0, 100e-6, 200)

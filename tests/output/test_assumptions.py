@@ -31,6 +31,7 @@ from asperity.output.assumptions import (
     approach_to_mean_plane,
     block_height,
     bulk_yield,
+    elastic,
     first_pull_off,
     ledger,
     radiation,
@@ -109,6 +110,36 @@ def test_a_comparison_replaces_the_limit_of_strain() -> None:
     assert small_strain(evidence(material=finite, **strained)) is None
     line = small_strain(evidence(material=finite, **strained, small_strain=(2.6, 1.0)))
     assert verdict(line) == FINE and line is not None and "2.6 %" in line.detail
+
+
+def test_pressure_of_an_elastic_contact_beyond_that_of_metals() -> None:
+    """2.8 times a yield strength of 0.02 E; the pressure of one node, singular at an edge, decides nothing."""
+    solid = Material(200e9, 0.3)
+    line = elastic(evidence(material=solid, force=2e-9, mean_pressure=7e9, max_pressure=200e9))
+    assert verdict(line) == FINE and line is not None and line.value == pytest.approx(1.5 * 7 / 200)
+    line = elastic(evidence(material=solid, force=2e-9, mean_pressure=8e9, max_pressure=12e9))
+    assert verdict(line) == DOUBTFUL and line is not None
+    assert "material.yield_strength" in line.warning and "material.yield_strength" in line.advice
+    assert "below 7.5e+09" in line.detail  # 12 GPa over 1.6, Hertz and Mises
+    assert elastic(evidence(material=STEEL, force=2e-9, mean_pressure=8e9)) is None
+
+
+def test_pressure_of_an_elastic_contact_does_not_grow_with_the_mesh() -> None:
+    """Of a wave on two meshes; of a Hertzian contact it is the pressure in the middle."""
+    from mpi4py import MPI
+
+    ridge, found = Sinusoid(L=1.0, amplitude=0.02), []
+    for h in (0.1, 0.05):
+        problem = Problem.of(ridge, Material(1.0, 0.3), delta_max=0.02, steps=2, size=MeshSize(h))
+        curve = solve_problem(problem, comm=MPI.COMM_SELF).curve
+        line = elastic(Evidence(curve, problem))
+        assert line is not None
+        found.append(line.value)
+    assert found[1] == pytest.approx(found[0], rel=0.03)
+    sphere = Problem.of(Sphere(L=1.0, radius=4.0), Material(1.0, 0.3), delta_max=4e-3, steps=2, size=MeshSize(0.03))
+    curve = solve_problem(sphere, comm=MPI.COMM_SELF).curve
+    line = elastic(Evidence(curve, sphere))
+    assert line is not None and line.value == pytest.approx(curve.max_pressure[-1], rel=0.03)
 
 
 @pytest.mark.parametrize("sides", ["rollers", "free"])

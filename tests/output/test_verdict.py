@@ -22,8 +22,25 @@ def sentences(**columns: float) -> list[str]:
 
 def test_stiffness_of_the_largest_force_with_its_bar() -> None:
     said = sentences(k_n_elastic=2.5e3, error_k_n_elastic=25.0, k_t=2.0e3)
-    assert "Its elastic stiffness there: normal 2.5 kN/m ± 1 % and tangential, without slip, 2 kN/m." in said
+    assert "Elastic stiffness of the patch there: normal 2.5 kN/m ± 1 % and tangential, without slip, 2 kN/m." in said
 
 
 def test_no_stiffness_where_none_was_computed() -> None:
     assert not any("stiffness" in sentence for sentence in sentences())
+
+
+def test_numbers_have_the_digits_of_their_bars() -> None:
+    said = " ".join(sentences(force=2.86812e-6, error_P_star=3.2e-6, k_n_elastic=3.6062e3, error_k_n_elastic=288.5))
+    assert "The force on the patch is 2.87 µN ± 8 %" in said and "normal 3.61 kN/m ± 8 %" in said
+
+
+def test_each_number_names_the_patch_or_the_joint() -> None:
+    """The vibration of a joint is about its load, and has the bar of its stiffness, half of it for the frequency."""
+    found = {"numbers": {"k_n": 2.8581e9, "f": 3804.4}, "load": 1e4, "laws": {"error_bar_of_k_n": 0.08}}
+    curve = asp.Curve.from_rows([ROW])
+    for case, of in (({"joint": {"nominal_area": 1e-4}}, "joint"), ({}, "patch")):
+        *_, last = verdict(Results(Path("out"), curve, case={"units": "SI"} | case, thresholds=found))
+        assert last == (
+            f"Small vibration of the {of} about a load of 10 kN has a stiffness of 2.86 GN/m ± 8 % and a frequency of "
+            "3.8 kHz ± 4 %."
+        )

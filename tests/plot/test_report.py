@@ -34,7 +34,7 @@ def test_the_page_contains_law_outcome_input_run_and_citations(folder: Path) -> 
     page = Page(write_report(folder))
     for part in (
         "0.42 (misfit of the fit: 0.4 to 0.44)", "1.55 (misfit of the fit: 1.52 to 1.58)", "R² = 0.99870",
-        "402.5 µN", "30 nm", "yield_strength 1e+09", "error budget", "load step 0.008",
+        "403 µN ± 3 %", "30 nm", "yield_strength 1e+09", "error budget", "load step 0.008",
         "dofs 51234",
         "dolfinx 0.9.0", "peak memory MiB 640", "18 accepted steps", "Komvopoulos", "kappa -0.047",
         "peaks 1.Omega 0.987",

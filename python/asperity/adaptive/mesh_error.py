@@ -41,6 +41,7 @@ from asperity.curve import Curve
 from asperity.model.settings import AccuracyTarget
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.runtime.parallel import on_root_bcast
+from asperity.units import per_cent
 
 
 @dataclass(frozen=True)
@@ -154,13 +155,16 @@ class MeshErrorEstimate:
         if worst == inf:
             return "the force has no error bar at every step, because the mesh is not touched at the first ones"
         if not worst <= goal.tolerance:
-            return f"the force is known to {worst:.2%}, not to the {goal.tolerance:.2%} of accuracy.tolerance"
+            return (
+                f"the force is known to {per_cent(worst)}, not to the {per_cent(goal.tolerance)} of accuracy.tolerance"
+            )
         if goal.area_tolerance is None or area <= goal.area_tolerance:
             return ""
         if area == inf:
             return "the contact area has no error bar at every step, because at the first ones it is a single node"
         return (
-            f"the contact area is known to {area:.2%}, not to the {goal.area_tolerance:.2%} of accuracy.area_tolerance"
+            f"the contact area is known to {per_cent(area)}, not to the {per_cent(goal.area_tolerance)} of "
+            "accuracy.area_tolerance"
         )
 
     def _left_out(self, result: ContactResult) -> Omission | None:

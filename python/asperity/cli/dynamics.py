@@ -14,6 +14,7 @@ from asperity.cli import options
 from asperity.dynamics.law.damping import DAMPING, LOOPS
 from asperity.dynamics.settings import LAWS, MODELS
 from asperity.errors import InputError
+from asperity.units import per_cent
 
 if TYPE_CHECKING:
     from asperity.dynamics import Dynamics
@@ -143,7 +144,8 @@ def _show(result: Dynamics) -> None:
         options.say(f"n = {n.value:.4g} +- {n.half:.2g}, {curvature}, by the {spread.origin}")
     for note in result.notes:
         options.say(f"note: {note}")
-    options.say(result.numbers.sentence(result.units))
+    bar = float("nan") if result.laws is None else result.laws.stiffness_bar
+    options.say(result.numbers.sentence(result.units, bar))
 
 
 def _show_laws(laws: LawTable, units: str) -> None:
@@ -153,11 +155,9 @@ def _show_laws(laws: LawTable, units: str) -> None:
     options.table(f"laws at the preload {choice.load:.5g}: {choice.name}, {choice.reason}", laws.texts(), header)
     own = laws.chosen
     bar = (
-        f"; error bar of the {own.bar_of} {100 * own.bar:.2g} %"
-        if own.bar == own.bar
-        else "; no error bar of the force"
+        f"; error bar of the {own.bar_of} {per_cent(own.bar)}" if own.bar == own.bar else "; no error bar of the force"
     )
-    options.say(f"spread of the laws that apply: {100 * laws.spread:.2g} % of k_n{bar}")
+    options.say(f"spread of the laws that apply: {per_cent(laws.spread)} of k_n{bar}")
     if choice.yields_at:
         options.say(
             f"the contact yields again above u = {choice.yields_at:.4g}, where the force passes {choice.reached:.5g}"

@@ -91,7 +91,7 @@ def command(
     text (a matrix, or x, y, z, with any separator), or a file of an instrument that SurfaceTopography reads. Lengths in
     metres. OUT receives patch.npz, case.toml to start from, measured.json, surface.png and spectrum.png.
     """
-    from asperity.runtime.files import replace_file
+    from asperity.runtime.files import files_into
     from asperity.runtime.progress import Progress, StepLines
     from asperity.surface.height_map import MOST, HeightMap
     from asperity.surface.measured import HeightField
@@ -132,36 +132,40 @@ def command(
     if not 2 * bare.dx <= shortest < side:
         raise InputError(f"shortest = {shortest:g} must lie between two pixels, {2 * bare.dx:g}, and the side {side:g}")
     folder = Path(output) if output else Path("out") / Path(map_file).stem
-    folder.mkdir(parents=True, exist_ok=True)
     progress.stage("statistics")
-    surface = HeightMap(path=patch.save(folder / "patch.npz"))
-    statistics, summit = surface.statistics(min(len(patch.z), 1025)), surface.maximum()
-    spectrum = psd(bare.z, len(bare.z) * bare.dx)
-    wave = repeating_wave(bare.z, side)
-    affine = _self_affine(spectrum, shortest) if wave is None else None
-    fit = None
-    if fitted:
-        progress.stage("fit of D and G")
-        fit = _fractal(bare, shortest, level)
-    progress.stage("figures")
-    _draw(folder, surface, summit, spectrum, affine, fit)
-    progress.stage("cut-offs")
-    cutoffs = _over_cutoff(filtered, side, bare.dx)
-    about = {"file": map_file, "side": surface.L, "nodes": len(patch.z), "level": level, "cutoff": cutoff}
-    about |= {"despike": despike}
-    about |= {"statistics": asdict(statistics), "self_affine": None if affine is None else asdict(affine)}
-    about |= {"repeating_wave": None if wave is None else asdict(wave)}
-    about |= {"over_cutoff": cutoffs, "fit": None if fit is None else fit.to_dict()}
-    replace_file(folder / "measured.json", f"{json.dumps(about, indent=2)}\n".encode())
-    replace_file(folder / "case.toml", _case(surface).encode())
+    with files_into(folder) as aside:  # whole, or not at all
+        surface = HeightMap(path=patch.save(aside / "patch.npz"))
+        statistics, summit = surface.statistics(min(len(patch.z), 1025)), surface.maximum()
+        spectrum = psd(bare.z, len(bare.z) * bare.dx)
+        wave = repeating_wave(bare.z, side)
+        affine = _self_affine(spectrum, shortest) if wave is None else None
+        fit = None
+        if fitted:
+            progress.stage("fit of D and G")
+            fit = _fractal(bare, shortest, level)
+        progress.stage("figures")
+        _draw(aside, surface, summit, spectrum, affine, fit)
+        progress.stage("cut-offs")
+        cutoffs = _over_cutoff(filtered, side, bare.dx)
+        about = {"file": map_file, "side": surface.L, "nodes": len(patch.z), "level": level, "cutoff": cutoff}
+        about |= {"despike": despike}
+        about |= {"statistics": asdict(statistics), "self_affine": None if affine is None else asdict(affine)}
+        about |= {"repeating_wave": None if wave is None else asdict(wave)}
+        about |= {"over_cutoff": cutoffs, "fit": None if fit is None else fit.to_dict()}
+        (aside / "measured.json").write_text(f"{json.dumps(about, indent=2)}\n", encoding="utf-8")
+        (aside / "case.toml").write_text(_case(surface), encoding="utf-8")
+        try:
+            cost = _cost(aside / "case.toml", surface)
+        except InputError as error:
+            raise InputError(str(error).replace(str(aside), str(folder))) from None
     progress.done()
     if as_json:
         options.print_json(about)
         return
     _show(map_file, surface.L, len(patch.z), statistics, affine, fit, cutoffs, cutoff)
     _doubts(statistics, surface.L, bare, affine, wave, zeros)
-    if not _spike(whole, cut, bare, wave, statistics):
-        _cost(folder / "case.toml", surface)
+    if not _spike(whole, cut, bare, wave, statistics) and cost:
+        options.say(cost)
     options.say(f"written to {folder}; next: asperity check {folder / 'case.toml'}")
 
 
@@ -314,12 +318,15 @@ def _spike(
     return False
 
 
-def _cost(case_file: Path, surface: HeightMap) -> None:
-    """Print if the case will probably not meet its tolerance, and which filter it takes."""
+def _cost(case_file: Path, surface: HeightMap) -> str:
+    """Return a sentence if the case will probably not meet its tolerance, with the filter it takes; empty otherwise.
+
+    Raises:
+        InputError: the case cannot be run
+    """
     from asperity.adaptive.cutoff import filter_advice
     from asperity.adaptive.estimate import estimate
     from asperity.case import Case
 
     case = Case.load(case_file)
-    if advice := filter_advice(case, estimate(case, surface=surface), surface):
-        options.say(advice)
+    return filter_advice(case, estimate(case, surface=surface), surface)

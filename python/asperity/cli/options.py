@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
-from asperity.runtime.progress import world_rank
+from asperity.runtime.progress import is_terminal, world_rank
 
 if TYPE_CHECKING:
     from asperity.case import Case
@@ -179,7 +179,6 @@ def table(title: str, rows: Iterable[tuple[str, ...]], header: tuple[str, ...] =
         grid.add_column(name, justify="right" if i else "left", overflow="fold")
     for row in rows:
         grid.add_row(*row)
-    console = Console(highlight=False, markup=False)
-    if not console.is_terminal:
-        console.width = 200  # a file or a pipe has no width to fold to
+    plain = not is_terminal()  # a file or a pipe has no width to fold to
+    console = Console(highlight=False, markup=False, force_terminal=not plain, width=200 if plain else None)
     console.print(grid)

@@ -41,17 +41,21 @@ def command(
     OUT receives case.toml (the completed input), curve.csv (force against approach), summary.json and, if the case
     requests them, dynamics, figures, fields and report.html.
     """
-    options.start_ranks(ranks, quiet)
-    from asperity import run_case
     from asperity.case import Case
-    from asperity.output.assumption import doubtful
-    from asperity.output.friction_bounds import bounds_line
-    from asperity.output.results import Results
-    from asperity.output.verdict import verdict
-    from asperity.runtime.run_folder import REPORT
+    from asperity.runtime import launch, run_folder
 
     case = Case.load(case_file, overrides)
     folder = Path(output) if output else Path("out") / Path(case_file).stem
+    if ranks is not None and launch.started_ranks() is None:  # mpirun adds words of its own to a refusal
+        run_folder.check(folder, resume=resume, force=force)
+    options.start_ranks(ranks, quiet)
+    from asperity import run_case
+    from asperity.output.assumption import doubtful
+    from asperity.output.friction_bounds import bounds_line
+    from asperity.output.results import Results
+    from asperity.output.verdict import count_of_doubts, verdict
+    from asperity.runtime.run_folder import REPORT
+
     progress = make_progress(quiet)
     try:
         result = run_case.run(case, folder, progress=progress, resume=resume, force=force, bounds=bounds)
@@ -63,13 +67,17 @@ def command(
         _show_fit(result.fit)
         if len(result.curve):
             vibration = {**result.summary.get("dynamics", {}), "units": case.units}
-            found = Results(folder, result.curve, {"units": case.units}, result.summary, thresholds=vibration)
+            found = Results(folder, result.curve, case.to_dict(), result.summary, thresholds=vibration)
             for sentence in verdict(found):  # without reading meshes and fields again
                 options.say(sentence)
         if result.summary.get("friction_bounds"):
             options.say(bounds_line(result.summary["friction_bounds"]))
-        for line in doubtful(result.summary.get("assumptions", [])):
-            options.say(f"doubtful: {line.describe()}")
+        records = result.summary.get("assumptions", [])
+        for line in doubtful(records):
+            if not line.warned or result.contact is None:  # this command has shown the warning
+                options.say(f"doubtful: {line.describe()}")
+        if records:
+            options.say(f"{count_of_doubts(records)}.")
         options.say(f"written to {folder}")
         if (folder / REPORT).is_file():
             options.say(f"report: {folder / REPORT}")

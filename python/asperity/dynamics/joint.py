@@ -12,6 +12,7 @@ from typing import Any
 
 from asperity.dynamics.law.checks import positive
 from asperity.errors import InputError
+from asperity.units import quantity
 
 #: Keys of which at most one is given.
 EXCLUSIVE = (("preload", "pressure"), ("mass", "frequency"))
@@ -155,7 +156,7 @@ class Numbers:
     Examples:
         >>> from asperity.dynamics.joint import Numbers
         >>> print(Numbers(2e5, 0.5, 100.66, 4e-9, 0.01, 0.42).sentence("SI"))
-        k_n = 2e+05 N/m, m = 0.5 kg, f = 100.66 +- 0.42 Hz, z_s = 4e-09 m, zeta = 0.01
+        k_n = 200 kN/m ± 0.83 %, m = 0.5 kg, f = 100.66 Hz ± 0.42 %, z_s = 4 nm, zeta = 0.01
     """
 
     stiffness: float
@@ -165,17 +166,22 @@ class Numbers:
     damping: float
     frequency_bar: float = math.nan
 
-    def sentence(self, units: str | None) -> str:
-        """Return them as one line, with SI units if `units` is "SI"."""
-        names = {"k_n": "N/m", "m": "kg", "f": "Hz", "z_s": "m", "zeta": ""}
-        values = (self.stiffness, self.mass, self.frequency, self.approach, self.damping)
-        parts = []
-        for (name, unit), value in zip(names.items(), values, strict=True):
-            if math.isfinite(value):
-                bar = f" +- {self.frequency_bar:.2g}" if name == "f" and self.frequency_bar > 0 else ""
-                parts.append(f"{name} = {value:.5g}{bar} {unit if units == 'SI' else ''}".rstrip())
-            else:
-                parts.append(f"{name} unknown (give joint.mass)")
+    def sentence(self, units: str | None, bar: float = math.nan) -> str:
+        """Return them as one line.
+
+        Args:
+            units: "SI" shows SI units.
+            bar: error bar of the stiffness over it; default twice that of the frequency, sqrt(k_n/m)/(2 pi).
+        """
+        si = units == "SI"
+        bar = bar if math.isfinite(bar) else 2.0 * self.frequency_bar / self.frequency
+        parts = [f"k_n = {quantity(self.stiffness, 'N/m' if si else '', 5, bar=bar)}"]
+        if math.isfinite(self.mass):
+            parts.append(f"m = {self.mass:.5g}{' kg' if si else ''}")
+            parts.append(f"f = {quantity(self.frequency, 'Hz' if si else '', 5, bar=0.5 * bar)}")
+        else:
+            parts.append("m and f unknown (give joint.mass)")
+        parts += [f"z_s = {quantity(self.approach, 'm' if si else '')}", f"zeta = {self.damping:.5g}"]
         return ", ".join(parts)
 
     def to_dict(self) -> dict[str, float | None]:

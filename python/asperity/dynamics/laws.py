@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -17,6 +17,7 @@ from asperity.dynamics.law.table import TableLaw
 from asperity.dynamics.law_of_curve import AFTER_YIELD, Choice, law_named
 from asperity.dynamics.settings import NAMES
 from asperity.errors import AsperityError
+from asperity.units import quantity
 
 WORDS = {
     "unload-reload": "unload-reload branch",
@@ -76,6 +77,10 @@ class LawAtLoad:
             return tuple(law.scaled(1.0, factor) for factor in factors)
         return tuple(law.scaled(factor) for factor in factors) if isinstance(law, (TableLaw, PowerLaw)) else ()
 
+    def stiffness_bar(self, load: float) -> float:
+        """Error bar of the stiffness at a load (force) over that stiffness, by the own bar; NaN if unknown."""
+        return spread_about(self.stiffness, (law for law in self.sides() if law is not self.law), load)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the row as plain values, None where unknown."""
         values = {"n": self.n, "kappa": self.kappa, "z_s": self.z_s, "k_n": self.stiffness, "f": self.frequency}
@@ -122,6 +127,11 @@ class LawTable:
         known = [row.stiffness for row in self.rows if row.applies]
         return (max(known) - min(known)) / self.chosen.stiffness
 
+    @property
+    def stiffness_bar(self) -> float:
+        """Error bar of the stiffness over that of the chosen law, by its own bar and the other laws; NaN if unknown."""
+        return spread_about(self.chosen.stiffness, self.members(), self.choice.load)
+
     def members(self) -> tuple[Law, ...]:
         """Laws whose extremes bound the results: the chosen one and the others that apply, at the ends of their bars.
 
@@ -153,6 +163,7 @@ class LawTable:
             "yields_again_at_u": choice.yields_at,
             "spread_of_k_n": self.spread,
             "error_bar_of_the_force": self.bar if math.isfinite(self.bar) else None,
+            "error_bar_of_k_n": self.stiffness_bar if math.isfinite(self.stiffness_bar) else None,
             "table": [row.to_dict() for row in self.rows],
         }
 
@@ -166,8 +177,10 @@ class LawTable:
                 "after a greater load" if row.name == "unload-reload" else "of the first loading, not of a vibration"
             )
             remark = "chosen" if row.chosen else "" if row.applies else other
-            hertz = f"{row.frequency:.5g}" if math.isfinite(row.frequency) else "-"
-            yield (WORDS[row.name], f"{row.n:.4g}", f"{row.kappa:.3g}", f"{row.stiffness:.5g}", hertz, remark)
+            bar = row.stiffness_bar(self.choice.load)
+            hertz = quantity(row.frequency, "", 5, bar=0.5 * bar) if math.isfinite(row.frequency) else "-"
+            stiffness = quantity(row.stiffness, "", 5, bar=bar)
+            yield (WORDS[row.name], f"{row.n:.4g}", f"{row.kappa:.3g}", stiffness, hertz, remark)
 
 
 def tabulate(
@@ -209,3 +222,12 @@ def _row(name: str, law: Law, load: float, mass: float | None) -> LawAtLoad:
     k = law.derivatives(z)[0]
     frequency = math.nan if mass is None else math.sqrt(k / mass) / (2 * math.pi)
     return LawAtLoad(name, law, law.n_loc(z), law.kappa(z), z, k, frequency)
+
+
+def spread_about(stiffness: float, laws: Iterable[Law], load: float) -> float:
+    """Greatest relative difference of the stiffness of laws at a load [force] from a stiffness; NaN if unknown."""
+    try:
+        found = [law.derivatives(law.deflection(load))[0] for law in laws]
+    except AsperityError:  # a law does not reach the load at the end of its bar
+        return math.nan
+    return max((abs(other / stiffness - 1.0) for other in found), default=math.nan)

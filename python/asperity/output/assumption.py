@@ -25,7 +25,8 @@ class Assumption:
         advice: what to do where it is doubtful
         detail: what else is known
         least: whether the limit is a lower one
-        warning: sentence for a run that violates an assumption of its own model; empty where another one was given
+        warning: sentence for a run that violates an assumption of its own model
+        warned: whether a warning of the run has the same doubt, that of `warning` or one that came before
 
     Examples:
         >>> line = Assumption("approach over depth", 1.2, 1.0, "", "geometry", "a smaller load")
@@ -42,6 +43,11 @@ class Assumption:
     detail: str = ""
     least: bool = False
     warning: str = ""
+    warned: bool = False
+
+    def __post_init__(self) -> None:
+        if self.warning:
+            object.__setattr__(self, "warned", True)
 
     @property
     def verdict(self) -> str:
@@ -70,6 +76,7 @@ class Assumption:
             "verdict": self.verdict,
             "advice": self.advice,
             "detail": self.detail,
+            "warned": self.warned,
         }
 
 

@@ -38,6 +38,9 @@ FLAT = 1e-12  # depth below which a surface counts as a plane [L]
 #: Strain up to which small-strain theory applies. The engineering strain e and the logarithmic strain ln(1 + e) have a
 #: relative difference of e/2 to first order: 5 % here.
 SMALL_STRAIN = 0.1
+HARDNESS = 2.8  # mean pressure over the yield strength of a metal that yields below the whole contact (Tabor)
+YIELD_STRAIN = 0.02  # yield strength over E of metallic glasses, the greatest of metals; steels have 0.001 to 0.01
+FIRST_YIELD = 1.6  # greatest pressure of a spot over the yield strength at first yield (Johnson, 1985, eq. 6.9)
 AT_BASE = 0.2  # part of the pressure of the longest wave that arrives at the base
 SPOT = 0.1  # contact radius over the height of the block, which stiffens a bonded layer by about as much
 SMALL_CONTACT = 1e-6  # radius below which metals are harder [m]
@@ -153,6 +156,28 @@ def small_strain(run: Evidence) -> Assumption | None:
     )  # fmt: skip
 
 
+def elastic(run: Evidence) -> Assumption | None:
+    """Pressure of the contact of an elastic solid over its modulus, next to that which no metal carries.
+
+    The greatest pressure of a node is no measure: at an edge of the contact, or a corner of the surface, it grows with
+    each finer mesh, and a single node would decide. Force over true contact area is an integral over the contact, and
+    converges. A Hertzian spot of this mean pressure has 3/2 of it in its middle: a rough contact has more somewhere.
+    """
+    material = run.problem.material
+    if material.plastic:
+        return None
+    pressure = 1.5 * float(run.curve.mean_pressure[run.top])
+    return Assumption(
+        "elastic: 3/2 of the mean contact pressure over E", pressure / material.E, HARDNESS * YIELD_STRAIN, "",
+        "Tabor, The Hardness of Metals (1951); Johnson & Samwer, Phys. Rev. Lett. 95 (2005) 195501",
+        "give material.yield_strength, unless the solid is no metal",
+        f"a spot of this greatest pressure yields where the yield strength is below {pressure / FIRST_YIELD:.3g}",
+        warning=f"the contact pressure, 3/2 of its mean, is {pressure:.3g} or {pressure / material.E:.2g} E, above the "
+        f"{HARDNESS * YIELD_STRAIN:.2g} E of the hardest metals: the solid is computed elastic, give "
+        "material.yield_strength",
+    )  # fmt: skip
+
+
 def friction(run: Evidence) -> Assumption | None:
     """What any friction could change, where both bounds were computed."""
     if run.friction is None:
@@ -181,7 +206,7 @@ def resolution(run: Evidence) -> Assumption | None:
         f"resolution: waves shorter than {ELEMENTS:g} elements, rms height over approach",
         unresolved_height(surface, run.h, float(run.curve.delta.max())), SHARE * tolerance, "",
         f"error of the force of {100 * tolerance:.2g} % (docs/accuracy.md)",
-        "a smaller mesh.h_contact, or a cut-off", waves,
+        "a smaller mesh.h_contact, or a cut-off", waves, warned=run.tolerance is None,
     )  # fmt: skip
 
 
@@ -193,7 +218,7 @@ def facets(run: Evidence) -> Assumption | None:
     return Assumption(
         "resolution: error of the contact area over the area",
         float(load.error_area_fraction[-1] / load.area_fraction[-1]), UNRESOLVED,
-        "", "about six facets in contact", "a smaller mesh.h_contact, or accuracy.tolerance",
+        "", "about six facets in contact", "a smaller mesh.h_contact, or accuracy.tolerance", warned=True,
     )  # fmt: skip
 
 
@@ -207,7 +232,7 @@ def summit_on_edge(run: Evidence) -> Assumption | None:
     )
     return Assumption(
         f"summit on edge: {edge.name}", edge.value, edge.limit, "", source,
-        "another surface.seed, or another window of a map", least=run.problem.sides == "free",
+        "another surface.seed, or another window of a map", least=run.problem.sides == "free", warned=True,
     )  # fmt: skip
 
 
@@ -357,6 +382,7 @@ def radiation(run: Evidence) -> Assumption | None:
 #: Lines in their order; a new one is a function of the evidence.
 LINES: tuple[Callable[[Evidence], Assumption | None], ...] = (
     small_strain,
+    elastic,
     friction,
     resolution,
     facets,

@@ -31,6 +31,7 @@ from asperity.output.results import Results
 from asperity.power_law import interface_approach
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import EXPORTS
+from asperity.units import per_cent
 
 LAWS = ("auto", "table", "unload-reload")
 _WIDTH = 110  # of a comment in a deck
@@ -223,12 +224,9 @@ def _about(results: Results, case: Case, law: TableLaw, name: str, measure: str)
     yield f"law: {'first loading' if name == 'table' else 'unloading and reloading'}, {law.z.size} computed points"
     yield f"approach: of the mean planes ({measure}), from {'first touch' if name == 'table' else 'separation'}"
     yield f"pressure: nominal, force over {case.surface.L**2:.6g}; greatest {law.F[-1]:.6g}"
-    bar = results.curve.error_P_star[-1:] / results.curve.P_star[-1:]
-    yield (
-        f"error bar of the force: {100 * bar[0]:.2g} %"
-        if np.isfinite(bar).all() and bar.size
-        else ("error bar of the force: unknown (no accuracy.tolerance)")
-    )
+    bar = results.curve.bar("P_star", int(results.curve.force.argmax()))
+    known = "unknown (no accuracy.tolerance)" if bar != bar else f"{per_cent(bar)} at the greatest force"
+    yield f"error bar of the force: {known}"
 
 
 def _short(table: Interface) -> Array:

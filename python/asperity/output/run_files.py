@@ -22,7 +22,8 @@ class RunFiles:
 
     def __init__(self, case: Case, folder: Path | None) -> None:
         self._case, self._folder = case, folder
-        self._whole = self._begun = False
+        self._whole = False
+        self.begun = False  # whether the run has written into the folder
         self._note = ""
 
     def begin(self) -> None:
@@ -37,13 +38,21 @@ class RunFiles:
             if before.get("finished"):
                 self.summary(before | {"finished": False})
             clear(self._folder, dropped(self._earlier_case(), self._case.to_dict()))
-            self._begun = True
+            self.begun = True
             self._write_case()
+
+    def withdraw(self) -> None:
+        """Remove what a refused run has written; files of other origin stay."""
+        if self._folder is not None:
+            clear(self._folder)
+            (self._folder / CASE).unlink(missing_ok=True)
+            if not any(self._folder.iterdir()):
+                self._folder.rmdir()
 
     def note(self, text: str) -> None:
         """Put a choice of the run as a comment above the completed input."""
         self._note = f"# {text}\n"
-        if self._begun:
+        if self.begun:
             self._write_case()
 
     def _write_case(self) -> None:

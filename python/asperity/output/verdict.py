@@ -5,17 +5,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from math import isfinite, nan
+from typing import Any
 
-import numpy as np
-
-from asperity.curve import Curve
+from asperity.output.assumption import DOUBTFUL
 from asperity.output.results import Results
 from asperity.units import quantity
 
 
 def verdict(results: Results) -> list[str]:
-    """Return the result with its error bar, the vibration, and what is doubtful: a sentence each, only what is known.
+    """Return the result with its error bar, and the vibration: a sentence each, only what is known.
 
     Args:
         results: files of a finished or partial run.
@@ -23,71 +23,72 @@ def verdict(results: Results) -> list[str]:
     Examples:
         >>> rows = [{"delta": 1e-9, "force": 2e-6, "P_star": 4e-5, "error_P_star": 8e-7, "area_fraction": 0.01}]
         >>> verdict(Results("out", asp.Curve.from_rows(rows), case={"units": "SI"}))
-        ['The force is 2 µN ± 2 % at an approach of 1 nm; 1 % of the nominal area is in contact.']
+        ['The force on the patch is 2 µN ± 2 % at an approach of 1 nm; 1 % of the nominal area is in contact.']
     """
-    return [*_contact(results), *_stiffness(results), *_vibration(results), *_doubts(results)]
+    return [*_contact(results), *_stiffness(results), *_vibration(results)]
 
 
 def _contact(results: Results) -> Iterator[str]:
-    """Yield force and error bar at the largest force."""
+    """Yield force, error bar and area of the patch at the largest force."""
     curve = results.curve
     if not len(curve):
         yield "No load step was accepted."
         return
-    row = _at_largest_force(curve)
-    force, delta = (
-        quantity(float(column[0]), results.unit(dimension))
-        for column, dimension in ((row.force, "force"), (row.delta, "length"))
-    )
-    known = _bar(float(row.error_P_star[0]), float(row.P_star[0]))
-    share = float(row.area_fraction[0])
-    area = f"; {100 * share:.3g} % of the nominal area is in contact" if np.isfinite(share) else ""
-    yield f"The force is {force}{known} at an approach of {delta}{area}."
-    if not known:
+    top = int(curve.force.argmax())
+    force = quantity(float(curve.force[top]), results.unit("force"), bar=curve.bar("P_star", top))
+    delta = quantity(float(curve.delta[top]), results.unit("length"))
+    share = float(curve.area_fraction[top])
+    area = f"; {100 * share:.3g} % of the nominal area is in contact" if isfinite(share) else ""
+    yield f"The force on the patch is {force} at an approach of {delta}{area}."
+    if not isfinite(curve.bar("P_star", top)):
         yield "It has no error bar: the case requests no tolerance."
 
 
 def _stiffness(results: Results) -> Iterator[str]:
-    """Yield normal and tangential stiffness at the largest force."""
+    """Yield normal and tangential stiffness of the patch at the largest force."""
     curve = results.curve
     if not len(curve):
         return
-    row = _at_largest_force(curve)
-    known = []
+    top, known = int(curve.force.argmax()), []
     for name, axis in (("k_n_elastic", "normal"), ("k_t", "tangential, without slip,")):
-        value, error = (float(getattr(row, column)[0]) for column in (name, f"error_{name}"))
-        if np.isfinite(value) and value > 0.0:
-            known.append(f"{axis} {quantity(value, results.unit('stiffness'))}{_bar(error, value)}")
+        value = float(getattr(curve, name)[top])
+        if isfinite(value) and value > 0.0:
+            known.append(f"{axis} {quantity(value, results.unit('stiffness'), bar=curve.bar(name, top))}")
     if known:
-        yield f"Its elastic stiffness there: {' and '.join(known)}."
-
-
-def _at_largest_force(curve: Curve) -> Curve:
-    """The row of the largest force."""
-    return curve.where(np.array([np.argmax(curve.force)]))
-
-
-def _bar(error: float, value: float) -> str:
-    """Error bar in per cent of a value, empty where it is not known."""
-    return f" ± {100 * error / value:.2g} %" if value > 0.0 and np.isfinite(error) else ""
+        yield f"Elastic stiffness of the patch there: {' and '.join(known)}."
 
 
 def _vibration(results: Results) -> Iterator[str]:
     """Yield stiffness and frequency of small vibration."""
-    numbers, si = results.thresholds.get("numbers") or {}, results.thresholds.get("units") != "other"
+    found = results.thresholds
+    numbers, si = found.get("numbers") or {}, found.get("units") != "other"
     if numbers.get("k_n") is None:
         return
-    text = f"Small vibration has a stiffness of {quantity(numbers['k_n'], (si and 'N/m') or '')}"
-    if numbers.get("f") is not None:
-        text += f" and a frequency of {quantity(numbers['f'], (si and 'Hz') or '')}"
+    bar = (found.get("laws") or {}).get("error_bar_of_k_n")
+    bar = nan if bar is None else float(bar)
+    of, load = "joint" if results.case.get("joint") else "patch", found.get("load")
+    about = "" if load is None else f" about a load of {quantity(load, (si and 'N') or '')}"
+    stiffness = quantity(numbers["k_n"], (si and "N/m") or "", bar=bar)
+    text = f"Small vibration of the {of}{about} has a stiffness of {stiffness}"
+    if numbers.get("f") is not None:  # sqrt(k_n/m): half the bar
+        text += f" and a frequency of {quantity(numbers['f'], (si and 'Hz') or '', bar=0.5 * bar)}"
     yield f"{text}."
 
 
-def _doubts(results: Results) -> Iterator[str]:
-    """Yield how many assumptions of the model are doubtful, and which."""
+def doubts(results: Results) -> list[str]:
+    """Return how many assumptions of the model are doubtful, and which; empty where none was checked."""
     records = results.summary.get("assumptions") or []
-    doubtful = [record["name"] for record in records if record["verdict"] == "doubtful"]
-    if doubtful:
-        yield f"Doubtful: {', '.join(doubtful)} ({len(doubtful)} of {len(records)} assumptions)."
-    elif records:
-        yield f"All {len(records)} assumptions that were checked are fine."
+    names = [record["name"] for record in records if record["verdict"] == DOUBTFUL]
+    return [f"{count_of_doubts(records)}{': ' if names else ''}{', '.join(names)}."] if records else []
+
+
+def count_of_doubts(records: Sequence[Mapping[str, Any]]) -> str:
+    """How many assumptions are doubtful, a clause.
+
+    Args:
+        records: lines of the ledger in summary.json
+    """
+    number = sum(record["verdict"] == DOUBTFUL for record in records)
+    if not number:
+        return f"All {len(records)} assumptions that were checked are fine"
+    return f"{number} of {len(records)} assumptions that were checked {'is' if number == 1 else 'are'} doubtful"

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import asperity
-from asperity.curve import COLUMNS, Curve
+from asperity.curve import COLUMNS, WITH_ERRORS, Curve
 from asperity.output.friction_bounds import bounds_line
 from asperity.output.results import Results
-from asperity.output.verdict import verdict
+from asperity.output.verdict import doubts, verdict
 from asperity.plot import CAPTIONS, OF_VIBRATION, figures_of, plot_run
 from asperity.plot.citations import publications
 from asperity.plot.style import DPI
@@ -69,7 +69,7 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
     ).get_template("report.html.j2")  # fmt: skip
     script = files("asperity").joinpath("templates/zoom.js").read_text(encoding="utf-8")
     text = page.render(
-        verdict=verdict(results),
+        verdict=[*verdict(results), *doubts(results)],
         script=script,
         script_hash=base64.b64encode(hashlib.sha256(script.encode()).digest()).decode(),
         title=results.folder.resolve().name,
@@ -135,7 +135,7 @@ def _outcome(results: Results) -> Rows:
     top = int(curve.force.argmax())
     return [
         ("steps", f"{len(curve)}"),
-        ("largest force", quantity(curve.force[top], results.unit("force"))),
+        ("largest force on the patch", quantity(curve.force[top], results.unit("force"), bar=curve.bar("P_star", top))),
         ("at the approach", quantity(curve.delta[top], results.unit("length"))),
         ("contact area", f"{100 * curve.area_fraction[top]:.3g} % of the nominal"),
         *_known(curve, top, results),
@@ -151,18 +151,20 @@ def _known(curve: Curve, row: int, results: Results) -> Rows:
     if curve.spots[row]:
         rows.append(("contact spots", f"{curve.spots[row]}"))
     for name, words, unit in (("mean_gap", "mean gap", "length"), ("mean_pressure", "mean pressure", "stress")):
-        value = getattr(curve, name)[row]
+        value, bar = getattr(curve, name)[row], curve.bar(name, row) if name in WITH_ERRORS else math.nan
         if value == value:
-            rows.append((words, quantity(value, results.unit(unit))))
+            rows.append((words, quantity(value, results.unit(unit), bar=bar)))
     unit = results.unit("force")
     area = float(results.case["surface"]["L"]) ** 2 if "surface" in results.case else math.nan
     for name, words in STIFFNESS_WORDS.items():
-        value = getattr(curve, name)[row]
+        value, bar = getattr(curve, name)[row], curve.bar(name, row)
         if value == value:
-            per_area = f", {quantity(value / area, unit and 'N/m³')} of the nominal area" if area == area else ""
-            rows.append((words, quantity(value, unit and "N/m") + per_area))
+            of_area = quantity(value / area, unit and "N/m³", bar=bar) if area == area else ""
+            per_area = f", {of_area} of the nominal area" if of_area else ""
+            rows.append((words, quantity(value, unit and "N/m", bar=bar) + per_area))
     if (conductance := curve.conductance[row]) == conductance:
-        rows.append(("constriction conductance over conductivity", quantity(conductance, results.unit("length"))))
+        words, bar = "constriction conductance over conductivity", curve.bar("conductance", row)
+        rows.append((words, quantity(conductance, results.unit("length"), bar=bar)))
     return rows
 
 
@@ -210,12 +212,16 @@ def _laws(results: Results) -> Rows:
     """Return the laws of the curve at the preload, one row each, the chosen one marked."""
     rows: Rows = []
     units = {"k_n": "N/m", "f": "Hz"} if results.unit("force") else {}
-    for row in (results.thresholds.get("laws") or {}).get("table", ()):
+    laws = results.thresholds.get("laws") or {}
+    bar = laws.get("error_bar_of_k_n")
+    bars_of_chosen = {} if bar is None else {"k_n": bar, "f": 0.5 * bar}
+    for row in laws.get("table", ()):
         if row["k_n"] is None:
             rows.append((row["law"], f"– ({row['missing']})"))
             continue
+        bars = bars_of_chosen if row["chosen"] else {}
         known = ", ".join(
-            f"{name} = {quantity(row[name], units.get(name, ''))}"
+            f"{name} = {quantity(row[name], units.get(name, ''), bar=bars.get(name, math.nan))}"
             for name in ("n", "kappa", "k_n", "f")
             if row[name] is not None
         )

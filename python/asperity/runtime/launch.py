@@ -13,6 +13,7 @@ from typing import NoReturn
 
 from asperity.errors import CompatError
 
+TERMINAL = "ASPERITY_TERMINAL"  # set for ranks that `start` starts on a terminal
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS")
 
 
@@ -58,8 +59,8 @@ def start(arguments: Sequence[str], ranks: int) -> NoReturn:
         "PRTE_MCA_hwloc_default_binding_policy": "none",
     }
     chosen = dict.fromkeys(THREADS, "1")
-    if not sys.stdout.isatty():  # mpirun gives the ranks a terminal even where it writes to a file
-        chosen["TERM"] = "dumb"
+    # mpirun gives the ranks a terminal even where it writes to a file
+    chosen |= {TERMINAL: "1"} if sys.stdout.isatty() else {"TERM": "dumb"}
     command = [mpirun, "-n", str(ranks), sys.executable, "-P", "-m", "asperity", *arguments]  # -P: no local modules
     sys.stdout.flush()
     os.execve(mpirun, command, defaults | dict(os.environ) | chosen)

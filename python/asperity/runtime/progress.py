@@ -19,6 +19,8 @@ from logging.handlers import MemoryHandler
 from pathlib import Path
 from typing import Any, TextIO
 
+from asperity.runtime.launch import TERMINAL, started_ranks
+
 
 @contextmanager
 def log_file(path: Path | None, append: bool = False) -> Iterator[Callable[[], None]]:
@@ -178,7 +180,17 @@ def make_progress(quiet: bool = False) -> Progress:
     """Return the display for this process: silent on ranks above 0, a live bar on a terminal, else lines."""
     if quiet or world_rank() > 0:
         return Progress()
-    return StepTable() if sys.stdout.isatty() and os.environ.get("TERM") != "dumb" else StepLines()
+    return StepTable() if is_terminal() else StepLines()
+
+
+def is_terminal() -> bool:
+    """Whether the output of this process is shown on a terminal that a cursor can move on.
+
+    Open MPI gives its ranks a terminal even where mpirun writes to a file, so a rank counts as one only if `launch`
+    started it on a terminal.
+    """
+    through_mpirun = started_ranks() is not None and TERMINAL not in os.environ
+    return sys.stdout.isatty() and os.environ.get("TERM") != "dumb" and not through_mpirun
 
 
 def world_rank() -> int:
