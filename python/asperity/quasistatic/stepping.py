@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from asperity.curve import STIFFNESSES, Curve
+from asperity.curve import ELASTIC_STIFFNESSES, Curve
 from asperity.errors import ConvergenceError
 from asperity.model.load_path import MIDPOINT, Schedule
 from asperity.quasistatic import measures, midpoint
@@ -100,7 +100,7 @@ class Record:
             "mean_gap": self.side,
             "mean_pressure": self.E,
             "largest_spot": self.side**2,
-            **dict.fromkeys(STIFFNESSES, self.E * self.side),
+            **dict.fromkeys(ELASTIC_STIFFNESSES, self.E * self.side),
             "conductance": self.side,
         }
 
