@@ -101,7 +101,7 @@ class Curve:
         seconds: wall-clock time of the step (s).
         mean_gap: distance between the flat and the mean plane of the deformed surface (length).
         mean_pressure: force over the true contact area; NaN without an area (force/length^2).
-        spots: number of contact spots, patches of touched facets connected over their edges (int).
+        spots: number of contact spots, connected patches of touched thirds of facets (int).
         largest_spot: contact area of the largest one (length^2).
         k_n: slope dF/d(delta) of the curve, see `slope.slopes` (force/length).
         k_n_elastic: normal stiffness of unloading and small vibration (force/length).

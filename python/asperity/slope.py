@@ -69,10 +69,11 @@ def _of_branch(x: Array, F: Array, touch: float | None) -> tuple[Array, Array]:
     X: Array = x[n:]
     Y: Array = F[n:]
     scale: Array = np.ones(X.size)
-    before = np.empty(0)
+    before: Array = np.empty(0)
     if origin is not None and np.all(X > origin):
         scale = Y / (X - origin)
-        X, Y, before = np.log(X - origin), np.log(Y), np.array([SINGLE_CONTACT])
+        X, Y = np.log(X - origin), np.log(Y)
+        before = np.array([SINGLE_CONTACT])
     if X.size < 2:
         slope[n:] = change[n:] = np.nan
         return slope, change
