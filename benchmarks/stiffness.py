@@ -23,7 +23,6 @@ from typing import Any
 import numpy as np
 
 import asperity as asp
-from asperity.arrays import Floats
 from asperity.case import Case
 from asperity.case.schema import WeierstrassMandelbrotSection
 from asperity.linear import energy
@@ -55,10 +54,10 @@ class Spent:
         self.seconds, self.cycles = 0.0, 0
         self._columns: stiffness.Stiffness | None = None
 
-    def __call__(self, solver: ContactSolver, rate: Floats | None) -> dict[str, float]:
+    def __call__(self, solver: ContactSolver) -> dict[str, float]:
         begun, cycles = process_time(), CYCLES[0]
         self._columns = self._columns or stiffness.Stiffness(solver.solid)
-        found = self._columns(solver, rate)
+        found = self._columns(solver)
         self.seconds += process_time() - begun
         self.cycles += CYCLES[0] - cycles
         return found
@@ -113,7 +112,7 @@ def _timed(problem: asp.Problem, probe: Any) -> tuple[float, Any]:
 
 
 class Compared:
-    """Errors of columns at each step: against a tangent of the state itself and systems solved 10000 times tighter.
+    """Errors of columns at each step: against systems solved 10000 times tighter.
 
     Attributes:
         errors: of each step and column
@@ -123,13 +122,12 @@ class Compared:
         self.errors: list[list[float]] = []
         self._names, self._columns = names, list[stiffness.Stiffness]()
 
-    def __call__(self, solver: ContactSolver, rate: Floats | None) -> dict[str, float]:
+    def __call__(self, solver: ContactSolver) -> dict[str, float]:
         solid, usual = solver.solid, energy.LEFT
         self._columns = self._columns or [stiffness.Stiffness(solid), stiffness.Stiffness(solid)]
-        loose = self._columns[0](solver, rate)
+        loose = self._columns[0](solver)
         stiffness.LEFT = energy.LEFT = 1e-4 * usual
-        solid.assemble_tangent(solver.contact.add_tangent if solver.contact.stiff else None)
-        tight = self._columns[1](solver, rate)
+        tight = self._columns[1](solver)
         stiffness.LEFT = energy.LEFT = usual
         self.errors.append([abs(loose[name] / tight[name] - 1.0) for name in self._names])
         return loose
@@ -138,7 +136,7 @@ class Compared:
 def accuracy() -> None:
     """Columns against those of systems solved 10000 times as tightly, at each step."""
     heads("material", "dofs", "column", "median error", "greatest error")
-    names = ("k_n", "k_n_elastic", "k_t")
+    names = ("k_n_elastic", "k_t")
     tall, fine = ("material.nu=0.45",), ("material.kinematics=finite",)
     for name, more, h in (("nu = 0.3", (), 0.04), ("nu = 0.3", (), 0.02), ("nu = 0.45", tall, 0.04),
                           ("nu = 0.3, finite strain", fine, 0.04)):  # fmt: skip

@@ -91,7 +91,7 @@ def write_top(folder: Path, surface: Surface, rows: list[list[object]], n: int =
     np.savez(
         folder / "fields/top.npz", points=points, triangles=triangles, steps=steps, branch=branch,
         delta=delta, pressure=2e14 * np.sqrt(np.maximum(depth, 0) * 1e-9),
-        gap=np.maximum(-depth, 0),
+        gap=np.maximum(-depth, 0), touched=depth > 0,
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ PACKAGE = Path(__file__).parent.parent / "python" / "asperity"
 ORDER = (
     ("__version__", "_solver", "errors", "arrays", "units"),
     ("runtime",),
-    ("surface", "power_law"),
+    ("surface", "power_law", "slope"),
     ("curve", "loops"),
     ("model",),
     ("reference", "dynamics"),

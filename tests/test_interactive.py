@@ -77,7 +77,7 @@ def test_a_representation_has_the_numbers_of_its_object(result: Any) -> None:
 def test_tables_of_a_notebook_are_escaped_and_have_the_known_columns(result: Any) -> None:
     page = result.curve._repr_html_()
     assert page.count("<tr>") == 1 + len(result.curve) and "<th>force</th>" in page
-    assert "<th>k_n</th>" not in page  # not computed
+    assert "<th>k_n_elastic</th>" not in page  # not computed
     assert "&lt;" not in page and "exit_reason" in result._repr_html_()
     long = make_curve().where(np.zeros(70, dtype=int))
     assert long._repr_html_().count("<tr>") == 51 and "the first 50 steps" in long._repr_html_()

@@ -11,7 +11,7 @@ import io
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -22,6 +22,7 @@ from asperity.errors import InputError
 from asperity.runtime.display import html_table
 from asperity.runtime.files import replace_file
 from asperity.runtime.optional import optional_module
+from asperity.slope import slopes
 
 if TYPE_CHECKING:
     from asperity.power_law import PowerLawFit
@@ -29,8 +30,9 @@ if TYPE_CHECKING:
 
 UNRESOLVED = 0.5  # error of the contact area over the area, reached when the contact has fewer than about six facets
 
-#: Stiffnesses of the contact [force/length].
-STIFFNESSES = ("k_n", "k_n_elastic", "k_t", "k_n_interface", "k_t_interface")
+#: Stiffnesses of the contact [force/length]; the elastic ones each take a solve, k_n is the slope of the curve.
+ELASTIC_STIFFNESSES = ("k_n_elastic", "k_t", "k_n_interface", "k_t_interface")
+STIFFNESSES = ("k_n", *ELASTIC_STIFFNESSES)
 #: Columns with error bars in runs with a tolerance, in addition to P_star and area_fraction.
 WITH_ERRORS = ("mean_gap", *STIFFNESSES, "conductance")
 COLUMNS = (
@@ -99,9 +101,9 @@ class Curve:
         seconds: wall-clock time of the step (s).
         mean_gap: distance between the flat and the mean plane of the deformed surface (length).
         mean_pressure: force over the true contact area; NaN without an area (force/length^2).
-        spots: number of contact spots, patches of touched facets connected over their edges (int).
+        spots: number of contact spots, connected patches of touched thirds of facets (int).
         largest_spot: contact area of the largest one (length^2).
-        k_n: normal stiffness of the loading, dF/d(delta) with the points in contact held (force/length).
+        k_n: slope dF/d(delta) of the curve, see `slope.slopes` (force/length).
         k_n_elastic: normal stiffness of unloading and small vibration (force/length).
         k_t: tangential stiffness without slip, mean of x and y, elastic (force/length).
         k_n_interface, k_t_interface: k_n_elastic and k_t without the compliance of the block (force/length).
@@ -176,7 +178,7 @@ class Curve:
 
         Args:
             rows: each with at least "delta" and "force"; "step" defaults to the position, "branch" to
-                "load", other numbers to NaN, counts to 0.
+                "load", "k_n" to the slope of the curve, other numbers to NaN, counts to 0.
             header: metadata.
 
         Raises:
@@ -188,7 +190,14 @@ class Curve:
         defaults |= dict.fromkeys(_COUNTS, 0) | {"branch": "load"}
         full = [{**defaults, "step": i, **row} for i, row in enumerate(rows)]
         columns = {name: np.array([row[name] for row in full]) for name in COLUMNS}
-        return Curve(**columns, header=dict(header or {}))
+        curve = Curve(**columns, header=dict(header or {}))
+        if any("k_n" in row for row in rows):
+            return curve
+        return curve.with_force(curve.force)
+
+    def with_force(self, force: Array) -> Curve:
+        """Return the curve with other forces (n,) and the slopes k_n that belong to them."""
+        return replace(self, force=force, k_n=slopes(self.delta, force, self.branch)[0])
 
     def __len__(self) -> int:
         """Return the number of steps."""

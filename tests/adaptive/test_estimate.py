@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import asperity as asp
 from asperity.adaptive.estimate import ELASTIC, PLASTIC, estimate, integral
 from asperity.case import Case
 from asperity.cli import main
-from asperity.errors import InputError
 from asperity.run_case import run
 
 ROOT = Path(__file__).parents[2]
@@ -107,10 +107,21 @@ def test_given_kinematics_compare_nothing_unless_requested() -> None:
     assert of('material.kinematics="small"', "output.small_strain=true") == of('material.kinematics="finite"') == 2
 
 
-def test_a_force_is_refused() -> None:
-    case = Case.load(ROOT / "cases/demo.toml", ["loading.delta_max=", "loading.force_max=1e-4"])
-    with pytest.raises(InputError, match=r"loading\.delta_max"):
-        estimate(case)
+@pytest.mark.parametrize(("name", "h"), [("demo", 0.08), ("elastic", 0.08), ("hertz", 0.001), ("self_affine", 0.08)])
+def test_a_force_has_the_estimate_of_its_approach(name: str, h: float) -> None:
+    """Pressed to a force, and to the approach at which it is reached on a coarse mesh."""
+    file, quick = ROOT / f"cases/{name}.toml", ['material.kinematics="small"', "accuracy.tolerance="]
+    data = Case.load(file, [*quick, "loading.steps=3"]).to_dict()
+    data.pop("dynamics", None)
+    L = data["surface"]["L"]
+    data["mesh"] = {"h_contact": h * L}
+    data["output"], data["loading"] = {}, {"delta_max": data["loading"]["delta_max"], "steps": 3}
+    given = Case.from_dict(data, folder=file.parent)
+    curve = asp.solve_problem(given.problem()).curve
+    data["loading"] = {"force_max": float(curve.force[-1]), "steps": 3}
+    found, known = estimate(Case.from_dict(data, folder=file.parent)), estimate(given)
+    assert found.approach == pytest.approx(known.approach, rel=0.25)
+    assert found.dofs == pytest.approx(known.dofs, rel=0.3)
 
 
 def test_command(capsys: pytest.CaptureFixture[str]) -> None:

@@ -164,8 +164,6 @@ def test_the_local_exponent_is_that_of_the_law(results: Results) -> None:
     P = delta**2 + 0.05 * delta  # exponent (2 delta + 0.05)/(delta + 0.05)
     rows = [{"delta": d, "force": p, "delta_star": d, "P_star": p} for d, p in zip(delta, P, strict=True)]
     curve = Curve.from_rows(rows)
-    x, exponent = local_exponent(replace(curve, k_n=2 * delta + 0.05))
-    np.testing.assert_allclose(exponent, (2 * x + 0.05) / (x + 0.05), rtol=1e-12)
     x, exponent = local_exponent(curve)
     np.testing.assert_allclose(exponent[1:-1], ((2 * x + 0.05) / (x + 0.05))[1:-1], rtol=5e-3)
 
@@ -302,7 +300,7 @@ def test_a_run_that_stopped_early_has_figures(tmp_path: Path, rows: int) -> None
     curve = Curve.read(tmp_path / "curve.csv")
     curve.where(np.arange(rows)).write(tmp_path / "curve.csv")
     fields = dict(np.load(tmp_path / "fields/top.npz"))
-    for name in ("steps", "branch", "delta", "pressure", "gap"):
+    for name in ("steps", "branch", "delta", "pressure", "gap", "touched"):
         fields[name] = fields[name][:rows]  # the first level carries no load
     np.savez(tmp_path / "fields/top.npz", **fields)
     expected = {"pressure", "area", "curve", "plasticity"} if rows else set()

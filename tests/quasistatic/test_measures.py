@@ -13,6 +13,7 @@ import pytest
 
 from asperity import reference as ref
 from asperity.curve import Curve
+from asperity.mesh.element import FACE_TRIANGLES
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize
 from asperity.output.distributions import distributions, write_distributions
@@ -78,6 +79,42 @@ def test_spots_of_a_chequered_wave(formulation: Formulation) -> None:
     assert curve.spots.tolist() == [13, 13]
     # of 16 half spots: five whole ones, four halves, four quarters make eight
     np.testing.assert_allclose(curve.largest_spot, 4.0 * curve.area_fraction / 8.0, rtol=0.05)
+
+
+@EACH
+def test_the_map_shows_the_spots_that_count(formulation: Formulation, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Patches of a fine map and their area; the angles in which two meet are too narrow for its squares."""
+    from scipy import ndimage
+
+    from asperity.plot import contact
+    from asperity.surface import SelfAffine
+
+    monkeypatch.setattr(contact, "PIXELS", 1200)
+    rough = SelfAffine(L=1.0, H=0.8, slope=0.05, lambda_roll=0.4, lambda_short=0.15, seed=3)
+    result = solve_contact(
+        rough, ELASTIC, delta_max=0.01, steps=5, snapshots=5, formulation=formulation, size=MeshSize(0.04),
+        comm=here(),
+    )  # fmt: skip
+    curve, top = result.curve, gather_top_states(result, 1.0, 1.0)
+    assert top is not None
+    triangles = np.concatenate([top.faces[:, nodes] for nodes in FACE_TRIANGLES])
+    fields = {"points": top.points, "triangles": triangles, "touched": top.touched}
+    on_grid, shown = contact._Raster(fields), []
+    for i in range(5):
+        drawn = contact._touching(on_grid, fields, i)
+        shown.append(ndimage.label(ndimage.binary_dilation(drawn, iterations=3))[1])
+        if formulation.method == "active-set":
+            assert drawn.mean() == pytest.approx(curve.area_fraction[i], rel=0.02, abs=1e-4)
+    assert shown == curve.spots.tolist()
+    assert curve.spots[-1] > 3 and np.array_equal(curve.spots > 0, curve.area_fraction > 0.0)
+
+
+def test_nodes_at_corners_alone_are_no_spots() -> None:
+    """An area of zero has none, however many nodes carry the force."""
+    surface = Sinusoid(L=1.0, amplitude=0.02, wavelength=0.25, dims=2)
+    curve = solve_contact(surface, ELASTIC, delta_max=1e-4, steps=1, size=MeshSize(0.125, h_max=0.3), comm=here()).curve
+    assert curve.force[0] > 0.0
+    assert (curve.spots[0] > 0) == (curve.area_fraction[0] > 0.0)
 
 
 @pytest.fixture(scope="module")

@@ -337,6 +337,6 @@ def test_stiffness_and_conductance_do_not_depend_on_where_the_period_begins() ->
         ).curve
         for at in ((0.5, 0.5), (0.23, 0.87))
     ]
-    for name in ("k_n", "k_t", "conductance"):
+    for name in ("k_n_elastic", "k_t", "conductance"):
         first, second = (getattr(curve, name)[-1] for curve in found)
         assert second == pytest.approx(first, rel=0.02), name

@@ -385,6 +385,16 @@ def test_progress_runs_from_zero_to_one(press_of: Callable[..., ContactSolver]) 
     assert np.all(np.diff(parts) > 0)
 
 
+def test_snapshots_of_a_loading_to_a_force_are_spread_over_the_force(press_of: Callable[..., ContactSolver]) -> None:
+    """As many as requested, each at the first step at or beyond its part of the force, the last one at the end."""
+    solver, record = press_of(ELASTIC), Record(1.0, 1.0, ELASTIC.reduced_modulus)
+    follow(solver, Schedule(force_max=2e-3, steps=8, unload_steps=2), record, snapshots=4)
+    load = record.curve().loading()
+    kept = [s.step for s in record.snapshots]
+    expected = [int(load.step[np.argmax(load.P_star >= 2e-3 * (k + 1) / 4 * (1.0 - 2e-6))]) for k in range(4)]
+    assert kept == expected and len(set(kept)) == 4
+
+
 @pytest.mark.parametrize("integrator", [BACKWARD_EULER, MIDPOINT])
 def test_snapshots_are_spread_over_the_loading(press_of: Callable[..., ContactSolver], integrator: str) -> None:
     solver, record = press_of(PLASTIC), Record(1.0, 1.0, PLASTIC.reduced_modulus)

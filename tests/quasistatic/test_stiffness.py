@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from asperity.curve import STIFFNESSES
+from asperity.curve import ELASTIC_STIFFNESSES, STIFFNESSES
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.model.material import Material
@@ -67,7 +67,7 @@ def test_paraboloid(cap: Surface, formulation: Formulation) -> None:
     E_prime = ELASTIC.reduced_modulus
     np.testing.assert_allclose(4.0 * curve.k_n, 2.0 * E_prime * a, rtol=0.02)
     np.testing.assert_allclose(curve.k_n, 1.5 * curve.force / curve.delta, rtol=0.01)  # F grows as the power 3/2
-    np.testing.assert_allclose(curve.k_n_elastic, curve.k_n)
+    np.testing.assert_allclose(curve.k_n_elastic, curve.k_n, rtol=0.01)
     np.testing.assert_allclose(curve.k_t_interface / curve.k_n_interface, 2.0 * (1.0 - NU) / (2.0 - NU), rtol=0.03)
     np.testing.assert_allclose(4.0 * curve.conductance, 4.0 * a, rtol=0.02)
     np.testing.assert_allclose(curve.conductance, 2.0 * curve.k_n_interface / E_prime, rtol=0.02)
@@ -85,28 +85,23 @@ def test_a_flat_block_in_full_contact(formulation: Formulation, linear: str) -> 
     solver.probes = (Stiffness(solver.solid), Conductance(solver.solid))
     assert solver.step(0.001).converged
     k_n, k_t = ELASTIC.confined_modulus / 0.5, ELASTIC.lame[1] / 0.5
-    assert solver.probed == pytest.approx({"k_n": k_n, "k_n_elastic": k_n, "k_t": k_t}, rel=1e-4)
+    assert solver.probed == pytest.approx({"k_n_elastic": k_n, "k_t": k_t}, rel=1e-4)
 
 
 @EACH
 @SOLVERS
-def test_tangents_are_slopes_of_the_force(
+def test_elastic_stiffness_is_the_slope_of_an_unloading(
     press_of: Callable[..., ContactSolver], formulation: Formulation, linear: str
 ) -> None:
-    """The consistent one of the next solve from the same history, the elastic one of an unloading."""
     solver = press_of(PLASTIC, formulation, linear=linear, rtol=1e-10)
     for delta in (0.01, 0.02):
         assert solver.step(delta).converged
     delta, move = 0.03, 1e-7
     assert solver.solve(delta).converged
     force, found = solver.solved_force(), Stiffness(solver.solid)(solver)
-    assert solver.solve(delta + move).converged
-    assert found["k_n"] == pytest.approx((solver.solved_force() - force) / move, rel=2e-3)
-    assert solver.solve(delta).converged
     solver.commit(delta)
     assert solver.step(delta - move).converged
     assert found["k_n_elastic"] == pytest.approx((force - solver.force) / move, rel=2e-3)
-    assert found["k_n"] < 0.8 * found["k_n_elastic"]
     height = solver.contact_surface.mean(solver.solid.points[:, 2])
     interface = without_block(found["k_n_elastic"], PLASTIC.confined_modulus / height)
     assert found["k_n_interface"] == pytest.approx(interface, rel=1e-12)
@@ -114,7 +109,7 @@ def test_tangents_are_slopes_of_the_force(
 
 @pytest.mark.parametrize("material", [ELASTIC, PLASTIC], ids=["elastic", "plastic"])
 def test_stiffness_changes_no_bit_of_the_curve(rough: Surface, coarse: BlockMesh | None, material: Material) -> None:
-    """And lies between the slopes of an elastic curve before and after each step."""
+    """And lies between the slopes of an elastic curve before and after each step; that of an unloading is elastic."""
     with_, without = (
         solve_contact(
             rough, material, block=coarse, comm=world(), delta_max=0.03, steps=5, unload_steps=2, stiffness=on,
@@ -124,12 +119,12 @@ def test_stiffness_changes_no_bit_of_the_curve(rough: Surface, coarse: BlockMesh
     )  # fmt: skip
     for name in ("delta", "force", "area_fraction", "newton", "krylov"):
         np.testing.assert_array_equal(getattr(with_, name), getattr(without, name))
-    assert all(np.isnan(getattr(without, name)).all() for name in STIFFNESSES)
+    assert all(np.isnan(getattr(without, name)).all() for name in ELASTIC_STIFFNESSES)
+    np.testing.assert_array_equal(with_.k_n, without.k_n)
     load = with_.loading()
     slopes = np.diff(load.force) / np.diff(load.delta)
     if material is ELASTIC:
-        assert np.all((slopes[:-1] < load.k_n[1:-1]) & (load.k_n[1:-1] < slopes[1:]))
-        np.testing.assert_array_equal(load.k_n, load.k_n_elastic)
+        assert np.all((slopes[:-1] < load.k_n_elastic[1:-1]) & (load.k_n_elastic[1:-1] < slopes[1:]))
     else:
         first = with_.where(np.arange(len(load) - 1, len(load) + 1))  # the end of the loading and a step of unloading
         slope = np.diff(first.force)[0] / np.diff(first.delta)[0]
@@ -169,7 +164,7 @@ def test_formulations_agree(rough: Surface, coarse: BlockMesh | None) -> None:
 def test_first_touch(cap: Surface, formulation: Formulation) -> None:
     """A spot smaller than a facet; all values are there and positive."""
     curve = solve_contact(
-        cap, ELASTIC, delta_max=2e-4, steps=1, size=MeshSize(0.1, growth=0.5), formulation=formulation, comm=here(),
+        cap, ELASTIC, delta_max=2e-4, steps=2, size=MeshSize(0.1, growth=0.5), formulation=formulation, comm=here(),
         stiffness=True, conductance=True,
     ).curve  # fmt: skip
     for name in (*STIFFNESSES, "conductance"):
@@ -181,7 +176,7 @@ def test_physical_units_and_summary() -> None:
     side, E = 2e-6, 2e11
     unit, physical = (
         solve_contact(
-            Sphere(L=L, radius=L, shape="paraboloid"), Material(E, NU), delta_max=0.01 * L, steps=1, comm=here(),
+            Sphere(L=L, radius=L, shape="paraboloid"), Material(E, NU), delta_max=0.01 * L, steps=2, comm=here(),
             size=MeshSize(0.1 * L, growth=0.5), stiffness=True, conductance=True,
         ).curve
         for L, E in ((1.0, 1.0), (side, E))

@@ -15,16 +15,14 @@ if TYPE_CHECKING:
     from asperity.case import Case
     from asperity.surface import Surface
 
-ROOM = (
-    0.7  # part of accuracy.max_dofs for the filtered surface: mirrored edges and approach are not those of a new case
-)
+ROOM = 0.7  # part of accuracy.max_dofs for the filtered surface, whose edges and approach a new case may change
 
 
 def filter_advice(case: Case, found: Estimate, surface: Surface) -> str:
     """Sentence on a surface that probably no mesh of the case resolves, with the cut-off to apply; empty for others.
 
     Args:
-        case: with accuracy.tolerance and loading.delta_max
+        case: with accuracy.tolerance
         found: its estimate
         surface: of the case
     """
@@ -42,28 +40,28 @@ def filter_advice(case: Case, found: Estimate, surface: Surface) -> str:
         )
     if not reasons:
         return ""
-    cutoff, text = recommended_cutoff(case, surface), "; ".join(reasons)
+    cutoff, text = recommended_cutoff(case, surface, found.approach), "; ".join(reasons)
     if cutoff is not None:
         return f"{text}: {others}cut off what is shorter than {cutoff:g} ({surface.cutoff_key})"
     other = f": {others.removesuffix(', or ')}" if others else ""
     return f"{text}{other}; a cut-off that helps would take more than a quarter of the rms height"
 
 
-def recommended_cutoff(case: Case, surface: Surface) -> float | None:
+def recommended_cutoff(case: Case, surface: Surface, approach: float) -> float | None:
     """Shortest cut-off with which the case is expected to meet its tolerance; see `cutoff.shortest_cutoff` [length].
 
     Args:
-        case: with accuracy.tolerance and loading.delta_max
+        case: with accuracy.tolerance
         surface: of the case
+        approach: greatest one of the case [length]
     """
     accuracy = case.accuracy.model_copy(update={"max_dofs": int(ROOM * case.accuracy.max_dofs)})
 
     def accepts(filtered: Surface, delta: float) -> bool:
-        loading = case.loading.model_copy(update={"delta_max": delta})
+        loading = case.loading.model_copy(update={"delta_max": delta, "force_max": None, "pressure_max": None})
         try:
             return estimate(case.model_copy(update={"loading": loading, "accuracy": accuracy}), surface=filtered).enough
         except InputError:  # its first mesh is too large
             return False
 
-    assert case.loading.delta_max is not None
-    return shortest_cutoff(surface, case.loading.delta_max, accepts)
+    return shortest_cutoff(surface, approach, accepts)

@@ -30,13 +30,15 @@ from asperity.adaptive.mesh_plan import (
     size_for_strain,
     step_rule,
 )
-from asperity.adaptive.roughness import is_rough
+from asperity.adaptive.roughness import HARDNESS, is_rough
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.resolution import SHARE, resolving_size
 from asperity.mesh.size_field import GRADING, GUIDED, SizeField
-from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule
+from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule, greatest_force
+from asperity.reference import RoughHalfSpace
 from asperity.runtime.display import short_repr
+from asperity.slope import SINGLE_CONTACT
 
 if TYPE_CHECKING:
     from asperity.case import Case
@@ -50,6 +52,9 @@ NODES, NODES_OF_GROWTH = 4.5, 19.0
 
 TYPICAL_BAR = 0.06  # relative, of the second mesh of a run driven by a tolerance
 TYPICAL_STEP_BAR = {MIDPOINT: 0.005, STICK: 0.01, BACKWARD_EULER: 0.1}  # relative, of whole load steps
+CELLS = 128  # along a side of the half-space that gives the approach of a force
+PARTS = 24  # of its approaches, each a third beyond the one before
+RESOLVED = 20  # cells in contact, from which on its force counts
 LEFT_OUT = 1.0  # height of the waves that the last mesh leaves out, over the approach times the tolerance
 MOST_DOFS = 1e8  # that are counted
 
@@ -112,12 +117,13 @@ class Estimate:
         levels: the meshes, the last one the finest.
         ranks: processes the memory is for.
         memory: of all ranks [bytes].
+        approach: greatest one, where the load path gives a force that of a half-space [length].
         enough: whether the meshes end where the tolerance is expected to be met, not before, at accuracy.max_dofs.
         strain: the coarse mesh that compares small and finite strain, in both; empty where nothing is compared.
 
     Examples:
         >>> meshes = MeshEstimate(8e-8, 5_000, 10, 2.0), MeshEstimate(4e-8, 20_000, 10, 8.0)
-        >>> found = Estimate(meshes, ranks=1, memory=3e8)
+        >>> found = Estimate(meshes, ranks=1, memory=3e8, approach=1e-8)
         >>> found.dofs, found.seconds
         (20000, 10.0)
     """
@@ -125,6 +131,7 @@ class Estimate:
     levels: tuple[MeshEstimate, ...]
     ranks: int
     memory: float
+    approach: float
     enough: bool = True
     strain: tuple[MeshEstimate, ...] = ()
 
@@ -144,6 +151,7 @@ class Estimate:
 def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Estimate:
     """Estimate the cost of a case, without meshing or solving it.
 
+    The approach of a load path that gives a force is that of a half-space, see `approach_of_force`.
     Of kinematics = "auto" the meshes are counted in small strain. With `accuracy.tolerance` they are those a run plans
     for a usual error of its first mesh, and finer ones where the waves that the last one leaves out take them.
 
@@ -153,7 +161,7 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Esti
         surface: in place of that of the case
 
     Raises:
-        InputError: the case is driven by a force, so its approach is not known yet; or it has more than MOST_DOFS.
+        InputError: the case has more than MOST_DOFS.
 
     Examples:
         >>> case = asp.Case.from_dict({
@@ -165,16 +173,16 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Esti
         >>> len(found.levels), 10_000 < found.dofs < 30_000
         (1, True)
     """
-    if case.loading.delta_max is None:
-        raise InputError(
-            f"an estimate needs loading.delta_max: the approach at loading.{case.loading.driver} is only known after a "
-            f"run; replace it, for example --set loading.{case.loading.driver}= --set loading.delta_max=2e-8"
-        )
     surface = case.build_surface() if surface is None else surface
     rates = PLASTIC if case.material.yield_strength is not None else ELASTIC
+    delta = case.loading.delta_max
+    if delta is None:
+        delta = approach_of_force(case, surface)
+        given = {"delta_max": delta, "force_max": None, "pressure_max": None}
+        case = case.model_copy(update={"loading": case.loading.model_copy(update=given)})
     levels: list[MeshEstimate] = []
     tolerance, plastic = case.accuracy.tolerance, case.material.yield_strength is not None
-    flowing = plastic and tolerance is not None and is_rough(surface, case.loading.delta_max, tolerance)
+    flowing = plastic and tolerance is not None and is_rough(surface, delta, tolerance)
     enough, most = True, MOST_DOFS if case.accuracy.tolerance is None else min(case.accuracy.max_dofs, MOST_DOFS)
     for h, steps in _plan(case, surface):
         dofs = _given_dofs(case) or count_dofs(surface, case, h, most, flowing)
@@ -186,7 +194,7 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Esti
         key = "mesh.h_contact" if case.accuracy.tolerance is None else "accuracy.max_dofs"
         raise InputError(f"the first mesh has more than {most:g} dofs: raise {key}")
     memory = ranks * rates.base + rates.per_dof * levels[-1].dofs
-    return Estimate(tuple(levels), ranks, memory, enough, _strain(case, surface, rates))
+    return Estimate(tuple(levels), ranks, memory, delta, enough, _strain(case, surface, rates))
 
 
 def _strain(case: Case, surface: Surface, rates: Rates) -> tuple[MeshEstimate, ...]:
@@ -212,6 +220,33 @@ def _steps(case: Case, planned: int, substeps: int = 1) -> int:
     schedule = Schedule(delta_max=1.0, steps=planned, integrator=integrator, substeps=substeps, sticks=sticks)
     unloading = loading.unload_steps if loading.unload else 0
     return (len(schedule.stops()) + unloading) * loading.cycles
+
+
+def approach_of_force(case: Case, surface: Surface) -> float:
+    """Approach at the greatest force of a case, of the half-space that `adaptive.roughness` takes too [length].
+
+    Args:
+        case: whose load path gives a force or a pressure
+        surface: of the case
+    """
+    L, solid, loading = surface.L, case.material.solid, case.loading
+    force = greatest_force(loading.force_max, loading.pressure_max, L)
+    assert force is not None
+    wanted = force / (L**2 * solid.reduced_modulus)
+    hardness = inf if solid.yield_strength is None else HARDNESS * solid.yield_strength / solid.reduced_modulus
+    layer = RoughHalfSpace(CELLS, case.block.height / L, solid.nu, case.block.sides, hardness)
+    heights, summit = layer.heights(surface), surface.maximum()[2] / L
+    # all of the surface in contact, and the block below compressed
+    deepest = summit - float(heights.min()) + wanted * case.block.height / L * solid.reduced_modulus / solid.E
+    P, delta = [], []
+    for d in deepest * 0.75 ** np.arange(PARTS - 1, -1, -1):
+        state = layer.curve(heights, summit, [d], tolerance=1e-2)
+        if state.area_fraction[0] * CELLS**2 >= RESOLVED:
+            P, delta = [*P, np.log(state.P_star[0])], [*delta, np.log(d)]
+            if P[-1] >= np.log(wanted):
+                break
+    lighter = min(np.log(wanted) - P[0], 0.0) / SINGLE_CONTACT
+    return L * float(np.exp(np.interp(np.log(wanted), P, delta) + lighter))
 
 
 def _plan(case: Case, surface: Surface) -> Iterator[tuple[float, int]]:

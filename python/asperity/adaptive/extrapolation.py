@@ -22,9 +22,9 @@ from asperity.adaptive.roughness import AREA_BAR, FORCE_BAR, Omission
 from asperity.arrays import Floats
 from asperity.curve import WITH_ERRORS, Curve
 from asperity.errors import InputError
+from asperity.slope import SINGLE_CONTACT, slopes
 
 EDGES = 4.0  # error of a stiffness over that of the force, which facets cut at random leave
-SINGLE_CONTACT = 1.5  # exponent of the force in the approach, of Hertz
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,8 @@ def with_measures(fine: Curve, coarse: Curve, ratio: float, safety: float, budge
     """A curve whose gap, stiffnesses and conductance are extrapolated from a coarser mesh, with their error bars.
 
     At a given approach the mean gap is larger by the compression that belongs to an error of the force. A stiffness
-    follows the size of the spots, whose edges cut the facets at random.
+    follows the size of the spots, whose edges cut the facets at random. The slope k_n is that of the corrected force,
+    see `slope_bar`.
 
     Args:
         fine, coarse: of the finest level and of the one to extrapolate from
@@ -171,8 +172,8 @@ def with_measures(fine: Curve, coarse: Curve, ratio: float, safety: float, budge
     share = np.divide(rest, fine.P_star, out=np.zeros(len(fine)), where=fine.P_star > 0.0)
     # the sum with the approach changes slowly, and does not vanish where the gap closes
     shift = {"mean_gap": (fine.delta, before.delta)}
-    columns: dict[str, Any] = {}
-    for name in WITH_ERRORS:
+    columns: dict[str, Any] = {"error_k_n": slope_bar(fine, budget, edges[rows])}
+    for name in (name for name in WITH_ERRORS if name != "k_n"):
         here, there = shift.get(name, (np.zeros(len(fine)), np.zeros(len(before))))
         value, other = getattr(fine, name) + here, getattr(before, name) + there
         if not len(before) or np.isnan(other).any() or not np.nanmax(value[loading], initial=0.0) > 0.0:
@@ -189,6 +190,26 @@ def with_measures(fine: Curve, coarse: Curve, ratio: float, safety: float, budge
         else:
             columns[f"error_{name}"] = ((bar + edges)[rows] + share) * value * factor
     return replace(fine, **columns)
+
+
+def slope_bar(curve: Curve, budget: Budget, edges: Floats) -> Floats:
+    """Error bars of the slope k_n [force/length].
+
+    Errors of the force at neighbouring steps are nearly the same part of it, which is that of the slope too. What
+    steps miss shows in the change of the exponent, and what changes over more of them is that of cut facets; both
+    are by chance.
+
+    Args:
+        curve: whose slopes they are
+        budget: error bars of P*
+        edges: error that facets cut at random leave in a stiffness, relative (n,)
+    """
+    share = np.divide(budget.total, curve.P_star, out=np.zeros(len(curve)), where=curve.P_star > 0.0)
+    _, change = slopes(curve.delta, curve.force, curve.branch)
+    for name in np.unique(curve.branch):
+        rows = curve.branch == name
+        change[rows] = steady(change[rows])
+    return np.asarray((share + np.hypot(change, edges)) * np.abs(curve.k_n))
 
 
 def loading_force(curve: Curve, delta_star: Floats) -> Floats:
@@ -259,9 +280,8 @@ def worst_area_error(curve: Curve, steps: int) -> float:
 def scaled(curve: Curve, factor: Floats) -> Curve:
     """A curve with the forces of its first loading times a factor (n,), those of later branches times its last one."""
     of_row = factor[_rows_of_loading(curve.branch == "load")]
-    return replace(
-        curve, force=curve.force * of_row, P_star=curve.P_star * of_row, mean_pressure=curve.mean_pressure * of_row
-    )
+    curve = replace(curve, P_star=curve.P_star * of_row, mean_pressure=curve.mean_pressure * of_row)
+    return curve.with_force(curve.force * of_row)
 
 
 def _rows_of_loading(loading: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:

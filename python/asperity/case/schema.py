@@ -335,7 +335,9 @@ class OutputSection(Section):
     fields: Flag = _key("fields/ for ParaView", False)
     report: Flag = _key("report.html", False)
     distributions: Flag = _key("fields/distributions.csv: shares of the patch by pressure and by gap", False)
-    stiffness: Flag = _key("columns k_n to k_t_interface of the curve; load steps take a third to a half longer", False)
+    stiffness: Flag = _key(
+        "columns k_n_elastic to k_t_interface of the curve; load steps take a third to a half longer", False
+    )
     stiffness_matrix: Flag = _key(
         "stiffness against all six motions of the flat at the end of the load path, in summary.json; not of periodic "
         "sides",

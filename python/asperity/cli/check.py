@@ -26,13 +26,9 @@ def command(case_file: str, case: Case, ranks: int, as_json: bool) -> int:
     """
     judge(case)
     if as_json:
-        estimate = None if case.loading.delta_max is None else estimated(case, ranks)
-        options.print_json({"case": case_file, "accepted": True, "estimate": estimate})
+        options.print_json({"case": case_file, "accepted": True, "estimate": estimated(case, ranks)})
         return 0
-    if case.loading.delta_max is None:
-        options.say(f"no estimate: the approach at loading.{case.loading.driver} is only known after a run")
-    else:
-        show_estimate(case_file, case, ranks)
+    show_estimate(case_file, case, ranks)
     options.say(f"{case_file}: a run accepts this case")
     return 0
 

@@ -39,7 +39,7 @@ def estimated(case: Case, ranks: int) -> dict[str, Any]:
         ranks: that share the work
 
     Raises:
-        InputError: the case is driven by a force, or its first mesh is too large
+        InputError: its first mesh is too large
     """
     from asperity.adaptive.estimate import estimate
 
@@ -56,7 +56,7 @@ def show_estimate(title: str, case: Case, ranks: int) -> None:
         ranks: that share the work
 
     Raises:
-        InputError: the case is driven by a force, or its first mesh is too large
+        InputError: its first mesh is too large
     """
     from asperity.adaptive.cutoff import filter_advice
     from asperity.adaptive.estimate import estimate
@@ -76,6 +76,8 @@ def show_estimate(title: str, case: Case, ranks: int) -> None:
         for level in found.levels
     ]
     options.table(title, rows, ("", "dofs", "one core"))
+    if case.loading.delta_max is None:
+        options.say(f"approach at loading.{case.loading.driver}: about {found.approach:.2g}, that of a half-space")
     options.say(f"memory of {ranks} rank{'s' if ranks > 1 else ''}: about {found.memory / 2**30:.1f} GiB")
     if ranks > 1:
         options.say(f"time on {ranks} ranks: at least {duration(found.seconds / ranks)}, if they share the work evenly")

@@ -93,10 +93,14 @@ class ActiveSet:
         solution may leave a small gap there. A small contact may lie around one; it has no area.
         """
         surface, comm = self._surface, self._solid.comm
-        owned = np.zeros(3 * self._solid.owned)
-        owned[3 * self._nodes[self.active]] = 1.0
-        held = self._solid.scatter_forward(owned)[:, 0] > 0.0
+        held = self.touched_edges()
         bearing = held[surface.nodes[:, BEARING]]
         if comm.allreduce(bool(bearing.any()), op=MPI.LOR):
             return bearing, np.repeat(surface.area[:, None] / len(BEARING), len(BEARING), axis=1)
         return held[surface.nodes[:, :3]], np.zeros((len(surface.cells), 3))
+
+    def touched_edges(self) -> Flags:
+        """Nodes that are active."""
+        owned = np.zeros(3 * self._solid.owned)
+        owned[3 * self._nodes[self.active]] = 1.0
+        return np.asarray(self._solid.scatter_forward(owned)[:, 0] > 0.0)

@@ -42,6 +42,7 @@ class FacetRule:
         weights: projected on the plane of the flat (F, Q) [length^2]
         height: of the surface at the points (F, Q) [length]
         nearest: number of the node of the facet next to each point (Q,)
+        edge: number of the edge next to each point, that of the corner opposite to it (Q,)
     """
 
     def __init__(self, surface: ContactSurface, degree: int, splits: int = 0) -> None:
@@ -58,6 +59,7 @@ class FacetRule:
         self.weights = np.empty((len(surface.cells), len(weights)))
         _solver.facet_weights(self.facets, self.weights)
         self.nearest = np.linalg.norm(points[:, None] - element.FACET_POINTS, axis=2).argmin(axis=1)
+        self.edge = np.column_stack([1.0 - points.sum(axis=1), points]).argmin(axis=1)
         self._of_nodes = shape[0][:, element.facet_nodes()[0]]
         self.height = self.at_points(solid.points[surface.nodes, 2])
 

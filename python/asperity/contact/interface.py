@@ -68,3 +68,9 @@ class Contact(Protocol):
 
         The areas are projected on the plane of the flat (F, Q) [length^2].
         """
+
+    def touched_edges(self) -> Flags:
+        """Whether the third of a facet at each of its edge nodes is touched, at the local nodes (nodes,); collective.
+
+        They are the parts of a facet between an edge and the middle, which contact spots and their maps consist of.
+        """

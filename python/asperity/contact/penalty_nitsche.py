@@ -15,7 +15,7 @@ from asperity.errors import InputError
 from asperity.fem.compiled_kernels import compiled, law_of
 from asperity.fem.kernels import History
 from asperity.fem.solid import Solid
-from asperity.mesh.element import DEGREE, FACET_POINTS
+from asperity.mesh.element import BEARING, DEGREE, FACET_POINTS
 from asperity.model.settings import gamma_too_small
 
 
@@ -161,3 +161,9 @@ class PressureContact:
     def touched(self) -> tuple[Flags, Floats]:
         """Quadrature points under pressure."""
         return self.points > 0.0, self._rule.weights
+
+    def touched_edges(self) -> Flags:
+        """Edge nodes with a point under pressure in one of their thirds."""
+        touched = self.points > 0.0
+        thirds = np.stack([touched[:, self._rule.edge == k].any(axis=1) for k in range(3)], axis=1)
+        return self._surface.assemble(self._surface.nodes[:, BEARING], thirds.astype(float)) > 0.0

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Contact spots: connected patches of the contact surface that the flat touches."""
+"""Contact spots: connected parts of the contact surface that the flat touches."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from asperity.arrays import Flags, Floats, Indices
 from asperity.contact.contact_surface import ContactSurface
+from asperity.mesh.element import BEARING
 
 
 @dataclass(frozen=True)
@@ -21,37 +22,44 @@ class Spots:
     largest: float
 
 
-def spots_of(surface: ContactSurface, touched: Flags, weights: Floats) -> Spots:
+def spots_of(surface: ContactSurface, edges: Flags, areas: Floats) -> Spots:
     """Contact spots of all ranks; collective.
 
-    A facet belongs to a spot if one of its points is touched. Facets with a common edge belong to the same spot, so two
-    spots count as one where less than a facet separates them.
+    A spot consists of touched thirds of facets, each between an edge and the middle of its facet. Those of one facet
+    belong to one spot, and so do those that meet at a corner. A map of these thirds shows as many patches.
 
     Args:
         surface: contact surface
-        touched: whether the flat touches a point (F, Q)
-        weights: area of each point (F, Q) [length^2]
+        edges: see `Contact.touched_edges` (nodes,)
+        areas: touched area of each facet (F,) [length^2]
     """
     comm, index_map = surface.solid.comm, surface.solid.V.dofmap.index_map
-    facets = np.flatnonzero(touched.any(axis=1))
-    corners = np.sort(index_map.local_to_global(surface.nodes[facets, :3].ravel()).reshape(-1, 3), axis=1)
-    edges = corners[:, [0, 0, 1]] * index_map.size_global + corners[:, [1, 2, 2]]  # a name for each pair of corners
-    areas = np.sum(weights * touched, axis=1)[facets]
-    parts = comm.gather((edges, areas), root=0)
+    touched = edges[surface.nodes[:, BEARING]]
+    facets = touched.any(axis=1)
+    at_corners = np.roll(touched, -1, axis=1) | np.roll(touched, -2, axis=1)  # an edge has the number opposite to it
+    corners = index_map.local_to_global(surface.nodes[facets, :3].ravel()).reshape(-1, 3)
+    parts = comm.gather((corners, at_corners[facets], areas[facets]), root=0)
     found = None
     if parts is not None:
-        found = _components(np.concatenate([e for e, _ in parts]), np.concatenate([a for _, a in parts]))
+        found = _components(*(np.concatenate(of_ranks) for of_ranks in zip(*parts, strict=True)))
     return Spots(*comm.bcast(found, root=0))
 
 
-def _components(edges: Indices, areas: Floats) -> tuple[int, float]:
-    """Number of patches of facets and the greatest area of one, from their edges (n, 3) and areas (n,)."""
+def _components(corners: Indices, touched: Flags, areas: Floats) -> tuple[int, float]:
+    """Number of patches of facets and the greatest area of one.
+
+    Args:
+        corners: of the facets (n, 3)
+        touched: whether a third that ends at the corner is (n, 3)
+        areas: touched, of each facet (n,)
+    """
     from scipy import sparse
 
-    n = len(edges)
+    n = len(corners)
     if n == 0:
         return 0, 0.0
-    names, column = np.unique(edges, return_inverse=True)
-    incidence = sparse.csr_array((np.ones(3 * n), column.ravel(), np.arange(n + 1) * 3), shape=(n, len(names)))
+    known, column = np.unique(corners[touched], return_inverse=True)
+    row = np.nonzero(touched)[0]
+    incidence = sparse.csr_array((np.ones(len(row)), (row, column.ravel())), shape=(n, len(known)))
     count, of_facet = sparse.csgraph.connected_components(incidence @ incidence.T, directed=False)
     return int(count), float(np.bincount(of_facet, areas).max())

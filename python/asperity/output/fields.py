@@ -98,6 +98,7 @@ class TopStates:
         steps, branch, delta: as in the curve, delta in [length] (K,)
         pressure: at the nodes, on an edge the mean of its corners (K, N) [force/length^2]
         gap: distance of the nodes from the flat (K, N) [length]
+        touched: whether the thirds of facets at an edge node are in contact (K, N)
     """
 
     points: Floats
@@ -107,6 +108,7 @@ class TopStates:
     delta: Floats
     pressure: Floats
     gap: Floats
+    touched: npt.NDArray[np.bool_]
 
 
 def gather_top_states(result: ContactResult, side: float, E: float) -> TopStates | None:
@@ -119,6 +121,7 @@ def gather_top_states(result: ContactResult, side: float, E: float) -> TopStates
 
     pressure = [gather(surface.linear_on_facets(s.pressure) * E) for s in result.snapshots]
     gap = [gather(s.gap * side) for s in result.snapshots]
+    touched = [gather(s.touched) for s in result.snapshots]
     if top is None:
         return None
     return TopStates(
@@ -129,6 +132,7 @@ def gather_top_states(result: ContactResult, side: float, E: float) -> TopStates
         np.array([s.delta * side for s in result.snapshots]),
         np.array(pressure),
         np.array(gap),
+        np.array(touched, dtype=bool),
     )
 
 
@@ -143,6 +147,7 @@ def write_top(path: Path, top: TopStates) -> None:
         delta=top.delta,
         pressure=top.pressure,
         gap=np.maximum(top.gap, 0.0),
+        touched=top.touched,
     )
 
 

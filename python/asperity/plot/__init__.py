@@ -102,7 +102,7 @@ def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
         "pressure": (results.snapshots > 0, pressure_maps),
         "area": (rows > 0, contact_area),
         "curve": (rows > 0, force_curve),
-        "stiffness": (bool(np.any(results.curve.k_n > 0)), stiffness),
+        "stiffness": (bool(np.any(results.curve.k_n_elastic > 0)), stiffness),
         "plasticity": (bool(plastic), plasticity),
         "frequency": (len(results.free.get("u0", ())) > 0, frequency),
         "response": (len(results.response.get("Omega", ())) > 0, response),

@@ -147,7 +147,11 @@ def _histogram(axis: Any, results: Results, chosen: Sequence[int]) -> None:
 
 
 class _Raster:
-    """Values at the nodes of the top, linear in its triangles, at the middles of PIXELS x PIXELS equal squares."""
+    """Values at the nodes of the top, linear in its triangles, at the middles of PIXELS x PIXELS equal squares.
+
+    Attributes:
+        edge_nodes: node on the edge of a facet whose third each square lies in (PIXELS, PIXELS)
+    """
 
     def __init__(self, top: Any) -> None:
         x, y = top["points"].T
@@ -161,26 +165,18 @@ class _Raster:
         twice = cross(b - a, c - a)
         second, third = cross(p - a, c - a) / twice, cross(b - a, p - a) / twice
         self._shares = np.stack([1.0 - second - third, second, third], axis=-1)
+        # of four triangles of a facet three begin at a corner, see `element.FACE_TRIANGLES`
+        at_corner = (np.arange(3) == 0) & (found < 3 * len(top["triangles"]) // 4)[..., None]
+        nearest = np.where(at_corner, -np.inf, self._shares).argmax(axis=-1)[..., None]
+        self.edge_nodes = np.take_along_axis(self._nodes, nearest, axis=-1)[..., 0]
 
     def __call__(self, values: Array) -> Array:
         return np.asarray((values[self._nodes] * self._shares).sum(axis=-1))
 
 
 def _touching(on_grid: _Raster, top: Any, i: int) -> NDArray[np.bool_]:
-    """Return where a snapshot is in contact.
-
-    The edge runs between nodes with pressure and nodes with a gap, on average in the middle: both are measured by what
-    is usual at the edge.
-    """
-    pressure, gap = top["pressure"][i], top["gap"][i]
-    loaded = pressure > 0
-    corners = loaded[top["triangles"]]
-    at_edge = np.unique(top["triangles"][corners.any(axis=1) & ~corners.all(axis=1)])
-    inner, outer = at_edge[loaded[at_edge]], at_edge[~loaded[at_edge]]
-    if not len(at_edge):
-        return np.full((PIXELS, PIXELS), bool(loaded.any()))
-    scale = np.median(pressure[inner]), np.median(gap[outer]) or 1.0
-    return np.asarray(on_grid(pressure / scale[0] - gap / scale[1]) > 0.0, dtype=bool)
+    """Return where a snapshot is in contact: the touched thirds of facets, whose patches are the spots that count."""
+    return np.asarray(top["touched"][i][on_grid.edge_nodes], dtype=bool)
 
 
 @style.styled

@@ -113,7 +113,7 @@ def _exponents(axis: Any, results: Results) -> None:
 def local_exponent(curve: Curve) -> tuple[Array, Array]:
     """Return delta* (n,) and d(ln P)/d(ln delta) (n,) at the steps of the first loading that a fit uses.
 
-    It is k_n delta/P where the stiffness is known, otherwise the difference to both neighbours.
+    It is k_n delta/P, with the slope k_n of the curve.
 
     Examples:
         >>> from asperity.plot.curves import local_exponent
@@ -123,11 +123,8 @@ def local_exponent(curve: Curve) -> tuple[Array, Array]:
     """
     load = curve.loading()
     rows = load.where(fitted_rows(load.delta, load.force))
-    if np.all(np.isfinite(rows.k_n)):
-        return rows.delta_star, rows.k_n * rows.delta / rows.force
-    if len(rows) < 2:
-        return rows.delta_star[:0], rows.delta_star[:0]
-    return rows.delta_star, np.gradient(np.log(rows.force), np.log(rows.delta))
+    rows = rows.where(np.isfinite(rows.k_n))
+    return rows.delta_star, rows.k_n * rows.delta / rows.force
 
 
 def approach_axis(axis: Any, results: Results) -> None:

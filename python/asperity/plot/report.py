@@ -28,7 +28,7 @@ from asperity.units import quantity
 Rows = list[tuple[str, str]]
 VIBRATION_DATA = (CURVE, FREE, RESPONSE, BAND, THRESHOLDS)  # what the figures of the vibration show
 STIFFNESS_WORDS = {
-    "k_n": "normal stiffness of the loading",
+    "k_n": "slope of the force",
     "k_n_elastic": "elastic normal stiffness",
     "k_t": "tangential stiffness",
     "k_n_interface": "elastic normal stiffness without the block",

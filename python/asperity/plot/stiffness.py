@@ -16,7 +16,7 @@ from asperity.plot.curves import LOAD, draw_branches, load_axis, value_of_one
 from asperity.units import prefix
 
 LOOKS = {
-    "k_n": ("o-", style.BLUE, "normal, $k_n$"),
+    "k_n": ("o-", style.BLUE, "slope of the curve, $k_n$"),
     "k_n_elastic": ("s--", style.VERMILION, "normal, elastic, $k_n^{el}$"),
     "k_t": ("^:", style.GREEN, "tangential, $k_t$"),
 }
@@ -44,7 +44,7 @@ def stiffness(results: Results, *, ax: style.Place | None = None) -> Figure:
 
 def _stiffness(axis: Any, results: Results) -> None:
     loading = results.curve.loading()
-    factor, unit = prefix(float(np.nanmax(results.curve.k_n)), results.unit("force") and "N/m")
+    factor, unit = prefix(float(np.nanmax(results.curve.k_n_elastic)), results.unit("force") and "N/m")
     for name, (mark, colour, text) in LOOKS.items():
         axis.plot(loading.P_star, factor * getattr(loading, name), mark, color=colour, mfc="white", label=text)
     axis.set_ylabel(style.label("stiffness", unit))

@@ -199,7 +199,7 @@ def _state(numbers: Mapping[str, Any], displacements: Mapping[str, Array]) -> So
 
 
 def _snapshot_names(solver: ContactSolver) -> list[str]:
-    names = ["pressure", "gap", "displacement", "stress"]
+    names = ["pressure", "gap", "touched", "displacement", "stress"]
     return [*names, "plastic_strain"] if solver.solid.material.plastic else names
 
 

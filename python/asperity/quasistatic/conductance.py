@@ -67,7 +67,7 @@ class Conductance:
         set_defaults(PREFIX, GAMG)
         self._ksp.setFromOptions()
 
-    def __call__(self, solver: ContactSolver, rate: Floats | None = None) -> dict[str, float]:
+    def __call__(self, solver: ContactSolver) -> dict[str, float]:
         """Conductance at the last solve; left out where the resistance of the block is all there is."""
         solid, A = solver.solid, self._A
         nodes = solver.contact.nodes()

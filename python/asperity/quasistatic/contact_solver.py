@@ -29,12 +29,11 @@ from asperity.quasistatic.newton import NewtonSolver, StepStats
 class Probe(Protocol):
     """Measurement of the state of a converged solve, whose results become columns of the curve."""
 
-    def __call__(self, solver: ContactSolver, rate: Floats | None = None) -> Mapping[str, float]:
+    def __call__(self, solver: ContactSolver) -> Mapping[str, float]:
         """Values by the name of the column, in units of L and E; collective.
 
         Args:
             solver: whose last solve converged
-            rate: change of the displacement with the approach in the step (owned, 3), None where the flat did not move
         """
 
     def drop_matrices(self) -> None:
@@ -211,11 +210,8 @@ class ContactSolver:
         self.probed = {}
         with solid.phases.phase("checks"):
             history = solid.kernels.history().copy()
-        if self.probes:
-            move = delta - self.delta
-            rate = None if move == 0.0 else (solid.u.x.array.reshape(-1, 3)[: solid.owned] - self._u) / move
-            for probe in self.probes:
-                self.probed |= probe(self, rate)
+        for probe in self.probes:
+            self.probed |= probe(self)
         delta_before, force_before, u_before = self.delta, self.force, self._u
         of_contact = self.contact.history()
         contact_before = None if of_contact is None else of_contact.copy()

@@ -30,7 +30,7 @@ class Hooks:
         checkpoint: receives the state; one that holds a state is continued from
         snapshots: states of the top to keep per loading
         on_ready: called when mesh and solver are made, before anything is saved
-        stiffness: whether to compute the columns k_n to k_n_interface
+        stiffness: whether to compute the columns k_n_elastic to k_t_interface
         conductance: whether to compute the column conductance
         on_part: called on rank 0 with the part of a stage without load steps that is done, 0 to 1
 

@@ -28,6 +28,7 @@ class Snapshot:
         step, branch, delta: as in the curve, delta in units of L
         pressure: at the local nodes [E]
         gap: at the local nodes [L]
+        touched: 1 at the local nodes whose thirds of facets are in contact, else 0, see `Contact.touched_edges`
         displacement: (nodes, 3) [L]
         stress: mean over each owned cell, xx yy zz xy xz yz (cells, 6) [E]
         plastic_strain: accumulated, at the quadrature points of the owned cells (cells, points); empty when elastic
@@ -38,6 +39,7 @@ class Snapshot:
     delta: float
     pressure: Floats
     gap: Floats
+    touched: Floats
     displacement: Floats
     stress: Floats
     plastic_strain: Floats
@@ -55,8 +57,9 @@ def row(solver: ContactSolver) -> dict[str, Any]:
     sums = comm.allreduce(np.array([yielded, volumes.sum(), volumes[total > STRAINED].sum()]))
     peaks = np.array([np.max(values, initial=0.0) for values in (solver.pressure, strain, total)])
     comm.Allreduce(MPI.IN_PLACE, peaks, op=MPI.MAX)
-    surface, points = solver.contact_surface, solver.contact.touched()
-    area, spots = surface.area_of(*points), spots_of(surface, *points)
+    surface, (touched, weights) = solver.contact_surface, solver.contact.touched()
+    area = surface.area_of(touched, weights)
+    spots = spots_of(surface, solver.contact.touched_edges(), np.sum(weights * touched, axis=1))
     mean_pressure = {"mean_pressure": solver.force / area.value} if area.value > 0.0 else {}
     return {
         "area_fraction": area.value,
@@ -92,7 +95,8 @@ def equivalent_strain(solver: ContactSolver) -> Floats:
 def snapshot(solver: ContactSolver, step: int, branch: str) -> Snapshot:
     """Copy of the fields for figures and files; part of this rank."""
     u = solver.solid.u.x.array.reshape(-1, 3).copy()
-    return Snapshot(step, branch, solver.delta, solver.pressure, solver.gap(), u, *mean_stress(solver, u))
+    touched = solver.contact.touched_edges().astype(float)
+    return Snapshot(step, branch, solver.delta, solver.pressure, solver.gap(), touched, u, *mean_stress(solver, u))
 
 
 def mean_stress(solver: ContactSolver, u: Floats) -> tuple[Floats, Floats]:

@@ -76,7 +76,6 @@ class NewtonSolver:
         self._residual_vec, self.x = solid.vector(), solid.vector()
         self._krylov = self._shortened = 0
         self.rows: Integers = NOT_YET
-        self._version = -1  # of the values of the solid that the last iteration wrote
         # in nearly incompressible solids the error is larger than the residual indicates
         usual = 3e-2 if solid.material.linear and not contact.stiff else 1e-2
         self._loosest = options.krylov_rtol or (usual if solid.material.nu <= 0.45 else 1e-3)
@@ -118,17 +117,7 @@ class NewtonSolver:
         r.array = flat
 
     def _jacobian(self, snes: Any, x: Any, A: Any, P: Any) -> None:
-        self.assemble_tangent()
-        self._version = self.solid.version
-
-    def assemble_tangent(self) -> None:
-        """Write the tangent at the last residual to the values of the solid."""
         self.solid.assemble_tangent(self.contact.add_tangent if self.contact.stiff else None)
-
-    def keep_tangent(self) -> None:
-        """Leave the tangent of the last iteration in the values of the solid, or write it if there was none."""
-        if self._version != self.solid.version:
-            self.assemble_tangent()
 
     def _test(self, snes: Any, it: int, norms: Any) -> int | bool:
         """Test of convergence: forces balance and nothing penetrates the flat, each relative to its own scale."""

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from asperity.curve import STIFFNESSES, Curve
+from asperity.curve import ELASTIC_STIFFNESSES, Curve
 from asperity.errors import ConvergenceError
 from asperity.model.load_path import MIDPOINT, Schedule
 from asperity.quasistatic import measures, midpoint
@@ -100,7 +100,7 @@ class Record:
             "mean_gap": self.side,
             "mean_pressure": self.E,
             "largest_spot": self.side**2,
-            **dict.fromkeys(STIFFNESSES, self.E * self.side),
+            **dict.fromkeys(ELASTIC_STIFFNESSES, self.E * self.side),
             "conductance": self.side,
         }
 
@@ -146,7 +146,7 @@ def follow(
         branch, n = legs[at.leg]
         if at.start is None:
             at = _begin(solver, schedule, at, branch)
-        start = perf_counter()
+        start, before = perf_counter(), solver.force
         if branch == "unload":
             stats, after = _unload(solver, schedule, at)
         elif schedule.delta_max is None:
@@ -154,7 +154,7 @@ def follow(
         else:
             stats, after = _load(solver, schedule, at)
         record.add(solver, branch, stats, perf_counter() - start)
-        if branch != "unload" and _is_kept(schedule, snapshots, at, after):
+        if branch != "unload" and _is_kept(solver, schedule, snapshots, at, after, before):
             record.snapshots.append(measures.snapshot(solver, len(record.rows), branch))
         if on_step is not None:
             within = 1.0 if after.leg > at.leg else _part_done(solver, schedule, at, branch)
@@ -185,10 +185,22 @@ def _part_done(solver: ContactSolver, schedule: Schedule, at: Position, branch: 
     return (solver.delta - delta) / (schedule.delta_max - delta)
 
 
-def _is_kept(schedule: Schedule, snapshots: int, at: Position, after: Position) -> bool:
-    """Whether a step of a loading ended at a requested snapshot."""
+def _is_kept(
+    solver: ContactSolver, schedule: Schedule, snapshots: int, at: Position, after: Position, before: float
+) -> bool:
+    """Whether a step of a loading ended at a requested snapshot; to a given force, the first at or beyond it.
+
+    Args:
+        solver: after the step
+        schedule: load path
+        snapshots: number of states to keep of each loading
+        at, after: positions before and after the step
+        before: force before the step [E L^2]
+    """
     if schedule.delta_max is None:
-        return snapshots > 0 and after.leg > at.leg
+        goal = _goal(solver, schedule)
+        done = snapshots if after.leg > at.leg else int(snapshots * solver.force / goal)
+        return done > int(snapshots * before / goal)
     n = schedule.steps
     arrived = after.leg > at.leg or after.target > at.target
     part = schedule.stops()[at.target - 1]

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asperity.arrays import Flags, Floats, Integers, Singles
-from asperity.curve import STIFFNESSES
+from asperity.curve import ELASTIC_STIFFNESSES
 from asperity.fem.solid import Solid
 from asperity.linear.energy import UNKNOWN, EnergySolver
 from asperity.linear.matrix_free import TangentOperator, tangent_product
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 LEFT = 1e-3  # estimate of the relative error that the linear solver may leave; the estimate is taken off
 ACCURACY = 1e-3  # the same of GMRES, which has no such estimate
-NEAR = 0.8  # stiffness over that of its start from the rate of the step, and tangential over normal stiffness, roughly
+NEAR = 0.8  # stiffness over that of its start from the step before, and tangential over normal stiffness, roughly
 PASSES = 5  # of the linear solver at most
 TIGHTEST = 1e-8  # relative tolerance where an absolute one counts
 WORN_OUT = 0.15  # contraction of an elastic system above which its coarse matrix is renewed, where also
@@ -53,16 +53,14 @@ class Stiffness:
         self._along_x, self._along_y = (_Motion(solid, _mirrored(solid, k), (0, 1, 2)) for k in (0, 1))
         self._along_z = _Motion(solid, solid.fixed, (2,))
 
-    def __call__(self, solver: ContactSolver, rate: Floats | None = None) -> dict[str, float]:
-        """Stiffness at the last solve, before its history is committed.
+    def __call__(self, solver: ContactSolver) -> dict[str, float]:
+        """Elastic stiffness at the last solve, before its history is committed.
 
         Args:
             solver: contact solver whose last solve converged
-            rate: change of the displacement with the approach in the step (owned, 3), with which k_n starts
 
         Returns:
             by name, in units of E L; what the linear solver does not find is left out
-                k_n: of the loading, with the consistent tangent of the last iteration
                 k_n_elastic: of unloading and small vibration, with the elastic stiffness
                 k_t: tangential, nodes in contact stick to a plate that moves along x and along y; mean of the two,
                     elastic
@@ -75,24 +73,18 @@ class Stiffness:
         if not solid.comm.allreduce(len(nodes)):
             for motion in (self._along_x, self._along_y, self._along_z):
                 motion.part()
-            return dict.fromkeys(STIFFNESSES, 0.0)
+            return dict.fromkeys(ELASTIC_STIFFNESSES, 0.0)
         held = solver.newton.rows
-        solver.newton.keep_tangent()
         normal = _Translation(solver, 2, np.concatenate([solid.fixed, held]), held, contact.symmetric, contact.stiff)
-        w = normal.start() if rate is None else normal.start(rate + normal.unit)
-        found = {}
-        found["k_n"], w = normal.force(w, near=None)
-        yields = solid.material.plastic and solid.comm.allreduce(solid.kernels.plastic_points) > 0
-        found["k_n_elastic"] = found["k_n"]
-        if yields and contact.stiff:
-            solid.assemble_elastic(contact.add_elastic_tangent)
-            found["k_n_elastic"], w = normal.force(w, near=found["k_n"])
         self._elastic = self._elastic or _ElasticStiffness(solid)
-        self._elastic.update()
-        if yields and not contact.stiff:
-            found["k_n_elastic"], w = self._along_z.force(self._elastic, normal, nodes, w, None)
-        else:
+        found = {}
+        if contact.stiff:
+            solid.assemble_elastic(contact.add_elastic_tangent)
+            found["k_n_elastic"], w = normal.force(normal.start(self._along_z.before))
             self._along_z.take(w)
+        self._elastic.update()
+        if not contact.stiff:
+            found["k_n_elastic"], w = self._along_z.force(self._elastic, normal, nodes, normal.start(), None)
         found["k_t"] = self._tangential(solver, nodes, w)
         self._height = height = self._height or solver.contact_surface.mean(solid.points[:, 2])
         modulus, shear_modulus = solid.material.block_modulus(solid.sides), solid.material.lame[1]
@@ -171,13 +163,14 @@ class _Motion:
 
     Attributes:
         fixed: as given
-        change: of the displacement relative to the flat since the step before (owned, 3), None without one
+        before: displacement relative to the flat at the step before (owned, 3), None without one
+        change: of this displacement since the step before that (owned, 3), None without one
     """
 
     def __init__(self, solid: Solid, fixed: Integers, components: tuple[int, ...]) -> None:
         self._solid, self.fixed, self._components = solid, fixed, components
         self.change: Floats | None = None
-        self._before: Singles | None = None  # displacement at the step before
+        self.before: Singles | None = None
         self._marked: Flags | None = None  # owned nodes in contact when the coarse matrix was made
         self._contraction = UNKNOWN  # see `EnergySolver`
         self._system: EnergySolver | None = None
@@ -200,24 +193,24 @@ class _Motion:
             change: likely change since the step before (owned, 3)
         """
         system = self._prepare(elastic, nodes)
-        before = None if self._before is None else motion.start(self._before)
+        before = None if self.before is None else motion.start(self.before)
         start = motion.start(guess) if before is None else before if change is None else motion.start(before + change)
         force, w = system.minimise(start, motion.unit, motion.rows)
         self._contraction = system.contraction
         if force != force:
             elastic.write()
-            force, w = motion.force(motion.start(guess), near=None)
+            force, w = motion.force(motion.start(guess))
         self.take(w)
         self.change = None if before is None else w - before
         return force, w
 
     def take(self, w: Floats) -> None:
         """Keep the displacement of this step, found in another way."""
-        self.change, self._before = None, w.astype(np.float32)
+        self.change, self.before = None, w.astype(np.float32)
 
     def part(self) -> None:
         """Keep nothing of a step without contact."""
-        self.change = self._before = None
+        self.change = self.before = None
 
     def drop_matrices(self) -> None:
         """Free the system; the next step makes it again."""
@@ -247,7 +240,7 @@ class _Motion:
     def memory(self) -> Singles:
         """Displacement, and the contraction at the nodes of the coarse matrix, zero elsewhere (owned, 4)."""
         n = self._solid.owned
-        w = np.zeros((n, 3)) if self._before is None else self._before
+        w = np.zeros((n, 3)) if self.before is None else self.before
         marked = np.zeros(n) if self._marked is None else self._contraction * self._marked
         return np.column_stack([w, marked]).astype(np.float32)
 
@@ -255,7 +248,7 @@ class _Motion:
         """Continue from what `memory` returned; collective."""
         comm, marked = self._solid.comm, memory[:, 3]
         self.change = None
-        self._before = np.ascontiguousarray(memory[:, :3]) if comm.allreduce(bool(memory[:, :3].any())) else None
+        self.before = np.ascontiguousarray(memory[:, :3]) if comm.allreduce(bool(memory[:, :3].any())) else None
         self._contraction = max(comm.allgather(float(np.max(marked, initial=0.0)))) or UNKNOWN
         self._marked, self._system = (marked > 0.0 if comm.allreduce(bool(marked.any())) else None), None
 
@@ -307,7 +300,7 @@ class _Translation:
         w.reshape(-1)[self.rows] = self._e.reshape(-1)[self.rows]
         return w
 
-    def force(self, w: Floats, near: float | None) -> tuple[float, Floats]:
+    def force(self, w: Floats) -> tuple[float, Floats]:
         """Force of the flat [E L], NaN where the linear solver fails, and displacement, from a start (owned, 3).
 
         The iterates of CG minimise the energy: it falls by the work of the residual on the correction, and has still to
@@ -315,12 +308,11 @@ class _Translation:
 
         Args:
             w: the start
-            near: guess of the force, from which the tolerance of the first pass follows; None for a start that is near
         """
         solid, symmetric = self._solid, self._symmetric
         r, y = solid.vector(), solid.vector()
         force, image = self._work(w)
-        guess = NEAR * force if near is None or not near < force else near
+        guess = NEAR * force
         for _ in range(PASSES):
             r.array = -image
             rtol, atol = (TIGHTEST, np.sqrt(LEFT * abs(guess))) if symmetric else (ACCURACY, 0.0)

@@ -70,7 +70,7 @@ def _forms() -> tuple[tuple[str, str, float, float, str], ...]:
     nu = MATERIAL.nu
     mindlin = 2.0 * (1.0 - nu) / (2.0 - nu)
     return (
-        ("k_n over 2 E' a", "Johnson 4.23", 1.0, WALLS, "k_n"),
+        ("k_n over 2 E' a", "Johnson 4.23", 1.0, WALLS, "k_n_elastic"),
         ("k_t over k_n", "Johnson 7.43", mindlin, STUCK, "k_t_interface"),
         ("conductance over 4 a", "Holm", 1.0, WALLS, "conductance"),
         ("k_n over E' C/2", "Barber", 1.0, WALLS, "conductance"),
@@ -81,6 +81,6 @@ def _ratios(curve: Curve) -> list[float]:
     """Values of the forms at the last load of a quarter of a spot."""
     prime, force = MATERIAL.reduced_modulus, 4.0 * float(curve.force[-1])
     a = (0.75 * force * RADIUS / prime) ** (1.0 / 3.0)
-    names = ("k_n", "k_n_interface", "k_t_interface", "conductance")
+    names = ("k_n_elastic", "k_n_interface", "k_t_interface", "conductance")
     k_n, interface, tangential, C = (4.0 * float(getattr(curve, name)[-1]) for name in names)
     return [k_n / (2.0 * prime * a), tangential / interface, C / (4.0 * a), interface / (0.5 * prime * C)]

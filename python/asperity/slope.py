@@ -1,0 +1,84 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Slope of a curve of force over approach at its steps, branch by branch."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from asperity.arrays import Array
+
+SINGLE_CONTACT = 1.5  # exponent of the force in the approach where a smooth summit is touched first, of Hertz
+
+
+def slopes(delta: ArrayLike, force: ArrayLike, branch: ArrayLike) -> tuple[Array, Array]:
+    """Slope dF/d(delta) at the steps of a curve, and its relative change from one step to the next.
+
+    The force grows about as a power of the approach from where it is zero, so differences are taken of the logarithms:
+    a power law has its exact slope at every step. The approach counts from the last step of the branch without force,
+    on the first branch from first touch. A branch begins with the last step of the one before; one that never is
+    without force is differentiated on linear axes.
+
+    The change is that of the exponent, which begins as that of a single contact. It shows what the steps miss, such as
+    spots that are touched within one, and how far errors of the force differ from step to step.
+
+    Args:
+        delta: approach (n,) [length]
+        force: (n,) [force]
+        branch: name of the branch (n,)
+
+    Returns:
+        slopes (n,) [force/length], 0 without force, NaN where a branch has one step with a force only or approaches
+        that are not monotone; their relative changes (n,), unknown likewise
+
+    Examples:
+        >>> slope, change = slopes([1.0, 2.0, 4.0], [1.0, 4.0, 16.0], ["load"] * 3)
+        >>> slope.round(9).tolist(), change.round(9).tolist()
+        ([2.0, 4.0, 8.0], [0.25, 0.0, 0.0])
+    """
+    x, F, name = np.asarray(delta, float), np.asarray(force, float), np.asarray(branch, str)
+    slope, change = np.full(x.size, np.nan), np.full(x.size, np.nan)
+    for begin, end in pairwise([0, *(np.flatnonzero(name[1:] != name[:-1]) + 1), x.size]):
+        first = max(begin - 1, 0)
+        found = _of_branch(x[first:end], F[first:end], None if begin else 0.0)
+        slope[begin:end], change[begin:end] = (values[begin - first :] for values in found)
+    return slope, change
+
+
+def _of_branch(x: Array, F: Array, touch: float | None) -> tuple[Array, Array]:
+    """Slopes and relative changes of one branch, see `slopes`.
+
+    Args:
+        x: approach (n,) [length]
+        F: force (n,) [force]
+        touch: approach at which the force begins if it is zero at no step [length]; None if it is unknown
+    """
+    if x.size > 1 and x[0] > x[-1]:
+        slope, change = _of_branch(x[::-1], F[::-1], touch)
+        return slope[::-1], change[::-1]
+    slope, change = np.zeros(x.size), np.zeros(x.size)
+    if np.any(np.diff(x) <= 0.0):
+        return slope + np.nan, change + np.nan
+    without = np.flatnonzero(F <= 0.0)
+    n = without[-1] + 1 if without.size else 0
+    origin = x[n - 1] if n else touch
+    X: Array = x[n:]
+    Y: Array = F[n:]
+    scale: Array = np.ones(X.size)
+    before: Array = np.empty(0)
+    if origin is not None and np.all(X > origin):
+        scale = Y / (X - origin)
+        X, Y = np.log(X - origin), np.log(Y)
+        before = np.array([SINGLE_CONTACT])
+    if X.size < 2:
+        slope[n:] = change[n:] = np.nan
+        return slope, change
+    exponent, steps = np.gradient(Y, X), np.abs(np.diff([*before, *np.diff(Y) / np.diff(X)]))
+    slope[n:] = exponent * scale
+    size = np.maximum(np.abs(exponent), np.finfo(float).tiny)
+    change[n:] = np.pad(steps, (X.size - 1 - steps.size, 1), mode="edge") / size if steps.size else np.nan
+    return slope, change
