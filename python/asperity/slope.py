@@ -77,7 +77,7 @@ def _of_branch(x: Array, F: Array, touch: float | None) -> tuple[Array, Array]:
     if X.size < 2:
         slope[n:] = change[n:] = np.nan
         return slope, change
-    exponent, steps = np.gradient(Y, X), np.abs(np.diff([*before, *np.diff(Y) / np.diff(X)]))
+    exponent, steps = np.asarray(np.gradient(Y, X)), np.abs(np.diff([*before, *np.diff(Y) / np.diff(X)]))
     slope[n:] = exponent * scale
     size = np.maximum(np.abs(exponent), np.finfo(float).tiny)
     change[n:] = np.pad(steps, (X.size - 1 - steps.size, 1), mode="edge") / size if steps.size else np.nan

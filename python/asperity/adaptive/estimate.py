@@ -238,11 +238,13 @@ def approach_of_force(case: Case, surface: Surface) -> float:
     heights, summit = layer.heights(surface), surface.maximum()[2] / L
     # all of the surface in contact, and the block below compressed
     deepest = summit - float(heights.min()) + wanted * case.block.height / L * solid.reduced_modulus / solid.E
-    P, delta = [], []
+    P: list[float] = []
+    delta: list[float] = []
     for d in deepest * 0.75 ** np.arange(PARTS - 1, -1, -1):
         state = layer.curve(heights, summit, [d], tolerance=1e-2)
         if state.area_fraction[0] * CELLS**2 >= RESOLVED:
-            P, delta = [*P, np.log(state.P_star[0])], [*delta, np.log(d)]
+            P.append(float(np.log(state.P_star[0])))
+            delta.append(float(np.log(d)))
             if P[-1] >= np.log(wanted):
                 break
     lighter = min(np.log(wanted) - P[0], 0.0) / SINGLE_CONTACT
