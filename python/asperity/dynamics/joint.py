@@ -156,7 +156,7 @@ class Numbers:
     Examples:
         >>> from asperity.dynamics.joint import Numbers
         >>> print(Numbers(2e5, 0.5, 100.66, 4e-9, 0.01, 0.42).sentence("SI"))
-        k_n = 200 kN/m ± 0.83 %, m = 0.5 kg, f = 100.66 Hz ± 0.42 %, z_s = 4 nm, zeta = 0.01
+        k_n = 200 kN/m ± 0.83 %, m = 0.5 kg, f = 100.7 Hz ± 0.42 %, z_s = 4 nm, zeta = 0.01
     """
 
     stiffness: float
