@@ -44,3 +44,11 @@ def test_each_number_names_the_patch_or_the_joint() -> None:
             f"Small vibration of the {of} about a load of 10 kN has a stiffness of 2.86 GN/m ± 8 % and a frequency of "
             "3.8 kHz ± 4 %."
         )
+
+
+def test_the_frequency_has_its_bar_and_the_law_its_doubt() -> None:
+    found = {"numbers": {"k_n": 2e4, "f": 1600.0, "f_bar": 8.0}, "laws": {"doubt": "two rows show no curvature"}}
+    curve = asp.Curve.from_rows([ROW])
+    said = verdict(Results(Path("out"), curve, case={"units": "SI"}, thresholds={**found, "units": "SI"}))
+    assert "Small vibration of the patch has a stiffness of 20 kN/m ± 1 % and a frequency of 1.6 kHz ± 0.5 %." in said
+    assert "Its law is doubtful: two rows show no curvature." in said

@@ -12,7 +12,7 @@ import click
 
 from asperity.cli import options
 from asperity.dynamics.law.damping import DAMPING, LOOPS
-from asperity.dynamics.settings import LAWS, MODELS
+from asperity.dynamics.settings import LAWS, MODELS, DynamicsSettings
 from asperity.errors import InputError
 from asperity.units import per_cent
 
@@ -82,8 +82,7 @@ def command(
     units of the curve; with a joint, that of the case or of --area, --pressure, --mass and --frequency, forces are
     those of the joint.
     """
-    from asperity.dynamics import PowerLaw, run_dynamics
-    from asperity.dynamics.run import joint_of
+    from asperity.dynamics import Joint, PowerLaw, run_dynamics
 
     if (source is None) == (exponent is None):
         raise InputError("give either a run directory or curve, or --power-law N")
@@ -91,7 +90,9 @@ def command(
     given = {"nominal_area": nominal_area, "pressure": pressure, "mass": mass, "frequency": frequency}
     if preload is not None and pressure is not None:
         raise InputError("--preload and --pressure are both given; give one of them")
-    joint = joint_of(source, given)
+    joint = None
+    if any(value is not None for value in given.values()):
+        joint = (DynamicsSettings.of_source(source).joint or Joint()).replaced(given)
     for name in ("forcing", "model"):
         settings[name] = settings[name] or None
     result = run_dynamics(law, preload=preload, joint=joint, out_dir=output, **settings)

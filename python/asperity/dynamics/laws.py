@@ -158,6 +158,7 @@ class LawTable:
         return {
             "chosen": choice.name,
             "reason": choice.reason,
+            "doubt": choice.note,
             "yielded": choice.yielded,
             "reached": choice.reached,
             "yields_again_at_u": choice.yields_at,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 
 from asperity.dynamics.columns import CurveColumns
 from asperity.dynamics.intervals import Uncertainty, response_band, uncertainty
-from asperity.dynamics.joint import Joint, Numbers
+from asperity.dynamics.joint import Numbers
 from asperity.dynamics.law.checks import positive
 from asperity.dynamics.law.damping import LOOPS
 from asperity.dynamics.law.law import Law
@@ -32,23 +32,6 @@ from asperity.loops import LoopTable
 from asperity.runtime import run_folder
 
 _SWEEP_POINTS = 41
-
-
-@dataclass(frozen=True)
-class _Vibration:
-    """Oscillator on the law of a source, and what it is made of.
-
-    Attributes:
-        exact: the oscillator.
-        gravity: that was assumed, None if unknown or of no use.
-        laws: all laws of a curve at the preload, None for a `Law`.
-        notes: on the law, one sentence each.
-    """
-
-    exact: ContactOscillator
-    gravity: float | None
-    laws: LawTable | None
-    notes: tuple[str, ...]
 
 
 def run_dynamics(
@@ -87,8 +70,7 @@ def run_dynamics(
     if settings is None:
         settings = DynamicsSettings.of_source(source, changes.get("joint"))
     settings = settings.replaced(**changes)
-    vibration = _vibration(source, settings)
-    exact, notes = vibration.exact, list(vibration.notes)
+    exact, gravity, laws, notes = _vibration(source, settings)
     oscillators = {name: exact if name == "exact" else exact.taylor() for name in settings.model}
     swept: dict[str, tuple[Sweep, ...]] = dict.fromkeys(oscillators, ())
     responses: dict[str, tuple[FrequencyResponse, ...]] = {}
@@ -103,8 +85,8 @@ def run_dynamics(
             except AsperityError as error:
                 notes.append(f"{name}: no sweep: {error}")
         notes.extend(_notes(name, oscillator, responses[name], swept[name]))
-    members = () if vibration.laws is None else vibration.laws.members()
-    spread = _uncertainty(vibration, members, notes)
+    members = () if laws is None else laws.members()
+    spread = _uncertainty(exact, members, "" if laws is None else laws.describe_members(), notes)
     bands = []
     if settings.bands and spread is not None and "exact" in oscillators:
         for f in settings.forcing:
@@ -121,8 +103,8 @@ def run_dynamics(
         uncertainty=spread,
         bands=tuple(bands),
         notes=tuple(notes),
-        gravity=vibration.gravity,
-        laws=vibration.laws,
+        gravity=gravity,
+        laws=laws,
         settings=settings,
     )
     if out_dir is not None:
@@ -153,7 +135,10 @@ def small_vibration(source: Any, settings: DynamicsSettings) -> Numbers:
     return numbers_of(_oscillator(static, load, settings, _gravity(settings, "curve")[0]))
 
 
-def _vibration(source: Any, settings: DynamicsSettings) -> _Vibration:
+def _vibration(
+    source: Any, settings: DynamicsSettings
+) -> tuple[ContactOscillator, float | None, LawTable | None, list[str]]:
+    """Return the oscillator on the law of a source, the gravity assumed, all laws of a curve, and notes on the law."""
     static, load, chosen = _law(source, settings)
     gravity, assumed = _gravity(settings, "law" if isinstance(source, Law) else "curve")
     damping, loop_note = settings.damping, ""
@@ -169,7 +154,7 @@ def _vibration(source: Any, settings: DynamicsSettings) -> _Vibration:
         known = exact.mass if np.isfinite(exact.mass) else None
         laws = tabulate(*chosen, known, extrapolate=settings.extrapolate or settings.law == "auto")
     notes = [*static.doubts(load), assumed, loop_note, *([] if laws is None else _yield_notes(laws.choice))]
-    return _Vibration(exact, gravity, laws, tuple(dict.fromkeys(note for note in notes if note)))
+    return exact, gravity, laws, [note for note in notes if note]
 
 
 def _law(source: Any, settings: DynamicsSettings) -> tuple[Law, float, tuple[CurveColumns, Choice] | None]:
@@ -204,13 +189,12 @@ def _loops_of(source: Any) -> str | LoopDamping:
     return LoopDamping.of(LoopTable.read(folder / run_folder.LOOPS))
 
 
-def _uncertainty(vibration: _Vibration, members: tuple[Law, ...], notes: list[str]) -> Uncertainty | None:
+def _uncertainty(
+    exact: ContactOscillator, members: tuple[Law, ...], origin: str, notes: list[str]
+) -> Uncertainty | None:
     """Return the intervals of an oscillator; None where nothing bounds its law."""
-    laws = vibration.laws
     try:
-        if laws is None or not members:
-            return uncertainty(vibration.exact)
-        return uncertainty(vibration.exact, members, laws.describe_members())
+        return uncertainty(exact, members or None, origin)
     except InputError:
         return None
     except AsperityError as error:
@@ -302,16 +286,3 @@ def _gravity(settings: DynamicsSettings, source: str) -> tuple[float | None, str
             "gravity in those units"
         )
     return GRAVITY, ""
-
-
-def joint_of(source: Any, given: dict[str, float | None]) -> Joint | None:
-    """Return the joint of the case of a run directory with some values replaced; None if nothing gives a joint.
-
-    Args:
-        source: as in `run_dynamics`.
-        given: values of `Joint` by name, None where not given.
-    """
-    joint = DynamicsSettings.of_source(source).joint
-    if joint is None and all(value is None for value in given.values()):
-        return None
-    return (joint or Joint()).replaced(given)

@@ -100,15 +100,14 @@ class DynamicsSettings:
             case: sections of the case, as `Case.to_dict` returns them; empty for the defaults.
             joint: instead of that of the case.
         """
-        known = {field.name for field in fields(cls)}
-        given = {name: value for name, value in case.get("dynamics", {}).items() if name in known}
+        given = dict(case.get("dynamics", {}))
         if joint is None and "joint" in case:
             joint = Joint(**case["joint"])
         length = case.get("surface", {}).get("L")
         patch = None if length is None else float(length) ** 2
         preload, overload = loads_of_case(given.get("preload"), given.get("overload"), joint, patch)
         given |= {"preload": preload, "overload": overload, "units": case.get("units"), "patch_area": patch}
-        return cls(**given).replaced(joint=joint, preload=preload, overload=overload)
+        return cls().replaced(**given).replaced(joint=joint)
 
     @classmethod
     def of_source(cls, source: Any, joint: Joint | None = None) -> DynamicsSettings:
