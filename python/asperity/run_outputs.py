@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from asperity.case import Case
 from asperity.curve import Curve
@@ -17,22 +17,17 @@ from asperity.errors import AsperityError, AsperityWarning, ConvergenceError, In
 from asperity.loops import LoopTable
 from asperity.model.problem import Problem
 from asperity.output.run_files import RunFiles
-from asperity.runtime.counters import Counters
 from asperity.runtime.files import files_into, write_npz
-from asperity.runtime.parallel import agree, on_root, on_root_bcast
+from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.progress import Progress
 from asperity.runtime.run_folder import BLOCK, DISTRIBUTIONS, FIELDS, LOOPS, TOP, VTKHDF
 from asperity.runtime.shares import on_root_of
 from asperity.runtime.timing import Phases
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
-
     from asperity.dynamics import Dynamics, DynamicsSettings
     from asperity.dynamics.joint import Numbers
     from asperity.quasistatic.contact_result import ContactResult
-
-T = TypeVar("T")
 
 
 def write_outputs(
@@ -120,65 +115,21 @@ def write_outputs(
         summary["finished"] = finished  # not before all is there: a finished run is not continued
         writer.summary(summary)
 
-    def draw(names: Iterable[str]) -> None:
+    def draw() -> None:
         from asperity.plot import plot_run
 
         assert folder is not None
-        with parts.phase("figures"):
-            plot_run(folder, problem.surface, names)
-
-    def vibrate_and_draw(names: Iterable[str]) -> Dynamics | None:
-        """Rank 0 computes the vibration while the others begin with the figures of the contact."""
-        dynamics = vibrate() if comm.rank == 0 else None
         progress.stage("figures")
-        draw(names)
-        return dynamics
+        with parts.phase("figures"):
+            plot_run(folder, problem.surface)
 
+    dynamics = on_root_bcast(comm, vibrate)  # the others wait, for a process that ends with an error would end all
     if folder is not None and (case.output.figures or case.output.report):
-        from asperity.plot import OF_CONTACT, OF_VIBRATION
-
-        dynamics = comm.bcast(_shared(comm, OF_CONTACT, vibrate_and_draw))
-        if dynamics is not None:
-            _shared(comm, OF_VIBRATION, draw)
-    else:  # the others wait, for a process that ends with an error would end all
-        dynamics = on_root_bcast(comm, vibrate)
+        on_root(comm, draw)
     on_root(comm, finish)
     if failure is not None:
         raise failure
     return dynamics
-
-
-def _shared(comm: MPI.Comm, names: Sequence[str], work: Callable[[Iterable[str]], T]) -> T | None:
-    """Work on figures on the ranks that share the machine of rank 0, each figure on one of them; collective.
-
-    Args:
-        comm: communicator
-        names: of the figures
-        work: called with the figures of a rank; which ones they are is settled as it asks for them
-
-    Returns:
-        what `work` returned on this rank
-    """
-    from mpi4py import MPI
-
-    node = MPI.Intracomm(comm.Split_type(MPI.COMM_TYPE_SHARED))
-    near = node.bcast(comm.rank, root=0) == 0
-    counters = Counters(node)
-
-    def taken() -> Iterator[str]:
-        while (turn := counters.advance()) < len(names):
-            yield names[turn]
-
-    result, failure = None, None
-    try:
-        result = agree(comm, lambda: work(taken()) if near else None)
-    except AsperityError as e:  # on all ranks; another error may be of one, and the others would not come to close
-        failure = e
-    counters.close()
-    node.Free()
-    if failure is not None:
-        raise failure
-    return result
 
 
 def _lacks_loops(case: Case, loops: LoopTable | None) -> bool:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from asperity.surface import Surface
 
-BASE, SIDE_X, SIDE_Y, TOP = 1, 2, 3, 4
+BASE, SIDE_X, SIDE_Y, TOP = 1, 2, 3, 4  # tags of the facets
 
 
 def distribute(

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -65,10 +65,9 @@ CAPTIONS = {
 }
 
 OF_VIBRATION = ("frequency", "response", "receptance")
-OF_CONTACT = tuple(name for name in CAPTIONS if name not in OF_VIBRATION)  # these need no vibration
 
 
-def plot_run(folder: str | Path, surface: Surface | None = None, names: Iterable[str] = tuple(CAPTIONS)) -> list[Path]:
+def plot_run(folder: str | Path, surface: Surface | None = None, names: Sequence[str] = tuple(CAPTIONS)) -> list[Path]:
     """Draw the figures that the files of a run allow, into its folder figures/.
 
     All are PNG files; those that consist of lines are SVG files too.
@@ -76,8 +75,7 @@ def plot_run(folder: str | Path, surface: Surface | None = None, names: Iterable
     Args:
         folder: the run directory.
         surface: surface of the case, if already built.
-        names: of the figures, keys of CAPTIONS; the next is taken from an iterator only when the one before is
-            finished, so that processes can share one.
+        names: of the figures, keys of CAPTIONS.
 
     Returns:
         The files written.

@@ -26,7 +26,7 @@ from asperity.plot.curves import LOAD, draw_branches, load_axis
 from asperity.units import prefix, quantity
 
 PIXELS = 400  # of a map, along each side
-BINS = 40
+BINS = 40  # of the histogram, up to the greatest pressure
 
 
 @style.styled

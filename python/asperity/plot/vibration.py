@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 MODELS = {"exact": (style.BLUE, "-", "exact law"), "taylor": (style.VERMILION, "--", "Taylor law")}
 COLOURS = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE, style.ORANGE, style.BLACK)
-DASHES = (0, (3, 1.5))
+DASHES = (0, (3, 1.5))  # offset, and lengths of line and gap [line widths]
 _SWEEPS = {"sweep-up": ("^", "sweep up"), "sweep-down": ("v", "sweep down")}
 _MARKS = {"fold": ("o", "fold, with jump"), "period doubling": ("s", "period doubling")}
 _ACTS = {
@@ -36,7 +36,7 @@ _ACTS = {
     "hunt-crossley": "after Hunt and Crossley",
     "loops": "as the loops",
 }
-_FAINT = 0.35
+_FAINT = 0.35  # opacity of what is not physical
 _AGREE = 0.01  # distance of exact and Taylor curves, over the extents of the figure, below which one is drawn
 _CLOSE = 0.03  # share of the extent of a curve within which consecutive rows are always joined
 

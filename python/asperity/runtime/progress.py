@@ -81,7 +81,7 @@ class Progress:
 
 SILENCE = 10.0  # time between two lines about the same phase [s]
 COLUMNS = ("step", "branch", "delta/L", "P*", "area", "Newton", "Krylov", "time", "left")
-_WIDTHS = (5, 7, 11, 11, 7, 6, 6, 8, 8)
+_WIDTHS = (5, 7, 11, 11, 7, 6, 6, 8, 8)  # of the columns [characters]
 
 
 class StepLines(Progress):

@@ -26,7 +26,7 @@ from asperity.quasistatic.stepping import ContactSolver, Record, follow
 from asperity.verification.solids import eighth_sphere, planes_of_symmetry
 from asperity.verification.table import KINK, RATIO, Row, VerificationLevel, rows_along
 
-E, NU, Y = 200e9, 0.3, 1e9
+E, NU, Y = 200e9, 0.3, 1e9  # of the sphere in reference.tables [Pa]
 HERTZ = reference.Hertz(1.0, reference.reduced_modulus(1.0, NU))  # R = E = 1
 ONSET = float((0.5 * np.pi * 1.295 * np.exp(0.736 * NU) * Y / reference.reduced_modulus(E, NU)) ** 2)
 LAST = 105.0  # greatest w = approach over that at the onset of yield, Jackson & Green

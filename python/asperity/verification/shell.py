@@ -23,9 +23,9 @@ from asperity.verification.solids import CellRule, eighth_sphere, equilibrium, p
 from asperity.verification.table import KINK, LOCAL, Row, VerificationLevel, on_meshes, rows_along
 
 INNER, OUTER, PLASTIC = 0.5, 1.0, 0.75  # radii of the faces and of the plastic zone
-E, NU, Y = 1.0, 0.3, 0.002
+E, NU, Y = 1.0, 0.3, 0.002  # stresses in E; any ratio does, as Hill's solution has small strain
 STEPS = 4  # the stress of each point keeps its direction, so the load steps cause no error
-SIZE = 0.17
+SIZE = 0.17  # of the elements of the coarsest mesh, three over the thickness
 
 
 @dataclass(frozen=True)
