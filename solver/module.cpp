@@ -127,6 +127,7 @@ void bind_size_field(nb::module_& m)
 
 NB_MODULE(_solver, m)
 {
+  nb::set_leak_warnings(false); // results of a script live until the interpreter ends
   m.doc() = "Kernels for curved second-order tetrahedra: element sizes, elasticity, J2 plasticity, contact, linear solver.";
   bind_laws(m);
   bind_cells(m);

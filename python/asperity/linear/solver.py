@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asperity.arrays import Floats, Integers
-from asperity.errors import AsperityWarning, InputError
+from asperity.errors import AsperityWarning
 from asperity.linear.matrix_free import TangentOperator, tangent_product
 from asperity.linear.multigrid import PMultigrid
 from asperity.linear.petsc_matrix import NodeMatrix, set_rigid_modes
@@ -33,7 +33,6 @@ RESCUED = (
     f"solver.linear failed for {RESCUES} systems so far, and LU solved them, each several times slower; the results "
     "are the same. run.log names the steps: smaller ones may help (steps)"
 )
-KINDS = ("auto", "lu", "cg", "gamg")
 PREFIX, RESCUE_PREFIX = "asperity_linear_", "asperity_rescue_"
 #: Memory beyond the estimate of MUMPS, in per cent: on several ranks the need depends on the speed of each.
 WORKSPACE = 100
@@ -58,14 +57,9 @@ class LinearSolver:
         rescued: number of systems factorised for that reason
         left: energy of the error of the last solution, the square of the energy norm of the residual, as CG predicts
             it; 0 after a factorisation
-
-    Raises:
-        InputError: unknown kind
     """
 
     def __init__(self, solid: Solid, kind: str, symmetric: bool = True, rtol: float = SINGLE_RTOL) -> None:
-        if kind not in KINDS:
-            raise InputError(f'solver.linear = "{kind}" is not one of {", ".join(KINDS)}')
         if kind == "auto":
             kind = "lu" if solid.dofs < (LU_LIMIT if symmetric else GENERAL_LU_LIMIT) else "cg"
         self.rescue, self.rescued, self.left = False, 0, 0.0
