@@ -146,11 +146,11 @@ def draw_vibration(rows: Sequence[tuple[float, ...]]) -> Figure:
     left.set_ylim(bottom=0)
     left.legend(fontsize=7)
     zeta, *columns = (np.array(c) for c in zip(*rows, strict=True))
-    for found, line, colour, text in (
+    for found, curve, colour, text in (
         (columns[0], columns[1], style.BLUE, "contact loss"),
         (columns[2], columns[3], style.VERMILION, "second subharmonic"),
     ):
-        right.plot(zeta, line, color=colour, label=f"{text}, light damping")
+        right.plot(zeta, curve, color=colour, label=f"{text}, light damping")
         right.plot(zeta, found, "o", color=colour, mfc="white", label=f"{text}, computed")
     style.logarithmic(right)
     right.set_xlabel("damping ratio $\\zeta$")

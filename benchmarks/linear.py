@@ -111,7 +111,7 @@ def timed(work: Callable[..., Any], spent: list[float]) -> Callable[..., Any]:
     return call
 
 
-def demo(material: asp.Material, h: float, **options: float) -> tuple[ContactResult, float]:
+def demo(material: asp.Material, h: float, **options: Any) -> tuple[ContactResult, float]:
     """The demo surface to 0.03 L in ten planned steps, and its CPU seconds."""
     warnings.simplefilter("ignore")
     surface = asp.Surface.from_spec(kind="weierstrass-mandelbrot", L=L, D=2.4, G=1.36e-11)

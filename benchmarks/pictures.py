@@ -5,9 +5,9 @@
 
     ./run python3 benchmarks/pictures.py [-o out/pictures] [NAME]...
 
-All of them, or those that are named. Runs that a picture shows are made in the folder where they are not there yet, the
-tutorials as they are typed; figures of cost and error are drawn from the tables in docs/tables. Fields are PNG files,
-figures of lines SVG files. The picture scene needs PyVista.
+All of them, or those that are named. Pictures of a run are files that the commands of a page make: these are run in
+the folder, as they stand on the page and once. Figures of cost and error are drawn from the tables in docs/tables. The
+picture scene needs PyVista.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ from __future__ import annotations
 import argparse
 import csv
 import os
+import shutil
 import subprocess
 import sys
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -26,13 +27,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from asperity.case import Case
-from asperity.dynamics import run_dynamics
-from asperity.output.results import Results
-from asperity.plot import figures_of, style
-from asperity.plot.scene import scene
-from asperity.run_case import run
-from asperity.runtime.run_folder import FIELD_PICTURES
+from asperity.plot import style
 
 ROOT = Path(__file__).parent.parent
 PICTURES, TABLES = ROOT / "docs/pictures", ROOT / "docs/tables"
@@ -40,51 +35,37 @@ sys.path.insert(0, str(ROOT / "tests"))
 
 from test_walkthroughs import FENCE  # noqa: E402
 
-WAVY = ("surface.dims=2", "surface.wavelength=0.5e-6", "surface.amplitude=10e-9", "surface.centre=[0.25e-6, 0.25e-6]",
-        "loading.delta_max=10e-9", "mesh.h_contact=0.04e-6", "output.fields=true")  # fmt: skip
-# run -> case, changes
-RUNS: dict[str, tuple[str, Sequence[str]]] = {
-    "demo": ("demo", ()),
-    "deep": ("demo", ("loading.delta_max=0.03e-6", "material.kinematics=small")),
-    "wavy": ("sinusoid", WAVY),
-}
-# picture -> run, figure
-OF_RUNS = {"surface": ("demo", "surface"), "mesh": ("demo", "mesh"), "curve": ("demo", "curve"),
-           "pressure": ("deep", "pressure"), "area": ("deep", "area"), "plasticity": ("deep", "plasticity"),
-           "wavy_pressure": ("wavy", "pressure")}  # fmt: skip
+# picture -> page, file that its commands make
+OF_PAGES = {name: ("gallery", f"out/demo/figures/{name}") for name in (
+    "surface.png", "mesh.png", "scene.png", "curve.svg", "pressure.png", "area.svg", "plasticity.svg", "frequency.svg",
+    "response.svg",
+)} | {
+    "wavy_pressure.png": ("gallery", "out/wavy/figures/pressure.png"),
+    "tutorial_scan.png": ("tutorials/scan", "out/scan/surface.png"),
+    "tutorial_response.svg": ("tutorials/vibration", "out/vibration/response.svg"),
+}  # fmt: skip
 Rows = list[dict[str, str]]
 
 
-def contact_run(name: str, folder: Path) -> Path:
-    """Folder of a run, which is made unless it is finished."""
-    case, changes = RUNS[name]
-    run(Case.load(ROOT / f"cases/{case}.toml", list(changes)), folder / name, resume=True)
-    return folder / name
-
-
-def tutorial(name: str, folder: Path, file: str) -> Path:
-    """A file that the blocks of a tutorial write; they are run as typed until it is there."""
-    place = folder / f"tutorial_{name}"
+def made_by(page: str, file: str, folder: Path) -> Path:
+    """A file that the blocks of a page make; they are run as typed, in order and once, until it is there."""
+    place = folder / page
     place.mkdir(parents=True, exist_ok=True)
+    if not (place / "cases").exists():
+        (place / "cases").symlink_to(ROOT / "cases")
     paths = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-    for language, title, text in FENCE.findall((ROOT / f"docs/tutorials/{name}.md").read_text(encoding="utf-8")):
+    blocks = FENCE.findall((ROOT / f"docs/{page}.md").read_text(encoding="utf-8"))
+    for number, (language, title, text) in enumerate(blocks):
+        done = place / f".block_{number}"
         if (place / file).is_file():
             break
         if title:
             (place / title).write_text(text, encoding="utf-8")
-        elif language in ("sh", "python"):
+        elif language in ("sh", "python") and not done.exists():
             command = ["bash", "-e", "-c", text] if language == "sh" else [sys.executable, "-c", text]
             subprocess.run(command, cwd=place, env=os.environ | {"PATH": paths}, stdout=subprocess.DEVNULL, check=True)
+            done.touch()
     return place / file
-
-
-def joint_vibration(folder: Path) -> Results:
-    """Vibration of the joint of the tutorial by the exact law and its Taylor series."""
-    joint = tutorial("vibration", folder, "out/vibration/response.svg").parents[1] / "joint"
-    run_dynamics(joint, forcing=(0.005, 0.02), model=["exact", "taylor"], out_dir=folder / "joint")
-    if not (folder / "joint/curve.csv").exists():
-        (folder / "joint/curve.csv").write_bytes((joint / "curve.csv").read_bytes())
-    return Results.read(folder / "joint")
 
 
 # --------------------------------------------------------------------------------- figures of the stored tables
@@ -169,31 +150,15 @@ DRAWN: dict[str, Callable[[], Figure]] = {
     "peers": peers,
     "dynamics_work_precision": dynamics_work_precision,
 }
-OF_JOINT = ("frequency", "response")
-OF_TUTORIALS = {"tutorial_scan": ("scan", "out/scan/surface.png"),
-                "tutorial_response": ("vibration", "out/vibration/response.svg")}  # fmt: skip
-NAMES = (*DRAWN, *OF_RUNS, "scene", *OF_JOINT, *OF_TUTORIALS)
+NAMES = (*DRAWN, *(Path(name).stem for name in OF_PAGES))
 
 
 def make(name: str, folder: Path) -> Path:
     """Make a picture; return its file."""
-    if name in OF_TUTORIALS:
-        page, file = OF_TUTORIALS[name]
-        source = tutorial(page, folder, file)
-        target = PICTURES / f"{name}{source.suffix}"
-        target.write_bytes(source.read_bytes())
-        return target
-    if name == "scene":
-        return scene(contact_run("deep", folder), PICTURES / "scene.png")
     if name in DRAWN:
         return style.save(DRAWN[name](), PICTURES / f"{name}.svg")
-    if name in OF_JOINT:
-        vibration = joint_vibration(folder)
-        return style.save(figures_of(vibration)[name](vibration), PICTURES / f"{name}.svg")
-    which, kind = OF_RUNS[name]
-    results = Results.read(contact_run(which, folder))
-    form = "png" if kind in FIELD_PICTURES else "svg"
-    return style.save(figures_of(results)[kind](results), PICTURES / f"{name}.{form}")
+    file, (page, source) = next((file, made) for file, made in OF_PAGES.items() if Path(file).stem == name)
+    return Path(shutil.copyfile(made_by(page, source, folder), PICTURES / file))
 
 
 def main() -> None:

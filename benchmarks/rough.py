@@ -27,11 +27,11 @@ from mpi4py import MPI
 import asperity as asp
 from asperity.adaptive.mesh_plan import extrapolate_mesh
 from asperity.adaptive.roughness import FORCE_BAR, Roughness
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.arrays import Floats
 from asperity.mesh.top import Top
 from asperity.model.settings import MeshSize
 from asperity.quasistatic.make import make_block
-from asperity.quasistatic.solve_contact import solve_contact
 from asperity.surface import SelfAffine
 
 TOLERANCE, STEPS, SIZES = 0.05, 5, (0.014, 0.007)

@@ -36,9 +36,9 @@ def main() -> tuple[float, float]:
     print(f"D = {fit.D:.3f} ({fit.ci_D[0]:.3f} to {fit.ci_D[1]:.3f}), "
           f"G = {fit.G:.2g} m ({fit.ci_G[0]:.1g} to {fit.ci_G[1]:.1g})")  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
-        patch = scan.filtered(4e-6).window(10e-6, 10e-6, 20e-6).save(Path(folder) / "patch.npz")
+        patch = scan.filtered(8e-6).window(12e-6, 10e-6, 20e-6).save(Path(folder) / "patch.npz")
         surface = asp.Surface.from_spec(kind="file", path=patch)
-    size = asp.MeshSize(6e-6, growth=1.0, h_max=10e-6)  # coarse, for an example
+    size = asp.MeshSize(h_contact=3e-6, growth=0.6)
     result = asp.solve_contact(surface, asp.Material(200e9, 0.3), delta_max=0.2e-6, steps=4, size=size)
     load = float(result.curve.P_star[-1])
     print(f"P* = {load:.4g} at delta* = {result.curve.delta_star[-1]:g}")

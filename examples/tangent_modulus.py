@@ -10,12 +10,12 @@ import asperity as asp
 
 def main() -> list[float]:
     """Return the exponents, the softest material first."""
-    surface = asp.Surface.from_spec(kind="weierstrass-mandelbrot", L=1e-6, D=2.4, G=1.36e-11, seed=0)
-    size = asp.MeshSize(h_contact=0.15e-6, growth=0.6)  # coarse, for an example
+    surface = asp.Surface.from_spec(kind="self-affine", L=1e-6, H=0.8, rms_slope=0.06, lambda_short=0.4e-6, seed=1)
+    size = asp.MeshSize(h_contact=0.12e-6, growth=0.6)
     block, exponents = None, []
     for E_t in (2e9, 20e9, 100e9):
         steel = asp.Material(E=200e9, nu=0.3, yield_strength=1e9, tangent_modulus=E_t)
-        result = asp.solve_contact(surface, steel, delta_max=30e-9, steps=5, size=size, block=block)
+        result = asp.solve_contact(surface, steel, delta_max=12e-9, steps=5, size=size, block=block)
         block = result.block  # the next material takes the same mesh
         fit = result.curve.fit()
         yielded = result.curve.plastic_fraction[-1]

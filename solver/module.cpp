@@ -21,8 +21,8 @@ namespace
 {
 const auto unlocked = nb::call_guard<nb::gil_scoped_release>();
 
-/// Array that a kernel writes, never a converted copy.
-nb::arg out(const char* name)
+/// Array that a kernel writes, never a converted copy. The type is nb::arg in nanobind 2, another one in nanobind 3.
+auto out(const char* name)
 {
   return nb::arg(name).noconvert();
 }
@@ -107,7 +107,9 @@ void bind_linear(nb::module_& m)
   m.def("symmetric_galerkin", &symmetric_galerkin, "indptr"_a, "indices"_a, "blocks"_a, "kept"_a, "parents"_a,
         "coarse_indptr"_a, "coarse_indices"_a, "coarse_kept"_a, out("coarse"), unlocked);
   nb::class_<Cholesky>(m, "Cholesky")
-      .def(nb::init<Graph, Graph, Array<const int>>(), "indptr"_a, "indices"_a, "interface"_a)
+      .def(nb::init<Graph, Graph, Array<const int>, bool>(), "indptr"_a, "indices"_a, "interface"_a,
+           "single"_a = Cholesky::has_single())
+      .def_static("has_single", &Cholesky::has_single)
       .def("factorise", &Cholesky::factorise, "values"_a, "shift"_a, unlocked)
       .def("interface_factors", &Cholesky::interface_factors, out("out"), unlocked)
       .def("forward", &Cholesky::forward, "right"_a, out("work"), unlocked)
@@ -125,6 +127,7 @@ void bind_size_field(nb::module_& m)
 
 NB_MODULE(_solver, m)
 {
+  nb::set_leak_warnings(false); // results of a script live until the interpreter ends
   m.doc() = "Kernels for curved second-order tetrahedra: element sizes, elasticity, J2 plasticity, contact, linear solver.";
   bind_laws(m);
   bind_cells(m);

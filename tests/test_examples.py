@@ -6,17 +6,22 @@
 from __future__ import annotations
 
 import runpy
+import warnings
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from asperity.errors import AsperityWarning
+
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
 
 def run(name: str) -> Any:
-    """What `main` of an example returns."""
-    return runpy.run_path(str(EXAMPLES / f"{name}.py"))["main"]()
+    """What `main` of an example returns; nothing in it is doubtful."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", AsperityWarning)
+        return runpy.run_path(str(EXAMPLES / f"{name}.py"))["main"]()
 
 
 def test_each_has_a_test() -> None:
@@ -29,7 +34,7 @@ def test_hertz() -> None:
 
 
 def test_tangent_modulus() -> None:
-    assert run("tangent_modulus") == pytest.approx([2.302, 2.241, 2.197], abs=0.03)
+    assert run("tangent_modulus") == pytest.approx([1.795, 1.833, 1.830], abs=0.02)
 
 
 def test_custom_surface() -> None:
@@ -44,14 +49,15 @@ def test_vibration() -> None:
 
 
 def test_parallel_study() -> None:
-    # 40 steps instead of 5 give 1.628 and 1.630
-    assert run("parallel_study") == [pytest.approx(1.630, abs=0.003), pytest.approx(1.630, abs=0.003)]
+    mean, low, high = run("parallel_study")
+    assert mean == pytest.approx(1.143, abs=0.01)
+    assert 1.0 < low < mean < high  # hardening is seen
 
 
 def test_measured_surface() -> None:
     D, load = run("measured_surface")
     assert D == pytest.approx(2.425, abs=1e-3)
-    assert load == pytest.approx(3.226e-3, rel=0.02)
+    assert load == pytest.approx(3.46e-3, rel=0.02)
 
 
 def test_harmonic_balance() -> None:

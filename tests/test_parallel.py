@@ -17,6 +17,7 @@ import pytest
 from waiting import wait_until
 
 from asperity import run_outputs
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.errors import InputError
@@ -30,7 +31,6 @@ from asperity.plot import figures_of
 from asperity.quasistatic import measures
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.make import make_contact_solver
-from asperity.quasistatic.solve_contact import solve_contact
 from asperity.run_case import run
 from asperity.runtime.parallel import on_root
 from asperity.runtime.run_folder import FIGURES, FREE

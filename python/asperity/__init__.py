@@ -9,9 +9,48 @@ Importing the package is light: dolfinx, gmsh and matplotlib are loaded by the s
 from __future__ import annotations
 
 import importlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 __version__ = "1.0.0rc1"
+
+if TYPE_CHECKING:  # the names below, for type checkers and editors
+    from asperity import reference as reference
+    from asperity.adaptive.small_strain import choose_kinematics as choose_kinematics
+    from asperity.adaptive.solve_contact import solve_contact as solve_contact
+    from asperity.adaptive.solve_to_tolerance import solve_to_tolerance as solve_to_tolerance
+    from asperity.case import Case as Case
+    from asperity.curve import Curve as Curve
+    from asperity.dynamics import ContactOscillator as ContactOscillator
+    from asperity.dynamics import Joint as Joint
+    from asperity.dynamics import PowerLaw as PowerLaw
+    from asperity.dynamics import TableLaw as TableLaw
+    from asperity.dynamics import TaylorLaw as TaylorLaw
+    from asperity.dynamics import response_band as response_band
+    from asperity.dynamics import run_dynamics as run_dynamics
+    from asperity.dynamics import uncertainty as uncertainty
+    from asperity.dynamics import unload_reload as unload_reload
+    from asperity.errors import AsperityError as AsperityError
+    from asperity.errors import AsperityWarning as AsperityWarning
+    from asperity.errors import CheckpointError as CheckpointError
+    from asperity.errors import CompatError as CompatError
+    from asperity.errors import ConvergenceError as ConvergenceError
+    from asperity.errors import InputError as InputError
+    from asperity.errors import MeshError as MeshError
+    from asperity.errors import RangeError as RangeError
+    from asperity.model.material import Material as Material
+    from asperity.model.problem import Problem as Problem
+    from asperity.model.settings import AccuracyTarget as AccuracyTarget
+    from asperity.model.settings import Formulation as Formulation
+    from asperity.model.settings import MeshSize as MeshSize
+    from asperity.model.settings import SolverOptions as SolverOptions
+    from asperity.output.export import export as export
+    from asperity.power_law import PowerLawFit as PowerLawFit
+    from asperity.power_law import fit_power_law as fit_power_law
+    from asperity.quasistatic.solve_problem import solve_problem as solve_problem
+    from asperity.run_case import run as run
+    from asperity.surface import Surface as Surface
+    from asperity.transient import Scheme as Scheme
+    from asperity.transient import Transient as Transient
 
 # public name -> module that defines it
 _PUBLIC = {
@@ -45,8 +84,8 @@ _PUBLIC = {
     "MeshSize": "model.settings",
     "Formulation": "model.settings",
     "SolverOptions": "model.settings",
-    "solve_contact": "quasistatic.solve_contact",
-    "solve_problem": "quasistatic.solve_contact",
+    "solve_contact": "adaptive.solve_contact",
+    "solve_problem": "quasistatic.solve_problem",
     "Problem": "model.problem",
     "AccuracyTarget": "model.settings",
     "solve_to_tolerance": "adaptive.solve_to_tolerance",

@@ -27,7 +27,7 @@ from asperity.output.summary import summarise
 from asperity.power_law import PowerLawFit
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.quasistatic.hooks import Hooks
-from asperity.quasistatic.solve_contact import solve_problem
+from asperity.quasistatic.solve_problem import solve_problem
 from asperity.quasistatic.stepping import Callback
 from asperity.run_outputs import nominal_side, small_vibration_of
 from asperity.runtime.parallel import on_root_bcast

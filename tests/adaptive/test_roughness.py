@@ -27,6 +27,7 @@ from asperity.adaptive.mesh_plan import (
     size_for_facets,
 )
 from asperity.adaptive.roughness import Omission, Roughness
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.adaptive.solve_to_tolerance import refine
 from asperity.curve import Curve
 from asperity.errors import Interrupted
@@ -37,7 +38,6 @@ from asperity.model.problem import Problem
 from asperity.model.settings import MEAN, POINT, MeshSize
 from asperity.quasistatic.contact_result import PartialResult
 from asperity.quasistatic.hooks import Hooks
-from asperity.quasistatic.solve_contact import solve_contact
 from asperity.surface import HeightMap, SelfAffine, SurfaceWarning
 
 ELASTIC = Material(1.0, 0.3)

@@ -18,6 +18,7 @@ import pytest
 from asperity.adaptive import small_strain
 from asperity.adaptive.mesh_plan import GUIDE
 from asperity.adaptive.small_strain import SmallStrain, choose_kinematics, differences
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.adaptive.solve_to_tolerance import refine
 from asperity.case import Case
 from asperity.curve import Curve
@@ -27,7 +28,7 @@ from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget, MeshSize
 from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.make import make_contact_solver
-from asperity.quasistatic.solve_contact import solve_contact, solve_problem
+from asperity.quasistatic.solve_problem import solve_problem
 from asperity.run_case import run
 from asperity.surface import Flat, Sinusoid, Surface
 

@@ -67,7 +67,7 @@ def wave(amplitude: float = 0.01) -> asp.Surface:
 def press(steps: int, integrator: str) -> ContactResult:
     """Elastic-plastic bump on a coarse mesh."""
     return asp.solve_contact(
-        bump(), PLASTIC, delta_max=0.04, steps=steps, integrator=integrator, size=asp.MeshSize(0.4)
+        bump(), PLASTIC, delta_max=0.04, steps=steps, integrator=integrator, size=asp.MeshSize(0.25)
     )
 
 
@@ -177,7 +177,7 @@ def test_load_steps_have_second_order_by_the_midpoint_rule_and_both_rules_one_li
 
     def force(rule: str, substeps: int) -> npt.NDArray[np.float64]:
         result = asp.solve_contact(
-            ridges(), PLASTIC, delta_max=0.04, steps=5, substeps=substeps, integrator=rule, size=asp.MeshSize(0.3)
+            ridges(), PLASTIC, delta_max=0.04, steps=5, substeps=substeps, integrator=rule, size=asp.MeshSize(0.25)
         )
         return loading_force(result.curve, at)
 
@@ -358,7 +358,7 @@ def test_a_contact_of_one_node_meets_no_tolerance() -> None:
 
 def rough(f_max: int, seed: int, slope: float = 0.05) -> asp.Surface:
     """A fractal of a given rms slope, whose shortest waves are 1.5^-f_max long."""
-    kind = dict(kind="weierstrass-mandelbrot", L=1.0, D=2.4, f_max=f_max, seed=seed)
+    kind: dict[str, Any] = dict(kind="weierstrass-mandelbrot", L=1.0, D=2.4, f_max=f_max, seed=seed)
     guess = asp.Surface.from_spec(G=1e-8, **kind)
     return asp.Surface.from_spec(G=1e-8 * (slope / guess.rms_slope()) ** 2.5, **kind)
 

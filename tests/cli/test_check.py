@@ -94,7 +94,7 @@ def test_what_a_run_warns_of_before_it_solves_is_warned_of(
     def stop(*_: object, **__: object) -> None:
         raise SetUp
 
-    monkeypatch.setattr("asperity.quasistatic.solve_contact.Record", stop)
+    monkeypatch.setattr("asperity.quasistatic.solve_problem.Record", stop)
     with warnings.catch_warnings(record=True) as given, pytest.raises(SetUp):
         warnings.simplefilter("always")
         asp.run(Case.load(case_file, changes))

@@ -14,6 +14,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from asperity import reference as ref
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.contact import PressureContact
 from asperity.contact.contact_surface import ContactSurface, FacetRule
 from asperity.errors import InputError
@@ -24,7 +25,6 @@ from asperity.mesh.size_field import SizeField
 from asperity.model.material import Material
 from asperity.model.settings import COERCIVE, Formulation, MeshSize, SolverOptions, gamma_too_small
 from asperity.quasistatic.make import make_block, make_contact_solver
-from asperity.quasistatic.solve_contact import solve_contact
 from asperity.surface import Flat, Sinusoid, Surface
 
 Array = npt.NDArray[np.float64]

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.adaptive.solve_to_tolerance import solve_to_tolerance
 from asperity.case import Case
 from asperity.contact import Stick
@@ -21,7 +22,6 @@ from asperity.model.material import Material
 from asperity.model.settings import AccuracyTarget, Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.make import make_contact_solver
-from asperity.quasistatic.solve_contact import solve_contact
 from asperity.surface import Flat, Sphere, Surface
 from asperity.transient import Transient
 

@@ -15,7 +15,6 @@ from scipy import sparse
 
 from asperity import reference as ref
 from asperity.contact.contact_surface import ContactSurface
-from asperity.errors import InputError
 from asperity.fem.solid import Solid
 from asperity.linear import coarse as coarse_problem
 from asperity.linear.matrix_free import TangentOperator
@@ -402,11 +401,6 @@ def test_multigrid_iterations_do_not_grow_with_the_mesh() -> None:
         counts.append(LinearSolver(solid, "cg", rtol=1e-8).solve(r, solid.fixed, np.empty(0), y, 1e-8)[0])
     assert counts[1] <= 1.25 * counts[0] + 1
     assert counts[1] < 40
-
-
-def test_unknown_linear_solver_is_refused(coarse: BlockMesh) -> None:
-    with pytest.raises(InputError, match=r'solver\.linear = "qr" is not one of auto, lu, cg'):
-        LinearSolver(solid_of(here(), coarse), "qr")
 
 
 # --- orders of convergence ------------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.adaptive.solve_to_tolerance import solve_to_tolerance
 from asperity.errors import MeshError, ResolutionWarning
 from asperity.mesh.block import NEAR, BlockMesh
@@ -22,7 +23,6 @@ from asperity.mesh.size_field import GridContactMap, SizeField
 from asperity.mesh.top import Top
 from asperity.model.material import Material
 from asperity.model.settings import AccuracyTarget, MeshSize
-from asperity.quasistatic.solve_contact import solve_contact
 from asperity.reference import RoughHalfSpace
 from asperity.runtime import compat
 from asperity.surface import Flat, HeightMap, SelfAffine, Sinusoid, Surface

@@ -14,6 +14,7 @@ import numpy.typing as npt
 import pytest
 
 import asperity as asp
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.adaptive.solve_to_tolerance import refine
 from asperity.contact.contact_surface import gather_top
 from asperity.errors import InputError
@@ -30,7 +31,6 @@ from asperity.model.settings import MeshSize
 from asperity.quasistatic.checkpoint import Checkpoint
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.quasistatic.make import make_block
-from asperity.quasistatic.solve_contact import solve_contact
 from asperity.runtime.parallel import on_root
 from asperity.surface import Flat, SelfAffine, Sinusoid, Surface
 from asperity.verification.hertz import CONTACT, RADIUS, SPHERE, layer_force

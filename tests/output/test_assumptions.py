@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from html_page import Page
 
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
 from asperity.curve import Curve
 from asperity.dynamics.joint import Numbers
@@ -41,7 +42,7 @@ from asperity.output.assumptions import (
     sticking,
     summit_on_edge,
 )
-from asperity.quasistatic.solve_contact import solve_contact, solve_problem
+from asperity.quasistatic.solve_problem import solve_problem
 from asperity.run_case import run
 from asperity.runtime.notices import noting
 from asperity.surface import Flat, Sinusoid, Sphere, Surface

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.cli import main
 from asperity.errors import CompatError, InputError, OutputError
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 from asperity.output.fields import State, gather_states, von_mises, write_vtkhdf
 from asperity.quasistatic.contact_result import ContactResult
-from asperity.quasistatic.solve_contact import solve_contact
 from asperity.surface import Surface
 
 DELTA = 0.02

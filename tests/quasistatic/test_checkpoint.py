@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from conftest import ELASTIC, PLASTIC
 
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
 from asperity.contact import Stick
 from asperity.curve import ELASTIC_STIFFNESSES, STIFFNESSES
@@ -30,7 +31,6 @@ from asperity.quasistatic.checkpoint import FORMAT, Checkpoint
 from asperity.quasistatic.checkpoint_files import write_shares
 from asperity.quasistatic.checkpoint_identity import differences, identity
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
-from asperity.quasistatic.solve_contact import solve_contact
 from asperity.quasistatic.stepping import Position
 from asperity.quasistatic.stiffness import LEFT
 from asperity.runtime import compat
@@ -202,7 +202,7 @@ def test_nodes_on_joined_sides_stick_on_another_number_of_ranks(shared_path: Pat
     """They have a number on each side, and another rank may know them by another one."""
     from mpi4py import MPI
 
-    settings: dict[str, Any] = {"delta_max": 0.01, "steps": 1, "sides": "periodic", "size": MeshSize(0.3, h_max=0.2)}
+    settings: dict[str, Any] = {"delta_max": 0.01, "steps": 1, "sides": "periodic", "size": MeshSize(0.2, h_max=0.2)}
     settings["formulation"] = Formulation(friction="stick")
     flat = Surface.from_spec("flat", L=1.0)
     compat.start()  # PETSc starts on all ranks at once

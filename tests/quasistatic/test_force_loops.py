@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.errors import InputError, Interrupted
 from asperity.loops import Loop, LoopTable
 from asperity.mesh.block import BlockMesh
@@ -19,7 +20,6 @@ from asperity.model.settings import Formulation, MeshSize
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.force_loops import force_loops
 from asperity.quasistatic.make import make_contact_solver
-from asperity.quasistatic.solve_contact import solve_contact
 from asperity.surface import Flat, Surface
 
 Y, TANGENT = 0.001, 0.05

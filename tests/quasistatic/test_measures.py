@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from asperity import reference as ref
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.curve import Curve
 from asperity.mesh.element import FACE_TRIANGLES
 from asperity.model.material import Material
@@ -20,7 +21,6 @@ from asperity.output.distributions import distributions, write_distributions
 from asperity.output.fields import gather_top_states
 from asperity.output.results import Results
 from asperity.quasistatic.contact_result import ContactResult
-from asperity.quasistatic.solve_contact import solve_contact
 from asperity.surface import Sinusoid, Surface
 
 NU = 0.3

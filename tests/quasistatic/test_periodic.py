@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from asperity import reference
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.contact.contact_surface import ContactSurface
 from asperity.curve import Curve
 from asperity.errors import InputError, MeshError, ResolutionWarning
@@ -29,7 +30,6 @@ from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.checkpoint import Checkpoint
 from asperity.quasistatic.contact_result import PartialResult
 from asperity.quasistatic.make import make_block
-from asperity.quasistatic.solve_contact import solve_contact
 from asperity.runtime import compat
 from asperity.runtime.shares import collect
 from asperity.surface import Flat, HeightMap, SelfAffine, Sinusoid, Sphere, Surface

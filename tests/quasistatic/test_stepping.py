@@ -10,6 +10,7 @@ import gc
 import warnings
 import weakref
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -18,9 +19,10 @@ import numpy.typing as npt
 import pytest
 from scipy.optimize import brentq
 
+from asperity import _solver
 from asperity import reference as ref
 from asperity.dynamics import unload_reload
-from asperity.errors import ConvergenceError, InputError
+from asperity.errors import AsperityWarning, ConvergenceError, InputError
 from asperity.fem.kernels import History
 from asperity.linear.solver import Krylov
 from asperity.mesh.block import BlockMesh
@@ -470,12 +472,49 @@ def test_systems_that_cg_or_cholesky_fails_on_are_factorised_by_lu(
 ) -> None:
     direct, rescued = press_of(material, linear="lu", rtol=1e-10), press_of(material, linear=linear, rtol=1e-10)
     monkeypatch.setattr(rescued.newton.linear._method, "solve", lambda *system: (7, False))
-    for solver in (direct, rescued):
-        for delta in (0.004, 0.008):
-            assert solver.step(delta).converged
+    monkeypatch.setattr("asperity.linear.solver.RESCUES", 2)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        for solver in (direct, rescued):
+            for delta in (0.004, 0.008):
+                assert solver.step(delta).converged
+    told = [str(w.message) for w in caught if issubclass(w.category, AsperityWarning)]
+    assert len(told) == (1 if rescued.solid.comm.rank == 0 else 0)
+    assert all("LU solved them" in text for text in told)
     assert rescued.force == pytest.approx(direct.force, rel=1e-9)
     assert rescued.counts.direct == rescued.counts.newton > 0 and direct.counts.direct == 0
     assert rescued.counts.krylov == 14  # after a step that the solver requested is tried
+
+
+class Old(_solver.Cholesky):
+    """As with a CHOLMOD older than 5.1."""
+
+    def __init__(self, *graph: Any) -> None:
+        super().__init__(*graph, False)
+
+    @staticmethod
+    def has_single() -> bool:
+        return False
+
+
+@pytest.mark.mpi
+def test_a_cholmod_without_single_precision_is_reported_and_rescues_nothing(
+    press_of: Callable[..., ContactSolver], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Force and iterations as with single precision."""
+    usual = press_of(ELASTIC, linear="cg")
+    monkeypatch.setattr(_solver, "Cholesky", Old)
+    with (
+        pytest.warns(AsperityWarning, match="CHOLMOD is older than 5.1")
+        if usual.solid.comm.rank == 0
+        else nullcontext()
+    ):
+        solver = press_of(ELASTIC, linear="cg")
+    for each in (usual, solver):
+        assert each.step(0.01).converged
+    assert solver.counts.direct == 0
+    assert abs(solver.counts.krylov - usual.counts.krylov) <= 1
+    assert solver.force == pytest.approx(usual.force, rel=1e-6)
 
 
 @pytest.mark.mpi

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.curve import ELASTIC_STIFFNESSES, STIFFNESSES
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
@@ -20,7 +21,6 @@ from asperity.output.summary import stiffness_per_area
 from asperity.quasistatic.conductance import Conductance
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
-from asperity.quasistatic.solve_contact import solve_contact
 from asperity.quasistatic.stiffness import Stiffness, without_block
 from asperity.surface import Flat, Sphere, Surface
 

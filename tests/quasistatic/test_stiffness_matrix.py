@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import Material
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.make import make_contact_solver
-from asperity.quasistatic.solve_contact import solve_contact
 from asperity.quasistatic.stiffness_matrix import StiffnessMatrix, stiffness_matrix
 from asperity.surface import Flat, Sphere, Surface
 

@@ -21,7 +21,7 @@ from asperity.model.settings import MEAN, POINT, AccuracyTarget, ApproachMap, Me
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.make import make_block
-from asperity.quasistatic.solve_contact import estimate_approach, solve_problem
+from asperity.quasistatic.solve_problem import estimate_approach, solve_problem
 
 if TYPE_CHECKING:
     from mpi4py import MPI

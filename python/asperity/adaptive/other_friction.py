@@ -15,7 +15,7 @@ from asperity.errors import ConvergenceError, Interrupted
 from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.quasistatic.hooks import Hooks
-from asperity.quasistatic.solve_contact import solve_problem
+from asperity.quasistatic.solve_problem import solve_problem
 
 if TYPE_CHECKING:
     from mpi4py import MPI

@@ -32,7 +32,7 @@ from asperity.model.settings import Formulation, MeshSize
 from asperity.quasistatic.contact_result import PartialResult
 from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.make import make_block
-from asperity.quasistatic.solve_contact import estimate_approach, solve_problem
+from asperity.quasistatic.solve_problem import estimate_approach, solve_problem
 from asperity.runtime.parallel import on_root_bcast
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
@@ -27,9 +27,10 @@ from asperity.adaptive.mesh_plan import FIRST, GUIDE, planned_steps, step_rule
 from asperity.adaptive.roughness import Roughness, is_rough
 from asperity.curve import Curve
 from asperity.errors import InputError, Interrupted, MeshError
+from asperity.model.kinds import check_kind
 from asperity.model.material import Material
-from asperity.model.problem import Problem
-from asperity.model.settings import AccuracyTarget, penalty_too_soft
+from asperity.model.problem import Problem, ProblemArguments
+from asperity.model.settings import AccuracyTarget, MeshSize, penalty_too_soft
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.stepping import Callback
@@ -114,20 +115,19 @@ def solve_to_tolerance(
     stop: Callable[[], str] | None = None,
     stiffness: bool = False,
     conductance: bool = False,
-    **problem: Any,
+    **problem: Unpack[ProblemArguments],
 ) -> AccurateResult:
     """Refine mesh and load steps until the force along the first loading has the requested error bar; collective.
 
-    The call for scripts: `refine` of `Problem.of(surface, material, **problem)`.
+    `solve_contact` with a tolerance, where the curve of each mesh is of interest.
 
     Args:
         surface, material: as in `solve_contact`
         goal: tolerance and limits
         comm: communicator; default all ranks
-        snapshots, on_stage, on_step, checkpoint, stop, stiffness, conductance: see `solve_contact.Hooks`
+        snapshots, on_stage, on_step, checkpoint, stop, stiffness, conductance: see `Hooks`
         on_curve: called with the curve with error bars that each mesh after the guide gives
-        problem: delta_max or force_max, steps, height, sides and other arguments of `Problem.of`; the steps of the
-            result are a multiple, see `mesh_plan.planned_steps`
+        problem: see `solve_contact`; the steps of the result are a multiple, see `mesh_plan.planned_steps`
 
     Raises:
         InputError: mesh sizes or substeps are given, or see `refine`
@@ -140,12 +140,27 @@ def solve_to_tolerance(
         >>> print(f"{result.curve.force[-1] / 0.01:.6f} within {result.worst:.1%}, exact {steel.confined_modulus:.6f}")
         1.346154 within 0.0%, exact 1.346154
     """
-    if problem.keys() & {"size", "block", "substeps"}:
-        raise InputError(
-            "accuracy.tolerance chooses mesh and substeps: leave out mesh.h_contact, mesh.file and substeps"
-        )
+    check_kind("goal", goal, "AccuracyTarget")
+    whole = Problem.of(surface, material, **problem)
+    check_free(whole, False)
     hooks = Hooks(on_stage, on_step, stop, checkpoint, snapshots, stiffness=stiffness, conductance=conductance)
-    return refine(Problem.of(surface, material, **problem), goal, comm, hooks, on_curve)
+    return refine(whole, goal, comm, hooks, on_curve)
+
+
+def check_free(problem: Problem, meshed: bool) -> None:
+    """Refuse a problem that leaves nothing to choose.
+
+    Args:
+        problem: made of the arguments of a script
+        meshed: whether there is a mesh already
+
+    Raises:
+        InputError: mesh or element sizes or substeps are given
+    """
+    if meshed or problem.size != MeshSize() or problem.load_path.substeps != 1:
+        raise InputError(
+            "a tolerance chooses mesh and substeps: leave out block, size (mesh.h_contact, mesh.file) and substeps"
+        )
 
 
 def refine(

@@ -24,15 +24,13 @@ from pydantic import ValidationError
 
 from asperity.case.messages import sentence
 from asperity.case.schema import Input, LoadingSection, show
-from asperity.case.validation import Mistake, check_loading, check_together, doubts, unused
+from asperity.case.validation import Mistake, check_together, doubts, unused
 from asperity.errors import CaseWarning, InputError
 from asperity.model.problem import Problem
 from asperity.model.settings import H_CONTACT, MeshSize, SolverOptions
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
-
-__all__ = ["Case", "check_loading"]
 
 _FILES = (("surface", "path"), ("mesh", "file"))
 
@@ -158,7 +156,7 @@ class Case(Input):
                 "mesh.file cannot go with accuracy.tolerance, which chooses the mesh: leave one of them out"
             )
         surface, loading, mesh, solver = self.build_surface(), self.loading, self.mesh, self.solver
-        for text in self.warnings() + check_loading(self, surface):
+        for text in self.warnings():
             warnings.warn(text, CaseWarning, stacklevel=2)
         return Problem.of(
             surface,

@@ -14,8 +14,8 @@ from pydantic import BaseModel, ConfigDict, Field, Strict
 
 from asperity.dynamics.settings import DynamicsSettings
 from asperity.model.load_path import greatest_force
-from asperity.model.material import Material
-from asperity.model.settings import MOST_REFINEMENTS, Formulation
+from asperity.model.material import MODULI, POISSON_RATIOS, Material
+from asperity.model.settings import FACTORS, MOST_REFINEMENTS, Formulation
 
 Real = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Whole = Annotated[int, Strict()]
@@ -128,8 +128,10 @@ SURFACES = (
 class MaterialSection(Section):
     """Isotropic solid, elastic or elastic-plastic (J2, linear hardening)."""
 
-    E: Real = _key("Young's modulus", unit=STRESS, ge=1e-20, le=1e40, hint="200e9 Pa for steel")
-    nu: Real = _key("Poisson's ratio", ge=-0.99, le=0.4999, hint="0.3 for steel, 0.499 for rubber")
+    E: Real = _key("Young's modulus", unit=STRESS, ge=MODULI[0], le=MODULI[1], hint="200e9 Pa for steel")
+    nu: Real = _key(
+        "Poisson's ratio", ge=POISSON_RATIOS[0], le=POISSON_RATIOS[1], hint="0.3 for steel, 0.499 for rubber"
+    )
     yield_strength: Real | None = _key(
         "yield strength", None, shown="elastic", unit=STRESS, gt=0,
         hint="leave it out for an elastic material",
@@ -176,9 +178,9 @@ class ContactSection(Section):
     """Contact formulation."""
 
     method: Literal["active-set", "penalty", "nitsche"] = _key("formulation", "active-set")
-    penalty: Real = _key("factor of E p^2/h (penalty)", 10.0, ge=0.01, le=1e6)
+    penalty: Real = _key("factor of E p^2/h (penalty)", 10.0, ge=FACTORS[0], le=FACTORS[1])
     gamma: Real | None = _key(
-        "factor of (lambda + 2 mu) p^2/h (nitsche)", None, shown="1; 10 if theta is not 0", ge=0.01, le=1e6
+        "factor of (lambda + 2 mu) p^2/h (nitsche)", None, shown="1; 10 if theta is not 0", ge=FACTORS[0], le=FACTORS[1]
     )
     theta: Whole = _key("symmetry of nitsche; 1 and -1 need an elastic solid in small strain", 0, ge=-1, le=1)
     friction: Literal["none", "stick"] | None = _key(

@@ -1,26 +1,19 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Checks of a case that need more than one key, or the surface built from it."""
+"""Checks of a case that need more than one key; the ranges are those of the classes of the model."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import pairwise
-from math import inf
-from typing import TYPE_CHECKING, Any, NoReturn
-
-import numpy as np
+from typing import NoReturn
 
 from asperity.case.schema import DRIVERS, DynamicsSection, Input, JointSection, LoopsSection, SelfAffineSection, show
 from asperity.dynamics.settings import MIN_ROWS
-from asperity.errors import InputError
+from asperity.model.limits import FRACTIONS, too_deep, wrong_force, wrong_length, wrong_sizes
+from asperity.model.material import wrong_slope, wrong_yield
 from asperity.model.settings import H_CONTACT, H_MAX, gamma_too_small, no_rotations, penalty_too_soft, wrong_friction
-
-if TYPE_CHECKING:
-    from asperity.model.material import Material
-    from asperity.surface import Surface
 
 
 class Mistake(Exception):
@@ -35,6 +28,13 @@ def _refuse(key: str, message: str) -> NoReturn:
     raise Mistake(key, message)
 
 
+def _refuse_if(mistake: str) -> None:
+    """Refuse a mistake that a class of the model has found; empty for none."""
+    if mistake:
+        key, _, rest = mistake.partition(" ")
+        _refuse(key, rest)
+
+
 def check_together(case: Input) -> None:
     """Checks that need more than one key."""
     _check_material(case)
@@ -42,16 +42,12 @@ def check_together(case: Input) -> None:
     if isinstance(case.surface, SelfAffineSection):
         _check_self_affine(case.surface)
     loading, dynamics = case.loading, case.dynamics
-    if case.accuracy.tolerance is not None and (soft := penalty_too_soft(case.contact.method, case.contact.penalty)):
-        key, _, rest = soft.partition(" ")
-        _refuse(key, rest)
+    if case.accuracy.tolerance is not None:
+        _refuse_if(penalty_too_soft(case.contact.method, case.contact.penalty))
     contact = case.contact
-    if wrong := wrong_friction(contact.method, contact.friction or "none"):
-        key, _, rest = wrong.partition(" ")
-        _refuse(key, rest)
-    if contact.method == "nitsche" and contact.gamma and (small := gamma_too_small(contact.gamma, contact.theta)):
-        key, _, rest = small.partition(" ")
-        _refuse(key, rest)
+    _refuse_if(wrong_friction(contact.method, contact.friction or "none"))
+    if contact.method == "nitsche" and contact.gamma:
+        _refuse_if(gamma_too_small(contact.gamma, contact.theta))
     given = [key for key in DRIVERS if getattr(loading, key) is not None]
     if not given:
         _refuse("loading.delta_max", "loading.force_max and loading.pressure_max are all missing; give exactly one")
@@ -81,9 +77,8 @@ def check_together(case: Input) -> None:
             "output.stiffness_matrix",
             "= true is for the end of the load path, where loading.unload has lifted the flat off; set it to false",
         )
-    if case.output.stiffness_matrix and (wrong := no_rotations(case.block.sides)):
-        key, _, rest = wrong.partition(" ")
-        _refuse(key, rest)
+    if case.output.stiffness_matrix:
+        _refuse_if(no_rotations(case.block.sides))
     if dynamics and dynamics.preload is not None:
         _check_preload(case, "dynamics.preload", dynamics.preload, 1.0)
     load = dynamics.preload if dynamics else None
@@ -178,19 +173,8 @@ def _check_material(case: Input) -> None:
                 f"= {show(solid.hardening)} needs material.yield_strength; an elastic material has neither",
             )
         return
-    ratio = solid.yield_strength / solid.E
-    if not 1e-7 <= ratio < 1:
-        _refuse(
-            "material.yield_strength",
-            f"= {solid.yield_strength:g} with E = {solid.E:g} means yield at a strain of "
-            f"{ratio:.2g}, legal are 1e-7 to 1; give both in the same unit (Pa), or leave it "
-            "out for an elastic material",
-        )
-    if solid.tangent_modulus is not None and solid.tangent_modulus >= solid.E:
-        _refuse(
-            "material.tangent_modulus",
-            f"= {solid.tangent_modulus:g} must be below material.E = {solid.E:g}; 0 is perfectly plastic",
-        )
+    _refuse_if(wrong_yield(solid.E, solid.yield_strength))
+    _refuse_if(wrong_slope(solid.E, solid.tangent_modulus))
     if case.contact.method == "nitsche" and case.contact.theta != 0:
         _refuse(
             "contact.theta",
@@ -198,52 +182,15 @@ def _check_material(case: Input) -> None:
         )
 
 
-# key -> legal range as a fraction of L: wide enough for any sensible model, narrow enough to catch
-# metres mixed with micrometres
-_FRACTIONS_OF_L = {
-    "block.height": (1e-3, 1e2),
-    "loading.delta_max": (1e-7, 1e3),
-    "mesh.h_contact": (1e-5, 1.0),
-    "mesh.h_max": (1e-5, 1e3),
-    "surface.G": (0.0, 1.0),
-    "surface.L_s": (1e-9, 1.0),
-    "surface.rms_height": (1e-9, 1.0),
-    "surface.lambda_short": (1 / 2048, 2.0),
-    "surface.lambda_roll": (1 / 2048, 2.0),
-    "surface.amplitude": (1e-9, 1.0),
-    "surface.wavelength": (1e-3, 1e3),
-    "surface.radius": (1e-2, 1e9),
-}
-
-
 def _check_lengths(case: Input) -> None:
-    side = case.surface.L
-    for key, (low, high) in _FRACTIONS_OF_L.items():
+    side, E_prime = case.surface.L, case.material.E_prime
+    for key in FRACTIONS:
         section, name = key.split(".")
-        value = getattr(getattr(case, section), name, None)
-        if value is not None and not low * side <= value <= high * side:
-            _refuse(
-                key,
-                f"= {value:g} is {value / side:.2g} of surface.L = {side:g}, legal are {low:g} to "
-                f"{high:g}; give all lengths in the same unit (m)",
-            )
-    size, h_max = case.mesh.h_contact, case.mesh.h_max or H_MAX * side
-    if size > h_max:
-        given = "" if case.mesh.h_max else ", its default: give that as well"
-        _refuse("mesh.h_contact", f"= {size:g} exceeds mesh.h_max = {h_max:g}{given}")
-    delta, force, key = case.loading.delta_max, case.greatest_force, case.loading.driver
-    if delta is not None and delta >= case.block.height:
-        _refuse(
-            "loading.delta_max",
-            f"= {delta:g} exceeds the block: block.height = {case.block.height:g}; about 0.03 L is usual",
-        )
-    full = case.material.E_prime * side**2
-    if force is not None and not 1e-12 * full <= force <= full:
-        of = "E/(1 - nu^2)" if key == "pressure_max" else "L^2 E/(1 - nu^2)"
-        _refuse(
-            f"loading.{key}",
-            f"= {getattr(case.loading, key):g} is {force / full:.2g} of {of}, legal are 1e-12 to 1; check the units",
-        )
+        _refuse_if(wrong_length(key, getattr(getattr(case, section), name, None), side))
+    _refuse_if(wrong_sizes(case.mesh.h_contact, case.mesh.h_max, H_MAX * side))
+    _refuse_if(too_deep(case.loading.delta_max, case.block.height))
+    _refuse_if(wrong_force("force_max", case.loading.force_max, E_prime * side**2))
+    _refuse_if(wrong_force("pressure_max", case.loading.pressure_max, E_prime))
     if case.units == "SI" and side < 1e-4 and case.material.E < 1e3:
         _refuse(
             "material.E",
@@ -299,156 +246,3 @@ def unused(case: Input) -> Iterator[str]:
             )
     if case.loops is not None and case.material.yield_strength is None:
         yield "[loops] finds loss factors of zero only: the material is elastic; leave it out, or give a yield_strength"
-
-
-def check_loading(case: Input, surface: Surface) -> list[str]:
-    """Refuse a load at which no gap is left; warn when the flat passes the lowest valley, or begins on an edge.
-
-    At full contact the top is flat: the flat has come down to the mean plane, and the block is
-    compressed by the mean pressure, see `full_contact_pressure`.
-
-    Args:
-        case: the input.
-        surface: built from it.
-
-    Returns:
-        Warnings.
-
-    Raises:
-        InputError: loading.delta_max leaves no gap.
-    """
-    delta = case.loading.delta_max
-    z = surface.grid(_SAMPLES)
-    summit, depth = surface.maximum()[2], float(np.ptp(z))
-    if depth <= 1e-12 * surface.L:
-        return []
-    doubts = [text] if (text := doubt_of_edge(case.block.sides, surface)) else []
-    if delta is None:
-        return doubts
-    squeeze = case.block.height * _strain(case.material.solid, full_contact_pressure(case, z), case.block.sides)
-    limit = summit - float(z.mean()) + _MARGIN * squeeze
-    if delta >= limit:
-        raise InputError(
-            f"loading.delta_max = {delta:g} leaves no gap at all: the surface is {depth:.3g} deep "
-            f"from peak to valley and in full contact before {limit:.3g}; "
-            "choose a smaller delta_max"
-        )
-    if delta > depth:
-        doubts.append(
-            f"loading.delta_max = {delta:g} is more than the surface's depth from peak to valley, "
-            f"{depth:.3g}: the compression of the whole block is a large part of the curve"
-        )
-    return doubts
-
-
-@dataclass(frozen=True)
-class Edge:
-    """Where the summit lies with respect to the edges of the patch, and how doubtful that is."""
-
-    name: str  # of the value
-    value: float
-    limit: float  # greatest value between rollers, smallest one with free sides
-    edges: str  # that the summit lies on
-    slope: float  # of the surface across them, away from the edge
-
-
-def edge_of_summit(sides: str, surface: Surface) -> Edge | None:
-    """Return how an edge of the patch affects the first contact; None of a surface in contact along a whole edge.
-
-    Between rollers the value is the slope across the edge that the summit lies on, over the rms slope, 0 inside; with
-    free sides the distance of the summit from the nearest one, over the shortest wavelength. A periodic surface has no
-    edge.
-
-    Args:
-        sides: "rollers", "free" or "periodic".
-        surface: the top.
-    """
-    if sides == "periodic":
-        return None
-    if sides == "free":
-        x, y, _ = surface.maximum()
-        distance = min(x, y, surface.L - x, surface.L - y) / surface.feature_size
-        falls = surface.edges_of_summit(_NEAR_FREE * surface.feature_size)
-        return Edge("distance from a free side over the shortest wave", distance, _NEAR_FREE,
-                    " and ".join(falls), max(falls.values(), default=0.0))  # fmt: skip
-    rms = surface.rms_slope()
-    if not rms > 0.0:
-        return None
-    falls = {edge: slope for edge, slope in surface.edges_of_summit().items() if slope > _FALLS * rms}
-    slope = max(falls.values(), default=0.0)
-    return Edge("slope across an edge over the rms slope", slope / rms, _FALLS, " and ".join(falls), slope)
-
-
-def doubt_of_edge(sides: str, surface: Surface) -> str:
-    """Return why an edge of the patch spoils the first contact, in a sentence; empty when none does.
-
-    Rollers mirror the surface: where it falls away from the edge that the summit lies on, a ridge arises, sharper than
-    any summit. A surface that is symmetric about the edge has none. A free side has no solid beyond it to carry a
-    summit near by. A periodic surface has no edge.
-
-    Args:
-        sides: "rollers", "free" or "periodic".
-        surface: the top.
-    """
-    edge = edge_of_summit(sides, surface)
-    if edge is None or not edge.edges:
-        return ""
-    other = "take another surface.seed, or another window of a map"
-    if sides == "free":
-        return (
-            f"the flat first touches the surface at the free side {edge.edges} of the patch, beyond which no solid "
-            f"carries the summit: light loads meet a softer contact than inside; {other}"
-        )
-    return (
-        f"the flat first touches the surface on the edge {edge.edges} of the patch, where it slopes by "
-        f"{edge.slope:.2g}: mirrored by the rollers it has a sharp ridge there, and the exponent at light "
-        f"loads is that of the ridge; {other}"
-    )
-
-
-_FALLS = 0.01  # slope across an edge next to the summit that makes a ridge, over the rms slope
-_NEAR_FREE = 0.1  # distance of a summit from a free side that is near, over the shortest wavelength
-_SAMPLES = 257  # heights along each side
-_MARGIN = 1.2  # on the compression of the block, whose surface answers a little stiffer than a
-# half-space does
-
-
-def _strain(solid: Material, pressure: float, sides: str) -> float:
-    """Strain of a block under a mean pressure; with free sides it flows beyond yield, else its volume resists."""
-    limit = solid.yield_pressure(sides)
-    if sides != "free" or pressure <= limit:
-        return pressure / solid.block_modulus(sides)
-    beyond = (pressure - limit) / solid.tangent_modulus if solid.tangent_modulus > 0.0 else inf
-    return limit / solid.E + beyond
-
-
-def full_contact_pressure(case: Input, z: np.ndarray[Any, Any]) -> float:
-    """Estimate the mean pressure (force/length^2) above which no gap is left.
-
-    To flatten a wave z(q) of an elastic half-space takes the pressure E' q z(q)/2 (Johnson, Contact
-    Mechanics, 1985, eq. 13.5), and of a thin block M z(q)/h at least; contact is full when the mean
-    makes up for the lowest. Rollers mirror the surface, hence the cosine transform. Plastic flow
-    bounds it by twice the hardness: 6 times the flow stress at a strain of the rms slope.
-
-    Args:
-        case: the input.
-        z: (n, n) heights at the nodes of a regular grid over the patch (length).
-    """
-    from scipy.fft import dctn, fft2, fftfreq, idctn, ifft2
-
-    solid, side, n = case.material, case.surface.L, len(z)
-    periodic = case.block.sides == "periodic"
-    wave = 2 * np.pi / side * (n - 1) * fftfreq(n - 1) if periodic else np.pi / side * np.arange(n)
-    q = np.hypot(wave[:, None], wave)
-    stiffness = np.maximum(
-        solid.E_prime * q / 2, case.material.solid.block_modulus(case.block.sides) / case.block.height
-    )
-    if periodic:
-        pressure = -float(ifft2(stiffness * fft2(z[:-1, :-1] - z[:-1, :-1].mean())).real.min())
-    else:
-        pressure = -float(idctn(stiffness * dctn(z - z.mean(), type=1), type=1).min())
-    if solid.yield_strength is None:
-        return pressure
-    slope = float(np.sqrt(np.mean(np.square(np.gradient(z, side / (n - 1))).sum(axis=0))))
-    flow = solid.yield_strength + (solid.tangent_modulus or 0.0) * slope
-    return min(pressure, 6 * flow)

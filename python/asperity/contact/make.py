@@ -10,9 +10,8 @@ from asperity.contact.contact_surface import ContactSurface
 from asperity.contact.interface import Contact
 from asperity.contact.penalty_nitsche import PressureContact
 from asperity.contact.stick import Stick
-from asperity.errors import InputError
 from asperity.fem.solid import Solid
-from asperity.model.settings import Formulation, wrong_friction
+from asperity.model.settings import Formulation
 
 
 def make_contact(formulation: Formulation, solid: Solid, surface: ContactSurface) -> Contact:
@@ -21,21 +20,16 @@ def make_contact(formulation: Formulation, solid: Solid, surface: ContactSurface
     A subclass of `Formulation` may bring a contact of its own: by a method build(solid, surface) that returns it.
 
     Raises:
-        InputError: unknown method or friction, stick without the active set, theta = +-1 for a material that yields, or
-            gamma too small for theta
+        InputError: theta = +-1 for a material that yields
     """
     build = getattr(formulation, "build", None)
     if build is not None:
         contact: Contact = build(solid, surface)
         return contact
-    if wrong := wrong_friction(formulation.method, formulation.friction):
-        raise InputError(wrong)
     if formulation.method == "active-set":
         return (Stick if formulation.sticks else ActiveSet)(solid, surface)
     if formulation.method == "penalty":
         return PressureContact(solid, surface, formulation.penalty, traction=False)
-    if formulation.method == "nitsche":
-        theta, gamma = formulation.theta, formulation.gamma
-        gamma = (10.0 if theta else 1.0) if gamma is None else gamma
-        return PressureContact(solid, surface, gamma, traction=True, theta=theta)
-    raise InputError(f'contact.method = "{formulation.method}" is not one of active-set, penalty, nitsche')
+    theta, gamma = formulation.theta, formulation.gamma
+    gamma = (10.0 if theta else 1.0) if gamma is None else gamma
+    return PressureContact(solid, surface, gamma, traction=True, theta=theta)

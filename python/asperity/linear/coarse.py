@@ -10,12 +10,14 @@ small steps, each with a message (benchmarks/linear.py coarse).
 
 from __future__ import annotations
 
+import warnings
 from typing import Any, Protocol
 
 import numpy as np
 
 from asperity import _solver
 from asperity.arrays import Floats, Integers, Singles
+from asperity.errors import AsperityWarning
 from asperity.fem.ghosts import Ghosts
 from asperity.fem.sparsity import SparsityPattern
 from asperity.linear.petsc_matrix import NodeMatrix, set_rigid_modes
@@ -29,6 +31,10 @@ INTERFACE_SHARE = 1 / 6  # of all coarse dofs, up to which the dense interface c
 REPLICATED_LIMIT = 15_000  # coarse dofs up to which else each of several ranks factorises all
 SWEEPS = 4  # of algebraic multigrid: a tenth fewer iterations on the fine level than with two
 PREFIX = "asperity_coarse_"
+DOUBLE = (
+    "CHOLMOD is older than 5.1 (SuiteSparse 7.4) and has no single precision: the coarse problem is factorised in "
+    "double precision, with twice the memory; the results are the same"
+)
 
 
 class Coarse(Protocol):
@@ -67,6 +73,8 @@ def make_coarse(dofmap: Any, points: Floats, comm: Any, symmetric: bool) -> Coar
     dofs = 3 * dofmap.index_map.size_global
     if not symmetric or dofs > DIRECT_LIMIT or PETSc.Options(PREFIX).hasName("pc_type"):
         return Distributed(dofmap, points, comm, symmetric, factorised=not symmetric and dofs <= GENERAL_LIMIT)
+    if comm.rank == 0 and not _solver.Cholesky.has_single():
+        warnings.warn(DOUBLE, AsperityWarning, stacklevel=2)
     interface = interface_of(dofmap.index_map, comm)
     if interface.dofs <= min(INTERFACE_LIMIT, INTERFACE_SHARE * dofs):
         return Substructures(dofmap, comm, interface)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import warnings
 import weakref
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asperity.arrays import Floats, Integers
-from asperity.errors import InputError
+from asperity.errors import AsperityWarning
 from asperity.linear.matrix_free import TangentOperator, tangent_product
 from asperity.linear.multigrid import PMultigrid
 from asperity.linear.petsc_matrix import NodeMatrix, set_rigid_modes
@@ -27,7 +28,11 @@ SINGLE_RTOL = 1e-5  # smallest tolerance for which a product in single precision
 LU_LIMIT = 1_000  # dofs below which a factorisation beats CG with multigrid (benchmarks/linear.py)
 GENERAL_LU_LIMIT = 6_000  # the same of a tangent that is not symmetric
 DIRECT_LIMIT = 200_000  # dofs up to which a factorisation may replace an iterative solver that fails
-KINDS = ("auto", "lu", "cg", "gamg")
+RESCUES = 10  # systems rescued by a factorisation before a word of it
+RESCUED = (
+    f"solver.linear failed for {RESCUES} systems so far, and LU solved them, each several times slower; the results "
+    "are the same. run.log names the steps: smaller ones may help (steps)"
+)
 PREFIX, RESCUE_PREFIX = "asperity_linear_", "asperity_rescue_"
 #: Memory beyond the estimate of MUMPS, in per cent: on several ranks the need depends on the speed of each.
 WORKSPACE = 100
@@ -52,14 +57,9 @@ class LinearSolver:
         rescued: number of systems factorised for that reason
         left: energy of the error of the last solution, the square of the energy norm of the residual, as CG predicts
             it; 0 after a factorisation
-
-    Raises:
-        InputError: unknown kind
     """
 
     def __init__(self, solid: Solid, kind: str, symmetric: bool = True, rtol: float = SINGLE_RTOL) -> None:
-        if kind not in KINDS:
-            raise InputError(f'solver.linear = "{kind}" is not one of {", ".join(KINDS)}')
         if kind == "auto":
             kind = "lu" if solid.dofs < (LU_LIMIT if symmetric else GENERAL_LU_LIMIT) else "cg"
         self.rescue, self.rescued, self.left = False, 0, 0.0
@@ -112,6 +112,8 @@ class LinearSolver:
             self.left = 0.0
             self.rescue = True
             self.rescued += 1
+            if self.rescued == RESCUES and self._solid.comm.rank == 0:
+                warnings.warn(RESCUED, AsperityWarning, stacklevel=2)
         # an iterative solver meets prescribed values only to its tolerance
         y.array[rows] = 0.0
         y.array[rows[len(rows) - len(values) :]] = values

@@ -9,8 +9,10 @@ from dataclasses import dataclass
 from math import inf
 
 from asperity.errors import InputError
+from asperity.model.kinds import check_kind, check_kinds
 
 BACKWARD_EULER, MIDPOINT = "backward-euler", "midpoint"
+INTEGRATORS = (MIDPOINT, BACKWARD_EULER)
 FIRST_PIECES = (4, 4, 3, 2, 2, 2)  # into which the midpoint rule and stick divide the first planned steps
 
 
@@ -29,6 +31,7 @@ def greatest_force(force_max: float | None, pressure_max: float | None, side: fl
         >>> greatest_force(None, 3.0, side=2.0)
         12.0
     """
+    check_kind("loading.pressure_max", pressure_max, "float | None")
     if pressure_max is None:
         return force_max
     if not 0.0 < pressure_max < inf:
@@ -61,6 +64,9 @@ class Schedule:
     sticks: bool = False
 
     def __post_init__(self) -> None:
+        check_kinds(self, "loading")
+        if self.integrator not in INTEGRATORS:
+            raise InputError(f'loading.integrator = "{self.integrator}" is not one of {", ".join(INTEGRATORS)}')
         for name, least in (("steps", 1), ("unload_steps", 0), ("cycles", 1), ("substeps", 1)):
             value = getattr(self, name)
             if value < least:

@@ -13,12 +13,44 @@ import numpy as np
 
 from asperity.arrays import Floats
 from asperity.errors import InputError
+from asperity.model.kinds import check_kinds
 from asperity.runtime.display import short_repr
 
 AUTO = "auto"  # kinematics that a run chooses, see adaptive.small_strain
 KINEMATICS = ("small", "finite", AUTO)
+MODULI = (1e-20, 1e40)  # legal E [force/length^2]
+POISSON_RATIOS = (-0.99, 0.4999)  # legal nu
+YIELD_STRAINS = (1e-7, 1.0)  # legal yield strength over E; the second one excluded
 SHARES = {"isotropic": 0.0, "kinematic": 1.0}  # of the hardening that are kinematic
 PAIRS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # in products of tensors (..., 6): off-diagonal components count twice
+
+
+def wrong_yield(E: float, strength: float | None) -> str:
+    """Reason why a yield strength is refused; empty for a legal one.
+
+    Args:
+        E: elastic modulus [force/length^2]
+        strength: None for an elastic material [force/length^2]
+    """
+    low, high = YIELD_STRAINS
+    if strength is None or low <= strength / E < high:
+        return ""
+    return (
+        f"material.yield_strength = {strength:g} with E = {E:g} means yield at a strain of {strength / E:.2g}, legal "
+        f"are {low:g} to {high:g}; give both in the same unit (Pa), or leave it out for an elastic material"
+    )
+
+
+def wrong_slope(E: float, slope: float | None) -> str:
+    """Reason why a tangent modulus is refused; empty for a legal one.
+
+    Args:
+        E: elastic modulus [force/length^2]
+        slope: tangent modulus [force/length^2]
+    """
+    if slope is None or 0.0 <= slope < E:
+        return ""
+    return f"material.tangent_modulus = {slope:g} must be below material.E = {E:g}; 0 is perfectly plastic"
 
 
 @dataclass(frozen=True)
@@ -56,14 +88,13 @@ class Material:
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
-        if not self.E > 0:
-            raise InputError(f"material.E = {self.E!r} must be positive")
-        if not -1 < self.nu < 0.5:
-            raise InputError(f"material.nu = {self.nu!r} must lie between -1 and 0.5")
-        if self.yield_strength is not None and not self.yield_strength > 0:
-            raise InputError(f"material.yield_strength = {self.yield_strength!r} must be positive")
-        if not 0 <= self.tangent_modulus < self.E:
-            raise InputError(f"material.tangent_modulus = {self.tangent_modulus!r} must lie in [0, E), E = {self.E!r}")
+        check_kinds(self, "material")
+        for name, (low, high) in (("E", MODULI), ("nu", POISSON_RATIOS)):
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise InputError(f"material.{name} = {value!r} must lie in [{low:g}, {high:g}]")
+        if wrong := wrong_yield(self.E, self.yield_strength) or wrong_slope(self.E, self.tangent_modulus):
+            raise InputError(wrong)
         if self.kinematics not in KINEMATICS:
             raise InputError(f'material.kinematics = {self.kinematics!r} must be "small", "finite" or "auto"')
         self._check_hardening()

@@ -6,16 +6,53 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from typing import TypedDict
 
-from asperity.errors import InputError, ResolutionWarning
+import numpy as np
+
+from asperity.errors import CaseWarning, InputError, ResolutionWarning
+from asperity.model.edges import doubt_of_edge
+from asperity.model.kinds import check_kind, check_kinds
+from asperity.model.limits import no_gap_left, too_deep, wrong_force, wrong_length, wrong_sizes
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule, greatest_force
 from asperity.model.material import Material
-from asperity.model.settings import WIDEST_JOINED, Formulation, MeshSize, SolverOptions, wrong_dilatation
+from asperity.model.settings import (
+    H_CONTACT,
+    H_MAX,
+    WIDEST_JOINED,
+    Formulation,
+    MeshSize,
+    SolverOptions,
+    wrong_dilatation,
+)
 from asperity.runtime.display import short_repr
 from asperity.surface import Surface
 
 ONE_OF = "give exactly one of delta_max, force_max and pressure_max"
+SIDES, KERNELS = ("rollers", "free", "periodic"), ("compiled", "ufl")
+SAMPLES = 257  # heights along each side by which a load is judged
+
+
+class ProblemArguments(TypedDict, total=False):
+    """Keywords of `Problem.of`."""
+
+    height: float | None
+    sides: str
+    delta_max: float | None
+    force_max: float | None
+    pressure_max: float | None
+    steps: int
+    unload_steps: int
+    cycles: int
+    integrator: str
+    substeps: int
+    size: MeshSize | None
+    formulation: Formulation | None
+    kernels: str
+    dilatation: str | None
+    options: SolverOptions | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +80,8 @@ class Problem:
         options: of the solver
 
     Raises:
-        InputError: not exactly one of delta_max and force_max, periodic sides of a surface that is not periodic, or
-            mean volumetric strains with UFL kernels or Nitsche's method
+        InputError: a value of another type or outside its range, not exactly one of delta_max and force_max, periodic
+            sides of a surface that is not periodic, or mean volumetric strains with UFL kernels or Nitsche's method
     """
 
     surface: Surface
@@ -61,6 +98,12 @@ class Problem:
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
+        check_kinds(self)
+        for name, value, legal in (("block.sides", self.sides, SIDES), ("solver.kernels", self.kernels, KERNELS)):
+            if value not in legal:
+                raise InputError(f'{name} = "{value}" is not one of {", ".join(legal)}')
+        if wrong := next(self._mistakes(), ""):
+            raise InputError(wrong)
         if (self.load_path.delta_max is None) == (self.load_path.force_max is None):
             raise InputError(ONE_OF)
         if wrong := wrong_dilatation(self.dilatation, self.kernels, self.formulation.method):
@@ -71,6 +114,43 @@ class Problem:
                 f'block.sides = "periodic" needs a surface whose opposite edges agree, and this one ({kind}) does not: '
                 'take block.sides = "rollers", or surface.kind = "self-affine" with surface.periodic = true'
             )
+
+    def _mistakes(self) -> Iterator[str]:
+        """Lengths and forces out of range."""
+        L, path, size = self.surface.L, self.load_path, self.size
+        lengths = {"block.height": self.height, "loading.delta_max": path.delta_max} | {
+            "mesh.h_contact": size.h_contact, "mesh.h_max": size.h_max
+        }  # fmt: skip
+        yield from filter(None, (wrong_length(key, value, L) for key, value in lengths.items()))
+        yield from filter(None, (wrong_sizes(size.h_contact or H_CONTACT * L, size.h_max, H_MAX * L),))
+        yield from filter(None, (too_deep(path.delta_max, self.height),))
+        yield from filter(None, (wrong_force("force_max", path.force_max, L**2 * self.material.reduced_modulus),))
+
+    def check_load(self) -> list[str]:
+        """Refuse a load at which no gap is left.
+
+        Returns:
+            what is doubtful: a flat that passes the lowest valley, or begins on an edge
+
+        Raises:
+            InputError: the greatest approach leaves no gap
+        """
+        surface, delta = self.surface, self.load_path.delta_max
+        z = surface.grid(SAMPLES)
+        depth = float(np.ptp(z))
+        if depth <= 1e-12 * surface.L:
+            return []
+        doubts = [text] if (text := doubt_of_edge(self.sides, surface)) else []
+        if delta is None:
+            return doubts
+        if closed := no_gap_left(delta, z, surface.maximum()[2], surface.L, self.material, self.height, self.sides):
+            raise InputError(closed)
+        if delta > depth:
+            doubts.append(
+                f"loading.delta_max = {delta:g} is more than the surface's depth from peak to valley, {depth:.3g}: the "
+                "compression of the whole block is a large part of the curve"
+            )
+        return doubts
 
     @staticmethod
     def of(
@@ -110,17 +190,24 @@ class Problem:
             dilatation: "point" or "mean"
             options: of the solver
 
-        Warns (ResolutionWarning) of a greatest size that periodic sides do not allow.
+        Warns (ResolutionWarning) of a greatest size that periodic sides do not allow, and (CaseWarning) of a load that
+        is doubtful, see `check_load`.
 
         Raises:
-            InputError: not exactly one of delta_max, force_max and pressure_max, or a step count outside its range
+            InputError: a value of another type or outside its range, not exactly one of delta_max, force_max and
+                pressure_max, or a greatest approach that leaves no gap
         """
+        check_kind("surface", surface, "Surface")
+        check_kind("material", material, "Material")
         if (delta_max, force_max, pressure_max).count(None) != 2:
             raise InputError(ONE_OF)
-        force_max = greatest_force(force_max, pressure_max, surface.L)
+        greatest = greatest_force(force_max, pressure_max, surface.L)
+        if wrong := wrong_force("pressure_max", pressure_max, material.reduced_modulus):
+            raise InputError(wrong)
         if surface.rough and material.kinematics == "small":
             surface.check_small_slope()
-        path = Schedule(delta_max, force_max, steps, unload_steps, cycles, integrator, substeps)
+        path = Schedule(delta_max, greatest, steps, unload_steps, cycles, integrator, substeps)
+        check_kind("size", size, "MeshSize | None")
         if sides == "periodic" and size is not None and (size.h_max or 0.0) > WIDEST_JOINED * surface.L:
             warnings.warn(
                 f"mesh.h_max = {size.h_max:g} is reduced to {WIDEST_JOINED * surface.L:g}: with block.sides = "
@@ -129,7 +216,10 @@ class Problem:
                 stacklevel=2,
             )
         settings = formulation or Formulation(), size or MeshSize(), kernels, dilatation, options or SolverOptions()
-        return Problem(surface, material, path, height, sides, *settings)
+        problem = Problem(surface, material, path, height, sides, *settings)
+        for text in problem.check_load():
+            warnings.warn(text, CaseWarning, stacklevel=2)
+        return problem
 
     @property
     def height(self) -> float:

@@ -6,15 +6,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 from typing import Protocol
 
 from asperity.arrays import Floats
 from asperity.errors import InputError
+from asperity.model.kinds import check_kinds
 
 H_CONTACT, H_MAX = 0.04, 0.25  # element sizes of a mesh when none are given [L]
 MOST_REFINEMENTS = 6  # of a mesh: each makes eight elements of one
 WIDEST_JOINED = 0.2  # greatest size with periodic sides: elements are up to twice as wide, see `periodic.joined` [L]
 POINT, MEAN = "point", "mean"  # volumetric strain of the elements, see `problem.Problem`
+METHODS = ("active-set", "penalty", "nitsche")  # of the contact
+FACTORS = (0.01, 1e6)  # legal penalty and gamma
+LINEAR_SOLVERS = ("auto", "lu", "cg", "gamg")
 LEAST_PENALTY = 10.0  # factor below which the penalty leaves an error of first order (docs/accuracy.md)
 COERCIVE = 3.0  # gamma from which theta = 1 is coercive: 2 where cells are straight, up to 2.9 seen under rough tops
 
@@ -30,6 +35,9 @@ class Formulation:
         theta: 0, or 1 (symmetric) or -1 (skew) for an elastic solid
         friction: "none", or "stick": the limit of infinite friction, for the active set
 
+    Raises:
+        InputError: a value outside its range, stick without the active set, or a gamma too small for theta
+
     Examples:
         >>> asp.Formulation().method, asp.Formulation("nitsche", theta=1).gamma
         ('active-set', None)
@@ -42,6 +50,21 @@ class Formulation:
     gamma: float | None = None
     theta: int = 0
     friction: str = "none"
+
+    def __post_init__(self) -> None:
+        check_kinds(self, "contact")
+        if self.method not in METHODS:
+            raise InputError(f'contact.method = "{self.method}" is not one of {", ".join(METHODS)}')
+        if self.theta not in (-1, 0, 1):
+            raise InputError(f"contact.theta = {self.theta!r} must be -1, 0 or 1")
+        if self.method == "nitsche" and self.gamma is not None and (small := gamma_too_small(self.gamma, self.theta)):
+            raise InputError(small)
+        for name in ("penalty", "gamma"):
+            value = getattr(self, name)
+            if value is not None and not FACTORS[0] <= value <= FACTORS[1]:
+                raise InputError(f"contact.{name} = {value!r} must lie in [{FACTORS[0]:g}, {FACTORS[1]:g}]")
+        if wrong := wrong_friction(self.method, self.friction):
+            raise InputError(wrong)
 
     @property
     def sticks(self) -> bool:
@@ -158,7 +181,7 @@ class MeshSize:
             most MOST_REFINEMENTS
 
     Raises:
-        InputError: another number of refinements
+        InputError: a value outside its range
 
     Examples:
         >>> size = asp.MeshSize(h_contact=0.02e-6, h_max=0.2e-6)
@@ -179,6 +202,13 @@ class MeshSize:
                 f"mesh.refinements = {self.refinements!r} must be a whole number from 0 to {MOST_REFINEMENTS}: each "
                 "makes eight elements of one"
             )
+        check_kinds(self, "mesh")
+        for name, most in (("h_contact", inf), ("growth", 10.0), ("h_max", inf)):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value <= most:
+                raise InputError(
+                    f"mesh.{name} = {value!r} must be positive" + (f", at most {most:g}" if most < inf else "")
+                )
 
 
 @dataclass(frozen=True)
@@ -192,6 +222,9 @@ class SolverOptions:
         krylov_rtol: loosest relative tolerance of the linear solver; None takes 1e-2, 3e-2 where the solid is linear
             and the contact exact (benchmarks/linear.py), and 1e-3 for a nearly incompressible solid
 
+    Raises:
+        InputError: a value outside its range
+
     Examples:
         >>> SolverOptions(linear="lu").newton_max
         30
@@ -201,6 +234,15 @@ class SolverOptions:
     rtol: float = 1e-8
     newton_max: int = 30
     krylov_rtol: float | None = None
+
+    def __post_init__(self) -> None:
+        check_kinds(self, "solver")
+        if self.linear not in LINEAR_SOLVERS:
+            raise InputError(f'solver.linear = "{self.linear}" is not one of {", ".join(LINEAR_SOLVERS)}')
+        if not 0.0 < self.rtol <= 1e-2:
+            raise InputError(f"solver.rtol = {self.rtol!r} must lie in (0, 0.01]")
+        if not 1 <= self.newton_max <= 1000:
+            raise InputError(f"solver.newton_max = {self.newton_max!r} must lie in [1, 1000]")
 
 
 @dataclass(frozen=True)
@@ -232,6 +274,7 @@ class AccuracyTarget:
     area_tolerance: float | None = None
 
     def __post_init__(self) -> None:
+        check_kinds(self, "accuracy")
         if not 0.0 < self.tolerance < 1.0:
             raise InputError(
                 f"accuracy.tolerance = {self.tolerance!r} must lie between 0 and 1, for example 0.01 for 1 %"

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from asperity.case.validation import edge_of_summit
 from asperity.curve import UNRESOLVED, Curve
 from asperity.mesh.resolution import ELEMENTS, ONE_MESH, SHARE, unresolved_height
+from asperity.model.edges import edge_of_summit
 from asperity.model.problem import Problem
 from asperity.output.assumption import Assumption
 from asperity.reference import (

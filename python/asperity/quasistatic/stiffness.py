@@ -285,8 +285,9 @@ class _Translation:
         self, solver: ContactSolver, axis: int, rows: Integers, held: Integers, symmetric: bool, tied: bool
     ) -> None:
         self._solid, self._linear = solver.solid, solver.newton.linear
-        self.rows, self._symmetric, self._tied = rows.astype(np.int32), symmetric, tied
-        self.unit = np.eye(3)[axis]
+        self.rows: Integers = rows.astype(np.int32)
+        self._symmetric, self._tied = symmetric, tied
+        self.unit: Floats = np.eye(3)[axis]
         e = np.tile(self.unit, (self._solid.owned, 1))
         e.reshape(-1)[held] = 0.0
         self._e = e

@@ -81,9 +81,9 @@ def free_block_modulus(nu: float, height: float) -> float:
     """
     from mpi4py import MPI
 
+    from asperity.adaptive.solve_contact import solve_contact
     from asperity.model.material import Material
     from asperity.model.settings import MeshSize
-    from asperity.quasistatic.solve_contact import solve_contact
     from asperity.surface import Flat
 
     def pressed(h: float) -> Any:

@@ -17,8 +17,8 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
-from asperity.case.validation import doubt_of_edge
 from asperity.errors import AsperityError, AssumptionWarning, CheckpointError, InputError, Interrupted
+from asperity.model.edges import doubt_of_edge
 from asperity.runtime import compat
 from asperity.runtime.counters import Counters
 from asperity.runtime.files import is_aside, remove_asides, replace_file

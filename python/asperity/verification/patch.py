@@ -18,7 +18,7 @@ from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.make import make_block, make_contact_solver
-from asperity.quasistatic.solve_contact import solve_problem
+from asperity.quasistatic.solve_problem import solve_problem
 from asperity.quasistatic.stepping import Record, follow
 from asperity.surface import Flat
 from asperity.verification.solids import planes_of_symmetry

@@ -16,10 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from asperity.adaptive.extrapolation import steady
+from asperity.adaptive.solve_contact import solve_contact
 from asperity.arrays import Floats
 from asperity.model.settings import MeshSize
 from asperity.quasistatic.contact_result import ContactResult
-from asperity.quasistatic.solve_contact import solve_contact
 from asperity.runtime.files import replace_file
 from asperity.surface import Surface
 

@@ -1,83 +1,33 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""From a surface and a material to the force-approach curve: mesh, solid, contact, load path in one call."""
+"""From a problem to the force-approach curve: mesh, solid, contact, load path in one call."""
 
 from __future__ import annotations
 
 import resource
-from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from asperity.errors import ConvergenceError, Interrupted, MeshError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.resolution import judge_mesh, lowered_height
 from asperity.model.load_path import Schedule
-from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import H_CONTACT, MeshSize
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.make import make_block, solver_of
-from asperity.quasistatic.stepping import Callback, Position, Record, follow
+from asperity.quasistatic.stepping import Position, Record, follow
 from asperity.runtime.parallel import on_root
 from asperity.runtime.timing import Phases
-from asperity.surface import Surface
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from asperity.quasistatic.checkpoint import Checkpoint
-
 ESTIMATE_STEPS = 40  # after which the approach at a given force is only guessed
-
-
-def solve_contact(
-    surface: Surface,
-    material: Material,
-    *,
-    block: BlockMesh | None = None,
-    comm: MPI.Comm | None = None,
-    snapshots: int = 0,
-    on_stage: Callable[[str], None] | None = None,
-    on_step: Callback | None = None,
-    checkpoint: Checkpoint | None = None,
-    stop: Callable[[], str] | None = None,
-    stiffness: bool = False,
-    conductance: bool = False,
-    **problem: Any,
-) -> ContactResult:
-    """Press a rough block with a rigid frictionless flat; collective over `comm`.
-
-    The call for scripts: `solve_problem` of `Problem.of(surface, material, **problem)`.
-
-    Args:
-        surface: the rough top
-        material: elastic or elastic-plastic
-        block: a mesh to use instead of making one (on rank 0)
-        comm: communicator; default all ranks
-        snapshots, on_stage, on_step, checkpoint, stop, stiffness, conductance: see `Hooks`
-        problem: delta_max, force_max or pressure_max, steps, height, sides, size and other arguments of `Problem.of`
-
-    Raises:
-        InputError: not exactly one of delta_max, force_max and pressure_max
-        MeshError: the surface cannot be meshed
-        CheckpointError: the checkpoint cannot be continued from
-        OutputError: the checkpoint cannot be written
-        PartialResult: a step did not converge or the run was stopped; carries the curve up to there
-
-    Examples:
-        >>> from asperity.surface import Flat
-        >>> size, elastic = asp.MeshSize(h_contact=1.0, h_max=1.0), asp.Material(E=1.0, nu=0.3)
-        >>> result = asp.solve_contact(Flat(L=1.0), elastic, delta_max=0.01, steps=2, size=size)
-        >>> print(result.curve.force.round(6), round(0.01 * elastic.confined_modulus, 6))
-        [0.006731 0.013462] 0.013462
-    """
-    hooks = Hooks(on_stage, on_step, stop, checkpoint, snapshots, stiffness=stiffness, conductance=conductance)
-    return solve_problem(Problem.of(surface, material, **problem), block=block, comm=comm, hooks=hooks)
 
 
 def solve_problem(
@@ -99,7 +49,10 @@ def solve_problem(
 
     Raises:
         InputError: the kinematics of the material is not chosen yet
-        MeshError, CheckpointError, OutputError, PartialResult: see `solve_contact`
+        MeshError: the surface cannot be meshed
+        CheckpointError: the checkpoint cannot be continued from
+        OutputError: the checkpoint cannot be written
+        PartialResult: a step did not converge or the run was stopped; carries the curve up to there
 
     Examples:
         >>> wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.02)

@@ -1,0 +1,149 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Lengths and loads that a problem may have. Each function gives the reason of a refusal, empty for a legal value."""
+
+from __future__ import annotations
+
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from asperity.model.material import Material
+
+# key -> legal range as a fraction of the side: wide enough for any sensible model, narrow enough to catch metres mixed
+# with micrometres
+FRACTIONS = {
+    "block.height": (1e-3, 1e2),
+    "loading.delta_max": (1e-7, 1e3),
+    "mesh.h_contact": (1e-5, 1.0),
+    "mesh.h_max": (1e-5, 1e3),
+    "surface.G": (0.0, 1.0),
+    "surface.L_s": (1e-9, 1.0),
+    "surface.rms_height": (1e-9, 1.0),
+    "surface.lambda_short": (1 / 2048, 2.0),
+    "surface.lambda_roll": (1 / 2048, 2.0),
+    "surface.amplitude": (1e-9, 1.0),
+    "surface.wavelength": (1e-3, 1e3),
+    "surface.radius": (1e-2, 1e9),
+}
+LEAST_FORCE = 1e-12  # over the nominal area and E'
+_MARGIN = 1.2  # on the compression of the block, whose surface answers a little stiffer than a half-space does
+
+
+def wrong_length(key: str, value: float | None, side: float) -> str:
+    """A length far from the side of the patch.
+
+    Args:
+        key: of `FRACTIONS`
+        value: None where it is not given [length]
+        side: of the patch [length]
+    """
+    low, high = FRACTIONS[key]
+    if value is None or low * side <= value <= high * side:
+        return ""
+    return (
+        f"{key} = {value:g} is {value / side:.2g} of surface.L = {side:g}, legal are {low:g} to {high:g}; give all "
+        "lengths in the same unit (m)"
+    )
+
+
+def wrong_sizes(size: float, h_max: float | None, default: float) -> str:
+    """A size at the contact above the greatest one.
+
+    Args:
+        size: at the contact [length]
+        h_max: greatest one, None for the default [length]
+        default: of it [length]
+    """
+    if size <= (h_max or default):
+        return ""
+    given = "" if h_max else ", its default: give that as well"
+    return f"mesh.h_contact = {size:g} exceeds mesh.h_max = {h_max or default:g}{given}"
+
+
+def too_deep(delta: float | None, height: float) -> str:
+    """An approach that leaves nothing of the block.
+
+    Args:
+        delta: greatest approach, None where a force is given [length]
+        height: of the block [length]
+    """
+    if delta is None or delta < height:
+        return ""
+    return f"loading.delta_max = {delta:g} exceeds the block: block.height = {height:g}; about 0.03 L is usual"
+
+
+def wrong_force(key: str, value: float | None, full: float) -> str:
+    """A force or pressure that no contact of this material has.
+
+    Args:
+        key: "force_max" or "pressure_max"
+        value: None where it is not given [its unit]
+        full: the nominal area times E', or E' [the same unit]
+    """
+    if value is None or LEAST_FORCE * full <= value <= full:
+        return ""
+    of = "E/(1 - nu^2)" if key == "pressure_max" else "L^2 E/(1 - nu^2)"
+    return f"loading.{key} = {value:g} is {value / full:.2g} of {of}, legal are {LEAST_FORCE:g} to 1; check the units"
+
+
+def no_gap_left(
+    delta: float, z: np.ndarray[Any, Any], summit: float, side: float, material: Material, height: float, sides: str
+) -> str:
+    """An approach beyond full contact.
+
+    There the top is flat: the flat has come down to the mean plane, and the block is compressed by the mean pressure.
+
+    Args:
+        delta: greatest approach [length]
+        z: heights at the nodes of a regular grid over the patch (n, n) [length]
+        summit: greatest height [length]
+        side: of the patch [length]
+        material, height, sides: of the block
+    """
+    pressure = full_contact_pressure(z, side, material, height, sides)
+    limit = summit - float(z.mean()) + _MARGIN * height * _strain(material, pressure, sides)
+    if delta < limit:
+        return ""
+    return (
+        f"loading.delta_max = {delta:g} leaves no gap at all: the surface is {float(np.ptp(z)):.3g} deep from peak to "
+        f"valley and in full contact before {limit:.3g}; choose a smaller delta_max"
+    )
+
+
+def _strain(material: Material, pressure: float, sides: str) -> float:
+    """Strain of a block under a mean pressure; with free sides it flows beyond yield, else its volume resists."""
+    limit = material.yield_pressure(sides)
+    if sides != "free" or pressure <= limit:
+        return pressure / material.block_modulus(sides)
+    beyond = (pressure - limit) / material.tangent_modulus if material.tangent_modulus > 0.0 else inf
+    return limit / material.E + beyond
+
+
+def full_contact_pressure(z: np.ndarray[Any, Any], side: float, material: Material, height: float, sides: str) -> float:
+    """Estimate of the mean pressure above which no gap is left [force/length^2].
+
+    To flatten a wave z(q) of an elastic half-space takes the pressure E' q z(q)/2 (Johnson, Contact Mechanics, 1985,
+    eq. 13.5), and of a thin block M z(q)/h at least; contact is full when the mean makes up for the lowest. Rollers
+    mirror the surface, hence the cosine transform. Plastic flow bounds it by twice the hardness: 6 times the flow
+    stress at a strain of the rms slope.
+
+    Args:
+        z, side, material, height, sides: see `no_gap_left`
+    """
+    from scipy.fft import dctn, fft2, fftfreq, idctn, ifft2
+
+    n, periodic = len(z), sides == "periodic"
+    wave = 2 * np.pi / side * (n - 1) * fftfreq(n - 1) if periodic else np.pi / side * np.arange(n)
+    q = np.hypot(wave[:, None], wave)
+    stiffness = np.maximum(material.reduced_modulus * q / 2, material.block_modulus(sides) / height)
+    if periodic:
+        pressure = -float(ifft2(stiffness * fft2(z[:-1, :-1] - z[:-1, :-1].mean())).real.min())
+    else:
+        pressure = -float(idctn(stiffness * dctn(z - z.mean(), type=1), type=1).min())
+    if material.yield_strength is None:
+        return pressure
+    slope = float(np.sqrt(np.mean(np.square(np.gradient(z, side / (n - 1))).sum(axis=0))))
+    return min(pressure, 6 * (material.yield_strength + material.tangent_modulus * slope))

@@ -1,0 +1,200 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Arguments of a script: those of the command, with the same limits, each refused in one sentence."""
+
+from __future__ import annotations
+
+import inspect
+import re
+import subprocess
+import sys
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, get_type_hints
+
+import pytest
+
+import asperity
+from asperity.case.case_file import Case
+from asperity.errors import CaseWarning, InputError
+from asperity.model.load_path import Schedule
+from asperity.model.problem import Problem, ProblemArguments
+from asperity.surface import Flat, Surface
+
+asp: Any = asperity  # wrong types on purpose
+L = 1e-6
+STEEL = asp.Material(200e9, 0.3, yield_strength=1e9)
+SPEC: dict[str, Any] = {"kind": "self-affine", "L": L, "H": 0.8, "rms_slope": 0.05, "lambda_short": 0.1e-6, "seed": 3}
+WAVE = Surface.from_spec("sinusoid", L=L, amplitude=5e-9)
+
+
+@pytest.mark.parametrize(
+    ("call", "legal"),
+    [
+        (lambda: asp.Material("200 GPa", 0.3), "material.E = '200 GPa' must be a number"),
+        (lambda: asp.Material(200e9, "0.3"), "material.nu = '0.3' must be a number"),
+        (lambda: asp.Material(200e9, 0.3, [1e9]), "material.yield_strength = .* must be a number"),
+        (lambda: asp.Material(True, 0.3), "material.E = True must be a number"),
+        (lambda: asp.Material(float("nan"), 0.3), "material.E = nan must lie in"),
+        (lambda: asp.MeshSize("40 nm"), "mesh.h_contact = '40 nm' must be a number"),
+        (lambda: asp.Formulation(1), "contact.method = 1 must be a text"),
+        (lambda: asp.SolverOptions(newton_max=2.5), "solver.newton_max = 2.5 must be a whole number"),
+        (lambda: asp.AccuracyTarget("1 %"), "accuracy.tolerance = '1 %' must be a number"),
+        (
+            lambda: Schedule(delta_max="1e-9"),  # type: ignore[arg-type]
+            "loading.delta_max = '1e-9' must be a number",
+        ),
+        (lambda: asp.solve_contact(STEEL, WAVE, delta_max=1e-9), "surface = Material.* must be a surface"),
+        (lambda: asp.solve_contact(WAVE, 200e9, delta_max=1e-9), r"material = 2e\+11 must be a material"),
+        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, size=6e-8), "size = 6e-08 must be .*asp.MeshSize"),
+        (lambda: asp.solve_contact(WAVE, STEEL, delta_max="1 nm"), "loading.delta_max = '1 nm' must be a number"),
+        (lambda: asp.solve_contact(WAVE, STEEL, pressure_max="1 GPa"), "loading.pressure_max = '1 GPa' must be"),
+        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, steps=2.0), "loading.steps = 2 must be a whole number"),
+        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, height="1 um"), "height = '1 um' must be a number"),
+        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, sides="roller"), "block.sides = .* is not one of"),
+        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, kernels="c"), "solver.kernels = .* is not one of"),
+        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, integrator="rk4"), "loading.integrator = .* not one"),
+        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, formulation="nitsche"), "must be .*asp.Formulation"),
+        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, options="cg"), "options = 'cg' must be .*asp.Solver"),
+        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, tolerance="1 %"), "accuracy.tolerance = '1 %' must be"),
+        (lambda: asp.solve_to_tolerance(WAVE, STEEL, 0.01, delta_max=1e-9), r"goal = 0.01 must be .*AccuracyTarget\("),
+    ],
+)
+def test_a_value_of_another_type_is_refused_with_the_legal_form(call: Callable[[], Any], legal: str) -> None:
+    with pytest.raises(InputError, match=legal) as caught:
+        call()
+    assert "\n" not in str(caught.value)
+
+
+def of_script(changes: dict[str, Any]) -> Problem:
+    """Problem of these keys, as a script makes it."""
+    keys = {"material.E": 200e9, "material.nu": 0.3} | changes
+    if not {"loading.force_max", "loading.pressure_max"} & keys.keys():
+        keys.setdefault("loading.delta_max", 2e-9)
+    parts: dict[str, dict[str, Any]] = {
+        name: {} for name in ("material", "mesh", "loading", "contact", "block", "solver")
+    }
+    for key, value in keys.items():
+        section, name = key.split(".")
+        parts[section][name] = value
+    problem = parts["loading"] | parts["block"] | {k: v for k, v in parts["solver"].items() if k == "kernels"}
+    options = asp.SolverOptions(**{k: v for k, v in parts["solver"].items() if k != "kernels"})
+    settings = asp.MeshSize(**parts["mesh"]), asp.Formulation(**parts["contact"])
+    return Problem.of(
+        Surface.from_spec(**SPEC), asp.Material(**parts["material"]), size=settings[0], formulation=settings[1],
+        options=options, **problem,
+    )  # fmt: skip
+
+
+def of_command(changes: dict[str, Any]) -> Problem:
+    """The same as a case file makes it."""
+    tables: dict[str, Any] = {"surface": SPEC, "material": {"E": 200e9, "nu": 0.3}, "loading": {"steps": 10}}
+    if not {"loading.force_max", "loading.pressure_max"} & changes.keys():
+        tables["loading"]["delta_max"] = 2e-9
+    for key, value in changes.items():
+        section, name = key.split(".")
+        tables.setdefault(section, {})[name] = value
+    return Case.from_dict(tables).problem()
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("loading.delta_max", 0.02),  # metres for micrometres
+        ("loading.delta_max", 1.1e-6),  # more than the block
+        ("loading.delta_max", 0.5e-6),  # beyond full contact
+        ("loading.delta_max", 1e-14),
+        ("loading.delta_max", -1e-9),
+        ("loading.force_max", 1.0),
+        ("loading.force_max", 1e-20),
+        ("loading.pressure_max", 1e12),
+        ("loading.steps", 0),
+        ("loading.cycles", 0),
+        ("block.height", 1.0),
+        ("mesh.h_contact", 0.04),
+        ("mesh.h_contact", 0.5e-6),  # above the greatest size
+        ("mesh.h_max", 1e-12),
+        ("mesh.growth", 0.0),
+        ("mesh.refinements", 9),
+        ("material.E", 0.0),
+        ("material.E", float("inf")),
+        ("material.nu", 0.49999),
+        ("material.nu", -1.0),
+        ("material.yield_strength", 1.0),  # GPa for Pa
+        ("material.yield_strength", 300e9),
+        ("contact.method", "glue"),
+        ("contact.penalty", 1e9),
+        ("contact.theta", 2),
+        ("solver.linear", "qr"),
+        ("solver.rtol", 0.5),
+        ("solver.newton_max", 0),
+        ("solver.kernels", "fast"),
+    ],
+)
+@pytest.mark.parametrize("make", [of_script, of_command])
+def test_script_and_command_refuse_the_same(make: Callable[[dict[str, Any]], Problem], key: str, value: Any) -> None:
+    with pytest.raises(InputError, match=key.partition(".")[2]):
+        make({key: value})
+
+
+@pytest.mark.parametrize("make", [of_script, of_command])
+def test_script_and_command_warn_of_the_same(make: Callable[[dict[str, Any]], Problem]) -> None:
+    with pytest.warns(CaseWarning, match="more than the surface's depth"):
+        make({"loading.delta_max": 30e-9})
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        make({})
+
+
+def test_arguments_are_explicit_and_agree() -> None:
+    """Those that `help` and completion show are those that type checkers know."""
+    shown = inspect.signature(asp.solve_contact).parameters
+    of = inspect.signature(Problem.of).parameters
+    assert all(p.kind is not p.VAR_KEYWORD for p in shown.values())
+    hints = get_type_hints(ProblemArguments)
+    assert set(hints) == set(of) - {"surface", "material"} < set(shown)
+    for name in hints:
+        assert shown[name].default == of[name].default
+        assert (
+            shown[name].annotation == of[name].annotation == str(ProblemArguments.__annotations__[name].__forward_arg__)
+        )
+
+
+def test_a_type_checker_knows_arguments_and_results(tmp_path: Path) -> None:
+    pytest.importorskip("mypy")
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import asperity as asp\n"
+        "flat, solid = asp.Surface.from_spec('flat', L=1.0), asp.Material(1.0, 0.3)\n"
+        "reveal_type(asp.solve_contact(flat, solid, delta_max=0.1))\n"
+        "reveal_type(asp.solve_contact(flat, solid, delta_max=0.1, tolerance=0.1))\n"
+        "asp.solve_contact(flat, solid, delta_max='1')\n"
+        "asp.solve_to_tolerance(flat, solid, asp.AccuracyTarget(0.1), delta_mx=1.0)\n"
+    )
+    command = [sys.executable, "-m", "mypy", "--config-file=", "--ignore-missing-imports", "--follow-imports=silent"]
+    lines = subprocess.run([*command, str(script)], capture_output=True, text=True).stdout.splitlines()
+    found = {number: " ".join(line for line in lines if f"script.py:{number}:" in line) for number in range(1, 7)}
+    assert 'Revealed type is "asperity.quasistatic.contact_result.ContactResult"' in found[3]
+    assert 'Revealed type is "asperity.adaptive.solve_to_tolerance.AccurateResult"' in found[4]
+    assert "error: No overload variant" in found[5]
+    assert 'Unexpected keyword argument "delta_mx"' in found[6]
+
+
+def test_names_for_type_checkers_are_the_public_ones() -> None:
+    text = inspect.getsource(asperity)
+    block = text.partition("if TYPE_CHECKING")[2].partition("_PUBLIC")[0]
+    pairs = {name: module for module, name in re.findall(r"from asperity\.?([\w.]*) import (\w+) as \2", block)}
+    assert pairs == asperity._PUBLIC
+
+
+def test_a_tolerance_gives_what_solve_to_tolerance_gives() -> None:
+    top, solid = Flat(L=1.0), asp.Material(1.0, 0.3)
+    short = asp.solve_contact(top, solid, delta_max=0.01, steps=2, tolerance=0.01)
+    same = asp.solve_contact(top, solid, delta_max=0.01, steps=2, tolerance=asp.AccuracyTarget(0.01))
+    long = asp.solve_to_tolerance(top, solid, asp.AccuracyTarget(0.01), delta_max=0.01, steps=2)
+    assert short.curve.force.tolist() == same.curve.force.tolist() == long.curve.force.tolist()
+    for wrong in ({"size": asp.MeshSize(0.1)}, {"substeps": 2}):
+        with pytest.raises(InputError, match="leave out block, size"):
+            asp.solve_contact(top, solid, delta_max=0.01, tolerance=0.01, **wrong)
