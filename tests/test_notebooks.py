@@ -61,10 +61,10 @@ def test_the_notebook_of_a_joint(tmp_path: Path) -> None:
     """Frequency and peaks are those of docs/tutorials/vibration.md, whose mesh is finer."""
     notebook = execute("joint", tmp_path)
     text = printed(notebook)
-    frequency = re.search(r"f = ([\d.]+) \+- [\d.]+ Hz", text)
+    frequency = re.search(r"f = ([\d.]+) kHz", text)
     lowest = re.search(r"^(-[\d.e-]+) m$", text, re.MULTILINE)  # after the unloading: the depth of the imprint
     assert lowest is not None and 0.3e-6 < -float(lowest[1]) < 0.7e-6
-    assert frequency is not None and float(frequency[1]) == pytest.approx(3800, rel=0.05)
+    assert frequency is not None and float(frequency[1]) == pytest.approx(3.8, rel=0.05)
     peaks = re.findall(r"([\d.]+) N: ([\d.e-]+) m at (\d+) Hz", text)
     assert [float(peak) for _, peak, _ in peaks] == pytest.approx([2.98e-8, 1.16e-7], rel=0.1)
     assert figures(notebook) == 2

@@ -161,7 +161,7 @@ def test_there_is_one_frequency(share: float) -> None:
     assert result.numbers.stiffness == pytest.approx(slope, rel=1e-12)
     assert laws.chosen.frequency == pytest.approx(result.numbers.frequency, rel=1e-12)
     assert float(o.free(1e-5).omega_ratio[0]) == pytest.approx(1.0, abs=1e-4)
-    assert f"f = {result.numbers.frequency:.5g} +- " in result.numbers.sentence("SI")
+    assert result.numbers.frequency_bar > 0.0 and result.numbers.sentence("SI").count("±") == 2
 
 
 @pytest.mark.parametrize("zeta", [0.02, 0.1])

@@ -145,8 +145,9 @@ def _show(result: Dynamics) -> None:
         options.say(f"n = {n.value:.4g} +- {n.half:.2g}, {curvature}, by the {spread.origin}")
     for note in result.notes:
         options.say(f"note: {note}")
-    bar = float("nan") if result.laws is None else result.laws.stiffness_bar
-    options.say(result.numbers.sentence(result.units, bar))
+    numbers, laws = result.numbers, result.laws
+    known = laws is None or numbers.frequency_bar > 0.0
+    options.say(numbers.sentence(result.units, float("nan") if known else laws.stiffness_bar))
 
 
 def _show_laws(laws: LawTable, units: str) -> None:
