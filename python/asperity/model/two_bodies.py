@@ -125,7 +125,7 @@ class SumSurface(Surface):
         super().__post_init__()
         if not (np.isclose(self.first.L, self.L) and np.isclose(self.second.L, self.L)):
             sides = f"{self.first.L:g} and {self.second.L:g}"
-            raise InputError(f"surfaces of sides {sides} have no sum on a side {self.L:g}")
+            raise InputError(f"surfaces of sides {sides} have no sum on a side {self.L:g}: cut both to one side")
 
     @staticmethod
     def of(first: Surface, second: Surface) -> SumSurface:

@@ -144,7 +144,7 @@ def _check_load(P_star: float | None, delta_star: float | None, height: float | 
         if value is not None and not value > 0:
             raise InputError(f"{name} = {value!r} must be positive.")
     if delta_star is not None and height is None:
-        raise InputError("delta_star needs the height of the block.")
+        raise InputError("delta_star needs the height of the block: give height, or P_star instead.")
 
 
 def displacement(p: Array, compliance: Array, sides: str = "rollers") -> Array:

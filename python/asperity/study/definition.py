@@ -277,7 +277,7 @@ def _values(value: Any, where: str) -> list[Any]:
         if not value:
             raise InputError(f"{where} is an empty list; give at least one value")
         if any(value.count(v) > 1 for v in value):
-            raise InputError(f"{where} = {show(value)} contains a value twice")
+            raise InputError(f"{where} = {show(value)} contains a value twice; give each once")
         return value
     if isinstance(value, Mapping):
         count = value.get("count")
