@@ -18,10 +18,6 @@ from typing import Any
 from asperity.dynamics.intervals import BAND_COLUMNS, Band, Uncertainty
 from asperity.dynamics.joint import Joint, Numbers
 from asperity.dynamics.laws import LawTable
-from asperity.dynamics.motion.sweep import Sweep
-from asperity.dynamics.orbits.free import FreeVibration
-from asperity.dynamics.orbits.response import FrequencyResponse
-from asperity.dynamics.orbits.thresholds import Thresholds
 from asperity.dynamics.oscillator import ContactOscillator
 from asperity.dynamics.settings import DynamicsSettings
 from asperity.runtime.display import short_repr
