@@ -13,9 +13,8 @@ import pytest
 from scipy.integrate import solve_ivp
 from test_response import one_period
 
-from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw, TableLaw
-from asperity.dynamics.orbits import crossing
-from asperity.dynamics.orbits.branch import Solution
+from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw, TableLaw, crossing
+from asperity.dynamics.branch import Solution
 from asperity.errors import ConvergenceError
 from asperity.plot import vibration
 

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import beta
 
 from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw
-from asperity.dynamics.orbits.free import free_orbit
+from asperity.dynamics.free import free_orbit
 from asperity.errors import InputError, RangeError
 
 

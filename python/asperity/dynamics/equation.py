@@ -159,7 +159,8 @@ class Equation:
 
     def loss(self, u: float) -> float:
         """Return 2 zeta G(u), the difference between w and the speed, at one displacement."""
-        return 2.0 * self.zeta * float(primitive(self.restoring, self.damping, np.array([u]))[0])
+        stored = u if self.damping == "always" else float(primitive(self.restoring, self.damping, np.array([u]))[0])
+        return 2.0 * self.zeta * stored
 
 
 def rate(restoring: Restoring, damping: Damping, u: Array) -> Array:

@@ -17,8 +17,8 @@ from asperity.dynamics.forcing import forcings, window
 from asperity.dynamics.law.law import Law
 from asperity.dynamics.law.power import EXPONENT, PowerLaw
 from asperity.dynamics.law.table import TableLaw
-from asperity.dynamics.orbits.response import FrequencyResponse, frequency_response
 from asperity.dynamics.oscillator import ContactOscillator
+from asperity.dynamics.response import FrequencyResponse, frequency_response
 from asperity.errors import InputError
 from asperity.runtime.display import short_repr
 

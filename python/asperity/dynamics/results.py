@@ -15,15 +15,15 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from asperity.dynamics.free import FreeVibration
 from asperity.dynamics.intervals import BAND_COLUMNS, Band, Uncertainty
 from asperity.dynamics.joint import Joint, Numbers
 from asperity.dynamics.laws import LawTable
-from asperity.dynamics.motion.sweep import Sweep
-from asperity.dynamics.orbits.free import FreeVibration
-from asperity.dynamics.orbits.response import FrequencyResponse
-from asperity.dynamics.orbits.thresholds import Thresholds
 from asperity.dynamics.oscillator import ContactOscillator
+from asperity.dynamics.response import FrequencyResponse
 from asperity.dynamics.settings import DynamicsSettings
+from asperity.dynamics.sweep import Sweep
+from asperity.dynamics.thresholds import Thresholds
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import BAND, FREE, RESPONSE, THRESHOLDS

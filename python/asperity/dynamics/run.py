@@ -22,11 +22,11 @@ from asperity.dynamics.law.law import Law
 from asperity.dynamics.law.loop_damping import LoopDamping
 from asperity.dynamics.law_of_curve import Choice, choose
 from asperity.dynamics.laws import LawTable, tabulate
-from asperity.dynamics.motion.sweep import ESCAPED, Sweep
-from asperity.dynamics.orbits.response import FrequencyResponse
 from asperity.dynamics.oscillator import GRAVITY, ContactOscillator
+from asperity.dynamics.response import FrequencyResponse
 from asperity.dynamics.results import Dynamics, numbers_of
 from asperity.dynamics.settings import DynamicsSettings
+from asperity.dynamics.sweep import ESCAPED, Sweep
 from asperity.errors import AsperityError, InputError
 from asperity.loops import LoopTable
 from asperity.runtime import run_folder

@@ -4,7 +4,7 @@
 """Time integration of many oscillators in parallel: frequency sweeps and attractors.
 
 Each forcing, direction or initial state is a lane, integrated period by period
-(`asperity.dynamics.motion.runge_kutta`). The state is passed from one frequency to the next at forcing phase 0, as
+(`asperity.dynamics.time_integration`). The state is passed from one frequency to the next at forcing phase 0, as
 soon as the Poincare map has converged.
 """
 
@@ -20,7 +20,7 @@ from asperity.arrays import Array
 from asperity.dynamics.equation import Equation, primitive
 from asperity.dynamics.forcing import Setting
 from asperity.dynamics.law.law import EXTRAPOLATE
-from asperity.dynamics.motion.runge_kutta import advance, has_escaped, steps_for
+from asperity.dynamics.time_integration import advance, has_escaped, steps_for
 from asperity.errors import RangeError
 from asperity.runtime.display import short_repr
 

@@ -12,8 +12,8 @@ from itertools import pairwise
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.orbits.branch import Branch, Event, measure
-from asperity.dynamics.orbits.continuation import (
+from asperity.dynamics.branch import Branch, Event, measure
+from asperity.dynamics.continuation import (
     Equations,
     Path,
     Point,
@@ -23,9 +23,9 @@ from asperity.dynamics.orbits.continuation import (
     newton_rtol,
     predictor,
 )
-from asperity.dynamics.orbits.crossing import turns
-from asperity.dynamics.orbits.harmonic_balance import Balance, resize
-from asperity.dynamics.orbits.stability import NEGLIGIBLE, Floquet, extrema, floquet, rise, stack
+from asperity.dynamics.crossing import turns
+from asperity.dynamics.harmonic_balance import Balance, resize
+from asperity.dynamics.stability import NEGLIGIBLE, Floquet, extrema, floquet, rise, stack
 from asperity.errors import ConvergenceError
 
 _TOP, _LIMIT, _CHANGE = "largest u_max", "limit of the law", "change of stability"  # points, but not events

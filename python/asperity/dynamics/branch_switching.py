@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.orbits.continuation import (
+from asperity.dynamics.continuation import (
     MIN_HARMONICS,
     Equations,
     Path,
@@ -22,9 +22,9 @@ from asperity.dynamics.orbits.continuation import (
     start,
     trace,
 )
-from asperity.dynamics.orbits.crossing import crossings
-from asperity.dynamics.orbits.harmonic_balance import Balance, resize, tail
-from asperity.dynamics.orbits.stability import stack, unstack
+from asperity.dynamics.crossing import crossings
+from asperity.dynamics.harmonic_balance import Balance, resize, tail
+from asperity.dynamics.stability import stack, unstack
 from asperity.errors import ConvergenceError
 
 _SAME = 1e-4  # relative distance below which two orbits are identical

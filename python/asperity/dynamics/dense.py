@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from asperity.arrays import Array
-from asperity.dynamics.orbits.branch import Branch
-from asperity.dynamics.orbits.harmonic_balance import Balance
-from asperity.dynamics.orbits.stability import extrema, floquet
+from asperity.dynamics.branch import Branch
+from asperity.dynamics.harmonic_balance import Balance
+from asperity.dynamics.stability import extrema, floquet
 
 _RTOL = 3e-4  # relative error of a straight line between rows; the error of the cubic adds to it
 _FLAT = (1e-9, 1e-4)  # relative changes of Omega and of u_max below which the other is not checked

@@ -16,8 +16,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from asperity.dynamics.orbits.continuation import Equations, Point, between, correct, locate
-from asperity.dynamics.orbits.harmonic_balance import tail
+from asperity.dynamics.continuation import Equations, Point, between, correct, locate
+from asperity.dynamics.harmonic_balance import tail
 from asperity.errors import ConvergenceError
 
 _RTOL = 1e-14  # tolerance of the fraction of a segment

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.orbits.harmonic_balance import MAX_HARMONICS, Balance, resize, tail
+from asperity.dynamics.harmonic_balance import MAX_HARMONICS, Balance, resize, tail
 from asperity.errors import ConvergenceError
 
 MIN_HARMONICS = 8  # per forcing period

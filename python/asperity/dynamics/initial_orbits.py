@@ -12,10 +12,10 @@ import numpy as np
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
+from asperity.dynamics.continuation import MIN_HARMONICS, Tracing, in_forcing, start, trace
+from asperity.dynamics.free import orbit_coefficients, rough_orbit
+from asperity.dynamics.harmonic_balance import Balance, resize
 from asperity.dynamics.law.damping import only_in_contact
-from asperity.dynamics.orbits.continuation import MIN_HARMONICS, Tracing, in_forcing, start, trace
-from asperity.dynamics.orbits.free import orbit_coefficients, rough_orbit
-from asperity.dynamics.orbits.harmonic_balance import Balance, resize
 from asperity.errors import ConvergenceError
 
 _BACKBONE = 16  # number of amplitudes at which subharmonic orbits are searched

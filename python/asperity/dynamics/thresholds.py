@@ -20,9 +20,9 @@ from scipy.optimize import brentq, minimize_scalar
 
 from asperity.arrays import Array
 from asperity.dynamics.equation import Restoring
+from asperity.dynamics.free import FreeOrbit, column, contact_limit, free_orbit
 from asperity.dynamics.law.damping import Damping, only_in_contact
 from asperity.dynamics.law.taylor import TaylorLaw
-from asperity.dynamics.orbits.free import FreeOrbit, column, contact_limit, free_orbit
 from asperity.errors import RangeError
 from asperity.runtime.display import short_repr
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.dynamics.equation import rate
-from asperity.dynamics.orbits.harmonic_balance import Balance
+from asperity.dynamics.harmonic_balance import Balance
 
 _SAMPLES = 512
 _SAMPLES_LOSS = 1024

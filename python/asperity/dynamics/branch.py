@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from asperity.arrays import Array
+from asperity.dynamics.continuation import Point
+from asperity.dynamics.harmonic_balance import Balance
 from asperity.dynamics.law.law import EXTRAPOLATE
-from asperity.dynamics.orbits.continuation import Point
-from asperity.dynamics.orbits.harmonic_balance import Balance
-from asperity.dynamics.orbits.stability import Floquet, extrema, floquet, stack, state_at_phase_zero, unstack
+from asperity.dynamics.stability import Floquet, extrema, floquet, stack, state_at_phase_zero, unstack
 from asperity.runtime.display import short_repr
 
 _ROUND_OFF = 1e-15  # relative round-off of the contact force

@@ -1,0 +1,51 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Periodic orbits by Newton's method on the motion with located separations and landings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from asperity.dynamics.equation import Equation
+from asperity.dynamics.time_integration import integrate
+from asperity.errors import ConvergenceError
+
+
+@dataclass(frozen=True)
+class Shot:
+    """Extremes, amplitude at the forcing frequency and Floquet multipliers of an orbit."""
+
+    u_max: float
+    u_min: float
+    a1: float
+    multipliers: tuple[complex, complex]
+
+
+def shoot(equation: Equation, omega: float, forcing: float, u: float, v: float, rtol: float = 1e-11) -> Shot:
+    """Correct the orbit of period 1 near the state (u, v) at forcing phase 0."""
+    period = 2.0 * np.pi / omega
+    y = np.array([u, v])
+
+    def end(y: np.ndarray) -> np.ndarray:
+        path = integrate(equation, omega, forcing, float(y[0]), float(y[1]), period, rtol=rtol)
+        return np.array([path.u[-1], path.v[-1]])
+
+    h = 1e-5
+    flow = np.column_stack([(end(y + h * e) - end(y - h * e)) / (2.0 * h) for e in np.eye(2)])
+    for _ in range(12):
+        step = np.linalg.solve(flow - np.eye(2), end(y) - y)
+        y = y - step
+        if np.abs(step).max() < 1e-10 * (1.0 + np.abs(y).max()):
+            break
+    else:
+        raise ConvergenceError("no periodic orbit")
+    path = integrate(equation, omega, forcing, float(y[0]), float(y[1]), period, rtol=rtol, samples=4096 / period)
+    tau, kept = np.unique(path.tau, return_index=True)
+    even = CubicHermiteSpline(tau, path.u[kept], path.v[kept])(np.arange(4096) * period / 4096)
+    a1 = 2.0 * abs(np.fft.rfft(even)[1]) / 4096
+    first, second = np.linalg.eigvals(flow)
+    return Shot(float(path.u.max()), float(path.u.min()), float(a1), (complex(first), complex(second)))
