@@ -268,11 +268,19 @@ class Curve:
         if not np.any(error > UNRESOLVED * area):
             return ""
         few = "the contact touches a few facets only" if area[0] < 0.5 else "the facets are too large for its edge"
-        most = max(area[0], 1.0 - area[0])  # a share of the patch has no greater error
         return (
-            f"{few}: area_fraction = {area[0]:.2g} with an error of {min(error[0], most):.2g} at delta/L = "
+            f"{few}: area_fraction = {area[0]:.2g} with an error of {branch.area_error(-1):.2g} at delta/L = "
             f"{branch.delta_star[-1]:.3g}"
         )
+
+    def area_error(self, row: int) -> float:
+        """Return the error bar of the area fraction in a row, no greater than a share of the patch can be wrong.
+
+        Args:
+            row: position
+        """
+        area, error = float(self.area_fraction[row]), float(self.error_area_fraction[row])
+        return error if math.isnan(error) else min(error, max(area, 1.0 - area))
 
     def bar(self, name: str, row: int) -> float:
         """Return the error bar of a column over its value in a row; NaN where either is unknown, or the value is 0.

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike
 from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.runtime.display import short_repr
+from asperity.units import plus_minus, quantity
 
 _LARGEST_LN = 700.0  # of numbers in floating-point range
 
@@ -73,6 +75,25 @@ class PowerLawFit:
             "r2": self.r2,
             "ci": {"k": list(self.ci_k), "n": list(self.ci_n), "confidence": self.confidence},
         }
+
+
+def with_misfit(fit: Mapping[str, Any]) -> tuple[str, str]:
+    """Return k and n with their intervals and the digits that these allow.
+
+    Args:
+        fit: section "fit" of summary.json.
+
+    Examples:
+        >>> from asperity.power_law import with_misfit
+        >>> with_misfit({"k": 35.179, "n": 2.2203, "ci": {"k": [29.4, 41.9], "n": [2.10, 2.34]}})
+        ('35 ± 19 %', '2.22 ± 0.12')
+        >>> with_misfit({"k": 35.179, "n": 2.2203})
+        ('35.18', '2.22')
+    """
+    k, n, intervals = fit["k"], fit["n"], fit.get("ci") or {}
+    bar = intervals["k"][1] / k - 1.0 if "k" in intervals else math.nan  # its greater side: k is positive
+    half = 0.5 * (intervals["n"][1] - intervals["n"][0]) if "n" in intervals else math.nan
+    return quantity(k, "", bar=bar if bar > 1e-6 else math.nan), plus_minus(n, half)
 
 
 def fit_power_law(

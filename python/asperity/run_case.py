@@ -32,7 +32,7 @@ from asperity.output.assumption import DOUBTFUL, Assumption
 from asperity.output.assumptions import ledger
 from asperity.output.friction_bounds import FRICTION_BOUNDS
 from asperity.output.run_files import RunFiles
-from asperity.power_law import PowerLawFit
+from asperity.power_law import PowerLawFit, with_misfit
 from asperity.run_outputs import write_outputs
 from asperity.runtime import run_folder
 from asperity.runtime.display import brief, html_table
@@ -81,7 +81,7 @@ class RunResult:
     dynamics: Any = None
 
     def __repr__(self) -> str:
-        law = "no fit" if self.fit is None else f"P* = {self.fit.k:.5g} (delta/L)^{self.fit.n:.4f}"
+        law = "no fit" if self.fit is None else "k = {}, n = {}".format(*with_misfit(self.fit.to_dict()))
         return f"RunResult({self.curve!r}, {law}, {brief(self.summary.get('exit_reason'))})"
 
     def _repr_html_(self) -> str:

@@ -62,6 +62,27 @@ def quantity(value: float, unit: str, digits: int = 4, *, bar: float = math.nan)
     return f"{text} ± {per_cent(bar)}" if known else text
 
 
+def plus_minus(value: float, half: float) -> str:
+    """Return a number with the half width of its interval, of two digits, both to the same decimal.
+
+    A width below a millionth of the value, or an unknown one, is left out.
+
+    Args:
+        value: a number without a unit, or in one that follows the text
+        half: in the unit of the value; NaN if unknown
+
+    Examples:
+        >>> plus_minus(2.2203, 0.1234), plus_minus(1234.0, 120.0), plus_minus(0.5, float("nan"))
+        ('2.22 ± 0.12', '1230 ± 120', '0.5')
+    """
+    if not 1e-6 * abs(value) < half < math.inf:
+        return f"{value:.4g}"
+    half = float(f"{half:.2g}")
+    decimals = 1 - math.floor(math.log10(half))
+    value, shown = round(value, decimals), max(decimals, 0)
+    return f"{value:.{shown}f} ± {half:.{shown}f}"
+
+
 def per_cent(share: float) -> str:
     """Return a share in per cent to two digits, without an exponent.
 

@@ -24,6 +24,7 @@ from asperity.cli.import_map import CASE
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError
 from asperity.plot import CAPTIONS
+from asperity.power_law import PowerLawFit
 from asperity.runtime.launch import TERMINAL
 from asperity.runtime.progress import COLUMNS, Progress, StepLines, duration, is_terminal, make_progress
 from asperity.runtime.run_folder import check
@@ -58,7 +59,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
         job.progress.stage("solve")
         row = dict(step=1, branch="load", delta_star=1e-3, P_star=2e-6, area_fraction=0.01)
         job.progress.step({**row, "newton": 4, "krylov": 60, "seconds": 0.5}, 0.5)
-        fit = types.SimpleNamespace(k=0.5, n=1.5, r2=0.999)
+        fit = PowerLawFit(0.5123, 1.51234, "linear", (0.01, 0.05), 5, 0.999, (0.478, 0.549), (1.49, 1.53), 0.9, 0.95)
         return types.SimpleNamespace(summary={}, fit=fit, curve=(), contact=..., dynamics=None)
 
     monkeypatch.setattr("asperity.run_case._Job.run", run)
@@ -73,7 +74,7 @@ def test_run_hands_the_case_to_the_solver_and_shows_steps_and_fit(
     assert calls[0]["folder"] == tmp_path / "a/b"
     assert calls[0]["case"].block.height == 2e-6
     assert all(name in out for name in COLUMNS)
-    assert "P* = 0.5 (delta/L)^1.5000" in out
+    assert "k = 0.512 ± 7.2 %, n = 1.512 ± 0.020 (misfit of the fit)" in out  # digits as the intervals allow
 
 
 def test_a_quiet_run_prints_nothing(cli: Cli, calls: list[Any], tmp_path: Path) -> None:

@@ -205,7 +205,7 @@ def test_pressure_maps_share_one_scale_and_skip_empty_levels(results: Results) -
     assert len(figure.axes) == 5  # with distribution and colour bar
     titles = [axis.get_title(loc="left") for axis in figure.axes[:3]]
     assert all("0.0000" not in title for title in titles)
-    assert titles[-1].startswith("(c) unloading")
+    assert titles[-1].startswith("(c) unloading") and all(title.endswith("µN ± 3 %") for title in titles)
     limits = {axis.images[0].get_clim() for axis in figure.axes[:3]}
     assert len(limits) == 1
     step = int(results.top["steps"][-1])

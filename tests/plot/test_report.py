@@ -33,7 +33,7 @@ def vibrate(folder: Path) -> None:
 def test_the_page_contains_law_outcome_input_run_and_citations(folder: Path) -> None:
     page = Page(write_report(folder))
     for part in (
-        "0.42 (misfit of the fit: 0.4 to 0.44)", "1.55 (misfit of the fit: 1.52 to 1.58)", "R² = 0.99870",
+        "0.42 ± 4.8 % (misfit of the fit)", "1.550 ± 0.030 (misfit of the fit)", "R² = 0.99870",
         "403 µN ± 3 %", "30 nm", "yield_strength 1e+09", "error budget", "load step 0.008",
         "dofs 51234",
         "dolfinx 0.9.0", "peak memory MiB 640", "18 accepted steps", "Komvopoulos", "kappa -0.047",

@@ -14,7 +14,7 @@ from asperity.cli import options
 from asperity.dynamics.law.damping import DAMPING, LOOPS
 from asperity.dynamics.settings import LAWS, MODELS, DynamicsSettings
 from asperity.errors import InputError
-from asperity.units import per_cent
+from asperity.units import per_cent, plus_minus
 
 if TYPE_CHECKING:
     from asperity.dynamics import Dynamics
@@ -141,8 +141,8 @@ def _show(result: Dynamics) -> None:
         _show_laws(result.laws, "" if result.units == "other" else "SI")
     if (spread := result.uncertainty) is not None:
         n, kappa = spread.n_loc, spread.kappa
-        curvature = f"kappa = {kappa.value:.3g} +- {kappa.half:.2g}, {spread.softening}"
-        options.say(f"n = {n.value:.4g} +- {n.half:.2g}, {curvature}, by the {spread.origin}")
+        curvature = f"kappa = {plus_minus(kappa.value, kappa.half)}, {spread.softening}"
+        options.say(f"n = {plus_minus(n.value, n.half)}, {curvature}, by the {spread.origin}")
     for note in result.notes:
         options.say(f"note: {note}")
     numbers, laws = result.numbers, result.laws

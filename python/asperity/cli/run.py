@@ -86,4 +86,7 @@ def command(
 
 def _show_fit(fit: PowerLawFit | None) -> None:
     if fit is not None:
-        options.say(f"P* = {fit.k:.5g} (delta/L)^{fit.n:.4f}, R^2 = {fit.r2:.5f}")
+        from asperity.power_law import with_misfit
+
+        k, n = with_misfit(fit.to_dict())
+        options.say(f"P* = k (delta/L)^n with k = {k}, n = {n} (misfit of the fit), R^2 = {fit.r2:.5f}")

@@ -11,7 +11,7 @@ from typing import Any
 
 from asperity.output.assumption import DOUBTFUL
 from asperity.output.results import Results
-from asperity.units import quantity
+from asperity.units import plus_minus, quantity
 
 
 def verdict(results: Results) -> list[str]:
@@ -37,8 +37,9 @@ def _contact(results: Results) -> Iterator[str]:
     top = int(curve.force.argmax())
     force = quantity(float(curve.force[top]), results.unit("force"), bar=curve.bar("P_star", top))
     delta = quantity(float(curve.delta[top]), results.unit("length"))
-    share = float(curve.area_fraction[top])
-    area = f"; {100 * share:.3g} % of the nominal area is in contact" if isfinite(share) else ""
+    share = 100.0 * float(curve.area_fraction[top])
+    of_area = plus_minus(share, 100.0 * curve.area_error(top))
+    area = f"; {of_area} % of the nominal area is in contact" if isfinite(share) else ""
     yield f"The force on the patch is {force} at an approach of {delta}{area}."
     if not isfinite(curve.bar("P_star", top)):
         yield "It has no error bar: the case requests no tolerance."

@@ -88,7 +88,9 @@ def _title(results: Results, i: int) -> str:
     name = str(top["branch"][i])
     text = f"{'' if name == 'load' else f'{name}ing, '}$\\delta/L$ = {_strain(results, i):.3g}"
     row = results.curve.where(results.curve.step == int(top["steps"][i]))
-    return f"{text}, {quantity(row.force[0], results.unit('force'), 3)}" if len(row) else text
+    if not len(row):
+        return text
+    return f"{text}\n{quantity(row.force[0], results.unit('force'), 3, bar=row.bar('P_star', 0))}"
 
 
 def _count(axis: Any, results: Results, i: int) -> None:

@@ -14,6 +14,7 @@ from asperity.arrays import Array
 from asperity.curve import Curve, fitted_rows
 from asperity.output.results import Results
 from asperity.plot import style
+from asperity.power_law import with_misfit
 
 DELTA, LOAD = "approach $\\delta^{*}{=}\\,\\delta/L$", "load $P^{*}{=}\\,P/(A_0E')$"
 LOOKS = {  # branch -> format, colour, words
@@ -101,7 +102,8 @@ def _exponents(axis: Any, results: Results) -> None:
     axis.plot(x, exponent, "o-", color=style.BLUE, mfc="white", label="of the curve", zorder=3)
     if (law := _law(results)) is not None:
         _, n, norm, low, high = law
-        axis.plot((low, high), (n, n), color=style.BLACK, lw=1.0, label=f"{norm} fit, $n$ = {n:.3f}")
+        text = with_misfit(results.summary["fit"])[1]
+        axis.plot((low, high), (n, n), color=style.BLACK, lw=1.0, label=f"{norm} fit, $n$ = {text}")
     axis.axhline(1.0, color=style.GREY, lw=0.7)
     axis.set_ylabel("local exponent $\\mathrm{d}\\ln P/\\mathrm{d}\\ln\\delta$")
     axis.set_xlim(left=0)

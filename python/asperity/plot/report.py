@@ -21,9 +21,10 @@ from asperity.output.verdict import doubts, verdict
 from asperity.plot import CAPTIONS, OF_VIBRATION, figures_of, plot_run
 from asperity.plot.citations import publications
 from asperity.plot.style import DPI
+from asperity.power_law import with_misfit
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import BAND, CURVE, FIGURES, FREE, REPORT, RESPONSE, THRESHOLDS
-from asperity.units import quantity
+from asperity.units import plus_minus, quantity
 
 Rows = list[tuple[str, str]]
 VIBRATION_DATA = (CURVE, FREE, RESPONSE, BAND, THRESHOLDS)  # what the figures of the vibration show
@@ -76,7 +77,6 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
         version=asperity.__version__,
         exit_reason=str(summary.get("exit_reason", "")),
         warnings=warnings,
-        fit=summary.get("fit") or {},
         law=_law(results),
         outcome=_outcome(results),
         assumptions=assumptions,
@@ -115,12 +115,8 @@ def _law(results: Results) -> Rows:
     fit = results.summary.get("fit") or {}
     if not {"k", "n"} <= set(fit):
         return []
-    between = fit.get("ci", {})
-    law = []
-    for name in ("k", "n"):
-        low, high = between.get(name, (None, None))
-        interval = f" (misfit of the fit: {low:.4g} to {high:.4g})" if low is not None else ""
-        law.append((name, f"{fit[name]:.5g}{interval}"))
+    misfit = " (misfit of the fit)" if fit.get("ci") else ""
+    law = [(name, f"{text}{misfit}") for name, text in zip(("k", "n"), with_misfit(fit), strict=True)]
     low, high = fit.get("range", (0.0, 0.0))
     law.append(("range of δ*", f"{low:.4g} to {high:.4g}, {fit.get('points', '?')} points"))
     law.append(("least squares", f"{fit.get('norm', '?')} scale, R² = {fit.get('r2', 0):.5f}"))
@@ -133,11 +129,12 @@ def _outcome(results: Results) -> Rows:
     if not len(curve):
         return []
     top = int(curve.force.argmax())
+    area = plus_minus(100.0 * float(curve.area_fraction[top]), 100.0 * curve.area_error(top))
     return [
         ("steps", f"{len(curve)}"),
         ("largest force on the patch", quantity(curve.force[top], results.unit("force"), bar=curve.bar("P_star", top))),
         ("at the approach", quantity(curve.delta[top], results.unit("length"))),
-        ("contact area", f"{100 * curve.area_fraction[top]:.3g} % of the nominal"),
+        ("contact area", f"{area} % of the nominal"),
         *_known(curve, top, results),
         ("largest pressure", quantity(curve.max_pressure[top], results.unit("stress"))),
         ("largest plastic strain", f"{curve.max_plastic_strain[top]:.3g}"),
