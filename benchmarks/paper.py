@@ -464,8 +464,8 @@ they were independent, which the steps of one surface are not); steps of less th
 surfaces leave it open. The rule of single steps, the least step and "open" were added after first results, which 95
 % alone left undecided nearly everywhere: T3 at light load rests in part on single steps. Of the tests decided, a
 statement **holds** in a regime when all are passed, **holds under conditions** when some are, **does not hold**
-when none is; **the opposite holds** when every step has the other sign in all of them; it is **open** where fewer
-than half are decided.
+when none is; **the opposite holds** when every step has the other sign in all of them; it is **open** unless
+more than half are decided.
 
 ## Three regimes
 
@@ -503,8 +503,8 @@ elastic problem is similar and n does not change; for the interface alone the op
 at every step (95 %, ten surfaces; three with kinematic hardening, in finite strain and in a lower block), because E_t
 is then the stiffness of the block. Over the first half of the range, where the block has hardly yielded, it is open
 for the ten, and in a block of twice the height the first step is. Between rollers beyond yield the opposite holds.
-For the surface alone, at light loads, only the fits on logarithmic scales pass (4 of 8); those on linear scales leave
-it open, and their means in the table fall.
+For the surface alone, at light loads, it is open: the fits on logarithmic scales pass (4 of 8), those on linear scales
+do not, and their means in the table fall.
 
 **T4 does not hold for a surface**: at light loads n stays above 1 on every surface for any strength, and on all ten
 between rollers too. With free sides and a block that yields, most surfaces turn from n > 1 to n < 1 and, at greater

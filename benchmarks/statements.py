@@ -75,11 +75,11 @@ class Statement:
 
 
 def verdict_of(found: Sequence[Finding]) -> str:
-    """Verdict of the findings that are decided, "open" where fewer than half are."""
+    """Verdict of the findings that are decided, "open" unless more than half are."""
     if all(f.opposite for f in found):
         return "the opposite holds"
     decided = [f.holds for f in found if f.holds or f.refuted]
-    return verdict(decided) if len(decided) >= 0.5 * len(found) else "open"
+    return verdict(decided) if len(decided) > 0.5 * len(found) else "open"
 
 
 class Exponents:

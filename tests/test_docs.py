@@ -16,6 +16,7 @@ import tomllib
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import click
 import pytest
@@ -208,3 +209,25 @@ def test_links_lead_to_no_archive_of_packages() -> None:
             text = path.read_text(encoding="utf-8", errors="replace")
             hosts |= set(re.findall(r"(?:https?|ftp)://([\w.-]+)", text))
     assert hosts <= {"doi.org", "fsf.org", "json-schema.org", "keepachangelog.com", "www.gnu.org", "www.w3.org"}
+
+
+def test_the_page_of_the_paper_says_what_its_script_and_table_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The words are those of the script, and every verdict follows from the single tests of the table."""
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    statements, script = importlib.import_module("statements"), importlib.import_module("paper")
+    page = (ROOT / "docs/paper.md").read_text(encoding="utf-8")
+    fixed = re.split(r"\{\w+\}", script.TEMPLATE)
+    assert re.fullmatch(".*?".join(map(re.escape, fixed)), page, re.DOTALL)
+
+    with (ROOT / "docs/tables/paper_conditions.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    groups: dict[tuple[str, str], list[Any]] = {}
+    for row in rows:
+        passed, failed = row["holds"] == "yes", row["holds"] == "no"
+        finding = statements.Finding(row["family"], row["factors"], row["regime"], None, passed, failed)
+        groups.setdefault((row[""], f"{row['factors'].split(', ')[0]}, {row['regime']}"), []).append(finding)
+    shown = dict.fromkeys(groups, "")
+    for name, regime, verdict in re.findall(r"^\| (T\d) \| (.*?) \| \*\*(.*?)\*\* \|", page, re.MULTILINE):
+        shown[name, regime] = verdict.replace("the opposite holds", "does not hold")  # the stronger form of it
+    assert shown == {key: statements.verdict_of(group) for key, group in groups.items()}
+    assert shown["T2", "rollers, contact nearly full"] == shown["T3", "rollers, surface alone"] == "open"

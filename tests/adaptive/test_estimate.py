@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -13,9 +14,10 @@ import numpy as np
 import pytest
 
 import asperity as asp
-from asperity.adaptive.estimate import ELASTIC, PLASTIC, estimate, integral
+from asperity.adaptive.estimate import ELASTIC, PLASTIC, estimate, further_meshes, integral
 from asperity.case import Case
 from asperity.cli import main
+from asperity.errors import ConvergenceError
 from asperity.run_case import run
 
 ROOT = Path(__file__).parents[2]
@@ -97,6 +99,32 @@ def test_a_tolerance_makes_several_meshes() -> None:
     sizes = [level.dofs for level in found.levels]
     assert 3 <= len(sizes) <= 5 and sizes == sorted(sizes) and found.ranks == 4
     assert found.memory > 4 * ELASTIC.base
+
+
+def test_the_meshes_that_a_plastic_run_adds_are_within_those_that_max_dofs_allows() -> None:
+    """A run of the demo in finite strain took nine meshes, the last of 218,000 dofs; four are planned."""
+    keys = ["accuracy.tolerance=0.05", "accuracy.max_dofs=218_000", 'material.kinematics="finite"']
+    case = Case.load(ROOT / "cases/demo.toml", keys)
+    found = estimate(case)
+    further = further_meshes(case, found, case.build_surface())
+    sizes = [level.dofs for level in further]
+    assert found.dofs < sizes[0] and sizes == sorted(sizes) and sizes[-1] == 218_000
+    assert len(found.levels) + len(further) >= 9
+    assert sum(level.seconds for level in further) > 5 * found.seconds
+
+
+def test_a_run_that_its_dofs_end_costs_no_more_than_all_meshes_they_allow(tmp_path: Path) -> None:
+    keys = ["accuracy.tolerance=0.01", "accuracy.max_dofs=16_000", 'material.kinematics="small"', "loading.steps=5"]
+    data = Case.load(ROOT / "cases/demo.toml", keys).to_dict()
+    data.pop("dynamics", None)
+    case = Case.from_dict(data | {"output": {}, "loading": data["loading"] | {"unload": False}})
+    found = estimate(case)
+    allowed = [*found.levels, *further_meshes(case, found, case.build_surface())]
+    with pytest.raises(ConvergenceError, match="max_dofs"):
+        run(case, tmp_path / "run")
+    solved = json.loads((tmp_path / "run/summary.json").read_text())["accuracy"]["levels"]
+    assert max(level["dofs"] for level in solved) <= allowed[-1].dofs == 16_000
+    assert sum(level["dofs"] for level in solved) <= 1.1 * sum(level.dofs for level in allowed)
 
 
 def test_given_kinematics_compare_nothing_unless_requested() -> None:

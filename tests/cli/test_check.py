@@ -121,6 +121,26 @@ def test_a_case_driven_by_a_force_has_an_estimate(case_file: Path, capsys: pytes
     assert (code, err) == (0, "") and "that of a half-space" in out and "a run accepts" in out
 
 
+@pytest.mark.parametrize("f_max", [5, 40])
+def test_a_rough_case_driven_by_a_force_to_a_tolerance(
+    f_max: int, case_file: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The approach of its force gives its cut-off: one where no mesh resolves the waves, none where the meshes do."""
+    text = """
+    surface = {kind = "weierstrass-mandelbrot", L = 1e-6, D = 2.4, G = 1.36e-11, f_max = %d}
+    material = {E = 200e9, nu = 0.3}
+    loading = {force_max = 5e-4, steps = 5}
+    accuracy = {tolerance = 0.02, max_dofs = 200_000}
+    """
+    case_file.write_text(text % f_max, encoding="utf-8")
+    code, out, _ = check(case_file, capsys)
+    assert code == 0 and "that of a half-space" in out and "a run accepts" in out
+    assert (
+        out.count("a run would need more than the 200000 dofs") == out.count("cut off what is shorter") == (f_max > 5)
+    )
+    assert "time on one core: from about" in " ".join(out.split())
+
+
 def test_every_case_of_the_project_is_accepted() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

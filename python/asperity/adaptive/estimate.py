@@ -21,6 +21,7 @@ from asperity.adaptive.mesh_plan import (
     FIRST,
     FIRST_STEP,
     GUIDE,
+    LEAST_STEP,
     STEP_ORDERS,
     STICK,
     cheapest_substeps,
@@ -195,6 +196,34 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Esti
         raise InputError(f"the first mesh has more than {most:g} dofs: raise {key}")
     memory = ranks * rates.base + rates.per_dof * levels[-1].dofs
     return Estimate(tuple(levels), ranks, memory, delta, enough, _strain(case, surface, rates))
+
+
+def further_meshes(case: Case, found: Estimate, surface: Surface) -> list[MeshEstimate]:
+    """All meshes that a run with a tolerance can add to the planned ones, up to `accuracy.max_dofs`.
+
+    What is first touched late in the path shows only as it is pressed, and may take them. They follow one another in
+    the smallest steps, which is the most that they can cost at the load steps planned; of kinematics = "auto" they are
+    in finite strain.
+
+    Args:
+        case: with accuracy.tolerance
+        found: its estimate
+        surface: of the case
+    """
+    tolerance, most = case.accuracy.tolerance, min(case.accuracy.max_dofs, int(MOST_DOFS))
+    assert tolerance is not None
+    plastic, finite = case.material.yield_strength is not None, case.material.kinematics != "small"
+    rates, last = PLASTIC if plastic else ELASTIC, found.levels[-1]
+    loading = case.loading.model_copy(update={"delta_max": found.approach, "force_max": None, "pressure_max": None})
+    case = case.model_copy(update={"loading": loading})
+    flowing = plastic and is_rough(surface, found.approach, tolerance)
+    levels: list[MeshEstimate] = []
+    h, dofs = last.h_contact, last.dofs
+    while dofs < most:
+        h /= LEAST_STEP
+        dofs = min(count_dofs(surface, case, h, most, flowing), most)
+        levels.append(MeshEstimate(h, dofs, last.steps, _seconds(rates, dofs, last.steps, finite)))
+    return levels
 
 
 def _strain(case: Case, surface: Surface, rates: Rates) -> tuple[MeshEstimate, ...]:

@@ -14,7 +14,9 @@ from asperity.cli import options
 from asperity.runtime.progress import duration
 
 if TYPE_CHECKING:
+    from asperity.adaptive.estimate import Estimate
     from asperity.case import Case
+    from asperity.surface import Surface
 
 
 @click.command()
@@ -34,6 +36,8 @@ def command(case_file: str, case: Case, ranks: int, as_json: bool) -> None:
 def estimated(case: Case, ranks: int) -> dict[str, Any]:
     """Return the estimate of a case: seconds of one core, bytes of all ranks.
 
+    With a tolerance also the seconds with all meshes up to accuracy.max_dofs, "most_seconds".
+
     Args:
         case: the input
         ranks: that share the work
@@ -41,10 +45,14 @@ def estimated(case: Case, ranks: int) -> dict[str, Any]:
     Raises:
         InputError: its first mesh is too large
     """
-    from asperity.adaptive.estimate import estimate
+    from asperity.adaptive.estimate import estimate, further_meshes
 
-    found = estimate(case, ranks)
-    return asdict(found) | {"dofs": found.dofs, "seconds": found.seconds}
+    surface = case.build_surface()
+    found = estimate(case, ranks, surface)
+    totals = {"dofs": found.dofs, "seconds": found.seconds}
+    if case.accuracy.tolerance is not None:
+        totals["most_seconds"] = found.seconds + sum(m.seconds for m in further_meshes(case, found, surface))
+    return asdict(found) | totals
 
 
 def show_estimate(title: str, case: Case, ranks: int) -> None:
@@ -86,7 +94,22 @@ def show_estimate(title: str, case: Case, ranks: int) -> None:
             options.say(advice)
         if found.enough:
             options.say("finer meshes follow where the error bar of the last one is above the tolerance")
+        options.say(_range_of_time(case, found, surface))
     if case.accuracy.area_tolerance is not None:
         options.say("accuracy.area_tolerance is not in this estimate: it often takes finer meshes")
     if case.material.kinematics == "auto":
         options.say("the meshes are counted in small strain; if the run chooses finite strain, up to 2.2 times")
+
+
+def _range_of_time(case: Case, found: Estimate, surface: Surface) -> str:
+    """The time of the planned meshes, and of all that a run may add to them, a sentence."""
+    from asperity.adaptive.estimate import further_meshes
+
+    least, further = duration(found.seconds), further_meshes(case, found, surface)
+    if not further:
+        return f"time on one core: about {least}; accuracy.max_dofs = {case.accuracy.max_dofs} allows no further mesh"
+    most = duration(found.seconds + sum(level.seconds for level in further))
+    return (
+        f"time on one core: from about {least} for these meshes to about {most} for all finer ones that "
+        f"accuracy.max_dofs = {case.accuracy.max_dofs} allows"
+    )
