@@ -8,19 +8,15 @@ Each case is solved by every rank alone (COMM_SELF) and by all together (COMM_WO
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from waiting import wait_until
 
-from asperity import run_outputs
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block
 from asperity.model.material import Material
@@ -33,7 +29,7 @@ from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.make import make_contact_solver
 from asperity.run_case import run
 from asperity.runtime.parallel import on_root
-from asperity.runtime.run_folder import FIGURES, FREE
+from asperity.runtime.run_folder import FIGURES
 from asperity.surface import Sinusoid, Surface
 
 pytestmark = pytest.mark.mpi
@@ -182,32 +178,10 @@ def test_a_run_writes_one_set_of_files(shared_path: Path) -> None:
     }
 
 
-@pytest.mark.parametrize("fails", [False, True])
-def test_figures_of_the_contact_are_drawn_during_the_vibration(
-    shared_path: Path, monkeypatch: pytest.MonkeyPatch, fails: bool
-) -> None:
-    """Rank 0 ends the vibration only when the others have drawn these; the report does not draw them again."""
+def test_a_run_on_ranks_draws_all_figures(shared_path: Path) -> None:
     folder, together = shared_path / "out", comms()[1]
-    figures = [folder / FIGURES / f"{name}.png" for name in ("curve", "area", "surface", "mesh")]
-    compute = run_outputs._vibration
-
-    def vibration(*args: Any) -> Any:
-        if together.size > 1:
-            wait_until(lambda: all(path.is_file() for path in figures))
-        if fails:
-            raise InputError("no law for this vibration")
-        return compute(*args)
-
-    monkeypatch.setattr(run_outputs, "_vibration", vibration)
     case = Case.from_dict(SMALL | {"dynamics": {}, "output": {"figures": True, "report": True, "snapshots": 2}})
-    with pytest.raises(InputError, match="no law") if fails else nullcontext():
-        run(case, folder, comm=together)
+    run(case, folder, comm=together)
     together.Barrier()
-    if together.size > 1 or not fails:
-        assert all(path.is_file() for path in figures)
-    if not fails:
-        drawn = {path.stem for path in (folder / FIGURES).glob("*.png")}
-        assert drawn == {*figures_of(Results.read(folder))} >= {"frequency", "response", "curve", "pressure"}
-        if together.size > 1:
-            free = (folder / FREE).stat().st_mtime_ns
-            assert all(path.stat().st_mtime_ns < free for path in figures)
+    drawn = {path.stem for path in (folder / FIGURES).glob("*.png")}
+    assert drawn == {*figures_of(Results.read(folder))} >= {"frequency", "response", "curve", "pressure"}

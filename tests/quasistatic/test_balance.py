@@ -204,18 +204,12 @@ def test_wrong_runs_are_noticed(
 
 
 @pytest.mark.parametrize("material", [ELASTIC, PLASTIC])
-@pytest.mark.parametrize(
-    "soft",
-    [
-        Formulation("penalty", penalty=0.01),
-        Formulation("penalty", penalty=1e-300),
-    ],
-)
 def test_a_contact_too_soft_to_carry_the_load_is_noticed(
-    wave: Surface, coarse_wave: BlockMesh | None, soft: Formulation, material: Any
+    wave: Surface, coarse_wave: BlockMesh | None, material: Any
 ) -> None:
     from mpi4py import MPI
 
+    soft = Formulation("penalty", penalty=0.01)
     checks = pressed(make_contact_solver(MPI.COMM_WORLD, wave, coarse_wave, material, formulation=soft)).checks
     assert "raise contact.penalty or contact.gamma" in checks.violated["compliance"]
 
