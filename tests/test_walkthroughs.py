@@ -71,7 +71,6 @@ def test_what_a_page_types_is_legal(page: Path) -> None:
                 assert {a for a in given if a.startswith("-") and not a[1:2].isdigit()} <= options, line
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: f"{p.parent.name}/{p.stem}")
 def test_a_page_works_as_typed(page: Path, tmp_path: Path) -> None:
     (tmp_path / "cases").symlink_to(ROOT / "cases")
