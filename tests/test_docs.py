@@ -231,3 +231,16 @@ def test_the_page_of_the_paper_says_what_its_script_and_table_do(monkeypatch: py
         shown[name, regime] = verdict.replace("the opposite holds", "does not hold")  # the stronger form of it
     assert shown == {key: statements.verdict_of(group) for key, group in groups.items()}
     assert shown["T2", "rollers, contact nearly full"] == shown["T3", "rollers, surface alone"] == "open"
+
+
+def test_the_errors_of_the_formulations_at_a_light_load_are_those_of_the_table() -> None:
+    with (ROOT / "docs/tables/formulations.csv").open(encoding="utf-8", newline="") as file:
+        rows = csv.DictReader(line for line in file if not line.startswith("#"))
+        light = {row["formulation"]: float(row["force %"]) for row in rows if row["scene"] == "demo, light"}
+    text = " ".join((ROOT / "docs/contact.md").read_text(encoding="utf-8").split())
+    for words, name in (
+        ("the active set by", "active set"),
+        ("Nitsche's method with γ = 1 by", "Nitsche 0, gamma 1"),
+        ("the penalty method with β = 100 by", "penalty, beta 100"),
+    ):
+        assert f"{words} {light[name]:.2g} %" in text
