@@ -19,6 +19,7 @@ from asperity.runtime.display import short_repr
 from asperity.units import plus_minus, quantity
 
 _LARGEST_LN = 700.0  # of numbers in floating-point range
+_WIDE = 0.3  # part of k above which the two sides of its interval differ in their first digit
 
 
 @dataclass(frozen=True)
@@ -89,10 +90,19 @@ def with_misfit(fit: Mapping[str, Any]) -> tuple[str, str]:
         ('35 ± 19 %', '2.22 ± 0.12')
         >>> with_misfit({"k": 35.179, "n": 2.2203})
         ('35.18', '2.22')
+
+        The interval of k is symmetric in ln k, and shown by its ends where it is wide:
+
+        >>> with_misfit({"k": 35.179, "n": 2.2203, "ci": {"k": [11.0, 112.5], "n": [1.9, 2.54]}})
+        ('35 (11 to 110)', '2.22 ± 0.32')
     """
     k, n, intervals = fit["k"], fit["n"], fit.get("ci") or {}
-    bar = intervals["k"][1] / k - 1.0 if "k" in intervals else math.nan  # its greater side: k is positive
+    low, high = intervals.get("k", (math.nan, math.nan))
     half = 0.5 * (intervals["n"][1] - intervals["n"][0]) if "n" in intervals else math.nan
+    bar = high / k - 1.0  # the greater side: k is positive
+    if bar > _WIDE:
+        k_text, *ends = (quantity(float(f"{value:.2g}"), "") for value in (k, low, high))
+        return f"{k_text} ({ends[0]} to {ends[1]})", plus_minus(n, half)
     return quantity(k, "", bar=bar if bar > 1e-6 else math.nan), plus_minus(n, half)
 
 
