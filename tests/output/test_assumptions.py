@@ -314,7 +314,13 @@ def test_stickiness_warns_of_a_long_range() -> None:
 
 def moving(**values: float) -> dict[str, Any]:
     """Evidence of a vibration of a steel block."""
-    numbers = {"stiffness": 1e5, "mass": 1.0, "frequency": 1e3, "approach": 1e-9, "damping": 0.01} | values
+    numbers: dict[str, Any] = {
+        "stiffness": 1e5,
+        "mass": 1.0,
+        "frequency": 1e3,
+        "approach": 1e-9,
+        "damping": 0.01,
+    } | values
     return {"density": 7800.0, "vibration": Numbers(**numbers)}
 
 

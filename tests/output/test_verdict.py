@@ -50,6 +50,13 @@ def test_each_number_names_the_patch_or_the_joint() -> None:
         )
 
 
+def test_a_frequency_that_the_case_gives_has_no_bar() -> None:
+    found = {"numbers": {"k_n": 2e9, "f": 3804.4}, "laws": {"error_bar_of_k_n": 0.08}}
+    case = {"units": "SI", "joint": {"frequency": 3804.4}}
+    *_, last = verdict(Results(Path("out"), asp.Curve.from_rows([ROW]), case=case, thresholds=found))
+    assert "a stiffness of 2 GN/m ± 8 % and a frequency of 3.804 kHz." in last
+
+
 def test_the_frequency_has_its_bar_and_the_law_its_doubt() -> None:
     found = {"numbers": {"k_n": 2e4, "f": 1600.0, "f_bar": 8.0}, "laws": {"doubt": "two rows show no curvature"}}
     curve = asp.Curve.from_rows([ROW])

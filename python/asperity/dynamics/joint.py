@@ -12,7 +12,7 @@ from typing import Any
 
 from asperity.dynamics.law.checks import positive
 from asperity.errors import InputError
-from asperity.units import quantity
+from asperity.units import per_cent, quantity
 
 #: Keys of which at most one is given.
 EXCLUSIVE = (("preload", "pressure"), ("mass", "frequency"))
@@ -152,11 +152,14 @@ class Numbers:
         approach: static approach z_s (length).
         damping: damping ratio.
         frequency_bar: error bar of the frequency (1/time), NaN if unknown.
+        given: whether the frequency is an input, from which the mass follows, with the bar of the stiffness.
 
     Examples:
         >>> from asperity.dynamics.joint import Numbers
         >>> print(Numbers(2e5, 0.5, 100.66, 4e-9, 0.01, 0.42).sentence("SI"))
         k_n = 200 kN/m ± 0.83 %, m = 0.5 kg, f = 100.7 Hz ± 0.42 %, z_s = 4 nm, zeta = 0.01
+        >>> print(Numbers(2e5, 0.5, 100.66, 4e-9, 0.01, given=True).sentence("SI", bar=0.08))
+        k_n = 200 kN/m ± 8 %, m = 0.5 kg ± 8 %, f = 100.66 Hz, z_s = 4 nm, zeta = 0.01
     """
 
     stiffness: float
@@ -165,6 +168,7 @@ class Numbers:
     approach: float
     damping: float
     frequency_bar: float = math.nan
+    given: bool = False
 
     def sentence(self, units: str | None, bar: float = math.nan) -> str:
         """Return them as one line.
@@ -177,8 +181,10 @@ class Numbers:
         bar = bar if math.isfinite(bar) else 2.0 * self.frequency_bar / self.frequency
         parts = [f"k_n = {quantity(self.stiffness, 'N/m' if si else '', 5, bar=bar)}"]
         if math.isfinite(self.mass):
-            parts.append(f"m = {self.mass:.5g}{' kg' if si else ''}")
-            parts.append(f"f = {quantity(self.frequency, 'Hz' if si else '', 5, bar=0.5 * bar)}")
+            mass = f"{self.mass:.5g}{' kg' if si else ''}"
+            parts.append(f"m = {mass}{f' ± {per_cent(bar)}' if self.given and bar > 0.0 else ''}")
+            of_f = math.nan if self.given else 0.5 * bar
+            parts.append(f"f = {quantity(self.frequency, 'Hz' if si else '', 5, bar=of_f)}")
         else:
             parts.append("m and f unknown (give joint.mass)")
         parts += [f"z_s = {quantity(self.approach, 'm' if si else '')}", f"zeta = {self.damping:.5g}"]

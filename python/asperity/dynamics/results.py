@@ -35,11 +35,11 @@ RESPONSE_COLUMNS = (
 )  # fmt: skip
 
 
-def numbers_of(oscillator: ContactOscillator, omega_bar: float = math.nan) -> Numbers:
-    """Return the numbers of the small vibration of an oscillator, with the bar of its omega_s (rad/time)."""
+def numbers_of(oscillator: ContactOscillator, omega_bar: float = math.nan, given: bool = False) -> Numbers:
+    """Return the numbers of the small vibration of an oscillator, with the bar of omega_s (rad/time); see `Numbers`."""
     r, turn = oscillator.restoring, 2 * math.pi
     k = r.scale / r.z_s
-    return Numbers(k, oscillator.mass, oscillator.omega_s / turn, r.z_s, oscillator.zeta, omega_bar / turn)
+    return Numbers(k, oscillator.mass, oscillator.omega_s / turn, r.z_s, oscillator.zeta, omega_bar / turn, given)
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class Dynamics:
         """Stiffness, mass, frequency with its bar, static approach and damping of small vibration."""
         measured = self.joint is not None and self.joint.frequency is not None
         known = None if measured or self.uncertainty is None else self.uncertainty.omega_s
-        return numbers_of(self.first, math.nan if known is None else known.half)
+        return numbers_of(self.first, math.nan if known is None else known.half, measured)
 
     @property
     def joint(self) -> Joint | None:

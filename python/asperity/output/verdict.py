@@ -73,8 +73,9 @@ def _vibration(results: Results) -> Iterator[str]:
     about = "" if load is None else f" about a load of {quantity(load, (si and 'N') or '')}"
     stiffness = quantity(numbers["k_n"], (si and "N/m") or "", bar=bar)
     text = f"Small vibration of the {of}{about} has a stiffness of {stiffness}"
-    if numbers.get("f") is not None:  # sqrt(k_n/m): half the bar
-        text += f" and a frequency of {quantity(numbers['f'], (si and 'Hz') or '', bar=0.5 * bar)}"
+    if numbers.get("f") is not None:  # sqrt(k_n/m): half the bar, and none of one that the case gives
+        given = (results.case.get("joint") or {}).get("frequency") is not None
+        text += f" and a frequency of {quantity(numbers['f'], (si and 'Hz') or '', bar=nan if given else 0.5 * bar)}"
     yield f"{text}."
     if doubt := (results.thresholds.get("laws") or {}).get("doubt"):
         yield f"Its law is doubtful: {doubt}."
