@@ -5,8 +5,8 @@
 
     ./run python3 benchmarks/tables.py FILE.csv [FILE.csv]... -- COMMAND...
 
-For example `benchmarks/tables.py docs/tables/load_steps.csv -- python3 benchmarks/accuracy.py steps`. The command must
-print as many Markdown tables as there are files. They are stored in this order; `-` as the name leaves a table out.
+For example `benchmarks/tables.py docs/tables/krylov_tolerance.csv -- python3 benchmarks/linear.py krylov`. The command
+must print as many Markdown tables as there are files. They are stored in this order; the name `-` leaves one out.
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 MUST_RUN = {"keys", "check", "estimate", "init", "surface", "compare"}  # commands that take no time
 
 
-# the study file of docs/studies.md
+# a study file
 STUDY = """
 base = {units = "other", surface = {kind = "sinusoid", L = 1.0, amplitude = 0.05}, material = {E = 1.0, nu = 0.3},
     mesh = {h_contact = 0.4, h_max = 1.0, growth = 1.0}, loading = {delta_max = 0.02, steps = 3}}
