@@ -125,6 +125,23 @@ class LoopTable:
                 found.append(loops[-1].amplitude)
         return tuple(found)
 
+    def doubts(self, top: float) -> Iterator[str]:
+        """Yield sentences on loops that are not steady, or that load the contact further than its curve.
+
+        Args:
+            top: greatest force of the curve (force)
+        """
+        if unsettled := self.unsettled():
+            amplitudes = ", ".join(f"{a:g}" for a in unsettled)
+            yield f"the loops of amplitude {amplitudes} are not steady yet: use more loops.cycles"
+        beyond = [loop.amplitude for loop in self.loops if loop.preload * (1.0 + loop.amplitude) > top * (1.0 + 1e-6)]
+        if beyond:
+            yield (
+                f"loops from an amplitude of {min(beyond):g} of the preload {self.loops[0].preload:g} on pass the "
+                f"greatest force {top:g} of the curve, for which the mesh was made: load the contact further, or lower "
+                "loops.amplitudes"
+            )
+
     def sentence(self) -> str:
         """First and last loop of each amplitude, in words."""
         parts = []

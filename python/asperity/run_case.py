@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,8 +19,6 @@ from asperity.curve import Curve
 from asperity.errors import (
     AssumptionWarning,
     CaseWarning,
-    CheckError,
-    ConvergenceError,
     InputError,
     Interrupted,
     OutputError,
@@ -33,22 +31,21 @@ from asperity.output.assumptions import ledger
 from asperity.output.friction_bounds import FRICTION_BOUNDS
 from asperity.output.run_files import RunFiles
 from asperity.power_law import PowerLawFit, with_misfit
-from asperity.run_outputs import write_outputs
 from asperity.runtime import run_folder
 from asperity.runtime.display import brief, html_table
 from asperity.runtime.notices import Notices, noting
-from asperity.runtime.parallel import agree, on_root_bcast
+from asperity.runtime.parallel import agree, on_root, on_root_bcast
 from asperity.runtime.progress import Progress, log_file
-from asperity.runtime.run_folder import CHECKPOINT, LOG, STATE
+from asperity.runtime.run_folder import LOG
+from asperity.runtime.timing import Phases
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from asperity.mesh.block import BlockMesh
-    from asperity.quasistatic.checkpoint import Checkpoint
     from asperity.quasistatic.contact_result import ContactResult
-    from asperity.quasistatic.hooks import Hooks
     from asperity.solve_case import SolvedCase
+    from asperity.surface import Surface
 
 
 @dataclass(frozen=True)
@@ -156,20 +153,20 @@ def run(
         whole, problem = agree(
             comm, partial(prepare, case, out, resume=resume, force=force, block=block, bounds=bounds)
         )
-        job = _Job(whole, problem, block, out, comm, progress or Progress(), notices, bounds)
+        files = RunFiles(whole, out, comm)
         if out is not None:
             on_root_bcast(comm, partial(run_folder.check, out, resume=resume, force=force))
-            done = on_root_bcast(comm, job.writer.finished) if resume else None
+            done = files.finished() if resume else None
             if done is not None and (not bounds or FRICTION_BOUNDS in done[1]):
                 return RunResult(done[0], done[0].fit_or_none(), done[1], None)
-        continues = job.continues(resume)
+        continues = files.open(resume, force)
         with (
-            log_file(None if out is None or comm.rank > 0 else out / LOG, append=continues) as open_log,
+            log_file(None if out is None or comm.rank > 0 else out / LOG, append=continues) as files.open_log,
             nullcontext() if out is None else StopRequest(comm) as request,
         ):
             notices.log()
             stop = None if request is None else request.agreed
-            return job.run(continues, partial(job.begin, continues, force, open_log), stop)
+            return _run(whole, problem, files, notices, progress or Progress(), stop, block, bounds, comm)
 
 
 def prepare(
@@ -198,219 +195,95 @@ def prepare(
     return case, case.problem()
 
 
-@dataclass(frozen=True)
-class _Job:
-    """A case on its way to results.
+def _run(
+    case: Case,
+    problem: Problem,
+    files: RunFiles,
+    notices: Notices,
+    progress: Progress,
+    stop: Callable[[], str] | None,
+    block: BlockMesh | None,
+    bounds: bool,
+    comm: MPI.Comm,
+) -> RunResult:
+    """Solve, vibrate, judge, write; collective."""
+    from asperity.solve_case import solve_case
+    from asperity.vibrate_case import VibratedCase, vibrate_case
 
-    Attributes:
-        case: the input
-        problem: of the case; its surface keeps what was found about it, such as its summit
-        block: mesh made before, on rank 0
-        folder: receives the files, None for none
-        comm, progress: as in `run`
-        notices: warnings so far
-        bounds: whether the case is solved with the other friction too
-    """
+    try:
+        solved = solve_case(case, problem, files, progress, stop, comm, block=block, bounds=bounds)
+    except InputError:
+        files.withdraw()
+        raise
+    except OutputError as e:
+        raise OutputError(f"{e}{'; --resume continues from the last step saved' if files.saved() else ''}") from None
+    contact, failure, folder = solved.contact, solved.failure, files.folder
+    summary = solved.summary(case, comm.size)
+    summary["warnings"] = notices.texts  # those of what follows join them
+    files.curve(contact.curve, whole=solved.accurate is not None)
+    files.summary(summary, failure)
+    phases, found = Phases(summary["seconds"]), VibratedCase()
 
-    case: Case
-    problem: Problem
-    block: BlockMesh | None
-    folder: Path | None
-    comm: MPI.Comm
-    progress: Progress
-    notices: Notices
-    bounds: bool = False
+    @contextmanager
+    def stage(name: str) -> Iterator[None]:
+        progress.stage(name)
+        with phases.phase(name):
+            yield
 
-    @cached_property
-    def writer(self) -> RunFiles:
-        """Writer of the files; of rank 0 only."""
-        return RunFiles(self.case, self.folder if self.comm.rank == 0 else None)
+    if solved.complete:
+        if contact.snapshots and folder is not None:
+            with stage("fields"):
+                files.fields(contact)
+        found = vibrate_case(case, problem, contact, folder, stage, stop)
+        summary |= found.sections
+        failure = found.failure or failure
 
-    @cached_property
-    def checkpoint(self) -> Checkpoint | None:
-        """Checkpoint of the run, if it has a folder."""
-        from asperity.quasistatic.checkpoint import Checkpoint
-        from asperity.quasistatic.checkpoint_identity import identity
+    evidence = solved.evidence(case, summary.get(FRICTION_BOUNDS), found.numbers)
+    lines = on_root_bcast(comm, partial(ledger, evidence))
+    summary["assumptions"] = [line.to_dict() for line in lines]
+    if evidence.radiated:
+        summary["radiation"] = evidence.radiated
+    _warn(case, folder, solved, lines)
+    notices.share()
+    files.summary(summary, failure)
 
-        if self.folder is None:
-            return None
-        return Checkpoint(self.folder / CHECKPOINT, identity(self.case), self.comm, self.case.output.checkpoint)
-
-    def continues(self, resume: bool) -> bool:
-        """Whether there is a state to continue from; writes nothing; collective.
-
-        Raises:
-            CheckpointError: of a run that cannot be continued
-            OutputError: the folder cannot be written
-        """
-        from asperity.quasistatic.checkpoint_identity import refuse_run_of_another
-
-        if self.folder is None or self.checkpoint is None:
-            return False
-        on_root_bcast(self.comm, partial(run_folder.check_writable, self.folder))
-        if resume and self.checkpoint.found():
-            return True
-        if resume:
-            on_root_bcast(self.comm, partial(refuse_run_of_another, self.case, self.folder))
-        self.checkpoint.ignore()
-        return False
-
-    def begin(self, continues: bool, force: bool, open_log: Callable[[], None]) -> None:
-        """Make the folder ready and write the input; collective.
-
-        Args:
-            continues: whether the run in the folder continues; otherwise its checkpoint is removed
-            force: whether the other files of a run in the folder are removed too
-            open_log: starts the log file
-        """
-        if self.folder is None or self.checkpoint is None:
-            return
-        if not continues:
-            self.checkpoint.clear()
-            if force:
-                on_root_bcast(self.comm, partial(run_folder.clear, self.folder))
-        on_root_bcast(self.comm, self.writer.begin)
-        open_log()
-
-    def _withdraw(self, continues: bool) -> None:
-        """Remove what a run wrote that is refused after it began, for example when its next mesh cannot be made."""
-        if self.checkpoint is not None and not continues and on_root_bcast(self.comm, lambda: self.writer.begun):
-            self.checkpoint.clear()
-            on_root_bcast(self.comm, self.writer.withdraw)
-
-    def run(self, continues: bool, begin: Callable[[], None], stop: Callable[[], str] | None) -> RunResult:
-        """Solve, judge, write; collective.
-
-        Args:
-            continues: whether the run in the folder continues
-            begin: called once there is a mesh, before the first file is written: a case whose surface cannot be meshed
-                leaves the folder as it is
-            stop: gives the reason to stop, empty for none; collective; None never stops
-        """
-        case, comm, writer = self.case, self.comm, self.writer
-        try:
-            solved = self._solve(begin, stop)
-        except InputError:
-            self._withdraw(continues)
-            raise
-        contact, failure = solved.contact, solved.failure
-        fit = contact.curve.fit_or_none()
-        summary = solved.summary(case, fit, comm.size)
-        violated = contact.checks.violated
-        doubts = "; ".join(violated.values())
-        # a mesh of a run with a tolerance that is not touched is one that is too coarse, as the reason says
-        too_coarse = solved.accurate is not None and failure is not None and violated.keys() == {"touch"}
-        if doubts and not too_coarse and not isinstance(failure, Interrupted):
-            failure = CheckError(f"the result is wrong, do not use it: {doubts}")
-        if failure is not None:
-            summary["exit_reason"] = str(failure)
-        lines = on_root_bcast(comm, partial(ledger, solved.evidence(case, summary.get(FRICTION_BOUNDS))))
-        summary["assumptions"] = [line.to_dict() for line in lines]
-        self._warn(lines, solved, summary["unresolved"])
-        self.notices.share()
-        summary["warnings"] = self.notices.texts  # those of what follows join them
-
-        def write() -> None:
-            (writer.steps if solved.accurate is None else writer.curve)(contact.curve)
-            writer.summary(summary)
-
-        on_root_bcast(comm, write)
-        # though perhaps not as accurate as requested, or without the bounds of friction
-        complete = contact.complete and not doubts and not isinstance(failure, Interrupted)
-        if failure is not None and not complete:
-            raise failure
-        try:
-            dynamics = write_outputs(
-                case, self.problem, contact, summary, self.folder, writer, self.progress, failure is None, stop=stop
-            )
-        except (Interrupted, InputError) as e:
-            kept = e if isinstance(e, Interrupted) else ConvergenceError(f"{e}; the curve is kept")
-            summary["exit_reason"] = str(kept)
-            on_root_bcast(comm, partial(writer.summary, summary))
-            raise kept from None
-        if failure is not None:
-            raise failure
-        return RunResult(contact.curve, fit, summary, contact, dynamics)
-
-    def _solve(self, begin: Callable[[], None], stop: Callable[[], str] | None) -> SolvedCase:
-        """The static part; collective.
-
-        Raises:
-            OutputError: a file cannot be written
-        """
-        from asperity.solve_case import solve_case
-
-        hooks = _hooks(self, begin, stop)
-        try:
-            return solve_case(
-                self.case,
-                self.problem,
-                hooks,
-                self.comm,
-                block=self.block,
-                bounds=self.bounds,
-                note=self.writer.note,
-                on_curve=lambda curve: on_root_bcast(self.comm, lambda: self.writer.curve(curve)),
-                on_step_of_other=lambda rows, fraction: self.progress.step(rows[-1], fraction),
-            )
-        except OutputError as e:
-            saved = self.checkpoint is not None and any(self.checkpoint.folder.glob(f"**/{STATE}"))
-            hint = "; --resume continues from the last step saved" if saved else ""
-            raise OutputError(f"{e}{hint}") from None
-
-    def _warn(self, lines: Sequence[Assumption], solved: SolvedCase, unresolved: str) -> None:
-        """Warn of what is doubtful in the result, and put the rest into the log."""
-        for line in lines:
-            if line.verdict == DOUBTFUL and line.warning:
-                warnings.warn(line.warning, AssumptionWarning, stacklevel=4)
-            elif line.verdict == DOUBTFUL:
-                logging.getLogger(__name__).info("doubtful: %s", line.describe())
-        contact = solved.contact
-        if self.case.output.fields and self.folder is not None and contact.complete and not contact.snapshots:
-            warnings.warn(_no_fields(self.case), CaseWarning, stacklevel=4)
-        if unresolved and solved.accurate is None and not isinstance(solved.failure, Interrupted):
-            warnings.warn(f"{unresolved}; make mesh.h_contact smaller", ResolutionWarning, stacklevel=4)
+    if solved.complete and not found.ends:
+        if folder is not None and (case.output.figures or case.output.report):
+            with stage("figures"):
+                on_root(comm, partial(_draw, folder, problem.surface))
+            files.summary(summary, failure)  # for the report, with the time of the figures
+        if folder is not None and case.output.report:
+            on_root(comm, partial(_report, folder, failure is None))
+        summary["finished"] = failure is None  # not before all is there: a finished run is not continued
+        files.summary(summary, failure)
+    if failure is not None:
+        raise failure
+    return RunResult(contact.curve, contact.curve.fit_or_none(), summary, contact, found.dynamics)
 
 
-def _no_fields(case: Case) -> str:
-    """Why a run has no snapshots to write as fields."""
-    why = "the steps were computed without snapshots before the run was resumed; replace the run with --force"
-    return f"output.fields = true writes nothing: {'output.snapshots = 0' if case.output.snapshots == 0 else why}"
+def _warn(case: Case, folder: Path | None, solved: SolvedCase, lines: Sequence[Assumption]) -> None:
+    """Warn of what is doubtful in the result, and put the rest into the log."""
+    for line in lines:
+        if line.verdict == DOUBTFUL and line.warning:
+            warnings.warn(line.warning, AssumptionWarning, stacklevel=4)
+        elif line.verdict == DOUBTFUL:
+            logging.getLogger(__name__).info("doubtful: %s", line.describe())
+    contact, unresolved = solved.contact, solved.contact.curve.unresolved()
+    if case.output.fields and folder is not None and contact.complete and not contact.snapshots:
+        why = "the steps were computed without snapshots before the run was resumed; replace the run with --force"
+        why = "output.snapshots = 0" if case.output.snapshots == 0 else why
+        warnings.warn(f"output.fields = true writes nothing: {why}", CaseWarning, stacklevel=4)
+    if unresolved and solved.accurate is None and not isinstance(solved.failure, Interrupted):
+        warnings.warn(f"{unresolved}; make mesh.h_contact smaller", ResolutionWarning, stacklevel=4)
 
 
-def _hooks(job: _Job, begin: Callable[[], None], stop: Callable[[], str] | None) -> Hooks:
-    """Progress, checkpoint and snapshots of a run, whose curve is written step by step."""
-    from asperity.quasistatic.hooks import Hooks
+def _draw(folder: Path, surface: Surface) -> None:
+    from asperity.plot import plot_run
 
-    begun = False
+    plot_run(folder, surface)
 
-    def on_ready() -> None:
-        nonlocal begun
-        if not begun:  # with a tolerance there are several meshes
-            begin()
-        begun = True
 
-    def on_stage(name: str) -> None:
-        reason = "" if stop is None else stop()
-        if reason:
-            raise Interrupted(f"stopped by {reason} before the load path (next: {name})")
-        job.progress.stage(name)
-        logging.getLogger(__name__).info("%s", name)
+def _report(folder: Path, finished: bool) -> None:
+    from asperity.plot.report import write_report
 
-    def on_step(rows: Sequence[Mapping[str, Any]], fraction: float) -> None:
-        on_root_bcast(job.comm, lambda: job.writer.steps(Curve.from_rows(rows)))
-        job.progress.step(rows[-1], fraction)
-
-    output = job.case.output
-    snapshots = output.snapshots if output.figures or output.fields or output.distributions else 0
-    return Hooks(
-        on_stage,
-        on_step,
-        stop,
-        job.checkpoint,
-        snapshots,
-        on_ready,
-        stiffness=output.stiffness,
-        conductance=output.conductance,
-        on_part=job.progress.part,
-    )
+    write_report(folder, finished)

@@ -6,9 +6,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from asperity.adaptive.other_friction import solve_other_friction
@@ -16,24 +15,24 @@ from asperity.adaptive.small_strain import SmallStrain, choose_kinematics
 from asperity.adaptive.solve_to_tolerance import AccurateResult, refine
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.errors import ConvergenceError, Interrupted
+from asperity.errors import CheckError, ConvergenceError, Interrupted
 from asperity.mesh.block import BlockMesh
 from asperity.model.material import AUTO
 from asperity.model.problem import Problem
 from asperity.model.settings import AccuracyTarget
 from asperity.output.assumptions import Evidence
 from asperity.output.friction_bounds import FRICTION_BOUNDS, friction_bounds
+from asperity.output.run_files import RunFiles
 from asperity.output.summary import summarise
-from asperity.power_law import PowerLawFit
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.solve_problem import solve_problem
-from asperity.quasistatic.stepping import Callback
-from asperity.run_outputs import nominal_side, small_vibration_of
-from asperity.runtime.parallel import on_root_bcast
+from asperity.runtime.progress import Progress
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+    from asperity.dynamics.joint import Numbers
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ class SolvedCase:
         accurate: the same of a run with a tolerance
         other: curve with the other friction, when requested
         strain: what small strain changes, where known
-        failure: what stopped the run
+        failure: what stopped the run, or is wrong with its result
     """
 
     problem: Problem
@@ -56,9 +55,15 @@ class SolvedCase:
     strain: SmallStrain | None
     failure: ConvergenceError | None
 
-    def summary(self, case: Case, fit: PowerLawFit | None, ranks: int) -> dict[str, Any]:
+    @property
+    def complete(self) -> bool:
+        """Whether the curve is whole, though perhaps not as accurate as requested, or without bounds of friction."""
+        stopped = isinstance(self.failure, Interrupted) or self.contact.checks.violated or not self.contact.complete
+        return self.failure is None or not stopped
+
+    def summary(self, case: Case, ranks: int) -> dict[str, Any]:
         """Contents of summary.json that are known so far."""
-        found = summarise(case, self.contact, fit, ranks)
+        found = summarise(case, self.contact, ranks)
         strain = None if self.strain is None else self.strain.to_dict()
         found["model"] = {"kinematics": self.problem.material.kinematics, "small_strain": strain}
         if self.accurate is not None:
@@ -69,12 +74,13 @@ class SolvedCase:
             found[FRICTION_BOUNDS] = friction_bounds(*((self.other, computed) if sticks else (computed, self.other)))
         return found
 
-    def evidence(self, case: Case, bounds: Mapping[str, Any] | None) -> Evidence:
+    def evidence(self, case: Case, bounds: Mapping[str, Any] | None, vibration: Numbers | None) -> Evidence:
         """What the ledger of the run is made of.
 
         Args:
             case: the input
             bounds: section friction_bounds of the summary, if there is one
+            vibration: stiffness, frequency and damping of small vibration; None where there is none
         """
         accurate, tolerance = self.accurate, case.accuracy.tolerance
         h = roughness = None
@@ -88,39 +94,39 @@ class SolvedCase:
         return Evidence(
             self.contact.curve, self.problem, case.units == "SI", tolerance, h, roughness, change,
             friction=bounds["at_greatest_load"]["force"] if bounds else None, density=case.material.density,
-            vibration=small_vibration_of(case, self.contact.curve), side=nominal_side(case),
+            vibration=vibration, side=case.nominal_side,
         )  # fmt: skip
 
 
 def solve_case(
     case: Case,
     problem: Problem,
-    hooks: Hooks,
+    files: RunFiles,
+    progress: Progress,
+    stop: Callable[[], str] | None,
     comm: MPI.Comm,
     *,
     block: BlockMesh | None = None,
     bounds: bool = False,
-    note: Callable[[str], None],
-    on_curve: Callable[[Curve], None],
-    on_step_of_other: Callback,
 ) -> SolvedCase:
-    """Solve the static part of a case; collective.
+    """Solve the static part of a case, and write its curve step by step; collective.
 
     Args:
         case: the input
         problem: of the case
-        hooks: progress, checkpoint, snapshots
+        files: of the run; they begin when there is a mesh, so that a surface that cannot be meshed changes no file
+        progress: receives stages and steps
+        stop: gives the reason to stop, empty for none; collective; None never stops
         comm: communicator
         block: mesh made before, on rank 0; None makes it
         bounds: whether the case is solved with the other friction too
-        note: receives, on rank 0, what was chosen for the user
-        on_curve: called with the curve with error bars of each mesh of a run with a tolerance
-        on_step_of_other: called after each step with the other friction
 
     Raises:
+        InputError: another mesh of a run with a tolerance cannot be made
         OutputError: a file cannot be written
     """
-    chosen, strain = _with_kinematics(case, problem, hooks, comm, note)
+    hooks = _hooks(case, files, progress, stop)
+    chosen, strain = _with_kinematics(case, problem, hooks, comm, files.note)
     if problem.material.kinematics == AUTO and hooks.checkpoint is not None:
         # another choice, as of a continued run with more cycles, starts the path again
         hooks = replace(hooks, checkpoint=hooks.checkpoint.part(chosen.material.kinematics))
@@ -131,19 +137,46 @@ def solve_case(
             contact = _solve(case, chosen, block, comm, hooks)
         else:
             target = AccuracyTarget(wanted.tolerance, wanted.max_dofs, wanted.max_seconds, wanted.area_tolerance)
-            accurate = refine(chosen, target, comm, hooks, on_curve)
+            accurate = refine(chosen, target, comm, hooks, files.curve)
             contact = replace(accurate.contact, curve=accurate.curve, reason=accurate.reason)
             failure = None if accurate.met else ConvergenceError(accurate.reason)
         if bounds and failure is not None:
             logging.getLogger(__name__).info("--bounds is left out: %s", failure)
         elif bounds:
-            shown = replace(hooks, on_step=on_step_of_other)
+            shown = replace(hooks, on_step=lambda rows, fraction: progress.step(rows[-1], fraction))
             other, failure = solve_other_friction(chosen, contact, accurate, comm, shown)
     except PartialResult as e:
         stopped = isinstance(e.__cause__, Interrupted)
         failure = Interrupted(str(e)) if stopped else ConvergenceError(str(e))
         contact = e.result
+    violated = contact.checks.violated
+    # a mesh of a run with a tolerance that is not touched is one that is too coarse, as the reason says
+    too_coarse = accurate is not None and failure is not None and violated.keys() == {"touch"}
+    if violated and not too_coarse and not isinstance(failure, Interrupted):
+        failure = CheckError(f"the result is wrong, do not use it: {'; '.join(violated.values())}")
     return SolvedCase(chosen, contact, accurate, other, strain, failure)
+
+
+def _hooks(case: Case, files: RunFiles, progress: Progress, stop: Callable[[], str] | None) -> Hooks:
+    """Progress, checkpoint and snapshots of a run, whose curve is written step by step."""
+
+    def on_stage(name: str) -> None:
+        if reason := "" if stop is None else stop():
+            raise Interrupted(f"stopped by {reason} before the load path (next: {name})")
+        progress.stage(name)
+        logging.getLogger(__name__).info("%s", name)
+
+    def on_step(rows: Sequence[Mapping[str, Any]], fraction: float) -> None:
+        files.curve(Curve.from_rows(rows), whole=False)
+        progress.step(rows[-1], fraction)
+
+    output = case.output
+    return Hooks(
+        on_stage, on_step, stop, files.checkpoint,
+        snapshots=output.snapshots if output.figures or output.fields or output.distributions else 0,
+        on_ready=files.begin,
+        stiffness=output.stiffness, conductance=output.conductance, on_part=progress.part,
+    )  # fmt: skip
 
 
 def _with_kinematics(
@@ -159,7 +192,7 @@ def _with_kinematics(
         return problem, None
     chosen, found = choose_kinematics(problem, case.accuracy.tolerance, comm, hooks)
     if material.kinematics == AUTO:
-        on_root_bcast(comm, partial(note, f'kinematics = "auto" took "{chosen.material.kinematics}"'))
+        note(f'kinematics = "auto" took "{chosen.material.kinematics}"')
     return chosen, found
 
 

@@ -137,6 +137,12 @@ class Case(Input):
                 data[section][name] = hashlib.sha256(content).hexdigest()
         return data
 
+    @property
+    def nominal_side(self) -> float:
+        """Side of the nominal area of what vibrates, that of the joint if it has one [length]."""
+        area = None if self.joint is None else self.joint.nominal_area
+        return self.surface.L if area is None else math.sqrt(area)
+
     def build_surface(self) -> Surface:
         """The surface that [surface] describes."""
         from asperity.surface import Surface

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from math import exp, inf, pi, sqrt
 from typing import TYPE_CHECKING
 
@@ -114,6 +115,19 @@ class Evidence:
         xx, _, yy = self.problem.surface.hessian(x, y)
         curvature = -0.5 * float(xx + yy)
         return 1.0 / curvature if curvature > 0.0 else inf
+
+    @cached_property
+    def radiated(self) -> dict[str, float]:
+        """Section "radiation" of summary.json: the loss factor eta where the waves are long; empty where unknown."""
+        if self.vibration is None or self.density is None:
+            return {}
+        solid, frequency = self.problem.material, self.vibration.frequency
+        over = (self.side or self.problem.surface.L) * frequency / sqrt(solid.lame[1] / self.density)
+        if over > LONG_WAVES:
+            return {"side_over_wavelength": over}
+        k, omega = self.vibration.stiffness, 2.0 * pi * frequency
+        eta = radiation_loss(k, omega, E=solid.E, nu=solid.nu, density=self.density)
+        return {"side_over_wavelength": over, "eta": eta}
 
 
 def ledger(evidence: Evidence) -> list[Assumption]:
@@ -365,17 +379,13 @@ def slow_vibration(run: Evidence) -> Assumption | None:
 
 def radiation(run: Evidence) -> Assumption | None:
     """Damping by waves that a vibrating contact would send into a half-space, which the model leaves out."""
-    if run.vibration is None or run.density is None:
+    if run.vibration is None or "eta" not in run.radiated:
         return None
-    vibration, solid = run.vibration, run.problem.material
-    omega, slow = 2.0 * pi * vibration.frequency, sqrt(solid.lame[1] / run.density)
-    if (run.side or run.problem.surface.L) * vibration.frequency > LONG_WAVES * slow:
-        return None
-    value = 0.5 * radiation_loss(vibration.stiffness, omega, E=solid.E, nu=solid.nu, density=run.density)
+    damping = run.vibration.damping
     return Assumption(
-        "inertia: damping ratio by radiation", value, NEGLIGIBLE * vibration.damping, "",
+        "inertia: damping ratio by radiation", 0.5 * run.radiated["eta"], NEGLIGIBLE * damping, "",
         "Miller & Pursey, Proc. R. Soc. Lond. A 223 (1954) 521", "a damping ratio greater by the value",
-        f"the model has {vibration.damping:.3g}; a block on a rigid base radiates less than the half-space",
+        f"the model has {damping:.3g}; a block on a rigid base radiates less than the half-space",
     )  # fmt: skip
 
 

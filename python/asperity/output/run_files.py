@@ -1,110 +1,223 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Input, curve and summary of a run, written as it proceeds."""
+"""Folder of a run: its checkpoint, and input, curve and summary, written as it proceeds."""
 
 from __future__ import annotations
 
 import json
 import tomllib
+from collections.abc import Callable
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.errors import InputError
-from asperity.runtime.files import UNREADABLE, remove_asides, replace_file
-from asperity.runtime.run_folder import CASE, CURVE, SUMMARY, clear, dropped
+from asperity.errors import ConvergenceError, InputError
+from asperity.runtime.files import UNREADABLE, files_into, remove_asides, replace_file, write_npz
+from asperity.runtime.parallel import on_root_bcast
+from asperity.runtime.run_folder import (
+    BLOCK,
+    CASE,
+    CHECKPOINT,
+    CURVE,
+    DISTRIBUTIONS,
+    FIELDS,
+    STATE,
+    SUMMARY,
+    TOP,
+    VTKHDF,
+    check_writable,
+    clear,
+    dropped,
+)
+from asperity.runtime.shares import on_root_of
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from asperity.quasistatic.checkpoint import Checkpoint
+    from asperity.quasistatic.contact_result import ContactResult
+
+T = TypeVar("T")
 
 
 class RunFiles:
-    """Writes the files of a run; without a folder (and on all ranks but the first) nothing."""
+    """Folder of a run; without one nothing is written. All methods are collective, and rank 0 writes.
 
-    def __init__(self, case: Case, folder: Path | None) -> None:
-        self._case, self._folder = case, folder
-        self._whole = False
-        self.begun = False  # whether the run has written into the folder
+    Attributes:
+        folder: of the run
+        open_log: starts the log file
+    """
+
+    def __init__(self, case: Case, folder: Path | None, comm: MPI.Comm) -> None:
+        self.folder = folder
+        self.open_log: Callable[[], None] = lambda: None
+        self._case, self._comm = case, comm
+        self._begun = self._continues = self._replaces = self._whole = False
         self._note = ""
 
+    def _on_root(self, work: Callable[[Path], T]) -> T | None:
+        """Call a function with the folder, if there is one, and broadcast its result."""
+        return None if self.folder is None else on_root_bcast(self._comm, partial(work, self.folder))
+
+    @cached_property
+    def checkpoint(self) -> Checkpoint | None:
+        """Checkpoint of the run, if it has a folder."""
+        from asperity.quasistatic.checkpoint import Checkpoint
+        from asperity.quasistatic.checkpoint_identity import identity
+
+        if self.folder is None:
+            return None
+        return Checkpoint(self.folder / CHECKPOINT, identity(self._case), self._comm, self._case.output.checkpoint)
+
+    def finished(self) -> tuple[Curve, dict[str, Any]] | None:
+        """Curve and summary when the folder holds everything the case requests, else None."""
+
+        def read(folder: Path) -> tuple[Curve, dict[str, Any]] | None:
+            summary = _summary(folder)
+            if summary.get("finished") is not True or summary.get("case_hash") != self._case.hash():
+                return None
+            try:
+                text = (folder / CASE).read_text(encoding="utf-8")
+                curve = Curve.read(folder / CURVE)
+            except (*UNREADABLE, InputError):
+                return None
+            return (curve, summary) if text.endswith(self._case.to_toml()) else None
+
+        return self._on_root(read)
+
+    def open(self, resume: bool, force: bool) -> bool:
+        """Whether there is a state to continue from; writes nothing.
+
+        Args:
+            resume: whether to look for one
+            force: whether `begin` removes the files of another run
+
+        Raises:
+            CheckpointError: of a run that cannot be continued
+            OutputError: the folder cannot be written
+        """
+        from asperity.quasistatic.checkpoint_identity import refuse_run_of_another
+
+        self._replaces = force
+        self._on_root(check_writable)
+        if self.checkpoint is not None:
+            self._continues = resume and self.checkpoint.found()
+            if resume and not self._continues:
+                self._on_root(partial(refuse_run_of_another, self._case))
+            if not self._continues:
+                self.checkpoint.ignore()
+        return self._continues
+
     def begin(self) -> None:
-        """Make the folder and write the completed input.
+        """Make the folder, write the completed input and start the log, at the first call.
 
         Of a run that continues, a finished one is marked unfinished, and what the case no longer requests is removed.
         """
-        if self._folder is not None:
-            self._folder.mkdir(parents=True, exist_ok=True)
-            remove_asides(self._folder)
-            before = self._summary()
+
+        def begin(folder: Path) -> None:
+            if self._replaces:
+                clear(folder)
+            folder.mkdir(parents=True, exist_ok=True)
+            remove_asides(folder)
+            before = _summary(folder)
             if before.get("finished"):
-                self.summary(before | {"finished": False})
-            clear(self._folder, dropped(self._earlier_case(), self._case.to_dict()))
-            self.begun = True
-            self._write_case()
+                _write_summary(before | {"finished": False}, folder)
+            clear(folder, dropped(_earlier_case(folder), self._case.to_dict()))
+            self._write_case(folder)
+
+        if self._begun or self.checkpoint is None:
+            return
+        if not self._continues:
+            self.checkpoint.clear()
+        self._on_root(begin)
+        self._begun = True
+        self.open_log()
+
+    def saved(self) -> bool:
+        """Whether the checkpoint holds a state."""
+        return bool(self._on_root(lambda folder: any((folder / CHECKPOINT).glob(f"**/{STATE}"))))
 
     def withdraw(self) -> None:
-        """Remove what a refused run has written; files of other origin stay."""
-        if self._folder is not None:
-            clear(self._folder)
-            (self._folder / CASE).unlink(missing_ok=True)
-            if not any(self._folder.iterdir()):
-                self._folder.rmdir()
+        """Remove what a run wrote that is refused after it began, for example when its next mesh cannot be made.
+
+        A run that continues keeps its files, and files of other origin stay.
+        """
+
+        def withdraw(folder: Path) -> None:
+            clear(folder)
+            (folder / CASE).unlink(missing_ok=True)
+            if not any(folder.iterdir()):
+                folder.rmdir()
+
+        if self.checkpoint is not None and self._begun and not self._continues:
+            self.checkpoint.clear()
+            self._on_root(withdraw)
 
     def note(self, text: str) -> None:
         """Put a choice of the run as a comment above the completed input."""
         self._note = f"# {text}\n"
-        if self.begun:
-            self._write_case()
+        if self._begun:
+            self._on_root(self._write_case)
 
-    def _write_case(self) -> None:
-        assert self._folder is not None
-        replace_file(self._folder / CASE, (self._note + self._case.to_toml()).encode())
+    def _write_case(self, folder: Path) -> None:
+        replace_file(folder / CASE, (self._note + self._case.to_toml()).encode())
 
-    def _earlier_case(self) -> dict[str, Any]:
-        """Tables of case.toml; nothing where it is absent or damaged."""
-        assert self._folder is not None
-        try:
-            return tomllib.loads((self._folder / CASE).read_text(encoding="utf-8"))
-        except UNREADABLE:
-            return {}
+    def curve(self, curve: Curve, whole: bool = True) -> None:
+        """Write the curve; the steps so far replace no whole one, which a coarser mesh has given."""
+        if whole or not self._whole:
+            self._whole = whole
+            self._on_root(lambda folder: curve.write(folder / CURVE))
 
-    def _summary(self) -> dict[str, Any]:
-        """Contents of summary.json; nothing where it is absent or damaged."""
-        assert self._folder is not None
-        try:
-            found = json.loads((self._folder / SUMMARY).read_text(encoding="utf-8"))
-        except UNREADABLE:
-            return {}
-        return found if isinstance(found, dict) else {}
+    def fields(self, contact: ContactResult) -> None:
+        """Write the snapshots of a run with a folder into fields/: for figures, ParaView and distributions."""
+        from asperity.output import fields
+        from asperity.output.distributions import write_distributions
 
-    def finished(self) -> tuple[Curve, dict[str, Any]] | None:
-        """Curve and summary when the folder holds everything the case requests, else None."""
-        assert self._folder is not None
-        summary = self._summary()
-        if summary.get("finished") is not True or summary.get("case_hash") != self._case.hash():
-            return None
-        try:
-            text = (self._folder / CASE).read_text(encoding="utf-8")
-            curve = Curve.read(self._folder / CURVE)
-        except (*UNREADABLE, InputError):
-            return None
-        return (curve, summary) if text.endswith(self._case.to_toml()) else None
+        assert self.folder is not None
+        side, E, output = self._case.surface.L, self._case.material.E, self._case.output
+        top, mesh = fields.gather_top_states(contact, side, E), fields.mesh_streams(contact, side)
+        grid = fields.vtkhdf_streams(contact, E) if output.fields else {}
+        place = self.folder / FIELDS
 
-    def steps(self, curve: Curve) -> None:
-        """Write the curve so far; a killed run keeps it, unless it has had a whole one on a coarser mesh."""
-        if not self._whole:
-            self._write(curve)
+        def write() -> None:
+            assert top is not None
+            with files_into(place) as aside:
+                fields.write_top(aside / TOP, top)
+                write_npz(aside / BLOCK, mesh.items(), compress=True)
+                if grid:
+                    fields.write_vtkhdf_streams(aside / VTKHDF, grid, [s.delta for s in contact.snapshots])
+                if output.distributions:
+                    write_distributions(aside / DISTRIBUTIONS, top, side)
 
-    def curve(self, curve: Curve) -> None:
-        """Write a whole curve."""
-        self._whole = True
-        self._write(curve)
+        on_root_of(self._comm, [*mesh.values(), *grid.values()], write)
 
-    def _write(self, curve: Curve) -> None:
-        if self._folder is not None:
-            curve.write(self._folder / CURVE)
+    def summary(self, summary: dict[str, Any], failure: ConvergenceError | None) -> None:
+        """Write summary.json, with what the run failed by as its reason to end."""
+        if failure is not None:
+            summary["exit_reason"] = str(failure)
+        self._on_root(partial(_write_summary, summary))
 
-    def summary(self, summary: dict[str, Any]) -> None:
-        """Write summary.json."""
-        if self._folder is not None:
-            text = json.dumps(summary, indent=2, default=float)
-            replace_file(self._folder / SUMMARY, f"{text}\n".encode())
+
+def _earlier_case(folder: Path) -> dict[str, Any]:
+    """Tables of case.toml; nothing where it is absent or damaged."""
+    try:
+        return tomllib.loads((folder / CASE).read_text(encoding="utf-8"))
+    except UNREADABLE:
+        return {}
+
+
+def _summary(folder: Path) -> dict[str, Any]:
+    """Contents of summary.json; nothing where it is absent or damaged."""
+    try:
+        found = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+    except UNREADABLE:
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _write_summary(summary: dict[str, Any], folder: Path) -> None:
+    text = json.dumps(summary, indent=2, default=float)
+    replace_file(folder / SUMMARY, f"{text}\n".encode())

@@ -12,14 +12,14 @@ from typing import Any
 
 from asperity.case import Case
 from asperity.curve import STIFFNESSES, Curve
-from asperity.power_law import PowerLawFit
 from asperity.quasistatic.contact_result import ContactResult
 
 PACKAGES = ("numpy", "scipy", "mpi4py", "petsc4py", "gmsh")
 
 
-def summarise(case: Case, contact: ContactResult, fit: PowerLawFit | None, ranks: int) -> dict[str, Any]:
+def summarise(case: Case, contact: ContactResult, ranks: int) -> dict[str, Any]:
     """Contents of summary.json."""
+    fit = contact.curve.fit_or_none()
     return {
         "exit_reason": contact.reason,
         "finished": False,

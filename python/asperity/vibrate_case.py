@@ -1,0 +1,157 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""What a case computes from its curve and last state: stiffness matrix, loops about the preload, vibration."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from asperity.case import Case
+from asperity.curve import Curve
+from asperity.dynamics import Dynamics, DynamicsSettings, LoopDamping, run_dynamics
+from asperity.dynamics.joint import Numbers
+from asperity.dynamics.law.damping import LOOPS as OF_LOOPS
+from asperity.dynamics.run import small_vibration
+from asperity.errors import AsperityError, AsperityWarning, ConvergenceError, InputError, Interrupted
+from asperity.loops import LoopTable
+from asperity.model.problem import Problem
+from asperity.quasistatic.contact_result import ContactResult
+from asperity.quasistatic.force_loops import solve_loops
+from asperity.quasistatic.stepping import FORCE_TOLERANCE
+from asperity.quasistatic.stiffness_matrix import stiffness_matrix
+from asperity.runtime.parallel import on_root, on_root_bcast
+from asperity.runtime.run_folder import LOOPS
+
+
+@dataclass
+class VibratedCase:
+    """What was found after the curve of a case.
+
+    Attributes:
+        sections: of summary.json
+        dynamics: the vibration, when requested
+        numbers: stiffness, frequency and damping of small vibration; None where there is none, or no mass
+        failure: why a part is missing
+        ends: whether the run ends there, without figures and report
+    """
+
+    sections: dict[str, Any] = field(default_factory=dict)
+    dynamics: Dynamics | None = None
+    numbers: Numbers | None = None
+    failure: ConvergenceError | None = None
+    ends: bool = False
+
+
+def vibrate_case(
+    case: Case,
+    problem: Problem,
+    contact: ContactResult,
+    folder: Path | None,
+    stage: Callable[[str], AbstractContextManager[None]],
+    stop: Callable[[], str] | None = None,
+) -> VibratedCase:
+    """Compute what a case requests in addition to its curve; collective.
+
+    Args:
+        case: the input
+        problem: of the case
+        contact: with the curve, and the solver at the end of the load path
+        folder: receives loops.csv and the files of the vibration; None writes nothing
+        stage: announces a part by its name, and takes its time
+        stop: polled by the loops; a reason ends them
+    """
+    found, loops, comm = VibratedCase(), None, contact.solver.solid.comm
+    try:
+        if case.output.stiffness_matrix:
+            with stage("stiffness matrix"):
+                matrix = stiffness_matrix(contact.solver)
+            scaled = None if matrix is None else matrix.scaled(case.material.E, case.surface.L)
+            found.sections["stiffness_matrix"] = None if scaled is None else scaled.to_dict()
+        if case.loops is not None:
+            with stage("loops"):
+                loops = _loops(case, problem, contact, stop)
+            found.sections["loops"] = loops.to_dict()
+            for text in loops.doubts(float(contact.curve.force.max())):
+                warnings.warn(text, AsperityWarning, stacklevel=2)
+            if folder is not None:
+                on_root(comm, partial(loops.write, folder / LOOPS))
+    except (ConvergenceError, InputError) as e:  # on all ranks; what does not need these parts follows all the same
+        found.failure, found.ends = _kept(e), isinstance(e, Interrupted)
+    if case.dynamics is None and case.joint is not None and not found.ends:
+        found.numbers = on_root_bcast(comm, partial(_small_vibration, case, contact.curve))
+    lacks_loops = case.loops is not None and loops is None
+    if case.dynamics is None or found.ends or (lacks_loops and case.dynamics.damping == OF_LOOPS):
+        return found
+    try:
+        with stage("dynamics"):  # the other ranks wait, for a process that ends with an error would end all
+            found.dynamics = on_root_bcast(comm, partial(_vibration, case, contact.curve, folder, loops))
+    except (ConvergenceError, InputError) as e:
+        found.failure, found.ends = _kept(e), True
+        return found
+    section, numbers = found.dynamics.to_dict(), found.dynamics.numbers
+    found.sections["dynamics"] = {name: section[name] for name in ("law", "load", "numbers", "laws", "notes")}
+    found.numbers = numbers if math.isfinite(numbers.frequency) else None
+    return found
+
+
+def _kept(error: ConvergenceError | InputError) -> ConvergenceError:
+    """An error for the exit code of a run with a curve, which alone shows what is wrong with the input."""
+    return error if isinstance(error, ConvergenceError) else ConvergenceError(f"{error}; the curve is kept")
+
+
+def _loops(case: Case, problem: Problem, contact: ContactResult, stop: Callable[[], str] | None) -> LoopTable:
+    """Loops about the preload, from the state at the end of the load path, which the solver has afterwards too.
+
+    Raises:
+        InputError: the preload exceeds the greatest force of the curve
+    """
+    assert case.loops is not None
+    wanted, top, key = case.loops, float(contact.curve.force.max()), "loops.preload"
+    preload, settings = wanted.preload, _settings(case)
+    if preload is None and settings.preload is not None:
+        factor = 1.0 if settings.joint is None else settings.joint.factor(settings.patch_area)
+        preload, key = settings.preload / factor, "the preload of the loops"
+    preload = 0.5 * top if preload is None else preload
+    # a load path by force ends within a small tolerance of it, and a tolerance corrects the curve
+    if top < preload <= top * (1.0 + max(2.0 * FORCE_TOLERANCE, case.accuracy.tolerance or 0.0)):
+        preload = top
+    if not 0.0 < preload <= top:
+        raise InputError(
+            f"{key} = {preload:g} must lie between 0 and {top:g}, the greatest force of the curve: lower it, or load "
+            "the contact further"
+        )
+    return solve_loops(
+        problem, contact, preload, wanted.amplitudes, cycles=wanted.cycles, steps=wanted.steps, stop=stop
+    )
+
+
+def _settings(case: Case) -> DynamicsSettings:
+    return DynamicsSettings.of_case(case.to_dict())
+
+
+def _small_vibration(case: Case, curve: Curve) -> Numbers | None:
+    """Numbers of a joint without a vibration analysis; None where the curve does not reach its preload, or no mass."""
+    try:
+        numbers = small_vibration(curve, _settings(case))
+    except AsperityError:
+        return None
+    return numbers if math.isfinite(numbers.frequency) else None
+
+
+def _vibration(case: Case, curve: Curve, folder: Path | None, loops: LoopTable | None) -> Dynamics:
+    """Vibration on the curve of a case."""
+    settings = _settings(case)
+    if settings.damping == OF_LOOPS and loops is not None:
+        settings = settings.replaced(damping=LoopDamping.of(loops))
+    result = run_dynamics(curve, settings, out_dir=folder)
+    if result.laws is not None and result.laws.choice.note:
+        warnings.warn(result.laws.choice.note, AsperityWarning, stacklevel=2)
+    return result
