@@ -18,15 +18,14 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import PchipInterpolator, PPoly, make_smoothing_spline
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, PPoly, make_smoothing_spline
 from scipy.optimize import brentq, minimize_scalar
-from scipy.special import stdtrit
 
 from asperity.arrays import Array
 from asperity.dynamics.columns import CurveColumns
 from asperity.dynamics.law.checks import positive
 from asperity.dynamics.law.law import Law, dense
-from asperity.dynamics.law.power import EXPONENT, PowerLaw
+from asperity.dynamics.law.power import EXPONENT
 from asperity.errors import InputError, RangeError
 from asperity.runtime.display import short_repr
 
@@ -34,9 +33,7 @@ MIN_POINTS = 5  # of a table without slopes, and of a fitted origin
 TOUCH = 1e-9  # share of the largest force above which a row is in contact
 MAX_ROUGHNESS = 0.12  # relative uncertainty of the stiffness through points above which they are noisy
 _HEAVY = 0.25  # share of the largest force above which points are judged: at light loads few facets touch
-_NEIGHBOURS = 9  # smallest number of points from which the scatter is estimated
-_AROUND = log(1.5)  # distance in ln z within which all points count for the scatter
-_OF_MEDIAN = 1.4826  # standard deviation of a normal distribution over the median of its magnitude
+_DEVIATION = 0.683  # share of a normal distribution within its standard deviation
 _GROUPS = 4  # of points that are left out in turn
 _REACHES = 0.4 * 0.5 ** np.arange(9)  # distances in ln z of the divided differences, tried in turn
 _STEEPEST = 0.9  # largest exponent of the stiffness over the force with which a law begins at zero approach
@@ -57,6 +54,7 @@ class TableLaw(Law):
         yields_at: approach of a point at which the slope changes (length): a contact that was loaded to it yields
             beyond.
         k_above: stiffness there on the side of larger approaches (force/length).
+        noise: relative uncertainty of the stiffness through points that scatter, 0 if they do not (derived).
 
     Raises:
         InputError: the table is empty, too short, not finite, or not rising.
@@ -78,7 +76,6 @@ class TableLaw(Law):
     k: Array | None = field(default=None, kw_only=True)
     yields_at: float = field(default=np.inf, kw_only=True)
     k_above: float = field(default=np.nan, kw_only=True)
-    contact: bool = field(default=True, init=False)
     noise: float = field(default=0.0, init=False)
     _measured: Array = field(init=False, repr=False)  # the forces given, in contact
 
@@ -88,18 +85,23 @@ class TableLaw(Law):
 
     def __post_init__(self) -> None:
         z, F, k = self._checked_points()
-        rising = bool(np.all(np.diff(z) > 0))
         object.__setattr__(self, "_measured", F)
-        if k is None and rising:
-            noise = float(np.median(_roughness(np.log(z), np.log(F))[F >= _HEAVY * F.max()]))
+        if k is None and np.all(np.diff(z) > 0):
+            noise = _roughness(z, F)
             if noise > MAX_ROUGHNESS:
                 F, k = _smoothed(z, F)
                 object.__setattr__(self, "noise", noise)
-        self._check_rising(z, F)
-        for name, column in (("z", z), ("F", F), ("k", k)):
-            if column is not None:
-                column.flags.writeable = False
-            object.__setattr__(self, name, column)
+        for name, column, remedy in (("approach", z, "sort it"), ("force", F, "smooth it, or fit a power law to it")):
+            bad = np.flatnonzero(np.diff(column) <= 0)
+            if bad.size:
+                raise InputError(
+                    f"the {name} does not rise after row {int(bad[0])} of the table "
+                    f"({column[bad[0]]:g} to {column[bad[0] + 1]:g}): {remedy}"
+                )
+        for name, values in (("z", z), ("F", F), ("k", k)):
+            if values is not None:
+                values.flags.writeable = False
+            object.__setattr__(self, name, values)
 
     def _checked_points(self) -> tuple[Array, Array, Array | None]:
         """Return the points in contact, from first contact."""
@@ -119,30 +121,21 @@ class TableLaw(Law):
         stray = np.flatnonzero((z > 0) & (F <= 0) & (np.cumsum(keep) > 0))
         if stray.size:
             raise InputError(f"row {int(stray[0])} of the table has force {F[stray[0]]:g} <= 0 inside the contact")
-        gap = np.flatnonzero((z > 0) & (F <= 0))
-        early = (z <= 0) & (F > 1e-6 * F.max())
-        if early.any() or (gap.size and z[gap[-1]] > 1e-9 * z.max()):
-            what = (
-                f"the table has force {F[early].max():g} at or below zero approach: its origin is offset"
-                if early.any()
-                else f"the force is zero up to approach {z[gap[-1]]:g}: the origin is offset"
-            )
-            raise InputError(f'{what}; pass the approach of first contact as origin, or use from_curve(origin="fit")')
+        gap = z[(z > 0) & (F <= 0)].max(initial=0.0)
+        early = F[z <= 0].max(initial=0.0)
+        offset = ""
+        if early > 1e-6 * F.max():
+            offset = f"the table has force {early:g} at or below zero approach: its origin is offset"
+        elif gap > 1e-9 * z.max():
+            offset = f"the force is zero up to approach {gap:g}: the origin is offset"
+        if offset:
+            advice = 'pass the approach of first contact as origin, or use from_curve(origin="fit")'
+            raise InputError(f"{offset}; {advice}")
         z, F, k = z[keep], F[keep], None if k is None else np.where(k[keep] > 0, k[keep], np.nan)
         least = MIN_POINTS if k is None else 1 if np.isfinite(k).all() else 2
         if z.size < least:
             raise InputError(f"the table has {z.size} usable rows, at least {least} are needed")
         return z, F, k
-
-    def _check_rising(self, z: Array, F: Array) -> None:
-        for label, column in (("approach", z), ("force", F)):
-            bad = np.flatnonzero(np.diff(column) <= 0)
-            if bad.size:
-                remedy = "sort it" if label == "approach" else "smooth it, or fit a power law to it"
-                raise InputError(
-                    f"the {label} does not rise after row {int(bad[0])} of the table "
-                    f"({column[bad[0]]:g} to {column[bad[0] + 1]:g}): {remedy}"
-                )
 
     @classmethod
     def from_curve(cls, curve: Any, *, branch: str = "load", origin: float | str = 0.0, **options: Any) -> TableLaw:
@@ -157,7 +150,7 @@ class TableLaw(Law):
         Raises:
             InputError: as for `TableLaw`, or the columns cannot be read.
         """
-        columns = curve if isinstance(curve, CurveColumns) else CurveColumns.of(curve)
+        columns = CurveColumns.of(curve)
         delta, force = columns.delta[columns.branch == branch], columns.force[columns.branch == branch]
         if isinstance(origin, str):
             if origin != "fit":
@@ -237,13 +230,12 @@ class TableLaw(Law):
     @cached_property
     def thinned(self) -> tuple[TableLaw, ...]:
         """The law without every fourth of its points but the last, in all ways; what this changes is its error."""
-        inner = np.flatnonzero(self.z[:-1] != self.yields_at)
-        laws = []
+        inner, laws = np.flatnonzero(self.z[:-1] != self.yields_at), []
         for leave in (inner[i::_GROUPS] for i in range(min(_GROUPS, inner.size))):
             kept = np.setdiff1d(np.arange(self.z.size), leave)
+            F, k = self.F[kept], np.full(kept.size, np.nan) if self.k is None else self.k[kept]
             if self.noise and kept.size < MIN_POINTS:
                 continue
-            F, k = self.F[kept], np.full(kept.size, np.nan) if self.k is None else self.k[kept]
             if self.noise:
                 F, k = _smoothed(self.z[kept], self._measured[kept])
             laws.append(replace(self, z=self.z[kept], F=F, k=k, origin=0.0))
@@ -252,11 +244,10 @@ class TableLaw(Law):
     @property
     def z_range(self) -> tuple[float, float]:
         """Approach from first contact to the last point (length), 1e6 times as far if extrapolated."""
-        return (0.0, 1e6 * float(self.z[-1]) if self.extrapolate else float(self.z[-1]))
+        return (0.0, 1e6 * self.known_to if self.extrapolate else self.known_to)
 
     @property
     def known_to(self) -> float:
-        """Approach of the last point (length)."""
         return float(self.z[-1])
 
     @property
@@ -268,23 +259,6 @@ class TableLaw(Law):
     def default_load(self) -> float:
         """Half of the largest force."""
         return 0.5 * float(self.F[-1])
-
-    def fit(self) -> PowerLaw:
-        """Fit a power law to all points in (ln z, ln F), with 95 % confidence intervals."""
-        basis, y = np.vander(np.log(self.z), 2, increasing=True), np.log(self._measured)
-        c, *_ = np.linalg.lstsq(basis, y, rcond=None)
-        freedom, residual = max(self.z.size - 2, 1), y - basis @ c
-        covariance = float(residual @ residual) / freedom * np.linalg.inv(basis.T @ basis)
-        half = np.sqrt(np.diag(covariance)) * float(stdtrit(freedom, 0.975))
-        n, K = float(c[1]), float(np.exp(c[0]))
-        product = float(np.sqrt(covariance[0, 0] * covariance[1, 1]))
-        return PowerLaw(
-            n,
-            K,
-            (max(n - float(half[1]), 1e-12), n + float(half[1])),
-            (K * float(np.exp(-half[0])), K * float(np.exp(half[0]))),
-            float(covariance[0, 1]) / product if product > 0 else 0.0,
-        )
 
     def both(self, z: Array) -> tuple[Array, Array]:
         z = np.asarray(z, float)
@@ -341,34 +315,32 @@ class TableLaw(Law):
     @cached_property
     def _elastic(self) -> TableLaw:
         """The law below `yields_at`, continued beyond."""
-        if np.isinf(self.yields_at):
-            return self
         below = self.z <= self.yields_at
-        k = None if self.k is None else self.k[below]
-        return TableLaw(self.z[below], self.F[below], k=k, extrapolate=True)
+        if below.all() and np.isinf(self.yields_at):
+            return self
+        return TableLaw(self.z[below], self.F[below], k=None if self.k is None else self.k[below], extrapolate=True)
 
     def _differences(self, z: float) -> Array:
         """Return the first three derivatives of ln F with respect to ln z for each reach, shape (reaches, 3)."""
         x, h = np.log(z), _REACHES
         low, mid, high = (np.asarray(self._curve(v)) for v in (x - h, np.full(h.size, x), x + h))
         first = np.full(h.size, float(self._curve(x, 1)))
-        second = (high - 2 * mid + low) / h**2
-        return np.stack([first, second, 6 * ((high - low) / (2 * h) - first) / h**2], axis=1)
+        return np.stack([first, (high - 2 * mid + low) / h**2, 6 * ((high - low) / (2 * h) - first) / h**2], axis=1)
 
     def deflection(self, load: float) -> float:
+        below, beyond = (float(n) for n in self._curve.c[2, [0, -1]])
         if load < self.F[0]:
-            n = self._energy[1]
-            if n < 1.0:
+            if below < 1.0:
                 raise RangeError(
                     f"load = {load:g} lies below the first point of the table (force {self.F[0]:g}), where the force "
-                    f"rises with the power {n:.3g} of the approach, and the stiffness would rise as the load falls: "
-                    "give points at lighter loads, or the approach of first contact as origin"
+                    f"rises with the power {below:.3g} of the approach, and the stiffness would rise as the load "
+                    "falls: give points at lighter loads, or the approach of first contact as origin"
                 )
-            return float(self.z[0] * (positive("load", load) / self.F[0]) ** (1.0 / n))
+            return float(self.z[0] * (positive("load", load) / self.F[0]) ** (1.0 / below))
         if load > self.F[-1] * (1 + 1e-12):
             if not self.extrapolate:
                 return super().deflection(load)  # which refuses
-            return float(self.z[-1] * (load / self.F[-1]) ** (1.0 / self._cells[1][-1][2]))
+            return float(self.z[-1] * (load / self.F[-1]) ** (1.0 / beyond))
         i = int(np.argmax(self.F >= load * (1 - 1e-12)))
         if self.F[i] <= load * (1 + 1e-12):
             return float(self.z[i])
@@ -378,7 +350,7 @@ class TableLaw(Law):
         if load < self.F[0]:
             return (
                 f"load {load:g} lies below the first point of the table (force {self.F[0]:g}): the law there is the "
-                f"power {self._energy[1]:.3g} of the approach, that of the first points",
+                f"power {self._curve.c[2, 0]:.3g} of the approach, that of the first points",
             )
         if not self.noise:
             return ()
@@ -388,8 +360,7 @@ class TableLaw(Law):
         )
 
     def describe(self) -> str:
-        how = "smoothed" if self.noise else "interpolated"
-        text = f"{self.name}, {self.z.size} points, {how}"
+        text = f"{self.name}, {self.z.size} points, {'smoothed' if self.noise else 'interpolated'}"
         return text if np.isinf(self.yields_at) else f"{text}, yielding above {self.at(self.yields_at)[0]:.5g}"
 
     @cached_property
@@ -401,12 +372,10 @@ class TableLaw(Law):
     def _exponents(self) -> Array:
         """Slopes d ln F / d ln z at the points, so small that the law rises between them."""
         x, y = np.log(self.z), np.log(self.F)
+        known = np.full(x.size, np.nan) if self.k is None else self.k * self.z / self.F
         if x.size == 1:
-            assert self.k is not None
-            return np.asarray(self.k * self.z / self.F)
-        slopes = PchipInterpolator(x, y).derivative()(x)
-        if self.k is not None:
-            slopes = np.where(np.isnan(self.k), slopes, self.k * self.z / self.F)
+            return known
+        slopes = np.where(np.isnan(known), PchipInterpolator(x, y).derivative()(x), known)
         secants = np.diff(y) / np.diff(x)
         steepest = 3.0 * np.minimum(np.append(secants[0], secants), np.append(secants, secants[-1]))
         return np.asarray(np.clip(slopes, 1e-3 * steepest, steepest))
@@ -414,18 +383,19 @@ class TableLaw(Law):
     @cached_property
     def _curve(self) -> PPoly:
         """ln F over ln z, straight in the first and the last cell, below and beyond the points."""
-        x, y, low = np.log(self.z), np.log(self.F), self._exponents
-        high = low.copy()  # the slope above each point
-        yields = np.flatnonzero(self.z == self.yields_at)
-        high[yields] = self.k_above * self.z[yields] / self.F[yields]
-        h, rise = np.diff(x), np.diff(y)
-        left, right = high[:-1], low[1:]
-        cubic = np.stack([(left + right - 2 * rise / h) / h**2, (3 * rise / h - 2 * left - right) / h, left, y[:-1]])
-        first, last = max(float(low[0]), EXPONENT[0]), float(high[-1])
+        x, y, slopes = np.log(self.z), np.log(self.F), self._exponents
+        kink = self.z == self.yields_at
         ends = np.array([x[0] - 1.0, *x, x[-1] + 1.0])  # the outer cells continue to all z
-        below = np.array([[0.0], [0.0], [first], [y[0] - first]])
-        above = np.array([[0.0], [0.0], [last], [y[-1]]])
-        return PPoly(np.hstack([below, cubic, above]), ends)
+
+        def spline(slopes: Array) -> PPoly:
+            first, last = max(float(slopes[0]), EXPONENT[0]), float(slopes[-1])
+            return CubicHermiteSpline(ends, [y[0] - first, *y, y[-1] + last], [first, *slopes, last])
+
+        curve = spline(slopes)
+        for i in np.flatnonzero(kink):  # the cell above begins with the slope above
+            curve.c[:, i + 1] = spline(np.where(kink, self.k_above * self.z / self.F, slopes)).c[:, i + 1]
+        curve.c[:2, [0, -1]] = 0.0
+        return curve
 
     @cached_property
     def _cells(self) -> tuple[list[float], list[tuple[float, ...]]]:
@@ -441,7 +411,7 @@ class TableLaw(Law):
     @cached_property
     def _energy(self) -> tuple[Array, float]:
         """Energy stored up to each point (force * length), and the exponent below the first."""
-        z, n = self.z, self._cells[1][0][2]
+        z, n = self.z, float(self._curve.c[2, 0])
         half = 0.5 * np.diff(z)[:, None]
         cells = half[:, 0] * (self.both(z[:-1, None] + half * (1.0 + _CELL_X))[0] @ _CELL_W)
         return self.F[0] * z[0] / (n + 1.0) + np.append(0.0, np.cumsum(cells)), n
@@ -469,32 +439,22 @@ def _kappa(y: Array) -> float:
     return (3 * p3 / p1 - 5 * (p2 / p1) ** 2) / 48.0
 
 
-def _roughness(x: Array, y: Array) -> Array:
-    """Return the relative uncertainty of the slope dy/dx at each point by the scatter of the points, shape (m,).
+def _roughness(z: Array, F: Array) -> float:
+    """Return the relative uncertainty of the stiffness through at least 5 rising points by their scatter.
 
-    Scatter is the distance of a point from the cubic through its four neighbours; the median of those around counts
-    (after Gasser, Sroka & Jennen-Steinmetz, Biometrika 73 (1986) 625, who take the line through two neighbours).
-    A smooth curve has no such scatter, and a few corners, as where the next summit touches, do not change the
-    median. A polynomial fitted to many points would misread both as noise.
-
-    Args:
-        x, y: at least 5 points in rising order, shape (m,).
+    Scatter is the distance of a point from the cubic through its four neighbours in (ln z, ln F), after Gasser, Sroka
+    & Jennen-Steinmetz, Biometrika 73 (1986) 625, who take the line through two neighbours; a quantile counts. A smooth
+    curve has no such scatter, and a few corners, as where the next summit touches, hardly change the quantile. A
+    polynomial fitted to many points would misread both as noise.
     """
-    first = np.clip(np.arange(x.size) - 2, 0, x.size - 5)
-    five = first[:, None] + np.arange(5)
-    four = five[five != np.arange(x.size)[:, None]].reshape(-1, 4)
-    away = x[four] - x[:, None]
-    powers = (away / np.abs(away).max(axis=1)[:, None])[:, None, :] ** np.arange(4)[None, :, None]
-    weights = np.linalg.solve(powers, np.tile([[1.0], [0.0], [0.0], [0.0]], (x.size, 1, 1)))[..., 0]
+    x, y, at = np.log(z), np.log(F), np.arange(z.size)
+    five = np.clip(at - 2, 0, z.size - 5)[:, None] + np.arange(5)
+    four = five[five != at[:, None]].reshape(-1, 4)
+    powers = (x[four] - x[:, None])[:, None, :] / (x[-1] - x[0])
+    weights = np.linalg.solve(powers ** np.arange(4)[:, None], np.eye(4)[:, :1])[..., 0]
     scatter = np.abs(y - np.sum(weights * y[four], axis=1)) / np.sqrt(1.0 + np.sum(weights**2, axis=1))
-    out = np.empty(x.size)
-    for i in range(x.size):
-        order = np.argsort(np.abs(x - x[i]), kind="stable")
-        near = order[: max(_NEIGHBOURS, int((np.abs(x - x[i]) <= _AROUND).sum()))]
-        slope = np.polyfit(x[near], y[near], 1)[0]
-        spacing = float(np.abs(x[order[:4]] - x[i]).max()) / 2.0
-        out[i] = np.sqrt(2.0) * _OF_MEDIAN * np.median(scatter[near]) / (spacing * slope)
-    return out
+    rise = np.abs(y[five[:, -1]] - y[five[:, 0]]) / 4.0  # from one point to the next
+    return float(np.quantile((np.sqrt(2.0) * scatter / rise)[F >= _HEAVY * F.max()], _DEVIATION))
 
 
 def fit_origin(delta: Array, force: Array) -> float:
@@ -504,19 +464,15 @@ def fit_origin(delta: Array, force: Array) -> float:
     touching = f > TOUCH * f.max()
     if touching.sum() < MIN_POINTS:
         raise InputError(f"the branch has {int(touching.sum())} rows in contact, at least {MIN_POINTS} are needed")
-    first = z[touching][0]
-    free = z[~touching]
-    span = z[-1] - first
-    lowest = float(free.max()) if free.size else first - span
+    first, span = z[touching][0], z[-1] - z[touching][0]
+    lowest = float(z[~touching].max(initial=first - span))
     z, f = z[touching], np.log(f[touching])
 
     def misfit(offset: float) -> float:
-        x = np.log(z - offset)
-        c, *_ = np.linalg.lstsq(np.stack([np.ones_like(x), x], axis=1), f, rcond=None)
-        return float(np.sum((f - c[0] - c[1] * x) ** 2))
+        basis = np.vander(np.log(z - offset), 2)
+        return float(np.sum((f - basis @ np.linalg.lstsq(basis, f)[0]) ** 2))
 
-    highest = first - 1e-6 * span
-    if lowest >= highest:
+    if lowest >= first - 1e-6 * span:
         return lowest
-    best = minimize_scalar(misfit, bounds=(lowest, highest), method="bounded", options={"xatol": 1e-12 * span})
-    return float(best.x)
+    ends = (lowest, first - 1e-6 * span)
+    return float(minimize_scalar(misfit, bounds=ends, method="bounded", options={"xatol": 1e-12 * span}).x)
