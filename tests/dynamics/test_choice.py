@@ -184,15 +184,32 @@ def test_all_laws_stand_in_one_table(tmp_path: Path) -> None:
     laws = result.laws
     assert laws is not None and [row.name for row in laws.rows] == ["unload-reload", "elastic", "table", "paper"]
     leg, elastic, table, paper = laws.rows
-    assert leg.chosen and leg.applies and elastic.applies and not table.applies and not paper.applies
-    assert leg.stiffness == pytest.approx(elastic.stiffness, rel=1e-3) and laws.spread < 1e-3
+    assert leg.chosen and leg.applies and not elastic.applies and not table.applies and not paper.applies
+    assert leg.stiffness == pytest.approx(elastic.stiffness, rel=1e-3) and laws.spread == 0.0
     exact = float(stiffness(0.5 * C))
     assert leg.frequency == pytest.approx(math.sqrt(exact / result.numbers.mass) / (2 * math.pi), rel=1e-3)
     loading = 1.2 * C ** (1 / 1.2) * (0.5 * C) ** (1 - 1 / 1.2)
     assert table.frequency / leg.frequency == pytest.approx(math.sqrt(loading / exact), rel=1e-3)
     written = result.to_dict()["laws"]
     assert written["chosen"] == "unload-reload" and written["yielded"] and len(written["table"]) == 4
-    assert result.uncertainty is not None and "spread of the laws" in result.uncertainty.origin
+    spread = result.uncertainty
+    assert spread is not None and spread.origin == "points of the law"
+    assert written["error_bar_of_k_n"] == spread.k_n.half / spread.k_n.value == result.numbers.bar
+    for row, n in zip(written["table"], (1.5, 1.5, 1.2, 1.2), strict=True):  # the power laws of the contact
+        assert abs(row["n"] - n) <= row["n_bar"] + 1e-3 and row["kappa_bar"] >= 0.0
+
+
+def test_there_is_one_verdict_on_small_motion() -> None:
+    """A kappa whose interval holds zero is undecided in every section, also where its value is positive."""
+    curve = contact(probe=True)
+    down = curve["branch"] == "unload"
+    curve["k_n_elastic"][down] *= 1.0 + 0.05 * (-1.0) ** np.arange(down.sum())
+    result = run_dynamics(curve, **{**QUICK, "model": ["exact", "taylor"]})
+    spread = result.uncertainty
+    assert spread is not None and spread.kappa.low < 0.0 < spread.kappa.high
+    written = result.to_dict()
+    words = [written[section]["softening"] for section in ("uncertainty", "exact", "taylor")]
+    assert words == ["undecided"] * 3 and result.first.thresholds().softening == "undecided"
 
 
 def test_the_band_is_made_of_error_bar_and_laws() -> None:

@@ -48,13 +48,14 @@ def folder(tmp_path: Path) -> Path:
     z = np.append(up, down)
     p = np.append(pressure(up), P0 * ((down - RESIDUE) / (Z0 - RESIDUE)) ** 1.5)
     slope = np.append(2 * P0 * up / Z0**2, 1.5 * p[up.size :] / np.maximum(down - RESIDUE, 1e-30))
+    elastic = np.append(1.25 * slope[: up.size], slope[up.size :])  # where the branch begins, and on it: its slope
     rows = [
         {
             "branch": "load" if i < up.size else "unload",
             "delta": z[i] + p[i] * HEIGHT / MODULUS, "force": p[i] * L**2,
             "mean_gap": SUMMIT - z[i], "max_plastic_strain": 0.01,
-            "k_n": series(slope[i]) * L**2, "k_n_elastic": series(1.3 * slope[i]) * L**2,
-            "k_n_interface": 1.3 * slope[i] * L**2, "k_t_interface": 0.8 * slope[i] * L**2,
+            "k_n": series(slope[i]) * L**2, "k_n_elastic": series(elastic[i]) * L**2,
+            "k_n_interface": elastic[i] * L**2, "k_t_interface": 0.8 * slope[i] * L**2,
             "delta_star": z[i] / L, "P_star": p[i] / E,
         }
         for i in range(z.size)
@@ -83,7 +84,7 @@ def test_the_table_is_the_interface_without_the_block(folder: Path) -> None:
     known = np.isfinite(table.k_n)
     assert known.sum() > 60
     np.testing.assert_allclose(table.k_n[known], table.slope[known], rtol=1e-2)
-    np.testing.assert_allclose(table.k_n_elastic[known], 1.3 * table.k_n[known], rtol=1e-9)
+    np.testing.assert_allclose(table.k_n_elastic[known], 1.25 * table.k_n[known], rtol=1e-9)
     np.testing.assert_allclose(table.k_t[known], 0.8 * table.k_n[known], rtol=1e-9)
     assert table.area == pytest.approx(3e-4, rel=1e-12)
 
@@ -92,6 +93,18 @@ def test_the_branch_after_yield_is_that_of_the_preload(folder: Path) -> None:
     table = interface(folder, "auto", load=0.5 * P0 * L**2)
     expected = P0 * (table.approach / (Z0 - RESIDUE)) ** 1.5
     np.testing.assert_allclose(table.pressure, expected, rtol=1e-3)
+
+
+def test_the_branch_has_the_elastic_stiffness_as_slope(folder: Path) -> None:
+    """Three rows of an unloading in contact are enough where the stiffness is known."""
+    curve = asp.Curve.read(folder / "curve.csv")
+    few = [i for i in range(len(curve)) if curve.branch[i] == "load" or i in (22, 26, len(curve) - 1)]
+    rows = [row for i, row in enumerate(curve.rows()) if i in few]
+    asp.Curve.from_rows(rows).write(folder / "curve.csv")
+    table = interface(folder, "unload-reload", load=0.5 * P0 * L**2)
+    z = table.approach[table.pressure > 0.1 * P0]
+    np.testing.assert_allclose(table.pressure[table.pressure > 0.1 * P0], P0 * (z / (Z0 - RESIDUE)) ** 1.5, rtol=2e-3)
+    np.testing.assert_allclose(table.slope[-1], 1.25 * 2 * P0 / Z0, rtol=1e-9)
 
 
 @pytest.mark.parametrize("program", ["calculix", "abaqus"])

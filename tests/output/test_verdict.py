@@ -58,7 +58,10 @@ def test_a_frequency_that_the_case_gives_has_no_bar() -> None:
 
 
 def test_the_frequency_has_its_bar_and_the_law_its_doubt() -> None:
-    found = {"numbers": {"k_n": 2e4, "f": 1600.0, "f_bar": 8.0}, "laws": {"doubt": "two rows show no curvature"}}
+    found = {
+        "numbers": {"k_n": 2e4, "f": 1600.0},
+        "laws": {"error_bar_of_k_n": 0.01, "doubt": "two rows show no curvature"},
+    }
     curve = asp.Curve.from_rows([ROW])
     said = verdict(Results(Path("out"), curve, case={"units": "SI"}, thresholds={**found, "units": "SI"}))
     assert "Small vibration of the patch has a stiffness of 20 kN/m ± 1 % and a frequency of 1.6 kHz ± 0.5 %." in said

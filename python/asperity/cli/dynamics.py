@@ -145,9 +145,7 @@ def _show(result: Dynamics) -> None:
         options.say(f"n = {plus_minus(n.value, n.half)}, {curvature}, by the {spread.origin}")
     for note in result.notes:
         options.say(f"note: {note}")
-    numbers, laws = result.numbers, result.laws
-    known = laws is None or numbers.frequency_bar > 0.0
-    options.say(numbers.sentence(result.units, float("nan") if known else laws.stiffness_bar))
+    options.say(result.numbers.sentence(result.units))
 
 
 def _show_laws(laws: LawTable, units: str) -> None:
@@ -156,10 +154,9 @@ def _show_laws(laws: LawTable, units: str) -> None:
     header = ("law", "n", "kappa", "k_n in N/m" if units else "k_n", "f in Hz" if units else "f", "")
     options.table(f"laws at the preload {choice.load:.5g}: {choice.name}, {choice.reason}", laws.texts(), header)
     own = laws.chosen
-    bar = (
-        f"; error bar of the {own.bar_of} {per_cent(own.bar)}" if own.bar == own.bar else "; no error bar of the force"
-    )
-    options.say(f"spread of the laws that apply: {per_cent(laws.spread)} of k_n{bar}")
+    bar = f"error bar of the {own.bar_of} {per_cent(own.bar)}" if own.bar == own.bar else "no error bar of the force"
+    several = sum(row.applies for row in laws.rows) > 1
+    options.say(f"spread of the laws that apply: {per_cent(laws.spread)} of k_n; {bar}" if several else bar)
     if choice.yields_at:
         options.say(
             f"the contact yields again above u = {choice.yields_at:.4g}, where the force passes {choice.reached:.5g}"

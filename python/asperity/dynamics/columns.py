@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from asperity.arrays import Array
+from asperity.arrays import Array, Flags
 from asperity.errors import InputError
 
 _HYSTERESIS = 0.01  # share of the greatest force by which an unloading falls short of the loading after yield
@@ -60,6 +60,8 @@ class CurveColumns:
         Raises:
             InputError: there is no such file, or a column is missing, empty, or contains what is not a number.
         """
+        if isinstance(source, cls):
+            return source
         table: Any = _read(Path(source)) if isinstance(source, (str, os.PathLike)) else source
 
         def column(name: str) -> Any:
@@ -95,7 +97,7 @@ class CurveColumns:
         )  # fmt: skip
 
     @property
-    def loading(self) -> Array:
+    def loading(self) -> Flags:
         """Whether a row belongs to the first loading, shape (n,)."""
         return np.asarray(self.branch == "load")
 
@@ -104,9 +106,6 @@ class CurveColumns:
 
         The plastic strain decides: that of the first row at or above the force and of those before. Without it, an
         unloading that falls short of the loading does.
-
-        Args:
-            load: greatest force met (force).
         """
         rows = np.flatnonzero(self.loading)
         first = int(np.argmax(self.force[rows] >= load * (1 - 1e-9))) if rows.size else 0
@@ -121,23 +120,17 @@ class CurveColumns:
         return bool(np.max(up - self.force[down]) > _HYSTERESIS * self.force.max())
 
     def bar_at(self, load: float, *, elastic: bool = False) -> float:
-        """Return the error bar of the force over the force at a load, by the nearest row; NaN if unknown.
+        """Return the error bar of the force, or of the elastic stiffness, over it at a load; NaN if unknown.
 
-        Args:
-            load: force at which it is wanted (force).
-            elastic: take that of the elastic stiffness instead.
+        It is that of the row nearest in force among those that have one.
         """
         bars = self.elastic_bar if elastic else self.bar
         known = np.flatnonzero(np.isfinite(bars))
         return float(bars[known[np.argmin(np.abs(self.force[known] - load))]]) if known.size else np.nan
 
-    def rows_of(self, *, unloading: bool) -> Array:
-        """Return the rows of the first loading, or of the last unloading with the row before it, by rising force."""
-        rows = np.flatnonzero(self.loading)
-        if unloading:
-            rows = next((leg for leg in self.unloadings() if self.branch[leg[-1]] == "unload"), rows[:0])
-        rows = rows[np.argsort(self.force[rows], kind="stable")]
-        return np.asarray(rows[np.append(True, np.diff(self.force[rows]) > 0)] if rows.size else rows)
+    def rising(self, among: Flags) -> Array:
+        """Return the rows among those marked, shape (n,), in the order of their force, each force once."""
+        return np.flatnonzero(among)[np.unique(self.force[among], return_index=True)[1]]
 
     def unloadings(self) -> list[Array]:
         """Return the rows of closing reloadings, then of unloadings, each with the row before, the last one first."""
@@ -165,12 +158,9 @@ def _read(path: Path) -> dict[str, list[str]]:
     try:
         with path.open(newline="", encoding="utf-8") as file:
             reader = csv.DictReader(line for line in file if not line.startswith("#"))
-            table: dict[str, list[str]] = {name: [] for name in reader.fieldnames or ()}
-            for row in reader:
-                for name in table:
-                    table[name].append(row[name])
+            rows = list(reader)
+            return {name: [row[name] for row in rows] for name in reader.fieldnames or ()}
     except OSError as error:
         raise InputError(f"cannot read the curve {path}: {error.strerror}") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"the curve {path} is not a table of text: {error}") from error
-    return table

@@ -14,7 +14,7 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.dynamics.forcing import forcings, window
-from asperity.dynamics.law.law import Law
+from asperity.dynamics.law.law import Law, bend
 from asperity.dynamics.law.power import EXPONENT, PowerLaw
 from asperity.dynamics.law.table import TableLaw
 from asperity.dynamics.oscillator import ContactOscillator
@@ -45,15 +45,42 @@ class Interval:
         return max(self.high - self.value, self.value - self.low)
 
 
+def law_intervals(law: Law, load: float, members: Iterable[Law] = ()) -> dict[str, Interval]:
+    """Return "n_loc", "kappa", "z_s" (length) and "k_n" (force/length) of a law under a load (force).
+
+    Each has the extremes over the laws that bound it, and is wider on both sides by the change without some of its
+    points.
+
+    Raises:
+        RangeError: a law does not reach the load.
+    """
+
+    def values(one: Law) -> dict[str, float]:
+        z = one.deflection(load)
+        k = one.derivatives(z)[0]
+        return {"n_loc": z * k / load, "kappa": one.kappa(z), "z_s": z, "k_n": k}
+
+    centre = values(law)
+    others = [centre, *(values(one) for one in members)]
+    thinned = [values(one) for one in (law.thinned if isinstance(law, TableLaw) else ())]
+    found = {}
+    for name, value in centre.items():
+        wider = sum(abs(one[name] - value) for one in thinned)
+        if name == "kappa":
+            wider = law.kappa_bar(centre["z_s"])
+        ends = [one[name] for one in others]
+        found[name] = Interval(value, min(ends) - wider, max(ends) + wider)
+    return found
+
+
 @dataclass(frozen=True)
 class Uncertainty:
     """Intervals of the oscillator at its preload, from the laws that bound its own.
 
     Attributes:
-        n_loc, kappa: local exponent, backbone curvature.
-        omega_s: natural frequency of small motion (rad/time), NaN without gravity.
-        z_s: static deflection (length).
-        softening: "softening", "hardening", or "undecided" if the interval of kappa contains 0.
+        n_loc, kappa, z_s, k_n: local exponent, backbone curvature, static deflection (length), stiffness
+            (force/length).
+        omega_s: natural frequency of small motion, sqrt(k_n/m) (rad/time), NaN without a mass.
         members: laws that bound it.
         origin: what they are made of, in words.
 
@@ -66,17 +93,23 @@ class Uncertainty:
 
     n_loc: Interval
     kappa: Interval
-    omega_s: Interval
     z_s: Interval
-    softening: str
+    k_n: Interval
+    omega_s: Interval
     members: tuple[Law, ...]
     origin: str = "laws given"
 
     __repr__ = short_repr
 
+    @property
+    def softening(self) -> str:
+        """ "softening", "hardening", or "undecided" if the interval of kappa contains 0."""
+        return bend(self.kappa.low, self.kappa.high)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the section "uncertainty" of thresholds.json."""
-        out: dict[str, Any] = {name: getattr(self, name).to_list() for name in ("n_loc", "kappa", "omega_s", "z_s")}
+        names = ("n_loc", "kappa", "omega_s", "z_s", "k_n")
+        out: dict[str, Any] = {name: getattr(self, name).to_list() for name in names}
         if np.isnan(self.omega_s.value):
             out["omega_s"] = None
         return {**out, "softening": self.softening, "origin": self.origin}
@@ -145,9 +178,9 @@ def ensemble(law: Law) -> tuple[Law, ...]:
 def uncertainty(
     oscillator: ContactOscillator, members: Iterable[Law] | None = None, origin: str = "laws given"
 ) -> Uncertainty:
-    """Carry the intervals of the law, or an ensemble of laws (seeds), to omega_s, n_loc, kappa and z_s.
+    """Carry the intervals of the law, or an ensemble of laws (seeds), to k_n, omega_s, n_loc, kappa and z_s.
 
-    Every interval of a table is wider on both sides by the change without every other of its points.
+    Every interval of a table is wider on both sides by the change without every fourth of its points.
 
     Args:
         oscillator: oscillator with the central law.
@@ -167,30 +200,15 @@ def uncertainty(
         omega_s = 3.705 to 3.961 rad/s
     """
     law = oscillator.law
-    others = law.thinned if isinstance(law, TableLaw) else ()
-    thinned = tuple(_with_law(oscillator, one) for one in others)
     if members is None:
         members, origin = ((), "") if isinstance(law, TableLaw) else (ensemble(law), "misfit of the fit")
-    laws = tuple(members)
-    if not laws and not thinned:
+    laws, points = tuple(members), isinstance(law, TableLaw) and bool(law.thinned)
+    if not laws and not points:
         raise InputError("nothing bounds the law: it has too few points")
-    origin = " and ".join(text for text in (origin if laws else "", "points of the law" if thinned else "") if text)
-    bounds = [_with_law(oscillator, one) for one in laws]
-
-    def interval(name: str) -> Interval:
-        def value(o: ContactOscillator) -> float:
-            return o.omega_s if name == "omega_s" else float(getattr(o.restoring, name))
-
-        values, centre = [value(o) for o in bounds], value(oscillator)
-        if name == "kappa" and isinstance(law, TableLaw):
-            wider = law.kappa_bar(oscillator.restoring.z_s)
-        else:
-            wider = sum(abs(value(one) - centre) for one in thinned)
-        return Interval(centre, min([*values, centre]) - wider, max([*values, centre]) + wider)
-
-    kappa = interval("kappa")
-    word = "softening" if kappa.high < 0 else "hardening" if kappa.low > 0 else "undecided"
-    return Uncertainty(interval("n_loc"), kappa, interval("omega_s"), interval("z_s"), word, laws, origin)
+    known = law_intervals(law, oscillator.restoring.load, laws)
+    omega = Interval(*(float(np.sqrt(max(k, 0.0) / oscillator.mass)) for k in known["k_n"].to_list()))
+    text = " and ".join(text for text in (origin if laws else "", "points of the law" if points else "") if text)
+    return Uncertainty(**known, omega_s=omega, members=laws, origin=text)
 
 
 def response_band(
@@ -230,8 +248,8 @@ def response_band(
     (f,), (low, high) = forcings(forcing), window(omega)
     grid = np.linspace(low, high, points)
     centre = oscillator.restoring
-    known = uncertainty(_with_law(oscillator, oscillator.law, gravity=1.0), members)
-    stiff = (known.omega_s.low / known.omega_s.value, known.omega_s.high / known.omega_s.value)
+    known = uncertainty(oscillator, members)
+    stiff = tuple(float(np.sqrt(k / known.k_n.value)) for k in (known.k_n.low, known.k_n.high))
     shapes = [oscillator]
     thinned = oscillator.law.thinned if isinstance(oscillator.law, TableLaw) else ()
     for other in (_with_law(oscillator, law) for law in (*known.members, *thinned)):
@@ -278,11 +296,11 @@ def _envelope(response: FrequencyResponse, omega: Array, moved: tuple[float, flo
     return np.asarray(out / omega**2)
 
 
-def _with_law(oscillator: ContactOscillator, law: Law, **changes: Any) -> ContactOscillator:
+def _with_law(oscillator: ContactOscillator, law: Law) -> ContactOscillator:
     """Return the oscillator with another law, without repeating its warnings."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return replace(oscillator, law=law, load=oscillator.restoring.load, **changes)
+        return replace(oscillator, law=law, load=oscillator.restoring.load)
 
 
 def stable_range(response: FrequencyResponse, omega: Array) -> tuple[Array, Array]:

@@ -66,11 +66,7 @@ class Joint:
             raise InputError(f"joint.damping = {self.damping:g} is not legal: it must be below 1")
 
     def replaced(self, given: Mapping[str, Any]) -> Joint:
-        """Return the joint with other values; a value removes the one that it contradicts.
-
-        Args:
-            given: values by name; None keeps that of the joint.
-        """
+        """Return the joint with other values, None for no change; a value removes the one that it contradicts."""
         new = {name: value for name, value in given.items() if value is not None}
         for pair in EXCLUSIVE:
             for one, other in (pair, pair[::-1]):
@@ -84,9 +80,7 @@ class Joint:
         Raises:
             InputError: the joint has an area, and that of the patch is not known.
         """
-        if self.nominal_area is None:
-            return 1.0
-        return self.nominal_area / self._known(patch, "nominal_area")
+        return 1.0 if self.nominal_area is None else self.nominal_area / _known(patch, "nominal_area")
 
     def load(self, patch: float | None) -> float | None:
         """Return the static force of the joint, weight included (force); None if nothing gives it.
@@ -96,8 +90,7 @@ class Joint:
         """
         force = self.preload
         if self.pressure is not None:
-            area = self.nominal_area if self.nominal_area is not None else self._known(patch, "pressure")
-            force = self.pressure * area
+            force = self.pressure * (self.nominal_area or _known(patch, "pressure"))
         if self.gravity is not None and self.mass is not None:
             force = (force or 0.0) + self.mass * self.gravity
         return force
@@ -108,37 +101,14 @@ class Joint:
             return stiffness / (2 * math.pi * self.frequency) ** 2
         return self.mass
 
-    @staticmethod
-    def _known(patch: float | None, name: str) -> float:
-        if patch is None:
-            raise InputError(
-                f"joint.{name} needs the nominal area of the patch, which a curve without a case does not give: name "
-                "the folder of the run"
-            )
-        return patch
 
-
-def loads_of_case(
-    preload: float | None, overload: float | None, joint: Joint | None, patch: float | None
-) -> tuple[float | None, float | None]:
-    """Return preload and overload of a case, those of the patch scaled to the joint; None where not given.
-
-    Args:
-        preload, overload: of the section [dynamics], forces on the patch.
-        joint: of the case; its own preload comes first, and is not scaled.
-        patch: nominal area of the patch (length^2).
-
-    Examples:
-        >>> from asperity.dynamics.joint import loads_of_case
-        >>> loads_of_case(1.0, 2.0, asp.Joint(nominal_area=4.0), patch=2.0)
-        (2.0, 4.0)
-    """
-
-    def of_joint(force: float | None) -> float | None:
-        return force if force is None or joint is None else joint.factor(patch) * force
-
-    load = None if joint is None else joint.load(patch)
-    return of_joint(preload) if load is None else load, of_joint(overload)
+def _known(patch: float | None, name: str) -> float:
+    if patch is None:
+        raise InputError(
+            f"joint.{name} needs the nominal area of the patch, which a curve without a case does not give: name the "
+            "folder of the run"
+        )
+    return patch
 
 
 @dataclass(frozen=True)
@@ -151,14 +121,14 @@ class Numbers:
         frequency: natural frequency of small vibration (1/time), NaN if unknown.
         approach: static approach z_s (length).
         damping: damping ratio.
-        frequency_bar: error bar of the frequency (1/time), NaN if unknown.
+        bar: error bar of the stiffness over it, NaN if unknown.
         given: whether the frequency is an input, from which the mass follows, with the bar of the stiffness.
 
     Examples:
         >>> from asperity.dynamics.joint import Numbers
-        >>> print(Numbers(2e5, 0.5, 100.66, 4e-9, 0.01, 0.42).sentence("SI"))
-        k_n = 200 kN/m ± 0.83 %, m = 0.5 kg, f = 100.7 Hz ± 0.42 %, z_s = 4 nm, zeta = 0.01
-        >>> print(Numbers(2e5, 0.5, 100.66, 4e-9, 0.01, given=True).sentence("SI", bar=0.08))
+        >>> print(Numbers(2e5, 0.5, 100.66, 4e-9, 0.01, 0.0083).sentence("SI"))
+        k_n = 200 kN/m ± 0.83 %, m = 0.5 kg, f = 100.7 Hz ± 0.41 %, z_s = 4 nm, zeta = 0.01
+        >>> print(Numbers(2e5, 0.5, 100.66, 4e-9, 0.01, 0.08, given=True).sentence("SI"))
         k_n = 200 kN/m ± 8 %, m = 0.5 kg ± 8 %, f = 100.66 Hz, z_s = 4 nm, zeta = 0.01
     """
 
@@ -167,18 +137,17 @@ class Numbers:
     frequency: float
     approach: float
     damping: float
-    frequency_bar: float = math.nan
+    bar: float = math.nan
     given: bool = False
 
-    def sentence(self, units: str | None, bar: float = math.nan) -> str:
-        """Return them as one line.
+    @property
+    def frequency_bar(self) -> float:
+        """Error bar of the frequency (1/time), half that of the stiffness; NaN if unknown or if it is an input."""
+        return math.nan if self.given else 0.5 * self.bar * self.frequency
 
-        Args:
-            units: "SI" shows SI units.
-            bar: error bar of the stiffness over it; default twice that of the frequency, sqrt(k_n/m)/(2 pi).
-        """
-        si = units == "SI"
-        bar = bar if math.isfinite(bar) else 2.0 * self.frequency_bar / self.frequency
+    def sentence(self, units: str | None) -> str:
+        """Return them as one line, with SI units if `units` is "SI"."""
+        si, bar = units == "SI", self.bar
         parts = [f"k_n = {quantity(self.stiffness, 'N/m' if si else '', 5, bar=bar)}"]
         if math.isfinite(self.mass):
             mass = f"{self.mass:.5g}{' kg' if si else ''}"

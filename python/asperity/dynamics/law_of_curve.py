@@ -18,11 +18,10 @@ from asperity.dynamics.law.checks import positive
 from asperity.dynamics.law.law import Law
 from asperity.dynamics.law.power import PowerLaw
 from asperity.dynamics.law.table import MIN_POINTS, TOUCH, TableLaw, fit_origin
-from asperity.dynamics.settings import LAWS, MIN_ROWS, NAMES
+from asperity.dynamics.settings import LAWS, MIN_ROWS
 from asperity.errors import AsperityError, AsperityWarning, InputError, RangeError
 from asperity.power_law import fit_power_law
 
-AFTER_YIELD = NAMES[:2]
 LACK = (
     "the contact has yielded, and the curve has neither an unloading through the preload nor the elastic stiffness: "
     "the law is the paper's power law of the loading, whose frequency is too low, by a factor of 1.5 on the demo "
@@ -115,16 +114,7 @@ def choose(
     overload: float | None = None,
     extrapolate: bool = False,
 ) -> Choice:
-    """Choose the law of a curve for the vibration about a preload.
-
-    Args:
-        columns: of the curve.
-        law, load, overload, extrapolate: see `law_from`.
-
-    Raises:
-        InputError: an argument is not legal, or the curve does not contain what it needs.
-        RangeError: the curve does not reach the load.
-    """
+    """Choose the law of a curve for the vibration about a preload; for arguments and errors see `law_from`."""
     if law not in LAWS:
         raise InputError(f'law = "{law}" is unknown: choose one of {", ".join(LAWS)}')
     top = float(np.max(columns.force))
@@ -137,16 +127,16 @@ def choose(
                 f"overload = {overload:g} must lie between the preload {load:g} and {top:g}, the greatest force of the "
                 "curve; compute the curve further"
             )
-    if law != "auto":
-        found = law_named(columns, law, load, extrapolate=extrapolate)
-        yielded = columns.yielded(top if law == "unload-reload" else load)
-        reached = load if law == "elastic" else None
-        if law == "unload-reload" and isinstance(found, TableLaw):
-            reached = _top(found)
-        return Choice(law, found, load, reached if yielded else None, yielded, "named")
-    if not 0 < load <= top * (1 + _SAME):
-        raise _beyond(load, top)
-    return _automatic(columns, min(load, top), None if overload is None else min(overload, top))
+    if law == "auto":
+        if not 0 < load <= top * (1 + _SAME):
+            raise _beyond(load, top)
+        return _automatic(columns, min(load, top), None if overload is None else min(overload, top))
+    found = law_named(columns, law, load, extrapolate=extrapolate)
+    yielded = columns.yielded(top if law == "unload-reload" else load)
+    reached = load if law == "elastic" else None
+    if law == "unload-reload" and isinstance(found, TableLaw):
+        reached = found.top
+    return Choice(law, found, load, reached if yielded else None, yielded, "named")
 
 
 def law_named(columns: CurveColumns, name: str, load: float, *, extrapolate: bool = False) -> Law:
@@ -161,7 +151,7 @@ def law_named(columns: CurveColumns, name: str, load: float, *, extrapolate: boo
     if name == "table":
         return TableLaw.from_curve(columns, extrapolate=extrapolate)
     if name == "elastic":
-        return elastic_tangent(columns, load, unloading=_passes(columns, load), extrapolate=extrapolate)
+        return elastic_tangent(columns, load, extrapolate=extrapolate)
     delta, force = columns.delta[columns.loading], columns.force[columns.loading]
     length, unit = float(delta.max(initial=0.0)), float(force.max(initial=0.0))
     if not (length > 0 and unit > 0):
@@ -203,60 +193,45 @@ def unload_reload(curve: Any, load: float | None = None, **options: Any) -> Tabl
         >>> round(law.origin, 4), round(law.deflection(0.5), 4)
         (0.3, 0.441)
     """
-    columns = curve if isinstance(curve, CurveColumns) else CurveColumns.of(curve)
-    found = columns.unloadings()
+    columns = CurveColumns.of(curve)
+    force, found = columns.force, columns.unloadings()
     if not found:
         raise InputError("the curve has no unloading branch: compute one with loading.unload = true")
-    force = columns.force
-    enough = [rows for rows in found if _touching(columns, rows).size >= MIN_POINTS] or found
+    enough = [rows for rows in found if _touching(force, rows).size >= MIN_POINTS] or found
     reaching = [rows for rows in enough if load is None or force[rows].max() >= load * (1 - _SAME)]
     if not reaching:
         top = max(float(force[rows].max()) for rows in enough)
         raise RangeError(f"preload = {load:g} exceeds the unload-reload branch, which ends at force {top:g}")
-    about = [rows for rows in reaching if load is None or force[rows].min() < load] or reaching
-    return _branch(columns, about[0], **options)
-
-
-def _touching(columns: CurveColumns, rows: Array) -> Array:
-    return rows[columns.force[rows] > TOUCH * columns.force[rows].max()]
-
-
-def _branch(columns: CurveColumns, rows: Array, **options: Any) -> TableLaw:
-    """Return the law through the rows of an unloading or a reloading."""
+    rows = next((rows for rows in reaching if load is None or force[rows].min() < load), reaching[0])
     rows = rows[np.argsort(columns.delta[rows], kind="stable")]
-    touching = _touching(columns, rows)
+    touching = _touching(force, rows)
     free = np.setdiff1d(rows, touching)
-    z, F, k = columns.delta[touching], columns.force[touching], columns.elastic[touching]
+    z, F, k = columns.delta[touching], force[touching], columns.elastic[touching]
     if free.size == 1 or (free.size and touching.size < MIN_POINTS):
         origin = float(columns.delta[free].max())
     elif touching.size > 1 and np.all(k[:2] > 0) and not free.size:
         origin = float(z[0] - TableLaw.of_stiffness(F[:2], k[:2]).z[0])
     else:
-        origin = fit_origin(columns.delta[rows], columns.force[rows])  # measured rows: none lies at the separation
+        origin = fit_origin(columns.delta[rows], force[rows])  # measured rows: none lies at the separation
     known = bool(np.any(k > 0)) or touching.size < MIN_POINTS
     return TableLaw(z, F, origin=origin, k=k if known else None, name="unload-reload branch", **options)
 
 
-def elastic_tangent(
-    columns: CurveColumns, load: float, *, unloading: bool = False, extrapolate: bool = False
-) -> TableLaw:
-    """Return the law with the elastic stiffness of the states on a branch.
+def _touching(force: Array, rows: Array) -> Array:
+    return rows[force[rows] > TOUCH * force[rows].max()]
 
-    Args:
-        columns: of the curve.
-        load: preload that the branch must reach (force).
-        unloading: take the last unloading instead of the first loading.
-        extrapolate: see `TableLaw`.
+
+def elastic_tangent(columns: CurveColumns, load: float, *, extrapolate: bool = False) -> TableLaw:
+    """Return the law of a contact that was never overloaded: the elastic stiffness of the states on the loading.
 
     Raises:
-        InputError: fewer than two rows of the branch have an elastic stiffness.
-        RangeError: they end below the load.
+        InputError: fewer than two rows of the loading have an elastic stiffness.
+        RangeError: they end below the load (force).
     """
-    rows = columns.rows_of(unloading=unloading)
-    rows = rows[(columns.force[rows] > 0) & (columns.elastic[rows] > 0)]
+    rows = columns.rising(columns.loading & (columns.force > 0) & (columns.elastic > 0))
     if rows.size < 2:
         raise InputError(
-            f"the curve has the elastic stiffness k_n_elastic in {rows.size} rows of the branch, at least 2 are "
+            f"the curve has the elastic stiffness k_n_elastic in {rows.size} rows of the loading, at least 2 are "
             "needed: compute it with output.stiffness = true"
         )
     force = columns.force[rows]
@@ -264,13 +239,14 @@ def elastic_tangent(
         raise RangeError(
             f"load = {load:g} lies outside the rows with an elastic stiffness, which end at force {force[-1]:g}"
         )
-    name = f"elastic tangent of the {'unloading' if unloading else 'loading'}"
-    return TableLaw.of_stiffness(force, columns.elastic[rows], name=name, extrapolate=extrapolate)
+    return TableLaw.of_stiffness(
+        force, columns.elastic[rows], name="elastic tangent of the loading", extrapolate=extrapolate
+    )
 
 
 def _automatic(columns: CurveColumns, load: float, overload: float | None) -> Choice:
     leg, lack = _leg(columns, load)
-    met = overload if overload is not None else load if leg is None else _top(leg)
+    met = overload if overload is not None else load if leg is None else leg.top
     yielded = columns.yielded(met)
     if not yielded:
         why = "nothing has yielded up to the preload" if yielded is False else "the curve does not show that it yields"
@@ -279,10 +255,13 @@ def _automatic(columns: CurveColumns, load: float, overload: float | None) -> Ch
         except InputError:
             found = law_named(columns, "paper", load)
             return Choice("paper", found, load, None, yielded, "the points of the loading do not rise")
-    above = _above(columns)
-    if leg is not None and met >= _top(leg) * (1 - 1e-6):
-        whole = leg if above is None else leg.yielding(above, min(_top(leg), float(above.F[-1])))
-        return Choice("unload-reload", whole, load, _top(leg), True, "yielded, and unloaded through the preload", lack)
+    try:
+        above = TableLaw.from_curve(columns, extrapolate=True)
+    except InputError:
+        above = None
+    if leg is not None and met >= leg.top * (1 - 1e-6):
+        whole = leg if above is None else leg.yielding(above, min(leg.top, above.top))
+        return Choice("unload-reload", whole, load, leg.top, True, "yielded, and unloaded through the preload", lack)
     try:
         tangent = elastic_tangent(columns, met, extrapolate=True)
     except AsperityError as error:
@@ -292,9 +271,8 @@ def _automatic(columns: CurveColumns, load: float, overload: float | None) -> Ch
                 "elastic stiffness of the loading; compute the curve with output.stiffness = true, or load it to the "
                 "overload"
             ) from error
-        return Choice(
-            "paper", law_named(columns, "paper", load), load, None, True, "yielded, no other law", lack or LACK
-        )
+        found = law_named(columns, "paper", load)
+        return Choice("paper", found, load, None, True, "yielded, no other law", lack or LACK)
     if overload is None:
         return Choice("elastic", tangent, load, load, True, "yielded, and the elastic stiffness is known", lack)
     if above is None:
@@ -320,7 +298,7 @@ def _between(loading: TableLaw, leg: TableLaw | None, load: float, met: float) -
     """
     k_met, k_load = (float(loading.stiffness(loading.deflection(force))) for force in (met, load))
     if leg is not None and leg.F.size > 1:
-        shape = leg.scaled(met / _top(leg), k_met / float(leg.slopes[-1]))
+        shape = leg.scaled(met / leg.top, k_met / float(leg.slopes[-1]))
         share, end = shape.F / met, leg.both(np.array([leg.deflection(force) for force in shape.F]))[1]
         k = shape.slopes**share * end ** (1.0 - share)
         branch = TableLaw.of_stiffness(shape.F, k, name="branch of the overload", extrapolate=True)
@@ -339,46 +317,21 @@ def _between(loading: TableLaw, leg: TableLaw | None, load: float, met: float) -
     )
 
 
-def _passes(columns: CurveColumns, load: float) -> bool:
-    """Return whether an unloading or reloading passes through a preload."""
-    after = columns.force[~columns.loading]
-    return bool(np.any(after <= load)) and any(
-        columns.force[rows].max() >= load * (1 - _SAME) for rows in columns.unloadings()
-    )
-
-
 def _leg(columns: CurveColumns, load: float) -> tuple[TableLaw | None, str]:
     """Return the unload-reload branch that passes through a preload, None if there is none, and a doubt or ""."""
-    if not _passes(columns, load):
+    reached = [columns.force[rows].max() for rows in columns.unloadings()]
+    if not (np.any(columns.force[~columns.loading] <= load) and max(reached, default=0.0) >= load * (1 - _SAME)):
         return None, ""
+    more = f"compute it with loading.unload_steps = {MIN_POINTS} or more, and output.stiffness = true"
     try:
         leg = unload_reload(columns, load)
     except AsperityError as error:
-        return None, f"the unloading through the preload gives no law: {error}; {_more_rows()}"
+        return None, f"the unloading through the preload gives no law: {error}; {more}"
     least = MIN_ROWS[leg.k is not None and not np.isnan(leg.k).any()]
     if leg.z.size >= least:
         return leg, ""
-    return leg, (
-        f"the unloading through the preload has {leg.z.size} rows in contact, and at least {least} show its "
-        f"curvature; {_more_rows()}"
-    )
-
-
-def _more_rows() -> str:
-    return f"compute it with loading.unload_steps = {MIN_POINTS} or more, and output.stiffness = true"
-
-
-def _top(leg: TableLaw) -> float:
-    """Return the greatest force of an unload-reload branch."""
-    return float(leg.F[-1])
-
-
-def _above(columns: CurveColumns) -> TableLaw | None:
-    """Return the loading curve, continued beyond its end; None where its points do not rise."""
-    try:
-        return TableLaw.from_curve(columns, extrapolate=True)
-    except InputError:
-        return None
+    rows = f"{leg.z.size} rows in contact, and at least {least} show its curvature"
+    return leg, f"the unloading through the preload has {rows}; {more}"
 
 
 def _beyond(load: float, top: float) -> RangeError:

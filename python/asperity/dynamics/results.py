@@ -35,11 +35,10 @@ RESPONSE_COLUMNS = (
 )  # fmt: skip
 
 
-def numbers_of(oscillator: ContactOscillator, omega_bar: float = math.nan, given: bool = False) -> Numbers:
-    """Return the numbers of the small vibration of an oscillator, with the bar of omega_s (rad/time); see `Numbers`."""
-    r, turn = oscillator.restoring, 2 * math.pi
-    k = r.scale / r.z_s
-    return Numbers(k, oscillator.mass, oscillator.omega_s / turn, r.z_s, oscillator.zeta, omega_bar / turn, given)
+def numbers_of(oscillator: ContactOscillator, bar: float = math.nan, given: bool = False) -> Numbers:
+    """Return the numbers of the small vibration of an oscillator; `bar` and `given` as in `Numbers`."""
+    r, frequency = oscillator.restoring, oscillator.omega_s / (2 * math.pi)
+    return Numbers(r.scale / r.z_s, oscillator.mass, frequency, r.z_s, oscillator.zeta, bar, given)
 
 
 @dataclass(frozen=True)
@@ -87,10 +86,10 @@ class Dynamics:
 
     @property
     def numbers(self) -> Numbers:
-        """Stiffness, mass, frequency with its bar, static approach and damping of small vibration."""
-        measured = self.joint is not None and self.joint.frequency is not None
-        known = None if measured or self.uncertainty is None else self.uncertainty.omega_s
-        return numbers_of(self.first, math.nan if known is None else known.half, measured)
+        """Stiffness and frequency with their bar, mass, static approach and damping of small vibration."""
+        known = None if self.uncertainty is None else self.uncertainty.k_n
+        bar = math.nan if known is None else known.half / known.value
+        return numbers_of(self.first, bar, self.joint is not None and self.joint.frequency is not None)
 
     @property
     def joint(self) -> Joint | None:

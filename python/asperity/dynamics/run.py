@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from asperity.dynamics.columns import CurveColumns
-from asperity.dynamics.intervals import Uncertainty, response_band, uncertainty
+from asperity.dynamics.intervals import response_band, uncertainty
 from asperity.dynamics.joint import Numbers
 from asperity.dynamics.law.checks import positive
 from asperity.dynamics.law.damping import LOOPS
@@ -85,21 +85,28 @@ def run_dynamics(
             except AsperityError as error:
                 notes.append(f"{name}: no sweep: {error}")
         notes.extend(_notes(name, oscillator, responses[name], swept[name]))
-    members = () if laws is None else laws.members()
-    spread = _uncertainty(exact, members, "" if laws is None else laws.describe_members(), notes)
+    members, spread = () if laws is None else laws.members(), None
+    try:
+        spread = uncertainty(exact, members or None, "" if laws is None else laws.describe_members())
+    except InputError:  # nothing bounds the law
+        pass
+    except AsperityError as error:
+        notes.append(f"no interval: {error}")
     bands = []
-    if settings.bands and spread is not None and "exact" in oscillators:
-        for f in settings.forcing:
-            try:
-                bands.append(response_band(exact, f, settings.omega, members=members or None))
-            except AsperityError as error:
-                notes.append(f"exact, F^ = {f:g}: no band: {error}")
+    for f in settings.forcing if settings.bands and spread is not None and "exact" in oscillators else ():
+        try:
+            bands.append(response_band(exact, f, settings.omega, members=members or None))
+        except AsperityError as error:
+            notes.append(f"exact, F^ = {f:g}: no band: {error}")
+    onsets = {name: oscillator.thresholds(settings.forcing) for name, oscillator in oscillators.items()}
+    if spread is not None:  # with the other laws and the error bar
+        onsets = {name: replace(one, softening=spread.softening) for name, one in onsets.items()}
     result = Dynamics(
         oscillators=oscillators,
         free={name: oscillator.free() for name, oscillator in oscillators.items()},
         responses=responses,
         sweeps=swept,
-        thresholds={name: oscillator.thresholds(settings.forcing) for name, oscillator in oscillators.items()},
+        thresholds=onsets,
         uncertainty=spread,
         bands=tuple(bands),
         notes=tuple(notes),
@@ -151,8 +158,7 @@ def _vibration(
     exact = _oscillator(static, load, replace(settings, damping=damping), gravity)
     laws = None
     if chosen is not None:
-        known = exact.mass if np.isfinite(exact.mass) else None
-        laws = tabulate(*chosen, known, extrapolate=settings.extrapolate or settings.law == "auto")
+        laws = tabulate(*chosen, exact.mass, extrapolate=settings.extrapolate or settings.law == "auto")
     notes = [*static.doubts(load), assumed, loop_note, *([] if laws is None else _yield_notes(laws.choice))]
     return exact, gravity, laws, [note for note in notes if note]
 
@@ -187,19 +193,6 @@ def _loops_of(source: Any) -> str | LoopDamping:
     if folder is None or not (folder / run_folder.LOOPS).is_file():
         return LOOPS
     return LoopDamping.of(LoopTable.read(folder / run_folder.LOOPS))
-
-
-def _uncertainty(
-    exact: ContactOscillator, members: tuple[Law, ...], origin: str, notes: list[str]
-) -> Uncertainty | None:
-    """Return the intervals of an oscillator; None where nothing bounds its law."""
-    try:
-        return uncertainty(exact, members or None, origin)
-    except InputError:
-        return None
-    except AsperityError as error:
-        notes.append(f"no interval: {error}")
-        return None
 
 
 def _yield_notes(choice: Choice) -> Iterator[str]:

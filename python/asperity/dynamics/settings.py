@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from asperity.dynamics.forcing import forcings, window
-from asperity.dynamics.joint import Joint, loads_of_case
+from asperity.dynamics.joint import Joint
 from asperity.dynamics.law.damping import Damping
 from asperity.errors import InputError
 
@@ -94,30 +94,35 @@ class DynamicsSettings:
 
     @classmethod
     def of_case(cls, case: Mapping[str, Any], joint: Joint | None = None) -> DynamicsSettings:
-        """Return the settings of a completed case; the preload of its patch becomes that of the joint.
+        """Return the settings of a completed case (sections as of `Case.to_dict`), with another joint if given.
 
-        Args:
-            case: sections of the case, as `Case.to_dict` returns them; empty for the defaults.
-            joint: instead of that of the case.
+        The preload of the patch becomes that of the joint.
         """
         given = dict(case.get("dynamics", {}))
         if joint is None and "joint" in case:
             joint = Joint(**case["joint"])
         length = case.get("surface", {}).get("L")
         patch = None if length is None else float(length) ** 2
-        preload, overload = loads_of_case(given.get("preload"), given.get("overload"), joint, patch)
-        given |= {"preload": preload, "overload": overload, "units": case.get("units"), "patch_area": patch}
+        given |= {"units": case.get("units"), "patch_area": patch}
+        if joint is not None:  # the forces of the section [dynamics] are those of the patch
+            own = {name: given[name] for name in ("preload", "overload") if given.get(name) is not None}
+            given |= {name: joint.factor(patch) * force for name, force in own.items()}
+            load = joint.load(patch)
+            given |= {} if load is None else {"preload": load}
         return cls().replaced(**given).replaced(joint=joint)
 
     @classmethod
     def of_source(cls, source: Any, joint: Joint | None = None) -> DynamicsSettings:
-        """Return the settings of the case in a run directory, or beside its curve.csv; the defaults without one.
-
-        Args:
-            source: of the curve.
-            joint: instead of that of the case.
-        """
-        return cls.of_case(case_of(source), joint)
+        """Return the settings of the case in a run directory, or beside its curve.csv; the defaults without one."""
+        case: dict[str, Any] = {}
+        if isinstance(source, (str, os.PathLike)):
+            path = Path(source)
+            folder = path.parent if path.name == "curve.csv" else path
+            try:
+                case = tomllib.loads((folder / "case.toml").read_text(encoding="utf-8"))
+            except (OSError, ValueError):
+                pass
+        return cls.of_case(case, joint)
 
     def replaced(self, **changes: Any) -> DynamicsSettings:
         """Return the settings with other values, None for no change.
@@ -125,26 +130,12 @@ class DynamicsSettings:
         The overload does not outlive a change of law or preload, and the damping ratio becomes that of a new joint.
         """
         new = {name: value for name, value in changes.items() if value is not None}
-        if unknown := new.keys() - {field.name for field in fields(self)}:
-            names = ", ".join(field.name for field in fields(self))
-            raise InputError(f"{min(unknown)} is no setting of the vibration: choose from {names}")
+        names = [field.name for field in fields(self)]
+        if unknown := new.keys() - set(names):
+            raise InputError(f"{min(unknown)} is no setting of the vibration: choose from {', '.join(names)}")
         if new.keys() & {"law", "preload"}:
             new.setdefault("overload", None)
         joint = new.get("joint")
         if joint is not None and joint.damping is not None:
             new.setdefault("zeta", joint.damping)
         return replace(self, **new)
-
-
-def case_of(source: Any) -> dict[str, Any]:
-    """Return the completed case of a run directory, or of the curve.csv in one; empty if there is none."""
-    if not isinstance(source, (str, os.PathLike)):
-        return {}
-    path = Path(source)
-    folder = path if path.is_dir() else path.parent
-    if folder != path and path.name != "curve.csv":
-        return {}
-    try:
-        return tomllib.loads((folder / "case.toml").read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}

@@ -11,7 +11,6 @@ quadrature per amplitude gives the resonance peak for every damping ratio:
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -20,8 +19,9 @@ from scipy.optimize import brentq, minimize_scalar
 
 from asperity.arrays import Array
 from asperity.dynamics.equation import Restoring
-from asperity.dynamics.free import FreeOrbit, column, contact_limit, free_orbit
+from asperity.dynamics.free import FreeOrbit, FreeVibration, column, contact_limit, free_orbit
 from asperity.dynamics.law.damping import Damping, only_in_contact
+from asperity.dynamics.law.law import bend
 from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.errors import RangeError
 from asperity.runtime.display import short_repr
@@ -30,15 +30,8 @@ _LARGEST = 1e6  # amplitude at which the search for a peak ends
 
 
 @dataclass(frozen=True)
-class Backbone:
-    """Free orbits in order of amplitude, and the forcing that sustains each at resonance.
-
-    Attributes:
-        model, law, damping: model, law and damping of the orbits.
-        n_loc: local exponent.
-        orbits: the free orbits.
-        tolerance: largest estimated relative error of a frequency.
-        valid: False for orbits of a Taylor law that pass u = -1.
+class Backbone(FreeVibration):
+    """Free vibration in order of amplitude, and the forcing that sustains each orbit at resonance.
 
     Examples:
         >>> backbone = asp.ContactOscillator(asp.PowerLaw(0.7)).backbone(u_max=4.0, points=40)
@@ -46,25 +39,7 @@ class Backbone:
         [(1.2, 1.031)]
     """
 
-    model: str
-    law: str
-    damping: str
-    n_loc: float
-    orbits: tuple[FreeOrbit, ...]
-    tolerance: float
-    valid: tuple[bool, ...]
-
     __repr__ = short_repr
-
-    @property
-    def u_max(self) -> Array:
-        """Release amplitudes, shape (orbits,)."""
-        return column(self.orbits, "u0")
-
-    @property
-    def omega(self) -> Array:
-        """Frequencies over omega_s, shape (orbits,)."""
-        return column(self.orbits, "omega")
 
     @property
     def a1(self) -> Array:
@@ -78,23 +53,10 @@ class Backbone:
 
     @property
     def turns(self) -> tuple[tuple[float, float], ...]:
-        """Points (u_max, omega) at which softening turns to hardening or back."""
-        w, u = self.omega, self.u_max
+        """Points (u0, omega/omega_s) at which softening turns to hardening or back."""
+        w, u = self.omega_ratio, self.u0
         i = np.flatnonzero((np.diff(w)[:-1] > 0) != (np.diff(w)[1:] > 0)) + 1
         return tuple((float(u[j]), float(w[j])) for j in i if abs(w[j] - 1.0) > 1e-12)
-
-    def rows(self) -> Iterator[dict[str, Any]]:
-        """Yield one mapping per orbit."""
-        for o in self.orbits:
-            yield {
-                "model": self.model,
-                "u_max": o.u0,
-                "u_min": o.u_min,
-                "omega_ratio": o.omega,
-                "a1": o.a1,
-                "drive": o.drive,
-                "flight": o.flight,
-            }
 
 
 @dataclass(frozen=True)
@@ -104,7 +66,7 @@ class Thresholds:
     Attributes:
         model, law, zeta, damping: model, law and damping of the oscillator.
         n_loc, kappa: local exponent; backbone curvature (negative: softening).
-        softening: sign of kappa in words: "softening", "hardening" or "linear".
+        softening: sign of kappa in words: "softening", "hardening", "linear", or "undecided" within its error bar.
         u_max, omega_loss: largest release that keeps contact, and its frequency over omega_s.
         drive_loss: F^/(2 zeta) at which resonance begins to lose contact.
         contact_loss: the same as F^.
@@ -149,22 +111,6 @@ class Thresholds:
     def to_dict(self) -> dict[str, Any]:
         """Return the section of thresholds.json."""
         return {**asdict(self), "peaks": [dict(p) for p in self.peaks]}
-
-
-def backbone(restoring: Restoring, *, model: str, damping: Damping, u_max: float, points: int) -> Backbone:
-    """Compute free orbits up to `u_max`, at equal steps of amplitude and at contact loss.
-
-    They end earlier where the law ends: at the rim of a Taylor well, or at the last point of a table.
-    """
-    top = min(u_max, largest_amplitude(restoring))
-    amplitude = np.linspace(top / points, top, points)
-    limit = contact_limit(restoring)
-    if limit < top:
-        amplitude = np.unique(np.append(amplitude, limit))
-    orbits = tuple(free_orbit(restoring, float(u), damping) for u in amplitude)
-    valid = tuple(restoring.contact or o.u_min >= -1.0 for o in orbits)
-    tolerance = max(o.error for o in orbits)
-    return Backbone(model, restoring.law.describe(), str(damping), restoring.n_loc, orbits, tolerance, valid)
 
 
 def largest_amplitude(restoring: Restoring) -> float:
@@ -217,10 +163,9 @@ def thresholds(
 ) -> Thresholds:
     """Compute the onsets of `Thresholds` and the resonance peak of each F^ in `forcing`."""
     limit = contact_limit(restoring)
-    inside = limit <= restoring.u_range[1]
-    orbit = free_orbit(restoring, limit, damping) if np.isfinite(limit) and inside else None
-    kappa = restoring.kappa
-    drive = orbit.drive if orbit else None
+    inside = np.isfinite(limit) and limit <= restoring.u_range[1]
+    orbit = free_orbit(restoring, limit, damping) if inside else None
+    kappa, bar = restoring.kappa, restoring.law.kappa_bar(restoring.z_s)
     peaks: list[dict[str, float | None]] = []
     for f in forcing:
         peak = None
@@ -228,35 +173,29 @@ def thresholds(
             try:
                 peak = resonance_peak(restoring, f / (2.0 * zeta), damping)
             except RangeError:
-                peak = None
+                pass
         values = (peak.omega, peak.u0, peak.u_min, peak.a1) if peak else (None,) * 4
-        peaks.append(
-            {
-                "F_hat": f,
-                "F_over_mg": restoring.n_loc * f,
-                **dict(zip(("Omega", "u_max", "u_min", "a1"), values, strict=True)),
-            }
-        )
-    word = "softening" if kappa < 0 else "hardening" if kappa > 0 else "linear"
+        at_peak = dict(zip(("Omega", "u_max", "u_min", "a1"), values, strict=True))
+        peaks.append({"F_hat": f, "F_over_mg": restoring.n_loc * f, **at_peak})
     return Thresholds(
-        model,
-        restoring.law.describe(),
-        zeta,
-        str(damping),
-        restoring.n_loc,
-        kappa,
-        word,
-        limit if orbit else None,
-        orbit.omega if orbit else None,
-        drive,
-        2.0 * zeta * drive if drive is not None else None,
-        float(np.sqrt(32.0 * zeta**3 / (3.0 * np.sqrt(3.0) * abs(kappa)))) if kappa else None,
-        6.0 * zeta / abs(restoring.a2) if restoring.a2 else None,
-        _closing(restoring, zeta, damping),
-        tuple(peaks),
-        restoring.n_loc,
-        zeta**2,
-        restoring.contact or all(p["u_min"] is None or p["u_min"] >= -1.0 for p in peaks),
+        model=model,
+        law=restoring.law.describe(),
+        zeta=zeta,
+        damping=str(damping),
+        n_loc=restoring.n_loc,
+        kappa=kappa,
+        softening=bend(kappa - bar, kappa + bar),
+        u_max=limit if orbit else None,
+        omega_loss=orbit.omega if orbit else None,
+        drive_loss=orbit.drive if orbit else None,
+        contact_loss=2.0 * zeta * orbit.drive if orbit else None,
+        hysteresis=float(np.sqrt(32.0 * zeta**3 / (3.0 * np.sqrt(3.0) * abs(kappa)))) if kappa else None,
+        period_doubling=6.0 * zeta / abs(restoring.a2) if restoring.a2 else None,
+        closing=_closing(restoring, zeta, damping),
+        peaks=tuple(peaks),
+        F_over_mg=restoring.n_loc,
+        tolerance=zeta**2,
+        valid=restoring.contact or all(p["u_min"] is None or p["u_min"] >= -1.0 for p in peaks),
     )
 
 

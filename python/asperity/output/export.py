@@ -109,21 +109,30 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
     if load is None and (of_joint := joint.load(patch)) is not None:
         load = of_joint / joint.factor(patch)
     if law == "auto":
-        law = "unload-reload" if choose(CurveColumns.of(curve), "auto", load).name == "unload-reload" else "table"
+        law = "unload-reload" if choose(CurveColumns.of(curve), law, load).name == "unload-reload" else "table"
     approach, measure = _approach(curve, case)
-    columns = {"delta": approach, "force": curve.force / patch, "branch": curve.branch}
+    columns = CurveColumns.of(curve)
+    of_mean_planes = {
+        "delta": approach, "force": curve.force / patch, "branch": curve.branch,
+        "k_n_elastic": curve.k_n_interface / patch,  # the slope of an unloading without the block
+    }  # fmt: skip
     if law == "table":
-        found = TableLaw.from_curve(columns)
+        found, rows = TableLaw.from_curve(of_mean_planes), columns.loading
     else:
         preload = 0.5 * float(curve.force.max()) if load is None else load
-        found = unload_reload(columns, preload / patch)
+        found = unload_reload(of_mean_planes, preload / patch)
+        last = next(leg for leg in columns.unloadings() if curve.branch[leg[-1]] == "unload")
+        rows = np.isin(np.arange(len(curve)), last)
     z = _refined(found.z)
     pressure, slope = found.both(z)
-    stiffness = _stiffness(curve, case, law)
-    return Interface(
-        z, pressure, slope, stiffness("k_n", pressure), stiffness("k_n_elastic", pressure), stiffness("k_t", pressure),
-        area, tuple(_about(results, case, found, law, measure)),
-    )  # fmt: skip
+    with np.errstate(all="ignore"):
+        k_n = 1.0 / (1.0 / curve.k_n - case.block.height / (patch * _block_modulus(case)))
+    k_n, k_n_elastic, k_t = (
+        _over(pressure, k / patch, curve.force / patch, columns.rising(rows & (k > 0) & (curve.force > 0)))
+        for k in (k_n, curve.k_n_interface, curve.k_t_interface)
+    )
+    about = tuple(_about(results, case, found, law, measure))
+    return Interface(z, pressure, slope, k_n, k_n_elastic, k_t, area, about)
 
 
 def export(
@@ -172,11 +181,14 @@ def export(
     return target
 
 
+def _block_modulus(case: Case) -> float:
+    return case.material.solid.block_modulus(case.block.sides)
+
+
 def _approach(curve: Curve, case: Case) -> tuple[Array, str]:
     """Return the approach of the mean planes at each step (length), and how it was found."""
-    modulus = case.material.solid.block_modulus(case.block.sides)
-    patch = case.surface.L**2
-    without = interface_approach(curve.delta, curve.force, height=case.block.height, area=patch, modulus=modulus)
+    block = {"height": case.block.height, "area": case.surface.L**2, "modulus": _block_modulus(case)}
+    without = interface_approach(curve.delta, curve.force, **block)
     if np.isnan(curve.mean_gap).any() or not len(curve):
         return without, "approach of the flat less the elastic compression of the block"
     # the first step carries hardly any force: there the block is elastic
@@ -190,27 +202,13 @@ def _refined(z: Array) -> Array:
     return np.concatenate([z[0] * np.array(_BELOW), inner, z[-1:]])
 
 
-def _stiffness(curve: Curve, case: Case, law: str) -> Callable[[str, Array], Array]:
-    """Return the function from column and nominal pressure to stiffness over the nominal area, NaN where unknown."""
-    patch = case.surface.L**2
-    modulus = case.material.solid.block_modulus(case.block.sides)
-    columns = CurveColumns.of(curve)
-    rows = columns.rows_of(unloading=law != "table")
-    source = {"k_t": curve.k_t_interface}
-    with np.errstate(all="ignore"):
-        for name in ("k_n", "k_n_elastic"):
-            left = 1.0 / getattr(curve, name) - case.block.height / (patch * modulus)
-            source[name] = np.where(left > 0, 1.0 / left, np.nan)
-
-    def over(name: str, pressure: Array) -> Array:
-        known = rows[(source[name][rows] > 0) & (curve.force[rows] > 0)]
-        if known.size < 2:
-            return np.full(pressure.shape, np.nan)
-        x, y = np.log(curve.force[known] / patch), np.log(source[name][known] / patch)
-        inside = (np.log(pressure) >= x[0] - 1e-9) & (np.log(pressure) <= x[-1] + 1e-9)
-        return np.where(inside, np.exp(np.interp(np.log(pressure), x, y)), np.nan)
-
-    return over
+def _over(pressure: Array, k: Array, at: Array, rows: Array) -> Array:
+    """Return a stiffness, known in rows of rising pressures `at`, over others: linear in logarithms, NaN outside."""
+    if rows.size < 2:
+        return np.full(pressure.shape, np.nan)
+    x, y, wanted = np.log(at[rows]), np.log(k[rows]), np.log(pressure)
+    inside = (wanted >= x[0] - 1e-9) & (wanted <= x[-1] + 1e-9)
+    return np.where(inside, np.exp(np.interp(wanted, x, y)), np.nan)
 
 
 def _about(results: Results, case: Case, law: TableLaw, name: str, measure: str) -> Iterator[str]:

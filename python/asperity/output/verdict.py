@@ -66,8 +66,6 @@ def _vibration(results: Results) -> Iterator[str]:
     if numbers.get("k_n") is None:
         return
     bar = (found.get("laws") or {}).get("error_bar_of_k_n")
-    if numbers.get("f_bar"):  # with what the points of the law leave open
-        bar = 2.0 * numbers["f_bar"] / numbers["f"]
     bar = nan if bar is None else float(bar)
     of, load = "joint" if results.case.get("joint") else "patch", found.get("load")
     about = "" if load is None else f" about a load of {quantity(load, (si and 'N') or '')}"

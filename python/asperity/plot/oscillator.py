@@ -71,9 +71,9 @@ def backbone(
         for line in r.lines():
             axis.plot(line.Omega, line.a1, color=colour, lw=0.9)
         axis.plot([], [], color=colour, lw=0.9, label=f"response, $\\hat F$ = {r.setting.F_hat:g}")
-    axis.plot(curve.omega, curve.a1, color=style.BLACK, label="backbone")
+    axis.plot(curve.omega_ratio, curve.a1, color=style.BLACK, label="backbone")
     limit = oscillator.u_max
-    if limit <= curve.u_max[-1]:
+    if limit <= curve.u0[-1]:
         orbit = oscillator.free(limit).orbits[0]
         axis.plot(orbit.omega, orbit.a1, "o", color=style.YELLOW, mec=style.BLACK, ms=6, zorder=4, label="contact loss")
     peaks = [p for p in oscillator.thresholds([r.setting.F_hat for r in responses]).peaks if p["Omega"] is not None]
@@ -93,7 +93,7 @@ def backbone(
         axis.set_xlim(*responses[0].omega)
     axis.set_xlabel("frequency $\\Omega = \\omega/\\omega_s$")
     axis.set_ylabel("first harmonic $a_1$")
-    axis.set_title(f"{curve.law}; damping {curve.damping}", fontsize="small")
+    axis.set_title(f"{curve.law}; damping {oscillator.damping}", fontsize="small")
     axis.legend(loc="best")
     style.grid(axis)
     return figure

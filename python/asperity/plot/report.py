@@ -210,18 +210,18 @@ def _laws(results: Results) -> Rows:
     rows: Rows = []
     units = {"k_n": "N/m", "f": "Hz"} if results.unit("force") else {}
     laws = results.thresholds.get("laws") or {}
-    bar = laws.get("error_bar_of_k_n")
-    bars_of_chosen = {} if bar is None else {"k_n": bar, "f": 0.5 * bar}
     for row in laws.get("table", ()):
         if row["k_n"] is None:
             rows.append((row["law"], f"– ({row['missing']})"))
             continue
-        bars = bars_of_chosen if row["chosen"] else {}
-        known = ", ".join(
-            f"{name} = {quantity(row[name], units.get(name, ''), bar=bars.get(name, math.nan))}"
-            for name in ("n", "kappa", "k_n", "f")
+        bars = {name: row.get(f"{name}_bar") or math.nan for name in ("n", "kappa", "k_n", "f")}
+        parts = [f"{name} = {plus_minus(row[name], bars[name])}" for name in ("n", "kappa")]
+        parts += [
+            f"{name} = {quantity(row[name], units.get(name, ''), bar=bars[name] / row[name])}"
+            for name in ("k_n", "f")
             if row[name] is not None
-        )
+        ]
+        known = ", ".join(parts)
         other = "" if row["applies"] else " (not of this vibration)"
         rows.append((row["law"], f"{known}{' (chosen)' if row['chosen'] else other}"))
     return rows

@@ -187,6 +187,10 @@ class Law(ABC):
             )
         return value + (inside - u) * load / scale
 
+    def kappa_bar(self, z: float) -> float:
+        """Return the error bar of `kappa` at `z`."""
+        return 0.0
+
     def _checked(self, z: ArrayLike) -> Array:
         z = np.asarray(z, float)
         if not self.extrapolate:
@@ -198,6 +202,13 @@ class Law(ABC):
                     f"compute the curve further, or {EXTRAPOLATE}"
                 )
         return z
+
+
+def bend(low: float, high: float) -> str:
+    """Return in words what the interval of kappa says of small motion."""
+    if low == high == 0.0:
+        return "linear"
+    return "softening" if high < 0.0 else "hardening" if low > 0.0 else "undecided"
 
 
 def dense(law: Law, end: float, knots: Array) -> tuple[Array, Array]:

@@ -256,9 +256,13 @@ class TableLaw(Law):
         return self.z
 
     @property
+    def top(self) -> float:
+        """Largest force of the points."""
+        return float(self.F[-1])
+
+    @property
     def default_load(self) -> float:
-        """Half of the largest force."""
-        return 0.5 * float(self.F[-1])
+        return 0.5 * self.top
 
     def both(self, z: Array) -> tuple[Array, Array]:
         z = np.asarray(z, float)
