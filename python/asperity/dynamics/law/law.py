@@ -26,9 +26,7 @@ from asperity.errors import RangeError
 
 EXTRAPOLATE = "extrapolate the law (extrapolate=True, asperity dynamics --extrapolate)"  # advice of messages
 SMALL = 0.05  # below this |u| the potential is integrated or summed: differences of potentials cancel
-
 _DENSE = 40_000  # approaches between which the force for time integration is interpolated
-
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(16)
 
 
@@ -37,6 +35,11 @@ class Law(ABC):
 
     A subclass defines `both`, `potential`, `derivatives` and `describe`, and a finite `z_range` unless it also
     defines `deflection`.
+
+    Attributes:
+        contact: whether the force vanishes for ``z <= 0`` (False for a truncated series).
+        extrapolate: whether approaches outside `z_range` are allowed.
+        scalar: whether `at` works on plain floats, many times faster than `both` on an array of one element.
 
     Examples:
         A linear spring of 2 N/m that pushes only:
@@ -63,13 +66,8 @@ class Law(ABC):
     """
 
     contact = True
-    """Whether the force vanishes for ``z <= 0`` (False for a truncated series)."""
-
     extrapolate = True
-    """Whether approaches outside `z_range` are allowed."""
-
     scalar = False
-    """Whether `at` works on plain floats, many times faster than `both` on an array of one element."""
 
     @abstractmethod
     def both(self, z: Array) -> tuple[Array, Array]:
@@ -173,18 +171,14 @@ class Law(ABC):
         u = np.asarray(u, float)
         inside = np.maximum(u, -1.0) if self.contact else u
         value = (self.potential(z_s * (1 + inside)) - self.potential(z_s) - load * z_s * inside) / (scale * z_s)
-        kink = max(self.yields_at / z_s - 1.0, 0.0)
         small = np.abs(u) < SMALL
         if small.any():
+            kink = np.minimum(u[small], max(self.yields_at / z_s - 1.0, 0.0))
             value = np.array(value)
-            value[small] = sum(
-                half
-                * ((self.both(z_s * (1 + start + half[..., None] * (1.0 + _GAUSS_X)))[0] - load) / scale @ _GAUSS_W)
-                for start, half in (
-                    (0.0, 0.5 * np.minimum(u[small], kink)),
-                    (kink, 0.5 * np.maximum(u[small] - kink, 0.0)),
-                )[: 2 if kink < SMALL else 1]
-            )
+            value[small] = 0.0
+            for start, half in ((0.0, 0.5 * kink), (kink, 0.5 * (u[small] - kink))):
+                at = np.asarray(start)[..., None] + half[..., None] * (1.0 + _GAUSS_X)
+                value[small] += half * ((self.both(z_s * (1 + at))[0] - load) / scale @ _GAUSS_W)
         return value + (inside - u) * load / scale
 
     def kappa_bar(self, z: float) -> float:
@@ -193,14 +187,12 @@ class Law(ABC):
 
     def _checked(self, z: ArrayLike) -> Array:
         z = np.asarray(z, float)
-        if not self.extrapolate:
-            low, high = self.z_range
-            if z.size and (z.max() > high * (1 + 1e-12) or (not self.contact and z.min() < low)):
-                worst = z.max() if z.max() > high else z.min()
-                raise RangeError(
-                    f"approach {worst:g} lies outside the law, known from {low:g} to {high:g}; "
-                    f"compute the curve further, or {EXTRAPOLATE}"
-                )
+        low, high = self.z_range
+        if z.size and not self.extrapolate and z.max() > high * (1 + 1e-12):
+            raise RangeError(
+                f"approach {z.max():g} lies outside the law, known from {low:g} to {high:g}; "
+                f"compute the curve further, or {EXTRAPOLATE}"
+            )
         return z
 
 
@@ -212,15 +204,10 @@ def bend(low: float, high: float) -> str:
 
 
 def dense(law: Law, end: float, knots: Array) -> tuple[Array, Array]:
-    """Return approaches from 0 to a thousand times `end`, and the forces there, for time integration.
+    """Return approaches from 0 to a thousand times `end` (length), `knots` among them, and the forces there.
 
     They are so dense that straight lines between them err by about 1e-9 of the force at `end`, and by 1e-6 of the force
     beyond twice `end`.
-
-    Args:
-        law: the law.
-        end: an approach (length).
-        knots: approaches that are kept, where the law is not smooth (length).
     """
     even, light = np.linspace(0.0, 2.0 * end, _DENSE), np.geomspace(1e-9, 1.0, _DENSE // 8) * end
     far = np.geomspace(2.0, 1e3, _DENSE // 8) * end

@@ -60,18 +60,10 @@ class LoopDamping:
 
     @classmethod
     def of(cls, loops: LoopTable) -> LoopDamping:
-        """Take the last loop of each amplitude.
-
-        Raises:
-            InputError: a larger force moves the flat no further.
-        """
+        """Take the last loop of each amplitude; raise `InputError` where a larger force moves the flat no further."""
         last = [of_one[-1] for of_one in loops.of_amplitudes()]
-        return cls(
-            tuple(loop.deflection for loop in last),
-            tuple(0.5 * loop.eta for loop in last),
-            tuple(loop.k for loop in last),
-            last[0].preload,
-        )
+        deflection, zeta, k = zip(*((loop.deflection, 0.5 * loop.eta, loop.k) for loop in last), strict=True)
+        return cls(deflection, zeta, k, last[0].preload)
 
     def on(self, stiffness: float, preload: float) -> tuple[LoopDamping, str]:
         """Return the damping on a law with another stiffness, and a note on another preload ("" if it is the same).

@@ -76,16 +76,16 @@ class PowerLaw(Law):
         half_k = 0.5 * np.log(fit.ci_k[1] / fit.ci_k[0])
         covariance = fit.correlation * half_n * half_k
         half_K = np.sqrt(max(half_k**2 - 2 * shift * covariance + shift**2 * half_n**2, 0.0))
-        mixed = covariance - shift * half_n**2
+        mixed, product = covariance - shift * half_n**2, half_n * half_K
         with np.errstate(over="ignore"):
-            K = force * fit.k * np.float64(length) ** -fit.n
+            K = float(force * fit.k * np.float64(length) ** -fit.n)
         return cls(
-            float(fit.n),
-            float(K),
-            (max(float(fit.n - half_n), 1e-12), float(fit.n + half_n)),
-            (float(K * np.exp(-half_K)), float(K * np.exp(half_K))),
-            float(np.clip(mixed / (half_n * half_K), -1, 1)) if half_n * half_K > 0 else 0.0,
-            float(fit.range[1] * length),
+            n=float(fit.n),
+            K=K,
+            ci_n=(max(float(fit.n - half_n), 1e-12), float(fit.n + half_n)),
+            ci_K=(float(K * np.exp(-half_K)), float(K * np.exp(half_K))),
+            correlation=float(np.clip(mixed / product, -1, 1)) if product > 0 else 0.0,
+            fitted_to=float(fit.range[1] * length),
         )
 
     def scaled(self, force: float) -> PowerLaw:
@@ -98,14 +98,8 @@ class PowerLaw(Law):
 
     def both(self, z: Array) -> tuple[Array, Array]:
         s = np.maximum(z, 0.0)
-        if self.n < 1:  # the stiffness is infinite at the point of separation
-            with np.errstate(divide="ignore"):
-                slope = np.where(s > 0, s ** (self.n - 1.0), 0.0)
-        else:
-            slope = s ** (self.n - 1.0)
-            if self.n == 1:
-                slope = np.where(np.asarray(z) > 0, 1.0, 0.0)
-        slope = self.K * slope
+        with np.errstate(divide="ignore", invalid="ignore"):  # n < 1: infinite stiffness at the point of separation
+            slope = np.where(s > 0, self.K * s ** (self.n - 1.0), 0.0)
         return slope * s, self.n * slope
 
     def push(self, z: Array) -> Array:

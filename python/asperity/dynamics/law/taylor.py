@@ -63,11 +63,9 @@ class TaylorLaw(Law):
 
     def potential(self, z: ArrayLike) -> Array:
         p1, p2, p3 = self.p
-
-        def primitive(x: Array | float) -> Array | float:
-            return x * (self.load + x * (p1 / 2 + x * (p2 / 6 + x * p3 / 24)))
-
-        return np.asarray(primitive(np.asarray(z, float) - self.z_s) - primitive(-self.z_s))
+        x, zero = np.asarray(z, float) - self.z_s, -self.z_s
+        primitive = np.polynomial.Polynomial([0.0, self.load, p1 / 2, p2 / 6, p3 / 24])
+        return np.asarray(primitive(x) - primitive(zero))
 
     def well(self, u: Array, z_s: float, load: float, scale: float) -> Array:
         p1, p2, p3 = self.p
@@ -87,28 +85,26 @@ class TaylorLaw(Law):
 
     @property
     def default_load(self) -> float:
-        """The load that the series was expanded about."""
         return self.load
 
     def describe(self) -> str:
         return f"cubic Taylor series about z_s = {self.z_s:g}"
+
+    def _saddles(self) -> Array:
+        """Return the displacements u at which the restoring force vanishes again."""
+        p1, p2, p3 = self.p
+        roots = np.roots([p3 * self.z_s**2 / (6 * p1), p2 * self.z_s / (2 * p1), 1.0])
+        return np.asarray(roots[np.abs(roots.imag) < 1e-12].real)
 
     def rim(self) -> float:
         """Return the displacement u of the nearest saddle below the well, -inf if there is none.
 
         Motion beyond it escapes: a property of the truncated series, not of the contact.
         """
-        p1, p2, p3 = self.p
-        z = self.z_s
-        roots = np.roots([p3 * z * z / (6 * p1), p2 * z / (2 * p1), 1.0])
-        real = roots[np.abs(roots.imag) < 1e-12].real
-        below = real[real < 0]
-        return float(below.max()) if below.size else -np.inf
+        saddles = self._saddles()
+        return float(saddles[saddles < 0].max(initial=-np.inf))
 
     def rim_above(self) -> float:
         """Return the displacement u of the nearest saddle above the well, +inf if there is none."""
-        p1, p2, p3 = self.p
-        z = self.z_s
-        roots = np.roots([p3 * z * z / (6 * p1), p2 * z / (2 * p1), 1.0])
-        above = roots[(np.abs(roots.imag) < 1e-12) & (roots.real > 0)].real
-        return float(above.min()) if above.size else np.inf
+        saddles = self._saddles()
+        return float(saddles[saddles > 0].min(initial=np.inf))
