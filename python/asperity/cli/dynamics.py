@@ -138,14 +138,14 @@ def _show(result: Dynamics) -> None:
         rows.append((name, *(f"peak {u:.4g} at {omega:.4g}" for omega, u in peaks)))
     options.table(about, rows, ("", *models))
     if result.laws is not None:
-        _show_laws(result.laws, "" if result.units == "other" else "SI")
+        _show_laws(result.laws, "" if result.settings.units == "other" else "SI")
     if (spread := result.uncertainty) is not None:
         n, kappa = spread.n_loc, spread.kappa
         curvature = f"kappa = {plus_minus(kappa.value, kappa.half)}, {spread.softening}"
         options.say(f"n = {plus_minus(n.value, n.half)}, {curvature}, by the {spread.origin}")
     for note in result.notes:
         options.say(f"note: {note}")
-    options.say(result.numbers.sentence(result.units))
+    options.say(result.numbers.sentence(result.settings.units))
 
 
 def _show_laws(laws: LawTable, units: str) -> None:

@@ -23,7 +23,7 @@ from asperity.errors import InputError
 from asperity.runtime.display import short_repr
 
 _MEMBERS = 12
-_SAME_SHAPE = 1e-3  # difference in n and kappa up to which laws differ by their stiffness alone
+_SAME_SHAPE = 1e-3  # sum of differences in n and kappa up to which laws differ by their stiffness alone
 BAND_COLUMNS = ("F_hat", "Omega", "upper_low", "upper_high", "lower_low", "lower_high")
 
 
@@ -126,11 +126,10 @@ class Band:
         lower: the same for the smallest stable orbit.
 
     Examples:
-        >>> law = asp.PowerLaw(1.5, ci_n=(1.45, 1.55), ci_K=(0.97, 1.03))
-        >>> oscillator = asp.ContactOscillator(law, zeta=0.1)
-        >>> band = asp.response_band(oscillator, 0.01, (0.9, 1.1), members=[law], points=3, tol=1e-2)
-        >>> band.Omega, band.upper.shape, next(band.rows())["F_hat"]
-        (array([0.9, 1. , 1.1]), (2, 3), 0.01)
+        >>> from asperity.dynamics import Band
+        >>> band = Band(0.01, np.array([1.0]), np.array([[0.4], [0.5]]), np.array([[0.1], [0.2]]))
+        >>> list(next(band.rows()).values())
+        [0.01, 1.0, 0.4, 0.5, 0.1, 0.2]
     """
 
     F_hat: float
@@ -250,14 +249,13 @@ def response_band(
     centre = oscillator.restoring
     known = uncertainty(oscillator, members)
     stiff = tuple(float(np.sqrt(k / known.k_n.value)) for k in (known.k_n.low, known.k_n.high))
-    shapes = [oscillator]
     thinned = oscillator.law.thinned if isinstance(oscillator.law, TableLaw) else ()
-    for other in (_with_law(oscillator, law) for law in (*known.members, *thinned)):
-        if not any(_alike(other, shape) for shape in shapes):
-            shapes.append(other)
-    rows = []
-    for shape in shapes:
+    rows, shapes = [], list[tuple[float, float]]()
+    for shape in (oscillator, *(_with_law(oscillator, law) for law in (*known.members, *thinned))):
         r = shape.restoring
+        if any(abs(r.n_loc / n - 1.0) + abs(r.kappa - kappa) < _SAME_SHAPE for n, kappa in shapes):
+            continue
+        shapes.append((r.n_loc, r.kappa))
         own = float(np.sqrt(r.n_loc / r.z_s / (centre.n_loc / centre.z_s)))  # its omega_s over the central one
         # to every stiffness in the range: its response is moved by s
         moved = (stiff[0] / own, stiff[1] / own)
@@ -270,19 +268,10 @@ def response_band(
     return Band(f, grid, np.array([lows[0], highs[1]]), np.array([lows[2], highs[3]]))
 
 
-def _alike(one: ContactOscillator, other: ContactOscillator) -> bool:
-    """Return whether two laws differ by their stiffness alone."""
-    a, b = one.restoring, other.restoring
-    return abs(a.n_loc / b.n_loc - 1.0) < _SAME_SHAPE and abs(a.kappa - b.kappa) < _SAME_SHAPE
-
-
 def _envelope(response: FrequencyResponse, omega: Array, moved: tuple[float, float]) -> Array:
     """Return least and greatest u_max of the largest and of the smallest stable orbit at each Omega, shape (4, m).
 
-    Args:
-        response: of which a point at (Omega, u) becomes (s Omega, u/s^2).
-        omega: frequencies, shape (m,).
-        moved: least and greatest s.
+    A point (Omega, u) of the response is moved to (s Omega, u/s^2), with s from `moved[0]` to `moved[1]`.
     """
     left, right = omega / moved[1], omega / moved[0]
     own = np.concatenate([line.Omega for line in response.lines()])

@@ -17,7 +17,7 @@ from typing import Any
 
 from asperity.dynamics.free import FreeVibration
 from asperity.dynamics.intervals import BAND_COLUMNS, Band, Uncertainty
-from asperity.dynamics.joint import Joint, Numbers
+from asperity.dynamics.joint import Numbers
 from asperity.dynamics.laws import LawTable
 from asperity.dynamics.oscillator import ContactOscillator
 from asperity.dynamics.response import FrequencyResponse
@@ -87,19 +87,9 @@ class Dynamics:
     @property
     def numbers(self) -> Numbers:
         """Stiffness and frequency with their bar, mass, static approach and damping of small vibration."""
-        known = None if self.uncertainty is None else self.uncertainty.k_n
+        known, joint = None if self.uncertainty is None else self.uncertainty.k_n, self.settings.joint
         bar = math.nan if known is None else known.half / known.value
-        return numbers_of(self.first, bar, self.joint is not None and self.joint.frequency is not None)
-
-    @property
-    def joint(self) -> Joint | None:
-        """Nominal area, preload and mass, None without a joint."""
-        return self.settings.joint
-
-    @property
-    def units(self) -> str | None:
-        """ "SI" or "other"; None if unknown."""
-        return self.settings.units
+        return numbers_of(self.first, bar, joint is not None and joint.frequency is not None)
 
     __repr__ = short_repr
 
@@ -136,8 +126,7 @@ class Dynamics:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of thresholds.json."""
-        first = self.first
-        numbers = self.numbers.to_dict()
+        first, numbers, joint = self.first, self.numbers.to_dict(), self.settings.joint
         out: dict[str, Any] = {
             "normalisation": "u = (z - z_s)/z_s, Omega = omega/omega_s, F_hat = F/(n_loc W), W = load",
             "law": first.law.describe(),
@@ -152,9 +141,9 @@ class Dynamics:
             "damping": str(first.damping),
             "uncertainty": self.uncertainty.to_dict() if self.uncertainty else None,
             "notes": list(self.notes),
-            "units": self.units,
+            "units": self.settings.units,
             "numbers": numbers,
-            "joint": None if self.joint is None else {k: v for k, v in asdict(self.joint).items() if v is not None},
+            "joint": None if joint is None else {k: v for k, v in asdict(joint).items() if v is not None},
             "laws": None if self.laws is None else self.laws.to_dict(),
         }
         for model, values in self.thresholds.items():
@@ -195,14 +184,13 @@ def _sweep_summary(s: Sweep) -> dict[str, Any]:
 
 
 def _write(path: Path, names: tuple[str, ...], rows: Iterable[dict[str, Any]]) -> None:
-    text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, names, lineterminator="\n")
+    def text(value: Any) -> Any:
+        if isinstance(value, bool):
+            return str(value).lower()
+        return value if not isinstance(value, float) else "" if math.isnan(value) else repr(value)
+
+    file = io.StringIO(newline="")
+    writer = csv.DictWriter(file, names, lineterminator="\n")
     writer.writeheader()
-    for row in rows:
-        writer.writerow(
-            {
-                k: ("" if v != v else repr(v)) if isinstance(v, float) else str(v).lower() if isinstance(v, bool) else v
-                for k, v in row.items()
-            }
-        )
-    replace_file(path, text.getvalue().encode())
+    writer.writerows({name: text(value) for name, value in row.items()} for row in rows)
+    replace_file(path, file.getvalue().encode())

@@ -120,14 +120,7 @@ def run_dynamics(
 
 
 def small_vibration(source: Any, settings: DynamicsSettings) -> Numbers:
-    """Return stiffness, mass, frequency, static approach and damping of the small vibration on a curve.
-
-    Args:
-        source: as in `run_dynamics`.
-        settings: of the vibration.
-
-    Raises:
-        InputError, RangeError: as `run_dynamics`.
+    """Return the numbers of the small vibration on a curve; arguments and errors as in `run_dynamics`.
 
     Examples:
         >>> from asperity.dynamics import DynamicsSettings
@@ -153,13 +146,12 @@ def _vibration(
         damping = _loops_of(source)
     if isinstance(damping, LoopDamping):
         factor = 1.0 if settings.joint is None else settings.joint.factor(settings.patch_area)
-        at = ContactOscillator(static, load=load).restoring
-        damping, loop_note = damping.on(at.scale / at.z_s / factor, load / factor)
+        damping, loop_note = damping.on(float(static.stiffness(static.deflection(load))) / factor, load / factor)
     exact = _oscillator(static, load, replace(settings, damping=damping), gravity)
-    laws = None
+    notes, laws = [*static.doubts(load), assumed, loop_note], None
     if chosen is not None:
         laws = tabulate(*chosen, exact.mass, extrapolate=settings.extrapolate or settings.law == "auto")
-    notes = [*static.doubts(load), assumed, loop_note, *([] if laws is None else _yield_notes(laws.choice))]
+        notes += [laws.choice.note, *_yield_notes(laws.choice)]
     return exact, gravity, laws, [note for note in notes if note]
 
 
@@ -196,20 +188,18 @@ def _loops_of(source: Any) -> str | LoopDamping:
 
 
 def _yield_notes(choice: Choice) -> Iterator[str]:
-    """Yield what a reader must know about the history of the contact before it vibrates."""
-    if choice.note:
-        yield choice.note
-    if choice.reached is not None and choice.reached <= choice.load * (1 + 1e-9):
-        settled = "the law is that of the cycles that follow"
-        if np.isfinite(choice.law.yields_at):
-            settled = (
-                "above the preload the law is that of this cycle, the loading curve; those that follow move on the "
-                "unloading branch of their own greatest force"
-            )
-        yield (
-            "the preload is the greatest force that the contact has met: any motion yields in its first cycle; "
-            f"{settled}"
+    """Yield a note where the preload is the greatest force that the contact has met."""
+    if choice.reached is None or choice.reached > choice.load * (1 + 1e-9):
+        return
+    settled = "the law is that of the cycles that follow"
+    if np.isfinite(choice.law.yields_at):
+        settled = (
+            "above the preload the law is that of this cycle, the loading curve; those that follow move on the "
+            "unloading branch of their own greatest force"
         )
+    yield (
+        f"the preload is the greatest force that the contact has met: any motion yields in its first cycle; {settled}"
+    )
 
 
 def _notes(
@@ -230,13 +220,7 @@ def _notes(
 
 
 def _beyond_points(where: str, oscillator: ContactOscillator, top: float) -> Iterator[str]:
-    """Yield notes on a motion in which the contact yields again, or which goes beyond the points of the law.
-
-    Args:
-        where: which motion of which model.
-        oscillator: the model.
-        top: greatest u of the motion.
-    """
+    """Yield notes on a motion up to u = `top` in which the contact yields again, or passes the points of the law."""
     law, z_s = oscillator.law, oscillator.restoring.z_s
     known, again = round(law.known_to / z_s - 1.0, 9), law.yields_at / z_s - 1.0
     where = f"{where} reaches u = {top:.4g}"
@@ -253,12 +237,7 @@ def _beyond_points(where: str, oscillator: ContactOscillator, top: float) -> Ite
 
 
 def _gravity(settings: DynamicsSettings, source: str) -> tuple[float | None, str]:
-    """Return gravity in the units of a source, None if unknown or of no use, and a note on it ("" if none is needed).
-
-    Args:
-        settings: with the joint, whose mass does not follow from gravity.
-        source: what the note calls the source.
-    """
+    """Return gravity in the units of a source, None if unknown or of no use, and a note on it or ""."""
     joint, gravity, units = settings.joint, settings.gravity, settings.units
     with_mass = joint is not None and (joint.mass is not None or joint.frequency is not None)
     if gravity is not None:
