@@ -126,6 +126,12 @@ class LawTable:
         rows: one for each law, the chosen one first, those without a law last.
         choice: the law of the vibration.
         bar: error bar of the force over the force at the preload; NaN for a curve without one.
+
+    Examples:
+        >>> curve = {"delta": np.linspace(0.0, 1.0, 21), "force": np.linspace(0.0, 1.0, 21) ** 1.5}
+        >>> laws = asp.run_dynamics(curve, units="SI", model="exact", omega=(0.9, 1.0), bands=False).laws
+        >>> laws.chosen.name, laws.spread < 1e-6, [row.name for row in laws.rows if row.law is None]
+        ('table', True, ['unload-reload', 'elastic'])
     """
 
     rows: tuple[LawAtLoad, ...]
