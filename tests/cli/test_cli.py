@@ -53,16 +53,16 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
     """Replace the solver after a run has begun: note the jobs, report two steps."""
     noted: list[dict[str, Any]] = []
 
-    def run(job: Any, continues: bool, begin: Callable[[], None], stop: Any) -> Any:
-        begin()
-        noted.append({"case": job.case, "folder": job.folder})
-        job.progress.stage("solve")
+    def run(case: Any, problem: Any, files: Any, notices: Any, progress: Any, *others: Any) -> Any:
+        files.begin()
+        noted.append({"case": case, "folder": files.folder})
+        progress.stage("solve")
         row = dict(step=1, branch="load", delta_star=1e-3, P_star=2e-6, area_fraction=0.01)
-        job.progress.step({**row, "newton": 4, "krylov": 60, "seconds": 0.5}, 0.5)
+        progress.step({**row, "newton": 4, "krylov": 60, "seconds": 0.5}, 0.5)
         fit = PowerLawFit(0.5123, 1.51234, "linear", (0.01, 0.05), 5, 0.999, (0.478, 0.549), (1.49, 1.53), 0.9, 0.95)
         return types.SimpleNamespace(summary={}, fit=fit, curve=(), contact=..., dynamics=None)
 
-    monkeypatch.setattr("asperity.run_case._Job.run", run)
+    monkeypatch.setattr("asperity.run_case._run", run)
     return noted
 
 
