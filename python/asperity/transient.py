@@ -28,7 +28,6 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Floats
-from asperity.contact import Stick
 from asperity.errors import ConvergenceError, InputError
 from asperity.fem.energies import energies
 from asperity.fem.inertia import InertialKernels
@@ -184,7 +183,7 @@ class Transient:
         for name, value in (("load", load), ("dashpot", dashpot)):
             if not (np.isfinite(value) and value >= 0.0):
                 raise InputError(f"{name} = {value!r} must be finite and at least 0")
-        if isinstance(solver.contact, Stick):
+        if solver.contact.held is not None:
             raise InputError(
                 'contact.friction = "stick" has no motion in time yet: give Transient a solver without friction'
             )

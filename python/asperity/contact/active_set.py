@@ -10,12 +10,12 @@ from mpi4py import MPI
 
 from asperity.arrays import Flags, Floats, Integers
 from asperity.contact.contact_surface import ContactSurface
-from asperity.fem.kernels import History
+from asperity.contact.interface import Contact
 from asperity.fem.solid import Solid
 from asperity.mesh.element import BEARING
 
 
-class ActiveSet:
+class ActiveSet(Contact):
     """Exact contact at the nodes by a primal-dual active set: no node penetrates the flat, no force is tensile.
 
     Hintermueller, Ito & Kunisch, SIAM J. Optim. 13 (2002) 865: a semismooth Newton method for
@@ -38,15 +38,12 @@ class ActiveSet:
     def begin(self, z: float) -> None:
         self._z, self._receded = z, 0.0
 
-    def recede(self, before: float) -> None:
-        """Begin with the nodes in contact at the height `before` of a flat that recedes.
+    def expect(self, z: float, start: Floats, end: Floats, ratio: float) -> None:
+        """Where the flat recedes without a prediction, begin with the nodes in contact.
 
         At its new height the flat touches nothing, and the solid would first spring back from no contact at all.
-
-        Args:
-            before: height at which the last displacement is in equilibrium [L]
         """
-        self._receded = self._z - before
+        self._receded = self._z - z if end is start and self._z > z else 0.0
 
     def _penetration(self) -> Floats:
         return self._height + self._solid.u.x.array.reshape(-1, 3)[self._nodes, 2] - self._z
@@ -60,12 +57,6 @@ class ActiveSet:
         r[held, 2] = 0.0
         return r, (3 * held + 2).astype(np.int32), -d[self.active]
 
-    def add_tangent(self) -> None:
-        pass
-
-    def add_elastic_tangent(self) -> None:
-        pass
-
     def nodes(self) -> Integers:
         return self._nodes[self.active]
 
@@ -73,18 +64,6 @@ class ActiveSet:
         out = np.zeros(len(force))
         out[self._nodes[self.active]] = -force[self._nodes[self.active], 2]
         return out
-
-    def commit(self) -> None:
-        pass  # no history
-
-    def sinking(self) -> float:
-        return 0.0
-
-    def history(self) -> History | None:
-        return None
-
-    def restore(self, history: History) -> None:
-        pass
 
     def touched(self) -> tuple[Flags, Floats]:
         """Edge nodes that are active, each with a third of its facet: the rule of the bearing nodes; collective.

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from abc import ABC, abstractmethod
 
 from asperity.arrays import Flags, Floats, Integers
 from asperity.fem.kernels import History
@@ -13,19 +13,29 @@ from asperity.fem.kernels import History
 __all__ = ["Contact"]
 
 
-class Contact(Protocol):
+class Contact(ABC):
     """Formulation of the contact of a solid with a rigid flat.
 
     The flat exerts a force on the nodes. Internal force + contact force = 0 on free dofs, so contact adds a positive z
-    component. A formulation may prescribe dofs instead.
+    component. A formulation may prescribe dofs instead. What has a default does nothing: a compliant contact overrides
+    the tangents and `penetration_work`, one with a history the methods from `commit` on.
+
+    Attributes:
+        symmetric: whether the tangent is symmetric, and positive definite with the solid's
+        stiff: whether the contact has a stiffness
+        held: tangential displacement of the owned nodes of the top where they stick after the last committed step, NaN
+            of the others (N, 2) [L]; None, on all ranks, for a formulation without tangential forces
     """
 
-    symmetric: bool  # whether the tangent is symmetric, and positive definite with the solid's
-    stiff: bool  # whether the contact has a stiffness
+    symmetric: bool
+    stiff: bool
+    held: Floats | None = None
 
+    @abstractmethod
     def begin(self, z: float) -> None:
-        """Move the flat to height z [length]."""
+        """Move the flat to height z [L]."""
 
+    @abstractmethod
     def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]:
         """Complete the internal force of the current displacement; collective.
 
@@ -36,41 +46,74 @@ class Contact(Protocol):
             residual (owned, 3) [E L^2]; prescribed owned dofs; the displacement increment each of them still lacks [L]
         """
 
-    def add_tangent(self) -> None:
-        """Add the contact stiffness at the last residual to `solid.values`, the local matrix."""
-
-    def add_elastic_tangent(self) -> None:
-        """Add the contact stiffness for a solid that does not flow, with the points in contact held."""
-
+    @abstractmethod
     def nodes(self) -> Integers:
         """Owned nodes in contact at the last residual; collective."""
 
+    @abstractmethod
     def nodal_force(self, force: Floats) -> Floats:
         """Normal force of the flat on the owned nodes (owned,), from the internal force (owned, 3)."""
 
-    def commit(self) -> None:
-        """Make the history of the last residual the committed one, if the formulation has a history."""
-
-    def sinking(self) -> float:
-        """Sum of force times penetration over the points of a compliant contact at the last residual [force length].
-
-        Part of this rank; zero for exact contact.
-        """
-
-    def history(self) -> History | None:
-        """Committed history, a row per facet of this rank; None, on all ranks, for a formulation without one."""
-
-    def restore(self, history: History) -> None:
-        """Restore a committed history returned by `history`; only called where there is a history."""
-
+    @abstractmethod
     def touched(self) -> tuple[Flags, Floats]:
         """Points of the facets that the flat touches at the last residual (F, Q), and the area of each; collective.
 
-        The areas are projected on the plane of the flat (F, Q) [length^2].
+        The areas are projected on the plane of the flat (F, Q) [L^2].
         """
 
+    @abstractmethod
     def touched_edges(self) -> Flags:
         """Whether the third of a facet at each of its edge nodes is touched, at the local nodes (nodes,); collective.
 
         They are the parts of a facet between an edge and the middle, which contact spots and their maps consist of.
         """
+
+    def expect(self, z: float, start: Floats, end: Floats, ratio: float) -> None:  # noqa: B027
+        """Prepare the step to the height of `begin`, before its first residual.
+
+        Args:
+            z: height of the flat at the beginning of the step [L]
+            start: displacement there (owned, 3) [L]
+            end: displacement predicted for the end of the step, `start` itself if there is no prediction (owned, 3) [L]
+            ratio: of the length of the step to that of the step before
+        """
+
+    def settle(self) -> bool:
+        """Renew what is constant during a solve, after one that converged; collective.
+
+        Returns:
+            whether anything has changed, so that the step has to be solved again
+        """
+        return False
+
+    def add_tangent(self) -> None:  # noqa: B027
+        """Add the contact stiffness at the last residual to `solid.values`, the local matrix."""
+
+    def add_elastic_tangent(self) -> None:  # noqa: B027
+        """Add the contact stiffness for a solid that does not flow, with the points in contact held."""
+
+    def penetration_work(self) -> float:
+        """Sum of force times penetration over the points of a compliant contact at the last residual [E L^3].
+
+        Part of this rank; zero for exact contact.
+        """
+        return 0.0
+
+    def tangential_work(self, force: Floats, move: Floats) -> float:
+        """Work of the tangential forces of the flat along a displacement [E L^3]; part of this rank.
+
+        Args:
+            force: internal force (owned, 3) [E L^2]
+            move: displacement (owned, 3) [L]
+        """
+        return 0.0
+
+    def commit(self) -> None:  # noqa: B027
+        """Make the history of the last residual the committed one."""
+
+    def history(self) -> History | None:
+        """Committed history, a row per facet of this rank; None, on all ranks, for a formulation without one."""
+        return None
+
+    def restore(self, history: History) -> None:  # noqa: B027
+        """Restore a committed history returned by `history`; only called where there is a history."""

@@ -11,6 +11,7 @@ from mpi4py import MPI
 from asperity import _solver
 from asperity.arrays import Flags, Floats, Integers
 from asperity.contact.contact_surface import FACET_DEGREE, ContactSurface, FacetRule
+from asperity.contact.interface import Contact
 from asperity.errors import InputError
 from asperity.fem.compiled_kernels import compiled, law_of
 from asperity.fem.kernels import History
@@ -19,7 +20,7 @@ from asperity.mesh.element import BEARING, DEGREE, FACET_POINTS
 from asperity.model.settings import gamma_too_small
 
 
-class PressureContact:
+class PressureContact(Contact):
     """The flat presses with P = <g d - k t>_+, g = factor M p^2/h, d the penetration.
 
     t is the z component of the traction of the solid; P and t are per area projected on the flat. The virtual work is
@@ -145,7 +146,7 @@ class PressureContact:
     def commit(self) -> None:
         self._committed.assign(self._trial)
 
-    def sinking(self) -> float:
+    def penetration_work(self) -> float:
         # at the points, where the law holds; the penetration of a node between them depends on the size of the facets
         uz = self._solid.u.x.array.reshape(-1, 3)[self._surface.nodes, 2]
         touched = self.points > 0.0

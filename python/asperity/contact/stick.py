@@ -26,18 +26,16 @@ class Stick(ActiveSet):
 
     Where a node is touched within a step is taken on the way from the last displacement to the predicted one. The error
     of the force is of order 3/2 in the step, see docs/contact.md.
-
-    Attributes:
-        held: tangential displacement of the nodes in contact after the last committed step, NaN of the others
-            (N, 2) [L]; the history of the contact
     """
+
+    held: Floats
 
     def __init__(self, solid: Solid, surface: ContactSurface) -> None:
         super().__init__(solid, surface)
         free = np.ones(3 * solid.owned, dtype=bool)
         free[solid.fixed] = False
         self._free = free.reshape(-1, 3)[self._nodes, :2]
-        self.held: Floats = np.full((len(self._nodes), 2), np.nan)
+        self.held = np.full((len(self._nodes), 2), np.nan)
         self.begin(np.inf)
 
     def begin(self, z: float) -> None:
@@ -53,13 +51,8 @@ class Stick(ActiveSet):
         Next to the edge of a contact the gap closes as the power 3/2 of the approach that is left (Johnson, Contact
         Mechanics, 1985, section 4.2): its power 2/3 is extrapolated from the last step. A linear extrapolation of the
         gap would leave an error of first order in the step.
-
-        Args:
-            z: height of the flat at the beginning of the step [L]
-            start: displacement there (owned, 3) [L]
-            end: displacement predicted for the end of the step, `start` if there is no prediction (owned, 3) [L]
-            ratio: of the length of the step to that of the step before
         """
+        super().expect(z, start, end, ratio)
         u, v = start[self._nodes], end[self._nodes]
         gap = np.maximum(z - self._height - u[:, 2], 0.0)
         before = np.maximum(gap + (gap - (self._z - self._height - v[:, 2])) / ratio, 0.0)
@@ -69,11 +62,7 @@ class Stick(ActiveSet):
         self._at = np.where(np.isnan(self.held), touched, self.held)
 
     def settle(self) -> bool:
-        """Let the nodes in contact stick and free the others after a solve; collective.
-
-        Returns:
-            whether a node changed, so that the step has to be solved again
-        """
+        """Let the nodes in contact stick and free the others."""
         new = self.active & ~self._stuck & ~self._freed & ~np.isnan(self._at[:, 0])
         if self._additions == MOST_ADDITIONS:
             new[:] = False
@@ -99,11 +88,5 @@ class Stick(ActiveSet):
         self.held = np.where(self.active[:, None], at, np.nan)
 
     def tangential_work(self, force: Floats, move: Floats) -> float:
-        """Work of the tangential forces of the flat along a displacement [E L^3]; part of this rank.
-
-        Args:
-            force: internal force (owned, 3) [E L^2]
-            move: displacement (owned, 3) [L]
-        """
         nodes = self._nodes
         return float(np.sum((force[nodes, :2] * move[nodes, :2])[self._free]))

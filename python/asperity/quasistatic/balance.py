@@ -120,7 +120,7 @@ class StepBalance:
         stored: energy of elastic strain and back stress at the end
         dissipated: by plastic flow so far
         dissipation: of the step, sum (sigma - X) : d eps_p with the back stress X
-        sinking: force times penetration of a compliant contact
+        penetration_work: force times penetration of a compliant contact
         work_low, work_high: work of the internal force at the beginning and at the end of the step along it
         tangential_low, tangential_high: the same of the tangential forces of the flat, for nodes that stick
         penetration: greatest, of a node into the flat
@@ -138,7 +138,7 @@ class StepBalance:
     stored: float
     dissipated: float
     dissipation: float
-    sinking: float
+    penetration_work: float
     work_low: float
     work_high: float
     tangential_low: float
@@ -204,7 +204,8 @@ def _judge_penetration(checks: Checks, step: StepBalance, judge: Judge, rtol: fl
     if step.force > checks.greatest_force:  # until then the contact may have been smaller than a facet
         checks.violated.pop("touch", None)
         checks.violated.pop("compliance", None)
-        checks.greatest_force, checks.mean_penetration = step.force, abs(step.sinking) / step.force / step.delta
+        checks.greatest_force = step.force
+        checks.mean_penetration = abs(step.penetration_work) / step.force / step.delta
     judge("touch", checks.greatest_force > 0.0, "no node is touched, take a finer mesh or a filtered surface,")
     judge(
         "compliance",

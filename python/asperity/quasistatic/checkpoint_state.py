@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Array, Floats, Indices
-from asperity.contact import Stick
 from asperity.contact.contact_surface import facet_numbers
 from asperity.fem.global_numbering import at_built_nodes, cell_numbers, node_numbers, share_cells, share_nodes
 from asperity.fem.kernels import History
@@ -84,7 +83,7 @@ class Saved:
             solid.kernels.restore(history(cells))
         if solver.contact.history() is not None:
             solver.contact.restore(history(facet_numbers(solver.contact_surface), OF_CONTACT))
-        if isinstance(solver.contact, Stick):
+        if solver.contact.held is not None:
             solver.contact.held = some(HELD, top, np.nan)
         if STIFFNESS in arrays:
             memory = look_up(arrays[STIFFNESS], owned)
@@ -148,10 +147,11 @@ def solver_fields(solver: ContactSolver, first_contact: FirstContact) -> dict[st
         changed = history.changed()
         for name, values in history.arrays().items():
             keep_some(name, cells[changed], values[changed])
-    if isinstance(solver.contact, Stick):
-        numbers, held = at_built_nodes(solid, _nodal(solver, solver.contact.held))
+    at = solver.contact.held
+    if at is not None:
+        numbers, held = at_built_nodes(solid, _nodal(solver, at))
         sticking = np.isfinite(held[:, 0])
-        keep_some(HELD, numbers[sticking], held[sticking, : solver.contact.held.shape[1]])
+        keep_some(HELD, numbers[sticking], held[sticking, : at.shape[1]])
     of_contact = solver.contact.history()
     if of_contact is not None:
         facets = facet_numbers(solver.contact_surface)

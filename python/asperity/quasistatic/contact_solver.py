@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from asperity.arrays import Floats
-from asperity.contact import ActiveSet, Contact, Stick
+from asperity.contact import Contact
 from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.energies import dissipation, energies
 from asperity.fem.kernels import History
@@ -24,6 +24,7 @@ from asperity.model.settings import SolverOptions
 from asperity.quasistatic import midpoint
 from asperity.quasistatic.balance import Checks, StepBalance, audit
 from asperity.quasistatic.newton import NewtonSolver, StepStats
+from asperity.runtime.parallel import all_ranks
 
 
 class Probe(Protocol):
@@ -160,16 +161,13 @@ class ContactSolver:
                 start = self._u + (self._u - u) * (delta - self.delta) / (self.delta - before)
                 ratio = (delta - self.delta) / (self.delta - before)
         self.contact.begin(self.summit - delta)
-        if isinstance(self.contact, ActiveSet) and start is self._u and delta < self.delta:
-            self.contact.recede(self.summit - self.delta)
-        if isinstance(self.contact, Stick):
-            self.contact.expect(self.summit - self.delta, self._u, start, ratio)
+        self.contact.expect(self.summit - self.delta, self._u, start, ratio)
         return self._solve(f"delta/L = {delta:.6g}", start, abs(delta - self.delta))
 
     def _solve(self, where: str, start: Floats, scale: float) -> StepStats:
         self.newton.linear.forget()  # a step of a resumed run is the same to the last bit
         stats = self.newton.solve(start, scale)
-        while isinstance(self.contact, Stick) and stats.converged and self.contact.settle():
+        while stats.converged and self.contact.settle():
             stats = stats + self.newton.solve(self.newton.x.array_r.reshape(-1, 3).copy(), scale)
         self.counts.newton += stats.newton
         self.counts.krylov += stats.krylov
@@ -237,7 +235,7 @@ class ContactSolver:
             solid.kernels.restore(midpoint.extrapolate(history, self._own, lead))
             if contact_before is not None and (contact_after := self.contact.history()) is not None:
                 self.contact.restore(midpoint.extrapolate(contact_before, contact_after, lead))
-            if self.contact.stiff or isinstance(self.contact, Stick):  # for the energy balance, as after a restart
+            if self.contact.stiff or self.contact.held is not None:  # for the energy balance, as after a restart
                 self._internal = solid.internal_force().copy()
         self._softened = solid.kernels.softened(history)
         self.counts.steps += 1
@@ -246,31 +244,34 @@ class ContactSolver:
         self, delta: float, force: float, displacement: Floats, history: History, reaction: float
     ) -> StepBalance:
         """Numbers of the step just committed, from the state before it and the reaction of the base; collective."""
-        from mpi4py import MPI
-
         solid, internal, contact = self.solid, self.newton.force, self.contact
         owned = self.contact_surface.owned_nodes
         pressure = self.pressure[owned]
-        dissipated, decrease = dissipation(solid, history)
+        dissipation_of_step, decrease = dissipation(solid, history)
         move = solid.u.x.array.reshape(-1, 3)[: solid.owned] - displacement
-        works = [float(np.vdot(f, move)) for f in (self._internal, internal)]
-        along = [0.0, 0.0]
-        if isinstance(contact, Stick):
-            along = [contact.tangential_work(f, move) for f in (self._internal, internal)]
-        residual = float(np.abs(self.newton.residual).sum())
-        sums = np.array([residual, *energies(solid, internal), dissipated, contact.sinking(), *works, *along])
-        peaks = np.array(
-            [
-                np.max(-self.gap()[owned], initial=0.0),
-                np.max(-pressure, initial=0.0),
-                np.max(pressure, initial=0.0),
-                decrease,
-                float(self._softened or solid.kernels.softened(history)),
-            ]
-        )
-        solid.comm.Allreduce(MPI.IN_PLACE, sums)
-        solid.comm.Allreduce(MPI.IN_PLACE, peaks, op=MPI.MAX)
-        return StepBalance(self.delta, delta, self.force, force, reaction, *sums.tolist(), *peaks.tolist())
+        stored, dissipated = energies(solid, internal)
+        sums = {
+            "residual": float(np.abs(self.newton.residual).sum()),
+            "stored": stored,
+            "dissipated": dissipated,
+            "dissipation": dissipation_of_step,
+            "penetration_work": contact.penetration_work(),
+            "work_low": float(np.vdot(self._internal, move)),
+            "work_high": float(np.vdot(internal, move)),
+            "tangential_low": contact.tangential_work(self._internal, move),
+            "tangential_high": contact.tangential_work(internal, move),
+        }
+        peaks = {
+            "penetration": float(np.max(-self.gap()[owned], initial=0.0)),
+            "suction": float(np.max(-pressure, initial=0.0)),
+            "pressure": float(np.max(pressure, initial=0.0)),
+            "strain_decrease": decrease,
+            "softened": float(self._softened or solid.kernels.softened(history)),
+        }
+        return StepBalance(
+            delta=self.delta, delta_before=delta, force=self.force, force_before=force, reaction=reaction,
+            **all_ranks(solid.comm, sums), **all_ranks(solid.comm, peaks, greatest=True),
+        )  # fmt: skip
 
     def _find_forces(self) -> float:
         """Force and pressure of the current state; returns the reaction of the base [E L^2]; collective."""
@@ -314,7 +315,10 @@ class ContactSolver:
         """Copy of the state without the histories."""
         before, previous = self._previous or (None, None)
         counts, checks = deepcopy(self.counts), deepcopy(self.checks)
-        return SolverState(self.delta, self.force, before, self._led, counts, checks, self._u, previous)
+        return SolverState(
+            delta=self.delta, force=self.force, before=before, led=self._led, counts=counts, checks=checks,
+            displacement=self._u, previous=previous,
+        )  # fmt: skip
 
     def restore(self, state: SolverState) -> None:
         """Restore a state returned by `state`, after the histories of solid and contact; collective."""

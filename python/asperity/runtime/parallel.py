@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from asperity.errors import AsperityError, OutputError
@@ -138,6 +138,16 @@ def agree(comm: MPI.Comm, work: Callable[[], T]) -> T:
     if first is not None:
         raise first
     return cast(T, result)
+
+
+def all_ranks(comm: MPI.Comm, values: Mapping[str, float], greatest: bool = False) -> dict[str, float]:
+    """Sums of numbers over the ranks, or the greatest of each; collective."""
+    import numpy as np
+    from mpi4py import MPI
+
+    found = np.array([*values.values()])
+    comm.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX if greatest else MPI.SUM)
+    return {name: float(value) for name, value in zip(values, found, strict=True)}
 
 
 def _attempt(work: Callable[[], T]) -> tuple[T | None, AsperityError | None]:
