@@ -20,7 +20,8 @@ import pytest
 from conftest import make_curve
 
 import asperity as asp
-from asperity.case.schema import Input, json_schema, sections
+from asperity.case.keys import json_schema, sections
+from asperity.case.schema import Input
 from asperity.cli import group
 from asperity.curve import COLUMNS
 from asperity.errors import CompatError

@@ -24,6 +24,7 @@ from asperity.errors import (
     OutputError,
     ResolutionWarning,
 )
+from asperity.model.kinds import refuse
 from asperity.model.problem import Problem
 from asperity.model.settings import wrong_friction
 from asperity.output.assumption import DOUBTFUL, Assumption
@@ -190,8 +191,8 @@ def prepare(
     case = case if isinstance(case, Case) else Case.load(case)
     if block is not None and not (case.mesh.file is None and case.accuracy.tolerance is None):
         raise InputError("block is the mesh of the run: leave out mesh.file and accuracy.tolerance, which name another")
-    if bounds and (wrong := wrong_friction(case.contact.method, "stick")):
-        raise InputError(wrong)
+    if bounds:
+        refuse(wrong_friction(case.contact.method, "stick"))
     return case, case.problem()
 
 

@@ -16,7 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from asperity.case.case_file import Case
-from asperity.case.schema import Input, input_reference
+from asperity.case.keys import input_reference
+from asperity.case.schema import Input
 from asperity.errors import InputError
 from asperity.model.limits import full_contact_pressure
 from asperity.model.material import Material

@@ -14,8 +14,9 @@ import pytest
 
 import asperity as asp
 from asperity.case import Case
+from asperity.case.keys import kind_of, properties, sections
 from asperity.case.schema import SURFACES as MODELS
-from asperity.case.schema import Input, kind_of, properties, sections
+from asperity.case.schema import Input
 from asperity.cli import main
 from asperity.cli.check import judge
 from asperity.cli.init import SOLIDS, SURFACES, starting_case

@@ -27,7 +27,7 @@ from asperity.adaptive.mesh_plan import FIRST, GUIDE, planned_steps, step_rule
 from asperity.adaptive.roughness import Roughness, is_rough
 from asperity.curve import Curve
 from asperity.errors import InputError, Interrupted, MeshError
-from asperity.model.kinds import check_kind
+from asperity.model.kinds import check_kind, refuse
 from asperity.model.material import Material
 from asperity.model.problem import Problem, ProblemArguments
 from asperity.model.settings import AccuracyTarget, MeshSize, penalty_too_soft
@@ -196,8 +196,7 @@ def refine(
     from mpi4py import MPI
 
     problem.material.check_decided()
-    if soft := penalty_too_soft(problem.formulation.method, problem.formulation.penalty):
-        raise InputError(soft)
+    refuse(penalty_too_soft(problem.formulation.method, problem.formulation.penalty))
     steps = planned_steps(problem.load_path.steps)
     planned = replace(problem, load_path=replace(problem.load_path, steps=steps))
     comm = MPI.COMM_WORLD if comm is None else comm

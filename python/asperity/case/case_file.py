@@ -23,16 +23,17 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from asperity.case.messages import sentence
-from asperity.case.schema import Input, LoadingSection, show
+from asperity.case.schema import Input, LoadingSection
 from asperity.case.validation import Mistake, check_together, doubts, unused
 from asperity.errors import CaseWarning, InputError
 from asperity.model.problem import Problem
 from asperity.model.settings import H_CONTACT, MeshSize, SolverOptions
+from asperity.runtime.display import show
 
 if TYPE_CHECKING:
     from asperity.surface import Surface
 
-_FILES = (("surface", "path"), ("mesh", "file"))
+NAMED_FILES = (("surface", "path"), ("mesh", "file"))
 
 
 class Case(Input):
@@ -131,7 +132,7 @@ class Case(Input):
     def content(self) -> dict[str, Any]:
         """The input with the SHA-256 of each file it names instead of the path."""
         data = self.to_dict()
-        for section, name in _FILES:
+        for section, name in NAMED_FILES:
             if data.get(section, {}).get(name):
                 content = read_bytes(Path(data[section][name]), f"{section}.{name}")
                 data[section][name] = hashlib.sha256(content).hexdigest()
@@ -237,7 +238,7 @@ def _complete(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         for name, table in data.items()
         if table is not None
     }
-    for section, name in _FILES:
+    for section, name in NAMED_FILES:
         table = full.get(section)
         if isinstance(table, dict) and isinstance(table.get(name), str):
             table[name] = _existing_file(folder, table[name], f"{section}.{name}")

@@ -10,7 +10,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from asperity.case.schema import SURFACES, Input, kind_of, legal, properties, sections, show
+from asperity.case.keys import kind_of, legal, properties, sections
+from asperity.case.schema import SURFACES, Input
+from asperity.runtime.display import show
 
 _PROBLEMS = {
     "float_type": "must be a number",

@@ -5,17 +5,26 @@
 
 from __future__ import annotations
 
-import json
-import math
-from collections.abc import Iterator
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, Strict
 
+from asperity.dynamics.forcing import FORCING, OMEGA
 from asperity.dynamics.settings import DynamicsSettings
 from asperity.model.load_path import greatest_force
 from asperity.model.material import MODULI, POISSON_RATIOS, Material
-from asperity.model.settings import FACTORS, MOST_REFINEMENTS, Formulation
+from asperity.model.settings import (
+    FACTORS,
+    FASTEST_GROWTH,
+    LEAST_DOFS,
+    LOOSEST_RTOL,
+    MOST_REFINEMENTS,
+    NEWTON_STEPS,
+    AccuracyTarget,
+    Formulation,
+    MeshSize,
+    SolverOptions,
+)
 
 Real = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Whole = Annotated[int, Strict()]
@@ -177,8 +186,8 @@ class BlockSection(Section):
 class ContactSection(Section):
     """Contact formulation."""
 
-    method: Literal["active-set", "penalty", "nitsche"] = _key("formulation", "active-set")
-    penalty: Real = _key("factor of E p^2/h (penalty)", 10.0, ge=FACTORS[0], le=FACTORS[1])
+    method: Literal["active-set", "penalty", "nitsche"] = _key("formulation", Formulation.method)
+    penalty: Real = _key("factor of E p^2/h (penalty)", Formulation.penalty, ge=FACTORS[0], le=FACTORS[1])
     gamma: Real | None = _key(
         "factor of (lambda + 2 mu) p^2/h (nitsche)", None, shown="1; 10 if theta is not 0", ge=FACTORS[0], le=FACTORS[1]
     )
@@ -197,7 +206,7 @@ class MeshSection(Section):
     """Element sizes, or a saved mesh."""
 
     h_contact: Real = _key("size at the surface where it is reached last", shown="0.04 L", unit=LENGTH, gt=0)
-    growth: Real = _key("increase of size per unit distance", 0.25, gt=0, le=10)
+    growth: Real = _key("increase of size per unit distance", MeshSize.growth, gt=0, le=FASTEST_GROWTH)
     h_max: Real | None = _key("largest size", None, shown="0.25 L, less where slopes need it", unit=LENGTH, gt=0)
     refinements: Whole = _key(
         "number n of times the ranks split each element of a mesh of 2^n times these sizes into eight", 0,
@@ -243,11 +252,12 @@ class AccuracySection(Section):
         "relative error of the contact area as well", None, shown="not judged", ge=1e-6, lt=1,
         hint="0.05 for five per cent, with accuracy.tolerance",
     )  # fmt: skip
-    max_dofs: Whole = _key("limit of the dofs", 1_000_000, ge=1000)
+    max_dofs: Whole = _key("limit of the dofs", AccuracyTarget.max_dofs, ge=LEAST_DOFS)
     max_seconds: Real | None = _key("limit of time", None, shown="none", unit="s", gt=0)
 
 
 Model = Literal["exact", "taylor"]
+Frequency = Annotated[Real, Field(ge=OMEGA[0], le=OMEGA[1])]
 
 
 class DynamicsSection(Section):
@@ -272,16 +282,14 @@ class DynamicsSection(Section):
     damping: Literal["always", "contact", "hunt-crossley", "loops"] = _key(
         "when damping acts; loops adds that of [loops], in contact", DynamicsSettings.damping
     )
-    forcing: tuple[Annotated[Real, Field(ge=1e-9, le=1e6)], ...] = _key(
+    forcing: tuple[Annotated[Real, Field(ge=FORCING[0], le=FORCING[1])], ...] = _key(
         "amplitudes F/(m omega_s^2 z_s)", DynamicsSettings.forcing, min_length=1, max_length=100
     )
     model: tuple[Model, ...] = _key(
         "restoring force: exact, its Taylor expansion", DynamicsSettings.model, min_length=1,
         max_length=2,
     )  # fmt: skip
-    omega: tuple[Annotated[Real, Field(ge=0.01, le=100)], Annotated[Real, Field(ge=0.01, le=100)]] = _key(
-        "range of excitation frequency over omega_s", DynamicsSettings.omega
-    )
+    omega: tuple[Frequency, Frequency] = _key("range of excitation frequency over omega_s", DynamicsSettings.omega)
     sweeps: Flag = _key("also sweep up and down by time integration, as dots in the figure", DynamicsSettings.sweeps)
 
 
@@ -326,8 +334,10 @@ class SolverSection(Section):
     linear: Literal["auto", "lu", "cg", "gamg"] = _key(
         "linear solver: direct, CG with p-multigrid, or with algebraic multigrid", "auto"
     )
-    newton_max: Whole = _key("Newton steps before cutback", 30, ge=1, le=1000)
-    rtol: Real = _key("relative residual at convergence", 1e-8, gt=0, le=1e-2)
+    newton_max: Whole = _key(
+        "Newton steps before cutback", SolverOptions.newton_max, ge=NEWTON_STEPS[0], le=NEWTON_STEPS[1]
+    )
+    rtol: Real = _key("relative residual at convergence", SolverOptions.rtol, gt=0, le=LOOSEST_RTOL)
 
 
 class OutputSection(Section):
@@ -377,103 +387,3 @@ class Input(BaseModel):
     def greatest_force(self) -> float | None:
         """Force at the end of the loading (force); None when it is driven by the approach."""
         return greatest_force(self.loading.force_max, self.loading.pressure_max, self.surface.L)
-
-
-def input_reference() -> Iterator[tuple[str, str, str, str, str, str]]:
-    """Rows (section, key, default, legal values, unit, meaning) of every key, for documentation."""
-    for name in Input.model_fields:
-        for model in sections(name):
-            section = name + (f" ({kind_of(model)})" if name == "surface" else "")
-            for key, about in properties(model).items():
-                if key != "kind":
-                    default = show(about["default"]) if "default" in about else "required"
-                    default = "none" if default == "None" else default
-                    unit = about["unit"] or "-"
-                    default = about["shown"] or default
-                    yield section, key, default, legal(about), unit, about["description"]
-
-
-def json_schema() -> dict[str, Any]:
-    """JSON schema of the case file, for editors and other programs: keys with their legal values, meaning and unit.
-
-    It knows no relations between keys, which `Case.load` checks as well.
-    """
-    schema = Input.model_json_schema()
-    for name, table in [("", schema), *schema["$defs"].items()]:
-        known = table["properties"]
-        # keys and sections that the file may leave out, because they follow from others
-        follows = {key for key, about in known.items() if about.get("shown")} | (
-            {"block", "mesh"} if not name else set()
-        )
-        if name == FileSection.__name__:
-            follows.add("L")  # the map has it
-        table["required"] = [key for key in table.get("required", ()) if key not in follows]
-        for about in known.values():
-            unit, default, hint = (about.pop(word, "") for word in ("unit", "shown", "hint"))
-            words = f"{about.get('description', '')}{f' ({unit})' if unit else ''}"
-            words += "".join(f"; {text}" for text in (f"default: {default}" if default else "", hint) if text)
-            if words:
-                about["description"] = words
-            about.pop("title", None)
-            kinds = [kind for kind in about.get("anyOf", ()) if kind != {"type": "null"}]  # TOML has no null
-            if "default" in about and about["default"] is None:
-                del about["default"]
-            if len(kinds) == 1:
-                about.update(kinds[0])
-            if kinds:
-                about.pop("anyOf") if len(kinds) == 1 else about.update(anyOf=kinds)
-    about = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Case file of asperity"}
-    return schema | about
-
-
-def sections(name: str) -> tuple[type[Section], ...]:
-    """Models a section may have; none for a name that is no section."""
-    if name == "surface":
-        return SURFACES
-    info = Input.model_fields.get(name)
-    found = [info.annotation, *get_args(info.annotation)] if info else []
-    return tuple(m for m in found if isinstance(m, type) and issubclass(m, Section))
-
-
-def kind_of(model: type[BaseModel]) -> str:
-    """Value of `kind` that selects a surface model."""
-    return str(properties(model)["kind"]["const"])
-
-
-def properties(model: type[BaseModel]) -> dict[str, dict[str, Any]]:
-    """JSON schema of each key of a section."""
-    schema: dict[str, dict[str, Any]] = model.model_json_schema()["properties"]
-    return schema
-
-
-def legal(about: dict[str, Any]) -> str:
-    """Legal values in words, from a key's JSON schema: choices or an interval."""
-    if "anyOf" in about:  # of several kinds, or nothing
-        return " or ".join(legal(kind) for kind in about["anyOf"] if kind.get("type") != "null")
-    if "enum" in about:
-        return ", ".join(show(choice) for choice in about["enum"])
-    if about.get("type") == "array":
-        count = f"{about['minItems']} values " if about["minItems"] == about.get("maxItems") else "values "
-        return f"a list of {count}from {legal(about.get('items') or about['prefixItems'][0])}"
-    if about.get("type") in ("number", "integer"):
-        low, high = about.get("minimum", -math.inf), about.get("maximum", math.inf)
-        low, high = about.get("exclusiveMinimum", low), about.get("exclusiveMaximum", high)
-        left = "[" if "minimum" in about else "("
-        return f"{left}{low:g}, {high:g}{']' if 'maximum' in about else ')'}"
-    return {"boolean": "true, false", "string": "text"}[about["type"]]
-
-
-def show(value: Any) -> str:
-    """A value as it would be in the file, shortened and free of control characters."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, str):
-        text = json.dumps(value)
-    elif isinstance(value, list | tuple):
-        text = "[" + ", ".join(show(item) for item in value[:8]) + "]"
-    else:
-        try:
-            text = f"{value:.9g}" if isinstance(value, float) else str(value)
-        except ValueError:  # integers of thousands of digits
-            text = "a huge number"
-    return text if len(text) <= 80 else text[:77] + "..."

@@ -9,11 +9,13 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import NoReturn
 
-from asperity.case.schema import DRIVERS, DynamicsSection, Input, JointSection, LoopsSection, SelfAffineSection, show
+from asperity.case.schema import DRIVERS, DynamicsSection, Input, JointSection, LoopsSection, SelfAffineSection
 from asperity.dynamics.settings import MIN_ROWS
-from asperity.model.limits import FRACTIONS, too_deep, wrong_force, wrong_length, wrong_sizes
+from asperity.model.kinds import Judgement
+from asperity.model.limits import FRACTIONS, improbable, too_deep, wrong_force, wrong_length, wrong_preload, wrong_sizes
 from asperity.model.material import wrong_slope, wrong_yield
 from asperity.model.settings import H_CONTACT, H_MAX, gamma_too_small, no_rotations, penalty_too_soft, wrong_friction
+from asperity.runtime.display import show
 
 
 class Mistake(Exception):
@@ -28,11 +30,10 @@ def _refuse(key: str, message: str) -> NoReturn:
     raise Mistake(key, message)
 
 
-def _refuse_if(mistake: str) -> None:
-    """Refuse a mistake that a class of the model has found; empty for none."""
-    if mistake:
-        key, _, rest = mistake.partition(" ")
-        _refuse(key, rest)
+def _refuse_if(judgement: Judgement) -> None:
+    """Refuse what the model refuses."""
+    if judgement is not None:
+        _refuse(*judgement)
 
 
 def check_together(case: Input) -> None:
@@ -134,15 +135,8 @@ def _check_loops(case: Input, loops: LoopsSection) -> None:
 
 def _check_preload(case: Input, key: str, value: float, factor: float) -> None:
     """Refuse a preload that no run reaches; `factor` turns the force of the patch into the unit of the key."""
-    full = case.material.E_prime * case.surface.L**2
-    least, most = 1e-12 * full * factor, (case.greatest_force or full) * factor
-    word = "pressure" if key == "joint.pressure" else "force"
-    if not least <= value <= most:
-        _refuse(
-            key,
-            f"= {value:g} must lie between {least:.3g} and {most:.3g}, the greatest {word} the run may "
-            "reach; leave it out for half of what it does reach",
-        )
+    full, greatest = case.material.E_prime * case.surface.L**2 * factor, case.greatest_force
+    _refuse_if(wrong_preload(key, value, None if greatest is None else greatest * factor, full))
 
 
 def _check_self_affine(surface: SelfAffineSection) -> None:
@@ -202,13 +196,8 @@ def _check_lengths(case: Input) -> None:
 
 def doubts(case: Input) -> Iterator[str]:
     """Values that SI makes improbable but that another system of units makes natural."""
-    advice = 'set units = "other" at the top of the case file if this is not SI'
-    if not 1e3 <= case.material.E <= 2e12:
-        yield f"material.E = {case.material.E:g} is taken as Pa; {advice}"
-    elif case.surface.L > 0.1:
-        yield f"surface.L = {case.surface.L:g} is taken as m; {advice}"
-    if case.material.density is not None and not 1.0 <= case.material.density <= 3e4:
-        yield f"material.density = {case.material.density:g} is taken as kg/m^3; {advice}"
+    first = improbable("material.E", case.material.E) or improbable("surface.L", case.surface.L)
+    yield from filter(None, (first, improbable("material.density", case.material.density)))
 
 
 def unused(case: Input) -> Iterator[str]:

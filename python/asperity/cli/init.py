@@ -61,7 +61,8 @@ def starting_case(kind: str, solid: str) -> str:
         kind: of surface, one of SURFACES
         solid: one of SOLIDS
     """
-    from asperity.case.schema import Input, kind_of, sections
+    from asperity.case.keys import kind_of, sections
+    from asperity.case.schema import Input
 
     chosen: dict[str, Mapping[str, Any]] = {
         "surface": SURFACES[kind],
@@ -95,7 +96,8 @@ def _first_line(model: Any) -> str:
 
 def _keys(model: Any, values: Mapping[str, Any], skip: tuple[str, ...]) -> Iterator[str]:
     """One line a key: set where `values` has it, commented with its default elsewhere."""
-    from asperity.case.schema import legal, properties, show
+    from asperity.case.keys import legal, properties
+    from asperity.runtime.display import show
 
     for key, about in properties(model).items():
         if key in skip:

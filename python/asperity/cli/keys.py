@@ -21,7 +21,7 @@ def command(markdown: bool, schema: bool) -> None:
 
     Each with its default, legal values, unit and meaning.
     """
-    from asperity.case.schema import input_reference, json_schema
+    from asperity.case.keys import input_reference, json_schema
 
     if schema:
         options.print_json(json_schema())

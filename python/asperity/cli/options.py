@@ -27,7 +27,7 @@ def _complete_files(*_: Any) -> list[CompletionItem]:
 
 def _complete_keys(context: click.Context, parameter: click.Parameter, start: str) -> list[str]:
     """Complete SECTION.KEY= of a case file."""
-    from asperity.case.schema import input_reference
+    from asperity.case.keys import input_reference
 
     found = dict.fromkeys(f"{section.partition(' ')[0]}.{key}=" for section, key, *_ in input_reference())
     return [name for name in found if name.startswith(start)]

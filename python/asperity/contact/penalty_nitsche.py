@@ -17,6 +17,7 @@ from asperity.fem.compiled_kernels import compiled, law_of
 from asperity.fem.kernels import History
 from asperity.fem.solid import Solid
 from asperity.mesh.element import BEARING, DEGREE, FACET_POINTS
+from asperity.model.kinds import refuse
 from asperity.model.settings import gamma_too_small
 
 
@@ -63,8 +64,8 @@ class PressureContact(Contact):
                 f'contact.theta = {theta} needs an elastic material in small strain and contact.method = "nitsche": '
                 "leave material.yield_strength and material.kinematics out or take theta = 0"
             )
-        if traction and (small := gamma_too_small(factor, theta)):
-            raise InputError(small)
+        if traction:
+            refuse(gamma_too_small(factor, theta))
         self._solid, self._surface = solid, surface
         self._rule = FacetRule(surface, FACET_DEGREE) if rule is None else rule
         self.symmetric, self.stiff = not traction or theta == 1, True

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Types of the arguments of a problem: another one is refused with the legal form."""
+"""Judgements of arguments, and those of their types: another one is refused with the legal form."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ from typing import Any
 
 from asperity.errors import InputError
 from asperity.runtime.display import brief
+
+#: Key of a case file and the rest of the sentence why it is refused; None for a legal value.
+Judgement = tuple[str, str] | None
 
 #: Declared types that are checked, and what to write.
 FORMS = {
@@ -25,6 +28,24 @@ FORMS = {
     "AccuracyTarget": "a target, for example asp.AccuracyTarget(0.01)",
     "Schedule": "a load path, for example Schedule(delta_max=0.03e-6)",
 }
+
+
+def refuse(judgement: Judgement) -> None:
+    """Raise what a judgement says.
+
+    Raises:
+        InputError: there is a reason to refuse
+
+    Examples:
+        >>> from asperity.model.kinds import refuse
+        >>> refuse(None)
+        >>> refuse(("surface.L", "= -1 must be positive"))
+        Traceback (most recent call last):
+            ...
+        asperity.errors.InputError: surface.L = -1 must be positive
+    """
+    if judgement is not None:
+        raise InputError(" ".join(judgement))
 
 
 def check_kind(name: str, value: Any, declared: str) -> None:

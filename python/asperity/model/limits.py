@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Lengths and loads that a problem may have. Each function gives the reason of a refusal, empty for a legal value."""
+"""Lengths and loads that a problem may have, and values that are probable in SI."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from asperity.model.kinds import Judgement
 from asperity.model.material import Material
 
 # key -> legal range as a fraction of the side: wide enough for any sensible model, narrow enough to catch metres mixed
@@ -28,11 +29,17 @@ FRACTIONS = {
     "surface.wavelength": (1e-3, 1e3),
     "surface.radius": (1e-2, 1e9),
 }
+#: key -> values that are probable in SI, and the unit
+PROBABLE = {
+    "material.E": (1e3, 2e12, "Pa"),
+    "surface.L": (0.0, 0.1, "m"),
+    "material.density": (1.0, 3e4, "kg/m^3"),
+}
 LEAST_FORCE = 1e-12  # over the nominal area and E'
 _MARGIN = 1.2  # on the compression of the block, whose surface answers a little stiffer than a half-space does
 
 
-def wrong_length(key: str, value: float | None, side: float) -> str:
+def wrong_length(key: str, value: float | None, side: float) -> Judgement:
     """A length far from the side of the patch.
 
     Args:
@@ -42,14 +49,46 @@ def wrong_length(key: str, value: float | None, side: float) -> str:
     """
     low, high = FRACTIONS[key]
     if value is None or low * side <= value <= high * side:
-        return ""
-    return (
-        f"{key} = {value:g} is {value / side:.2g} of surface.L = {side:g}, legal are {low:g} to {high:g}; give all "
-        "lengths in the same unit (m)"
+        return None
+    return key, (
+        f"= {value:g} is {value / side:.2g} of surface.L = {side:g}, legal are {low:g} to {high:g}; give all lengths "
+        "in the same unit (m)"
     )
 
 
-def wrong_sizes(size: float, h_max: float | None, default: float) -> str:
+def improbable(key: str, value: float | None) -> str:
+    """Sentence about a value that SI makes improbable but that another system of units makes natural; empty for none.
+
+    Args:
+        key: of `PROBABLE`
+        value: None where it is not given
+    """
+    low, high, unit = PROBABLE[key]
+    if value is None or low <= value <= high:
+        return ""
+    return f'{key} = {value:g} is taken as {unit}; set units = "other" at the top of the case file if this is not SI'
+
+
+def wrong_preload(key: str, value: float, greatest: float | None, full: float) -> Judgement:
+    """A preload that no run reaches.
+
+    Args:
+        key: of the preload
+        value: [its unit]
+        greatest: that the run reaches; None where the approach is given [the same unit]
+        full: the nominal area times E', or E' [the same unit]
+    """
+    least, most = LEAST_FORCE * full, greatest or full
+    if least <= value <= most:
+        return None
+    word = "pressure" if key == "joint.pressure" else "force"
+    return key, (
+        f"= {value:g} must lie between {least:.3g} and {most:.3g}, the greatest {word} the run may reach; leave it out "
+        "for half of what it does reach"
+    )
+
+
+def wrong_sizes(size: float, h_max: float | None, default: float) -> Judgement:
     """A size at the contact above the greatest one.
 
     Args:
@@ -58,12 +97,12 @@ def wrong_sizes(size: float, h_max: float | None, default: float) -> str:
         default: of it [length]
     """
     if size <= (h_max or default):
-        return ""
+        return None
     given = "" if h_max else ", its default: give that as well"
-    return f"mesh.h_contact = {size:g} exceeds mesh.h_max = {h_max or default:g}{given}"
+    return "mesh.h_contact", f"= {size:g} exceeds mesh.h_max = {h_max or default:g}{given}"
 
 
-def too_deep(delta: float | None, height: float) -> str:
+def too_deep(delta: float | None, height: float) -> Judgement:
     """An approach that leaves nothing of the block.
 
     Args:
@@ -71,11 +110,11 @@ def too_deep(delta: float | None, height: float) -> str:
         height: of the block [length]
     """
     if delta is None or delta < height:
-        return ""
-    return f"loading.delta_max = {delta:g} exceeds the block: block.height = {height:g}; about 0.03 L is usual"
+        return None
+    return "loading.delta_max", f"= {delta:g} exceeds the block: block.height = {height:g}; about 0.03 L is usual"
 
 
-def wrong_force(key: str, value: float | None, full: float) -> str:
+def wrong_force(key: str, value: float | None, full: float) -> Judgement:
     """A force or pressure that no contact of this material has.
 
     Args:
@@ -84,14 +123,15 @@ def wrong_force(key: str, value: float | None, full: float) -> str:
         full: the nominal area times E', or E' [the same unit]
     """
     if value is None or LEAST_FORCE * full <= value <= full:
-        return ""
+        return None
     of = "E/(1 - nu^2)" if key == "pressure_max" else "L^2 E/(1 - nu^2)"
-    return f"loading.{key} = {value:g} is {value / full:.2g} of {of}, legal are {LEAST_FORCE:g} to 1; check the units"
+    sentence = f"= {value:g} is {value / full:.2g} of {of}, legal are {LEAST_FORCE:g} to 1; check the units"
+    return f"loading.{key}", sentence
 
 
 def no_gap_left(
     delta: float, z: np.ndarray[Any, Any], summit: float, side: float, material: Material, height: float, sides: str
-) -> str:
+) -> Judgement:
     """An approach beyond full contact.
 
     There the top is flat: the flat has come down to the mean plane, and the block is compressed by the mean pressure.
@@ -106,9 +146,9 @@ def no_gap_left(
     pressure = full_contact_pressure(z, side, material, height, sides)
     limit = summit - float(z.mean()) + _MARGIN * height * _strain(material, pressure, sides)
     if delta < limit:
-        return ""
-    return (
-        f"loading.delta_max = {delta:g} leaves no gap at all: the surface is {float(np.ptp(z)):.3g} deep from peak to "
+        return None
+    return "loading.delta_max", (
+        f"= {delta:g} leaves no gap at all: the surface is {float(np.ptp(z)):.3g} deep from peak to "
         f"valley and in full contact before {limit:.3g}; choose a smaller delta_max"
     )
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from asperity.arrays import Floats
 from asperity.errors import InputError
-from asperity.model.kinds import check_kinds
+from asperity.model.kinds import Judgement, check_kinds, refuse
 from asperity.runtime.display import short_repr
 
 AUTO = "auto"  # kinematics that a run chooses, see adaptive.small_strain
@@ -25,8 +25,8 @@ SHARES = {"isotropic": 0.0, "kinematic": 1.0}  # of the hardening that are kinem
 PAIRS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # in products of tensors (..., 6): off-diagonal components count twice
 
 
-def wrong_yield(E: float, strength: float | None) -> str:
-    """Reason why a yield strength is refused; empty for a legal one.
+def wrong_yield(E: float, strength: float | None) -> Judgement:
+    """Reason why a yield strength is refused.
 
     Args:
         E: elastic modulus [force/length^2]
@@ -34,23 +34,23 @@ def wrong_yield(E: float, strength: float | None) -> str:
     """
     low, high = YIELD_STRAINS
     if strength is None or low <= strength / E < high:
-        return ""
-    return (
-        f"material.yield_strength = {strength:g} with E = {E:g} means yield at a strain of {strength / E:.2g}, legal "
+        return None
+    return "material.yield_strength", (
+        f"= {strength:g} with E = {E:g} means yield at a strain of {strength / E:.2g}, legal "
         f"are {low:g} to {high:g}; give both in the same unit (Pa), or leave it out for an elastic material"
     )
 
 
-def wrong_slope(E: float, slope: float | None) -> str:
-    """Reason why a tangent modulus is refused; empty for a legal one.
+def wrong_slope(E: float, slope: float | None) -> Judgement:
+    """Reason why a tangent modulus is refused.
 
     Args:
         E: elastic modulus [force/length^2]
         slope: tangent modulus [force/length^2]
     """
     if slope is None or 0.0 <= slope < E:
-        return ""
-    return f"material.tangent_modulus = {slope:g} must be below material.E = {E:g}; 0 is perfectly plastic"
+        return None
+    return "material.tangent_modulus", f"= {slope:g} must be below material.E = {E:g}; 0 is perfectly plastic"
 
 
 @dataclass(frozen=True)
@@ -93,8 +93,7 @@ class Material:
             value = getattr(self, name)
             if not low <= value <= high:
                 raise InputError(f"material.{name} = {value!r} must lie in [{low:g}, {high:g}]")
-        if wrong := wrong_yield(self.E, self.yield_strength) or wrong_slope(self.E, self.tangent_modulus):
-            raise InputError(wrong)
+        refuse(wrong_yield(self.E, self.yield_strength) or wrong_slope(self.E, self.tangent_modulus))
         if self.kinematics not in KINEMATICS:
             raise InputError(f'material.kinematics = {self.kinematics!r} must be "small", "finite" or "auto"')
         self._check_hardening()

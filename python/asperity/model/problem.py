@@ -14,7 +14,7 @@ import numpy as np
 
 from asperity.errors import CaseWarning, InputError, ResolutionWarning
 from asperity.model.edges import doubt_of_edge
-from asperity.model.kinds import check_kind, check_kinds
+from asperity.model.kinds import Judgement, check_kind, check_kinds, refuse
 from asperity.model.limits import no_gap_left, too_deep, wrong_force, wrong_length, wrong_sizes
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule, greatest_force
 from asperity.model.material import Material
@@ -102,12 +102,10 @@ class Problem:
         for name, value, legal in (("block.sides", self.sides, SIDES), ("solver.kernels", self.kernels, KERNELS)):
             if value not in legal:
                 raise InputError(f'{name} = "{value}" is not one of {", ".join(legal)}')
-        if wrong := next(self._mistakes(), ""):
-            raise InputError(wrong)
+        refuse(next(self._mistakes(), None))
         if (self.load_path.delta_max is None) == (self.load_path.force_max is None):
             raise InputError(ONE_OF)
-        if wrong := wrong_dilatation(self.dilatation, self.kernels, self.formulation.method):
-            raise InputError(wrong)
+        refuse(wrong_dilatation(self.dilatation, self.kernels, self.formulation.method))
         if self.sides == "periodic" and not self.surface.periodic:
             kind = self.surface.kind or type(self.surface).__name__
             raise InputError(
@@ -115,7 +113,7 @@ class Problem:
                 'take block.sides = "rollers", or surface.kind = "self-affine" with surface.periodic = true'
             )
 
-    def _mistakes(self) -> Iterator[str]:
+    def _mistakes(self) -> Iterator[Judgement]:
         """Lengths and forces out of range."""
         L, path, size = self.surface.L, self.load_path, self.size
         lengths = {"block.height": self.height, "loading.delta_max": path.delta_max} | {
@@ -143,8 +141,7 @@ class Problem:
         doubts = [text] if (text := doubt_of_edge(self.sides, surface)) else []
         if delta is None:
             return doubts
-        if closed := no_gap_left(delta, z, surface.maximum()[2], surface.L, self.material, self.height, self.sides):
-            raise InputError(closed)
+        refuse(no_gap_left(delta, z, surface.maximum()[2], surface.L, self.material, self.height, self.sides))
         if delta > depth:
             doubts.append(
                 f"loading.delta_max = {delta:g} is more than the surface's depth from peak to valley, {depth:.3g}: the "
@@ -202,8 +199,7 @@ class Problem:
         if (delta_max, force_max, pressure_max).count(None) != 2:
             raise InputError(ONE_OF)
         greatest = greatest_force(force_max, pressure_max, surface.L)
-        if wrong := wrong_force("pressure_max", pressure_max, material.reduced_modulus):
-            raise InputError(wrong)
+        refuse(wrong_force("pressure_max", pressure_max, material.reduced_modulus))
         if surface.rough and material.kinematics == "small":
             surface.check_small_slope()
         path = Schedule(delta_max, greatest, steps, unload_steps, cycles, integrator, substeps)

@@ -11,7 +11,7 @@ from typing import Protocol
 
 from asperity.arrays import Floats
 from asperity.errors import InputError
-from asperity.model.kinds import check_kinds
+from asperity.model.kinds import Judgement, check_kinds, refuse
 
 H_CONTACT, H_MAX = 0.04, 0.25  # element sizes of a mesh when none are given [L]
 MOST_REFINEMENTS = 6  # of a mesh: each makes eight elements of one
@@ -20,6 +20,10 @@ POINT, MEAN = "point", "mean"  # volumetric strain of the elements, see `problem
 METHODS = ("active-set", "penalty", "nitsche")  # of the contact
 FACTORS = (0.01, 1e6)  # legal penalty and gamma
 LINEAR_SOLVERS = ("auto", "lu", "cg", "gamg")
+NEWTON_STEPS = (1, 1000)  # legal newton_max
+LOOSEST_RTOL = 1e-2  # of the equations
+FASTEST_GROWTH = 10.0  # of the size of the elements
+LEAST_DOFS = 1000  # as a limit of the dofs
 LEAST_PENALTY = 10.0  # factor below which the penalty leaves an error of first order (docs/accuracy.md)
 COERCIVE = 3.0  # gamma from which theta = 1 is coercive: 2 where cells are straight, up to 2.9 seen under rough tops
 
@@ -57,14 +61,13 @@ class Formulation:
             raise InputError(f'contact.method = "{self.method}" is not one of {", ".join(METHODS)}')
         if self.theta not in (-1, 0, 1):
             raise InputError(f"contact.theta = {self.theta!r} must be -1, 0 or 1")
-        if self.method == "nitsche" and self.gamma is not None and (small := gamma_too_small(self.gamma, self.theta)):
-            raise InputError(small)
+        if self.method == "nitsche" and self.gamma is not None:
+            refuse(gamma_too_small(self.gamma, self.theta))
         for name in ("penalty", "gamma"):
             value = getattr(self, name)
             if value is not None and not FACTORS[0] <= value <= FACTORS[1]:
                 raise InputError(f"contact.{name} = {value!r} must lie in [{FACTORS[0]:g}, {FACTORS[1]:g}]")
-        if wrong := wrong_friction(self.method, self.friction):
-            raise InputError(wrong)
+        refuse(wrong_friction(self.method, self.friction))
 
     @property
     def sticks(self) -> bool:
@@ -72,25 +75,25 @@ class Formulation:
         return self.friction == "stick"
 
 
-def wrong_friction(method: str, friction: str) -> str:
-    """Reason why a friction is refused; empty for a legal one.
+def wrong_friction(method: str, friction: str) -> Judgement:
+    """Reason why a friction is refused.
 
     Args:
         method: of the formulation
         friction: of the formulation
     """
     if friction not in ("none", "stick"):
-        return f'contact.friction = "{friction}" is not one of none, stick'
+        return "contact.friction", f'= "{friction}" is not one of none, stick'
     if friction == "none" or method == "active-set":
-        return ""
-    return (
-        f'contact.friction = "stick" holds nodes, which contact.method = "{method}" does not: take '
+        return None
+    return "contact.friction", (
+        f'= "stick" holds nodes, which contact.method = "{method}" does not: take '
         'contact.method = "active-set", or contact.friction = "none"'
     )
 
 
-def wrong_dilatation(dilatation: str | None, kernels: str, method: str) -> str:
-    """Reason why a volumetric strain of the elements is refused; empty for a legal one.
+def wrong_dilatation(dilatation: str | None, kernels: str, method: str) -> Judgement:
+    """Reason why a volumetric strain of the elements is refused.
 
     Args:
         dilatation: None where it is chosen
@@ -98,48 +101,47 @@ def wrong_dilatation(dilatation: str | None, kernels: str, method: str) -> str:
         method: of the contact
     """
     if dilatation not in (None, POINT, MEAN):
-        return f'solver.dilatation = "{dilatation}" is not one of {POINT}, {MEAN}'
+        return "solver.dilatation", f'= "{dilatation}" is not one of {POINT}, {MEAN}'
     if dilatation == MEAN and kernels != "compiled":
-        return 'solver.dilatation = "mean" needs solver.kernels = "compiled": the UFL kernels have no means of cells'
+        return "solver.dilatation", '= "mean" needs solver.kernels = "compiled": the UFL kernels have no means of cells'
     if dilatation == MEAN and method == "nitsche":
-        return (
-            'solver.dilatation = "mean" cannot go with contact.method = "nitsche", whose traction is that of points, '
+        return "solver.dilatation", (
+            '= "mean" cannot go with contact.method = "nitsche", whose traction is that of points, '
             'which the mean leaves free: take contact.method = "active-set", or solver.dilatation = "point"'
         )
-    return ""
+    return None
 
 
-def no_rotations(sides: str) -> str:
-    """Reason why a block has no stiffness against all motions of the flat; empty where it has one.
+def no_rotations(sides: str) -> Judgement:
+    """Reason why a block has no stiffness against all motions of the flat.
 
     Args:
         sides: of the block
     """
     if sides != "periodic":
-        return ""
-    return (
-        "output.stiffness_matrix = true needs a block that ends: a rotation of the flat is not periodic; use "
-        'block.sides = "free" or "rollers"'
+        return None
+    return "output.stiffness_matrix", (
+        '= true needs a block that ends: a rotation of the flat is not periodic; use block.sides = "free" or "rollers"'
     )
 
 
-def penalty_too_soft(method: str, penalty: float) -> str:
-    """Reason why a formulation has no error bar: a penalty so soft that its error dominates; empty where there is none.
+def penalty_too_soft(method: str, penalty: float) -> Judgement:
+    """Reason why a formulation has no error bar: a penalty so soft that its error dominates.
 
     Args:
         method: of the formulation
         penalty: factor of E p^2/h
     """
     if method != "penalty" or penalty >= LEAST_PENALTY:
-        return ""
-    return (
-        f"contact.penalty = {penalty:g} is too soft for accuracy.tolerance, whose error bars need {LEAST_PENALTY:g} or "
+        return None
+    return "contact.penalty", (
+        f"= {penalty:g} is too soft for accuracy.tolerance, whose error bars need {LEAST_PENALTY:g} or "
         'more: raise it, or take contact.method = "active-set"'
     )
 
 
-def gamma_too_small(gamma: float, theta: int) -> str:
-    """Reason why a factor of Nitsche's method is refused: an indefinite tangent; empty for a sufficient factor.
+def gamma_too_small(gamma: float, theta: int) -> Judgement:
+    """Reason why a factor of Nitsche's method is refused: an indefinite tangent.
 
     Where traces are at most tau^2 = COERCIVE/gamma of the energy, full contact is coercive for (1 + theta) tau < 2.
 
@@ -149,9 +151,9 @@ def gamma_too_small(gamma: float, theta: int) -> str:
     """
     least = max(0.01, COERCIVE * (1 + theta) ** 2 / 4.0)
     if gamma >= least:
-        return ""
-    return (
-        f"contact.gamma = {gamma:g} is below {least:g}, from which Nitsche's method with theta = {theta} is stable: "
+        return None
+    return "contact.gamma", (
+        f"= {gamma:g} is below {least:g}, from which Nitsche's method with theta = {theta} is stable: "
         'raise it, leave it out, or take contact.method = "active-set"'
     )
 
@@ -203,7 +205,7 @@ class MeshSize:
                 "makes eight elements of one"
             )
         check_kinds(self, "mesh")
-        for name, most in (("h_contact", inf), ("growth", 10.0), ("h_max", inf)):
+        for name, most in (("h_contact", inf), ("growth", FASTEST_GROWTH), ("h_max", inf)):
             value = getattr(self, name)
             if value is not None and not 0.0 < value <= most:
                 raise InputError(
@@ -239,10 +241,11 @@ class SolverOptions:
         check_kinds(self, "solver")
         if self.linear not in LINEAR_SOLVERS:
             raise InputError(f'solver.linear = "{self.linear}" is not one of {", ".join(LINEAR_SOLVERS)}')
-        if not 0.0 < self.rtol <= 1e-2:
-            raise InputError(f"solver.rtol = {self.rtol!r} must lie in (0, 0.01]")
-        if not 1 <= self.newton_max <= 1000:
-            raise InputError(f"solver.newton_max = {self.newton_max!r} must lie in [1, 1000]")
+        if not 0.0 < self.rtol <= LOOSEST_RTOL:
+            raise InputError(f"solver.rtol = {self.rtol!r} must lie in (0, {LOOSEST_RTOL:g}]")
+        least, most = NEWTON_STEPS
+        if not least <= self.newton_max <= most:
+            raise InputError(f"solver.newton_max = {self.newton_max!r} must lie in [{least}, {most}]")
 
 
 @dataclass(frozen=True)
@@ -283,7 +286,7 @@ class AccuracyTarget:
             raise InputError(
                 f"accuracy.area_tolerance = {self.area_tolerance!r} must lie between 0 and 1, for example 0.05 for 5 %"
             )
-        if self.max_dofs < 1000:
-            raise InputError(f"accuracy.max_dofs = {self.max_dofs} must be at least 1000")
+        if self.max_dofs < LEAST_DOFS:
+            raise InputError(f"accuracy.max_dofs = {self.max_dofs} must be at least {LEAST_DOFS}")
         if self.max_seconds is not None and not self.max_seconds > 0:
             raise InputError(f"accuracy.max_seconds = {self.max_seconds!r} must be positive")

@@ -12,8 +12,8 @@ from typing import Any
 
 from asperity.case import Case
 from asperity.case.case_file import read_bytes
-from asperity.case.schema import show
 from asperity.errors import CheckpointError, InputError
+from asperity.runtime.display import show
 from asperity.runtime.run_folder import CASE, is_empty
 
 #: Sections and keys that a continuation may change, because they change the curve only within the tolerance of the

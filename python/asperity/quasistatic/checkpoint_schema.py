@@ -12,11 +12,11 @@ from typing import Any, Literal, get_type_hints
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 
-from asperity.case.schema import show
 from asperity.curve import COLUMNS, OPTIONAL
 from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import Counts
 from asperity.quasistatic.stepping import Position
+from asperity.runtime.display import show
 from asperity.runtime.shares import Share
 
 

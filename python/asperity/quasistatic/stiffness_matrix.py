@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asperity.arrays import Floats, Integers
-from asperity.errors import ConvergenceError, InputError
+from asperity.errors import ConvergenceError
 from asperity.linear.matrix_free import tangent_product
+from asperity.model.kinds import refuse
 from asperity.model.settings import no_rotations
 
 if TYPE_CHECKING:
@@ -92,8 +93,7 @@ def stiffness_matrix(solver: ContactSolver) -> StiffnessMatrix | None:
         [0.31 0.31 1.   0.16 0.16 0.07] None
     """
     solid, contact = solver.solid, solver.contact
-    if wrong := no_rotations(solid.sides):
-        raise InputError(wrong)
+    refuse(no_rotations(solid.sides))
     nodes = contact.nodes()
     if not solid.comm.allreduce(len(nodes)):
         return None

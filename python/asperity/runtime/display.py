@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import html
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any
@@ -72,3 +73,19 @@ def html_table(caption: str, header: Sequence[str], rows: Iterable[Sequence[Any]
     body = "".join(row((text if isinstance(text, str) else brief(text) for text in cells), "td") for cells in rows)
     head = row(header, "th")
     return f"<table><caption>{html.escape(caption)}</caption><thead>{head}</thead><tbody>{body}</tbody></table>"
+
+
+def show(value: Any) -> str:
+    """A value as it would be in the file, shortened and free of control characters."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        text = json.dumps(value)
+    elif isinstance(value, list | tuple):
+        text = "[" + ", ".join(show(item) for item in value[:8]) + "]"
+    else:
+        try:
+            text = f"{value:.9g}" if isinstance(value, float) else str(value)
+        except ValueError:  # integers of thousands of digits
+            text = "a huge number"
+    return text if len(text) <= 80 else text[:77] + "..."

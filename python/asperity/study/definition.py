@@ -37,9 +37,10 @@ from typing import Any
 import numpy as np
 
 from asperity.case.case_file import Case, _override, _read_toml
-from asperity.case.schema import Input, sections, show
+from asperity.case.keys import sections
+from asperity.case.schema import Input
 from asperity.errors import InputError
-from asperity.runtime.display import short_repr
+from asperity.runtime.display import short_repr, show
 from asperity.surface import SurfaceWarning
 
 #: Key that varies within an ensemble; the levels of a family differ in the other keys.

@@ -1,0 +1,99 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""The keys of the case file in words and as a JSON schema, for commands, messages, editors and documentation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, get_args
+
+from pydantic import BaseModel
+
+from asperity.case.schema import SURFACES, FileSection, Input, Section
+from asperity.runtime.display import show
+
+
+def input_reference() -> Iterator[tuple[str, str, str, str, str, str]]:
+    """Rows (section, key, default, legal values, unit, meaning) of every key, for documentation."""
+    for name in Input.model_fields:
+        for model in sections(name):
+            section = name + (f" ({kind_of(model)})" if name == "surface" else "")
+            for key, about in properties(model).items():
+                if key != "kind":
+                    default = show(about["default"]) if "default" in about else "required"
+                    default = "none" if default == "None" else default
+                    unit = about["unit"] or "-"
+                    default = about["shown"] or default
+                    yield section, key, default, legal(about), unit, about["description"]
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON schema of the case file, for editors and other programs: keys with their legal values, meaning and unit.
+
+    It knows no relations between keys, which `Case.load` checks as well.
+    """
+    schema = Input.model_json_schema()
+    for name, table in [("", schema), *schema["$defs"].items()]:
+        known = table["properties"]
+        # keys and sections that the file may leave out, because they follow from others
+        follows = {key for key, about in known.items() if about.get("shown")} | (
+            {"block", "mesh"} if not name else set()
+        )
+        if name == FileSection.__name__:
+            follows.add("L")  # the map has it
+        table["required"] = [key for key in table.get("required", ()) if key not in follows]
+        for about in known.values():
+            unit, default, hint = (about.pop(word, "") for word in ("unit", "shown", "hint"))
+            words = f"{about.get('description', '')}{f' ({unit})' if unit else ''}"
+            words += "".join(f"; {text}" for text in (f"default: {default}" if default else "", hint) if text)
+            if words:
+                about["description"] = words
+            about.pop("title", None)
+            kinds = [kind for kind in about.get("anyOf", ()) if kind != {"type": "null"}]  # TOML has no null
+            if "default" in about and about["default"] is None:
+                del about["default"]
+            if len(kinds) == 1:
+                about.update(kinds[0])
+            if kinds:
+                about.pop("anyOf") if len(kinds) == 1 else about.update(anyOf=kinds)
+    about = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Case file of asperity"}
+    return schema | about
+
+
+def sections(name: str) -> tuple[type[Section], ...]:
+    """Models a section may have; none for a name that is no section."""
+    if name == "surface":
+        return SURFACES
+    info = Input.model_fields.get(name)
+    found = [info.annotation, *get_args(info.annotation)] if info else []
+    return tuple(m for m in found if isinstance(m, type) and issubclass(m, Section))
+
+
+def kind_of(model: type[BaseModel]) -> str:
+    """Value of `kind` that selects a surface model."""
+    return str(properties(model)["kind"]["const"])
+
+
+def properties(model: type[BaseModel]) -> dict[str, dict[str, Any]]:
+    """JSON schema of each key of a section."""
+    schema: dict[str, dict[str, Any]] = model.model_json_schema()["properties"]
+    return schema
+
+
+def legal(about: dict[str, Any]) -> str:
+    """Legal values in words, from a key's JSON schema: choices or an interval."""
+    if "anyOf" in about:  # of several kinds, or nothing
+        return " or ".join(legal(kind) for kind in about["anyOf"] if kind.get("type") != "null")
+    if "enum" in about:
+        return ", ".join(show(choice) for choice in about["enum"])
+    if about.get("type") == "array":
+        count = f"{about['minItems']} values " if about["minItems"] == about.get("maxItems") else "values "
+        return f"a list of {count}from {legal(about.get('items') or about['prefixItems'][0])}"
+    if about.get("type") in ("number", "integer"):
+        low, high = about.get("minimum", -math.inf), about.get("maximum", math.inf)
+        low, high = about.get("exclusiveMinimum", low), about.get("exclusiveMaximum", high)
+        left = "[" if "minimum" in about else "("
+        return f"{left}{low:g}, {high:g}{']' if 'maximum' in about else ')'}"
+    return {"boolean": "true, false", "string": "text"}[about["type"]]
