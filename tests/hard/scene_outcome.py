@@ -20,11 +20,11 @@ from mpi4py import MPI
 from scene_definition import BASE, Keys, L, Scene
 
 from asperity.case import Case
+from asperity.case.identity import identity
 from asperity.curve import Curve
 from asperity.errors import CheckError, ConvergenceError, InputError
 from asperity.model.settings import MeshSize
 from asperity.quasistatic.checkpoint import Checkpoint
-from asperity.quasistatic.checkpoint_identity import identity
 from asperity.quasistatic.make import make_block
 from asperity.run_case import run
 from asperity.runtime.run_folder import CHECKPOINT, CURVE, SUMMARY

@@ -19,6 +19,7 @@ from conftest import ELASTIC, PLASTIC
 
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.case import Case
+from asperity.case.identity import differences, identity, refuse_another
 from asperity.contact import Stick
 from asperity.curve import ELASTIC_STIFFNESSES, STIFFNESSES
 from asperity.errors import CheckpointError, Interrupted, OutputError, ResolutionWarning
@@ -28,15 +29,12 @@ from asperity.model.material import Material
 from asperity.model.settings import MEAN, Formulation, MeshSize
 from asperity.output.fields import gather_states
 from asperity.quasistatic.checkpoint import FORMAT, Checkpoint
-from asperity.quasistatic.checkpoint_files import write_shares
-from asperity.quasistatic.checkpoint_identity import differences, identity
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.quasistatic.stepping import Position
 from asperity.quasistatic.stiffness import LEFT
 from asperity.runtime import compat
 from asperity.runtime.files import npz_bytes, read_npz, remove_asides, replace_file
 from asperity.runtime.run_folder import MESH, SNAPSHOT, STATE
-from asperity.runtime.shares import Share
 from asperity.surface import Surface
 
 CASE = {
@@ -340,98 +338,6 @@ def plastic_state(wave: Surface, coarse_wave: BlockMesh | None) -> Iterator[Path
         shutil.rmtree(path)
 
 
-def write_arrays(path: Path, arrays: dict[str, Any], meta: str) -> None:
-    from mpi4py import MPI
-
-    shares = {name: Share(MPI.COMM_SELF, np.ascontiguousarray(array), len(array)) for name, array in arrays.items()}
-    write_shares(MPI.COMM_SELF, path, shares, meta)
-
-
-def edit(folder: Path, change: Callable[[dict[str, Any], dict[str, Any]], object]) -> None:
-    """Change numbers and arrays of a saved state, and sign it again."""
-    arrays = read_npz(folder / STATE)
-    del arrays["digest"]
-    meta = json.loads(arrays.pop("meta").tobytes())
-    change(meta, arrays)
-    write_arrays(folder / STATE, arrays, json.dumps(meta))
-
-
-def put(name: str, value: Any) -> Callable[[dict[str, Any], dict[str, Any]], object]:
-    """A change of the number "section.key", or of the array it names; None removes it."""
-
-    def change(meta: dict[str, Any], arrays: dict[str, Any]) -> None:
-        *sections, key = [name] if name in arrays else name.split(".")
-        table: Any = arrays if name in arrays else meta
-        for section in sections:
-            table = table[int(section)] if section.isdigit() else table[section]
-        if value is None:
-            del table[key]
-        else:
-            table[key] = value(table[key]) if callable(value) else value
-
-    return change
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize(
-    ("name", "value", "words"),
-    [
-        ("displacement.last", None, "displacement.last is missing"),
-        ("displacement.previous", None, "displacement.previous is missing"),
-        ("displacement.last", lambda u: u[:-1], "displacement.last is float64 .* instead of float64"),
-        ("displacement.last", lambda u: u[:, :2], "displacement.last is float64 .* instead of float64"),
-        ("displacement.last", lambda u: u.astype(np.float32), "displacement.last is float32"),
-        ("displacement.last", lambda u: u.astype("U5"), "displacement.last is <U5"),
-        ("displacement.last", lambda u: u * np.nan, "displacement.last is not finite"),
-        ("touched_at", None, "touched_at is missing"),
-        ("touched_at.at", lambda at: at[::-1].copy(), "touched_at.at are other numbers"),
-        ("touched_at.at", lambda at: at + 10**6, "touched_at.at are other numbers"),
-        ("touched_at.at", lambda at: at[:, None], "touched_at.at is int64 .* instead of"),
-        ("plastic_strain", lambda strain: strain[..., :5], "plastic_strain is float64"),
-        ("plastic_strain", lambda strain: strain[1:], "plastic_strain is float64"),
-        ("accumulated.at", None, "accumulated.at is missing"),
-        ("contact.plastic_strain", lambda strain: strain[:, 1:], "contact.plastic_strain is float64"),
-        ("contact.plastic_strain.at", lambda at: at + 4, "contact.plastic_strain.at are other numbers"),
-        ("position.leg", -1, "position.leg contradicts"),
-        ("position.leg", 2, "position.leg contradicts"),
-        ("position.leg", 1.5, r"position.leg = 1.5 is not legal"),
-        ("position.leg", "1", "position.leg = .* is not legal"),
-        ("position.target", -1, "position.target contradicts"),
-        ("position.step", 0.0, "position.step contradicts"),
-        ("position.step", float("nan"), "position.step = nan is not legal"),
-        ("position.start", [1.0], "position.start.1 is missing"),
-        ("position", None, "position is missing"),
-        ("position", [], r"position = \[\] is not legal"),
-        ("press.delta", 0.5, "press.delta contradicts"),
-        ("press.counts.steps", 7, "press.counts.steps contradicts"),
-        ("press.checks.peak", None, "press.checks.peak is missing"),
-        ("press.led", 0, "press.led = 0 is not legal"),
-        ("rows", lambda rows: rows[:-1], "contradict"),
-        ("rows.1.force", None, "rows.1.force is missing"),
-        ("rows.1.force", "much", "rows.1.force = .* is not legal"),
-        ("rows.1.branch", "sideways", "rows.1.branch = .* is not legal"),
-        ("identity", [1], r"identity = \[1\] is not legal"),
-        ("snapshots.0.step", 9, "snapshots contradicts"),
-        ("calls", {"mesh": "x"}, "calls.mesh = .* is not legal"),
-        ("mesh", "0", "mesh.npz does not belong to the state"),
-        ("mesh", 0, "mesh = 0 is not legal"),
-        ("surprise", 0, "surprise is unknown"),
-    ],
-)
-def test_a_state_that_is_none_is_refused_on_every_rank(
-    wave: Surface, plastic_state: Path, shared_path: Path, name: str, value: Any, words: str
-) -> None:
-    """Well-formed and signed: one sentence, no hang, nothing done."""
-    folder = shared_path / "state"
-    if comm().rank == 0:
-        shutil.copytree(plastic_state, folder)
-        edit(folder, put(name, value))
-    comm().Barrier()
-    with pytest.raises(CheckpointError, match=words) as error:
-        solve_contact(wave, PLASTIC, checkpoint=Checkpoint(folder, {}, comm()), **NITSCHE)
-    assert "\n" not in str(error.value)
-
-
 def test_what_was_changed_after_it_was_saved_is_refused(plastic_state: Path, tmp_path: Path) -> None:
     """Even if the values are plausible: the digests differ."""
     for name, key, words in (
@@ -449,7 +355,12 @@ def test_what_was_changed_after_it_was_saved_is_refused(plastic_state: Path, tmp
 def test_a_checkpoint_of_another_case_names_the_keys(saved: Path) -> None:
     other = Case.from_dict({**CASE, "material": {"E": 2.0, "nu": 0.3}})
     with pytest.raises(CheckpointError, match=r"material\.E = 1 there, 2 here"):
-        Checkpoint(saved, identity(other), comm()).found()
+        Checkpoint(saved, identity(other), comm(), refuse=refuse_another).found()
+
+
+def test_a_checkpoint_of_another_identity_is_refused(saved: Path) -> None:
+    with pytest.raises(CheckpointError, match=r"state\.npz belongs to another run"):
+        Checkpoint(saved, {}, comm()).load()
 
 
 def test_where_nothing_was_saved_nothing_is_found(tmp_path: Path) -> None:

@@ -535,9 +535,9 @@ def test_flow_is_extrapolated_as_far_as_it_keeps_its_direction() -> None:
         [[4e-3, -2e-3, -2e-3, 0, 0, 0], [0, 0, 0, 1e-3, 1e-3, 0], [1e-3, 0, -1e-3, 0, 0, 0], [0, 0, 0, 0, 0, 1e-3]]
     )
     a, da = np.full(4, 5e-3), np.full(4, 2e-3)
-    for lead in (1.0, 0.5):
-        carried = extrapolate(History(strain, a), History(strain + flow, a + da), lead)
-        part = lead * np.array([1.0, np.sqrt(0.5), 1.0, 0.0])
+    for extrapolation in (1.0, 0.5):
+        carried = extrapolate(History(strain, a), History(strain + flow, a + da), extrapolation)
+        part = extrapolation * np.array([1.0, np.sqrt(0.5), 1.0, 0.0])
         rounding = 8 * np.finfo(float).eps * flow.max()
         np.testing.assert_allclose(carried.plastic_strain, strain + (1.0 + part[:, None]) * flow, rtol=0, atol=rounding)
         np.testing.assert_allclose(carried.accumulated, a + (1.0 + part) * da, rtol=1e-14)
@@ -571,9 +571,9 @@ def test_the_midpoint_rule_does_not_ring_where_the_yield_strain_is_negligible(
     """Without hardening at sigma_y/E = 1e-4 the plain rule does work that no energy answers to."""
     soft = Material(1.0, NU, 1e-4, 0.0)
 
-    def whole(before: History, after: History, lead: float) -> History:
+    def whole(before: History, after: History, extrapolation: float) -> History:
         begin = before.arrays()
-        return History(**{name: end + lead * (end - begin[name]) for name, end in after.arrays().items()})
+        return History(**{name: end + extrapolation * (end - begin[name]) for name, end in after.arrays().items()})
 
     errors = []
     for rule in (extrapolate, whole):

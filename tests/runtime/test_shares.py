@@ -17,7 +17,7 @@ import pytest
 from asperity.errors import OutputError
 from asperity.quasistatic.checkpoint_files import read_shares, scan, write_shares
 from asperity.runtime import shares
-from asperity.runtime.shares import Share, look_up, look_up_some, pieces, places, share, share_some
+from asperity.runtime.shares import DistributedArray, look_up, look_up_some, pieces, places, share, share_some
 
 
 def world() -> Any:
@@ -40,7 +40,7 @@ def given_here(total: int, seed: int, comm: Any) -> Any:
     return np.random.default_rng([seed, comm.rank, 1]).permutation(np.flatnonzero((owner == comm.rank) | ghosts))
 
 
-def whole(array: Share) -> Any:
+def whole(array: DistributedArray) -> Any:
     return np.concatenate([array.values[:0], *array.comm.allgather(array.values)])
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from asperity.arrays import Array, Indices
 from asperity.mesh.element import NODES
 from asperity.runtime import compat
-from asperity.runtime.shares import Share, count, share
+from asperity.runtime.shares import DistributedArray, count, share
 
 if TYPE_CHECKING:
     from asperity.fem.solid import Solid
@@ -40,13 +40,13 @@ def at_built_nodes(solid: Solid, values: Array) -> tuple[Indices, Array]:
     return numbers, values[node]
 
 
-def share_nodes(solid: Solid, values: Array) -> Share:
+def share_nodes(solid: Solid, values: Array) -> DistributedArray:
     """Nodal values in the order of the mesh as built; collective; see `at_built_nodes`."""
     numbers, rows = at_built_nodes(solid, values)
     return share(solid.comm, numbers, rows, count(solid.comm, numbers))
 
 
-def share_cells(solid: Solid, values: Array) -> Share:
+def share_cells(solid: Solid, values: Array) -> DistributedArray:
     """Values of the owned cells (cells, ...) in the order of the mesh as built; collective."""
     numbers = cell_numbers(solid)
     return share(solid.comm, numbers, values, count(solid.comm, numbers))
@@ -57,7 +57,7 @@ def cell_numbers(solid: Solid) -> Indices:
     return np.asarray(solid.mesh.cell_numbers)[: len(solid.cell_nodes)]
 
 
-def share_mesh(solid: Solid) -> tuple[Share, Share]:
+def share_mesh(solid: Solid) -> tuple[DistributedArray, DistributedArray]:
     """Nodes (N, 3) [L] and elements (M, 10), in the order of gmsh, of the mesh as built; collective."""
     numbers = np.asarray(solid.mesh.geometry.input_global_indices)
     x_nodes = compat.geometry_dofmap(solid.mesh)[: len(solid.cell_nodes)]

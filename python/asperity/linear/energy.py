@@ -15,7 +15,7 @@ from asperity.arrays import Floats, Integers
 from asperity.linear.matrix_free import TangentOperator
 from asperity.linear.multigrid import PMultigrid
 
-LEFT = 1e-3  # estimate of the relative error of the energy at which the iteration ends; the estimate is taken off
+LEFT = 1e-3  # estimate of the relative error of the energy at which the iteration ends; the estimate is subtracted
 UNKNOWN = 1.0  # contraction before one was observed
 LATER = 2.0  # contraction of the third iteration over that of the second, 1.5 to 2 where the coarse matrix is new
 SLOWEST = 0.9  # contraction from which on an iteration tells nothing of what is left
@@ -31,7 +31,7 @@ class EnergySolver:
     which the norm of the residual would.
 
     The coarse matrix may be that of other prescribed dofs: the cycle masks those of today. The contraction shows when
-    it is worn out.
+    it is stale.
 
     Args:
         tangent: operator with the matrix, symmetric and positive definite

@@ -22,7 +22,7 @@ from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.measures import Snapshot
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import Stream
-from asperity.runtime.shares import Share, collect, on_root_of, pieces, steps, stream
+from asperity.runtime.shares import DistributedArray, collect, on_root_of, pieces, steps, stream
 
 TO_VTK_TENSOR = (0, 1, 2, 3, 5, 4)  # xx yy zz xy yz xz
 
@@ -202,7 +202,9 @@ def vtkhdf_streams(result: ContactResult, E: float) -> dict[str, Stream]:
     points, tets = share_mesh(solid)
     cells = tets.total
 
-    def field(share_of: Callable[[Solid, Array], Share], values: Callable[[Snapshot], Floats], *row: int) -> Stream:
+    def field(
+        share_of: Callable[[Solid, Array], DistributedArray], values: Callable[[Snapshot], Floats], *row: int
+    ) -> Stream:
         parts = (pieces(share_of(solid, values(s))) for s in snapshots)
         rows = points.total if share_of is share_nodes else cells
         return Stream(np.dtype(float), (len(snapshots) * rows, *row), chain.from_iterable(parts))

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from asperity.case import Case
+from asperity.case.identity import identity, refuse_another, refuse_run_of_another
 from asperity.curve import Curve
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime.files import UNREADABLE, files_into, remove_asides, replace_file, write_npz
@@ -66,11 +67,12 @@ class RunFiles:
     def checkpoint(self) -> Checkpoint | None:
         """Checkpoint of the run, if it has a folder."""
         from asperity.quasistatic.checkpoint import Checkpoint
-        from asperity.quasistatic.checkpoint_identity import identity
 
         if self.folder is None:
             return None
-        return Checkpoint(self.folder / CHECKPOINT, identity(self._case), self._comm, self._case.output.checkpoint)
+        return Checkpoint(
+            self.folder / CHECKPOINT, identity(self._case), self._comm, self._case.output.checkpoint, refuse_another
+        )
 
     def finished(self) -> tuple[Curve, dict[str, Any]] | None:
         """Curve and summary when the folder holds everything the case requests, else None."""
@@ -99,8 +101,6 @@ class RunFiles:
             CheckpointError: of a run that cannot be continued
             OutputError: the folder cannot be written
         """
-        from asperity.quasistatic.checkpoint_identity import refuse_run_of_another
-
         self._replaces = force
         self._on_root(check_writable)
         if self.checkpoint is not None:

@@ -6,13 +6,13 @@
 The folder holds mesh.npz, written once, snapshot-K.npz for each snapshot, and state.npz, replaced as a whole after
 each step: displacements and history in the numbering of the mesh as built, and all numbers as JSON in the array
 "meta". Nothing is pickled. The state names the case it belongs to, and holds a digest of itself and of the files it
-needs. Its content is compared with that of a new run before it is restored (`checkpoint_schema`, `checkpoint_state`).
+needs: with these digests, the same format and the same case it is what this program wrote.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -31,7 +31,6 @@ from asperity.quasistatic.checkpoint_files import (
     scan,
     write_shares,
 )
-from asperity.quasistatic.checkpoint_identity import refuse_another
 from asperity.quasistatic.checkpoint_state import Saved, snapshot_fields, solver_fields, solver_numbers
 from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.stepping import Position, Record
@@ -42,7 +41,19 @@ from asperity.runtime.run_folder import MESH, SNAPSHOT, STATE
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-FORMAT = 4  # 3: digests; the tolerance of the equations belongs to the case; 4: start of the stiffness columns
+FORMAT = (
+    5  # 3: digests; the tolerance of the equations belongs to the case; 4: start of the stiffness columns; 5: names
+)
+
+
+def refuse_unequal(path: Path, saved: Mapping[str, Any], now: Mapping[str, Any]) -> None:
+    """Refuse the state of a run with another identity.
+
+    Raises:
+        CheckpointError: the identities differ
+    """
+    if saved != now:
+        raise CheckpointError(f"{path} belongs to another run; start again with --force")
 
 
 class Checkpoint:
@@ -50,21 +61,30 @@ class Checkpoint:
 
     Args:
         folder: for the files; made when needed
-        identity: keys that the run depends on, see `checkpoint_identity.identity`
+        identity: of the run; saved with each state
         comm: ranks of the run
         interval: number of accepted steps between two saves; 0 saves nothing
+        refuse: called with the path of a state, its identity and that of the run; raises CheckpointError where the run
+            does not continue from it
     """
 
-    def __init__(self, folder: Path, identity: Mapping[str, Any], comm: MPI.Comm, interval: int = 1) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        identity: Mapping[str, Any],
+        comm: MPI.Comm,
+        interval: int = 1,
+        refuse: Callable[[Path, Mapping[str, Any], Mapping[str, Any]], None] = refuse_unequal,
+    ) -> None:
         self.folder, self.interval = folder, interval
-        self._identity, self._comm = dict(identity), comm
+        self._identity, self._comm, self._refuse = dict(identity), comm, refuse
         self._ignored = False  # whether a saved state is left alone
         self._mesh = ""  # digest of the mesh written
         self._snapshots: list[str] = []  # digests of those written
 
     def part(self, name: str) -> Checkpoint:
         """Checkpoint of one of several load paths of the same run."""
-        part = Checkpoint(self.folder / name, self._identity, self._comm, self.interval)
+        part = Checkpoint(self.folder / name, self._identity, self._comm, self.interval, self._refuse)
         part._ignored = self._ignored
         return part
 
@@ -145,12 +165,7 @@ class Checkpoint:
             )
         if content.signed != content.digest:
             raise damaged(path, "its content is not what was written")
-        from asperity.quasistatic.checkpoint_schema import wrong_number  # takes time, and only a continued run needs it
-
-        wrong = wrong_number(content.meta, meta)
-        if wrong:
-            raise damaged(path, wrong)
-        refuse_another(path, meta["identity"], self._identity)
+        self._refuse(path, meta["identity"], self._identity)
         return meta, content.headers
 
     def begin(self, block: BlockMesh | None) -> None:
@@ -192,7 +207,7 @@ class Checkpoint:
                 "identity": self._identity,
                 "mesh": self._mesh,
                 "position": asdict(position),
-                "press": solver_numbers(solver.state()),
+                "solver": solver_numbers(solver.state()),
                 "rows": record.rows,
                 "snapshots": [
                     {"step": s.step, "branch": s.branch, "delta": s.delta, "digest": digest}

@@ -18,7 +18,7 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.errors import CheckpointError
 from asperity.runtime.files import Stream, read_npz, stored_arrays, write_npz
-from asperity.runtime.shares import Share, deal, on_root_of, steps, stream
+from asperity.runtime.shares import DistributedArray, deal, on_root_of, steps, stream
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -44,7 +44,7 @@ class Content:
     signed: str
 
 
-def write_shares(comm: MPI.Comm, path: Path, shares: Mapping[str, Share], meta: str = "") -> str:
+def write_shares(comm: MPI.Comm, path: Path, shares: Mapping[str, DistributedArray], meta: str = "") -> str:
     """Replace a file; collective.
 
     Args:
@@ -77,7 +77,7 @@ def write_shares(comm: MPI.Comm, path: Path, shares: Mapping[str, Share], meta: 
     return on_root_of(comm, streams.values(), write)
 
 
-def read_shares(comm: MPI.Comm, path: Path, headers: Headers) -> dict[str, Share]:
+def read_shares(comm: MPI.Comm, path: Path, headers: Headers) -> dict[str, DistributedArray]:
     """Arrays of a file that `scan` has found to be whole; collective."""
     stored = stored_arrays(path) if comm.rank == 0 else iter(())
     out = {}

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""State of a contact solver as plain arrays and numbers: for a checkpoint, checked and restored from one.
+"""State of a contact solver as plain arrays and numbers: for a checkpoint, and restored from one.
 
 Arrays are in the numbering of the mesh as built, each rank with its share, so the number of ranks may differ between
 the two.
@@ -22,13 +22,11 @@ from asperity.fem.global_numbering import at_built_nodes, cell_numbers, node_num
 from asperity.fem.kernels import History
 from asperity.mesh.block import BlockMesh
 from asperity.quasistatic.balance import Checks
-from asperity.quasistatic.checkpoint_files import damaged
 from asperity.quasistatic.contact_solver import ContactSolver, Counts, SolverState
-from asperity.quasistatic.measures import FirstContact, Snapshot, snapshot
+from asperity.quasistatic.measures import FirstContact, Snapshot
 from asperity.quasistatic.stepping import Position, Record
 from asperity.quasistatic.stiffness import Stiffness
-from asperity.runtime.run_folder import SNAPSHOT, STATE
-from asperity.runtime.shares import Share, look_up, look_up_some, share_some
+from asperity.runtime.shares import DistributedArray, look_up, look_up_some, share_some
 
 OF_CELLS = ("stress", "plastic_strain")  # fields of a snapshot with a row per cell
 OF_CONTACT = "contact."  # prefix of the names of the contact's history
@@ -50,8 +48,8 @@ class Saved:
 
     folder: Path
     meta: Mapping[str, Any]
-    arrays: Mapping[str, Share]
-    snapshots: tuple[Mapping[str, Share], ...]
+    arrays: Mapping[str, DistributedArray]
+    snapshots: tuple[Mapping[str, DistributedArray], ...]
     block: BlockMesh | None
 
     def restore(self, solver: ContactSolver, record: Record) -> Position:
@@ -63,11 +61,7 @@ class Saved:
 
         Returns:
             position on the load path
-
-        Raises:
-            CheckpointError: the arrays are not those of `solver`
         """
-        self._judge(solver, record.first_contact)
         solid, arrays = solver.solid, self.arrays
         nodes, cells = node_numbers(solid), cell_numbers(solid)
         owned, top = nodes[: solid.owned], nodes[solver.contact_surface.owned_nodes]
@@ -89,7 +83,7 @@ class Saved:
             memory = look_up(arrays[STIFFNESS], owned)
             for probe in _with_memory(solver):
                 probe.recall(memory)
-        solver.restore(_state(self.meta["press"], displacements))
+        solver.restore(_state(self.meta["solver"], displacements))
         record.first_contact.delta = some("touched_at", top, np.inf)
         record.rows[:] = self.meta["rows"]
         for about, saved in zip(self.meta["snapshots"], self.snapshots, strict=True):
@@ -103,34 +97,14 @@ class Saved:
         return Position.from_dict(self.meta["position"])
 
     def _displacements(self) -> tuple[str, ...]:
-        return ("last",) if self.meta["press"]["before"] is None else ("last", "previous")
-
-    def _judge(self, solver: ContactSolver, first_contact: FirstContact) -> None:
-        """Refuse arrays of other names, types or shapes than those that `solver` would save; collective."""
-        fresh = solver_fields(solver, first_contact)
-        fields = snapshot_fields(solver, snapshot(solver, 0, "load")) if self.meta["snapshots"] else {}
-
-        from asperity.quasistatic.checkpoint_schema import wrong_array  # takes time, and only a continued run needs it
-
-        assert self.block is not None or solver.solid.comm.rank
-        counts = solver.solid.comm.bcast(None if self.block is None else self.block.counts(), root=0)
-        like = fresh | {f"displacement.{name}": fresh["displacement.last"] for name in self._displacements()}
-        if (STIFFNESS in like) != (STIFFNESS in self.arrays):  # the columns were or are not requested
-            like = {name: array for name, array in like.items() if name != STIFFNESS}
-        names = [SNAPSHOT.format(k) for k in range(len(self.snapshots))]
-        state = {name: array for name, array in self.arrays.items() if name != STIFFNESS or name in like}
-        pairs = [(STATE, state, like), *((n, s, fields) for n, s in zip(names, self.snapshots, strict=True))]
-        for name, arrays, expected in pairs:
-            wrong = wrong_array(arrays, expected, *counts)
-            if wrong:
-                raise damaged(self.folder / name, wrong)
+        return ("last",) if self.meta["solver"]["before"] is None else ("last", "previous")
 
 
-def solver_fields(solver: ContactSolver, first_contact: FirstContact) -> dict[str, Share]:
+def solver_fields(solver: ContactSolver, first_contact: FirstContact) -> dict[str, DistributedArray]:
     """Fields of a state in the numbering of the mesh as built; collective."""
     solid, comm = solver.solid, solver.solid.comm
     cells = cell_numbers(solid)
-    out: dict[str, Share] = {}
+    out: dict[str, DistributedArray] = {}
 
     def keep_some(name: str, numbers: Indices, values: Array) -> None:
         out[f"{name}.at"], out[name] = share_some(comm, numbers, values)
@@ -203,7 +177,7 @@ def _snapshot_names(solver: ContactSolver) -> list[str]:
     return [*names, "plastic_strain"] if solver.solid.material.plastic else names
 
 
-def snapshot_fields(solver: ContactSolver, snapshot: Snapshot) -> dict[str, Share]:
+def snapshot_fields(solver: ContactSolver, snapshot: Snapshot) -> dict[str, DistributedArray]:
     """Fields of a snapshot in the numbering of the mesh as built; collective."""
     return {
         name: (share_cells if name in OF_CELLS else share_nodes)(solver.solid, getattr(snapshot, name))

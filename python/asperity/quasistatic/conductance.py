@@ -27,7 +27,7 @@ class Conductance:
     """Constriction conductance over the conductivity [L]: a probe of accepted steps; collective.
 
     The potential is 1 at the nodes in contact and 0 on the base; nothing flows through the sides and the rest of the
-    top. The resistance h_b/A of the block is taken off. The undeformed mesh conducts.
+    top. The resistance h_b/A of the block is subtracted. The undeformed mesh conducts.
 
     Args:
         solid: that conducts

@@ -70,7 +70,7 @@ class SolverState:
     Attributes:
         delta, force: of the last accepted step [L], [E L^2]
         before: approach of the step before [L]; None when the next step is not predicted from two
-        led: whether the committed history is extrapolated beyond the displacement
+        extrapolated: whether the committed history is extrapolated beyond the displacement
         counts, checks: over all steps so far
         displacement: of the last step (owned, 3) [L]
         previous: displacement of the step before (owned, 3) [L]; None without `before`
@@ -79,7 +79,7 @@ class SolverState:
     delta: float
     force: float
     before: float | None
-    led: bool
+    extrapolated: bool
     counts: Counts
     checks: Checks
     displacement: Floats
@@ -120,7 +120,7 @@ class ContactSolver:
         self.pressure = np.zeros(solid.nodes)
         self._u, self._internal = np.zeros((solid.owned, 3)), np.zeros((solid.owned, 3))
         self._previous: tuple[float, Floats] | None = None
-        self._led = False  # whether the committed history is ahead of the displacement
+        self._extrapolated = False  # whether the committed history is ahead of the displacement
         self._softened = False  # whether cells have taken their mean volumetric strain after the last solve
         self._own: History | None = None  # history of the displacement where the committed one is ahead
         self._first_touch = self._highest()
@@ -145,11 +145,11 @@ class ContactSolver:
         self.solid.drop_matrices()
         _destroy_unused(self.solid.comm)
 
-    def step(self, delta: float, lead: float = 0.0) -> StepStats:
+    def step(self, delta: float, extrapolation: float = 0.0) -> StepStats:
         """Move the flat to `delta`; on success the state is committed (see `commit`), else rolled back."""
         stats = self.solve(delta)
         if stats.converged:
-            self.commit(delta, lead)
+            self.commit(delta, extrapolation)
         return stats
 
     def solve(self, delta: float) -> StepStats:
@@ -196,13 +196,13 @@ class ContactSolver:
         self.newton.x.array = self._u.reshape(-1)
         self.solid.set_displacement(self.newton.x)
 
-    def commit(self, delta: float, lead: float = 0.0) -> None:
+    def commit(self, delta: float, extrapolation: float = 0.0) -> None:
         """Commit the last solve, made with the flat at `delta`; collective.
 
         Args:
             delta: approach [L]
-            lead: part of the step's plastic flow by which the history is extrapolated beyond `delta`, see `midpoint`;
-                with 1 the solve is the midpoint of what is committed, and the path is integrated to second order
+            extrapolation: part of the step's plastic flow by which the history goes beyond `delta`, see `midpoint`; with
+                1 the solve is the midpoint of what is committed, and the path is integrated to second order
         """
         solid = self.solid
         self.probed = {}
@@ -226,15 +226,15 @@ class ContactSolver:
                 dofs=solid.dofs,
                 rtol=self._options.rtol,
                 compliant=self.contact.stiff,
-                exact=lead == 0.0 and not self._led,
+                exact=extrapolation == 0.0 and not self._extrapolated,
             )
         self._internal = self.newton.force
-        self._led, self._own = lead > 0.0, None
-        if self._led:
+        self._extrapolated, self._own = extrapolation > 0.0, None
+        if self._extrapolated:
             self._own = solid.kernels.history().copy()
-            solid.kernels.restore(midpoint.extrapolate(history, self._own, lead))
+            solid.kernels.restore(midpoint.extrapolate(history, self._own, extrapolation))
             if contact_before is not None and (contact_after := self.contact.history()) is not None:
-                self.contact.restore(midpoint.extrapolate(contact_before, contact_after, lead))
+                self.contact.restore(midpoint.extrapolate(contact_before, contact_after, extrapolation))
             if self.contact.stiff or self.contact.held is not None:  # for the energy balance, as after a restart
                 self._internal = solid.internal_force().copy()
         self._softened = solid.kernels.softened(history)
@@ -316,13 +316,13 @@ class ContactSolver:
         before, previous = self._previous or (None, None)
         counts, checks = deepcopy(self.counts), deepcopy(self.checks)
         return SolverState(
-            delta=self.delta, force=self.force, before=before, led=self._led, counts=counts, checks=checks,
-            displacement=self._u, previous=previous,
+            delta=self.delta, force=self.force, before=before, extrapolated=self._extrapolated, counts=counts,
+            checks=checks, displacement=self._u, previous=previous,
         )  # fmt: skip
 
     def restore(self, state: SolverState) -> None:
         """Restore a state returned by `state`, after the histories of solid and contact; collective."""
-        self.delta, self._u, self._led = state.delta, state.displacement, state.led
+        self.delta, self._u, self._extrapolated = state.delta, state.displacement, state.extrapolated
         committed = self.solid.kernels.history()
         self._softened = self.solid.kernels.softened(History.zeros(*committed.accumulated.shape))  # in any step before
         self.counts, self.checks = deepcopy(state.counts), deepcopy(state.checks)

@@ -15,7 +15,7 @@ from asperity.fem.kernels import History
 GREATEST_LEAD = 2.0  # where a step is twice as long as the one before
 
 
-def lead(history: float | None, here: float, after: float | None) -> tuple[float, float | None]:
+def extrapolation(history: float | None, here: float, after: float | None) -> tuple[float, float | None]:
     """Part of a step's plastic flow by which to extrapolate the history, and the approach of the new history.
 
     The history is extrapolated half-way to the next solve, so that steps of any lengths add up to the trapezoidal
@@ -30,7 +30,7 @@ def lead(history: float | None, here: float, after: float | None) -> tuple[float
         part of the flow, in [0, GREATEST_LEAD]; approach of the extrapolated history [L], None after the last step
 
     Examples:
-        >>> lead(1.0, 2.0, 3.0)  # equal steps
+        >>> extrapolation(1.0, 2.0, 3.0)  # equal steps
         (0.5, 2.5)
     """
     if after is None:
@@ -42,7 +42,7 @@ def lead(history: float | None, here: float, after: float | None) -> tuple[float
     return part, here + part * max(done, 0.0)
 
 
-def extrapolate(before: History, after: History, lead: float) -> History:
+def extrapolate(before: History, after: History, extrapolation: float) -> History:
     """Extrapolate the plastic history beyond the step.
 
     Where the plastic strain is large compared with that of yield, the midpoint rule does not damp: an error of the
@@ -51,7 +51,7 @@ def extrapolate(before: History, after: History, lead: float) -> History:
 
     Args:
         before, after: history at the beginning and at the end of the step
-        lead: part of the flow
+        extrapolation: part of the flow
 
     Returns:
         new history; the arguments are unchanged
@@ -61,7 +61,7 @@ def extrapolate(before: History, after: History, lead: float) -> History:
     along = _inner(flow, strain)
     sizes = np.sqrt(_inner(flow, flow) * _inner(strain, strain))
     # a point that yields for the first time has no direction yet
-    part = lead * np.clip(np.divide(along, sizes, out=np.ones_like(along), where=sizes > 0.0), 0.0, 1.0)
+    part = extrapolation * np.clip(np.divide(along, sizes, out=np.ones_like(along), where=sizes > 0.0), 0.0, 1.0)
     begin, end = before.arrays(), after.arrays()
     parts = {name: part.reshape(part.shape + (1,) * (end[name].ndim - part.ndim)) for name in end}
     return replace(after, **{name: end[name] + parts[name] * (end[name] - begin[name]) for name in end})

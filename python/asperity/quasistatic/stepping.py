@@ -228,10 +228,10 @@ def _approach(
         move = left if abs(left) <= 1.001 * step else np.copysign(step, left)
         target = at.goal if move == left else solver.delta + move
         after = min(at.planned, step * GROWTH)
-        lead, history = 0.0, None
+        extrapolation, history = 0.0, None
         if following is not None:
-            lead, history = midpoint.lead(at.history, target, following(target, after))
-        stats = solver.step(target, lead)
+            extrapolation, history = midpoint.extrapolation(at.history, target, following(target, after))
+        stats = solver.step(target, extrapolation)
         if stats.converged:
             at = replace(at, step=after, history=history)
             return stats, at, abs(at.goal - solver.delta) <= 1e-12
@@ -314,11 +314,11 @@ def _load_to_force(solver: ContactSolver, schedule: Schedule, at: Position) -> O
         )
     wanted = goal / parts / slope if slope > 0.0 else 2.0 * step
     step = min(max(wanted, 0.1 * step), 2.0 * step)
-    lead, history = 0.0, None
+    extrapolation, history = 0.0, None
     if schedule.integrator == MIDPOINT:  # the next solve may find the end before a whole step
         left = (goal - force) / slope if slope > 0.0 else step
-        lead, history = midpoint.lead(at.history, target, target + min(step, left))
-    solver.commit(target, lead)
+        extrapolation, history = midpoint.extrapolation(at.history, target, target + min(step, left))
+    solver.commit(target, extrapolation)
     return stats, replace(at, planned=min(at.planned, step), step=step, history=history)
 
 

@@ -26,7 +26,7 @@ from asperity.mesh.distribute import SIDE_X, SIDE_Y
 if TYPE_CHECKING:
     from asperity.quasistatic.contact_solver import ContactSolver
 
-LEFT = 1e-3  # estimate of the relative error that the linear solver may leave; the estimate is taken off
+LEFT = 1e-3  # estimate of the relative error that the linear solver may leave; the estimate is subtracted
 ACCURACY = 1e-3  # the same of GMRES, which has no such estimate
 NEAR = 0.8  # stiffness over that of its start from the step before, and tangential over normal stiffness, roughly
 PASSES = 5  # of the linear solver at most
@@ -40,7 +40,7 @@ class Stiffness:
     """Stiffness of the contact: a probe of accepted steps; collective.
 
     The elastic systems start from their solutions at the step before, and their coarse matrices last until they are
-    worn out. Both belong to the state of a run, see `memory`.
+    stale. Both belong to the state of a run, see `memory`.
 
     Args:
         solid: in contact
@@ -217,7 +217,7 @@ class _Motion:
         self._system = None
 
     def _prepare(self, elastic: _ElasticStiffness, nodes: Integers) -> EnergySolver:
-        """The system, with a new coarse matrix where it is worn out or belongs to another process; collective."""
+        """The system, with a new coarse matrix where it is stale or belongs to another process; collective."""
         now = np.zeros(self._solid.owned, dtype=bool)
         now[nodes] = True
         worn_out = self._is_worn_out(now)

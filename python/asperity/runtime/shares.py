@@ -31,7 +31,7 @@ PIECE = 2**22  # size of a buffer [bytes]
 
 
 @dataclass(frozen=True, eq=False)
-class Share:
+class DistributedArray:
     """Block of the rows of an array that this rank holds.
 
     Attributes:
@@ -61,7 +61,7 @@ class Share:
         return np.arange(*_bounds(self.comm, self.total, self.comm.rank))
 
 
-def share(comm: MPI.Comm, numbers: Indices, values: Array, total: int, fill: Any = 0) -> Share:
+def share(comm: MPI.Comm, numbers: Indices, values: Array, total: int, fill: Any = 0) -> DistributedArray:
     """Array with the given rows; collective.
 
     Args:
@@ -77,10 +77,10 @@ def share(comm: MPI.Comm, numbers: Indices, values: Array, total: int, fill: Any
         order, counts = _by_holder(comm, numbers[part], total)
         given, _ = exchange(comm, numbers[part][order], counts)
         out[given - start], _ = exchange(comm, values[part][order], counts)
-    return Share(comm, out, total)
+    return DistributedArray(comm, out, total)
 
 
-def look_up(array: Share, wanted: Indices) -> Array:
+def look_up(array: DistributedArray, wanted: Indices) -> Array:
     """Rows `wanted` (n,) of an array, each rank its own ones (n, ...); collective."""
     start, _ = _bounds(array.comm, array.total, array.comm.rank)
     out = np.empty((len(wanted), *array.values.shape[1:]), dtype=array.values.dtype)
@@ -89,7 +89,7 @@ def look_up(array: Share, wanted: Indices) -> Array:
     return out
 
 
-def share_some(comm: MPI.Comm, numbers: Indices, values: Array) -> tuple[Share, Share]:
+def share_some(comm: MPI.Comm, numbers: Indices, values: Array) -> tuple[DistributedArray, DistributedArray]:
     """Numbers of some rows in ascending order, each once, and the rows; collective.
 
     Args:
@@ -101,7 +101,7 @@ def share_some(comm: MPI.Comm, numbers: Indices, values: Array) -> tuple[Share, 
     return share(comm, at, numbers, total), share(comm, at, values, total)
 
 
-def look_up_some(numbers: Share, rows: Share, wanted: Indices, fill: float = 0.0) -> Array:
+def look_up_some(numbers: DistributedArray, rows: DistributedArray, wanted: Indices, fill: float = 0.0) -> Array:
     """Rows `wanted` of the result of `share_some`, `fill` where there is none; collective."""
     total = count(numbers.comm, numbers.values, wanted)
     place = share(numbers.comm, numbers.values, numbers.numbers, total, fill=-1)
@@ -131,7 +131,7 @@ def places(comm: MPI.Comm, numbers: Indices) -> tuple[Indices, int]:
     return found, total
 
 
-def pieces(array: Share) -> Iterator[Array]:
+def pieces(array: DistributedArray) -> Iterator[Array]:
     """Yield the rows in pieces of at most PIECE bytes on rank 0, and send them there elsewhere.
 
     Collective: all ranks must exhaust it.
@@ -152,13 +152,13 @@ def pieces(array: Share) -> Iterator[Array]:
                 yield piece
 
 
-def collect(array: Share) -> Array | None:
+def collect(array: DistributedArray) -> Array | None:
     """All rows on rank 0, None elsewhere; collective."""
     rows = list(pieces(array))
     return np.concatenate([array.values[:0], *rows]) if array.comm.rank == 0 else None
 
 
-def stream(array: Share) -> Stream:
+def stream(array: DistributedArray) -> Stream:
     """The rows on their way to rank 0; see `pieces`."""
     return Stream(array.values.dtype, array.shape, pieces(array))
 
@@ -187,7 +187,9 @@ def on_root_of(comm: MPI.Comm, streams: Iterable[Stream], work: Callable[[], T])
     return on_root_bcast(comm, drained)
 
 
-def deal(comm: MPI.Comm, shape: tuple[int, ...], dtype: np.dtype[Any], read: Callable[[int], Array] | None) -> Share:
+def deal(
+    comm: MPI.Comm, shape: tuple[int, ...], dtype: np.dtype[Any], read: Callable[[int], Array] | None
+) -> DistributedArray:
     """Array that rank 0 reads in pieces of at most PIECE bytes; collective.
 
     Args:
@@ -210,7 +212,7 @@ def deal(comm: MPI.Comm, shape: tuple[int, ...], dtype: np.dtype[Any], read: Cal
                     mine[:] = piece
             elif comm.rank == rank:
                 comm.Recv(_bytes(mine), 0)
-    return Share(comm, values, shape[0])
+    return DistributedArray(comm, values, shape[0])
 
 
 def exchange(comm: MPI.Comm, values: Array, counts: Indices) -> tuple[Array, Indices]:

@@ -1,17 +1,15 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Identity of a run: the keys of the case that its state depends on, compared when another run resumes it."""
+"""Identity of a run: the keys of the case that its state depends on, compared when a run is resumed."""
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from asperity.case import Case
-from asperity.case.case_file import read_bytes
+from asperity.case.case_file import NAMED_FILES, Case
 from asperity.errors import CheckpointError, InputError
 from asperity.runtime.display import show
 from asperity.runtime.run_folder import CASE, is_empty
@@ -25,18 +23,15 @@ CHANGEABLE = frozenset(
     }
 )
 CYCLES = "loading.cycles"
-FILES = ("surface.path", "mesh.file")
+FILES = frozenset(".".join(names) for names in NAMED_FILES)
 
 
 def identity(case: Case) -> dict[str, Any]:
     """Keys of a case that its checkpoint depends on, with their values; SHA-256 of the content for a file."""
     keys: dict[str, Any] = {}
-    for section, table in case.to_dict().items():
+    for section, table in case.content().items():
         if section not in CHANGEABLE:
             keys |= {f"{section}.{key}": value for key, value in table.items()}
-    for name in FILES:
-        if name in keys:
-            keys[name] = hashlib.sha256(read_bytes(Path(keys[name]), name)).hexdigest()
     return {name: value for name, value in keys.items() if name not in CHANGEABLE}
 
 
