@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import csv
 import difflib
-import io
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,7 +19,7 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.runtime.display import html_table
-from asperity.runtime.files import replace_file
+from asperity.runtime.files import write_csv
 from asperity.runtime.optional import optional_module
 from asperity.slope import slopes
 
@@ -344,13 +343,9 @@ class Curve:
 
         The file is written completely or not at all.
         """
-        text = io.StringIO()
-        if self.header:
-            text.write(f"# {json.dumps(dict(self.header), sort_keys=True)}\n")
-        table = csv.writer(text, lineterminator="\n")
-        table.writerow(COLUMNS)
-        table.writerows(["" if x != x else x for x in row.values()] for row in self.rows())
-        replace_file(Path(path), text.getvalue().encode())
+        comment = json.dumps(dict(self.header), sort_keys=True) if self.header else ""
+        rows = ({name: None if x != x else x for name, x in row.items()} for row in self.rows())
+        write_csv(Path(path), COLUMNS, rows, comment)
 
     @staticmethod
     def read(path: str | Path) -> Curve:

@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
@@ -14,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from asperity.errors import InputError
-from asperity.runtime.files import UNREADABLE, replace_file
+from asperity.runtime.files import UNREADABLE, read_csv, write_csv
 
 SHAKEN_DOWN = 1e-4  # loss factor below which a contact has shaken down
 LEFT_OUT = "micro-slip: the flat has no friction, or the points in contact stick"  # of the damping of real joints
@@ -178,11 +176,7 @@ class LoopTable:
 
     def write(self, path: Path) -> None:
         """Write loops.csv."""
-        out = io.StringIO()
-        writer = csv.DictWriter(out, COLUMNS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows({k: repr(v) for k, v in row.items()} for row in self.rows())
-        replace_file(path, out.getvalue().encode())
+        write_csv(path, COLUMNS, self.rows())
 
     @classmethod
     def read(cls, path: Path) -> LoopTable:
@@ -192,8 +186,9 @@ class LoopTable:
             InputError: there is no such file, or it is damaged.
         """
         try:
-            rows = list(csv.DictReader(io.StringIO(path.read_text(encoding="utf-8"))))
-            table = cls(tuple(_loop(row) for row in rows))
+            columns = read_csv(path)
+            rows = zip(*columns.values(), strict=True)
+            table = cls(tuple(_loop(dict(zip(columns, row, strict=True))) for row in rows))
         except UNREADABLE as error:
             raise InputError(f"the loops cannot be read from {path}: {error}") from None
         if not table.loops:

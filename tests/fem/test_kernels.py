@@ -74,9 +74,9 @@ def test_parameters_outside_their_range_are_refused(parameters: tuple[Any, ...],
 
 def test_derived_moduli() -> None:
     lam, mu = STEEL.lame
-    assert lam + 2 * mu == pytest.approx(ref.block_modulus(E, NU), rel=1e-14)
+    assert lam + 2 * mu == pytest.approx(E * (1 - NU) / ((1 + NU) * (1 - 2 * NU)), rel=1e-14)
     assert mu * (3 * lam + 2 * mu) / (lam + mu) == pytest.approx(E, rel=1e-14)
-    assert STEEL.reduced_modulus == pytest.approx(ref.reduced_modulus(E, NU), rel=1e-14)
+    assert STEEL.reduced_modulus == pytest.approx(E / (1 - NU**2), rel=1e-14)
     assert E * STEEL.plastic_modulus / (E + STEEL.plastic_modulus) == pytest.approx(E_T, rel=1e-14)
     assert STEEL.plastic and not Material(E, NU).plastic
     assert Material(200e9, NU, 1e9, 10e9).scaled(200e9) == STEEL

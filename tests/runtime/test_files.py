@@ -25,7 +25,7 @@ from asperity.study import Study
 from asperity.study.results import write_tables
 from asperity.surface import Surface
 from asperity.surface.measured import HeightField
-from asperity.verification.table import Row, write_csv
+from asperity.verification.table import Row, write_table
 
 
 class Killed(BaseException):
@@ -57,7 +57,7 @@ def sum_of_two(folder: Path) -> None:
 
 
 def validation(folder: Path) -> None:
-    write_csv([Row("case", "force", "Hertz", 1.0, 1.01, 0.02)], folder / "table.csv")
+    write_table([Row("case", "force", "Hertz", 1.0, 1.01, 0.02)], folder / "table.csv")
 
 
 def picture(folder: Path) -> None:

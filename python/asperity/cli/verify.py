@@ -39,7 +39,7 @@ def command(names: tuple[str, ...], level: str, output: str | None, markdown: bo
     Exit code 0 when all rows pass, 3 when not.
     """
     from asperity.verification import verify
-    from asperity.verification.table import write_csv
+    from asperity.verification.table import write_table
 
     if output is not None:
         Path(output).touch()  # a table that cannot be written is refused before the work
@@ -51,7 +51,7 @@ def command(names: tuple[str, ...], level: str, output: str | None, markdown: bo
 
     rows = verify(names, level, done)
     if output is not None:
-        write_csv(rows, Path(output))
+        write_table(rows, Path(output))
     if as_json:
         derived = ("error", "bar", "passed")
         options.print_json([asdict(row) | {name: getattr(row, name) for name in derived} for row in rows])

@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,7 +14,7 @@ from asperity.arrays import Floats
 from asperity.mesh.element import cross, face_functions, facet_quadrature
 from asperity.output.fields import TopStates
 from asperity.quasistatic.measures import TOUCHED
-from asperity.runtime.files import replace_file
+from asperity.runtime.files import write_csv
 
 BINS = 50  # of equal width, from zero to the greatest value of the step
 HEADER = ("step", "branch", "delta", "quantity", "low", "high", "share")
@@ -24,13 +22,12 @@ HEADER = ("step", "branch", "delta", "quantity", "low", "high", "share")
 
 def write_distributions(path: Path, top: TopStates, side: float) -> None:
     """Write a CSV file with a row per bin, see `distributions`; rank 0 only."""
-    text = io.StringIO()
-    table = csv.writer(text, lineterminator="\n")
-    table.writerow(HEADER)
-    for k, quantity, edges, shares in distributions(top, side):
-        for low, high, share in zip(edges[:-1], edges[1:], shares, strict=True):
-            table.writerow((top.steps[k], top.branch[k], top.delta[k], quantity, low, high, share))
-    replace_file(path, text.getvalue().encode())
+    rows = (
+        (top.steps[k], top.branch[k], top.delta[k], quantity, low, high, share)
+        for k, quantity, edges, shares in distributions(top, side)
+        for low, high, share in zip(edges[:-1], edges[1:], shares, strict=True)
+    )
+    write_csv(path, HEADER, (dict(zip(HEADER, row, strict=True)) for row in rows))
 
 
 def distributions(top: TopStates, side: float) -> Iterator[tuple[int, str, Floats, Floats]]:

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import tomllib
 from collections.abc import Callable, Mapping
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 from asperity.curve import Curve
 from asperity.errors import InputError
 from asperity.runtime.display import short_repr
-from asperity.runtime.files import UNREADABLE, one_line, read_npz
+from asperity.runtime.files import UNREADABLE, one_line, read_csv, read_npz
 from asperity.runtime.run_folder import (
     BAND,
     BLOCK,
@@ -97,10 +96,10 @@ class Results:
             "case": (CASE, _read_toml),
             "summary": (SUMMARY, _read_json),
             "curve": (CURVE, Curve.read),
-            "free": (FREE, _read_csv),
-            "response": (RESPONSE, _read_csv),
+            "free": (FREE, _read_columns),
+            "response": (RESPONSE, _read_columns),
             "thresholds": (THRESHOLDS, _read_json),
-            "band": (BAND, _read_csv),
+            "band": (BAND, _read_columns),
             "top": (f"{FIELDS}/{TOP}", read_npz),
             "mesh": (f"{FIELDS}/{BLOCK}", read_npz),
         }
@@ -156,13 +155,8 @@ def _read_json(path: Path) -> Mapping[str, Any]:
     return data
 
 
-def _read_csv(path: Path) -> Columns:
-    with path.open(encoding="utf-8", newline="") as file:
-        header, *rows = csv.reader(line for line in file if not line.startswith("#"))
-    if any(len(row) != len(header) for row in rows):
-        raise ValueError("a row and the header have different numbers of values")
-    columns = zip(*rows, strict=True) if rows else [()] * len(header)
-    return {name: _column(values) for name, values in zip(header, columns, strict=True)}
+def _read_columns(path: Path) -> Columns:
+    return {name: _column(values) for name, values in read_csv(path).items()}
 
 
 def _column(values: tuple[str, ...]) -> NDArray[Any]:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
 from asperity.errors import InputError
+from asperity.model.material import Material
 
 
 def reduced_modulus(E: float, nu: float) -> float:
@@ -23,7 +24,7 @@ def reduced_modulus(E: float, nu: float) -> float:
         >>> round(asp.reference.reduced_modulus(200.0, 0.3), 3)
         219.78
     """
-    return E / (1 - nu**2)
+    return Material(E, nu).reduced_modulus
 
 
 def block_modulus(E: float, nu: float, sides: Literal["rollers", "free"] = "rollers") -> float:
@@ -44,7 +45,7 @@ def block_modulus(E: float, nu: float, sides: Literal["rollers", "free"] = "roll
     """
     if sides not in ("rollers", "free"):
         raise InputError(f'sides must be "rollers" or "free", not {sides!r}.')
-    return E if sides == "free" else E * (1 - nu) / ((1 + nu) * (1 - 2 * nu))
+    return Material(E, nu).block_modulus(sides)
 
 
 def patch_test_slope(nu: float, aspect: float = 1.0, sides: Literal["rollers", "free"] = "rollers") -> float:

@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
+import csv
 import io
 import os
 import re
 import shutil
 import warnings
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from math import prod
@@ -125,6 +126,30 @@ class Stream:
     dtype: np.dtype[Any]
     shape: tuple[int, ...]
     rows: Iterator[npt.NDArray[Any]]
+
+
+def write_csv(path: Path, names: Sequence[str], rows: Iterable[Mapping[str, Any]], comment: str = "") -> None:
+    """Write a table: a comment if there is one, the names, a line per row; None and absent values are empty cells."""
+    text = io.StringIO(newline="")
+    text.write(f"# {comment}\n" if comment else "")
+    table = csv.DictWriter(text, names, restval="", lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    replace_file(path, text.getvalue().encode())
+
+
+def read_csv(path: Path) -> dict[str, tuple[str, ...]]:
+    """Columns of a table by name; lines that begin with # are left out.
+
+    Raises:
+        ValueError: a row and the header have different numbers of values, or there is no header
+        OSError: it cannot be read
+    """
+    with path.open(encoding="utf-8", newline="") as file:
+        header, *rows = csv.reader(line for line in file if not line.startswith("#"))
+    if any(len(row) != len(header) for row in rows):
+        raise ValueError("a row and the header have different numbers of values")
+    return dict(zip(header, zip(*rows, strict=True) if rows else [()] * len(header), strict=True))
 
 
 def write_npz(path: Path, arrays: Iterable[tuple[str, Stream]], compress: bool = False) -> None:

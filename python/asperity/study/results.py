@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 import warnings
@@ -24,7 +22,7 @@ from asperity.errors import AsperityError, InputError
 from asperity.output.assumption import doubtful
 from asperity.power_law import PowerLawFit, fit_or_none
 from asperity.runtime.display import short_repr
-from asperity.runtime.files import replace_file
+from asperity.runtime.files import read_csv, replace_file, write_csv
 from asperity.runtime.run_folder import CASE, CURVE, SUMMARY
 from asperity.study.definition import ENSEMBLE, Family, Study
 from asperity.study.interface import Block
@@ -168,11 +166,7 @@ def write_tables(study: Study, folder: Path) -> list[dict[str, Any]]:
     """Write results.csv and study.json; return the rows."""
     rows = tabulate(study, folder)
     names = ("case", "families", *study.keys, *RESULT_COLUMNS)
-    text = io.StringIO(newline="")
-    table = csv.DictWriter(text, names, restval="", lineterminator="\n")
-    table.writeheader()
-    table.writerows({k: "" if v is None else v for k, v in row.items()} for row in rows)
-    replace_file(folder / TABLE, text.getvalue().encode())
+    write_csv(folder / TABLE, names, rows)
     write_about(study, folder)
     return rows
 
@@ -258,11 +252,11 @@ class StudyResults:
         folder = Path(folder)
         try:
             about = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
-            with (folder / TABLE).open(newline="", encoding="utf-8") as file:
-                rows = tuple(
-                    {key: text if key in TEXTS else _number(text) for key, text in row.items()}
-                    for row in csv.DictReader(file)
-                )
+            columns = read_csv(folder / TABLE)
+            rows = tuple(
+                {key: text if key in TEXTS else _number(text) for key, text in zip(columns, row, strict=True)}
+                for row in zip(*columns.values(), strict=True)
+            )
         except (OSError, ValueError) as error:
             raise InputError(f"{folder} holds no study: {error}; run asperity study first") from None
         families = tuple(Family(f["name"], f["title"], tuple(f["keys"])) for f in about["families"])

@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +18,7 @@ from asperity.adaptive.solve_contact import solve_contact
 from asperity.arrays import Floats
 from asperity.model.settings import MeshSize
 from asperity.quasistatic.contact_result import ContactResult
-from asperity.runtime.files import replace_file
+from asperity.runtime.files import write_csv
 from asperity.surface import Surface
 
 T = TypeVar("T")
@@ -101,13 +99,9 @@ class Row:
 COLUMNS = ("case", "quantity", "source", "reference", "value", "error", "bar", "mesh", "theory", "passed")
 
 
-def write_csv(rows: Iterable[Row], path: Path) -> None:
+def write_table(rows: Iterable[Row], path: Path) -> None:
     """Write a table of all columns with full precision."""
-    text = io.StringIO(newline="")
-    writer = csv.writer(text)
-    writer.writerow(COLUMNS)
-    writer.writerows([getattr(row, name) for name in COLUMNS] for row in rows)
-    replace_file(path, text.getvalue().encode())
+    write_csv(path, COLUMNS, ({name: getattr(row, name) for name in COLUMNS} for row in rows))
 
 
 def sizes(h: float, refinement: float, L: float = 1.0) -> MeshSize:
