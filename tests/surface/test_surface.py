@@ -744,8 +744,12 @@ def test_unreadable_height_maps_are_refused(tmp_path):
         (tmp_path / name).write_text("1,2,three\n")
         with pytest.raises(InputError, match="cannot be read as a height map"):
             HeightMap(path=tmp_path / name, L=1.0)
-    (tmp_path / "points.csv").write_text("x,y,z\n0,0,1\n1,0,1\n0,1,1\n")
-    with pytest.raises(InputError, match="3 points do not fill a regular map"):
+    points = [f"{x},{y},1" for x in range(8) for y in range(8)]
+    (tmp_path / "points.csv").write_text("\n".join(["x,y,z", *points[:-1]]))
+    with pytest.raises(InputError, match="not finite"):
+        HeightMap(path=tmp_path / "points.csv")
+    (tmp_path / "points.csv").write_text("\n".join(["x,y,z", *points[:-8]]))
+    with pytest.raises(InputError, match="patch must be square"):
         HeightMap(path=tmp_path / "points.csv")
 
 

@@ -201,8 +201,9 @@ class ContactSolver:
 
         Args:
             delta: approach [L]
-            extrapolation: part of the step's plastic flow by which the history goes beyond `delta`, see `midpoint`; with
-                1 the solve is the midpoint of what is committed, and the path is integrated to second order
+            extrapolation: part of the plastic flow of the step by which the history goes beyond `delta`, see
+                `midpoint`; with 1 the solve is the midpoint of what is committed, and the path is integrated to second
+                order
         """
         solid = self.solid
         self.probed = {}

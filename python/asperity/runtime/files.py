@@ -10,7 +10,6 @@ import io
 import os
 import re
 import shutil
-import warnings
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -236,26 +235,6 @@ def read_npy(path: str | Path) -> npt.NDArray[Any]:
     data = io.BytesIO(Path(path).read_bytes())
     with _readable(".npy"):
         return np.asarray(np.lib.format.read_array(data, allow_pickle=False))
-
-
-def read_matrix(path: str | Path, delimiter: str | None, skip: int = 0) -> npt.NDArray[np.float64]:
-    """Numbers of a text file (rows, columns).
-
-    Args:
-        path: the file
-        delimiter: between numbers; None for white space
-        skip: lines before the first row
-
-    Raises:
-        OSError: the file cannot be read
-        ValueError: it contains something else, or nothing
-    """
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # an empty file is an error below
-        table = np.loadtxt(path, delimiter=delimiter, skiprows=skip, ndmin=2, dtype=float)
-    if not table.size:
-        raise ValueError("there are no numbers in it")
-    return table
 
 
 def real(values: npt.ArrayLike) -> npt.NDArray[np.float64]:

@@ -11,8 +11,9 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.errors import InputError
-from asperity.runtime.files import UNREADABLE, one_line, read_matrix, read_npy, read_npz, real
+from asperity.runtime.files import UNREADABLE, one_line, read_npy, read_npz, real
 from asperity.surface.base import check_positive
+from asperity.surface.text_map import read_text_map
 
 
 def read_heights(path: Path) -> tuple[Array, float | None]:
@@ -60,18 +61,11 @@ def _read_npz(path: Path) -> tuple[Array, float | None]:
 
 
 def _read_csv(path: Path) -> tuple[Array, float | None]:
-    with path.open(encoding="utf-8") as file:
-        header = [name.strip() for name in file.readline().split(",")]
-    if header != ["x", "y", "z"]:
-        return read_matrix(path, ","), None
-    table = read_matrix(path, ",", skip=1)
-    x, column = np.unique(table[:, 0], return_inverse=True)
-    y, row = np.unique(table[:, 1], return_inverse=True)
-    if len(table) != x.size * y.size or np.unique(row * x.size + column).size != len(table):
-        raise InputError(f"{path}: {len(table)} points do not fill a regular map of {x.size} x and {y.size} y values.")
-    z = np.empty((y.size, x.size))
-    z[row, column] = table[:, 2]
-    return z, _side(x, y, path)
+    z, dx, dy = read_text_map(path, 1.0, np.asarray)
+    if dx is None or dy is None:
+        return z, None
+    ny, nx = z.shape
+    return z, _side(dx * np.arange(nx), dy * np.arange(ny), path)
 
 
 def _side(x: Array, y: Array, path: Path) -> float:

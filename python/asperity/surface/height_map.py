@@ -41,8 +41,8 @@ DEEPEST, FARTHEST = 10.0, 1e6  # greatest plausible peak-to-valley height and di
 class HeightMap(Surface):
     """Heights on a regular grid over a square patch, interpolated by a tensor-product spline.
 
-    Files: .npz with z and either x, y or L; .npy with z; .csv with rows of z, or with a header
-    x,y,z and one point per line. z has the index order [iy, ix]; its first and last rows and
+    Files: .npz with z and either x, y or L; .npy with z; .csv with rows of z, or with one point
+    x, y, z per line, see `text_map`. z has the index order [iy, ix]; its first and last rows and
     columns lie on the edges of the patch. Spacings in x and y may differ, but the patch must be
     square; the origin is shifted to (0, 0). All lengths in metres.
 
