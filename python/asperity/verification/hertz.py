@@ -14,10 +14,9 @@ import numpy.typing as npt
 from asperity import reference
 from asperity.arrays import Floats
 from asperity.model.material import Material
-from asperity.model.settings import Formulation
+from asperity.model.settings import METHODS, Formulation
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.surface import Sphere
-from asperity.verification.patch import METHODS
 from asperity.verification.table import (
     LOCAL,
     Row,

@@ -6,17 +6,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from asperity import reference
-from asperity.case.schema import ContactSection
 from asperity.model.load_path import Schedule
 from asperity.model.material import Material
 from asperity.model.problem import Problem
-from asperity.model.settings import Formulation, MeshSize, SolverOptions
+from asperity.model.settings import METHODS, Formulation, MeshSize, SolverOptions
 from asperity.quasistatic.make import make_block, make_contact_solver
 from asperity.quasistatic.solve_problem import solve_problem
 from asperity.quasistatic.stepping import Record, follow
@@ -24,7 +22,6 @@ from asperity.surface import Flat
 from asperity.verification.solids import planes_of_symmetry
 from asperity.verification.table import Row, VerificationLevel, solve_on_one_rank
 
-METHODS: tuple[str, ...] = get_args(ContactSection.model_fields["method"].annotation)
 SIZE = MeshSize(0.5, h_max=0.5)
 ROUND_OFF = 10.0 * SolverOptions().rtol  # forces balance to rtol; a derived quantity may be less accurate
 

@@ -14,10 +14,9 @@ from mpi4py import MPI
 from asperity.adaptive.solve_to_tolerance import solve_to_tolerance
 from asperity.curve import Curve
 from asperity.model.material import Material
-from asperity.model.settings import AccuracyTarget, Formulation
+from asperity.model.settings import METHODS, AccuracyTarget, Formulation
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.surface import Sphere
-from asperity.verification.patch import METHODS
 from asperity.verification.table import LOCAL, Row, VerificationLevel, on_meshes, rows_along, sizes, solve_on_one_rank
 
 RADIUS = 10.0  # of the sphere [L]
