@@ -1,14 +1,19 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Work and precision of the frequency response: this package, pyHarm-os, and solve_ivp sweeps.
+"""Frequency response: completeness in random windows, and work over precision against pyHarm-os and solve_ivp.
 
-    python3 benchmarks/dynamics.py [--points 81]
+    python3 benchmarks/dynamics.py orbits [--windows 200] [--seed 0] [--verbose]
+    python3 benchmarks/dynamics.py speed [--points 81]
 
-The case is the reference of the documentation: n = 1.5, zeta = 0.01, F^ = 0.05, Omega from 0.5 to 1.3. Times
-are CPU seconds of a warm run on one core. The error is that of u_max, relative, against the balance at 1e-9
-at the same Omega; points within 1e-3 of a fold are left out, where the amplitude is singular in Omega.
-pyHarm-os comes from PyPI and is left out, with a word, when it is missing.
+`orbits`: random exponents (0.6 to 4), damping ratios (0.002 to 0.1), forcings F^ (0.005 to 1.5) and windows. At random
+frequencies inside, every orbit of period 1 and 2 of a response over a window twice as wide on both sides must
+be one of the response. Every orbit of period 1 and 2 that is found from random states must be one too: by a Runge-Kutta
+method written here, first until most of the transient has decayed, then by Newton's method on the period map.
+
+`speed`: n = 1.5, zeta = 0.01, F^ = 0.05, Omega from 0.5 to 1.3. Times are CPU seconds of a warm run on one core. The
+error is that of u_max, relative, against the balance at 1e-9 at the same Omega; points within 1e-3 of a fold are left
+out, where the amplitude is singular in Omega. pyHarm-os (PyPI) is left out, with a word, when it is missing.
 """
 
 from __future__ import annotations
@@ -17,6 +22,7 @@ import argparse
 import os
 import runpy
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -26,11 +32,169 @@ from typing import Any
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw
+from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw, Solution
+from asperity.errors import AsperityError
 
+Array = NDArray[np.float64]
+CLOSE = 1e-2  # relative distance within which two orbits are the same
+STEP = 0.04  # of the Runge-Kutta method, over 1/omega_s
 N, ZETA, FORCING, WINDOW = 1.5, 0.01, 0.05, (0.5, 1.3)
+
+
+@dataclass(frozen=True)
+class Window:
+    """One random case, with the frequencies at which its orbits are compared."""
+
+    n: float
+    zeta: float
+    forcing: float
+    omega: tuple[float, float]
+    at: tuple[float, ...]
+
+
+def random_windows(count: int, seed: int, frequencies: int = 2) -> list[Window]:
+    """Draw cases: the low end 0.25 to 2, the width 0.05 to 1."""
+    random = np.random.default_rng(seed)
+    out = []
+    for _ in range(count):
+        n = random.uniform(0.6, 4.0)
+        zeta, forcing = np.exp(random.uniform(np.log([0.002, 0.005]), np.log([0.1, 1.5])))
+        low = random.uniform(0.25, 2.0)
+        high = low + np.exp(random.uniform(np.log(0.05), 0.0))
+        at = tuple(float(w) for w in low + (high - low) * random.uniform(0.02, 0.98, frequencies))
+        out.append(Window(float(n), float(zeta), float(forcing), (float(low), float(high)), at))
+    return out
+
+
+def response(case: Window, omega: tuple[float, float]) -> FrequencyResponse:
+    """Compute the response of a case over any window."""
+    return ContactOscillator(PowerLaw(case.n), zeta=case.zeta).response(case.forcing, omega)
+
+
+def states(orbits: tuple[Solution, ...]) -> list[Array]:
+    """Return the states (order, 2) of each orbit at forcing phase 0."""
+    out = []
+    for s in orbits:
+        k = np.arange(s.coefficients.size)
+        c = s.coefficients * np.exp(2j * np.pi / s.order * np.outer(np.arange(s.order), k))
+        out.append(np.stack([c.sum(1).real, (1j * k * c).sum(1).real * s.Omega / s.order], axis=1))
+    return out
+
+
+def missing(orbits: list[Array], known: list[Array], close: float = CLOSE) -> list[Array]:
+    """Return the orbits (states of one period) that are not among the known ones."""
+
+    def is_known(a: Array) -> bool:
+        return any(np.hypot(*(b - a[0]).T).min() < close * (0.1 + np.abs(a[0]).sum()) for b in known)
+
+    return [a for a in orbits if not is_known(a)]
+
+
+def integrate(case: Window, omega: float, y: Array, periods: int, step: float = STEP) -> Array:
+    """Return the states (2, lanes) after forcing periods, for u'' = F^ cos(Omega tau) - f(u) - 2 zeta u'."""
+    steps = int(np.ceil(2.0 * np.pi / omega / step))
+    h = 2.0 * np.pi / omega / steps
+    push = (case.forcing * np.cos(np.pi / steps * np.arange(2 * steps + 1)) + 1.0 / case.n).tolist()
+
+    def pull(u: Array, v: Array) -> Array:
+        return np.maximum(1.0 + u, 0.0) ** case.n / case.n + 2.0 * case.zeta * v
+
+    u, v = y
+    for _ in range(periods):
+        for j in range(0, 2 * steps, 2):
+            a = push[j] - pull(u, v)
+            v1 = v + 0.5 * h * a
+            b = push[j + 1] - pull(u + 0.5 * h * v, v1)
+            v2 = v + 0.5 * h * b
+            c = push[j + 1] - pull(u + 0.5 * h * v1, v2)
+            v3 = v + h * c
+            d = push[j + 2] - pull(u + h * v2, v3)
+            u, v = u + h / 6.0 * (v + 2.0 * (v1 + v2) + v3), v + h / 6.0 * (a + 2.0 * (b + c) + d)
+    return np.stack([u, v])
+
+
+def polished(case: Window, omega: float, y: Array, order: int, step: float = STEP) -> list[tuple[Array, bool]]:
+    """Return periodic orbits near the states (2, lanes), as states of one period (order, 2), with their stability."""
+    for _ in range(12):
+        size = 0.1 + np.abs(y).sum(axis=0)
+        h = 1e-6 * size
+        near = np.stack([y, y + np.array([h, 0 * h]), y + np.array([0 * h, h])], axis=1)
+        end = integrate(case, omega, near.reshape(2, -1), order, step).reshape(2, 3, -1)
+        flow = np.moveaxis((end[:, 1:] - end[:, :1]) / h, -1, 0)
+        good = np.isfinite(flow).all(axis=(1, 2)) & (np.abs(np.linalg.det(flow - np.eye(2))) > 1e-12)
+        y, flow, size, defect = y[:, good], flow[good], size[good], (end[:, 0] - y)[:, good]
+        move = np.linalg.solve(np.eye(2) - flow, defect.T[..., None])[..., 0].T
+        length = np.hypot(*move)
+        y = y + move * np.minimum(1.0, 0.3 * size / np.maximum(length, 1e-300))
+    found: list[tuple[Array, bool]] = []
+    radius = np.abs(np.linalg.eigvals(flow)).max(axis=1)
+    for i in np.flatnonzero(length < 1e-7 * size):
+        path = np.array([y[:, i], *(integrate(case, omega, y[:, i : i + 1], k, step)[:, 0] for k in range(1, order))])
+        repeats = order > 1 and not missing([path[1:]], [path[:1]], 1e-4)
+        if not repeats and missing([path], [orbit for orbit, _ in found]):
+            found.append((path, bool(radius[i] < 1.0)))
+    return found
+
+
+def reached(case: Window, omega: float, starts: int, random: np.random.Generator) -> list[tuple[Array, bool]]:
+    """Return the orbits of period 1 and 2 near what random states come to, with their stability."""
+    spread = min(1.5 * case.forcing / (2.0 * case.zeta) + 2.0 * case.forcing, 4.0)
+    y = spread * random.uniform(-1.0, 1.0, (2, starts))
+    y = integrate(case, omega, y, int(np.ceil(3.0 * omega / (2.0 * np.pi * case.zeta))))  # decay to 5 %
+    return [orbit for order in (1, 2) for orbit in polished(case, omega, y, order)]
+
+
+def compare(case: Window, own: FrequencyResponse, starts: int, random: np.random.Generator) -> tuple[Counter[str], str]:
+    """Compare a response with the wide one and with random starts; return counts and a description of misses."""
+    counts: Counter[str] = Counter()
+    words = ""
+    wide = response(case, (0.5 * case.omega[0], 2.0 * case.omega[1]))
+    for omega in case.at:
+        here = states(own.at(omega))
+        orbits = [(a, s.stable, "the wide window") for s in wide.at(omega) if s.order < 3 for a in states((s,))]
+        orbits += [(a, stable, "random starts") for a, stable in reached(case, omega, starts, random)]
+        for orbit, stable, source in orbits:
+            name = f"{'stable' if stable else 'unstable'} of period {len(orbit)}, {source}"
+            counts[name] += 1
+            if missing([orbit], here):
+                if source == "random starts":  # an orbit of the steps alone, next to a fold, moves or vanishes
+                    finer = polished(case, omega, orbit[:1].T, len(orbit), 0.25 * STEP)
+                    if not missing([a for a, _ in finer], here):
+                        continue
+                counts[name + ": missing"] += 1
+                words += f"    Omega = {omega:.6g}: {name}, state {orbit[0]}\n"
+    return counts, words
+
+
+def completeness(options: argparse.Namespace) -> None:
+    """Compare the responses of random windows."""
+    random = np.random.default_rng(options.seed + 1)
+    counts: Counter[str] = Counter()
+    seconds: list[float] = []
+    for number, case in enumerate(random_windows(options.windows, options.seed)):
+        begin = time.process_time()
+        try:
+            own = response(case, case.omega)
+            seconds.append(time.process_time() - begin)
+            more, words = compare(case, own, options.starts, random)
+        except AsperityError as error:
+            more, words = Counter({"windows without a result": 1}), f"    {error}\n"
+        else:
+            more["windows with a note"] += bool(own.notes)
+        counts += more
+        if options.verbose and words:
+            print(f"{number}: {case}\n{words}    {getattr(own, 'notes', '')}", flush=True)
+        if number % 20 == 19 or number == options.windows - 1:
+            print(f"\n{number + 1} windows\n\n| orbits | number |\n|---|---|")
+            for name in sorted(counts):
+                print(f"| {name} | {counts[name]} |")
+            print(
+                f"| CPU seconds of the windows: median, sum | {np.median(seconds):.2f}, {sum(seconds):.1f} |",
+                flush=True,
+            )
 
 
 @dataclass(frozen=True)
@@ -167,11 +331,8 @@ def peer(reference: FrequencyResponse) -> list[Result]:
     return rows
 
 
-def main() -> None:
+def speed(options: argparse.Namespace) -> None:
     """Run all methods and print the table and the ratios."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--points", type=int, default=81, help="frequencies of the sweeps (default 81)")
-    options = parser.parse_args()
     reference = ContactOscillator(PowerLaw(N), zeta=ZETA).response(FORCING, WINDOW, tol=1e-9)
     rows = ours(reference)
     try:
@@ -196,6 +357,21 @@ def main() -> None:
                 f"  {other.method} ({other.setting}): {other.seconds / best.seconds:.1f} times faster at "
                 f"{best.worst / other.worst:.2g} of its error ({best.setting})"
             )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = parser.add_subparsers(required=True)
+    orbits = commands.add_parser("orbits")
+    orbits.set_defaults(run=completeness)
+    for name, default in (("windows", 200), ("seed", 0), ("starts", 24)):
+        orbits.add_argument(f"--{name}", type=int, default=default)
+    orbits.add_argument("--verbose", action="store_true")
+    rows = commands.add_parser("speed")
+    rows.set_defaults(run=speed)
+    rows.add_argument("--points", type=int, default=81, help="frequencies of the sweeps (default 81)")
+    options = parser.parse_args()
+    options.run(options)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
+import runpy
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,62 +16,15 @@ from scipy.integrate import solve_ivp
 from test_response import one_period
 
 from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw, TableLaw, crossing
-from asperity.dynamics.branch import Solution
 from asperity.errors import ConvergenceError
 from asperity.plot import vibration
 
-
-def periods(n: float, zeta: float, forcing: float, omega: Any, state: Any, count: int = 1) -> Any:
-    """Return end states (2, lanes) of many motions after whole forcing periods, by Runge-Kutta 4 for u''."""
-    steps = int(2 * np.pi / np.min(omega) / 0.05) * count
-    h = 2 * np.pi * count / omega / steps
-
-    def rate(t: float, y: Any) -> Any:
-        pull = (np.maximum(1 + y[0], 0.0) ** n - 1) / n
-        return np.array([y[1], forcing * np.cos(omega * t) - pull - 2 * zeta * y[1]])
-
-    with np.errstate(all="ignore"):
-        for t in np.multiply.outer(np.arange(steps), h):
-            a = rate(t, state)
-            b = rate(t + h / 2, state + h / 2 * a)
-            c = rate(t + h / 2, state + h / 2 * b)
-            d = rate(t + h, state + h * c)
-            state = state + h / 6 * (a + 2 * b + 2 * c + d)
-    return state
+BENCHMARK = runpy.run_path(str(Path(__file__).parents[2] / "benchmarks" / "dynamics.py"))
+missing, states = BENCHMARK["missing"], BENCHMARK["states"]
 
 
-def orbits(n: float, zeta: float, forcing: float, omega: float, order: int, radius: float) -> list[Any]:
-    """Return states of periodic orbits at forcing phase 0, by Newton's method on the period map from 80 states."""
-    i = np.arange(80)
-    y = radius * (i / 79) * np.array([np.cos(2.4 * i), np.sin(2.4 * i)])
-    for _ in range(14):
-        h = 1e-6 * (1 + np.abs(y).sum(axis=0))
-        start = np.stack([y, y + np.array([h, 0 * h]), y + np.array([0 * h, h])], axis=1)
-        end = periods(n, zeta, forcing, omega, start.reshape(2, -1), order).reshape(2, 3, -1)
-        flow = np.moveaxis((end[:, 1:] - end[:, :1]) / h - np.eye(2)[:, :, None], -1, 0)
-        defect = (end[:, 0] - y).T
-        good = np.isfinite(flow).all(axis=(1, 2)) & np.isfinite(defect).all(axis=1)
-        y, flow, defect = y[:, good], flow[good], defect[good]
-        step = -np.linalg.solve(flow, defect[..., None])[..., 0].T
-        length = np.hypot(*step)
-        size = 0.1 + np.abs(y).sum(axis=0)
-        y = y + step * np.minimum(1.0, 0.3 * size / np.maximum(length, 1e-300))
-    found: list[Any] = []
-    for state in y[:, length < 1e-6].T:
-        if not any(np.abs(state - other).max() < 1e-4 for other in found):
-            found.append(state)
-    return found
-
-
-def starts(found: tuple[Solution, ...]) -> list[Any]:
-    """Return states at forcing phase 0 of all orbits, those of period 2 also one period later."""
-    out = []
-    for s in found:
-        k = np.arange(s.coefficients.size)
-        for j in range(s.order):
-            c = s.coefficients * np.exp(2j * np.pi * k * j / s.order)
-            out.append([c.sum().real, (1j * k * c).sum().real * s.Omega / s.order])
-    return out
+def case(n: float, zeta: float, forcing: float) -> Any:
+    return BENCHMARK["Window"](n, zeta, forcing, (), ())
 
 
 @pytest.mark.parametrize(
@@ -85,13 +40,61 @@ def starts(found: tuple[Solution, ...]) -> list[Any]:
     ],
 )
 def test_no_orbit_is_missing(n, zeta, forcing, window, omega, order, radius) -> None:
+    """Against Newton's method on an independent period map, from 80 states."""
     r = ContactOscillator(PowerLaw(n), zeta=zeta).response(forcing, window)
+    i = np.arange(80)
+    grid = radius * (i / 79) * np.array([np.cos(2.4 * i), np.sin(2.4 * i)])
     for w in omega:
-        known = np.array(starts(r.at(w)))
-        others = [y for p in range(1, order + 1) for y in orbits(n, zeta, forcing, w, p, radius)]
-        assert others
-        for state in others:
-            assert np.abs(known - state).max(axis=1).min() < 2e-3 * (1 + np.abs(state).max()), (w, state)
+        others = [o for p in range(1, order + 1) for o, _ in BENCHMARK["polished"](case(n, zeta, forcing), w, grid, p)]
+        assert others and not missing(others, states(r.at(w)), 2e-3), w
+
+
+@pytest.mark.parametrize(
+    ("n", "zeta", "forcing", "window", "wide", "omega"),
+    [
+        (1.5, 0.005, 0.04, (0.6, 0.8), (0.5, 1.3), (0.75,)),  # both ends in a softening resonance
+        (3.397, 0.0027, 0.0143, (0.505, 0.758), (0.3, 1.3), (0.6,)),
+        (0.63, 0.01295, 0.04828, (1.047, 1.4), (0.8, 1.4), (1.051,)),  # the low end in a hardening one
+        (0.507, 0.00836, 0.02026, (1.0445, 1.4), (0.7, 1.4), (1.0485,)),
+        (0.592, 0.00906, 0.02656, (1.0371, 1.4), (0.7, 1.4), (1.0381,)),
+        (0.704, 0.00383, 0.01338, (1.0234, 1.4), (0.7, 1.4), (1.0244,)),
+    ],
+)
+def test_a_window_that_cuts_a_resonance(n, zeta, forcing, window, wide, omega) -> None:
+    o = ContactOscillator(PowerLaw(n), zeta=zeta)
+    own, whole = o.response(forcing, window, subharmonics=False), o.response(forcing, wide, subharmonics=False)
+    for w in omega:
+        found, expected = ([(s.u_max, s.stable) for s in r.at(w)] for r in (own, whole))
+        assert [stable for _, stable in found] == [stable for _, stable in expected]
+        np.testing.assert_allclose([u for u, _ in found], [u for u, _ in expected], rtol=1e-4)
+    assert not own.notes
+
+
+def test_the_stable_orbit_of_the_resonance_is_in_the_window() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.005)
+    found = o.response(0.04, (0.6, 0.8)).at(0.75)
+    assert [(round(s.u_max, 3), s.stable) for s in found] == [(0.091, True), (1.513, False), (1.571, True)]
+
+
+@pytest.mark.parametrize("window", [(0.3, 0.5), (0.8, 1.2), (1.5, 2.5)])
+def test_strong_forcing(window: tuple[float, float]) -> None:
+    """Orbits mostly in flight: they add up at both ends of the window."""
+    r = ContactOscillator(PowerLaw(1.5), zeta=0.01).response(5.0, window)
+    assert {b.order for b in r.branches} >= {1, 2} and not r.notes
+
+
+def test_random_windows() -> None:
+    """The benchmark on a few cases: nothing is off that a wide window has, or that random starts come to."""
+    random = np.random.default_rng(5)
+    for one in BENCHMARK["random_windows"](4, 7, 1):
+        counts, words = BENCHMARK["compare"](one, BENCHMARK["response"](one, one.omega), 6, random)
+        assert counts and not words, words
+
+
+def test_what_is_not_searched_is_in_the_result() -> None:
+    o = ContactOscillator(PowerLaw(1.5), zeta=0.01)
+    assert "240 starts of period 1 and 2; not searched: other periods" in o.response(0.5, (1.5, 2.0)).searched
+    assert "from rest and the backbone; not" in o.response(0.05, (0.5, 1.3)).searched
 
 
 @pytest.mark.parametrize("omega", [0.45, 0.5])
@@ -144,12 +147,11 @@ def test_start_from_rest_ends_on_a_branch() -> None:
     """Strong forcing and light damping cut the branch from rest into pieces."""
     n, zeta, forcing = 2.4, 0.005, 0.2
     r = ContactOscillator(PowerLaw(n), zeta=zeta).response(forcing, (0.28, 1.5))
-    assert "detached" in {b.kind for b in r.branches}
+    assert len(r.branches) > 1
     frequencies = (0.34, 0.38)
-    rests = periods(n, zeta, forcing, np.array(frequencies), np.zeros((2, 2)), 100)
-    for omega, rest in zip(frequencies, rests.T, strict=True):
-        stable = np.array(starts(tuple(s for s in r.at(omega) if s.stable)))
-        assert np.abs(stable - rest).max(axis=1).min() < 1e-3
+    for omega in frequencies:
+        rest = BENCHMARK["integrate"](case(n, zeta, forcing), omega, np.zeros((2, 1)), 100, 0.1).T
+        assert not missing([rest], states(tuple(s for s in r.at(omega) if s.stable)), 1e-3)
 
 
 def test_period_2_branch_ends_at_a_period_doubling() -> None:

@@ -13,7 +13,6 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.dynamics.continuation import (
     MIN_HARMONICS,
-    Equations,
     Path,
     Point,
     Tracing,
@@ -27,7 +26,7 @@ from asperity.dynamics.harmonic_balance import Balance, resize, tail
 from asperity.dynamics.stability import stack, unstack
 from asperity.errors import ConvergenceError
 
-_SAME = 1e-4  # relative distance below which two orbits are identical
+_SAME = 1e-3  # relative distance below which two orbits are identical
 
 
 def subharmonic(
@@ -150,7 +149,7 @@ def detached(
     if order > 1 and np.abs(np.delete(c, slice(None, None, order))).max() < 1e-3 * np.abs(c).max():
         return None  # its true period is shorter
     for _, other, path in paths:
-        if other == order and _on_path(equations, path, first, order):
+        if other == order and any(is_same(q, first, order) for q in crossings(equations, path.points, omega)):
             return None
 
     copies = [
@@ -181,28 +180,14 @@ def detached(
     return Path(turned + forward.points, forward.end if backward.end == "window" else backward.end)
 
 
-def is_traced(paths: list[tuple[str, int, Path]], order: int, x: Array, omega: float) -> bool:
-    """Return whether the orbit is an end point of one of the paths."""
-    for _, other, path in paths:
-        if other != order:
-            continue
-        for p in (path.points[0], path.points[-1]):
-            if abs(p.parameter - omega) < 1e-9:
-                count = max(p.x.size, x.size) // 2
-                a, b = resize(p.x, count), resize(x, count)
-                if np.linalg.norm(a - b) < max(_SAME, 10 * p.error) * np.linalg.norm(a):
-                    return True
-    return False
-
-
-def _on_path(equations: Equations, path: Path, point: Point, order: int) -> bool:
-    """Return whether an orbit, or its copy shifted by whole forcing periods, lies on a path."""
-    for q in crossings(equations, path.points, point.parameter):
-        m = q.x.size // 2
-        a, b = stack([q.x])[0], stack([resize(point.x, m)])[0]
-        if np.abs(a - shifts(b, order)).max(axis=1).min() < 1e-3 * np.abs(a).max():
-            return True
-    return False
+def is_same(a: Point, b: Point, order: int) -> bool:
+    """Return whether two points are one orbit, up to a shift by whole forcing periods."""
+    if abs(a.parameter - b.parameter) > 1e-9:
+        return False
+    count = max(a.x.size, b.x.size) // 2
+    one, other = stack([resize(a.x, count), resize(b.x, count)])
+    gap = np.abs(one - shifts(other, order)).max(axis=1).min()
+    return bool(gap < max(_SAME, 10.0 * max(a.error, b.error)) * np.abs(one).max())
 
 
 def shifts(c: Array, order: int) -> Array:

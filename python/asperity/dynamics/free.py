@@ -182,11 +182,11 @@ def free_orbit(restoring: Restoring, u0: float, damping: Damping = "always") -> 
     )
 
 
-def rough_orbit(restoring: Restoring, u0: float, damping: Damping) -> tuple[float, float]:
-    """Return frequency and `FreeOrbit.drive` to about 1e-4, for starting values."""
+def rough_orbit(restoring: Restoring, u0: float, damping: Damping) -> tuple[float, float, float]:
+    """Return frequency, `FreeOrbit.drive` and second harmonic over the first to about 1e-4, for starting values."""
     half = _half_period(restoring, u0, orders=_ORDERS[:1])
-    a1 = float(_harmonics(half, np.array([1]))[0])
-    return 2.0 * np.pi / half.period, _dissipation(restoring, half, damping) / (np.pi * a1)
+    a1, a2 = _harmonics(half, np.array([1, 2]))
+    return 2.0 * np.pi / half.period, _dissipation(restoring, half, damping) / (np.pi * float(a1)), float(a2 / a1)
 
 
 def orbit_coefficients(restoring: Restoring, u0: float, count: int) -> Array:

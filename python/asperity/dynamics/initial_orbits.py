@@ -1,25 +1,28 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Initial orbits of branches: from rest and from the backbone, at the ends of a window of frequencies."""
+"""Initial orbits of branches: from rest, and of period 2 near the backbone; the frequencies that matter to a window."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
 from asperity.dynamics.continuation import MIN_HARMONICS, Tracing, in_forcing, start, trace
+from asperity.dynamics.equation import Equation
 from asperity.dynamics.free import orbit_coefficients, rough_orbit
-from asperity.dynamics.harmonic_balance import Balance, resize
+from asperity.dynamics.harmonic_balance import Balance
 from asperity.dynamics.law.damping import only_in_contact
 from asperity.errors import ConvergenceError
 
-_BACKBONE = 16  # number of amplitudes at which subharmonic orbits are searched
-_SMALLEST = 0.1  # smallest of them: below, the share of the loss hardly changes
+_POINTS = 16  # amplitudes on the backbone; a chart of 12 finds the same loops of period 2
+_AMPLITUDES = (1e-3, 300.0)  # of free orbits: below they are linear, above the mass flies all the time
+_SMALLEST = 0.05  # of them in the chart
+_MOST_LOST = 2.0  # of `Chart.lost` with orbits of period 2: up to 1.1 in 250 random windows
 _SINGULAR = 1e-9  # impedance below which there is no linear response to start from
 
 
@@ -51,102 +54,79 @@ def orbit_from_rest(balance: Balance, omega: float, forcing: float, tol: float) 
     return path.points[-1].x
 
 
-def backbone_chart(balance: Balance, forcing: float) -> tuple[Array, Array]:
-    """Return amplitudes and frequencies of a few free orbits, up to the first that the forcing cannot sustain.
+@dataclass(frozen=True)
+class Chart:
+    """Free orbits up to the amplitude that the forcing sustains; the arrays are empty where there is no backbone.
 
-    Both are empty where the backbone provides no starting values.
+    Attributes:
+        amplitude, frequency: release amplitude and frequency over omega_s (orbits,).
+        lost: at twice the frequency, share of the work of the forcing on the second harmonic that the damping takes;
+            1 is the least forcing of an orbit of period 2 near the free one (orbits,).
+        lowest, highest: frequencies between which the resonance lies.
     """
-    if not balance.restoring.contact or balance.zeta == 0:
-        return np.empty(0), np.empty(0)
-    grid = np.geomspace(3e-3, 300.0, 6)
-    chart: list[tuple[float, float]] = []
-    for u in grid[grid < balance.restoring.u_range[1]]:
-        try:
-            frequency, drive = rough_orbit(balance.restoring, float(u), balance.damping)
-        except ConvergenceError:  # the law is too stiff at amplitudes far beyond any resonance
-            break
-        chart.append((float(u), frequency))
-        if 2.0 * balance.zeta * drive > forcing and not only_in_contact(balance.damping):
-            break
-    amplitudes, frequencies = np.array(chart).reshape(-1, 2).T
-    return amplitudes, frequencies
+
+    amplitude: Array
+    frequency: Array
+    lost: Array
+    lowest: float
+    highest: float
+
+    def may_double(self, window: tuple[float, float]) -> bool:
+        """Return whether orbits of period 2 may be near free ones in a window of Omega; True without a backbone."""
+        if not self.lost.size:
+            return True
+        omega, lost = 2.0 * self.frequency, np.abs(self.lost)
+        inside = (np.maximum(omega[1:], omega[:-1]) > window[0]) & (np.minimum(omega[1:], omega[:-1]) < window[1])
+        return bool((np.minimum(lost[1:], lost[:-1])[inside] < _MOST_LOST).any())
 
 
-def backbone_orbits(balance: Balance, omega: float, forcing: float, chart: tuple[Array, Array]) -> list[Array]:
-    """Return guesses of the orbits near the backbone at Omega, with the phase of the energy balance."""
-    restoring = balance.restoring
-    grid, frequency = chart
-    guesses = []
-    for i in range(len(grid) - 1):
-        if (frequency[i] > omega) == (frequency[i + 1] > omega):
-            continue
-        u0 = float(
-            brentq(lambda u: rough_orbit(restoring, u, balance.damping)[0] - omega, grid[i], grid[i + 1], rtol=1e-3)
-        )
-        need = 2.0 * balance.zeta * rough_orbit(restoring, u0, balance.damping)[1] / forcing
-        if need > 1.0:
-            continue
-        x = orbit_coefficients(restoring, u0, 24)
-        k = np.arange(1, 25)
-        for psi in (np.arcsin(need), np.pi - np.arcsin(need)):
-            y = x.copy()
-            y[1:25], y[25:] = x[1:25] * np.cos(k * psi), x[1:25] * np.sin(k * psi)
-            guesses.append(y)
-    return guesses
+def backbone_chart(equation: Equation, forcing: float) -> Chart:
+    """Return free orbits from small ones to the largest that the forcing sustains at phase resonance."""
+    r, zeta, damping = equation.restoring, equation.zeta, equation.damping
+    if not r.contact or zeta == 0:
+        none: Array = np.empty(0)
+        return Chart(none, none, none, 0.0, 1.0)
+
+    def surplus(log: float) -> float:
+        return 2.0 * zeta * rough_orbit(r, float(np.exp(log)), damping)[1] - forcing
+
+    low, top = np.log([_AMPLITUDES[0], min(_AMPLITUDES[1], r.u_range[1])])
+    high = low
+    try:
+        if only_in_contact(damping):
+            high = top
+        while high < top and surplus(high) < 0.0:
+            low, high = high, min(high + 1.5, top)
+        if surplus(low) < 0.0 < surplus(high) and not only_in_contact(damping):
+            high = float(brentq(surplus, low, high, xtol=1e-3))
+    except ConvergenceError:  # the law is too stiff at amplitudes far beyond any resonance
+        high = low
+    amplitude = np.geomspace(min(_SMALLEST, 0.1 * np.exp(high)), np.exp(high), _POINTS)
+    frequency, drive, second = np.array([rough_orbit(r, float(u), damping) for u in amplitude]).T
+    lost = np.divide(zeta * drive, forcing * second, out=np.full(_POINTS, np.inf), where=second != 0)
+    return Chart(amplitude, frequency, lost, float(min(1.0, *frequency)), float(max(1.0, *frequency)))
 
 
 def subharmonic_orbits(
-    balance: Balance, window: tuple[float, float], forcing: float, chart: tuple[Array, Array]
+    balance: Balance, window: tuple[float, float], forcing: float, chart: Chart
 ) -> Iterator[tuple[Array, float]]:
     """Yield orbits of period 2, with their Omega, near the backbone at Omega / 2.
 
-    The forcing does work on the second harmonic of the free orbit. At the amplitudes where the loss takes the
-    smallest share of that work, an orbit is guessed for both phases that balance the loss. It may lie on a loop that
-    no period doubling leads to.
+    At the amplitudes where the loss takes the smallest share of the work, an orbit is guessed for both phases that
+    balance the loss. It may lie on a loop that no period doubling leads to.
     """
-    restoring, double = balance.restoring, replace(balance, order=2)
-    inside = (2.0 * chart[1] > window[0]) & (2.0 * chart[1] < window[1])
-    near = inside | np.append(inside[1:], False) | np.append(False, inside[:-1])
-    if near.sum() < 2:
-        return
-    found: list[tuple[float, float, Array]] = []  # share of the work lost, Omega, free orbit
-    top = chart[0][near][-1]
-    for u0 in np.geomspace(max(min(_SMALLEST, 0.1 * top), chart[0][near][0]), top, _BACKBONE):
-        frequency, drive = rough_orbit(restoring, float(u0), balance.damping)
-        if window[0] < 2.0 * frequency < window[1]:
-            x = orbit_coefficients(restoring, float(u0), 24)
-            found.append((balance.zeta * drive * x[1] / (forcing * x[2]) if x[2] else np.inf, 2.0 * frequency, x))
-    need = np.abs([np.inf, *(share for share, _, _ in found), np.inf])
-    for i in np.flatnonzero((need[1:-1] < 1.0) & (need[1:-1] < need[:-2]) & (need[1:-1] <= need[2:])):
-        share, omega, x = found[i]
-        k = np.arange(1, 25)
-        for psi in (0.5 * np.arcsin(share), 0.5 * (np.pi - np.arcsin(share))):
+    double, k = replace(balance, order=2), np.arange(1, 25)
+    inside = np.flatnonzero((2.0 * chart.frequency > window[0]) & (2.0 * chart.frequency < window[1]))
+    need = np.abs([np.inf, *chart.lost[inside], np.inf])
+    for i in inside[(need[1:-1] < 1.0) & (need[1:-1] < need[:-2]) & (need[1:-1] <= need[2:])]:
+        omega, x = 2.0 * float(chart.frequency[i]), orbit_coefficients(balance.restoring, float(chart.amplitude[i]), 24)
+        for psi in (0.5 * np.arcsin(chart.lost[i]), 0.5 * (np.pi - np.arcsin(chart.lost[i]))):
             y = x.copy()
             y[1:25], y[25:] = x[1:25] * np.cos(k * psi), x[1:25] * np.sin(k * psi)
             y[2] += forcing / (1.0 - omega * omega)
-            corrected = _corrected(double, y, omega, forcing)
-            if corrected is not None:
+            try:
+                corrected = double.correct(y, omega, forcing)
+            except (ConvergenceError, np.linalg.LinAlgError):  # a guess, no known orbit
+                continue
+            if np.linalg.norm(corrected - y) < 0.5 * np.linalg.norm(y):
                 yield corrected, omega
-
-
-def edge_orbits(
-    balance: Balance, edge: float, forcing: float, tol: float, chart: tuple[Array, Array]
-) -> Iterator[Array]:
-    """Yield orbits at an end of the window, from which branches enter it."""
-    try:
-        yield orbit_from_rest(balance, edge, forcing, tol)
-    except ConvergenceError:
-        pass
-    for guess in backbone_orbits(balance, edge, forcing, chart):
-        x = _corrected(balance, guess, edge, forcing)
-        if x is not None:
-            yield x
-
-
-def _corrected(balance: Balance, guess: Array, omega: float, forcing: float) -> Array | None:
-    """Return the corrected orbit near a guess, None if there is none or it is far away."""
-    try:
-        x = balance.correct(guess, omega, forcing)
-    except (ConvergenceError, np.linalg.LinAlgError):
-        return None
-    return x if np.linalg.norm(x - resize(guess, x.size // 2)) < 0.5 * np.linalg.norm(guess) else None

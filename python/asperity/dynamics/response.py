@@ -11,26 +11,19 @@ from typing import Any
 
 import numpy as np
 
-from asperity.arrays import Array
 from asperity.dynamics.branch import Branch, Event, Solution, measure, within_law
-from asperity.dynamics.branch_switching import detached, is_traced, shifts, subharmonic
-from asperity.dynamics.continuation import MIN_HARMONICS, Path, Point, Tracing, in_omega, start, trace
+from asperity.dynamics.branch_switching import shifts
+from asperity.dynamics.continuation import Tracing, in_omega
 from asperity.dynamics.crossing import crossings
 from asperity.dynamics.dense import Line, dense
-from asperity.dynamics.events import locate_events
-from asperity.dynamics.forcing import MIN_ZETA, Setting
+from asperity.dynamics.forcing import Setting
 from asperity.dynamics.harmonic_balance import Balance
-from asperity.dynamics.initial_orbits import backbone_chart, edge_orbits, orbit_from_rest, subharmonic_orbits
-from asperity.dynamics.law.damping import only_in_contact
-from asperity.dynamics.search import is_weak, periodic_orbits, starts, states
+from asperity.dynamics.search import Search
 from asperity.dynamics.stability import floquet, stack
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime.display import short_repr
 
 _SAME = 1e-6  # relative distance, in addition to their errors, within which two orbits may be identical
-_LONGEST = 4  # longest period of branches from period doublings, in forcing periods
-_OUTSIDE = 1e-3  # truncation error allowed outside the window
-_BEYOND = 1.2  # frequency over that of a resonance, from which the branch comes from rest
 STARTS = 240  # of the search by integration, for each period
 _UNRELIABLE = 1e-3  # deviation of the determinant from Liouville's above which stability is unreliable
 
@@ -189,7 +182,7 @@ def frequency_response(
     how = Tracing(
         omega, tol, balance.zeta, (high - low) / 25.0, max_points=max_points, smooth=not balance.restoring.singular
     )
-    search = _Search(balance, setting.F_hat, how, subharmonics, starts)
+    search = Search(balance, setting.F_hat, how, subharmonics, starts)
     search.run()
     branches, events, limits = within_law(balance, search.branches, search.events)
     return FrequencyResponse(
@@ -204,197 +197,6 @@ def frequency_response(
         search.describe(),
         balance,
     )
-
-
-class _Search:
-    """Traces the branches that enter the window, those that leave them, and those through further orbits.
-
-    Args:
-        balance: equations of order 1.
-        forcing: F^.
-        how: window, accuracy and limits for order 1.
-        subharmonics: whether branches of longer periods are traced too.
-        starts: number of starts of the search by integration, see `search`.
-
-    Attributes:
-        paths: kind, order and path of each branch traced.
-        branches: the paths measured, in their order.
-        events: on the branches.
-        notes: on orbits that could not be continued.
-    """
-
-    def __init__(self, balance: Balance, forcing: float, how: Tracing, subharmonics: bool, starts: int) -> None:
-        self.balance, self.forcing, self.how, self.subharmonics = balance, forcing, how, subharmonics
-        self.starts = 0 if balance.zeta < MIN_ZETA or is_weak(balance, forcing) else starts
-        self.chart = backbone_chart(balance, forcing)
-        self.paths: list[tuple[str, int, Path]] = []
-        self.branches: list[Branch] = []
-        self.events: list[Event] = []
-        self.notes: list[str] = []
-        self._states: list[Array] = []  # of the branches, see `search.states`
-        self._doublings: list[tuple[int, Point]] = []  # with the order of their branch
-
-    def run(self) -> None:
-        """Trace branches until nothing is left."""
-        for edge, direction in zip(reversed(self.how.window), (-1.0, 1.0), strict=True):
-            for x in edge_orbits(self.balance, edge, self.forcing, self.how.tol, self.chart):
-                self._enter(1, x, edge, direction)
-        self._approach()
-        if self.subharmonics:
-            for x, omega in subharmonic_orbits(self.balance, self.how.window, self.forcing, self.chart):
-                self._detach(2, x, omega)
-        self._finish()
-        for order in (1, 2) if self.subharmonics else (1,):
-            for omega, x in self._further_orbits(order):
-                self._detach(order, x, omega)
-                self._finish()
-        self._balance()
-        if not self.paths:
-            low, high = self.how.window
-            raise ConvergenceError(
-                f"no periodic orbit found for Omega = {low:g} to {high:g} with F^ = {self.forcing:g}"
-            )
-
-    def _finish(self) -> None:
-        """Measure the paths traced so far, and trace the branches that leave them at period doublings."""
-        while True:
-            if len(self.branches) < len(self.paths):
-                self._measure(*self.paths[len(self.branches)])
-            elif self._doublings:
-                self._switch(*self._doublings.pop(0))
-            else:
-                return
-
-    def _enter(self, order: int, x: Array, edge: float, direction: float) -> None:
-        """Trace the branch that enters the window at an edge with the orbit x, if it is new."""
-        equations = in_omega(replace(self.balance, order=order), self.forcing)
-        how = replace(self.how, min_harmonics=order * MIN_HARMONICS)
-        try:
-            first = start(equations, x, edge, direction, how)
-            if not is_traced(self.paths, order, first.x, edge):
-                self.paths.append(("main" if order == 1 else "detached", order, trace(equations, first, how)))
-        except ConvergenceError as error:
-            self.notes.append(f"the branch at Omega = {edge:.6g} could not be followed: {error}")
-
-    def _approach(self) -> None:
-        """Trace the branch from rest beyond the main resonance into a window that ends in the resonance."""
-        (low, high), top = self.how.window, float(max([1.0, *self.chart[1]]))
-        sides = ((_BEYOND * top, high, -1.0), (1.0 / _BEYOND, low, 1.0))
-        hardens = top > 1.0 or self.balance.restoring.kappa > 0.0
-        cut = (high < _BEYOND * top, hardens and 1.0 / _BEYOND < low < _BEYOND * top)
-        for far, edge, inwards in (side for side, inside in zip(sides, cut, strict=True) if inside):
-            try:
-                x = orbit_from_rest(self.balance, far, self.forcing, _OUTSIDE)
-                first = start(in_omega(self.balance, self.forcing), x, far, inwards, self.how)
-            except ConvergenceError:  # beyond the resonance of a strong forcing: the other searches remain
-                continue
-            self._outside(1, first, edge, inwards)
-
-    def _balance(self) -> None:
-        """Continue branches outside the window until the orbits at its edges add up.
-
-        The period map moves every distant state inwards, so its fixed points have the degree 1: those with a positive
-        determinant of (identity less monodromy) are one more than those with a negative one. Where they are not, a
-        branch that leaves the window comes back.
-        """
-        b = self.balance
-        if not b.restoring.contact or only_in_contact(b.damping) or b.zeta == 0:
-            return
-        for order in (1, 2) if self.subharmonics else (1,):
-            for edge, outwards in zip(self.how.window, (-1.0, 1.0), strict=True):
-                tried: list[Point] = []
-                while True:
-                    excess, ends = self._ends(order, edge)
-                    ends = [(sign, p) for sign, p in ends if sign * excess > 0 and not any(p is q for q in tried)]
-                    if not excess or not ends:
-                        break
-                    point = max((p for _, p in ends), key=lambda p: float(np.linalg.norm(p.x)))
-                    tried.append(point)
-                    if point.t_parameter * outwards < 0:
-                        point = replace(point, t=-point.t, t_parameter=-point.t_parameter)
-                    self._outside(order, point, edge, -outwards)
-                    self._finish()
-                if excess:
-                    self.notes.append(
-                        f"at the end Omega = {edge:g} of the window at least one orbit of period {order} is missing: "
-                        "give another window, which ends between the resonances"
-                    )
-
-    def _ends(self, order: int, edge: float) -> tuple[int, list[tuple[int, Point]]]:
-        """Return by how much the signs of the orbits at an edge exceed 1, and those of the order with their signs."""
-        total, ends = -1, []
-        for _, other, path in self.paths:
-            if other > order:
-                continue
-            for p in {id(q): q for q in (path.points[0], path.points[-1])}.values():
-                if abs(p.parameter - edge) < 1e-9:
-                    f = floquet(replace(self.balance, order=other), stack([p.x]), np.array([edge]))
-                    sign = int(np.sign(f.fold[0] * (f.flip[0] if other < order else 1.0)))
-                    total += other * sign
-                    if other == order:
-                        ends.append((sign, p))
-        return total, ends
-
-    def _outside(self, order: int, first: Point, edge: float, inwards: float) -> None:
-        """Trace a branch outside the window; where it comes to an edge, trace it inside."""
-        equations = in_omega(replace(self.balance, order=order), self.forcing)
-        far = 0.4 * edge if inwards > 0 else max(1.6 * edge, 1.3 * order)
-        how = replace(
-            self.how, window=(min(edge, far), max(edge, far)), tol=max(self.how.tol, _OUTSIDE),
-            min_harmonics=order * MIN_HARMONICS,
-        )  # fmt: skip
-        last = trace(equations, first, how).points[-1]
-        if last is not first and abs(last.parameter - edge) < 1e-9:
-            self._enter(order, last.x, edge, inwards)
-
-    def _measure(self, kind: str, order: int, path: Path) -> None:
-        """Make a branch of a path, with its events and period doublings."""
-        balance = replace(self.balance, order=order)
-        equations = in_omega(balance, self.forcing)
-        branch, events, flips = locate_events(balance, equations, path, kind, len(self.branches), self.how.tol)
-        self.branches.append(branch)
-        self._states.append(states(branch))
-        self.events.extend(events)
-        if self.subharmonics and 2 * order <= _LONGEST:
-            self._doublings.extend((order, flip) for flip in flips)
-
-    def _switch(self, order: int, flip: Point) -> None:
-        """Trace the branch of twice the period from a period doubling of a branch of an order."""
-        rest = [p for other, p in self._doublings if other == order]
-        path = subharmonic(replace(self.balance, order=order), self.forcing, flip, self.how, rest)
-        if path is None:
-            return
-        self.paths.append((f"sub{2 * order}", 2 * order, path))
-        if path.end == "period doubling" and rest:  # the branch must not be traced from its other end
-            end = path.points[-1].parameter
-            other = min(rest, key=lambda p: abs(p.parameter - end))
-            self._doublings = [(n, p) for n, p in self._doublings if p is not other]
-
-    def _detach(self, order: int, x: Array, omega: float) -> None:
-        """Trace the branch through an orbit, if it is new."""
-        balance = replace(self.balance, order=order)
-        try:
-            path = detached(balance, self.forcing, x, omega, self.how, self.paths)
-        except (ConvergenceError, np.linalg.LinAlgError) as error:
-            self.notes.append(f"an orbit at Omega = {omega:.6g} is on no branch and could not be continued: {error}")
-            return
-        if path is not None:
-            self.paths.append(("detached", order, path))
-
-    def _further_orbits(self, order: int) -> Iterator[tuple[float, Array]]:
-        """Yield Omega and coefficients of orbits that may be on no branch."""
-        if self.starts:
-            lanes = starts(self.balance, self.forcing, self.how.window, self.starts)
-            yield from periodic_orbits(self.balance, self.forcing, lanes, order, self._states)
-
-    def describe(self) -> str:
-        """Return the sentence `FrequencyResponse.searched`."""
-        periods = "period 1 and 2, with period 4 from period doublings" if self.subharmonics else "period 1"
-        origins = f"rest, the backbone and {self.starts} starts" if self.starts else "rest and the backbone"
-        return (
-            f"searched: orbits of {periods}, from {origins}; not searched: other periods, and loops "
-            "in a range of frequencies narrower than the spacing of the starts"
-        )
 
 
 def _limitations(branches: Sequence[Branch]) -> Iterator[str]:

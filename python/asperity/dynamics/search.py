@@ -1,148 +1,254 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Search for periodic orbits by Newton's method on the period map, from many states at many frequencies.
+"""Search for all branches of periodic orbits in a window of frequencies.
 
-It finds what no branch from rest or from the backbone reaches: pieces that connect outside the window, loops, orbits of
-period 2 that no period doubling leads to. The starts fill frequency and state evenly (a low-discrepancy sequence,
-Roberts 2018); motions are integrated in parallel, and each start converges to an orbit near it, stable or not.
+The branch of order 1 starts where its orbit is unique and known: above the resonance, or from rest. A branch that
+leaves the window is continued outside, with a larger tolerance, until it returns or is beyond the resonances. A window
+has therefore the orbits of a wide one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.branch import Branch
-from asperity.dynamics.dense import on_cubic
-from asperity.dynamics.equation import Equation, primitive
-from asperity.dynamics.stability import unstack
-from asperity.dynamics.time_integration import has_escaped, path_of, steps_for
+from asperity.dynamics.branch import Branch, Event
+from asperity.dynamics.branch_switching import detached, is_same, subharmonic
+from asperity.dynamics.continuation import MIN_HARMONICS, Path, Point, Tracing, in_omega, start, trace
+from asperity.dynamics.events import locate_events
+from asperity.dynamics.forcing import MIN_ZETA
+from asperity.dynamics.harmonic_balance import Balance
+from asperity.dynamics.initial_orbits import backbone_chart, orbit_from_rest, subharmonic_orbits
+from asperity.dynamics.law.damping import only_in_contact
+from asperity.dynamics.period_map import has_one_resonance, periodic_orbits, starts, states
+from asperity.dynamics.stability import floquet, stack
+from asperity.errors import ConvergenceError
 
-_NEWTON = 9  # iterations
-_TYPICAL = 2.0  # displacement whose stiffness sets the time step: rough, because the balance corrects the orbits
-_MOST_STEPS = 400  # per period
-_CLOSE = 1e-4  # Newton step that ends the search, relative to the state
-_KNOWN = 1e-2  # distance within which an orbit is identical to a known one, relative to the state
-_HARMONICS = 24  # of an orbit found, per forcing period
-_ROWS = 8  # of a branch between two points
-
-
-def is_weak(equation: Equation, forcing: float) -> bool:
-    """Return whether a forcing is so weak that all orbits are connected to those from rest and from the backbone.
-
-    The response keeps contact, and the second-order force at twice the frequency and the modulation of the stiffness
-    stay well below the onsets of hysteresis and of period doubling.
-    """
-    r, zeta = equation.restoring, equation.zeta
-    onset = np.sqrt(6.16 * zeta**3 / max(abs(r.kappa), 1e-12))
-    second = 0.9 * abs(r.a2) * forcing**2  # at half of the resonance, where the response is 4/3 of the forcing
-    return bool(
-        r.contact and forcing < min(2.0 * zeta, 3.0 * onset) and second < 0.5 * onset and abs(r.a2) * forcing < zeta
-    )
+_LONGEST = 4  # longest period of branches from period doublings, in forcing periods
+_OUTSIDE = 1e-3  # truncation error allowed outside the window
+_OF_DAMPING = 0.03  # the same over zeta: a larger error of the forces passes the peak of a resonance by
+_BEYOND = 1.2  # frequency over that of a resonance, beyond which the orbit is unique
+_BELOW = 0.7  # lowest frequency outside the window, over its low end
+_AT_EDGE = 1e-9  # distance of a point from the edge at which its branch ends
+_STRIDE = 0.1  # longest step outside the window, over the frequency
 
 
-def starts(equation: Equation, forcing: float, window: tuple[float, float], count: int) -> tuple[Array, Array, Array]:
-    """Return Omega, u and w of the starts, at periods of even spacing: half of them in contact, half in flight."""
-    i = np.arange(1, count + 1)[:, None]
-    a, b, c = ((0.5 + i * 1.2207440846057596 ** -np.arange(1.0, 4.0)) % 1.0).T
-    omega = 1.0 / (1.0 / window[1] + a * (1.0 / window[0] - 1.0 / window[1]))
-    n = equation.restoring.n_loc
-    drive = forcing / (2.0 * equation.zeta)
-    radius = min(1.5 * drive + 2.0 * forcing, 2.5) * np.sqrt(b)
-    u, v = radius * np.cos(2.0 * np.pi * c), radius * np.sin(2.0 * np.pi * c)
-    flying = i[:, 0] % 2 == 1
-    if drive > 1.0 and equation.restoring.contact:
-        v_s = b * np.minimum(2.0 * np.pi / (n * omega), drive)  # the flight lasts up to two periods of the forcing
-        s = 2.0 * n * v_s * c
-        u, v = np.where(flying, -1.0 - v_s * s + s * s / (2.0 * n), u), np.where(flying, s / n - v_s, v)
-    return omega, u, v + 2.0 * equation.zeta * primitive(equation.restoring, equation.damping, u)
-
-
-def periodic_orbits(
-    equation: Equation, forcing: float, lanes: tuple[Array, Array, Array], order: int, known: Sequence[Array]
-) -> Iterator[tuple[float, Array]]:
-    """Yield Omega and rough coefficients of the periodic orbits near the starts, without the known ones.
+class Search:
+    """Traces every branch of order 1 from where it is known, and those through further orbits.
 
     Args:
-        equation: the oscillator.
+        balance: equations of order 1.
         forcing: F^.
-        lanes: Omega, u and w of the starts.
-        order: forcing periods per period of the orbit; shorter periods are left out.
-        known: see `states`; it may grow while the orbits are taken.
+        how: window, accuracy and limits for order 1.
+        subharmonics: whether branches of longer periods are traced too.
+        starts: number of starts on the period map, see `period_map`.
+
+    Attributes:
+        branches: the branches; one that leaves the window and returns is in several pieces.
+        events: on the branches.
+        notes: on what could not be found or continued.
     """
-    omega, u, w = lanes
-    steps = min(max(64, steps_for(equation, omega, np.array([_TYPICAL])) // 2), _MOST_STEPS)
 
-    def mapped(omega: Array, u: Array, w: Array) -> tuple[Array, Array, Array]:
-        """Return displacements and speeds (order * steps + 1, lanes) over the period, and w at its end."""
-        us, vs = [u[None]], []
-        for _ in range(order):
-            path, speed, w = path_of(equation, us[-1][-1], w, omega, np.full(u.size, forcing), steps)
-            us.append(path[1:])
-            vs.append(speed[:-1])
-        return np.concatenate(us), np.concatenate(vs), w
+    def __init__(self, balance: Balance, forcing: float, how: Tracing, subharmonics: bool, starts: int) -> None:
+        self.balance, self.forcing, self.how, self.subharmonics = balance, forcing, how, subharmonics
+        self.starts = starts if balance.zeta >= MIN_ZETA else 0
+        self.chart = backbone_chart(balance, forcing)
+        self.orders = (1, 2) if subharmonics else (1,)
+        self.alone = has_one_resonance(balance, forcing)  # below the main resonance the orbit is unique
+        self.branches: list[Branch] = []
+        self.events: list[Event] = []
+        self.notes: list[str] = []
+        self._paths: list[tuple[str, int, Path]] = []  # kind, order and path of each piece in the window
+        self._ends: list[tuple[str, int, Point]] = []  # of pieces at the edges, headed outwards
+        self._lowest = np.inf  # frequency to which a branch of order 1 was followed
+        self._states: list[Array] = []  # of the branches, see `period_map.states`
+        self._lost: list[tuple[int, Point, str]] = []  # ends whose branch could not be followed, with the reason
+        self._doublings: list[tuple[int, Point]] = []  # with the order of their branch
 
-    path, _, w = mapped(omega, u, w)
-    u = path[-1]
-    for _ in range(_NEWTON):
-        kept = np.isfinite(u) & np.isfinite(w) & ~has_escaped(equation, u, u)
-        omega, u, w = omega[kept], u[kept], w[kept]
-        if not u.size:
+    def run(self) -> None:
+        """Trace branches until nothing is left."""
+        low, high = self.how.window
+        below, above = self._limits(1)
+        self._from_rest(above, -1.0)
+        unique = below <= self.chart.lowest / _BEYOND or low >= _BEYOND * self.chart.highest
+        if not unique or self._lowest > below:
+            self._from_rest(low, 1.0)
+        self._finish()
+        if self.subharmonics:
+            for x, omega in subharmonic_orbits(self.balance, self.how.window, self.forcing, self.chart):
+                self._through(2, x, omega)
+        for order in self._searched_orders():
+            lanes = starts(self.balance, self.forcing, self.how.window, self.starts)
+            for omega, x in periodic_orbits(self.balance, self.forcing, lanes, order, self._states):
+                self._through(order, x, omega)
+        if not self._paths:
+            raise ConvergenceError(
+                f"no periodic orbit found for Omega = {low:g} to {high:g} with F^ = {self.forcing:g}"
+            )
+        for order, end, reason in self._lost:
+            self.notes.append(f"the branch of period {order} that leaves the window at {end.parameter:.6g} {reason}")
+        for order in self.orders:
+            self.notes += [
+                f"at the end Omega = {edge:g} of the window at least one orbit of period {order} is missing: "
+                "give another window, which ends between the resonances"
+                for edge in self.how.window
+                if self._excess(order, edge)
+            ]
+
+    def _searched_orders(self) -> list[int]:
+        """Return the orders of orbits that may be on branches that no other one leads to."""
+        if not self.starts:
+            return []
+        needed = {1: not self.alone, 2: self.chart.may_double(self.how.window)}
+        return [order for order in self.orders if needed[order]]
+
+    def describe(self) -> str:
+        """Return the sentence `FrequencyResponse.searched`."""
+        periods = "period 1 and 2, with period 4 from period doublings" if self.subharmonics else "period 1"
+        tried = " and ".join(str(order) for order in self._searched_orders())
+        origins = f"rest, the backbone and {self.starts} starts of period {tried}" if tried else "rest and the backbone"
+        return (
+            f"searched: orbits of {periods}, from {origins}; not searched: other periods, and loops "
+            "in a range of frequencies narrower than the spacing of the starts"
+        )
+
+    def _limits(self, order: int) -> tuple[float, float]:
+        """Return the frequencies up to which branches of an order are followed outside the window."""
+        (low, high), chart = self.how.window, self.chart
+        above = order * _BEYOND * chart.highest * (1.0 + self.forcing)
+        below = chart.lowest / _BEYOND if order == 1 and self.alone else 0.0
+        return max(_BELOW * low, below) if below < low < above else low, above if below < high < above else high
+
+    def _from_rest(self, omega: float, direction: float) -> None:
+        """Trace the branch from rest at a frequency in the window or above it."""
+        equations = in_omega(self.balance, self.forcing)
+        how = self.how if omega <= self.how.window[1] else self._outside(1, omega)
+        try:
+            first = start(equations, orbit_from_rest(self.balance, omega, self.forcing, how.tol), omega, direction, how)
+        except ConvergenceError as error:
+            self.notes.append(f"the orbit from rest at Omega = {omega:.6g} was not found: {error}")
             return
-        size = 0.1 + np.abs(u) + np.abs(w)
-        h = 1e-4 * size
-        path, speed, ends = mapped(np.tile(omega, 3), np.concatenate([u, u + h, u]), np.concatenate([w, w, w + h]))
-        end = np.stack([path[-1].reshape(3, -1), ends.reshape(3, -1)])  # (u or w, lane of three, start)
-        step = _newton_step(end, np.array([u, w]), h)
-        length = np.hypot(*step)
-        for i in np.flatnonzero(length < _CLOSE * size):
-            if (
-                order > 1
-                and np.abs(path[steps, i] - path[0, i]) + np.abs(speed[steps, i] - speed[0, i]) < _KNOWN * size[i]
-            ):
-                continue
-            if not any(_near(rows, float(omega[i]), float(u[i]), float(speed[0, i])) for rows in known):
-                wave = np.fft.rfft(path[:-1, i])[: _HARMONICS * order + 1] / (steps * order)
-                wave[1:] *= 2.0
-                yield float(omega[i]), unstack(wave, _HARMONICS * order)
-        moving = np.isfinite(length) & (length >= _CLOSE * size)
-        omega, u, w, length, size, step = (x[..., moving] for x in (omega, u, w, length, size, step))
-        u, w = [u, w] + step * np.minimum(1.0, 0.3 * size / length)
+        if how is self.how:
+            self._enter("main", 1, first, known=omega == how.window[1])
+        else:
+            self._follow("main", 1, first)
+        while self._ends:
+            self._follow(*self._ends.pop(0))
 
+    def _outside(self, order: int, omega: float) -> Tracing:
+        """Return how branches are traced outside the window, on the side of a frequency."""
+        (low, high), (below, above) = self.how.window, self._limits(order)
+        return replace(
+            self.how, window=(below, low) if omega <= low else (high, above), max_step=_STRIDE * omega,
+            tol=max(self.how.tol, min(_OUTSIDE, _OF_DAMPING * self.balance.zeta)),
+            min_harmonics=order * MIN_HARMONICS, max_points=self.how.max_points // 10,
+        )  # fmt: skip
 
-def states(branch: Branch) -> Array:
-    """Return Omega, u and v at forcing phase 0 (3, periods, rows) along a branch, once for each forcing period."""
-    places = np.linspace(0.0, len(branch) - 1.0, _ROWS * (len(branch) - 1) + 1)
-    omega, c = on_cubic(branch, places)
-    k = np.arange(c.shape[1])
-    turn = np.exp(2j * np.pi / branch.order * np.outer(k, np.arange(branch.order)))
-    u, v = (c @ turn).real, ((1j * k * c) @ turn).real * omega[:, None] / branch.order
-    return np.stack(np.broadcast_arrays(omega, u.T, v.T))
+    def _follow(self, kind: str, order: int, point: Point) -> None:
+        """Trace a branch outside the window; where it comes to an edge, trace it inside, unless it is known."""
+        how = self._outside(order, point.parameter)
+        if how.window[0] == how.window[1]:
+            return
+        path = trace(in_omega(replace(self.balance, order=order), self.forcing), point, how)
+        last = path.points[-1]
+        if path.end != "window":
+            self._lost.append((order, point, f"is lost at {last.parameter:.6g}, where it may return: {path.end}"))
+            return
+        if order == 1:
+            self._lowest = min(self._lowest, last.parameter)
+        if min(abs(last.parameter - edge) for edge in self.how.window) < _AT_EDGE:
+            self._enter(kind, order, last, known=True)
 
+    def _enter(self, kind: str, order: int, point: Point, known: bool) -> None:
+        """Trace the branch that enters the window at a point, unless it is traced; `known` is what comes before."""
+        self._ends = [e for e in self._ends if e[1] != order or not is_same(point, e[2], order)]
+        self._lost = [e for e in self._lost if e[0] != order or not is_same(point, e[1], order)]
+        for _, other, path in self._paths:
+            if other == order and any(is_same(point, p, order) for p in (path.points[0], path.points[-1])):
+                return
+        equations = in_omega(replace(self.balance, order=order), self.forcing)
+        how = replace(self.how, min_harmonics=order * MIN_HARMONICS)
+        try:
+            first = start(equations, point.x, point.parameter, point.t_parameter, how)
+        except ConvergenceError as error:
+            self.notes.append(f"the branch at Omega = {point.parameter:.6g} could not be followed: {error}")
+            return
+        self._keep(kind, order, trace(equations, first, how), known)
 
-def _near(rows: Array, omega: float, u: float, v: float) -> bool:
-    """Return whether a branch has an orbit with nearly the given state at a frequency."""
-    above = rows[0, 0] > omega
-    j = np.flatnonzero(above[1:] != above[:-1])
-    a, b = rows[..., j], rows[..., j + 1]
-    s = (omega - a[0]) / np.where(b[0] == a[0], 1.0, b[0] - a[0])
-    gap = np.hypot(a[1] + s * (b[1] - a[1]) - u, a[2] + s * (b[2] - a[2]) - v)
-    return bool((gap < _KNOWN * (0.1 + abs(u) + abs(v))).any())
+    def _keep(self, kind: str, order: int, path: Path, known: bool = False) -> None:
+        """Take a path in the window, which is to be followed outside; `known` is what comes before."""
+        self._paths.append((kind, order, path))
+        first, last = path.points[0], path.points[-1]
+        if order == 1:
+            self._lowest = min(self._lowest, first.parameter, last.parameter)
+        ends = [last] if known else [last, replace(first, t=-first.t, t_parameter=-first.t_parameter)]
+        self._ends += [
+            (kind, order, p) for p in ends if min(abs(p.parameter - edge) for edge in self.how.window) < _AT_EDGE
+        ]
 
+    def _finish(self) -> None:
+        """Follow the branches traced so far, measure them, and trace those that leave them at period doublings."""
+        while True:
+            if self._ends:
+                self._follow(*self._ends.pop(0))
+            elif len(self.branches) < len(self._paths):
+                self._measure(*self._paths[len(self.branches)])
+            elif self._doublings:
+                self._switch(*self._doublings.pop(0))
+            else:
+                return
 
-def _newton_step(end: Array, start: Array, h: Array) -> Array:
-    """Return the Newton steps (2, lanes) of the period map.
+    def _measure(self, kind: str, order: int, path: Path) -> None:
+        """Make a branch of a path, with its events and period doublings."""
+        balance = replace(self.balance, order=order)
+        equations = in_omega(balance, self.forcing)
+        branch, events, flips = locate_events(balance, equations, path, kind, len(self.branches), self.how.tol)
+        self.branches.append(branch)
+        self._states.append(states(branch))
+        self.events.extend(events)
+        if self.subharmonics and 2 * order <= _LONGEST:
+            self._doublings.extend((order, flip) for flip in flips)
 
-    Args:
-        end: states after the period (2, 3, lanes): from the start, and from it with u and with w increased by `h`.
-        start: states (2, lanes).
-        h: increments (lanes,).
-    """
-    with np.errstate(all="ignore"):
-        defect, flow = end[:, 0] - start, (end[:, 1:] - end[:, :1]) / h
-        (a, b), (c, d) = flow
-        a, d = a - 1.0, d - 1.0
-        return np.array([b * defect[1] - d * defect[0], c * defect[0] - a * defect[1]]) / (a * d - b * c)
+    def _switch(self, order: int, flip: Point) -> None:
+        """Trace the branch of twice the period from a period doubling of a branch of an order."""
+        rest = [p for other, p in self._doublings if other == order]
+        path = subharmonic(replace(self.balance, order=order), self.forcing, flip, self.how, rest)
+        if path is None:
+            return
+        self._keep(f"sub{2 * order}", 2 * order, path, known=True)
+        if path.end == "period doubling" and rest:  # the branch must not be traced from its other end
+            end = path.points[-1].parameter
+            other = min(rest, key=lambda p: abs(p.parameter - end))
+            self._doublings = [(n, p) for n, p in self._doublings if p is not other]
+
+    def _through(self, order: int, x: Array, omega: float) -> None:
+        """Trace the branch through an orbit, if it is new, and all that leaves it."""
+        balance = replace(self.balance, order=order)
+        try:
+            path = detached(balance, self.forcing, x, omega, self.how, self._paths)
+        except (ConvergenceError, np.linalg.LinAlgError) as error:
+            self.notes.append(f"an orbit at Omega = {omega:.6g} is on no branch and could not be continued: {error}")
+            return
+        if path is not None:
+            self._keep("detached", order, path)
+            self._finish()
+
+    def _excess(self, order: int, edge: float) -> int:
+        """Return by how much the signs of the orbits at an edge exceed 1.
+
+        The period map moves every distant state inwards, so its fixed points have the degree 1: those with a positive
+        determinant of (identity less monodromy) are one more than those with a negative one.
+        """
+        b = self.balance
+        if not b.restoring.contact or only_in_contact(b.damping) or b.zeta == 0:
+            return 0
+        total = -1
+        for _, other, path in self._paths:
+            for p in {id(q): q for q in (path.points[0], path.points[-1])}.values():
+                if other <= order and abs(p.parameter - edge) < _AT_EDGE:
+                    f = floquet(replace(b, order=other), stack([p.x]), np.array([edge]))
+                    total += other * int(np.sign(f.fold[0] * (f.flip[0] if other < order else 1.0)))
+        return total
