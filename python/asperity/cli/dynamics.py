@@ -145,6 +145,8 @@ def _show(result: Dynamics) -> None:
         options.say(f"n = {plus_minus(n.value, n.half)}, {curvature}, by the {spread.origin}")
     for note in result.notes:
         options.say(f"note: {note}")
+    for searched in dict.fromkeys(r.searched for responses in result.responses.values() for r in responses):
+        options.say(searched)
     options.say(result.numbers.sentence(result.settings.units))
 
 

@@ -171,6 +171,7 @@ def _summary(r: FrequencyResponse) -> dict[str, Any]:
         "determinant_error": r.det_error,
         "valid": r.valid,
         "notes": list(r.notes),
+        "searched": r.searched,
     }
 
 

@@ -110,10 +110,8 @@ class Search:
         periods = "period 1 and 2, with period 4 from period doublings" if self.subharmonics else "period 1"
         tried = " and ".join(str(order) for order in self._searched_orders())
         origins = f"rest, the backbone and {self.starts} starts of period {tried}" if tried else "rest and the backbone"
-        return (
-            f"searched: orbits of {periods}, from {origins}; not searched: other periods, and loops "
-            "in a range of frequencies narrower than the spacing of the starts"
-        )
+        left = "that start from none of these states" if tried else "that so weak a forcing is not expected to sustain"
+        return f"searched: orbits of {periods}, from {origins}; not searched: other periods, and loops {left}"
 
     def _limits(self, order: int) -> tuple[float, float]:
         """Return the frequencies up to which branches of an order are followed outside the window."""
