@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Time integration, sweeps, attractors, thresholds and result files."""
+"""Time integration, sweeps, thresholds and result files."""
 
 from __future__ import annotations
 
@@ -88,16 +88,6 @@ def test_taylor_sweep_reports_its_escape() -> None:
     assert all(np.isfinite(row["u_max"]) for row in rows)
     with pytest.raises(RangeError, match="escapes"):
         o.simulate(1.0, 0.0, u=2.0, periods=20)
-
-
-def test_attractors_are_the_stable_orbits() -> None:
-    o = ContactOscillator(PowerLaw(1.5), zeta=0.03)
-    found = o.attractors(0.87, 0.1, starts=6)
-    stable = [s for s in o.response(0.1, (0.7, 1.2)).at(0.87) if s.stable]
-    assert len(found) == len(stable) == 2
-    assert sum(a.share for a in found) == pytest.approx(1.0)
-    for a, s in zip(sorted(found, key=lambda a: a.u_max), stable, strict=True):
-        assert a.u_max == pytest.approx(s.u_max, rel=2e-3) and a.period == 1
 
 
 @pytest.mark.parametrize(("n", "drive"), [(1.2, 0.94898), (1.5, 0.88652), (2.0, 0.80758), (3.0, 0.70205)])
@@ -345,14 +335,10 @@ def test_response_beyond_the_fitted_curve_is_reported() -> None:
         (lambda o: o.response(0.1, tol=0.0), "tol = 0"),
         (lambda o: o.simulate(1.0, 0.1, u=np.nan), "u = nan"),
         (lambda o: o.backbone(points=0), "points = 0"),
-        (lambda o: o.attractors(1.0, 0.1, starts=0), "starts = 0"),
-        (lambda o: o.attractors([], 0.1), "omega is empty"),
         (lambda o: o.free("far"), "u0 = 'far'"),
         (lambda o: o.simulate(1e-9, 0.1), "omega = 1e-09"),
         (lambda o: o.simulate(1.0, 1e300), r"forcing = 1e\+300"),
-        (lambda o: o.attractors([1.0, 1e9], 0.1), r"omega = 1e\+09"),
         (lambda o: replace(o, zeta=1e-6).sweep(0.1), "zeta = 1e-06 is not legal for motion that must settle"),
-        (lambda o: replace(o, zeta=0.0).attractors(1.0, 0.1), "zeta = 0"),
     ],
 )
 def test_bad_calls_are_refused_in_one_sentence(call, words) -> None:
@@ -424,7 +410,6 @@ def test_every_result_contains_its_setting() -> None:
     forced: list[Any] = [
         o.response(0.03, (0.9, 1.1)),
         *o.sweep(0.03, (0.9, 1.1), points=2),
-        *o.attractors(1.0, 0.03, starts=2),
         o.simulate(1.0, 0.03),
     ]
     for result in forced:

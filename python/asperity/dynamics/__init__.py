@@ -33,7 +33,6 @@ _PUBLIC = {
     "unload_reload": "law_of_curve",
     "LawAtLoad": "laws",
     "LawTable": "laws",
-    "Attractor": "sweep",
     "Sweep": "sweep",
     "Trajectory": "time_integration",
     "Branch": "branch",

@@ -23,7 +23,7 @@ from asperity.dynamics.law.damping import Damping, check_damping
 from asperity.dynamics.law.law import Law
 from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.dynamics.response import STARTS, FrequencyResponse, frequency_response
-from asperity.dynamics.sweep import Attractor, Sweep
+from asperity.dynamics.sweep import Sweep
 from asperity.dynamics.thresholds import Backbone, Thresholds
 from asperity.dynamics.time_integration import Trajectory, integrate
 from asperity.errors import AsperityWarning, InputError, RangeError
@@ -242,43 +242,6 @@ class ContactOscillator:
             tol=positive("tol", tol),
             max_periods=max_periods,
             steps=steps,
-        )
-
-    def attractors(
-        self,
-        omega: ArrayLike,
-        forcing: float,
-        *,
-        starts: int = 12,
-        spread: float | None = None,
-        tol: float = 1e-4,
-        max_periods: int | None = None,
-    ) -> tuple[Attractor, ...]:
-        """Find the steady motions reached from a grid of initial states (u, v), with the share of each.
-
-        Args:
-            omega: Omega, or several.
-            forcing: F^.
-            starts: initial states per side of the grid.
-            spread: half-width of the grid; default the resonance amplitude, at most 3.
-            tol: as in `sweep`.
-            max_periods: default 4/zeta (100 to 20000).
-        """
-        (f,) = forcings(positive("forcing", forcing))
-        values = np.array(frequencies(omega))
-        self._check_settles()
-        if starts < 1:
-            raise InputError(f"starts = {starts} is not legal: give at least 1 initial state per side")
-        if spread is None:
-            spread = float(np.clip(f / (2.0 * max(self.zeta, 1e-3)), 0.5, 3.0))
-        return _sweep.attractors(
-            self.balance(),
-            values,
-            self.setting(f),
-            starts=starts,
-            spread=positive("spread", spread),
-            tol=positive("tol", tol),
-            max_periods=max_periods,
         )
 
     def simulate(
