@@ -40,7 +40,7 @@ from asperity.errors import AsperityError
 
 Array = NDArray[np.float64]
 CLOSE = 1e-2  # relative distance within which two orbits are the same
-STEP = 0.04  # of the Runge-Kutta method, over 1/omega_s
+STEP, COARSE = 0.05, 0.1  # of the Runge-Kutta method, for orbits and for transients, over 1/omega_s
 N, ZETA, FORCING, WINDOW = 1.5, 0.01, 0.05, (0.5, 1.3)
 
 
@@ -55,7 +55,7 @@ class Window:
     at: tuple[float, ...]
 
 
-def random_windows(count: int, seed: int, frequencies: int = 2) -> list[Window]:
+def random_windows(count: int, seed: int, frequencies: int = 1) -> list[Window]:
     """Draw cases: the low end 0.25 to 2, the width 0.05 to 1."""
     random = np.random.default_rng(seed)
     out = []
@@ -118,7 +118,7 @@ def integrate(case: Window, omega: float, y: Array, periods: int, step: float = 
 
 def polished(case: Window, omega: float, y: Array, order: int, step: float = STEP) -> list[tuple[Array, bool]]:
     """Return periodic orbits near the states (2, lanes), as states of one period (order, 2), with their stability."""
-    for _ in range(12):
+    for _ in range(9):
         size = 0.1 + np.abs(y).sum(axis=0)
         h = 1e-6 * size
         near = np.stack([y, y + np.array([h, 0 * h]), y + np.array([0 * h, h])], axis=1)
@@ -131,7 +131,7 @@ def polished(case: Window, omega: float, y: Array, order: int, step: float = STE
         y = y + move * np.minimum(1.0, 0.3 * size / np.maximum(length, 1e-300))
     found: list[tuple[Array, bool]] = []
     radius = np.abs(np.linalg.eigvals(flow)).max(axis=1)
-    for i in np.flatnonzero(length < 1e-7 * size):
+    for i in np.flatnonzero(length < 1e-6 * size):
         path = np.array([y[:, i], *(integrate(case, omega, y[:, i : i + 1], k, step)[:, 0] for k in range(1, order))])
         repeats = order > 1 and not missing([path[1:]], [path[:1]], 1e-4)
         if not repeats and missing([path], [orbit for orbit, _ in found]):
@@ -143,7 +143,7 @@ def reached(case: Window, omega: float, starts: int, random: np.random.Generator
     """Return the orbits of period 1 and 2 near what random states come to, with their stability."""
     spread = min(1.5 * case.forcing / (2.0 * case.zeta) + 2.0 * case.forcing, 4.0)
     y = spread * random.uniform(-1.0, 1.0, (2, starts))
-    y = integrate(case, omega, y, int(np.ceil(3.0 * omega / (2.0 * np.pi * case.zeta))))  # decay to 5 %
+    y = integrate(case, omega, y, int(np.ceil(3.0 * omega / (2.0 * np.pi * case.zeta))), COARSE)  # decay to 5 %
     return [orbit for order in (1, 2) for orbit in polished(case, omega, y, order)]
 
 

@@ -15,7 +15,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from test_response import one_period
 
-from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw, TableLaw, crossing
+from asperity.dynamics import ContactOscillator, FrequencyResponse, PowerLaw, TableLaw, continuation
 from asperity.errors import ConvergenceError
 from asperity.plot import vibration
 
@@ -86,7 +86,7 @@ def test_strong_forcing(window: tuple[float, float]) -> None:
 def test_random_windows() -> None:
     """The benchmark on a few cases: nothing is off that a wide window has, or that random starts come to."""
     random = np.random.default_rng(5)
-    for one in BENCHMARK["random_windows"](4, 7, 1):
+    for one in BENCHMARK["random_windows"](6, 7):
         counts, words = BENCHMARK["compare"](one, BENCHMARK["response"](one, one.omega), 6, random)
         assert counts and not words, words
 
@@ -138,7 +138,7 @@ def test_a_crossing_that_cannot_be_corrected_is_an_error(monkeypatch: pytest.Mon
     def fails(*args: Any, **options: Any) -> None:
         raise ConvergenceError("no convergence in the corrector")
 
-    monkeypatch.setattr(crossing, "locate", fails)
+    monkeypatch.setattr(continuation, "locate", fails)
     with pytest.raises(ConvergenceError, match=r"an orbit at Omega = 0\.9 on branch 0 \(main\) could not be corrected"):
         r.at(0.9)
 
@@ -150,7 +150,7 @@ def test_start_from_rest_ends_on_a_branch() -> None:
     assert len(r.branches) > 1
     frequencies = (0.34, 0.38)
     for omega in frequencies:
-        rest = BENCHMARK["integrate"](case(n, zeta, forcing), omega, np.zeros((2, 1)), 100, 0.1).T
+        rest = BENCHMARK["integrate"](case(n, zeta, forcing), omega, np.zeros((2, 1)), 100, BENCHMARK["COARSE"]).T
         assert not missing([rest], states(tuple(s for s in r.at(omega) if s.stable)), 1e-3)
 
 

@@ -16,12 +16,12 @@ from asperity.dynamics.continuation import (
     Path,
     Point,
     Tracing,
+    crossings,
     in_omega,
     locate,
     start,
     trace,
 )
-from asperity.dynamics.crossing import crossings
 from asperity.dynamics.harmonic_balance import Balance, resize, tail
 from asperity.dynamics.stability import stack, unstack
 from asperity.errors import ConvergenceError
@@ -174,9 +174,9 @@ def detached(
     forward = trace(equations, first, how, closed)
     if forward.end == "closed":
         return forward
-    back = replace(first, t=-first.t, t_parameter=-first.t_parameter)
+    back = first.turned()
     backward = trace(equations, back, how, closed)
-    turned = tuple(replace(p, t=-p.t, t_parameter=-p.t_parameter) for p in reversed(backward.points[1:]))
+    turned = tuple(p.turned() for p in reversed(backward.points[1:]))
     return Path(turned + forward.points, forward.end if backward.end == "window" else backward.end)
 
 

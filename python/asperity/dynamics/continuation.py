@@ -10,10 +10,12 @@ jumping over the resonance (Seydel 2010, chapter 4; Krack & Gross 2019).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from asperity.arrays import Array
 from asperity.dynamics.harmonic_balance import MAX_HARMONICS, Balance, resize, tail
@@ -24,6 +26,8 @@ _NEWTON = 8  # iterations of the corrector
 _NEWTON_RTOL = 3e-6  # relative size of its last step; the remaining error is of the order of the square
 _CUT = 0.35  # of a step that does not converge
 _HMIN = 1e-9  # smallest step along the branch
+_CROSSING_RTOL = 1e-14  # tolerance of the fraction of a segment at which a parameter is crossed
+_NEAR = 1e-4  # largest relative change of an orbit there by the last correction, at fixed parameter
 _LOW = 64  # harmonics solved directly, if there are more than twice as many
 
 
@@ -50,6 +54,10 @@ class Point:
         if self.x.size == 2 * count + 1:
             return self
         return replace(self, x=resize(self.x, count), t=resize(self.t, count))
+
+    def turned(self) -> Point:
+        """Return the same point with the opposite direction."""
+        return replace(self, t=-self.t, t_parameter=-self.t_parameter)
 
 
 @dataclass(frozen=True)
@@ -212,7 +220,7 @@ def start(equations: Equations, x: Array, parameter: float, direction: float, ho
     x, parameter, t, tp = correct(equations, x, parameter, normal, 1.0)
     point = adapt(equations, Point(x, parameter, t, tp, tail(x)), normal, 1.0, how.tol, how.min_harmonics)
     if point.t_parameter * direction < 0:
-        point = replace(point, t=-point.t, t_parameter=-point.t_parameter)
+        point = point.turned()
     return point
 
 
@@ -294,23 +302,25 @@ def newton_rtol(tol: float, smooth: bool = True) -> float:
 
 def between(equations: Equations, a: Point, b: Point, fraction: float, rtol: float = _NEWTON_RTOL) -> Point:
     """Return the point of the branch at a fraction of the way from a to b: cubic Hermite prediction, corrected."""
-    y, chord = _hermite(a, b, fraction)
+    cubic, length = _segment(a, b)
+    y, chord = _value(cubic, fraction), cubic[1:].sum(axis=0) / length
     x, p, t, tp = correct(equations, y[:-1], float(y[-1]), chord[:-1], float(chord[-1]), rtol=rtol)
     return Point(x, p, t, tp, tail(x))
 
 
-def _hermite(a: Point, b: Point, s: float) -> tuple[Array, Array]:
-    """Return the point (x, parameter) of the Hermite cubic at fraction s, and the unit chord."""
+def _segment(a: Point, b: Point) -> tuple[Array, float]:
+    """Return the Hermite cubic of (x, parameter) from a to b, coefficients (4, size), lowest first, and its chord."""
     count = max(a.x.size, b.x.size) // 2
     a, b = a.resized(count), b.resized(count)
-    start, stop = np.append(a.x, a.parameter), np.append(b.x, b.parameter)
-    chord = stop - start
+    first, chord = np.append(a.x, a.parameter), np.append(b.x - a.x, b.parameter - a.parameter)
     length = float(np.sqrt(chord @ chord))
-    h01 = s * s * (3.0 - 2.0 * s)
-    y = start + h01 * chord
-    y += (s * (1 - s) ** 2 * length) * np.append(a.t, a.t_parameter)
-    y += (s * s * (s - 1) * length) * np.append(b.t, b.t_parameter)
-    return y, chord / length
+    out, into = length * np.append(a.t, a.t_parameter), length * np.append(b.t, b.t_parameter)
+    return np.array([first, out, 3.0 * chord - 2.0 * out - into, out + into - 2.0 * chord]), length
+
+
+def _value(cubic: Array, s: float) -> Array:
+    """Return the point of a cubic at the fraction s."""
+    return cubic[0] + s * (cubic[1] + s * (cubic[2] + s * cubic[3]))
 
 
 def locate(
@@ -357,19 +367,15 @@ def locate(
 def predictor(points: Sequence[Point]) -> Callable[[float], tuple[Array, float]]:
     """Return the extrapolation by arc length with the cubic through the last two points and their tangents."""
     here = points[-1]
-    x, t = np.append(here.x, here.parameter), np.append(here.t, here.t_parameter)
-    second, third = np.zeros(x.size), np.zeros(x.size)
+    tangent = np.append(here.t, here.t_parameter)
+    cubic, origin, length = np.array([np.append(here.x, here.parameter), tangent, 0 * tangent, 0 * tangent]), 0.0, 1.0
     if len(points) > 1:
-        last = points[-2].resized(here.x.size // 2)
-        gap = x - np.append(last.x, last.parameter)
-        d = float(np.sqrt(gap @ gap))
-        if d > 1e-12:
-            before = np.append(last.t, last.t_parameter)
-            second = (2.0 * t + before - 3.0 * gap / d) / d
-            third = (t + before - 2.0 * gap / d) / d**2
+        both, chord = _segment(points[-2].resized(here.x.size // 2), here)
+        if chord > 1e-12:
+            cubic, origin, length = both, 1.0, chord
 
     def predict(h: float) -> tuple[Array, float]:
-        y = x + h * (t + h * (second + h * third))
+        y = _value(cubic, origin + h / length)
         return y[:-1], float(y[-1])
 
     return predict
@@ -389,13 +395,73 @@ def _prediction_error(guess: Array, x: Array, before: Array, watch: float) -> fl
 
 def _at_edge(equations: Equations, inside: Point, outside: Point, edge: float, tol: float, min_harmonics: int) -> Point:
     """Return the solution exactly at the edge of the window, between two points."""
-    s = (edge - inside.parameter) / (outside.parameter - inside.parameter)
-    for _ in range(4):  # Newton's method for the crossing of the cubic with the edge
-        slope = (_hermite(inside, outside, s + 1e-4)[0][-1] - _hermite(inside, outside, s - 1e-4)[0][-1]) / 2e-4
-        s = min(max(s + (edge - _hermite(inside, outside, s)[0][-1]) / (slope or 1.0), 0.0), 1.0)
-    guess = _hermite(inside, outside, s)[0][:-1]
+    cubic = _segment(inside, outside)[0]
+    crossing = Polynomial(cubic[:, -1] - [edge, 0.0, 0.0, 0.0])
+    slope, s = crossing.deriv(), (edge - inside.parameter) / (outside.parameter - inside.parameter)
+    for _ in range(4):  # Newton's method
+        s = min(max(s - float(crossing(s)) / (float(slope(s)) or 1.0), 0.0), 1.0)
+    guess = _value(cubic, s)[:-1]
     x, p, t, tp = correct(equations, guess, edge, np.zeros(guess.size), 1.0)
     point = adapt(equations, Point(x, p, t, tp, tail(x)), np.zeros(x.size), 1.0, tol, min_harmonics)
     if float(resize(point.t, inside.t.size // 2) @ inside.t) + point.t_parameter * inside.t_parameter < 0:
-        point = replace(point, t=-point.t, t_parameter=-point.t_parameter)
+        point = point.turned()
     return point
+
+
+def crossings(equations: Equations, points: Iterable[Point], parameter: float) -> Iterator[Point]:
+    """Yield each orbit of a path at exactly this parameter, in order along the path.
+
+    Where the cubic between two points turns back the segment is split, so that each piece has at most one crossing. It
+    is located along the branch, with each trial corrected perpendicular to it, which also works near a fold.
+
+    Args:
+        equations: see `continuation.in_omega`.
+        points: consecutive points of a branch, with tangents oriented along it.
+        parameter: value at which the path is crossed.
+
+    Raises:
+        ConvergenceError: the correction at a crossing of the cubic fails.
+    """
+    last = None
+    for a, b in pairwise(points):
+        last = b
+        if a.parameter == parameter:
+            yield a
+        pieces = [a, *(between(equations, a, b, s) for s in turns(a, b)), b] if _may_cross(a, b, parameter) else []
+        for left, right in pairwise(pieces):
+            f_left, f_right = left.parameter - parameter, right.parameter - parameter
+            if f_left * f_right < 0:
+                p = locate(
+                    equations, left, right, lambda p: p.parameter - parameter, f_left, f_right, xtol=_CROSSING_RTOL
+                )
+                yield _at_parameter(equations, p, parameter)
+    if last is not None and last.parameter == parameter:
+        yield last
+
+
+def turns(a: Point, b: Point) -> list[float]:
+    """Return the fractions of the segment, in order, at which the parameter of the cubic turns back."""
+    _, first, second, third = _segment(a, b)[0][:, -1]
+    root = second * second - 3.0 * third * first
+    if root < 0:
+        return []
+    q = -second - np.copysign(np.sqrt(root), second)  # of 3 third s^2 + 2 second s + first = 0, without cancellation
+    found = {float(x / y) for x, y in ((q, 3.0 * third), (first, q)) if abs(x) < abs(y) and x * y > 0}
+    return sorted(found)
+
+
+def _may_cross(a: Point, b: Point, parameter: float) -> bool:
+    """Return whether the cubic may cross the parameter: its control polygon lies on both sides."""
+    start, first, second, third = _segment(a, b)[0][:, -1]
+    polygon = (start, start + first / 3.0, b.parameter - (3.0 * third + 2.0 * second + first) / 3.0, b.parameter)
+    return min(polygon) <= parameter <= max(polygon)
+
+
+def _at_parameter(equations: Equations, p: Point, parameter: float) -> Point:
+    """Correct the orbit to exactly the parameter, except at a fold, where that system is singular."""
+    try:
+        near = _NEAR * float(np.linalg.norm(p.x))
+        x, _, t, tp = correct(equations, p.x, parameter, np.zeros(p.x.size), 1.0, limit=near)
+    except ConvergenceError:
+        return Point(p.x, parameter, p.t, p.t_parameter, p.error)
+    return Point(x, parameter, t, tp, tail(x))

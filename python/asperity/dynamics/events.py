@@ -22,8 +22,8 @@ from asperity.dynamics.continuation import (
     locate,
     newton_rtol,
     predictor,
+    turns,
 )
-from asperity.dynamics.crossing import turns
 from asperity.dynamics.harmonic_balance import Balance, resize
 from asperity.dynamics.stability import NEGLIGIBLE, Floquet, extrema, floquet, rise, stack
 from asperity.errors import ConvergenceError

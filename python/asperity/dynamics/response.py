@@ -13,8 +13,7 @@ import numpy as np
 
 from asperity.dynamics.branch import Branch, Event, Solution, measure, within_law
 from asperity.dynamics.branch_switching import shifts
-from asperity.dynamics.continuation import Tracing, in_omega
-from asperity.dynamics.crossing import crossings
+from asperity.dynamics.continuation import Tracing, crossings, in_omega
 from asperity.dynamics.dense import Line, dense
 from asperity.dynamics.forcing import Setting
 from asperity.dynamics.harmonic_balance import Balance

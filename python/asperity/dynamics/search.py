@@ -182,7 +182,7 @@ class Search:
         first, last = path.points[0], path.points[-1]
         if order == 1:
             self._lowest = min(self._lowest, first.parameter, last.parameter)
-        ends = [last] if known else [last, replace(first, t=-first.t, t_parameter=-first.t_parameter)]
+        ends = [last] if known else [last, first.turned()]
         self._ends += [
             (kind, order, p) for p in ends if min(abs(p.parameter - edge) for edge in self.how.window) < _AT_EDGE
         ]
