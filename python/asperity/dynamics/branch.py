@@ -6,7 +6,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -206,23 +207,9 @@ def within_law(
             pieces = [slice(int(a), int(e)) for a, e in edges.reshape(-1, 2) if e - a > 1]
         renumber[number] = list(range(len(kept), len(kept) + len(pieces)))
         for piece in pieces:
-            arrays = {
-                name: getattr(b, name)[piece]
-                for name in (
-                    "Omega",
-                    "u_max",
-                    "u_min",
-                    "a1",
-                    "stable",
-                    "radius",
-                    "error",
-                    "det_error",
-                    "harmonics",
-                    "coefficients",
-                    "tangent",
-                    "tangent_omega",
-                    "valid",
-                )
+            columns = {f.name: getattr(b, f.name) for f in fields(b)}
+            arrays: dict[str, Any] = {
+                name: column[piece] for name, column in columns.items() if isinstance(column, np.ndarray)
             }
             kept.append(replace(b, **arrays, end=b.end if inside.all() else "range of the law"))
     if not kept:

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -303,43 +304,48 @@ def newton_rtol(tol: float, smooth: bool = True) -> float:
 def between(equations: Equations, a: Point, b: Point, fraction: float, rtol: float = _NEWTON_RTOL) -> Point:
     """Return the point of the branch at a fraction of the way from a to b: cubic Hermite prediction, corrected."""
     cubic, length = _segment(a, b)
-    y, chord = _value(cubic, fraction), cubic[1:].sum(axis=0) / length
+    y, chord = value(cubic, fraction), cubic[1:].sum(axis=0) / length
     x, p, t, tp = correct(equations, y[:-1], float(y[-1]), chord[:-1], float(chord[-1]), rtol=rtol)
     return Point(x, p, t, tp, tail(x))
 
 
+def hermite(start: Array, chord: Array, out: Array, into: Array) -> Array:
+    """Return the coefficients (4, ...), lowest first, of the cubic over [0, 1] with the given slopes at its ends."""
+    return np.array([start, out, 3.0 * chord - 2.0 * out - into, out + into - 2.0 * chord])
+
+
+def value(cubic: Array, s: Any) -> Array:
+    """Return the value of a cubic at the fraction s."""
+    return np.asarray(cubic[0] + s * (cubic[1] + s * (cubic[2] + s * cubic[3])))
+
+
 def _segment(a: Point, b: Point) -> tuple[Array, float]:
-    """Return the Hermite cubic of (x, parameter) from a to b, coefficients (4, size), lowest first, and its chord."""
+    """Return the cubic of (x, parameter) from a to b and the length of its chord."""
     count = max(a.x.size, b.x.size) // 2
     a, b = a.resized(count), b.resized(count)
-    first, chord = np.append(a.x, a.parameter), np.append(b.x - a.x, b.parameter - a.parameter)
+    chord = np.append(b.x - a.x, b.parameter - a.parameter)
     length = float(np.sqrt(chord @ chord))
     out, into = length * np.append(a.t, a.t_parameter), length * np.append(b.t, b.t_parameter)
-    return np.array([first, out, 3.0 * chord - 2.0 * out - into, out + into - 2.0 * chord]), length
-
-
-def _value(cubic: Array, s: float) -> Array:
-    """Return the point of a cubic at the fraction s."""
-    return cubic[0] + s * (cubic[1] + s * (cubic[2] + s * cubic[3]))
+    return hermite(np.append(a.x, a.parameter), chord, out, into), length
 
 
 def locate(
     equations: Equations,
     a: Point,
     b: Point,
-    value: Callable[[Point], float],
+    at: Callable[[Point], float],
     fa: float,
     fb: float,
     *,
     xtol: float = 1e-6,
     rtol: float = _NEWTON_RTOL,
 ) -> Point:
-    """Find the point between two neighbours where `value` vanishes, by a bracketed secant method.
+    """Find the point between two neighbours where `at` vanishes, by a bracketed secant method.
 
     Args:
         equations: see `in_omega`.
         a, b: neighbours on the branch.
-        value: function of a point, with opposite signs at a and b.
+        at: function of a point, with opposite signs at a and b.
         fa, fb: its values at a and b.
         xtol: change of the fraction that ends the search; convergence is superlinear, so the remaining error is far
             smaller.
@@ -353,7 +359,7 @@ def locate(
         if not left < s < right:
             s = 0.5 * (left + right)
         point = between(equations, a, b, s, rtol)
-        f = value(point)
+        f = at(point)
         old, f_old, new, f_new = new, f_new, s, f
         if f == 0 or abs(new - old) < xtol or right - left < xtol:
             break
@@ -375,7 +381,7 @@ def predictor(points: Sequence[Point]) -> Callable[[float], tuple[Array, float]]
             cubic, origin, length = both, 1.0, chord
 
     def predict(h: float) -> tuple[Array, float]:
-        y = _value(cubic, origin + h / length)
+        y = value(cubic, origin + h / length)
         return y[:-1], float(y[-1])
 
     return predict
@@ -400,7 +406,7 @@ def _at_edge(equations: Equations, inside: Point, outside: Point, edge: float, t
     slope, s = crossing.deriv(), (edge - inside.parameter) / (outside.parameter - inside.parameter)
     for _ in range(4):  # Newton's method
         s = min(max(s - float(crossing(s)) / (float(slope(s)) or 1.0), 0.0), 1.0)
-    guess = _value(cubic, s)[:-1]
+    guess = value(cubic, s)[:-1]
     x, p, t, tp = correct(equations, guess, edge, np.zeros(guess.size), 1.0)
     point = adapt(equations, Point(x, p, t, tp, tail(x)), np.zeros(x.size), 1.0, tol, min_harmonics)
     if float(resize(point.t, inside.t.size // 2) @ inside.t) + point.t_parameter * inside.t_parameter < 0:

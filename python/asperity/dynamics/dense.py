@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from asperity.arrays import Array
 from asperity.dynamics.branch import Branch
+from asperity.dynamics.continuation import hermite, value
 from asperity.dynamics.harmonic_balance import Balance
 from asperity.dynamics.stability import extrema, floquet
 
@@ -49,15 +50,12 @@ class Line:
 def on_cubic(branch: Branch, place: Array) -> tuple[Array, Array]:
     """Return Omega (rows,) and complex coefficients (rows, K + 1) of the cubics at `place`, see `Line`."""
     i = np.minimum(place.astype(int), len(branch) - 2)
-    s = place - i
-    rise = branch.Omega[i + 1] - branch.Omega[i]
-    gap = branch.coefficients[i + 1] - branch.coefficients[i]
-    length = np.sqrt((np.abs(gap) ** 2).sum(axis=1) + rise**2)
-    weight, out, into = s * s * (3.0 - 2.0 * s), s * (1 - s) ** 2 * length, s * s * (s - 1) * length
-    omega = branch.Omega[i] + weight * rise + out * branch.tangent_omega[i] + into * branch.tangent_omega[i + 1]
-    c = branch.coefficients[i] + weight[:, None] * gap
-    c += out[:, None] * branch.tangent[i] + into[:, None] * branch.tangent[i + 1]
-    return omega, c
+    y = np.column_stack([branch.Omega, branch.coefficients])
+    t = np.column_stack([branch.tangent_omega, branch.tangent])
+    chord = y[i + 1] - y[i]
+    length = np.linalg.norm(chord, axis=1)[:, None]
+    found = value(hermite(y[i], chord, length * t[i], length * t[i + 1]), (place - i)[:, None])
+    return found[:, 0].real, found[:, 1:]
 
 
 def dense(balance: Balance, branch: Branch, rtol: float = _RTOL) -> Line:

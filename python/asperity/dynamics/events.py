@@ -6,10 +6,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import suppress
 from itertools import pairwise
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from asperity.arrays import Array
 from asperity.dynamics.branch import Branch, Event, measure
@@ -31,7 +32,11 @@ from asperity.errors import ConvergenceError
 _TOP, _LIMIT, _CHANGE = "largest u_max", "limit of the law", "change of stability"  # points, but not events
 _INSIDE = 1e-7  # relative distance of the last point from the limit of the law
 _STEEP = 0.03  # smallest rate of the parameter along the branch used in errors, which would diverge at a fold
+_TRIALS = 14  # orbits at which a period-doubling tongue between two points is searched
 _CUBIC = 1e-4  # allowed error of the cubic between neighbours, relative to the orbit
+
+
+_Test = tuple[str, Array, Callable[[Point], float]]  # event, quantity that vanishes there at points, and anywhere
 
 
 def locate_events(
@@ -52,67 +57,54 @@ def locate_events(
     """
     points = _refined(equations, path.points, tol)
     multipliers = _multipliers(balance, points)
-    if balance.zeta > 0 and balance.order == 1 and _open_tongues(balance, equations, points, multipliers):
-        multipliers = _multipliers(balance, points)
-    inserted = _located(balance, equations, points, _tests(balance, points, multipliers), tol)
-    if inserted:
-        at = [i + 1 for i, _, _ in inserted]
-        multipliers = multipliers.insert(at, _multipliers(balance, [p for _, _, p in inserted]))
-    for shift, (i, _, p) in enumerate(inserted):
-        points.insert(i + 1 + shift, p)
-    branch = measure(balance, points, kind, path.end, multipliers)
+    if balance.zeta > 0 and balance.order == 1:
+        tongues = _tongues(balance, equations, points, multipliers)
+        points, multipliers = _inserted(balance, points, multipliers, tongues)
+    found = _located(balance, equations, points, _tests(balance, points, multipliers), tol)
+    points, multipliers = _inserted(balance, points, multipliers, [(i, p) for i, _, p in found])
+    b = measure(balance, points, kind, path.end, multipliers)
+    rows = [(name, i + 1 + shift) for shift, (i, name, _) in enumerate(found) if name not in (_TOP, _LIMIT, _CHANGE)]
     events = [
-        _event(branch, number, name, i + 1 + shift)
-        for shift, (i, name, _) in enumerate(inserted)
-        if name not in (_TOP, _LIMIT, _CHANGE)
+        Event(name, number, *(float(column[row]) for column in (b.Omega, b.u_max, b.u_min, b.a1))) for name, row in rows
     ]
-    return branch, events, [p for _, name, p in inserted if name == "period doubling"]
+    return b, events, [p for _, name, p in found if name == "period doubling"]
 
 
-@dataclass(frozen=True)
-class _Test:
-    """Quantity that changes its sign at an event.
-
-    Attributes:
-        name: of the event.
-        values: at the points of a path (points,).
-        at: the quantity at any point.
-    """
-
-    name: str
-    values: Array
-    at: Callable[[Point], float]
+def _inserted(
+    balance: Balance, points: list[Point], multipliers: Floquet, new: list[tuple[int, Point]]
+) -> tuple[list[Point], Floquet]:
+    """Insert points behind the given ones, in order along a path."""
+    if not new:
+        return points, multipliers
+    points = list(points)
+    for shift, (i, p) in enumerate(new):
+        points.insert(i + 1 + shift, p)
+    return points, multipliers.insert([i + 1 for i, _ in new], _multipliers(balance, [p for _, p in new]))
 
 
 def _tests(balance: Balance, points: list[Point], multipliers: Floquet) -> list[_Test]:
     """Return the quantities whose zeros are events, or the maxima of u_max."""
     low, high = balance.restoring.u_range
-    c = stack([p.x for p in points])
-    u_min, u_max = extrema(c)
+    u_min, u_max = extrema(stack([p.x for p in points]))
     fold = np.array([p.t_parameter for p in points])
     if len(points) > 1:  # it also vanishes at the ends of a period-2 branch, which are not folds
         fold[0], fold[-1] = fold[0] or fold[1], fold[-1] or fold[-2]
 
-    def graze(p: Point) -> float:
-        return float(extrema(stack([p.x]))[0][0]) + 1.0
-
     def room(lowest: Array, highest: Array) -> Array:
         return np.minimum(high - highest - _INSIDE * abs(high), lowest - low - _INSIDE)
 
-    def inside(p: Point) -> float:
-        return float(room(*extrema(stack([p.x])))[0])
+    def top(some: list[Point]) -> Array:
+        return rise(stack([p.x for p in some]), stack([p.t for p in some]))
 
-    def doubling(p: Point) -> float:
-        return float(_multipliers(balance, [p]).flip[0])
-
-    def top(p: Point) -> float:
-        return float(rise(stack([p.x]), stack([p.t]))[0])
-
-    tests = [_Test("fold", fold, lambda p: p.t_parameter), _Test("grazing", u_min + 1.0, graze)]
-    tests.append(_Test("period doubling" if balance.zeta > 0 else _CHANGE, multipliers.flip, doubling))
+    doubling = "period doubling" if balance.zeta > 0 else _CHANGE
+    tests: list[_Test] = [
+        ("fold", fold, lambda p: p.t_parameter),
+        ("grazing", u_min + 1.0, lambda p: float(extrema(stack([p.x]))[0][0]) + 1.0),
+        (doubling, multipliers.flip, lambda p: float(_multipliers(balance, [p]).flip[0])),
+        (_TOP, top(points), lambda p: float(top([p])[0])),
+    ]
     if np.isfinite([low, high]).any():
-        tests.append(_Test(_LIMIT, room(u_min, u_max), inside))
-    tests.append(_Test(_TOP, rise(c, stack([p.t for p in points])), top))
+        tests.append((_LIMIT, room(u_min, u_max), lambda p: float(room(*extrema(stack([p.x])))[0])))
     return tests
 
 
@@ -122,27 +114,20 @@ def _located(
     """Return the zeros of the tests in order along a path: the point before, the name, and the zero as a point."""
     search = {"rtol": newton_rtol(tol, not balance.restoring.singular), "xtol": 0.03 * float(np.sqrt(tol))}
     found: list[tuple[int, float, str, Point]] = []
-    for test in tests:
-        values = test.values
+    for name, values, at in tests:
         for i in np.flatnonzero((values[:-1] > 0) != (values[1:] > 0)):
-            if test.name == _TOP and values[i] < 0:  # a minimum of u_max
+            if name == _TOP and values[i] < 0:  # a minimum of u_max
                 continue
             a, b = points[i], points[i + 1]
             try:
-                p = locate(equations, a, b, test.at, values[i], values[i + 1], **search)
+                p = locate(equations, a, b, at, values[i], values[i + 1], **search)
                 p = adapt(equations, p, p.t, p.t_parameter, tol, p.x.size // 2)
             except ConvergenceError:
                 continue
             gap = np.linalg.norm(p.x - resize(a.x, p.x.size // 2)) + abs(p.parameter - a.parameter)
-            found.append((int(i), float(gap), test.name, p))
+            found.append((int(i), float(gap), name, p))
     found.sort(key=lambda item: item[:2])
     return [(i, name, p) for i, _, name, p in found]
-
-
-def _event(branch: Branch, number: int, name: str, row: int) -> Event:
-    """Return the event in a row of a measured branch."""
-    values = (float(column[row]) for column in (branch.Omega, branch.u_max, branch.u_min, branch.a1))
-    return Event(name, number, *values)
 
 
 def _refined(equations: Equations, points: tuple[Point, ...], tol: float) -> list[Point]:
@@ -190,47 +175,33 @@ def _multipliers(balance: Balance, points: list[Point]) -> Floquet:
     return floquet(balance, stack([p.x for p in points]), np.array([p.parameter for p in points]))
 
 
-def _open_tongues(balance: Balance, equations: Equations, points: list[Point], data: Floquet) -> bool:
-    """Insert a point inside each period-doubling tongue narrower than a step; return whether there is one.
+def _tongues(balance: Balance, equations: Equations, points: list[Point], data: Floquet) -> list[tuple[int, Point]]:
+    """Return a point inside each period-doubling tongue narrower than a step, with the number of the point before.
 
     Multipliers near -1 are -rho exp(+-i psi). psi^2 is smooth along the branch, vanishes where they meet on the
-    real axis and is negative in a tongue; its minimum is found by parabolic interpolation.
+    real axis and is negative in a tongue.
     """
     square = _phase_square(data)
-    omega = np.array([p.parameter for p in points])
-    dips = np.flatnonzero((square[1:-1] < square[:-2]) & (square[1:-1] <= square[2:]) & (square[1:-1] < 2.5)) + 1
+    rise = np.sign(np.diff([p.parameter for p in points]))
+    dips = (square[1:-1] < square[:-2]) & (square[1:-1] <= square[2:]) & (square[1:-1] < 2.5) & (rise[1:] == rise[:-1])
     new: list[tuple[int, Point]] = []
-    for i in dips:
-        around = slice(i - 1, i + 2)
-        if (data.flip[around] < 0).any() or not abs(np.sign(np.diff(omega[around])).sum()) == 2:
-            continue
-        x, y = list(omega[around]), list(square[around])
-        for _ in range(5):
-            fit = np.polyfit(np.array(x) - x[1], y, 2)
-            target = x[1] - 0.5 * fit[1] / fit[0] if fit[0] > 0 else x[1]
-            if min(abs(target - value) for value in x) < 1e-6 * abs(omega[i + 1] - omega[i - 1]):
-                break
-            left = i - 1 if (target < omega[i]) == (omega[i - 1] < omega[i]) else i
-            s = (target - omega[left]) / (omega[left + 1] - omega[left])
-            if not 0.0 < s < 1.0:
-                break
-            try:
-                p = between(equations, points[left], points[left + 1], float(s))
-            except ConvergenceError:
-                break
-            f = _multipliers(balance, [p])
-            if f.flip[0] < 0:
-                new.append((left, p))
-                break
-            x.append(p.parameter)
-            y.append(float(_phase_square(f)[0]))
-            best = np.argsort(y)[:3]  # keep the three lowest, ordered along the branch
-            x, y = [x[j] for j in best], [y[j] for j in best]
-            order = np.argsort(x)
-            x, y = [x[j] for j in order], [y[j] for j in order]
-    for shift, (left, p) in enumerate(new):
-        points.insert(left + 1 + shift, p)
-    return bool(new)
+
+    def trial(s: float) -> float:
+        left = int(s)
+        p = between(equations, points[left], points[left + 1], s - left)
+        f = _multipliers(balance, [p])
+        if f.flip[0] < 0:
+            new.append((left, p))
+            raise StopIteration
+        return float(_phase_square(f)[0])
+
+    for i in np.flatnonzero(dips) + 1:
+        if (data.flip[i - 1 : i + 2] > 0).all():
+            with suppress(StopIteration, ConvergenceError):
+                minimize_scalar(
+                    trial, bounds=(i - 1, i + 1), method="bounded", options={"maxiter": _TRIALS, "xatol": 1e-6}
+                )
+    return new
 
 
 def _phase_square(data: Floquet) -> Array:
