@@ -15,7 +15,7 @@ from asperity.arrays import Array
 from asperity.dynamics.continuation import Point
 from asperity.dynamics.harmonic_balance import Balance
 from asperity.dynamics.law.law import EXTRAPOLATE
-from asperity.dynamics.stability import Floquet, extrema, floquet, stack, state_at_phase_zero, unstack
+from asperity.dynamics.stability import Floquet, extrema, stack, state_at_phase_zero, unstack
 from asperity.runtime.display import short_repr
 
 _ROUND_OFF = 1e-15  # relative round-off of the contact force
@@ -140,41 +140,18 @@ class Solution:
         return state_at_phase_zero(self.coefficients, self.Omega, self.order)
 
 
-def measure(
-    balance: Balance, points: Sequence[Point], kind: str, end: str, multipliers: Floquet | None = None
-) -> Branch:
-    """Compute extremes, stability and errors of the points of a branch.
-
-    Args:
-        balance: equations, with the order of the branch.
-        points: corrected points.
-        kind, end: see `Branch`.
-        multipliers: Floquet data of the points, if already known.
-    """
+def measure(balance: Balance, points: Sequence[Point], kind: str, end: str, f: Floquet) -> Branch:
+    """Compute extremes and errors of the corrected points of a branch, with their Floquet data."""
     c = stack([p.x for p in points])
     omega = np.array([p.parameter for p in points])
     u_min, u_max = extrema(c)
-    f = multipliers or floquet(balance, c, omega)
     round_off = _ROUND_OFF / (balance.restoring.n_loc * 0.5 * (u_max - u_min))
     valid = np.ones(omega.size, bool) if balance.restoring.contact else u_min >= -1.0
     return Branch(
-        kind,
-        balance.order,
-        omega,
-        u_max,
-        u_min,
-        np.abs(c[:, balance.order]),
-        f.stable,
-        f.radius,
-        np.maximum([p.error for p in points], round_off),
-        f.error,
-        np.array([p.x.size // 2 for p in points]),
-        c,
-        stack([p.t for p in points]),
-        np.array([p.t_parameter for p in points]),
-        valid,
-        end,
-    )
+        kind, balance.order, omega, u_max, u_min, np.abs(c[:, balance.order]), f.stable, f.radius,
+        np.maximum([p.error for p in points], round_off), f.error, np.array([p.x.size // 2 for p in points]),
+        c, stack([p.t for p in points]), np.array([p.t_parameter for p in points]), valid, end,
+    )  # fmt: skip
 
 
 def within_law(

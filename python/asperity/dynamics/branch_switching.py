@@ -29,21 +29,14 @@ from asperity.errors import ConvergenceError
 _SAME = 1e-3  # relative distance below which two orbits are identical
 
 
-def subharmonic(
-    balance: Balance,
-    forcing: float,
-    flip: Point,
-    how: Tracing,
-    others: Sequence[Point],
-) -> Path | None:
+def subharmonic(balance: Balance, forcing: float, flip: Point, how: Tracing, others: Sequence[Point]) -> Path | None:
     """Trace the branch of twice the period from a period doubling until it leaves the window or ends at another one.
 
     Args:
         balance: equations, with the order of the branch that doubles its period.
         forcing: F^.
-        flip: the period doubling, a point of that order.
+        flip, others: the period doubling, and the others of that order.
         how: window, accuracy and limits for order 1.
-        others: the other period doublings of that order.
 
     Returns:
         The path of twice the order; None if it has fewer than 3 points.
@@ -119,22 +112,9 @@ def _single(p: Point, odd: Array) -> Point:
 
 
 def detached(
-    balance: Balance,
-    forcing: float,
-    x: Array,
-    omega: float,
-    how: Tracing,
-    paths: list[tuple[str, int, Path]],
+    balance: Balance, forcing: float, x: Array, omega: float, how: Tracing, paths: list[tuple[str, int, Path]]
 ) -> Path | None:
-    """Trace the branch through a given orbit in both directions, unless one of the paths contains it.
-
-    Args:
-        balance: equations, with the order of the orbit.
-        forcing: F^.
-        x: its coefficients (2 K + 1).
-        omega: its Omega.
-        how: window, accuracy and limits for order 1.
-        paths: kind, order and path of each branch traced so far.
+    """Trace the branch through an orbit x (2 K + 1) in both directions, unless one of the paths contains it.
 
     Returns:
         The path; None if it is already known or its true period is shorter.
@@ -144,7 +124,7 @@ def detached(
     """
     equations, order = in_omega(balance, forcing), balance.order
     how = replace(how, min_harmonics=order * MIN_HARMONICS)
-    first = start(equations, balance.correct(x, omega, forcing), omega, 1.0, how)
+    first = start(equations, x, omega, 1.0, how)
     c = stack([first.x])[0]
     if order > 1 and np.abs(np.delete(c, slice(None, None, order))).max() < 1e-3 * np.abs(c).max():
         return None  # its true period is shorter
@@ -184,10 +164,14 @@ def is_same(a: Point, b: Point, order: int) -> bool:
     """Return whether two points are one orbit, up to a shift by whole forcing periods."""
     if abs(a.parameter - b.parameter) > 1e-9:
         return False
-    count = max(a.x.size, b.x.size) // 2
-    one, other = stack([resize(a.x, count), resize(b.x, count)])
-    gap = np.abs(one - shifts(other, order)).max(axis=1).min()
-    return bool(gap < max(_SAME, 10.0 * max(a.error, b.error)) * np.abs(one).max())
+    gap = distance(stack([a.x])[0], stack([b.x])[0], order)
+    return gap < max(_SAME, 10.0 * max(a.error, b.error))
+
+
+def distance(a: Array, b: Array, order: int) -> float:
+    """Return the relative distance of two orbits of complex coefficients, up to a shift by whole forcing periods."""
+    count = min(a.size, b.size)
+    return float(np.abs(a[:count] - shifts(b[:count], order)).max(axis=1).min() / np.abs(b).max())
 
 
 def shifts(c: Array, order: int) -> Array:

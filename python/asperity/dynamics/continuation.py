@@ -71,25 +71,15 @@ class Path:
 
 @dataclass(frozen=True)
 class Tracing:
-    """How branches are traced.
+    """How branches are traced."""
 
-    Attributes:
-        window: lowest and highest parameter.
-        tol: relative truncation error allowed.
-        zeta: damping ratio; it determines how small a harmonic may be and still indicate a resonance.
-        max_step: longest step in the parameter.
-        min_harmonics: smallest number of harmonics.
-        max_points: work after which a path ends with "too much work"; points of many harmonics count more.
-        smooth: whether Newton's method converges quadratically (the stiffness is bounded).
-    """
-
-    window: tuple[float, float]
-    tol: float
-    zeta: float
-    max_step: float
+    window: tuple[float, float]  # of the parameter
+    tol: float  # relative truncation error allowed
+    zeta: float  # determines how small a harmonic may be and still indicate a resonance
+    max_step: float  # in the parameter
     min_harmonics: int = MIN_HARMONICS
-    max_points: int = 3000
-    smooth: bool = True
+    max_points: int = 3000  # work after which a path ends; points of many harmonics count more
+    smooth: bool = True  # whether Newton's method converges quadratically (the stiffness is bounded)
 
 
 Equations = Callable[[Array, float], tuple[Array, Array, Array]]
@@ -122,16 +112,9 @@ def correct(
     limit: float = np.inf,
     rtol: float = _NEWTON_RTOL,
 ) -> tuple[Array, float, Array, float]:
-    """Correct a point by Newton's method in the plane through it with the given normal.
+    """Correct a guess (x, parameter) by Newton's method in the plane through it with the given normal.
 
     The iteration ends with a step below `rtol`, relative to x; the remaining error is of the order of its square.
-
-    Args:
-        equations: see `in_omega`.
-        x, parameter: guess.
-        normal, normal_p: normal of the plane, in x and in the parameter.
-        limit: largest sum of all steps.
-        rtol: relative size of the last step.
 
     Returns:
         x, parameter, and the unit tangent of the branch in both, oriented along the normal.
@@ -192,14 +175,9 @@ def _solve_bordered(matrix: Array, rhs: Array) -> Array:
 
 
 def adapt(equations: Equations, point: Point, normal: Array, normal_p: float, tol: float, min_harmonics: int) -> Point:
-    """Raise the number of harmonics of a corrected point until its truncation estimate is below `tol`.
+    """Raise the number of harmonics of a corrected point until its truncation estimate is below `tol`, or lower it.
 
-    Args:
-        equations: see `in_omega`.
-        point: a corrected point.
-        normal, normal_p: plane in which the point is corrected again.
-        tol: relative truncation error allowed.
-        min_harmonics: smallest number of harmonics, used again where the estimate allows.
+    The point is corrected again in the plane with the given normal.
     """
     count = point.x.size // 2
     while point.error > tol and count < MAX_HARMONICS:
@@ -228,13 +206,9 @@ def start(equations: Equations, x: Array, parameter: float, direction: float, ho
 def trace(
     equations: Equations, first: Point, how: Tracing, stop: Callable[[list[Point]], str | None] | None = None
 ) -> Path:
-    """Trace the branch through `first` until it leaves the window of the parameter.
+    """Trace the branch along the tangent of `first` until it leaves the window of the parameter.
 
-    Args:
-        equations: see `in_omega`.
-        first: starting point; its tangent gives the direction.
-        how: window, accuracy and limits.
-        stop: called with the points so far after each step; a non-empty string ends the path for that reason.
+    After each step `stop` is called with the points so far; a non-empty string ends the path for that reason.
     """
     (low, high), max_step, least = how.window, how.max_step, how.min_harmonics
     points = [first]
@@ -340,16 +314,10 @@ def locate(
     xtol: float = 1e-6,
     rtol: float = _NEWTON_RTOL,
 ) -> Point:
-    """Find the point between two neighbours where `at` vanishes, by a bracketed secant method.
+    """Find the point between neighbours a and b where `at` vanishes, by a bracketed secant method.
 
-    Args:
-        equations: see `in_omega`.
-        a, b: neighbours on the branch.
-        at: function of a point, with opposite signs at a and b.
-        fa, fb: its values at a and b.
-        xtol: change of the fraction that ends the search; convergence is superlinear, so the remaining error is far
-            smaller.
-        rtol: see `correct`.
+    `at` has the values fa and fb, of opposite signs, at a and b. A change of the fraction below `xtol` ends the search;
+    convergence is superlinear, so the remaining error is far smaller.
     """
     left, right = 0.0, 1.0
     old, f_old, new, f_new = 0.0, fa, 1.0, fb
@@ -419,11 +387,6 @@ def crossings(equations: Equations, points: Iterable[Point], parameter: float) -
 
     Where the cubic between two points turns back the segment is split, so that each piece has at most one crossing. It
     is located along the branch, with each trial corrected perpendicular to it, which also works near a fold.
-
-    Args:
-        equations: see `continuation.in_omega`.
-        points: consecutive points of a branch, with tangents oriented along it.
-        parameter: value at which the path is crossed.
 
     Raises:
         ConvergenceError: the correction at a crossing of the cubic fails.

@@ -14,17 +14,7 @@ from scipy.optimize import minimize_scalar
 
 from asperity.arrays import Array
 from asperity.dynamics.branch import Branch, Event, measure
-from asperity.dynamics.continuation import (
-    Equations,
-    Path,
-    Point,
-    adapt,
-    between,
-    locate,
-    newton_rtol,
-    predictor,
-    turns,
-)
+from asperity.dynamics.continuation import Equations, Path, Point, adapt, between, locate, newton_rtol, predictor, turns
 from asperity.dynamics.harmonic_balance import Balance, resize
 from asperity.dynamics.stability import NEGLIGIBLE, Floquet, extrema, floquet, rise, stack
 from asperity.errors import ConvergenceError
@@ -42,15 +32,7 @@ _Test = tuple[str, Array, Callable[[Point], float]]  # event, quantity that vani
 def locate_events(
     balance: Balance, equations: Equations, path: Path, kind: str, number: int, tol: float
 ) -> tuple[Branch, list[Event], list[Point]]:
-    """Insert the events and the maxima of u_max into a path and measure every point.
-
-    Args:
-        balance: equations, with the order of the path.
-        equations: the same at fixed forcing, see `in_omega`.
-        path: the traced path.
-        kind: see `Branch`.
-        number: index of the branch in the response.
-        tol: relative truncation error allowed.
+    """Insert the events and the maxima of u_max into a path, the branch `number` of a response, and measure it.
 
     Returns:
         The branch, its events, and its period doublings as points.

@@ -148,11 +148,6 @@ def contact_limit(restoring: Restoring) -> float:
 def free_orbit(restoring: Restoring, u0: float, damping: Damping = "always") -> FreeOrbit:
     """Compute the orbit released from rest at `u0`, to 1e-12 where the law is smooth.
 
-    Args:
-        restoring: normal form of the law.
-        u0: release displacement over z_s, > 0 (compression).
-        damping: damping model of the dissipation.
-
     Raises:
         InputError: u0 is not positive.
         RangeError: the orbit leaves a table, or passes the rim of a Taylor well.
@@ -171,15 +166,9 @@ def free_orbit(restoring: Restoring, u0: float, damping: Damping = "always") -> 
         )
     a1 = float(_harmonics(half, np.array([1]))[0])
     return FreeOrbit(
-        u0,
-        half.u_min,
-        2.0 * np.pi / half.period,
-        a1,
-        half.v_s,
-        2.0 * half.flight / half.period,
-        _dissipation(restoring, half, damping),
-        max(half.error, 1e-15),
-    )
+        u0, half.u_min, 2.0 * np.pi / half.period, a1, half.v_s, 2.0 * half.flight / half.period,
+        _dissipation(restoring, half, damping), max(half.error, 1e-15),
+    )  # fmt: skip
 
 
 def rough_orbit(restoring: Restoring, u0: float, damping: Damping) -> tuple[float, float, float]:
@@ -264,16 +253,9 @@ def free_vibration(
     """Compute the natural frequency at each release amplitude; see `free_orbit`."""
     orbits = tuple(free_orbit(restoring, u, damping) for u in positives("u0", amplitudes))
     valid = tuple(restoring.contact or o.u_min >= -1.0 for o in orbits)
-    return FreeVibration(
-        model,
-        restoring.law.describe(),
-        restoring.n_loc,
-        restoring.kappa,
-        omega_s,
-        orbits,
-        valid,
-        max(o.error for o in orbits),
-    )
+    error = max(o.error for o in orbits)
+    law = restoring.law.describe()
+    return FreeVibration(model, law, restoring.n_loc, restoring.kappa, omega_s, orbits, valid, error)
 
 
 def _turning_point(restoring: Restoring, u0: float) -> tuple[float, float]:

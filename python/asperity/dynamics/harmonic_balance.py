@@ -21,12 +21,10 @@ from scipy.special import roots_legendre
 
 from asperity.arrays import Array
 from asperity.dynamics.equation import Equation, primitive, rate
-from asperity.errors import ConvergenceError
 
 MAX_HARMONICS = 640
 _GRID = 8  # uniform samples per harmonic
 _TABULATED = 64  # largest number of harmonics whose basis on the uniform grid is cached
-_ROUND_OFF = 1e-11  # Newton steps of u below this that no longer shrink are round-off of the force
 _NEAR = 0.02  # distance from contact loss within which the integrals are split there
 
 
@@ -86,33 +84,6 @@ class Balance(Equation):
             d_omega[cos] += loss_cos / omega
             d_omega[sin] += loss_sin / omega
         return residual, jacobian, d_omega
-
-    def correct(self, x: Array, omega: float, forcing: float, *, rtol: float = 1e-10, steps: int = 25) -> Array:
-        """Solve the balance at fixed Omega by a damped Newton iteration from `x` (2 K + 1).
-
-        Raises:
-            ConvergenceError: no convergence in `steps` iterations.
-        """
-        residual, jacobian, _ = self.evaluate(x, omega, forcing)
-        before = np.inf
-        for _ in range(steps):
-            step = np.linalg.solve(jacobian, residual)
-            factor, norm = 1.0, np.abs(residual).max()
-            size = np.abs(step).max()
-            scale = np.abs(x).max() + 1e-12
-            if size > scale:  # limit the step to the size of the orbit
-                factor = scale / size
-            while True:
-                trial = x - factor * step
-                residual, jacobian, _ = self.evaluate(trial, omega, forcing)
-                if np.abs(residual).max() < 2.0 * norm or factor < 0.05:
-                    break
-                factor *= 0.5
-            x = trial
-            if size <= rtol * scale or 0.25 * before < size < _ROUND_OFF:
-                return x
-            before = size
-        raise ConvergenceError(f"harmonic balance did not converge at Omega = {omega:g}, F^ = {forcing:g}")
 
     def _rest(self) -> float:
         """Return the damping primitive in flight."""

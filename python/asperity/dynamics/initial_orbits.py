@@ -6,13 +6,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
-from asperity.dynamics.continuation import MIN_HARMONICS, Tracing, in_forcing, start, trace
+from asperity.dynamics.continuation import MIN_HARMONICS, Tracing, correct, in_forcing, in_omega, start, trace
 from asperity.dynamics.equation import Equation
 from asperity.dynamics.free import orbit_coefficients, rough_orbit
 from asperity.dynamics.harmonic_balance import Balance
@@ -23,6 +24,7 @@ _POINTS = 16  # amplitudes on the backbone; a chart of 12 finds the same loops o
 _AMPLITUDES = (1e-3, 300.0)  # of free orbits: below they are linear, above the mass flies all the time
 _SMALLEST = 0.05  # of them in the chart
 _MOST_LOST = 2.0  # of `Chart.lost` with orbits of period 2: up to 1.1 in 250 random windows
+_LINEAR, _FAINT = 0.3, 0.02  # amplitudes up to which, and at which, an orbit from rest starts as the linear response
 _SINGULAR = 1e-9  # impedance below which there is no linear response to start from
 
 
@@ -35,23 +37,18 @@ def orbit_from_rest(balance: Balance, omega: float, forcing: float, tol: float) 
     impedance = complex(1.0 - omega * omega, 2.0 * balance.zeta * omega)
     if abs(impedance) < _SINGULAR:
         raise ConvergenceError(f"no orbit found from rest at Omega = {omega:g}, the resonance without damping")
-    transfer = 1.0 / impedance
-    first = min(forcing, 0.02 / abs(transfer))
+    transfer, equations = 1.0 / impedance, in_forcing(balance, omega)
+    first = forcing if forcing * abs(transfer) < _LINEAR else _FAINT / abs(transfer)
     x: Array = np.zeros(2 * MIN_HARMONICS + 1)
     x[1], x[MIN_HARMONICS + 1] = first * transfer.real, -first * transfer.imag
-    x = balance.correct(x, omega, first)
-    if first == forcing:
-        return x
-    if forcing * abs(transfer) < 0.3:  # nearly linear: Newton's method needs no continuation
-        direct = balance.correct(x * (forcing / first), omega, forcing)
-        if np.linalg.norm(direct - x * (forcing / first)) < 0.2 * np.linalg.norm(direct):
-            return direct
-    equations = in_forcing(balance, omega)
     how = Tracing((0.0, forcing), tol, balance.zeta, 0.5 * forcing)
-    path = trace(equations, start(equations, x, first, 1.0, how), how)
-    if path.end != "window" or path.points[-1].parameter < 0.5 * forcing:
-        raise ConvergenceError(f"no orbit found from rest at Omega = {omega:g}, F^ = {forcing:g}")
-    return path.points[-1].x
+    point = start(equations, x, first, 1.0, how)
+    if first < forcing:
+        path = trace(equations, point, how)
+        point = path.points[-1]
+        if path.end != "window" or point.parameter < 0.5 * forcing:
+            raise ConvergenceError(f"no orbit found from rest at Omega = {omega:g}, F^ = {forcing:g}")
+    return point.x
 
 
 @dataclass(frozen=True)
@@ -115,7 +112,7 @@ def subharmonic_orbits(
     At the amplitudes where the loss takes the smallest share of the work, an orbit is guessed for both phases that
     balance the loss. It may lie on a loop that no period doubling leads to.
     """
-    double, k = replace(balance, order=2), np.arange(1, 25)
+    equations, k = in_omega(replace(balance, order=2), forcing), np.arange(1, 25)
     inside = np.flatnonzero((2.0 * chart.frequency > window[0]) & (2.0 * chart.frequency < window[1]))
     need = np.abs([np.inf, *chart.lost[inside], np.inf])
     for i in inside[(need[1:-1] < 1.0) & (need[1:-1] < need[:-2]) & (need[1:-1] <= need[2:])]:
@@ -124,9 +121,5 @@ def subharmonic_orbits(
             y = x.copy()
             y[1:25], y[25:] = x[1:25] * np.cos(k * psi), x[1:25] * np.sin(k * psi)
             y[2] += forcing / (1.0 - omega * omega)
-            try:
-                corrected = double.correct(y, omega, forcing)
-            except (ConvergenceError, np.linalg.LinAlgError):  # a guess, no known orbit
-                continue
-            if np.linalg.norm(corrected - y) < 0.5 * np.linalg.norm(y):
-                yield corrected, omega
+            with suppress(ConvergenceError):  # a guess, no known orbit
+                yield correct(equations, y, omega, np.zeros(49), 1.0, limit=0.5 * float(np.linalg.norm(y)))[0], omega

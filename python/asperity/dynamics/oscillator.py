@@ -112,8 +112,7 @@ class ContactOscillator:
     @property
     def omega_s(self) -> float:
         """Natural frequency of small motion sqrt(n_loc g/z_s) (rad/time); NaN without gravity."""
-        gravity = np.nan if self.gravity is None else self.gravity
-        return float(np.sqrt(self.restoring.n_loc * gravity / self.restoring.z_s))
+        return float(np.sqrt(self.restoring.scale / self.restoring.z_s / self.mass))
 
     @property
     def u_max(self) -> float:
@@ -122,8 +121,7 @@ class ContactOscillator:
 
     def taylor(self) -> ContactOscillator:
         """Return the same oscillator with its law truncated after the cubic term."""
-        law = TaylorLaw.about(self.law, self.restoring.load)
-        return replace(self, law=law, load=self.restoring.load)
+        return replace(self, law=TaylorLaw.about(self.law, self.restoring.load), load=self.restoring.load)
 
     def free(self, u0: ArrayLike | None = None) -> FreeVibration:
         """Compute the natural frequency over the release amplitude, to 1e-12 for smooth laws.
@@ -136,8 +134,9 @@ class ContactOscillator:
             RangeError: an orbit leaves the table, or passes the rim of the Taylor well.
         """
         if u0 is None:
-            limit = contact_limit(self.restoring)
-            top = min(1.5 * limit if np.isfinite(limit) else 1.5, _thresholds.largest_amplitude(self.restoring))
+            top = min(
+                1.5 * self.u_max if np.isfinite(self.u_max) else 1.5, _thresholds.largest_amplitude(self.restoring)
+            )
             u0 = np.linspace(top / 120, top, 120)
         return free_vibration(self.restoring, u0, model=self.model, omega_s=self.omega_s, damping=self.damping)
 
@@ -148,9 +147,9 @@ class ContactOscillator:
             u_max: largest amplitude; default 3 times the largest that keeps contact.
             points: number of amplitudes.
         """
-        limit = contact_limit(self.restoring)
         if points < 1:
             raise InputError(f"points = {points} is not legal: a backbone needs at least 1")
+        limit = self.u_max
         top = positive("u_max", u_max) if u_max is not None else (3 * limit if np.isfinite(limit) else 2.0)
         top = min(top, _thresholds.largest_amplitude(self.restoring))
         amplitudes = np.linspace(top / points, top, points)
@@ -159,13 +158,9 @@ class ContactOscillator:
 
     def thresholds(self, forcing: float | Iterable[float] = ()) -> Thresholds:
         """Compute the onsets of contact loss, hysteresis and period doubling, and the peak for each F^ in `forcing`."""
-        none = isinstance(forcing, Sequence) and not forcing
+        values = () if isinstance(forcing, Sequence) and not forcing else forcings(forcing)
         return _thresholds.thresholds(
-            self.restoring,
-            model=self.model,
-            zeta=self.zeta,
-            damping=self.damping,
-            forcing=() if none else forcings(forcing),
+            self.restoring, model=self.model, zeta=self.zeta, damping=self.damping, forcing=values
         )
 
     def response(
@@ -226,23 +221,19 @@ class ContactOscillator:
             InputError: an argument is not legal, or zeta is below 1e-4.
             RangeError: the motion leaves a table.
         """
-        values = forcings(forcing)
-        self._check_settles()
-        for d in directions:
-            if d not in ("up", "down"):
-                raise InputError(f'direction = "{d}" is unknown: choose "up" or "down"')
-        ends = window(omega)
+        if self.zeta < MIN_ZETA:
+            raise InputError(
+                f"zeta = {self.zeta:g} is not legal for motion that must settle: it must be at least {MIN_ZETA:g}; "
+                "response accepts any"
+            )
+        if unknown := set(directions) - {"up", "down"}:
+            raise InputError(f'direction = "{min(unknown)}" is unknown: choose "up" or "down"')
         if points < 2:
             raise InputError(f"points = {points} is not legal: a sweep needs at least 2")
         return _sweep.sweep(
-            self.balance(),
-            [self.setting(f) for f in values],
-            np.linspace(*ends, points),
-            directions=tuple(directions),
-            tol=positive("tol", tol),
-            max_periods=max_periods,
-            steps=steps,
-        )
+            self.balance(), [self.setting(f) for f in forcings(forcing)], np.linspace(*window(omega), points),
+            directions=tuple(directions), tol=positive("tol", tol), max_periods=max_periods, steps=steps
+        )  # fmt: skip
 
     def simulate(
         self,
@@ -275,27 +266,14 @@ class ContactOscillator:
         for name, value in (("u", u), ("v", v)):
             if not np.isfinite(value):
                 raise InputError(f"{name} = {value} is not legal: the initial state must be finite")
-        duration = positive("periods", periods) * 2.0 * np.pi / w
+        period = 2.0 * np.pi / w
         path = integrate(
-            self.balance(),
-            w,
-            f,
-            float(u),
-            float(v),
-            duration,
-            rtol=positive("rtol", rtol),
-            samples=samples * w / (2.0 * np.pi),
-        )
+            self.balance(), w, f, float(u), float(v), positive("periods", periods) * period,
+            rtol=positive("rtol", rtol), samples=samples / period
+        )  # fmt: skip
         low = float(path.u.min())
         self.restoring.check_range(low, float(path.u.max()))
         return replace(path, setting=self.setting(f), tolerance=rtol, valid=self.restoring.contact or low >= -1.0)
-
-    def _check_settles(self) -> None:
-        if self.zeta < MIN_ZETA:
-            raise InputError(
-                f"zeta = {self.zeta:g} is not legal for motion that must settle: it must be at least {MIN_ZETA:g}; "
-                "response accepts any"
-            )
 
     def balance(self) -> Balance:
         """Return the equations of the harmonic balance."""
@@ -303,6 +281,5 @@ class ContactOscillator:
 
     def setting(self, forcing: float) -> Setting:
         """Return law, damping and forcing of a result for F^ = `forcing`."""
-        return Setting(
-            self.model, self.law.describe(), self.restoring.n_loc, self.zeta, str(self.damping), float(forcing)
-        )
+        r = self.restoring
+        return Setting(self.model, self.law.describe(), r.n_loc, self.zeta, str(self.damping), float(forcing))

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from asperity.dynamics.branch import Branch, Event, Solution, measure, within_law
-from asperity.dynamics.branch_switching import shifts
+from asperity.dynamics.branch_switching import distance
 from asperity.dynamics.continuation import Tracing, crossings, in_omega
 from asperity.dynamics.dense import Line, dense
 from asperity.dynamics.forcing import Setting
@@ -101,19 +101,16 @@ class FrequencyResponse:
             data = measure(balance, points, branch.kind, "", multipliers)
             for i, point in enumerate(points):
                 s = Solution(
-                    number,
-                    branch.kind,
-                    branch.order,
-                    omega,
-                    float(data.u_max[i]),
-                    float(data.u_min[i]),
-                    float(data.a1[i]),
-                    bool(data.stable[i]),
-                    point.error,
-                    data.coefficients[i],
-                )
+                    number, branch.kind, branch.order, omega,
+                    float(data.u_max[i]), float(data.u_min[i]), float(data.a1[i]),
+                    bool(data.stable[i]), point.error, data.coefficients[i],
+                )  # fmt: skip
                 sense = bool(multipliers.fold[i] > 0)  # differs on the two sides of a fold, however close
-                if not any(sense == other and _same(s, o) for other, o in zip(senses, found, strict=True)):
+                if not any(
+                    sense == other and s.order == o.order
+                    and distance(s.coefficients, o.coefficients, s.order) < _SAME + 10.0 * max(s.error, o.error)
+                    for other, o in zip(senses, found, strict=True)
+                ):  # fmt: skip
                     found.append(s)
                     senses.append(sense)
         return tuple(sorted(found, key=lambda solution: solution.u_max))
@@ -130,27 +127,10 @@ class FrequencyResponse:
                 line.Omega, line.u_max, line.u_min, line.a1, line.phase, line.stable, strict=True
             ):
                 yield {
-                    "model": s.model,
-                    "F_hat": s.F_hat,
-                    "zeta": s.zeta,
-                    "Omega": float(omega),
-                    "u_max": float(u_max),
-                    "u_min": float(u_min),
-                    "a1": float(a1),
-                    "stable": bool(stable),
-                    "branch": branch.kind,
-                    "contact_loss": bool(u_min < -1.0),
-                    "phase": float(phase),
-                }
-
-
-def _same(a: Solution, b: Solution) -> bool:
-    """Return whether two orbits are identical up to a shift by whole forcing periods."""
-    if a.order != b.order:
-        return False
-    count = min(a.coefficients.size, b.coefficients.size)
-    gap = np.abs(a.coefficients[:count] - shifts(b.coefficients[:count], b.order)).max(axis=1).min()
-    return bool(gap < (_SAME + 10.0 * max(a.error, b.error)) * np.abs(b.coefficients).max())
+                    "model": s.model, "F_hat": s.F_hat, "zeta": s.zeta, "Omega": float(omega), "u_max": float(u_max),
+                    "u_min": float(u_min), "a1": float(a1), "stable": bool(stable), "branch": branch.kind,
+                    "contact_loss": bool(u_min < -1.0), "phase": float(phase),
+                }  # fmt: skip
 
 
 def frequency_response(
@@ -163,15 +143,10 @@ def frequency_response(
     starts: int = STARTS,
     max_points: int = 3000,
 ) -> FrequencyResponse:
-    """Trace every branch reached from rest, from the backbone and from given orbits.
+    """Compute all branches in a window; arguments as in `ContactOscillator.response`.
 
     Args:
-        balance: equations of order 1.
-        setting: law, damping and forcing.
-        omega: lowest and highest Omega.
-        tol: allowed truncation error, relative to the amplitude.
-        subharmonics: also trace branches of period 2 and 4 from period doublings.
-        starts: number of starts of the search by integration for orbits on no branch.
+        starts: number of starts of the search on the period map for orbits on no branch.
         max_points: limit of the work per branch, see `continuation.Tracing`.
 
     Raises:
@@ -185,17 +160,10 @@ def frequency_response(
     search.run()
     branches, events, limits = within_law(balance, search.branches, search.events)
     return FrequencyResponse(
-        setting,
-        (low, high),
-        tuple(branches),
-        tuple(events),
-        max(float(b.error.max()) for b in branches),
-        max(float(b.det_error.max()) for b in branches),
-        all(bool(b.valid.all()) for b in branches),
-        (*search.notes, *limits, *_limitations(branches)),
-        search.describe(),
-        balance,
-    )
+        setting, omega, tuple(branches), tuple(events), max(float(b.error.max()) for b in branches),
+        max(float(b.det_error.max()) for b in branches), all(bool(b.valid.all()) for b in branches),
+        (*search.notes, *limits, *_limitations(branches)), search.describe(), balance,
+    )  # fmt: skip
 
 
 def _limitations(branches: Sequence[Branch]) -> Iterator[str]:

@@ -31,9 +31,9 @@ _LONGEST = 4  # longest period of branches from period doublings, in forcing per
 _OUTSIDE = 1e-3  # truncation error allowed outside the window
 _OF_DAMPING = 0.03  # the same over zeta: a larger error of the forces passes the peak of a resonance by
 _BEYOND = 1.2  # frequency over that of a resonance, beyond which the orbit is unique
-_BELOW = 0.7  # lowest frequency outside the window, over its low end
+_BELOW = 0.5  # lowest frequency outside the window, over its low end
 _AT_EDGE = 1e-9  # distance of a point from the edge at which its branch ends
-_STRIDE = 0.1  # longest step outside the window, over the frequency
+_STRIDE = 0.03  # longest step outside the window, over the frequency
 
 
 class Search:
@@ -102,7 +102,7 @@ class Search:
         """Return the orders of orbits that may be on branches that no other one leads to."""
         if not self.starts:
             return []
-        needed = {1: not self.alone, 2: self.chart.may_double(self.how.window)}
+        needed = {1: not self.alone, 2: not self.alone or self.chart.may_double(self.how.window)}
         return [order for order in self.orders if needed[order]]
 
     def describe(self) -> str:
@@ -142,7 +142,7 @@ class Search:
         return replace(
             self.how, window=(below, low) if omega <= low else (high, above), max_step=_STRIDE * omega,
             tol=max(self.how.tol, min(_OUTSIDE, _OF_DAMPING * self.balance.zeta)),
-            min_harmonics=order * MIN_HARMONICS, max_points=self.how.max_points // 10,
+            min_harmonics=order * MIN_HARMONICS, max_points=self.how.max_points // 10
         )  # fmt: skip
 
     def _follow(self, kind: str, order: int, point: Point) -> None:

@@ -14,7 +14,7 @@ exp(-4 pi zeta p / Omega); the deviation measures the accuracy at each point.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -48,12 +48,7 @@ class Floquet:
 
     def insert(self, at: list[int], other: Floquet) -> Floquet:
         """Return the batch with the orbits of another one inserted before the positions `at`."""
-        return Floquet(
-            *(
-                np.insert(getattr(self, name), at, getattr(other, name))
-                for name in ("trace", "determinant", "radius", "error")
-            )
-        )
+        return Floquet(*(np.insert(getattr(self, f.name), at, getattr(other, f.name)) for f in fields(self)))
 
     @property
     def stable(self) -> Array:
@@ -134,13 +129,9 @@ def _turn(c: Array, u: Array, sign: float) -> tuple[Array, Array]:
 
 
 def floquet(balance: Balance, c: Array, omega: Array, points: int | None = None) -> Floquet:
-    """Compute the Floquet multipliers of the orbits with coefficients `c` at frequencies `omega`.
+    """Compute the Floquet multipliers of the orbits with coefficients `c` (see `stack`) at frequencies `omega`.
 
-    Args:
-        balance: equations that the orbits solve.
-        c: complex coefficients (orbits, harmonics + 1), see `stack`.
-        omega: Omega of each orbit (orbits,).
-        points: samples per period; by default doubled until the determinant agrees with Liouville's.
+    The samples per period are `points`, by default doubled until the determinant agrees with Liouville's.
     """
     omega = np.asarray(omega, float)
     if points is not None:
@@ -155,8 +146,8 @@ def floquet(balance: Balance, c: Array, omega: Array, points: int | None = None)
         while rows.size and n <= _MAX_SAMPLES:
             for some in np.array_split(rows, -(-rows.size * n // _TOGETHER)):
                 part = _floquet(balance, c[some], omega[some], n)
-                for name in ("trace", "determinant", "radius", "error"):
-                    getattr(result, name)[some] = getattr(part, name)
+                for f in fields(part):
+                    getattr(result, f.name)[some] = getattr(part, f.name)
             rows = rows[~(result.error[rows] < _DET_RTOL)]
             n *= 2
     return result

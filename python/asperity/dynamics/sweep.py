@@ -68,18 +68,11 @@ class Sweep:
         for i, status in enumerate(self.status):
             if status != ESCAPED:
                 yield {
-                    "model": s.model,
-                    "F_hat": s.F_hat,
-                    "zeta": s.zeta,
-                    "Omega": float(self.Omega[i]),
-                    "u_max": float(self.u_max[i]),
-                    "u_min": float(self.u_min[i]),
-                    "a1": float(self.a1[i]),
-                    "stable": status != NOT_SETTLED,
-                    "branch": f"sweep-{self.direction}",
-                    "contact_loss": bool(self.u_min[i] < -1.0),
-                    "phase": np.nan,
-                }
+                    "model": s.model, "F_hat": s.F_hat, "zeta": s.zeta, "Omega": float(self.Omega[i]),
+                    "u_max": float(self.u_max[i]), "u_min": float(self.u_min[i]), "a1": float(self.a1[i]),
+                    "stable": status != NOT_SETTLED, "branch": f"sweep-{self.direction}",
+                    "contact_loss": bool(self.u_min[i] < -1.0), "phase": np.nan,
+                }  # fmt: skip
 
 
 def sweep(
@@ -122,7 +115,7 @@ def sweep(
             tuple(names.get(int(k), f"period {k:.0f}") for k in kind[i]),
             periods[i].astype(int),
             float(residual[i][settled[i]].max(initial=0.0)) if settled[i].any() else np.inf,
-            valid[i],
+            valid[i]
         )
         for i, (setting, direction) in enumerate(lanes)
     )  # fmt: skip

@@ -105,7 +105,7 @@ def integrate(
 
 def _phase(
     equation: Equation, omega: float, forcing: float, state: tuple[float, float], start: float, stop: float,
-    flying: bool, rtol: float, samples: float,
+    flying: bool, rtol: float, samples: float
 ) -> tuple[float, list[tuple[float, tuple[float, float]]]]:  # fmt: skip
     """Integrate until contact changes, or to `stop`: the end, and times with states (samples, turning points, end)."""
     r, side, rest = equation.restoring, -1.0 if flying else 1.0, 1.0 / equation.restoring.n_loc
@@ -130,7 +130,7 @@ def _phase(
         grid = np.linspace(start, end, max(2, int(samples * (end - start)) + 2)) if samples else np.array([start, end])
         run = solve_ivp(
             field, (start, end), state, method="DOP853", rtol=0.1 * rtol, atol=1e-3 * rtol, t_eval=grid,
-            events=(change, turn), max_step=min(0.25, np.pi / omega / 8.0),
+            events=(change, turn), max_step=min(0.25, np.pi / omega / 8.0)
         )  # fmt: skip
         if not run.success:
             raise ConvergenceError(f"time integration failed at tau = {run.t[-1]:g}: {run.message}")
