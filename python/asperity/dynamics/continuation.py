@@ -29,7 +29,6 @@ _CUT = 0.35  # of a step that does not converge
 _HMIN = 1e-9  # smallest step along the branch
 _CROSSING_RTOL = 1e-14  # tolerance of the fraction of a segment at which a parameter is crossed
 _NEAR = 1e-4  # largest relative change of an orbit there by the last correction, at fixed parameter
-_LOW = 64  # harmonics solved directly, if there are more than twice as many
 
 
 @dataclass(frozen=True)
@@ -136,7 +135,7 @@ def correct(
         matrix[size, size] = normal_p
         rhs[:size, 0] = residual
         try:
-            both = _solve_bordered(matrix, rhs)
+            both = np.linalg.solve(matrix, rhs)
         except np.linalg.LinAlgError as error:
             raise ConvergenceError("singular Jacobian") from error
         step = both[:, 0]
@@ -152,26 +151,6 @@ def correct(
             return x, float(parameter), tangent[:size], float(tangent[size])
         previous = length
     raise ConvergenceError("no convergence in the corrector")
-
-
-def _solve_bordered(matrix: Array, rhs: Array) -> Array:
-    """Solve the bordered system, iteratively if many high harmonics are dominated by their inertia."""
-    count = matrix.shape[0] // 2 - 1
-    if count <= 2 * _LOW:
-        return np.linalg.solve(matrix, rhs)
-    low = np.concatenate([np.arange(_LOW + 1), count + np.arange(1, _LOW + 1), [2 * count + 1]])
-    inverse = np.linalg.inv(matrix[np.ix_(low, low)])
-    diagonal = matrix.diagonal().copy()
-    diagonal[low] = 1.0
-    x = np.zeros_like(rhs)
-    for _ in range(8):
-        left = rhs - matrix @ x
-        step = left / diagonal[:, None]
-        step[low] = inverse @ left[low]
-        x += step
-        if (np.abs(step).max(axis=0) <= 1e-12 * np.abs(x).max(axis=0)).all():
-            return x
-    return np.linalg.solve(matrix, rhs)
 
 
 def adapt(equations: Equations, point: Point, normal: Array, normal_p: float, tol: float, min_harmonics: int) -> Point:
@@ -222,7 +201,7 @@ def trace(
         while True:
             if h < _HMIN:
                 return Path(tuple(points), "step too small")
-            work += 0.5 + (0.5 * here.x.size / _LOW) ** 2
+            work += 0.5 + (here.x.size / 128) ** 2
             if work > how.max_points:
                 return Path(tuple(points), "too much work")
             point, error, factor = _step(equations, here, *predict(h), h, how)

@@ -258,13 +258,8 @@ def _turning_values(u: Array, v: Array) -> tuple[Array, Array]:
     if i.size == 0:
         return low, high
     a, b, p, q = u[i, lane], u[i + 1, lane], v[i, lane], v[i + 1, lane]
-    c3, c2 = p + q - 2 * (b - a), 3 * (b - a) - 2 * p - q  # a + p s + c2 s^2 + c3 s^3
-    s = p / np.where(p == q, 1e-300, p - q)
-    for _ in range(3):
-        bend = 2 * c2 + 6 * c3 * s
-        s = s - (p + 2 * c2 * s + 3 * c3 * s * s) / np.where(bend == 0, np.inf, bend)
-    s = np.clip(s, 0.0, 1.0)
-    turn = a + s * (p + s * (c2 + s * c3))
+    s = p / np.where(p == q, 1e-300, p - q)  # of a nearly linear speed: the error enters the extremes squared
+    turn = a + s * (p + s * (3 * (b - a) - 2 * p - q + s * (p + q - 2 * (b - a))))
     np.fmin.at(low, lane, turn)
     np.fmax.at(high, lane, turn)
     return low, high
