@@ -32,13 +32,10 @@ class Line:
     """Rows along a branch, in order; arrays of shape (rows,) as in `Branch`.
 
     Attributes:
-        place: index of the point before the row plus the fraction of the way to the next point.
-        Omega, u_max, u_min, a1, stable: see `Branch`.
         phase: by which the displacement at the forcing frequency is ahead of the force (degrees), 0 to -180 in a
             linear contact.
     """
 
-    place: Array
     Omega: Array
     u_max: Array
     u_min: Array
@@ -48,7 +45,10 @@ class Line:
 
 
 def on_cubic(branch: Branch, place: Array) -> tuple[Array, Array]:
-    """Return Omega (rows,) and complex coefficients (rows, K + 1) of the cubics at `place`, see `Line`."""
+    """Return Omega (rows,) and complex coefficients (rows, K + 1) of the cubics at places along a branch.
+
+    A place is the index of the point before it plus the fraction of the way to the next point.
+    """
     i = np.minimum(place.astype(int), len(branch) - 2)
     y = np.column_stack([branch.Omega, branch.coefficients])
     t = np.column_stack([branch.tangent_omega, branch.tangent])
@@ -59,13 +59,7 @@ def on_cubic(branch: Branch, place: Array) -> tuple[Array, Array]:
 
 
 def dense(balance: Balance, branch: Branch, rtol: float = _RTOL) -> Line:
-    """Compute rows along a branch, so close that straight lines between them have a relative error of `rtol`.
-
-    Args:
-        balance: equations of the response.
-        branch: the branch.
-        rtol: largest relative deviation of the cubic from straight lines.
-    """
+    """Compute rows along a branch, so close that straight lines between them deviate from the cubic by `rtol`."""
     places: Array = np.arange(len(branch), dtype=float)
     first = branch.coefficients[:, branch.order]
     values: Array = np.array([branch.Omega, branch.u_max, branch.u_min, branch.a1, _degrees(first)])
@@ -83,7 +77,7 @@ def dense(balance: Balance, branch: Branch, rtol: float = _RTOL) -> Line:
         places = np.insert(places, left[off] + 1, middle[off])
         values = np.insert(values, left[off] + 1, between[:, off], axis=1)
     omega, u_max, u_min, a1, phase = values
-    return Line(places, omega, u_max, u_min, a1, phase, _stability(balance, branch, places))
+    return Line(omega, u_max, u_min, a1, phase, _stability(balance, branch, places))
 
 
 def _measured(branch: Branch, places: Array) -> Array:

@@ -42,13 +42,8 @@ class Balance(Equation):
     def evaluate(self, x: Array, omega: float, forcing: float) -> tuple[Array, Array, Array]:
         """Return the residual, its Jacobian and its derivative with respect to Omega.
 
-        Args:
-            x: coefficients (2 K + 1): mean, K cosines, K sines.
-            omega: Omega.
-            forcing: F^.
-
-        Returns:
-            Arrays of shapes (2 K + 1,), (2 K + 1, 2 K + 1) and (2 K + 1,).
+        The coefficients x (2 K + 1) are the mean, K cosines and K sines; the arrays have the shapes (2 K + 1,),
+        (2 K + 1, 2 K + 1) and (2 K + 1,).
         """
         size = x.size
         count = size // 2

@@ -64,8 +64,6 @@ def periodic_orbits(
     """Yield Omega and rough coefficients of the periodic orbits near the starts, without the known ones.
 
     Args:
-        equation: the oscillator.
-        forcing: F^.
         lanes: Omega, u and w of the starts.
         order: forcing periods per period of the orbit; shorter periods are left out.
         known: see `states`; it may grow while the orbits are taken.
@@ -133,10 +131,7 @@ def _near(rows: Array, omega: float, u: float, v: float) -> bool:
 def _newton_step(end: Array, start: Array, h: Array) -> Array:
     """Return the Newton steps (2, lanes) of the period map.
 
-    Args:
-        end: states after the period (2, 3, lanes): from the start, and from it with u and with w increased by `h`.
-        start: states (2, lanes).
-        h: increments (lanes,).
+    `end` are the states after the period (2, 3, lanes): from `start`, and from it with u and with w increased by `h`.
     """
     with np.errstate(all="ignore"):
         defect, flow = end[:, 0] - start, (end[:, 1:] - end[:, :1]) / h

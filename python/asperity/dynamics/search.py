@@ -40,15 +40,12 @@ class Search:
     """Traces every branch of order 1 from where it is known, and those through further orbits.
 
     Args:
-        balance: equations of order 1.
-        forcing: F^.
-        how: window, accuracy and limits for order 1.
+        balance, how: equations; window, accuracy and limits, for order 1.
         subharmonics: whether branches of longer periods are traced too.
         starts: number of starts on the period map, see `period_map`.
 
     Attributes:
-        branches: the branches; one that leaves the window and returns is in several pieces.
-        events: on the branches.
+        branches, events: the branches; one that leaves the window and returns is in several pieces.
         notes: on what could not be found or continued.
     """
 

@@ -75,11 +75,7 @@ def integrate(
     """Integrate from (u, v) at forcing phase 0, alternating between contact and flight.
 
     Args:
-        equation: the oscillator.
-        omega, forcing: Omega and F^.
-        u, v: initial state.
         duration: time to run (1/omega_s).
-        rtol: tolerance of the integrator.
         samples: output points per unit of time.
 
     Raises:
@@ -172,10 +168,7 @@ def path_of(
 ) -> tuple[Array, Array, Array]:
     """Return displacements and speeds (steps + 1, lanes) over one forcing period, and w at its end.
 
-    Args:
-        equation: the oscillator.
-        u, w, omega, forcing: state, Omega and F^ of each lane, shape (lanes,).
-        steps: Runge-Kutta steps.
+    State, Omega and F^ of each lane have the shape (lanes,).
     """
     r, damping, twice = equation.restoring, equation.damping, 2.0 * equation.zeta
     h, wave = 2.0 * np.pi / omega / steps, np.cos(np.pi / steps * np.arange(2 * steps + 1))
@@ -207,12 +200,7 @@ def _runge_kutta(
 ) -> tuple[list[Any], list[Any]]:
     """Integrate one lane in floats, or all in arrays: displacements of all steps and then w, and speeds.
 
-    Args:
-        u, w: state.
-        h: step.
-        drive: force at the ends and in the middle of each step.
-        pull: contact force over displacement.
-        loss: 2 zeta G(u).
+    `drive` is the force at the ends and in the middle of each step, `pull` the contact force, `loss` 2 zeta G(u).
     """
     half, sixth = 0.5 * h, h / 6.0
     us, vs = [], []
