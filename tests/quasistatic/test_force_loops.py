@@ -109,16 +109,19 @@ def press(
     return solver
 
 
-@pytest.mark.parametrize("method", ["active-set", "penalty", "nitsche"])
-def test_the_state_is_as_before(rough: Surface, coarse: BlockMesh | None, method: str) -> None:
+FORMULATIONS = [Formulation(), Formulation(friction="stick"), Formulation("penalty"), Formulation("nitsche")]
+
+
+@pytest.mark.parametrize("formulation", FORMULATIONS, ids=["active-set", "stick", "penalty", "nitsche"])
+def test_the_state_is_as_before(rough: Surface, coarse: BlockMesh | None, formulation: Formulation) -> None:
     """The next step is the same with and without loops before it, and energy is balanced in each loop."""
     forces = []
     for with_loops in (True, False):
-        solver = press(rough, coarse, world(), Formulation(method))
+        solver = press(rough, coarse, world(), formulation)
         if with_loops:
             loops = force_loops(solver, 0.5 * solver.force, [0.5], cycles=2, steps=2)
             assert [loop.loop for loop in loops] == [1, 2]
-            assert abs(loops[-1].imbalance) < 5e-3
+            assert formulation.sticks or abs(loops[-1].imbalance) < 5e-3
             assert loops[0].k > 0.0
         assert solver.step(0.031).converged
         forces.append((solver.force, solver.counts.steps, solver.checks.work))

@@ -155,10 +155,11 @@ def _as_before(solver: ContactSolver) -> Iterator[None]:
     of_contact = solver.contact.history()
     kept = None if of_contact is None else of_contact.copy()
     probes, solver.probes = solver.probes, ()
+    held = solver.contact.held
     try:
         yield
     finally:
-        solver.probes = probes
+        solver.probes, solver.contact.held = probes, held
         violated = solver.checks.violated
         solver.solid.kernels.restore(history)
         if kept is not None:
