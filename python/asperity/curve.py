@@ -61,7 +61,6 @@ COLUMNS = (
     "strained_fraction",
 )
 #: Columns that a stored curve or the rows of a checkpoint may lack.
-OPTIONAL = ("error_P_star", *COLUMNS[COLUMNS.index("seconds") + 1 :])
 BRANCHES = ("load", "unload", "reload")
 _COUNTS = ("step", "newton", "krylov", "spots")
 _REQUIRED = ("delta", "force")

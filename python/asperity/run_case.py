@@ -66,7 +66,6 @@ class RunResult:
         ...     "mesh": {"h_contact": 1.0, "h_max": 1.0}, "loading": {"delta_max": 0.01, "steps": 3},
         ...     "output": {"figures": False, "report": False},
         ... })
-
         >>> result = asp.run(case)
         >>> len(result.curve), result.summary["exit_reason"], result.dynamics
         (3, 'done', None)
@@ -138,7 +137,6 @@ def run(
         ...     "mesh": {"h_contact": 1.0, "h_max": 1.0}, "loading": {"delta_max": 0.01, "steps": 3},
         ...     "output": {"figures": False, "report": False},
         ... })
-
         >>> print(f"n = {asp.run(case, 'out').fit.n:.6f}")
         n = 1.000000
         >>> sorted(path.name for path in Path("out").iterdir())
@@ -271,8 +269,9 @@ def _warn(case: Case, folder: Path | None, solved: SolvedCase, lines: Sequence[A
             logging.getLogger(__name__).info("doubtful: %s", line.describe())
     contact, unresolved = solved.contact, solved.contact.curve.unresolved()
     if case.output.fields and folder is not None and contact.complete and not contact.snapshots:
-        why = "the steps were computed without snapshots before the run was resumed; replace the run with --force"
-        why = "output.snapshots = 0" if case.output.snapshots == 0 else why
+        why = "output.snapshots = 0"
+        if case.output.snapshots:
+            why = "the steps were computed without snapshots before the run was resumed; replace the run with --force"
         warnings.warn(f"output.fields = true writes nothing: {why}", CaseWarning, stacklevel=4)
     if unresolved and solved.accurate is None and not isinstance(solved.failure, Interrupted):
         warnings.warn(f"{unresolved}; make mesh.h_contact smaller", ResolutionWarning, stacklevel=4)

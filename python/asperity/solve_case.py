@@ -92,9 +92,9 @@ class SolvedCase:
         if self.strain is not None and self.strain.greatest is not None:
             change = self.strain.greatest, self.strain.limit
         return Evidence(
-            self.contact.curve, self.problem, case.units == "SI", tolerance, h, roughness, change,
-            friction=bounds["at_greatest_load"]["force"] if bounds else None, density=case.material.density,
-            vibration=vibration, side=case.nominal_side,
+            self.contact.curve, self.problem, si=case.units == "SI", tolerance=tolerance, h=h, roughness=roughness,
+            small_strain=change, friction=bounds["at_greatest_load"]["force"] if bounds else None,
+            density=case.material.density, vibration=vibration, side=case.nominal_side,
         )  # fmt: skip
 
 
@@ -154,7 +154,7 @@ def solve_case(
     too_coarse = accurate is not None and failure is not None and violated.keys() == {"touch"}
     if violated and not too_coarse and not isinstance(failure, Interrupted):
         failure = CheckError(f"the result is wrong, do not use it: {'; '.join(violated.values())}")
-    return SolvedCase(chosen, contact, accurate, other, strain, failure)
+    return SolvedCase(chosen, contact, accurate=accurate, other=other, strain=strain, failure=failure)
 
 
 def _hooks(case: Case, files: RunFiles, progress: Progress, stop: Callable[[], str] | None) -> Hooks:

@@ -125,14 +125,14 @@ def gather_top_states(result: ContactResult, side: float, E: float) -> TopStates
     if top is None:
         return None
     return TopStates(
-        top.points[:, :2] * side,
-        top.faces,
-        np.array([s.step for s in result.snapshots]),
-        np.array([s.branch for s in result.snapshots]),
-        np.array([s.delta * side for s in result.snapshots]),
-        np.array(pressure),
-        np.array(gap),
-        np.array(touched, dtype=bool),
+        points=top.points[:, :2] * side,
+        faces=top.faces,
+        steps=np.array([s.step for s in result.snapshots]),
+        branch=np.array([s.branch for s in result.snapshots]),
+        delta=np.array([s.delta * side for s in result.snapshots]),
+        pressure=np.array(pressure),
+        gap=np.array(gap),
+        touched=np.array(touched, dtype=bool),
     )
 
 

@@ -95,8 +95,12 @@ def equivalent_strain(solver: ContactSolver) -> Floats:
 def snapshot(solver: ContactSolver, step: int, branch: str) -> Snapshot:
     """Copy of the fields for figures and files; part of this rank."""
     u = solver.solid.u.x.array.reshape(-1, 3).copy()
-    touched = solver.contact.touched_edges().astype(float)
-    return Snapshot(step, branch, solver.delta, solver.pressure, solver.gap(), touched, u, *mean_stress(solver, u))
+    stress, plastic_strain = mean_stress(solver, u)
+    return Snapshot(
+        step, branch, solver.delta, pressure=solver.pressure, gap=solver.gap(),
+        touched=solver.contact.touched_edges().astype(float), displacement=u, stress=stress,
+        plastic_strain=plastic_strain,
+    )  # fmt: skip
 
 
 def mean_stress(solver: ContactSolver, u: Floats) -> tuple[Floats, Floats]:

@@ -101,18 +101,18 @@ def solve_problem(
     except ConvergenceError as e:
         failure = e
     result = ContactResult(
-        record.curve(),
-        solver.counts,
-        solver.solid.dofs,
-        comm.allreduce(len(solver.solid.cell_nodes)),
-        phases,
-        comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024),
-        tuple(record.snapshots),
-        block,
-        solver,
-        record.first_contact,
-        failure is None,
-        "done" if failure is None else str(failure),
+        curve=record.curve(),
+        counts=solver.counts,
+        dofs=solver.solid.dofs,
+        cells=comm.allreduce(len(solver.solid.cell_nodes)),
+        phases=phases,
+        memory=comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024),
+        snapshots=tuple(record.snapshots),
+        block=block,
+        solver=solver,
+        first_contact=record.first_contact,
+        complete=failure is None,
+        reason="done" if failure is None else str(failure),
     )
     if failure is not None:
         raise PartialResult(result.reason, result) from failure
