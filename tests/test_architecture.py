@@ -21,6 +21,7 @@ ORDER = (
     ("curve", "loops"),
     ("model",),
     ("reference", "dynamics"),
+    ("slip",),
     ("case", "mesh"),
     ("fem",),
     ("linear", "contact"),

@@ -23,6 +23,7 @@ from asperity.runtime.files import is_aside
 CASE, CURVE, SUMMARY, LOG = "case.toml", "curve.csv", "summary.json", "run.log"
 FREE, RESPONSE, BAND, THRESHOLDS = "free.csv", "response.csv", "band.csv", "thresholds.json"
 LOOPS = "loops.csv"
+SLIP, SLIP_LOOPS = "slip.csv", "slip_loops.csv"
 REPORT = "report.html"
 FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
 TOP, BLOCK, VTKHDF = "top.npz", "mesh.npz", "contact.vtkhdf"  # in fields

@@ -1,0 +1,133 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Sliders in parallel, each a spring in series with a slider of Coulomb friction: a joint that remembers.
+
+Jenkins elements (G. M. Jenkins, Br. J. Appl. Phys. 13 (1962) 30) in parallel are an Iwan law (W. D. Iwan, J. Appl.
+Mech. 33 (1966) 893). They follow Masing's rules, and a harmonic motion of the amplitude a has the complex stiffness of
+the describing function in closed form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from asperity.arrays import Array
+from asperity.errors import InputError
+from asperity.runtime.display import short_repr
+
+
+@dataclass(frozen=True, eq=False)
+class JenkinsArray:
+    """Sliders in parallel.
+
+    Attributes:
+        k: stiffness of each (force/length), shape (n,).
+        f: force at which each slips (force), shape (n,).
+
+    Raises:
+        InputError: they have other shapes, or a value is not positive.
+
+    Examples:
+        One slider of stiffness 2 that slips at the force 1, moved to 1 and back to 0:
+
+        >>> from asperity.slip import JenkinsArray
+        >>> array = JenkinsArray([2.0], [1.0])
+        >>> force, slipped = array.move(1.0, array.at_rest)
+        >>> force, array.move(0.0, slipped)[0], array.energy(1.0).item()
+        (1.0, -1.0, 2.0)
+    """
+
+    k: Array
+    f: Array
+
+    __repr__ = short_repr
+
+    def __post_init__(self) -> None:
+        for name in ("k", "f"):
+            column = np.array(getattr(self, name), float)
+            column.flags.writeable = False
+            object.__setattr__(self, name, column)
+        if self.k.ndim != 1 or self.k.shape != self.f.shape or not (np.all(self.k > 0) and np.all(self.f > 0)):
+            raise InputError("sliders need a positive stiffness and a positive force each")
+
+    @classmethod
+    def through(cls, u: Array, force: Array) -> JenkinsArray:
+        """Return the sliders whose first loading is straight between points, from the origin to the limit.
+
+        Args:
+            u: displacements, rising (length), shape (n,).
+            force: there, rising ever more slowly (force); the last is the limit. Points below the straight line
+                between their neighbours are left out: no slider has a negative stiffness.
+        """
+        points = [(0.0, 0.0)]
+        for point in zip(u.tolist(), force.tolist(), strict=True):
+            while len(points) > 1 and _slope(points[-1], point) >= _slope(points[-2], points[-1]):
+                points.pop()
+            points.append(point)
+        slopes = np.array([_slope(a, b) for a, b in zip(points[:-1], points[1:], strict=True)])
+        k = slopes - np.append(slopes[1:], 0.0)
+        return cls(k, k * np.array([x for x, _ in points[1:]]))
+
+    @property
+    def at_rest(self) -> Array:
+        """State before any slip: the position of each slider (length), shape (n,)."""
+        return np.zeros(self.k.shape)
+
+    @property
+    def limit(self) -> float:
+        """Force at which all slip (force)."""
+        return float(self.f.sum())
+
+    @property
+    def k_rest(self) -> float:
+        """Stiffness before any slip (force/length)."""
+        return float(self.k.sum())
+
+    def move(self, u: float, state: Array) -> tuple[float, Array]:
+        """Return force and new state at a displacement, monotonic since the last state.
+
+        Args:
+            u: displacement (length).
+            state: as `at_rest`, or as returned before, shape (n,).
+        """
+        reach = self.f / self.k
+        after = np.clip(state, u - reach, u + reach)
+        return float(self.k @ (u - after)), after
+
+    def follow(self, path: Sequence[float] | Array) -> Array:
+        """Return the forces along displacements (n,) that start at rest (force), shape (n,)."""
+        state, forces = self.at_rest, []
+        for u in path:
+            force, state = self.move(float(u), state)
+            forces.append(force)
+        return np.array(forces)
+
+    def first_loading(self, u: ArrayLike) -> Array:
+        """Return the force of the first loading at displacements u >= 0 (force), shape of `u`."""
+        u = np.asarray(u, float)
+        return np.asarray(np.minimum(self.k * u[..., None], self.f).sum(axis=-1))
+
+    def energy(self, a: ArrayLike) -> Array:
+        """Return the energy of a closed loop between -a and a (force length), shape of `a`."""
+        beyond = np.maximum(np.asarray(a, float)[..., None] - self.f / self.k, 0.0)
+        return np.asarray(4.0 * beyond @ self.f)
+
+    def complex_stiffness(self, a: ArrayLike) -> Array:
+        """Return the first harmonic of the force over a harmonic displacement of amplitudes a > 0 (force/length).
+
+        The real part is in phase; the imaginary one is W/(pi a^2). An element that slips has
+        k (theta - sin(2 theta)/2)/pi with cos(theta) = 1 - 2 f/(k a).
+        """
+        a = np.asarray(a, float)
+        theta = np.arccos(1.0 - 2.0 * np.minimum(self.f / (self.k * a[..., None]), 1.0))
+        real = (theta - 0.5 * np.sin(2.0 * theta)) @ self.k / np.pi
+        return np.asarray(real + 1j * self.energy(a) / (np.pi * a**2))
+
+
+def _slope(a: tuple[float, float], b: tuple[float, float]) -> float:
+    return (b[1] - a[1]) / (b[0] - a[0])

@@ -1,0 +1,255 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Slip of a joint by its curve: paths and loops of each amplitude with their bars, and their files."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from asperity.arrays import Array
+from asperity.dynamics.columns import CurveColumns
+from asperity.dynamics.law_of_curve import Choice, choose
+from asperity.dynamics.laws import tabulate
+from asperity.errors import AsperityError
+from asperity.model.material import Material
+from asperity.runtime.display import short_repr
+from asperity.runtime.files import replace_file
+from asperity.runtime.run_folder import SLIP, SLIP_LOOPS
+from asperity.slip.law import SlipLaw
+from asperity.slip.path import SlipPath, path_of_law
+from asperity.slip.settings import SlipSettings
+from asperity.units import quantity
+
+#: Columns of slip_loops.csv, and those of them with an error bar.
+LOOP_COLUMNS = ("amplitude", "T", "u", "k_secant", "energy", "eta", "slip_share")
+WITH_ERRORS = ("u", "k_secant", "energy", "eta")
+#: Error of the method over the part of the displacement that slips, and over the energy.
+METHOD_ERROR = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class JointSlip:
+    """Slip of a joint about a preload; one entry per amplitude, forces those of the patch.
+
+    Attributes:
+        law: by the normal curve.
+        by_curve: paths of the law.
+        computed: paths of the solid; empty where only the curve was asked.
+        errors: error bars of the columns `WITH_ERRORS` of the method chosen, empty for a curve without bars.
+        notes: what to doubt, one sentence each.
+    """
+
+    law: SlipLaw
+    by_curve: tuple[SlipPath, ...]
+    computed: tuple[SlipPath, ...] = ()
+    errors: tuple[Mapping[str, float], ...] = ()
+    notes: tuple[str, ...] = field(default=())
+
+    __repr__ = short_repr
+
+    @property
+    def paths(self) -> tuple[SlipPath, ...]:
+        """Paths of the method chosen."""
+        return self.computed or self.by_curve
+
+    def loops(self) -> list[dict[str, float]]:
+        """Return the columns of slip_loops.csv, one row per amplitude; those by the curve beside those of a solid."""
+        rows = []
+        for i, path in enumerate(self.paths):
+            row = _loop_of(path)
+            if self.errors:
+                row |= {f"error_{name}": self.errors[i][name] for name in WITH_ERRORS}
+            if self.computed:
+                other = _loop_of(self.by_curve[i])
+                row |= {f"{name}_curve": other[name] for name in LOOP_COLUMNS[2:]}
+            rows.append(row)
+        return rows
+
+    def steps(self) -> Iterator[dict[str, float]]:
+        """Yield the rows of slip.csv: one block per amplitude, from rest to the amplitude and around a closed loop."""
+        array = self.law.array() if self.computed else None
+        for path in self.paths:
+            columns: dict[str, Any] = {"u": path.u, "T": path.T}
+            if array is not None:
+                columns["T_curve"] = array.follow(path.u)
+            columns |= {"slip_share": path.slip_share, "dissipated": path.dissipated}
+            for step in range(path.u.size):
+                values = {name: float(column[step]) for name, column in columns.items()}
+                yield {"amplitude": path.amplitude, "step": step} | values
+
+    def vibration(self, mass: float, factor: float = 1.0) -> list[dict[str, float]]:
+        """Return frequency (1/time) and damping ratio of the tangential vibration at each amplitude.
+
+        The secant stiffness gives the frequency and the loop the damping ratio, half of its loss factor.
+
+        Args:
+            mass: that vibrates on the joint (mass).
+            factor: nominal area of the joint over that of the patch.
+        """
+        return [
+            {
+                "amplitude": path.amplitude,
+                "f": math.sqrt(factor * path.k_secant / mass) / (2.0 * math.pi),
+                "zeta": 0.5 * path.eta,
+            }
+            for path in self.paths
+        ]
+
+    def to_dict(self, mass: float | None = None, factor: float = 1.0) -> dict[str, Any]:
+        """Return the section "slip" of summary.json.
+
+        Args:
+            mass, factor: see `vibration`; without a mass no frequency follows.
+        """
+        return {
+            "method": "solid" if self.computed else "curve",
+            "friction": self.law.friction,
+            "preload": self.law.preload,
+            "limit": self.law.limit,
+            "k_rest": float(self.law.k_tangent(0.0)),
+            "loops": [{k: v if math.isfinite(v) else None for k, v in row.items()} for row in self.loops()],
+            "vibration": [] if mass is None else self.vibration(mass, factor),
+            "notes": list(self.notes),
+        }
+
+    def lines(self, mass: float | None = None, factor: float = 1.0, *, units: str = "SI") -> list[str]:
+        """Return frequency, or stiffness without a mass, and damping ratio at up to three amplitudes, in words.
+
+        Args:
+            mass, factor: see `vibration`.
+            units: "SI" shows SI units.
+        """
+        si, found = units == "SI", []
+        rows = self.vibration(mass or math.nan, factor)
+        for i in sorted({0, len(rows) // 2, len(rows) - 1}):
+            path, row = self.paths[i], rows[i]
+            bars = {name: math.nan for name in WITH_ERRORS} | dict(self.errors[i] if self.errors else {})
+            of_k, of_zeta = bars["k_secant"] / path.k_secant, bars["eta"] / path.eta
+            if mass is None:
+                what = f"k_t = {quantity(factor * path.k_secant, 'N/m' if si else '', 5, bar=of_k)}"
+            else:
+                what = f"f_t = {quantity(row['f'], 'Hz' if si else '', 5, bar=0.5 * of_k)}"
+            zeta = quantity(row["zeta"], "", 3, bar=of_zeta)
+            found.append(f"slip at T = {path.amplitude:g} mu P: {what}, zeta = {zeta}")
+        return found
+
+    def write(self, folder: Path) -> None:
+        """Write slip.csv and slip_loops.csv."""
+        for name, rows in ((SLIP, list(self.steps())), (SLIP_LOOPS, self.loops())):
+            out = io.StringIO()
+            writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
+            writer.writeheader()
+            writer.writerows({k: "" if v != v else repr(v) for k, v in row.items()} for row in rows)
+            replace_file(folder / name, out.getvalue().encode())
+
+
+def slip_of_curve(
+    curve: Any, settings: SlipSettings, material: Material, *, patch: float, height: float, sides: str = "rollers"
+) -> JointSlip:
+    """Return the slip of a joint of two like bodies by the curve of one of them under a rigid flat.
+
+    Args:
+        curve: a `Curve`, or what else has the columns delta and force.
+        settings: friction, amplitudes, preload.
+        material: of the body.
+        patch: nominal area of the curve (length^2).
+        height: of the block (length).
+        sides: of the block, "rollers", "free" or "periodic".
+
+    Raises:
+        InputError: the curve does not contain what is needed, or is as stiff as the block.
+        RangeError: the curve does not reach the preload.
+
+    Examples:
+        >>> from asperity.slip import SlipSettings, slip_of_curve
+        >>> z, steel = np.linspace(0.0, 1e-8, 41), asp.Material(E=200e9, nu=0.3)
+        >>> slip = slip_of_curve({"delta": z, "force": 2e9 * z**1.5}, SlipSettings(friction=0.3), steel, patch=1e-12,
+        ...                      height=1e-6)
+        >>> print(slip.lines()[0])
+        slip at T = 0.1 mu P: k_t = 73.108 kN/m, zeta = 0.00141
+    """
+    columns = CurveColumns.of(curve)
+    choice = choose(columns, "auto", settings.preload)
+    block = height / (patch * material.block_modulus(sides)), height / (patch * material.lame[1])
+
+    def law_on(normal: Any) -> SlipLaw:
+        return SlipLaw(normal, choice.load, settings.friction, material.nu, block)
+
+    law = law_on(choice.law)
+    area = _area_of(curve, columns, choice)
+    paths = tuple(path_of_law(law, t, steps=settings.steps, area=area) for t in settings.amplitudes)
+    laws = tabulate(columns, choice)
+    errors: tuple[Mapping[str, float], ...] = ()
+    if math.isfinite(laws.bar):
+        errors = _errors(law, [member for member in laws.members()], law_on, settings.amplitudes)
+    return JointSlip(law, paths, errors=errors, notes=tuple(_doubts(choice, paths)))
+
+
+def _errors(
+    law: SlipLaw, members: list[Any], law_on: Callable[[Any], SlipLaw], amplitudes: tuple[float, ...]
+) -> tuple[Mapping[str, float], ...]:
+    """Return the bars at each amplitude: what the ends of the bar of the normal curve change, and the method."""
+    try:
+        others = [law_on(member) for member in members]
+    except AsperityError:  # at the end of its bar the curve does not reach the preload
+        return ()
+    found = []
+    for t in amplitudes:
+        values = _numbers(law, t)
+        changes = {k: max((abs(_numbers(x, t)[k] - v) for x in others), default=0.0) for k, v in values.items()}
+        slipped = 1.0 - float(law.limit * t / law.k_tangent(0.0)) / values["u"]
+        share = {"u": slipped, "k_secant": slipped, "energy": 1.0, "eta": 1.0 + slipped}
+        found.append({k: changes[k] + METHOD_ERROR * share[k] * v for k, v in values.items()})
+    return tuple(found)
+
+
+def _numbers(law: SlipLaw, t: float) -> dict[str, float]:
+    values = law.displacement(t), law.k_secant(t), law.energy(t), law.eta(t)
+    return dict(zip(WITH_ERRORS, (float(value) for value in values), strict=True))
+
+
+def _loop_of(path: SlipPath) -> dict[str, float]:
+    values = (path.amplitude, path.force, path.displacement, path.k_secant, path.energy, path.eta, path.share)
+    return dict(zip(LOOP_COLUMNS, values, strict=True))
+
+
+def _area_of(curve: Any, columns: CurveColumns, choice: Choice) -> Callable[[Array], Array] | None:
+    """Return the area of contact over the normal force on the branch of a law, None where the curve has none."""
+    given = curve.get("area_fraction") if isinstance(curve, Mapping) else getattr(curve, "area_fraction", None)
+    if given is None:
+        return None
+    area = np.asarray(given, float)
+    rows = columns.rows_of(unloading=choice.name == "unload-reload")
+    rows = rows[(columns.force[rows] > 0.0) & (area[rows] > 0.0)]
+    if rows.size < 2:
+        return None
+    x, y = np.log(columns.force[rows]), np.log(area[rows])
+
+    def at(force: Array) -> Array:
+        light = np.minimum(np.log(force) - x[0], 0.0)  # below the first row the area is proportional to the force
+        return np.asarray(np.exp(np.interp(np.log(force), x, y) + light))
+
+    return at
+
+
+def _doubts(choice: Choice, paths: tuple[SlipPath, ...]) -> Iterator[str]:
+    if choice.note:
+        yield choice.note
+    elif choice.yielded and choice.name != "unload-reload":
+        yield (
+            "the contact has yielded, and the curve does not unload through the preload: slip follows from the elastic "
+            "stiffness of the loading, which is too low at lighter forces; compute it with loading.unload = true"
+        )
+    if min(path.energy for path in paths) <= 0.0:
+        yield (
+            "the normal curve is not convex below the preload, so a loop by it would gain energy: take more load steps"
+        )

@@ -1,0 +1,158 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Tangential force of a joint by its normal curve: Jaeger's law.
+
+Two like elastic bodies are pressed together and then pushed sideways with Coulomb friction. Their tangential tractions
+do not change the pressures, and the traction at the force T is mu times the pressure at the preload less that at a
+smaller force, mu (p(P) - p(P - T/mu)), shifted displacements included (Cattaneo 1938, Mindlin 1949; for any shape:
+Ciavarella, Int. J. Solids Struct. 35 (1998) 2349, Jaeger, Arch. Appl. Mech. 68 (1998) 434). So with r the
+tangential over the normal compliance of a half-space and delta_i the approach of the interface,
+
+    T = mu [P(delta_i) - P(delta_i - u_i/(mu r))],    r = (1 - nu/2)/(1 - nu).
+
+It neglects the small tractions across the motion, and is exact for nu = 0. After yield P is the branch on which the
+contact unloads and reloads.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from asperity.arrays import Array
+from asperity.dynamics.law.law import Law
+from asperity.dynamics.law.checks import positive
+from asperity.errors import InputError
+from asperity.runtime.display import short_repr
+from asperity.slip.jenkins import JenkinsArray
+
+_LEAST = 1e-3  # share of the compliance that the interface must have: less is lost in the error of the block's
+
+
+def compliance_ratio(nu: float) -> float:
+    """Return r, the tangential over the normal compliance of a half-space with Poisson's ratio `nu`.
+
+    Examples:
+        >>> from asperity.slip.law import compliance_ratio
+        >>> compliance_ratio(0.0), round(compliance_ratio(0.3), 4)
+        (1.0, 1.2143)
+    """
+    return (1.0 - 0.5 * nu) / (1.0 - nu)
+
+
+@dataclass(frozen=True, eq=False)
+class SlipLaw:
+    """Tangential force over displacement about a preload; loops follow by Masing's rule.
+
+    Amplitudes are shares t = T/(mu P) of the limit of friction.
+
+    Attributes:
+        normal: law of the normal force, of the branch on which the contact unloads.
+        preload: normal force P, constant (force).
+        friction: Coulomb's coefficient mu.
+        nu: Poisson's ratio of the bodies.
+        block: normal and tangential compliance of the block behind the interface (length/force), h/(A M) and h/(A G);
+            zero for a law of the interface alone.
+
+    Raises:
+        InputError: a value is not legal, or the interface has no compliance beside the block.
+        RangeError: the normal law does not reach the preload.
+
+    Examples:
+        Mindlin's sphere: at half of the limit of friction the displacement is 1 - 0.5^(2/3) of that at the limit.
+
+        >>> from asperity.slip import SlipLaw
+        >>> law = SlipLaw(asp.PowerLaw(1.5), preload=1.0, friction=0.3, nu=0.0)
+        >>> print(f"{law.displacement(0.5) / law.displacement(1.0):.6f}", f"{law.limit:g}")
+        0.370039 0.3
+    """
+
+    normal: Law
+    preload: float
+    friction: float
+    nu: float
+    block: tuple[float, float] = (0.0, 0.0)
+
+    __repr__ = short_repr
+
+    def __post_init__(self) -> None:
+        for name in ("preload", "friction"):
+            positive(name, getattr(self, name))
+        if not -1.0 < self.nu <= 0.5:
+            raise InputError(f"nu = {self.nu:g} is not legal: it must lie in (-1, 0.5]")
+        slope = self.normal.at(self._approach(0.0))[1]
+        if 1.0 - self.block[0] * slope < _LEAST:
+            raise InputError(
+                "the normal curve is as stiff as the block: its contact is complete, or nearly, and no slip follows "
+                "from it; take a smaller preload"
+            )
+
+    @property
+    def limit(self) -> float:
+        """Tangential force at which all of the contact slips, mu P (force)."""
+        return self.friction * self.preload
+
+    def displacement(self, t: ArrayLike) -> Array:
+        """Return the displacement from rest at shares `t` in [0, 1] of the limit, block included (length)."""
+        t = np.asarray(t, float)
+        z0, z = self._approach(0.0), self._approaches(t)
+        interface = self._scale * (z0 - z - self.block[0] * self.preload * t)
+        return np.asarray(interface + self.block[1] * self.limit * t)
+
+    def k_tangent(self, t: ArrayLike) -> Array:
+        """Return dT/du of the first loading at shares `t` in [0, 1) of the limit (force/length)."""
+        slope = self.normal.both(self._approaches(np.asarray(t, float)))[1]
+        return np.asarray(1.0 / (compliance_ratio(self.nu) * (1.0 / slope - self.block[0]) + self.block[1]))
+
+    def k_secant(self, t: ArrayLike) -> Array:
+        """Return T/u at shares `t` in (0, 1] of the limit (force/length)."""
+        t = np.asarray(t, float)
+        return np.asarray(self.limit * t / self.displacement(t))
+
+    def energy(self, t: ArrayLike) -> Array:
+        """Return the energy that a closed loop between -t and t dissipates (force length).
+
+        By Masing's rule it is 8 times the integral of T du on the first loading less 4 T u. The compliance of the block
+        cancels: what is left is 8 mu^2 r times the area between the normal curve and its chord.
+        """
+        t = np.asarray(t, float)
+        z0, z = self._approach(0.0), self._approaches(t)
+        chord = 0.5 * self.preload * (2.0 - t) * (z0 - z)
+        area = chord - (self.normal.potential(np.array(z0)) - self.normal.potential(z))
+        return np.asarray(8.0 * self.friction * self._scale * area)
+
+    def eta(self, t: ArrayLike) -> Array:
+        """Return the loss factor W/(pi T u) of loops of amplitudes `t`; twice the damping ratio at resonance."""
+        t = np.asarray(t, float)
+        return np.asarray(self.energy(t) / (math.pi * self.limit * t * self.displacement(t)))
+
+    def array(self, sliders: int = 200, lightest: float = 1e-3) -> JenkinsArray:
+        """Return sliders in parallel whose force agrees with this one at as many forces up to the limit.
+
+        They stand for an Iwan law of the density rho(f) = P''(delta_i - f/(mu r))/(mu r^2), with the block in series.
+
+        Args:
+            sliders: their number.
+            lightest: the least of these forces over the limit; below it nothing slips.
+        """
+        if sliders < 2:
+            raise InputError(f"sliders = {sliders} is not legal: at least 2 are needed")
+        # even in ln t at light forces and in ln(1 - t) next to the limit, where the stiffness falls to zero
+        x = np.linspace(-1.0, 1.0, sliders - 1) * math.log(1.0 / lightest - 1.0)
+        t = np.append(1.0 / (1.0 + np.exp(-x)), 1.0)
+        return JenkinsArray.through(self.displacement(t), self.limit * t)
+
+    @property
+    def _scale(self) -> float:
+        return self.friction * compliance_ratio(self.nu)
+
+    def _approach(self, t: float) -> float:
+        """Approach at which the normal force is P (1 - t) (length)."""
+        return self.normal.deflection(self.preload * (1.0 - t)) if t < 1.0 else 0.0
+
+    def _approaches(self, t: Array) -> Array:
+        return np.reshape([self._approach(float(x)) for x in t.ravel()], t.shape)

@@ -1,0 +1,120 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""A way of the flat from rest to an amplitude of the tangential force and around one loop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from asperity.arrays import Array
+from asperity.runtime.display import short_repr
+from asperity.slip.law import SlipLaw
+
+FIRST, DOWN, UP = 0, 1, 2  # legs: first loading, to the opposite amplitude, and back
+
+
+@dataclass(frozen=True, eq=False)
+class SlipPath:
+    """Displacement and force step by step, from rest to an amplitude and around one loop; arrays of shape (n,).
+
+    Attributes:
+        amplitude: of the force over the limit of friction.
+        leg: 0 first loading, 1 down to the opposite amplitude, 2 up again; the end of each belongs to it.
+        u: displacement of the flat (length).
+        T: tangential force (force).
+        slip_share: share of the area of contact that slips in the step; NaN where unknown.
+        dissipated: by friction, and by plastic flow where the path is computed, since rest (force length).
+
+    Examples:
+        >>> from asperity.slip import SlipLaw
+        >>> from asperity.slip.path import path_of_law
+        >>> law = SlipLaw(asp.PowerLaw(1.5), preload=1.0, friction=0.3, nu=0.0)
+        >>> path = path_of_law(law, 0.5, steps=4)
+        >>> path.u.size, f"{path.energy / law.energy(0.5):.6f}", f"{path.k_secant / law.k_secant(0.5):.6f}"
+        (21, '1.000000', '1.000000')
+    """
+
+    amplitude: float
+    leg: Array
+    u: Array
+    T: Array
+    slip_share: Array
+    dissipated: Array
+
+    __repr__ = short_repr
+
+    def end(self, leg: int) -> int:
+        """Return the row at the end of a leg."""
+        return int(np.flatnonzero(self.leg == leg)[-1])
+
+    @property
+    def displacement(self) -> float:
+        """Amplitude of the displacement, half of its range on the last leg (length)."""
+        return float(self.u[-1] - self.u[self.end(DOWN)]) / 2.0
+
+    @property
+    def force(self) -> float:
+        """Amplitude of the force, half of its range on the last leg (force)."""
+        return float(self.T[-1] - self.T[self.end(DOWN)]) / 2.0
+
+    @property
+    def k_secant(self) -> float:
+        """Amplitude of the force over that of the displacement (force/length)."""
+        return self.force / self.displacement
+
+    @property
+    def energy(self) -> float:
+        """Energy dissipated in the loop (force length)."""
+        return float(self.dissipated[-1] - self.dissipated[self.end(FIRST)])
+
+    @property
+    def eta(self) -> float:
+        """Loss factor, the energy of the loop over pi T u."""
+        return self.energy / (math.pi * self.force * self.displacement)
+
+    @property
+    def share(self) -> float:
+        """Share of the area of contact that slips at the end of the first loading; NaN where unknown."""
+        return float(self.slip_share[self.end(FIRST)])
+
+    def scaled(self, force: float, length: float) -> SlipPath:
+        """Return the path in other units: forces times `force`, lengths times `length`."""
+        T, u, dissipated = self.T * force, self.u * length, self.dissipated * force * length
+        return SlipPath(self.amplitude, self.leg, u, T, self.slip_share, dissipated)
+
+
+def path_of_law(
+    law: SlipLaw, amplitude: float, *, steps: int, area: Callable[[Array], Array] | None = None
+) -> SlipPath:
+    """Return the path of a law in equal steps of the force, the loop by Masing's rule.
+
+    Args:
+        law: of the joint.
+        amplitude: of the force over the limit of friction.
+        steps: of the first loading; the loop has four times as many.
+        area: gives the area of contact at normal forces (n,), in any unit, for the share that slips.
+    """
+    # along a leg of the loop everything is twice as far apart as on the first loading
+    t, fine = (np.linspace(0.0, amplitude, n * steps + 1) for n in (1, 2))
+    u, fine_u = law.displacement(t), 2.0 * law.displacement(fine[1:])
+    loss, fine_loss = 0.25 * law.energy(t), 0.5 * law.energy(fine[1:])
+    first, second = loss[-1], loss[-1] + fine_loss[-1]
+
+    def slipped(t: Array) -> Array:
+        if area is None:
+            return np.full(t.shape, np.nan)
+        return 1.0 - area(law.preload * (1.0 - t)) / area(np.array([law.preload]))
+
+    return SlipPath(
+        amplitude,
+        np.repeat([FIRST, DOWN, UP], [steps + 1, 2 * steps, 2 * steps]),
+        np.concatenate([u, u[-1] - fine_u, fine_u - u[-1]]),
+        law.limit * np.concatenate([t, amplitude - 2.0 * fine[1:], 2.0 * fine[1:] - amplitude]),
+        np.concatenate([slipped(x) for x in (t, fine[1:], fine[1:])]),
+        np.concatenate([loss, first + fine_loss, second + fine_loss]),
+    )

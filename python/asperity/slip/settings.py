@@ -1,0 +1,53 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Settings of the slip of a joint. Each default is here, and the section [slip] of a case takes it from here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from asperity.dynamics.law.checks import positive
+from asperity.errors import InputError
+
+LARGEST = 0.99  # amplitude over the limit of friction: beyond, the displacement is arbitrary
+SMALLEST = 1e-3
+
+
+@dataclass(frozen=True)
+class SlipSettings:
+    """Friction of a joint and the loops to compute, forces on the patch.
+
+    Attributes:
+        friction: Coulomb's coefficient mu.
+        amplitudes: of the tangential force over the limit of friction mu P, each in [0.001, 0.99], rising.
+        preload: normal force P (force); default that of the vibration, or half of the greatest force of the curve.
+        steps: of the first loading; a loop has four times as many.
+
+    Raises:
+        InputError: a value is not legal.
+
+    Examples:
+        >>> from asperity.slip import SlipSettings
+        >>> SlipSettings(friction=0.3).amplitudes
+        (0.1, 0.3, 0.6, 0.9)
+    """
+
+    friction: float
+    amplitudes: tuple[float, ...] = (0.1, 0.3, 0.6, 0.9)
+    preload: float | None = None
+    steps: int = 6
+
+    def __post_init__(self) -> None:
+        positive("slip.friction", self.friction)
+        if self.preload is not None:
+            positive("slip.preload", self.preload)
+        object.__setattr__(self, "amplitudes", tuple(sorted({float(t) for t in self.amplitudes})))
+        for t in self.amplitudes:
+            if not SMALLEST <= t <= LARGEST:
+                raise InputError(
+                    f"slip.amplitudes = {t:g} must lie in [{SMALLEST:g}, {LARGEST:g}]: it is the tangential force over "
+                    "the limit of friction"
+                )
+        if not self.amplitudes or self.steps < 1:
+            raise InputError("slip.amplitudes is empty, or slip.steps is below 1")

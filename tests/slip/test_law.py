@@ -1,0 +1,164 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Slip by the normal curve: Cattaneo and Mindlin, other profiles, Masing's rules, sliders, vibration."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import quad, trapezoid
+from scipy.optimize import brentq
+
+import asperity as asp
+from asperity.dynamics.law.law import Law
+from asperity.errors import InputError, RangeError
+from asperity.slip import JenkinsArray, SlipLaw, tangential_response
+from asperity.slip.law import compliance_ratio
+from asperity.slip.path import path_of_law
+
+E, NU, RADIUS, LOAD, MU = 2.0, 0.3, 5.0, 1e-3, 0.4
+G, REDUCED = E / 2 / (1 + NU), E / (1 - NU**2)
+SPOT = (0.75 * LOAD * RADIUS / REDUCED) ** (1 / 3)
+SHARES = np.array([0.01, 0.1, 0.3, 0.6, 0.9, 0.99])
+
+
+@pytest.fixture(scope="module")
+def sphere() -> SlipLaw:
+    return SlipLaw(asp.PowerLaw(1.5, 4 / 3 * REDUCED * RADIUS**0.5), LOAD, MU, NU)
+
+
+def test_displacement_and_energy_of_cattaneo_and_mindlin(sphere: SlipLaw) -> None:
+    """Johnson, Contact Mechanics (1985), eq. 7.42 and 7.51 with one body against a rigid flat."""
+    t, c = SHARES, 3 * MU * LOAD * (2 - NU) / (16 * G * SPOT)
+    np.testing.assert_allclose(sphere.displacement(t), c * (1 - (1 - t) ** (2 / 3)), rtol=1e-12)
+    energy = 4.8 * MU * LOAD * c * (1 - (1 - t) ** (5 / 3) - 5 * t / 6 * (1 + (1 - t) ** (2 / 3)))
+    np.testing.assert_allclose(sphere.energy(t), energy, rtol=1e-8)
+    assert sphere.displacement(1.0) == pytest.approx(c, rel=1e-14)
+    assert sphere.k_tangent(0.0) == pytest.approx(8 * G * SPOT / (2 - NU), rel=1e-12)  # Mindlin 1949
+
+
+def test_light_loops_lose_the_cube_of_the_force(sphere: SlipLaw) -> None:
+    """Mindlin & Deresiewicz, J. Appl. Mech. 20 (1953) 327: so the loss factor is linear in the force."""
+    ratio = sphere.energy(2e-3) / sphere.energy(1e-3), sphere.eta(2e-3) / sphere.eta(1e-3)
+    np.testing.assert_allclose(ratio, (8.0, 2.0), rtol=2e-3)
+
+
+def test_a_flat_punch_does_not_slip_before_the_limit() -> None:
+    punch = SlipLaw(asp.PowerLaw(1.0, 3.0), preload=2.0, friction=MU, nu=NU)
+    t = SHARES
+    np.testing.assert_allclose(punch.displacement(t), MU * 2.0 * t * compliance_ratio(NU) / 3.0, rtol=1e-12)
+    assert np.all(np.abs(punch.energy(t)) < 1e-14)
+
+
+def test_the_block_adds_its_compliance_and_no_loss(sphere: SlipLaw) -> None:
+    c_n, c_t = 0.3 / sphere.k_tangent(0.0).item(), 0.5 / sphere.k_tangent(0.0).item()
+
+    class Whole(Law):  # sphere and block in series: its approach at a force is the sum
+        def both(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            force = np.array([self._force(x) for x in np.ravel(z)]).reshape(np.shape(z))
+            slope = sphere.normal.both(z - c_n * force)[1]
+            return force, slope / (1 + c_n * slope)
+
+        def _force(self, z: float) -> float:
+            top = float(sphere.normal.force(z))
+            return float(brentq(lambda f: float(sphere.normal.force(z - c_n * f)) - f, 0.0, top, xtol=1e-18))
+
+        def deflection(self, load: float) -> float:
+            return sphere.normal.deflection(load) + c_n * load
+
+        def potential(self, z: np.ndarray) -> np.ndarray:
+            force = self.both(z)[0]
+            return sphere.normal.potential(z - c_n * force) + 0.5 * c_n * force**2
+
+        def derivatives(self, z: float) -> tuple[float, float, float]:
+            raise NotImplementedError
+
+        def describe(self) -> str:
+            return "series"
+
+    whole = SlipLaw(Whole(), LOAD, MU, NU, (c_n, c_t))
+    t = SHARES
+    np.testing.assert_allclose(whole.displacement(t), sphere.displacement(t) + c_t * whole.limit * t, rtol=1e-10)
+    np.testing.assert_allclose(whole.energy(t)[1:], sphere.energy(t)[1:], rtol=1e-8)
+
+
+def test_energy_is_that_of_masings_loop_for_any_law() -> None:
+    z = np.geomspace(0.02, 1.0, 15)
+    law = SlipLaw(asp.TableLaw(z, z**1.3 + 0.5 * z**3), preload=0.9, friction=MU, nu=0.2)
+    for t in (0.2, 0.7):
+        work = quad(lambda s: s * law.limit**2 / law.k_tangent(s), 0.0, t, epsabs=0, epsrel=1e-10, limit=200)[0]
+        masing = 8 * work - 4 * t * law.limit * law.displacement(t)
+        assert law.energy(t) == pytest.approx(masing, rel=1e-6)
+
+
+@pytest.mark.parametrize("amplitude", [0.2, 0.8])
+def test_the_path_closes_and_its_work_is_what_it_dissipates(sphere: SlipLaw, amplitude: float) -> None:
+    path = path_of_law(sphere, amplitude, steps=400)
+    start = path.end(0)
+    assert path.u[-1] == pytest.approx(path.u[start], rel=1e-12)
+    assert path.T[-1] == pytest.approx(path.T[start], rel=1e-12)
+    assert trapezoid(path.T[start:], path.u[start:]) == pytest.approx(path.energy, rel=1e-3)
+    assert np.all(np.diff(path.dissipated) >= 0.0)
+    assert (path.force, path.displacement) == pytest.approx((path.T[start], path.u[start]), rel=1e-12)
+
+
+def test_sliders_follow_the_law_and_remember(sphere: SlipLaw) -> None:
+    array, path = sphere.array(), path_of_law(sphere, 0.7, steps=20)
+    assert array.limit == pytest.approx(sphere.limit, rel=1e-12)
+    np.testing.assert_allclose(array.follow(path.u), path.T, atol=3e-4 * sphere.limit)
+    np.testing.assert_allclose(array.energy(sphere.displacement(SHARES[1:])), sphere.energy(SHARES[1:]), rtol=3e-3)
+    # a loop inside a loop closes, and leaves the outer one as it was (Madelung's rules)
+    outer = sphere.displacement(0.7)
+    forces = array.follow([outer, 0.0, 0.3 * outer, 0.0, -outer])
+    np.testing.assert_allclose(forces[[1, 4]], array.follow([outer, 0.0, -outer])[1:], rtol=1e-12)
+    assert forces[3] == pytest.approx(forces[1], rel=1e-12)
+
+
+def test_sliders_are_positive_where_points_are_not_concave() -> None:
+    array = JenkinsArray.through(np.array([1.0, 2.0, 3.0, 4.0]), np.array([2.0, 3.0, 4.5, 5.0]))
+    assert np.all(array.k > 0.0)
+    np.testing.assert_allclose(array.first_loading([1.0, 3.0, 4.0, 9.0]), [2.0, 4.5, 5.0, 5.0])
+    with pytest.raises(InputError, match="positive"):
+        JenkinsArray([1.0, -1.0], [1.0, 1.0])
+
+
+def test_the_complex_stiffness_is_the_first_harmonic(sphere: SlipLaw) -> None:
+    array, a = sphere.array(40), float(sphere.displacement(0.8))
+    phase = np.linspace(0.0, 2 * np.pi, 4001)
+    path = a * np.cos(phase)
+    forces = array.follow([a, *path])[1:]
+    harmonic = trapezoid(forces * np.exp(1j * phase), phase) / (np.pi * a)
+    assert array.complex_stiffness(a) == pytest.approx(
+        harmonic.conjugate() if harmonic.imag < 0 else harmonic, rel=1e-4
+    )
+
+
+def test_the_response_is_that_of_time_integration_with_memory(sphere: SlipLaw) -> None:
+    """A mass on sliders under a harmonic force, central differences over many periods, at both sides and the peak."""
+    array, mass, force = sphere.array(30), 1.0, 0.05 * sphere.limit
+    omega, amplitude = tangential_response(array, mass, force)
+    peak = int(amplitude.argmax())
+    for i in (peak - 60, peak, peak + 60):
+        w = float(omega[i])
+        step = 2 * np.pi / w / 400
+        state, x, v = array.at_rest, 0.0, 0.0
+        found = []
+        for n in range(400 * 250):
+            restoring, state = array.move(x, state)
+            v += step * (force * np.cos(w * n * step) - restoring) / mass
+            x += step * v
+            if n >= 400 * 240:
+                found.append(x)
+        steady = 0.5 * (max(found) - min(found))
+        assert steady == pytest.approx(float(amplitude[i]), rel=0.02)
+
+
+def test_a_force_beyond_the_limit_has_no_steady_response(sphere: SlipLaw) -> None:
+    with pytest.raises(RangeError, match="makes all of the contact slip"):
+        tangential_response(sphere.array(20), 1.0, 1.4 * sphere.limit)
+
+
+def test_a_curve_as_stiff_as_the_block_is_refused() -> None:
+    with pytest.raises(InputError, match="as stiff as the block"):
+        SlipLaw(asp.PowerLaw(1.0, 2.0), preload=1.0, friction=0.3, nu=0.3, block=(0.5, 0.7))
