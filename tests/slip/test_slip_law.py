@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 from scipy.integrate import quad, trapezoid
 from scipy.optimize import brentq
 
@@ -67,9 +68,9 @@ def test_the_block_adds_its_compliance_and_no_loss(sphere: SlipLaw) -> None:
         def deflection(self, load: float) -> float:
             return sphere.normal.deflection(load) + c_n * load
 
-        def potential(self, z: np.ndarray) -> np.ndarray:
-            force = self.both(z)[0]
-            return sphere.normal.potential(z - c_n * force) + 0.5 * c_n * force**2
+        def potential(self, z: ArrayLike) -> np.ndarray:
+            force = self.both(np.asarray(z))[0]
+            return sphere.normal.potential(np.asarray(z) - c_n * force) + 0.5 * c_n * force**2
 
         def derivatives(self, z: float) -> tuple[float, float, float]:
             raise NotImplementedError
@@ -109,7 +110,7 @@ def test_sliders_follow_the_law_and_remember(sphere: SlipLaw) -> None:
     np.testing.assert_allclose(array.follow(path.u), path.T, atol=3e-4 * sphere.limit)
     np.testing.assert_allclose(array.energy(sphere.displacement(SHARES[1:])), sphere.energy(SHARES[1:]), rtol=3e-3)
     # a loop inside a loop closes, and leaves the outer one as it was (Madelung's rules)
-    outer = sphere.displacement(0.7)
+    outer = float(sphere.displacement(0.7))
     forces = array.follow([outer, 0.0, 0.3 * outer, 0.0, -outer])
     np.testing.assert_allclose(forces[[1, 4]], array.follow([outer, 0.0, -outer])[1:], rtol=1e-12)
     assert forces[3] == pytest.approx(forces[1], rel=1e-12)
@@ -120,7 +121,7 @@ def test_sliders_are_positive_where_points_are_not_concave() -> None:
     assert np.all(array.k > 0.0)
     np.testing.assert_allclose(array.first_loading([1.0, 3.0, 4.0, 9.0]), [2.0, 4.5, 5.0, 5.0])
     with pytest.raises(InputError, match="positive"):
-        JenkinsArray([1.0, -1.0], [1.0, 1.0])
+        JenkinsArray(np.array([1.0, -1.0]), np.ones(2))
 
 
 def test_the_complex_stiffness_is_the_first_harmonic(sphere: SlipLaw) -> None:

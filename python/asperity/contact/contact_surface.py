@@ -126,6 +126,13 @@ class ContactSurface:
         vector.scatter_forward()
         return vector.array.copy()
 
+    def bearing_area(self) -> Floats:
+        """Area of the facets by the nodes that bear a uniform pressure, those on edges (nodes,) [length^2]; collective.
+
+        Zero at the corners.
+        """
+        return self.assemble(self.nodes[:, element.BEARING], self._unit[:, element.BEARING])
+
     def area_ratio(self) -> Floats:
         """Area of each facet, projected on the flat, over that before deformation (F,); 1 in small strain."""
         solid = self.solid

@@ -114,11 +114,11 @@ def force_loops(
         if value < 1:
             raise InputError(f"loops.{name} = {value!r} must be at least 1")
     found: list[Loop] = []
-    with _as_before(solver):
-        _Leg(solver, CLOSE * preload, stop).follow(preload, steps)
+    with as_before(solver):
+        Leg(solver, CLOSE * preload, stop).follow(preload, steps)
         for amplitude in amplitudes:
-            with _as_before(solver):
-                leg = _Leg(solver, CLOSE * amplitude * preload, stop)
+            with as_before(solver):
+                leg = Leg(solver, CLOSE * amplitude * preload, stop)
                 found += _loops_of(solver, leg, preload, amplitude, cycles, steps)
         if solver.checks.violated:
             raise CheckError(f"the loops are wrong, do not use them: {'; '.join(solver.checks.violated.values())}")
@@ -126,7 +126,7 @@ def force_loops(
 
 
 def _loops_of(
-    solver: ContactSolver, leg: _Leg, preload: float, amplitude: float, cycles: int, steps: int
+    solver: ContactSolver, leg: Leg, preload: float, amplitude: float, cycles: int, steps: int
 ) -> Iterator[Loop]:
     """Yield the loops of an amplitude until two are alike."""
     checks, before = solver.checks, None
@@ -149,7 +149,7 @@ def _loops_of(
 
 
 @contextmanager
-def _as_before(solver: ContactSolver) -> Iterator[None]:
+def as_before(solver: ContactSolver) -> Iterator[None]:
     """Run a block without probes and restore the state after it."""
     state, history = solver.state(), solver.solid.kernels.history().copy()
     of_contact = solver.contact.history()
@@ -168,7 +168,7 @@ def _as_before(solver: ContactSolver) -> Iterator[None]:
         solver.checks.violated |= violated
 
 
-class _Leg:
+class Leg:
     """Ways to given forces, in about equal steps of the force.
 
     Args:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Floats, Integers
-from asperity.contact import Contact
+from asperity.contact.interface import ContactEquations
 from asperity.fem.solid import Solid
 from asperity.linear.petsc_options import set_defaults
 from asperity.linear.solver import LinearSolver
@@ -67,12 +67,16 @@ class NewtonSolver:
         solid: block in contact
         contact: formulation of the contact
         options: tolerances and limits
+        fixed: owned dofs without displacement increment; default those of the solid
     """
 
-    def __init__(self, solid: Solid, contact: Contact, options: SolverOptions) -> None:
+    def __init__(
+        self, solid: Solid, contact: ContactEquations, options: SolverOptions, fixed: Integers | None = None
+    ) -> None:
         from petsc4py import PETSc
 
         self.solid, self.contact, self.options = solid, contact, options
+        self._fixed = solid.fixed if fixed is None else fixed
         self._residual_vec, self.x = solid.vector(), solid.vector()
         self._krylov = self._shortened = 0
         self.rows: Integers = NOT_YET
@@ -113,7 +117,7 @@ class NewtonSolver:
         residual, self.rows, self._lacking = self.contact.residual(self.force)
         self._changed = len(np.setxor1d(before, self.rows))
         flat = residual.reshape(-1)
-        flat[self.solid.fixed] = 0.0
+        flat[self._fixed] = 0.0
         r.array = flat
 
     def _jacobian(self, snes: Any, x: Any, A: Any, P: Any) -> None:
@@ -154,7 +158,7 @@ class NewtonSolver:
 
     def apply(self, pc: Any, r: Any, y: Any) -> None:
         """Solve J y = r for the Newton step -y, prescribed increments included, and scale it; called by PETSc."""
-        rows = np.concatenate([self.solid.fixed, self.rows])
+        rows = np.concatenate([self._fixed, self.rows])
         iterations, solved = self.linear.solve(r, rows, -self._lacking, y, self._krylov_rtol())
         self._krylov += iterations
         if not solved:
@@ -192,7 +196,7 @@ class NewtonSolver:
         rounding. A step that turns a solid of finite strain inside out is halved until it does not.
         """
         free = np.ones(len(y.array_r), dtype=bool)
-        free[self.solid.fixed] = False
+        free[self._fixed] = False
         free[self.rows] = False
         trial = y.duplicate()
         start, direction = self.solid.u.x.array[: len(free)].copy(), y.array_r[free]

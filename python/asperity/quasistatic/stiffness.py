@@ -50,7 +50,7 @@ class Stiffness:
         self._solid = solid
         self._elastic: _ElasticStiffness | None = None
         self._height = 0.0  # of the undeformed block
-        self._along_x, self._along_y = (_Motion(solid, _mirrored(solid, k), (0, 1, 2)) for k in (0, 1))
+        self._along_x, self._along_y = (_Motion(solid, mirrored(solid, k), (0, 1, 2)) for k in (0, 1))
         self._along_z = _Motion(solid, solid.fixed, (2,))
 
     def __call__(self, solver: ContactSolver) -> dict[str, float]:
@@ -346,7 +346,7 @@ class _Translation:
         return float(self._solid.comm.allreduce(float(np.vdot(test, image)))), image
 
 
-def _mirrored(solid: Solid, axis: int) -> Integers:
+def mirrored(solid: Solid, axis: int) -> Integers:
     """Owned dofs without displacement when the flat moves along x (0) or y (1).
 
     Rollers stand for a solid that continues as its mirror image. A shear along x is antisymmetric about the faces

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -65,11 +66,12 @@ class JenkinsArray:
                 between their neighbours are left out: no slider has a negative stiffness.
         """
         points = [(0.0, 0.0)]
-        for point in zip(u.tolist(), force.tolist(), strict=True):
+        for x, y in np.column_stack([u, force]):
+            point = float(x), float(y)
             while len(points) > 1 and _slope(points[-1], point) >= _slope(points[-2], points[-1]):
                 points.pop()
             points.append(point)
-        slopes = np.array([_slope(a, b) for a, b in zip(points[:-1], points[1:], strict=True)])
+        slopes = np.array([_slope(a, b) for a, b in pairwise(points)])
         k = slopes - np.append(slopes[1:], 0.0)
         return cls(k, k * np.array([x for x, _ in points[1:]]))
 

@@ -24,8 +24,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
-from asperity.dynamics.law.law import Law
 from asperity.dynamics.law.checks import positive
+from asperity.dynamics.law.law import Law
 from asperity.errors import InputError
 from asperity.runtime.display import short_repr
 from asperity.slip.jenkins import JenkinsArray

@@ -1,0 +1,264 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Paths of a flat that moves sideways on the solid under a constant normal load: micro-slip of two like bodies."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import cos, inf, isfinite, nan, radians, sin
+
+import numpy as np
+
+from asperity.arrays import Floats
+from asperity.contact.active_set import ActiveSet
+from asperity.contact.frozen_friction import FrozenFriction
+from asperity.contact.stick import Stick
+from asperity.errors import ConvergenceError, InputError, Interrupted
+from asperity.fem.energies import dissipation
+from asperity.fem.kernels import History
+from asperity.model.problem import Problem
+from asperity.quasistatic.contact_result import ContactResult
+from asperity.quasistatic.contact_solver import ContactSolver
+from asperity.quasistatic.force_loops import CLOSE as CLOSE_PRELOAD
+from asperity.quasistatic.force_loops import Leg, as_before
+from asperity.quasistatic.newton import NewtonSolver, StepStats
+from asperity.quasistatic.stiffness import mirrored
+from asperity.slip.path import DOWN, FIRST, UP, SlipPath
+
+CLOSE = 1e-3  # tolerance of the force at the end of a leg, over its amplitude
+ROUGHLY = 0.3  # the same of a step on the way, over the step
+TRIALS = 25  # solves that look for a force
+RTOL = 1e-6  # of the forces out of balance over the normal force; 1e-8 costs an iteration in six, and changes nothing
+LIGHT = 0.01  # displacement that gives the stiffness at rest, over friction times the approach
+
+
+def solve_slip(
+    problem: Problem,
+    result: ContactResult,
+    preload: float,
+    friction: float,
+    amplitudes: Sequence[float],
+    *,
+    steps: int = 6,
+    direction: float = 0.0,
+    stop: Callable[[], str] | None = None,
+) -> tuple[SlipPath, ...]:
+    """Paths of a flat that moves sideways, from the state at the end of a load path, in physical units; collective.
+
+    Args:
+        problem: that was solved
+        result: of `solve_problem`; its state is as before afterwards
+        preload: normal force [force]
+        friction, amplitudes, steps, direction, stop: see `slip_paths`
+
+    Raises:
+        InputError, ConvergenceError, Interrupted: see `slip_paths`
+    """
+    side, E = problem.surface.L, problem.material.E
+    paths = slip_paths(
+        result.solver, preload / (E * side**2), friction, amplitudes, steps=steps, direction=direction, stop=stop
+    )
+    return tuple(path.scaled(E * side**2, side) for path in paths)
+
+
+def slip_paths(
+    solver: ContactSolver,
+    preload: float,
+    friction: float,
+    amplitudes: Sequence[float],
+    *,
+    steps: int = 6,
+    direction: float = 0.0,
+    stop: Callable[[], str] | None = None,
+) -> tuple[SlipPath, ...]:
+    """Paths of a flat that moves sideways on like bodies; the state of the solver is as before afterwards; collective.
+
+    The flat goes from the present state to the preload. There the normal forces of the nodes stay, and for each
+    amplitude the flat moves from rest to the amplitude of the tangential force and around one loop. A plastic solid
+    flows on in each step (backward Euler).
+
+    Args:
+        solver: in an accepted state, of exact contact without friction
+        preload: normal force [E L^2]
+        friction: Coulomb's coefficient
+        amplitudes: of the tangential force over friction times preload
+        steps: of the first loading, and of the way to the preload; a loop has four times as many
+        direction: of the motion, from the x axis towards the y axis [degrees]
+        stop: called after each step on all ranks; a text it returns, the same on all, ends the paths
+
+    Raises:
+        InputError: the contact is not exact and frictionless, or the sides admit no motion in the direction
+        ConvergenceError: a step does not converge
+        Interrupted: `stop` has ended the paths
+    """
+    if not isinstance(solver.contact, ActiveSet) or isinstance(solver.contact, Stick):
+        raise InputError('slip.method = "solid" needs contact.method = "active-set" and contact.friction = "none"')
+    if solver.solid.sides == "rollers" and direction % 90.0 != 0.0:
+        raise InputError(
+            f"slip.direction = {direction:g} is not possible between rollers, which stand for mirror images: take 0 or "
+            '90, or block.sides = "periodic"'
+        )
+    found = []
+    with as_before(solver):
+        Leg(solver, CLOSE_PRELOAD * preload, stop).follow(preload, steps)
+        solver.solid.kernels.restore(solver.history.copy())
+        sliding = _Sliding(solver, friction, direction, stop)
+        for amplitude in amplitudes:
+            sliding.reset()
+            found.append(sliding.path(amplitude, steps))
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class _State:
+    """State between two steps: displacement (owned, 3), position of the flat, force, plastic history, loss, share."""
+
+    displacement: Floats
+    at: float
+    force: float
+    history: History
+    dissipated: float
+    slipping: float
+
+
+class _Sliding:
+    """A flat that moves sideways on a solid, from its state at a preload.
+
+    Args:
+        solver: at the preload, its committed history that of its displacement
+        friction: Coulomb's coefficient
+        direction: of the motion [degrees]
+        stop: gives the reason to stop, empty for none; collective
+
+    Attributes:
+        k_rest: stiffness before any slip [E L]
+        limit: force at which all nodes slip [E L^2]
+        newton, krylov: iterations so far
+    """
+
+    def __init__(
+        self, solver: ContactSolver, friction: float, direction: float, stop: Callable[[], str] | None
+    ) -> None:
+        solid = solver.solid
+        self._solid, self._stop = solid, stop
+        angle = radians(direction)
+        self._axis = np.array([cos(angle), sin(angle)])
+        fixed = mirrored(solid, int(abs(self._axis[1]) > abs(self._axis[0])))
+        normal, rest = solver.nodal_force.copy(), solver.state().displacement
+        self._contact = FrozenFriction(solid, solver.contact_surface, normal, solid.internal_force(), fixed)
+        options = replace(solver.newton.options, rtol=max(RTOL, solver.newton.options.rtol))
+        solver.drop_matrices()
+        self._newton = NewtonSolver(solid, self._contact, options, fixed)
+        self._friction = friction
+        self.limit = friction * float(solid.comm.allreduce(float(normal.sum())))
+        self._rest = _State(rest, 0.0, 0.0, solid.kernels.history().copy(), 0.0, 0.0)
+        self._guide: tuple[float, Floats] | None = None  # a move from the accepted state, or to it, and what it changes
+        self.newton = self.krylov = 0
+        self.reset()
+        self.k_rest = self._stiffness_at_rest(solver.delta)
+        self._contact.friction = friction
+
+    def reset(self) -> None:
+        """Return to rest."""
+        self._accepted, self._guide = self._rest, None
+        self._solid.kernels.restore(self._rest.history.copy())
+
+    def path(self, amplitude: float, steps: int) -> SlipPath:
+        """Move from the present state to an amplitude and around a loop; collective."""
+        rows = [(FIRST, self._accepted)]
+        for leg, sign, count in ((FIRST, 1.0, steps), (DOWN, -1.0, 2 * steps), (UP, 1.0, 2 * steps)):
+            rows += [(leg, state) for state in self._follow(sign * amplitude * self.limit, count)]
+        columns = np.array([(leg, s.at, s.force, s.slipping, s.dissipated) for leg, s in rows]).T
+        path = SlipPath(amplitude, columns[0].astype(int), *columns[1:])
+        logging.getLogger(__name__).info(
+            "slip at %g mu P: k = %.5g E L, eta = %.4g; %d steps, %d Newton and %d Krylov iterations so far",
+            amplitude, path.k_secant, path.eta, path.u.size - 1, self.newton, self.krylov,
+        )  # fmt: skip
+        return path
+
+    def _follow(self, goal: float, steps: int) -> list[_State]:
+        """Move to a force in about equal steps of it; collective."""
+        start, states = self._accepted.force, []
+        slope = self.k_rest
+        for k in range(1, steps + 1):
+            wanted = start + (goal - start) * k / steps
+            if k < steps and (wanted - self._accepted.force) * (goal - start) <= 0.0:
+                continue  # the step before went as far
+            tolerance = CLOSE * abs(goal) if k == steps else ROUGHLY * abs(goal - start) / steps
+            if abs(wanted - self._accepted.force) > tolerance or k == steps:
+                slope = self._step_to(wanted, tolerance, slope)
+                states.append(self._accepted)
+                reason = "" if self._stop is None else self._stop()
+                if reason:
+                    raise Interrupted(f"stopped by {reason} in the slip; --resume computes it again")
+        return states
+
+    def _step_to(self, wanted: float, tolerance: float, slope: float) -> float:
+        """Find and accept the position of a force; returns the slope from the accepted state to it; collective."""
+        here = self._accepted
+        low, high = here.at, nan  # positions below and above the wanted force, on the way
+        force_low, force_high = here.force, nan
+        sign = 1.0 if wanted > here.force else -1.0
+        target = here.at + (wanted - here.force) / slope
+        for _ in range(TRIALS):
+            stats, force = self._solve(target)
+            if not stats.converged:
+                target = 0.5 * (low + target)
+                continue
+            if abs(force - wanted) <= tolerance:
+                self._accept(target, force)
+                return (force - here.force) / (target - here.at)
+            if sign * (wanted - force) > 0.0:
+                low, force_low = target, force
+            else:
+                high, force_high = target, force
+            if isfinite(high):  # between both, where the force is concave the chord falls short
+                target = low + (high - low) * (wanted - force_low) / (force_high - force_low)
+            else:
+                secant = (force - here.force) / (target - here.at)
+                target = low + 1.5 * (wanted - force_low) / secant
+        raise ConvergenceError(
+            f"the slip did not reach the tangential force {wanted:.6g} E L^2 from the displacement {here.at:.6g} L "
+            f"({stats.reason}): use more slip.steps"
+        )
+
+    def _solve(self, target: float) -> tuple[StepStats, float]:
+        """Solve with the flat at a position, from the accepted state; collective."""
+        here, solid = self._accepted, self._solid
+        move, start = target - here.at, here.displacement
+        guide = self._guide if self._guide is not None and self._guide[0] * move > 0.0 else None
+        if guide is not None:
+            start = start + guide[1] * (move / guide[0])
+        self._contact.begin(self._contact.positions(here.displacement), move * self._axis, keep=guide is not None)
+        self._newton.linear.forget()
+        stats = self._newton.solve(start, abs(move))
+        self.newton, self.krylov = self.newton + stats.newton, self.krylov + stats.krylov
+        if stats.converged:
+            self._guide = move, solid.u.x.array.reshape(-1, 3)[: solid.owned] - here.displacement
+        force = float(solid.comm.allreduce(float((self._contact.traction @ self._axis).sum())))
+        return stats, force
+
+    def _accept(self, target: float, force: float) -> None:
+        """Commit the last solve; collective."""
+        solid, here = self._solid, self._accepted
+        before = solid.kernels.history().copy()
+        solid.kernels.commit()
+        displacement = solid.u.x.array.reshape(-1, 3)[: solid.owned].copy()
+        loss = self._contact.dissipated() + dissipation(solid, before)[0]
+        loss, slipping, touching = solid.comm.allreduce(np.append(loss, self._contact.area()))
+        share = slipping / touching if touching > 0.0 else nan
+        self._accepted = _State(
+            displacement, target, force, solid.kernels.history().copy(), here.dissipated + float(loss), float(share)
+        )
+
+    def _stiffness_at_rest(self, approach: float) -> float:
+        """Tangential stiffness with all nodes in contact stuck to the flat [E L]; collective."""
+        self._contact.friction = inf
+        move = LIGHT * self._friction * approach
+        stats, force = self._solve(move)
+        if not stats.converged:
+            raise ConvergenceError(f"the tangential stiffness at rest was not found ({stats.reason})")
+        return force / move
