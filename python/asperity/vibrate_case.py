@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""What a case computes from its curve and last state: stiffness matrix, loops about the preload, vibration."""
+"""What a case computes from its curve and last state: stiffness matrix, loops about the preload, vibration, slip."""
 
 from __future__ import annotations
 
@@ -25,10 +25,13 @@ from asperity.loops import LoopTable
 from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.force_loops import solve_loops
+from asperity.quasistatic.slip_paths import solve_slip
 from asperity.quasistatic.stepping import FORCE_TOLERANCE
 from asperity.quasistatic.stiffness_matrix import stiffness_matrix
 from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.run_folder import LOOPS
+from asperity.slip import JointSlip, SlipSettings, slip_of_curve
+from asperity.slip.path import SlipPath
 
 
 @dataclass
@@ -50,13 +53,12 @@ class VibratedCase:
     ends: bool = False
 
 
+Stage = Callable[[str], AbstractContextManager[None]]
+Stop = Callable[[], str] | None
+
+
 def vibrate_case(
-    case: Case,
-    problem: Problem,
-    contact: ContactResult,
-    folder: Path | None,
-    stage: Callable[[str], AbstractContextManager[None]],
-    stop: Callable[[], str] | None = None,
+    case: Case, problem: Problem, contact: ContactResult, folder: Path | None, stage: Stage, stop: Stop = None
 ) -> VibratedCase:
     """Compute what a case requests in addition to its curve; collective.
 
@@ -64,10 +66,25 @@ def vibrate_case(
         case: the input
         problem: of the case
         contact: with the curve, and the solver at the end of the load path
-        folder: receives loops.csv and the files of the vibration; None writes nothing
+        folder: receives the files of loops, vibration and slip; None writes nothing
         stage: announces a part by its name, and takes its time
-        stop: polled by the loops; a reason ends them
+        stop: polled by the loops and the slip; a reason ends them
     """
+    found = _vibrate(case, problem, contact, folder, stage, stop)
+    if case.slip is None or found.ends:
+        return found
+    try:
+        with stage("slip"):
+            found.sections["slip"] = _slip(case, problem, contact, folder, found.numbers, stop)
+    except (ConvergenceError, InputError) as e:
+        found.failure, found.ends = _kept(e), isinstance(e, Interrupted)
+    return found
+
+
+def _vibrate(
+    case: Case, problem: Problem, contact: ContactResult, folder: Path | None, stage: Stage, stop: Stop
+) -> VibratedCase:
+    """Stiffness matrix, loops and vibration of a case; see `vibrate_case`."""
     found, loops, comm = VibratedCase(), None, contact.solver.solid.comm
     try:
         if case.output.stiffness_matrix:
@@ -107,18 +124,61 @@ def _kept(error: ConvergenceError | InputError) -> ConvergenceError:
     return error if isinstance(error, ConvergenceError) else ConvergenceError(f"{error}; the curve is kept")
 
 
-def _loops(case: Case, problem: Problem, contact: ContactResult, stop: Callable[[], str] | None) -> LoopTable:
-    """Loops about the preload, from the state at the end of the load path, which the solver has afterwards too.
+def _loops(case: Case, problem: Problem, contact: ContactResult, stop: Stop) -> LoopTable:
+    """Loops about the preload, from the state at the end of the load path, which the solver has afterwards too."""
+    assert case.loops is not None
+    wanted = case.loops
+    preload = _preload(case, contact.curve, "loops", wanted.preload)
+    return solve_loops(
+        problem, contact, preload, wanted.amplitudes, cycles=wanted.cycles, steps=wanted.steps, stop=stop
+    )
+
+
+def _slip(
+    case: Case, problem: Problem, contact: ContactResult, folder: Path | None, numbers: Numbers | None, stop: Stop
+) -> dict[str, Any]:
+    """Section "slip" of summary.json, and its files; collective.
+
+    Args:
+        numbers: of the normal vibration, whose mass vibrates on the joint
+    """
+    assert case.slip is not None
+    preload, curve, joint = (
+        _preload(case, contact.curve, "slip", case.slip.preload),
+        contact.curve,
+        _settings(case).joint,
+    )
+    settings = SlipSettings(**case.slip.model_dump() | {"preload": preload})
+    patch = case.surface.L**2
+    paths: tuple[SlipPath, ...] = ()
+    if settings.method == "solid":
+        paths = solve_slip(problem, contact, settings, stop)
+
+    def by_curve() -> JointSlip:
+        found = slip_of_curve(
+            curve, settings, problem.material, patch=patch, height=problem.height, sides=problem.sides, computed=paths
+        )
+        if folder is not None:
+            found.write(folder)
+        return found
+
+    slip = on_root_bcast(contact.solver.solid.comm, by_curve)
+    for text in slip.notes:
+        warnings.warn(text, AsperityWarning, stacklevel=2)
+    mass = None if numbers is None or not math.isfinite(numbers.mass) else numbers.mass
+    return slip.to_dict(mass, 1.0 if joint is None else joint.factor(patch), units=case.units)
+
+
+def _preload(case: Case, curve: Curve, section: str, preload: float | None) -> float:
+    """Normal force on the patch about which a section moves the flat: its own, that of the vibration, or a half.
 
     Raises:
-        InputError: the preload exceeds the greatest force of the curve
+        InputError: it exceeds the greatest force of the curve
     """
-    assert case.loops is not None
-    wanted, top, key = case.loops, float(contact.curve.force.max()), "loops.preload"
-    preload, settings = wanted.preload, _settings(case)
+    top, key, settings = float(curve.force.max()), f"{section}.preload", _settings(case)
     if preload is None and settings.preload is not None:
         factor = 1.0 if settings.joint is None else settings.joint.factor(settings.patch_area)
-        preload, key = settings.preload / factor, "the preload of the loops"
+        preload, key = settings.preload / factor, f"the preload of the {section}"
     preload = 0.5 * top if preload is None else preload
     # a load path by force ends within a small tolerance of it, and a tolerance corrects the curve
     if top < preload <= top * (1.0 + max(2.0 * FORCE_TOLERANCE, case.accuracy.tolerance or 0.0)):
@@ -128,9 +188,7 @@ def _loops(case: Case, problem: Problem, contact: ContactResult, stop: Callable[
             f"{key} = {preload:g} must lie between 0 and {top:g}, the greatest force of the curve: lower it, or load "
             "the contact further"
         )
-    return solve_loops(
-        problem, contact, preload, wanted.amplitudes, cycles=wanted.cycles, steps=wanted.steps, stop=stop
-    )
+    return preload
 
 
 def _settings(case: Case) -> DynamicsSettings:

@@ -25,6 +25,7 @@ from asperity.model.settings import (
     MeshSize,
     SolverOptions,
 )
+from asperity.slip.settings import LARGEST, SMALLEST, SlipSettings
 
 Real = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Whole = Annotated[int, Strict()]
@@ -322,6 +323,28 @@ class LoopsSection(Section):
     steps: Whole = _key("steps of a quarter of a loop", 4, ge=1, le=1000)
 
 
+class SlipSection(Section):
+    """Micro-slip of the joint of two like bodies: tangential loops with Coulomb friction about a preload."""
+
+    friction: Real = _key("Coulomb's coefficient mu", gt=0, le=10, hint="0.1 to 0.6 for dry metals")
+    amplitudes: tuple[Annotated[Real, Field(ge=SMALLEST, le=LARGEST)], ...] = _key(
+        "amplitudes of the tangential force over mu P", SlipSettings.amplitudes, min_length=1, max_length=100
+    )
+    preload: Real | None = _key(
+        "normal force P on the patch", None, shown="that of the vibration", unit=FORCE, gt=0
+    )  # fmt: skip
+    method: Literal["curve", "solid"] = _key(
+        "by the normal curve, without a solve; or a flat that moves on the solid (active-set, frictionless load path)",
+        SlipSettings.method,
+    )
+    direction: Real = _key(
+        "of the motion with method = solid, from x towards y, in degrees", SlipSettings.direction, ge=-360, le=360
+    )
+    steps: Whole = _key(
+        "steps from rest to an amplitude; a loop has four times as many", SlipSettings.steps, ge=1, le=1000
+    )
+
+
 class SolverSection(Section):
     """Solution of the equations."""
 
@@ -380,6 +403,7 @@ class Input(BaseModel):
     dynamics: DynamicsSection | None = None
     joint: JointSection | None = None
     loops: LoopsSection | None = None
+    slip: SlipSection | None = None
     solver: SolverSection = SolverSection()
     output: OutputSection = OutputSection()
 

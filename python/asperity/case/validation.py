@@ -9,7 +9,15 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import NoReturn
 
-from asperity.case.schema import DRIVERS, DynamicsSection, Input, JointSection, LoopsSection, SelfAffineSection
+from asperity.case.schema import (
+    DRIVERS,
+    DynamicsSection,
+    Input,
+    JointSection,
+    LoopsSection,
+    SelfAffineSection,
+    SlipSection,
+)
 from asperity.dynamics.settings import MIN_ROWS
 from asperity.model.kinds import Judgement
 from asperity.model.limits import FRACTIONS, improbable, too_deep, wrong_force, wrong_length, wrong_preload, wrong_sizes
@@ -73,6 +81,8 @@ def check_together(case: Input) -> None:
         _check_rest_of_damping(dynamics, case.joint)
     if case.loops:
         _check_loops(case, case.loops)
+    if case.slip:
+        _check_slip(case, case.slip)
     if case.output.stiffness_matrix and loading.unload:
         _refuse(
             "output.stiffness_matrix",
@@ -131,6 +141,24 @@ def _check_loops(case: Input, loops: LoopsSection) -> None:
         _refuse("loops.amplitudes", f"= {show(loops.amplitudes)} must rise, for example [0.1, 0.3, 0.6]")
     if loops.preload is not None:
         _check_preload(case, "loops.preload", loops.preload, 1.0)
+
+
+def _check_slip(case: Input, slip: SlipSection) -> None:
+    if any(b <= a for a, b in pairwise(slip.amplitudes)):
+        _refuse("slip.amplitudes", f"= {show(slip.amplitudes)} must rise, for example [0.1, 0.3, 0.6, 0.9]")
+    if slip.preload is not None:
+        _check_preload(case, "slip.preload", slip.preload, 1.0)
+    contact = case.contact.formulation
+    if slip.method == "solid" and (contact.method != "active-set" or contact.sticks):
+        _refuse("slip.method", '= "solid" needs contact.method = "active-set" and contact.friction = "none"')
+    if slip.method == "curve" and slip.direction != 0.0:
+        _refuse("slip.direction", f'= {slip.direction:g} needs slip.method = "solid": a curve has no direction')
+    if case.block.sides == "rollers" and slip.direction % 90.0 != 0.0:
+        _refuse(
+            "slip.direction",
+            f"= {slip.direction:g} is not possible between rollers, which stand for mirror images: give a multiple of "
+            '90, or block.sides = "free" or "periodic"',
+        )
 
 
 def _check_preload(case: Input, key: str, value: float, factor: float) -> None:

@@ -28,6 +28,8 @@ from asperity.runtime.run_folder import (
     FIELDS,
     FREE,
     RESPONSE,
+    SLIP,
+    SLIP_LOOPS,
     SUMMARY,
     THRESHOLDS,
     TOP,
@@ -52,6 +54,8 @@ class Results:
         response: columns of response.csv.
         thresholds: contents of thresholds.json.
         band: columns of band.csv.
+        slip: columns of slip.csv.
+        slip_loops: columns of slip_loops.csv.
         top: arrays of fields/top.npz.
         mesh: arrays of fields/mesh.npz.
         built: the surface of the case if it was passed to `read`, else None.
@@ -72,6 +76,8 @@ class Results:
     response: Columns = field(default_factory=dict)
     thresholds: Mapping[str, Any] = field(default_factory=dict)
     band: Columns = field(default_factory=dict)
+    slip: Columns = field(default_factory=dict)
+    slip_loops: Columns = field(default_factory=dict)
     top: Columns = field(default_factory=dict)
     mesh: Columns = field(default_factory=dict)
     built: Surface | None = None
@@ -100,6 +106,8 @@ class Results:
             "response": (RESPONSE, _read_columns),
             "thresholds": (THRESHOLDS, _read_json),
             "band": (BAND, _read_columns),
+            "slip": (SLIP, _read_columns),
+            "slip_loops": (SLIP_LOOPS, _read_columns),
             "top": (f"{FIELDS}/{TOP}", read_npz),
             "mesh": (f"{FIELDS}/{BLOCK}", read_npz),
         }

@@ -25,7 +25,7 @@ def verdict(results: Results) -> list[str]:
         >>> verdict(Results("out", asp.Curve.from_rows(rows), case={"units": "SI"}))
         ['The force on the patch is 2 µN ± 2 % at an approach of 1 nm; 1 % of the nominal area is in contact.']
     """
-    return [*_contact(results), *_stiffness(results), *_vibration(results)]
+    return [*_contact(results), *_stiffness(results), *_vibration(results), *_slip(results)]
 
 
 def _contact(results: Results) -> Iterator[str]:
@@ -77,6 +77,13 @@ def _vibration(results: Results) -> Iterator[str]:
     yield f"{text}."
     if doubt := (results.thresholds.get("laws") or {}).get("doubt"):
         yield f"Its law is doubtful: {doubt}."
+
+
+def _slip(results: Results) -> Iterator[str]:
+    """Yield frequency or stiffness, and damping ratio, of the slip of the joint at a few amplitudes."""
+    found = results.summary.get("slip") or {}
+    for line in found.get("in_words", ()):
+        yield f"{line}."
 
 
 def doubts(results: Results) -> list[str]:

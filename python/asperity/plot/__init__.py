@@ -16,6 +16,7 @@ from asperity.output.results import Results
 from asperity.plot.contact import contact_area, pressure_histogram, pressure_maps
 from asperity.plot.curves import force_curve, plasticity
 from asperity.plot.fields import mesh_cut, surface_map
+from asperity.plot.slip import slip
 from asperity.plot.spectra import receptance
 from asperity.plot.stiffness import stiffness
 from asperity.plot.style import save, save_in
@@ -38,6 +39,7 @@ __all__ = [
     "receptance",
     "response",
     "save",
+    "slip",
     "stiffness",
     "surface_map",
 ]
@@ -59,6 +61,9 @@ CAPTIONS = {
     "dotted line mark the onset of contact loss.",
     "receptance": "Frequency response function: amplitude at the forcing frequency over the force. A linear contact "
     "has one curve for all forces; the peak of each force lies on its backbone.",
+    "slip": "(a) Tangential force over displacement: from rest to an amplitude and around one loop; dashed, where the "
+    "loops are those of the solid: by the normal curve. (b) Loss factor, twice the damping ratio. (c) Amplitude of the "
+    "force over that of the displacement.",
     "surface": "Heights of the surface; the ring marks the first touch.",
     "mesh": "Vertical section of the mesh (a) through the highest point and (b) at the summit; colour is the element "
     "size.",
@@ -102,6 +107,7 @@ def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
         "curve": (rows > 0, force_curve),
         "stiffness": (bool(np.any(results.curve.k_n_elastic > 0)), stiffness),
         "plasticity": (bool(plastic), plasticity),
+        "slip": (len(results.slip_loops.get("u", ())) > 0, slip),
         "frequency": (len(results.free.get("u0", ())) > 0, frequency),
         "response": (len(results.response.get("Omega", ())) > 0, response),
         "receptance": (len(results.response.get("a1", ())) > 0 and "F_hat" in results.response, receptance),

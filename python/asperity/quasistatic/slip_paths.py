@@ -27,6 +27,7 @@ from asperity.quasistatic.force_loops import Leg, as_before
 from asperity.quasistatic.newton import NewtonSolver, StepStats
 from asperity.quasistatic.stiffness import mirrored
 from asperity.slip.path import DOWN, FIRST, UP, SlipPath
+from asperity.slip.settings import SlipSettings
 
 CLOSE = 1e-3  # tolerance of the force at the end of a leg, over its amplitude
 ROUGHLY = 0.3  # the same of a step on the way, over the step
@@ -36,31 +37,38 @@ LIGHT = 0.01  # displacement that gives the stiffness at rest, over friction tim
 
 
 def solve_slip(
-    problem: Problem,
-    result: ContactResult,
-    preload: float,
-    friction: float,
-    amplitudes: Sequence[float],
-    *,
-    steps: int = 6,
-    direction: float = 0.0,
-    stop: Callable[[], str] | None = None,
+    problem: Problem, result: ContactResult, settings: SlipSettings, stop: Callable[[], str] | None = None
 ) -> tuple[SlipPath, ...]:
     """Paths of a flat that moves sideways, from the state at the end of a load path, in physical units; collective.
 
     Args:
         problem: that was solved
         result: of `solve_problem`; its state is as before afterwards
-        preload: normal force [force]
-        friction, amplitudes, steps, direction, stop: see `slip_paths`
+        settings: with the preload [force]
+        stop: see `slip_paths`
 
     Raises:
         InputError, ConvergenceError, Interrupted: see `slip_paths`
+
+    Examples:
+        >>> from asperity.quasistatic.slip_paths import solve_slip
+        >>> from asperity.slip import SlipSettings
+        >>> wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.02)
+        >>> size = asp.MeshSize(h_contact=0.3, h_max=0.6)
+        >>> problem = asp.Problem.of(wave, asp.Material(E=1.0, nu=0.3), delta_max=0.02, steps=3, size=size)
+        >>> result = asp.solve_problem(problem)
+        >>> settings = SlipSettings(friction=0.3, amplitudes=(0.5,), preload=result.curve.force[-1], steps=1)
+        >>> path = solve_slip(problem, result, settings)[0]
+        >>> print(f"{path.force / (0.3 * settings.preload):.2f}", path.energy > 0.0)
+        0.50 True
     """
+    if settings.preload is None:
+        raise InputError("slip.preload is missing: give the normal force on the patch")
     side, E = problem.surface.L, problem.material.E
     paths = slip_paths(
-        result.solver, preload / (E * side**2), friction, amplitudes, steps=steps, direction=direction, stop=stop
-    )
+        result.solver, settings.preload / (E * side**2), settings.friction, settings.amplitudes, steps=settings.steps,
+        direction=settings.direction, stop=stop,
+    )  # fmt: skip
     return tuple(path.scaled(E * side**2, side) for path in paths)
 
 
@@ -70,7 +78,7 @@ def slip_paths(
     friction: float,
     amplitudes: Sequence[float],
     *,
-    steps: int = 6,
+    steps: int = 3,
     direction: float = 0.0,
     stop: Callable[[], str] | None = None,
 ) -> tuple[SlipPath, ...]:

@@ -30,7 +30,7 @@ TOP, BLOCK, VTKHDF = "top.npz", "mesh.npz", "contact.vtkhdf"  # in fields
 DISTRIBUTIONS = "distributions.csv"  # in fields
 PICTURES = (
     "surface", "mesh", "curve", "area", "pressure", "stiffness", "plasticity", "frequency", "response", "receptance",
-    "scene",
+    "slip", "scene",
 )  # in figures # fmt: skip
 FIELD_PICTURES = ("surface", "mesh", "pressure", "scene")  # the others consist of lines and are in .svg too
 _FIGURES = {name: [f"{FIGURES}/{name}.{form}" for form in ("png", "svg") if form == "png" or name not in FIELD_PICTURES]
@@ -46,7 +46,7 @@ MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpo
 
 #: All files and folders that a run writes, folders after their files; without those of the checkpoint.
 PRODUCTS = (
-    CURVE, SUMMARY, LOG, LOOPS, FREE, RESPONSE, BAND, THRESHOLDS, REPORT,
+    CURVE, SUMMARY, LOG, LOOPS, SLIP, SLIP_LOOPS, FREE, RESPONSE, BAND, THRESHOLDS, REPORT,
     *(f"{FIELDS}/{name}" for name in (BLOCK, TOP, VTKHDF, DISTRIBUTIONS)), FIELDS,
     *(path for paths in _FIGURES.values() for path in paths), FIGURES,
     CASE,
@@ -63,6 +63,7 @@ _PARTS = {
         *(path for name in ("frequency", "response", "receptance") for path in _FIGURES[name]),
     ),
     "loops": (LOOPS,),
+    "slip": (SLIP, SLIP_LOOPS, *_FIGURES["slip"]),
     "fields": (f"{FIELDS}/{VTKHDF}",),
     "figures": (*(path for name, paths in _FIGURES.items() if name != "scene" for path in paths), FIGURES),
     "report": (REPORT,),
@@ -169,6 +170,7 @@ def _parts(case: Mapping[str, Any]) -> set[str]:
     requested = {
         "dynamics": "dynamics" in case,
         "loops": "loops" in case,
+        "slip": "slip" in case,
         "fields": output.get("fields"),
         "figures": output.get("figures") or output.get("report"),  # which contains them
         "report": output.get("report"),

@@ -5,10 +5,31 @@
 
 from __future__ import annotations
 
-from asperity.slip.jenkins import JenkinsArray
-from asperity.slip.joint_slip import JointSlip, slip_of_curve
-from asperity.slip.law import SlipLaw
-from asperity.slip.settings import SlipSettings
-from asperity.slip.vibration import tangential_response
+import importlib
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["JenkinsArray", "JointSlip", "SlipLaw", "SlipSettings", "slip_of_curve", "tangential_response"]
+if TYPE_CHECKING:  # the names below, for type checkers and editors
+    from asperity.slip.jenkins import JenkinsArray as JenkinsArray
+    from asperity.slip.joint_slip import JointSlip as JointSlip
+    from asperity.slip.joint_slip import slip_of_curve as slip_of_curve
+    from asperity.slip.law import SlipLaw as SlipLaw
+    from asperity.slip.settings import SlipSettings as SlipSettings
+    from asperity.slip.vibration import tangential_response as tangential_response
+
+# public name -> module that defines it; a module is loaded by its first use
+_PUBLIC = {
+    "JenkinsArray": "jenkins",
+    "JointSlip": "joint_slip",
+    "SlipLaw": "law",
+    "SlipSettings": "settings",
+    "slip_of_curve": "joint_slip",
+    "tangential_response": "vibration",
+}
+
+__all__ = sorted(_PUBLIC)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PUBLIC:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f"{__name__}.{_PUBLIC[name]}"), name)

@@ -9,7 +9,7 @@ import csv
 import io
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.dynamics.columns import CurveColumns
+from asperity.dynamics.law.law import Law
 from asperity.dynamics.law_of_curve import Choice, choose
 from asperity.dynamics.laws import tabulate
 from asperity.errors import AsperityError
@@ -52,7 +53,7 @@ class JointSlip:
     by_curve: tuple[SlipPath, ...]
     computed: tuple[SlipPath, ...] = ()
     errors: tuple[Mapping[str, float], ...] = ()
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
 
     __repr__ = short_repr
 
@@ -104,11 +105,12 @@ class JointSlip:
             for path in self.paths
         ]
 
-    def to_dict(self, mass: float | None = None, factor: float = 1.0) -> dict[str, Any]:
+    def to_dict(self, mass: float | None = None, factor: float = 1.0, *, units: str = "SI") -> dict[str, Any]:
         """Return the section "slip" of summary.json.
 
         Args:
             mass, factor: see `vibration`; without a mass no frequency follows.
+            units: see `lines`.
         """
         return {
             "method": "solid" if self.computed else "curve",
@@ -118,6 +120,7 @@ class JointSlip:
             "k_rest": float(self.law.k_tangent(0.0)),
             "loops": [{k: v if math.isfinite(v) else None for k, v in row.items()} for row in self.loops()],
             "vibration": [] if mass is None else self.vibration(mass, factor),
+            "in_words": self.lines(mass, factor, units=units),
             "notes": list(self.notes),
         }
 
@@ -139,7 +142,7 @@ class JointSlip:
             else:
                 what = f"f_t = {quantity(row['f'], 'Hz' if si else '', 5, bar=0.5 * of_k)}"
             zeta = quantity(row["zeta"], "", 3, bar=of_zeta)
-            found.append(f"slip at T = {path.amplitude:g} mu P: {what}, zeta = {zeta}")
+            found.append(f"Slip at T = {path.amplitude:g} mu P: {what}, zeta = {zeta}")
         return found
 
     def write(self, folder: Path) -> None:
@@ -153,7 +156,14 @@ class JointSlip:
 
 
 def slip_of_curve(
-    curve: Any, settings: SlipSettings, material: Material, *, patch: float, height: float, sides: str = "rollers"
+    curve: Any,
+    settings: SlipSettings,
+    material: Material,
+    *,
+    patch: float,
+    height: float,
+    sides: str = "rollers",
+    computed: tuple[SlipPath, ...] = (),
 ) -> JointSlip:
     """Return the slip of a joint of two like bodies by the curve of one of them under a rigid flat.
 
@@ -164,6 +174,7 @@ def slip_of_curve(
         patch: nominal area of the curve (length^2).
         height: of the block (length).
         sides: of the block, "rollers", "free" or "periodic".
+        computed: paths of the solid at the same preload, see `quasistatic.slip_paths`.
 
     Raises:
         InputError: the curve does not contain what is needed, or is as stiff as the block.
@@ -175,13 +186,13 @@ def slip_of_curve(
         >>> slip = slip_of_curve({"delta": z, "force": 2e9 * z**1.5}, SlipSettings(friction=0.3), steel, patch=1e-12,
         ...                      height=1e-6)
         >>> print(slip.lines()[0])
-        slip at T = 0.1 mu P: k_t = 73.108 kN/m, zeta = 0.00141
+        Slip at T = 0.1 mu P: k_t = 73.108 kN/m, zeta = 0.00141
     """
     columns = CurveColumns.of(curve)
     choice = choose(columns, "auto", settings.preload)
     block = height / (patch * material.block_modulus(sides)), height / (patch * material.lame[1])
 
-    def law_on(normal: Any) -> SlipLaw:
+    def law_on(normal: Law) -> SlipLaw:
         return SlipLaw(normal, choice.load, settings.friction, material.nu, block)
 
     law = law_on(choice.law)
@@ -190,12 +201,16 @@ def slip_of_curve(
     laws = tabulate(columns, choice)
     errors: tuple[Mapping[str, float], ...] = ()
     if math.isfinite(laws.bar):
-        errors = _errors(law, [member for member in laws.members()], law_on, settings.amplitudes)
-    return JointSlip(law, paths, errors=errors, notes=tuple(_doubts(choice, paths)))
+        errors = _errors(law, laws.members(), law_on, settings.amplitudes, 0.0 if computed else METHOD_ERROR)
+    return JointSlip(law, paths, computed, errors, tuple(_doubts(choice, paths)))
 
 
 def _errors(
-    law: SlipLaw, members: list[Any], law_on: Callable[[Any], SlipLaw], amplitudes: tuple[float, ...]
+    law: SlipLaw,
+    members: tuple[Law, ...],
+    law_on: Callable[[Law], SlipLaw],
+    amplitudes: tuple[float, ...],
+    method_error: float,
 ) -> tuple[Mapping[str, float], ...]:
     """Return the bars at each amplitude: what the ends of the bar of the normal curve change, and the method."""
     try:
@@ -208,7 +223,7 @@ def _errors(
         changes = {k: max((abs(_numbers(x, t)[k] - v) for x in others), default=0.0) for k, v in values.items()}
         slipped = 1.0 - float(law.limit * t / law.k_tangent(0.0)) / values["u"]
         share = {"u": slipped, "k_secant": slipped, "energy": 1.0, "eta": 1.0 + slipped}
-        found.append({k: changes[k] + METHOD_ERROR * share[k] * v for k, v in values.items()})
+        found.append({k: changes[k] + method_error * share[k] * v for k, v in values.items()})
     return tuple(found)
 
 

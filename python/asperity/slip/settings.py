@@ -12,6 +12,7 @@ from asperity.errors import InputError
 
 LARGEST = 0.99  # amplitude over the limit of friction: beyond, the displacement is arbitrary
 SMALLEST = 1e-3
+METHODS = ("curve", "solid")
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,8 @@ class SlipSettings:
         amplitudes: of the tangential force over the limit of friction mu P, each in [0.001, 0.99], rising.
         preload: normal force P (force); default that of the vibration, or half of the greatest force of the curve.
         steps: of the first loading; a loop has four times as many.
+        method: "curve" follows from the normal curve, "solid" moves the flat on the solid.
+        direction: of the motion, from the x axis towards the y axis (degrees); the curve has none.
 
     Raises:
         InputError: a value is not legal.
@@ -36,7 +39,9 @@ class SlipSettings:
     friction: float
     amplitudes: tuple[float, ...] = (0.1, 0.3, 0.6, 0.9)
     preload: float | None = None
-    steps: int = 6
+    steps: int = 3
+    method: str = "curve"
+    direction: float = 0.0
 
     def __post_init__(self) -> None:
         positive("slip.friction", self.friction)
@@ -51,3 +56,5 @@ class SlipSettings:
                 )
         if not self.amplitudes or self.steps < 1:
             raise InputError("slip.amplitudes is empty, or slip.steps is below 1")
+        if self.method not in METHODS:
+            raise InputError(f'slip.method = "{self.method}" is unknown: choose one of {", ".join(METHODS)}')

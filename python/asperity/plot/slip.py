@@ -1,0 +1,80 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Figure of the slip of a joint: loops, and damping and stiffness over the amplitude."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from asperity.output.results import Results
+from asperity.plot import style
+from asperity.units import prefix
+
+_COLOURS = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY)
+
+
+@style.styled
+def slip(results: Results, *, ax: style.Place | None = None) -> Figure:
+    """Draw the loops of slip.csv, and loss factor and secant stiffness of slip_loops.csv over the amplitude.
+
+    Args:
+        results: files of the run.
+        ax: axes to draw on, one for each panel; they are returned.
+    """
+    figure, axes = style.figure(style.WIDE, 3.4, columns=3, ax=ax)
+    style.titles(axes, ("loops", "loss factor", "secant stiffness"))
+    for draw, axis in zip((_loops, _loss, _stiffness), axes, strict=False):
+        draw(axis, results)
+        style.grid(axis)
+    return figure
+
+
+def _loops(axis: Any, results: Results) -> None:
+    rows = results.slip
+    factor, unit = prefix(float(np.abs(rows["u"]).max()), results.unit("length"))
+    force, of_force = prefix(float(np.abs(rows["T"]).max()), results.unit("force"))
+    for number, amplitude in enumerate(np.unique(rows["amplitude"])[::-1]):
+        of = rows["amplitude"] == amplitude
+        colour = _COLOURS[number % len(_COLOURS)]
+        if "T_curve" in rows:
+            axis.plot(factor * rows["u"][of], force * rows["T_curve"][of], "--", color=colour, linewidth=0.9)
+        axis.plot(factor * rows["u"][of], force * rows["T"][of], "-", color=colour, label=f"{amplitude:g}")
+    axis.set_xlabel(style.label("tangential displacement $u$", unit))
+    axis.set_ylabel(style.label("tangential force $T$", of_force))
+    axis.legend(title=r"$T/(\mu P)$", loc="best")
+
+
+def _loss(axis: Any, results: Results) -> None:
+    rows = results.slip_loops
+    _points(axis, results, "eta", 1.0)
+    style.logarithmic(axis)
+    axis.set_xlabel(r"amplitude $T/(\mu P)$")
+    axis.set_ylabel(r"loss factor $\eta = W/(\pi T u)$")
+    if "eta_curve" in rows:
+        axis.legend(loc="best")
+
+
+def _stiffness(axis: Any, results: Results) -> None:
+    factor, unit = prefix(float(results.slip_loops["k_secant"].max()), results.unit("stiffness"))
+    _points(axis, results, "k_secant", factor)
+    axis.set_xlim(0, 1)
+    axis.set_ylim(bottom=0)
+    axis.set_xlabel(r"amplitude $T/(\mu P)$")
+    axis.set_ylabel(style.label("$T/u$", unit))
+
+
+def _points(axis: Any, results: Results, name: str, factor: float) -> None:
+    """Draw a column over the amplitude with its error bars, and that by the normal curve where both are known."""
+    rows = results.slip_loops
+    bar = factor * rows[f"error_{name}"] if f"error_{name}" in rows else None
+    of_curve = rows.get(f"{name}_curve")
+    label = None if of_curve is None else "solid"
+    axis.errorbar(
+        rows["amplitude"], factor * rows[name], yerr=bar, fmt="o-", color=style.BLUE, mfc="white", label=label
+    )
+    if of_curve is not None:
+        axis.plot(rows["amplitude"], factor * of_curve, "s--", color=style.VERMILION, mfc="white", label="normal curve")
