@@ -13,6 +13,7 @@ from asperity.arrays import Flags, Floats, Integers
 from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.solid import Solid
 
+MOVED = 1e-9  # slip of nodes assumed to stick, over the motion of the flat, from which on they have to be moved
 LARGEST = 1e3  # stiffness across the motion of a node that begins to slip, over that of the solid at the node
 
 
@@ -100,7 +101,8 @@ class FrozenFriction:
         self.traction = traction
         trial = traction - self._c[:, None] * slip
         size = np.linalg.norm(trial, axis=1)
-        if not self._begins:
+        # the set assumed at the beginning lasts until its nodes have moved
+        if not (self._begins and np.abs(slip[self._stuck]).max(initial=0.0) > MOVED * np.abs(self._move).max()):
             self._stuck = size <= bound
         self._begins = False
         loose = ~self._stuck
@@ -116,6 +118,16 @@ class FrozenFriction:
         dofs = (3 * self._nodes[self._stuck, None] + np.arange(2))[free]
         r.reshape(-1)[dofs] = 0.0
         return r, dofs.astype(np.int32), -slip[self._stuck][free]
+
+    def imbalance(self, force: Floats) -> Floats:
+        """Forces out of balance; for a node on the flat its force less the admissible one next to force - c slip."""
+        r = force - self._resting
+        traction = r[self._nodes, :2] * self._free
+        trial = traction - self._c[:, None] * self.slip
+        size = np.linalg.norm(trial, axis=1)
+        share = np.minimum(self._bounds / np.maximum(size, 1e-300), 1.0)
+        r[self._nodes, :2] = traction - share[:, None] * trial
+        return r
 
     def add_tangent(self) -> None:
         loose = ~self._stuck

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from asperity.arrays import Floats, Integers
-from asperity.contact.interface import ContactEquations
+from asperity.contact.interface import ContactEquations, FrictionEquations
 from asperity.fem.solid import Solid
 from asperity.linear.petsc_options import set_defaults
 from asperity.linear.solver import LinearSolver
@@ -28,6 +28,7 @@ FEW = 0.01  # part of the active dofs; when fewer change, the set is practically
 NOT_YET = np.array([-1], dtype=np.int32)  # differs from any active set
 SLOPE_DROP = 0.3  # the line search ends when the work rate has dropped to this part
 SMALLEST_PART = 1e-3  # of a Newton step, to which it is halved where it turns a solid inside out
+DAMPED, SUFFICIENT = (1.0, 0.5, 0.25, 0.125), 0.2  # lengths of a step with friction, and the fall of the square wanted
 PUSHED = 10.0  # growth of the work rate along a step from which on the flat moves the nodes
 
 
@@ -163,6 +164,8 @@ class NewtonSolver:
         self._krylov += iterations
         if not solved:
             pc.setFailedReason(_pc_failed())
+        elif isinstance(self.contact, FrictionEquations):
+            y.scale(self._damped_length(self.contact, y))
         elif not self.solid.material.linear:
             length = self._step_length(r, y)
             self._shortened += length < 1.0
@@ -184,6 +187,29 @@ class NewtonSolver:
         if not exact:
             useful = max(useful, CURVATURE * self.balance)
         return float(min(max(useful, TIGHTEST), self._loosest))
+
+    def _damped_length(self, contact: FrictionEquations, y: Any) -> float:
+        """Length of the step -y with which the forces out of balance fall, those of stick and slip included.
+
+        With full steps a node on the verge of slip may stick and slip in turn. Of the lengths tried the best is taken
+        where none is sufficient.
+        """
+        trial = y.duplicate()
+        start = self.solid.u.x.array[: len(y.array_r)].copy()
+
+        def merit(force: Floats) -> float:
+            flat = contact.imbalance(force).reshape(-1)
+            flat[self._fixed] = 0.0
+            return float(self.solid.comm.allreduce(float(flat @ flat)))
+
+        before, found = merit(self.force), []
+        for length in DAMPED:
+            trial.array = start - length * y.array_r
+            self.solid.set_displacement(trial)
+            found.append(merit(self.solid.internal_force()))
+            if found[-1] <= (1.0 - SUFFICIENT * length) * before:
+                return length
+        return DAMPED[int(np.nanargmin([np.inf, *found])) - 1]
 
     def _step_length(self, r: Any, y: Any) -> float:
         """Length in (0, 1] of the step -y: where the work rate of the free forces along it nearly vanishes.

@@ -113,7 +113,7 @@ def slip_paths(
     with as_before(solver):
         Leg(solver, CLOSE_PRELOAD * preload, stop).follow(preload, steps)
         solver.solid.kernels.restore(solver.history.copy())
-        sliding = _Sliding(solver, friction, direction, stop)
+        sliding = Sliding(solver, friction, direction, stop)
         for amplitude in amplitudes:
             sliding.reset()
             found.append(sliding.path(amplitude, steps))
@@ -122,17 +122,18 @@ def slip_paths(
 
 @dataclass(frozen=True)
 class _State:
-    """State between two steps: displacement (owned, 3), position of the flat, force, plastic history, loss, share."""
+    """State between two steps: displacement (owned, 3), flat, force, history, losses by friction and flow, share."""
 
     displacement: Floats
     at: float
     force: float
     history: History
     dissipated: float
+    plastic: float
     slipping: float
 
 
-class _Sliding:
+class Sliding:
     """A flat that moves sideways on a solid, from its state at a preload.
 
     Args:
@@ -155,6 +156,7 @@ class _Sliding:
         angle = radians(direction)
         self._axis = np.array([cos(angle), sin(angle)])
         fixed = mirrored(solid, int(abs(self._axis[1]) > abs(self._axis[0])))
+        solver.roll_back()
         normal, rest = solver.nodal_force.copy(), solver.state().displacement
         self._contact = FrozenFriction(solid, solver.contact_surface, normal, solid.internal_force(), fixed)
         options = replace(solver.newton.options, rtol=max(RTOL, solver.newton.options.rtol))
@@ -162,7 +164,7 @@ class _Sliding:
         self._newton = NewtonSolver(solid, self._contact, options, fixed)
         self._friction = friction
         self.limit = friction * float(solid.comm.allreduce(float(normal.sum())))
-        self._rest = _State(rest, 0.0, 0.0, solid.kernels.history().copy(), 0.0, 0.0)
+        self._rest = _State(rest, 0.0, 0.0, solid.kernels.history().copy(), 0.0, 0.0, 0.0)
         self._guide: tuple[float, Floats] | None = None  # a move from the accepted state, or to it, and what it changes
         self.newton = self.krylov = 0
         self.reset()
@@ -180,7 +182,9 @@ class _Sliding:
         for leg, sign, count in ((FIRST, 1.0, steps), (DOWN, -1.0, 2 * steps), (UP, 1.0, 2 * steps)):
             rows += [(leg, state) for state in self._follow(sign * amplitude * self.limit, count)]
         columns = np.array([(leg, s.at, s.force, s.slipping, s.dissipated) for leg, s in rows]).T
-        path = SlipPath(amplitude, columns[0].astype(int), *columns[1:])
+        at_amplitude = next(state.plastic for leg, state in reversed(rows) if leg == FIRST)
+        u, T, share, loss = columns[1:]
+        path = SlipPath(amplitude, columns[0].astype(int), u, T, share, loss, rows[-1][1].plastic - at_amplitude)
         logging.getLogger(__name__).info(
             "slip at %g mu P: k = %.5g E L, eta = %.4g; %d steps, %d Newton and %d Krylov iterations so far",
             amplitude, path.k_secant, path.eta, path.u.size - 1, self.newton, self.krylov,
@@ -212,7 +216,7 @@ class _Sliding:
         sign = 1.0 if wanted > here.force else -1.0
         target = here.at + (wanted - here.force) / slope
         for _ in range(TRIALS):
-            stats, force = self._solve(target)
+            stats, force = self.solve(target)
             if not stats.converged:
                 target = 0.5 * (low + target)
                 continue
@@ -233,8 +237,8 @@ class _Sliding:
             f"({stats.reason}): use more slip.steps"
         )
 
-    def _solve(self, target: float) -> tuple[StepStats, float]:
-        """Solve with the flat at a position, from the accepted state; collective."""
+    def solve(self, target: float) -> tuple[StepStats, float]:
+        """Outcome and tangential force with the flat at a position, from the accepted state; collective."""
         here, solid = self._accepted, self._solid
         move, start = target - here.at, here.displacement
         guide = self._guide if self._guide is not None and self._guide[0] * move > 0.0 else None
@@ -255,18 +259,19 @@ class _Sliding:
         before = solid.kernels.history().copy()
         solid.kernels.commit()
         displacement = solid.u.x.array.reshape(-1, 3)[: solid.owned].copy()
-        loss = self._contact.dissipated() + dissipation(solid, before)[0]
-        loss, slipping, touching = solid.comm.allreduce(np.append(loss, self._contact.area()))
+        losses = [self._contact.dissipated(), dissipation(solid, before)[0]]
+        loss, plastic, slipping, touching = solid.comm.allreduce(np.append(losses, self._contact.area())).tolist()
         share = slipping / touching if touching > 0.0 else nan
         self._accepted = _State(
-            displacement, target, force, solid.kernels.history().copy(), here.dissipated + float(loss), float(share)
-        )
+            displacement, target, force, solid.kernels.history().copy(), here.dissipated + loss,
+            here.plastic + plastic, share,
+        )  # fmt: skip
 
     def _stiffness_at_rest(self, approach: float) -> float:
         """Tangential stiffness with all nodes in contact stuck to the flat [E L]; collective."""
         self._contact.friction = inf
         move = LIGHT * self._friction * approach
-        stats, force = self._solve(move)
+        stats, force = self.solve(move)
         if not stats.converged:
             raise ConvergenceError(f"the tangential stiffness at rest was not found ({stats.reason})")
         return force / move

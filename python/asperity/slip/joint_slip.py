@@ -33,6 +33,7 @@ from asperity.units import quantity
 #: Columns of slip_loops.csv, and those of them with an error bar.
 LOOP_COLUMNS = ("amplitude", "T", "u", "k_secant", "energy", "eta", "slip_share")
 WITH_ERRORS = ("u", "k_secant", "energy", "eta")
+FLOWS = 0.1  # plastic dissipation of a loop over that of friction, above which a loop is not steady
 #: Error of the method over the part of the displacement that slips, and over the energy.
 METHOD_ERROR = 0.05
 
@@ -71,7 +72,7 @@ class JointSlip:
                 row |= {f"error_{name}": self.errors[i][name] for name in WITH_ERRORS}
             if self.computed:
                 other = _loop_of(self.by_curve[i])
-                row |= {f"{name}_curve": other[name] for name in LOOP_COLUMNS[2:]}
+                row |= {f"{name}_curve": other[name] for name in LOOP_COLUMNS[2:]} | {"plastic": path.plastic}
             rows.append(row)
         return rows
 
@@ -202,7 +203,7 @@ def slip_of_curve(
     errors: tuple[Mapping[str, float], ...] = ()
     if math.isfinite(laws.bar):
         errors = _errors(law, laws.members(), law_on, settings.amplitudes, 0.0 if computed else METHOD_ERROR)
-    return JointSlip(law, paths, computed, errors, tuple(_doubts(choice, paths)))
+    return JointSlip(law, paths, computed, errors, tuple(_doubts(choice, paths, computed)))
 
 
 def _errors(
@@ -256,13 +257,18 @@ def _area_of(curve: Any, columns: CurveColumns, choice: Choice) -> Callable[[Arr
     return at
 
 
-def _doubts(choice: Choice, paths: tuple[SlipPath, ...]) -> Iterator[str]:
+def _doubts(choice: Choice, paths: tuple[SlipPath, ...], computed: tuple[SlipPath, ...]) -> Iterator[str]:
     if choice.note:
         yield choice.note
     elif choice.yielded and choice.name != "unload-reload":
         yield (
             "the contact has yielded, and the curve does not unload through the preload: slip follows from the elastic "
             "stiffness of the loading, which is too low at lighter forces; compute it with loading.unload = true"
+        )
+    if flowing := [f"{path.amplitude:g}" for path in computed if path.plastic > FLOWS * path.energy]:
+        yield (
+            f"the solid yields on in its first loop of the tangential force {', '.join(flowing)} mu P: u and k_secant "
+            "are those of this loop, and its plastic flow (column plastic) is not in energy and eta"
         )
     if min(path.energy for path in paths) <= 0.0:
         yield (

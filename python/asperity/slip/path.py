@@ -28,7 +28,9 @@ class SlipPath:
         u: displacement of the flat (length).
         T: tangential force (force).
         slip_share: share of the area of contact that slips in the step; NaN where unknown.
-        dissipated: by friction, and by plastic flow where the path is computed, since rest (force length).
+        dissipated: by friction, since rest (force length).
+        plastic: dissipated by plastic flow in the loop (force length). It falls from loop to loop, and the preload that
+            sinks does most of its work.
 
     Examples:
         >>> from asperity.slip import SlipLaw
@@ -45,6 +47,7 @@ class SlipPath:
     T: Array
     slip_share: Array
     dissipated: Array
+    plastic: float = 0.0
 
     __repr__ = short_repr
 
@@ -69,7 +72,7 @@ class SlipPath:
 
     @property
     def energy(self) -> float:
-        """Energy dissipated in the loop (force length)."""
+        """Energy dissipated by friction in the loop (force length)."""
         return float(self.dissipated[-1] - self.dissipated[self.end(FIRST)])
 
     @property
@@ -84,8 +87,10 @@ class SlipPath:
 
     def scaled(self, force: float, length: float) -> SlipPath:
         """Return the path in other units: forces times `force`, lengths times `length`."""
-        T, u, dissipated = self.T * force, self.u * length, self.dissipated * force * length
-        return SlipPath(self.amplitude, self.leg, u, T, self.slip_share, dissipated)
+        T, u, energy = self.T * force, self.u * length, force * length
+        return SlipPath(
+            self.amplitude, self.leg, u, T, self.slip_share, self.dissipated * energy, self.plastic * energy
+        )
 
 
 def path_of_law(

@@ -1,0 +1,196 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""A flat that slides on the solid under a constant load: Cattaneo and Mindlin, limits, energy, Masing, ranks, yield."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import trapezoid
+
+from asperity.adaptive.solve_contact import solve_contact
+from asperity.errors import InputError, Interrupted
+from asperity.mesh.block import BlockMesh
+from asperity.mesh.generate import build_block
+from asperity.mesh.size_field import SizeField
+from asperity.model.material import Material
+from asperity.model.settings import Formulation, MeshSize
+from asperity.quasistatic.contact_solver import ContactSolver
+from asperity.quasistatic.make import make_contact_solver
+from asperity.quasistatic.slip_paths import Sliding, slip_paths
+from asperity.quasistatic.stiffness import Stiffness
+from asperity.slip.path import SlipPath
+from asperity.surface import Flat, Surface
+
+NU, MU = 0.3, 0.4
+ELASTIC, PLASTIC = Material(1.0, NU), Material(1.0, NU, 0.005, 0.05)
+
+
+def here() -> Any:
+    from mpi4py import MPI
+
+    return MPI.COMM_SELF
+
+
+def pressed(
+    surface: Surface, block: BlockMesh, material: Material = ELASTIC, delta: float = 0.02, comm: Any = None, **how: Any
+) -> ContactSolver:
+    solver = make_contact_solver(comm or here(), surface, block, material, **how)
+    for part in (0.5, 1.0):
+        assert solver.step(part * delta).converged
+    return solver
+
+
+# --- closed forms ---------------------------------------------------------------------------------------------
+
+
+def mindlin(cap: Surface, h: float) -> list[tuple[float, float]]:
+    """Errors of force (over mu P) and energy (relative) at two amplitudes, of a sphere with a spot of radius 0.004 L.
+
+    The compliance of the block is subtracted: what slips is the displacement beyond that of the stiffness at rest.
+    """
+    size = MeshSize(h_contact=h, growth=0.4, h_max=0.3)
+    solver = solve_contact(cap, ELASTIC, delta_max=0.004**2 / 10.0, steps=2, size=size, comm=here()).solver
+    load, rest = 4.0 * solver.force, Sliding(solver, MU, 0.0, None).k_rest
+    a = (0.75 * load * 10.0 * (1 - NU**2)) ** (1 / 3)
+    limit, G = MU * load, 0.5 / (1 + NU)
+    c = 3 * limit * (2 - NU) / (16 * G * a)
+    assert rest == pytest.approx(2 * G * a / (2 - NU), rel=0.01)  # of a quarter, Mindlin 1949
+    found = []
+    for path in slip_paths(solver, solver.force, MU, (0.4, 0.8), steps=2):
+        t = path.force / (0.25 * limit)
+        slipped = c * (1 - (1 - t) ** (2 / 3) - 2 * t / 3)
+        tangent = 1.0 / (1.0 / rest + 8 * c / (3 * limit) * ((1 - t) ** (-1 / 3) - 1))
+        force = (path.displacement - path.force / rest - slipped) * tangent / (0.25 * limit)
+        energy = 1.2 * limit * c * (1 - (1 - t) ** (5 / 3) - 5 * t / 6 * (1 + (1 - t) ** (2 / 3)))
+        found.append((abs(force), abs(path.energy / energy - 1.0)))
+        assert path.share == pytest.approx(1 - (1 - t) ** (2 / 3), abs=0.04)  # stick radius a (1 - t)^(1/3)
+    return found
+
+
+def test_cattaneo_and_mindlin(cap: Surface) -> None:
+    coarse, fine = mindlin(cap, 8e-4), mindlin(cap, 4e-4)
+    assert max(force for force, _ in coarse + fine) < 0.003
+    assert max(energy for _, energy in fine) < 0.02
+    assert fine[0][1] < 0.5 * coarse[0][1]
+
+
+@pytest.fixture(scope="module")
+def slab() -> ContactSolver:
+    size = MeshSize(h_contact=0.5, h_max=0.5)
+    return solve_contact(Flat(L=1.0), ELASTIC, delta_max=0.01, steps=1, size=size, comm=here()).solver
+
+
+def test_a_slab_in_full_contact_shears_and_then_slides(slab: ContactSolver) -> None:
+    """Uniform pressure and shear: all slips at once, at mu P exactly, and nothing before."""
+    G, sliding = 0.5 / (1 + NU), Sliding(slab, MU, 0.0, None)
+    assert sliding.k_rest == pytest.approx(G, rel=1e-6)
+    far = 1.0 / G * sliding.limit
+    for move, force in ((0.5, 0.5), (0.999, 0.999), (1.5, 1.0), (20.0, 1.0)):
+        stats, found = sliding.solve(move * far)
+        assert stats.converged
+        assert found == pytest.approx(force * sliding.limit, rel=1e-6)
+    assert slip_paths(slab, slab.force, MU, (0.9,), steps=1)[0].energy == pytest.approx(0.0, abs=1e-12 * sliding.limit)
+
+
+def test_the_stiffness_at_rest_is_that_of_the_stuck_contact(slab: ContactSolver) -> None:
+    assert slab.solve(0.01).converged
+    assert Sliding(slab, MU, 0.0, None).k_rest == pytest.approx(Stiffness(slab.solid)(slab)["k_t"], rel=1e-4)
+
+
+# --- balances and symmetry ------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def elastic(wave: Surface, wave_block: BlockMesh) -> ContactSolver:
+    return pressed(wave, wave_block)
+
+
+@pytest.fixture(scope="module")
+def wave_block(wave: Surface) -> BlockMesh:
+    return build_block(wave, 1.0, SizeField.of(wave, 0.02, 0.08, growth=0.6, h_max=0.5).at)
+
+
+@pytest.fixture(scope="module")
+def fine_path(elastic: ContactSolver) -> SlipPath:
+    return slip_paths(elastic, elastic.force, MU, (0.7,), steps=10)[0]
+
+
+def test_the_work_around_a_loop_is_dissipated(elastic: ContactSolver, fine_path: SlipPath) -> None:
+    start = fine_path.end(0)
+    work = trapezoid(fine_path.T[start:], fine_path.u[start:])
+    assert work == pytest.approx(fine_path.energy, rel=0.02)
+    assert np.all(np.diff(fine_path.dissipated) >= 0.0)
+    assert np.all(np.abs(fine_path.T) <= MU * elastic.force)
+
+
+def test_few_steps_find_the_same_loop(elastic: ContactSolver, fine_path: SlipPath) -> None:
+    few = slip_paths(elastic, elastic.force, MU, (0.7,), steps=1)[0]
+    for name in ("k_secant", "energy", "share"):
+        assert getattr(few, name) == pytest.approx(getattr(fine_path, name), rel=0.01)
+
+
+def test_the_loop_is_masings(fine_path: SlipPath) -> None:
+    top, bottom = fine_path.end(0), fine_path.end(1)
+    assert fine_path.u[-1] == pytest.approx(fine_path.u[top], rel=3e-3)
+    assert fine_path.u[bottom] == pytest.approx(-fine_path.u[top], rel=3e-3)
+    half = np.interp(0.5 * (fine_path.T[top] - fine_path.T[top:bottom]), fine_path.T[: top + 1], fine_path.u[: top + 1])
+    at = 0.5 * (fine_path.u[top] - fine_path.u[top:bottom])
+    np.testing.assert_allclose(at, half, atol=0.01 * fine_path.u[top])
+
+
+def test_a_direction_of_symmetry_gives_the_same(elastic: ContactSolver) -> None:
+    along_x, along_y = (slip_paths(elastic, elastic.force, MU, (0.5,), steps=1, direction=d)[0] for d in (0.0, 90.0))
+    assert along_y.energy == pytest.approx(along_x.energy, rel=0.1)  # the mesh is not symmetric
+    assert along_y.k_secant == pytest.approx(along_x.k_secant, rel=0.01)
+
+
+# --- yield, unloading, state ----------------------------------------------------------------------------------
+
+
+def test_a_yielded_solid_slips_from_its_state_and_keeps_it(wave: Surface, wave_block: BlockMesh) -> None:
+    solver = pressed(wave, wave_block, PLASTIC, delta=0.03)
+    force, before = solver.force, solver.state().displacement.copy()
+    history = solver.solid.kernels.history().copy()
+    first, light = (slip_paths(solver, part * force, MU, (0.6,), steps=2)[0] for part in (1.0, 0.5))
+    for path, part in ((first, 1.0), (light, 0.5)):
+        assert np.all(np.diff(path.dissipated) >= 0.0)
+        assert path.force == pytest.approx(0.6 * MU * part * force, rel=3e-3)
+    # at the greatest load the loop makes the solid flow, under half of it hardly
+    assert first.plastic > first.energy
+    assert light.plastic < light.energy
+    work = trapezoid(light.T[light.end(0) :], light.u[light.end(0) :])
+    assert work == pytest.approx(light.energy, rel=0.1)
+    np.testing.assert_array_equal(solver.state().displacement, before)
+    np.testing.assert_array_equal(solver.solid.kernels.history().plastic_strain, history.plastic_strain)
+    assert solver.step(0.031).converged
+
+
+def test_what_is_refused(wave: Surface, wave_block: BlockMesh, elastic: ContactSolver) -> None:
+    with pytest.raises(InputError, match=r"slip\.direction = 30"):
+        slip_paths(elastic, elastic.force, MU, (0.5,), direction=30.0)
+    stuck = pressed(wave, wave_block, formulation=Formulation(friction="stick"))
+    with pytest.raises(InputError, match=r"needs contact\.method"):
+        slip_paths(stuck, stuck.force, MU, (0.5,))
+    with pytest.raises(Interrupted, match="by a signal"):
+        slip_paths(elastic, elastic.force, MU, (0.5,), stop=lambda: "a signal")
+
+
+@pytest.mark.mpi
+def test_ranks_find_the_same(wave: Surface) -> None:
+    from mpi4py import MPI
+
+    material = replace(PLASTIC)
+    size = MeshSize(h_contact=0.12, growth=0.6, h_max=0.4)
+    paths = []
+    for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
+        solver = solve_contact(wave, material, delta_max=0.02, steps=2, size=size, comm=comm).solver
+        paths.append(slip_paths(solver, 0.7 * solver.force, MU, (0.6,), steps=1)[0])
+    alone, together = paths
+    for name in ("u", "T", "dissipated", "slip_share"):
+        values = getattr(alone, name)
+        np.testing.assert_allclose(getattr(together, name), values, atol=1e-4 * np.abs(values).max())
