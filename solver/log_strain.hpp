@@ -333,7 +333,7 @@ struct Resolvents
 #pragma GCC unroll 6
       for (int k = 0; k < 6; ++k)
       {
-        const auto [i, j] = pairs[k];
+        const int i = pairs[k][0], j = pairs[k][1];
 #pragma omp simd
         for (int l = 0; l < 8; ++l)
         {
