@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib.metadata
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -16,6 +17,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from made_up_run import write_run
 
 import asperity
 from asperity.plot.citations import publications
@@ -117,6 +119,38 @@ def test_sdist_and_wheel_are_built_and_work(tmp_path: Path) -> None:
     assert asperity.__version__ in call(tmp_path / "venv/bin/asperity", "--version")
     verified = call(tmp_path / "venv/bin/asperity", "verify", "patch")
     assert "patch" in verified
+
+
+@pytest.mark.slow
+@in_a_clone
+@pytest.mark.skipif(shutil.which("clang++") is None, reason="needs clang: ASPERITY_PACKAGES=clang")
+def test_the_wheel_works_in_a_bare_environment(tmp_path: Path) -> None:
+    """Without the extra what needs no solver; with it a patch test, and a run on two ranks of the MPI of PyPI."""
+    kept = ("PIP_", "HTTP", "http", "SSL_", "no_proxy")
+    environ = {name: value for name, value in os.environ.items() if name.startswith(kept)}
+    environ |= {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), "OMP_NUM_THREADS": "1"}
+
+    def call(*command: str | Path, code: int = 0) -> str:
+        done = subprocess.run(
+            command, cwd=tmp_path, env=environ, capture_output=True, text=True, timeout=1800, check=False
+        )
+        assert done.returncode == code, done.stdout + done.stderr
+        return done.stdout + done.stderr
+
+    subprocess.run([ROOT / ".ci/wheel", tmp_path / "dist"], check=True, timeout=1800)
+    (wheel,) = (tmp_path / "dist").glob("*.whl")
+    assert re.fullmatch(rf"asperity-{asperity.__version__}-cp312-abi3-manylinux_2_34_\w+\.whl", wheel.name)
+    call("/usr/bin/python3", "-m", "venv", "bare")
+    bin = tmp_path / "bare/bin"
+    call(bin / "pip", "install", "--quiet", wheel)
+    write_run(tmp_path / "made", n=4)
+    call(bin / "asperity", "report", "made")
+    call(bin / "asperity", "dynamics", "made/curve.csv", "-o", "vibration", "--preload", "1e-4")
+    assert "asperity[solve]" in call(bin / "asperity", "run", ROOT / "cases/quick.toml", "-o", "no", code=4)
+    call(bin / "pip", "install", "--quiet", f"{wheel}[solve]")
+    call(bin / "asperity", "verify", "patch")
+    call(bin / "asperity", "run", ROOT / "cases/quick.toml", "-o", "quick", "--ranks", "2")
+    assert '"ranks": 2' in (tmp_path / "quick/summary.json").read_text()
 
 
 @in_a_clone

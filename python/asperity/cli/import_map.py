@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from asperity.cli import options
-from asperity.errors import InputError
+from asperity.errors import CompatError, InputError
 from asperity.units import LENGTHS
 
 if TYPE_CHECKING:
@@ -158,6 +158,8 @@ def command(
             cost = _cost(aside / "case.toml", surface)
         except InputError as error:
             raise InputError(str(error).replace(str(aside), str(folder))) from None
+        except CompatError:  # the map can be made where nothing is solved
+            cost = ""
     progress.done()
     if as_json:
         options.print_json(about)

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from asperity import _solver
 from asperity.arrays import Flags, Floats, Indices, Integers
 from asperity.fem.global_numbering import cell_numbers
 from asperity.fem.solid import Solid
@@ -18,6 +17,7 @@ from asperity.mesh import element
 from asperity.mesh.distribute import TOP
 from asperity.mesh.top import Top
 from asperity.runtime import compat
+from asperity.runtime.compiled import solver as _solver
 from asperity.runtime.shares import collect, share_some
 
 FACET_DEGREE = 8  # 16 points: four times closer on cut facets than the 6 of degree 4, at no cost (docs/contact.md)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import numpy as np
 from mpi4py import MPI
 
-from asperity import _solver
 from asperity.arrays import Flags, Floats, Integers
 from asperity.contact.contact_surface import FACET_DEGREE, ContactSurface, FacetRule
 from asperity.contact.interface import Contact
@@ -19,6 +18,7 @@ from asperity.fem.solid import Solid
 from asperity.mesh.element import BEARING, DEGREE, FACET_POINTS
 from asperity.model.kinds import refuse
 from asperity.model.settings import gamma_too_small
+from asperity.runtime.compiled import solver as _solver
 
 
 class PressureContact(Contact):

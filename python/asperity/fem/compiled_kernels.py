@@ -10,12 +10,12 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from asperity import _solver
 from asperity.arrays import Floats, Singles
 from asperity.fem.kernels import History
 from asperity.fem.sparsity import SparsityPattern
 from asperity.mesh.element import QUADRATURE_DEGREE, quadrature, shape_gradients
 from asperity.model.material import Material
+from asperity.runtime.compiled import solver as _solver
 
 
 def compiled(history: History) -> _solver.History:

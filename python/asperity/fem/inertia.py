@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from asperity import _solver
 from asperity.arrays import Floats, Singles
 from asperity.fem.kernels import ElementKernels, History
 from asperity.fem.solid import Solid
 from asperity.mesh.element import quadrature, shape_functions, shape_gradients
 from asperity.runtime import compat
+from asperity.runtime.compiled import solver as _solver
 
 MASS_DEGREE = 6  # of the quadrature of the consistent mass: second-order shapes squared, on curved cells
 

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from asperity import _solver
 from asperity.arrays import Floats, Singles
 from asperity.fem.ghosts import Ghosts
 from asperity.fem.kernels import ElementKernels
@@ -24,6 +23,7 @@ from asperity.fem.sparsity import SparsityPattern
 from asperity.mesh.distribute import BASE, SIDE_X, SIDE_Y
 from asperity.model.material import Material
 from asperity.runtime import compat
+from asperity.runtime.compiled import solver as _solver
 from asperity.runtime.timing import Phases
 
 #: Writes a matrix at a nodal displacement, see `ElementKernels.tangent`.

@@ -15,7 +15,6 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from asperity import _solver
 from asperity.arrays import Floats, Integers, Singles
 from asperity.errors import AsperityWarning
 from asperity.fem.ghosts import Ghosts
@@ -23,6 +22,7 @@ from asperity.fem.sparsity import SparsityPattern
 from asperity.linear.petsc_matrix import NodeMatrix, set_rigid_modes
 from asperity.linear.petsc_options import GAMG, set_defaults
 from asperity.linear.substructures import Substructures, interface_of
+from asperity.runtime.compiled import solver as _solver
 
 DIRECT_LIMIT = 450_000  # coarse dofs up to which they are factorised
 GENERAL_LIMIT = 60_000  # the same where the matrix is not symmetric

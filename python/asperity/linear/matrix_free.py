@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from asperity import _solver
 from asperity.arrays import Floats, Integers, Singles
 from asperity.fem.shared_nodes import SharedNodes
+from asperity.runtime.compiled import solver as _solver
 
 if TYPE_CHECKING:
     from asperity.fem.solid import Solid

@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from asperity import _solver
 from asperity.arrays import Singles
 from asperity.linear.coarse import make_coarse
 from asperity.linear.matrix_free import TangentOperator
 from asperity.mesh.element import node_ends
+from asperity.runtime.compiled import solver as _solver
 
 SWEEPS = 3  # of the smoother, before and after the coarse correction
 LANCZOS, UPDATE = 20, 4  # steps of an estimate of the greatest eigenvalue: from the start, and for the next matrix

@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from asperity import _solver
 from asperity.arrays import Floats, Indices, Singles
 from asperity.fem.ghosts import Ghosts
 from asperity.fem.shared_nodes import shared_nodes
 from asperity.fem.sparsity import SparsityPattern
+from asperity.runtime.compiled import solver as _solver
 
 
 class Interface(NamedTuple):

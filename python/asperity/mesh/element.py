@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from asperity import _solver
 from asperity.arrays import Array, Floats, Indices, Integers
 
 DEGREE = 2  # of the shape functions
@@ -236,8 +235,10 @@ def least_jacobians(x: Floats, x_nodes: Integers) -> Floats:
     """
     import basix
 
+    from asperity.runtime.compiled import solver  # here, for figures are drawn without it
+
     lattice = basix.create_lattice(basix.CellType.tetrahedron, 4, basix.LatticeType.equispaced, exterior=True)
-    cells = _solver.Cells(x, x_nodes, x_nodes, shape_gradients(lattice), np.ones(len(lattice)))
+    cells = solver.Cells(x, x_nodes, x_nodes, shape_gradients(lattice), np.ones(len(lattice)))
     out = np.empty(len(x_nodes))
-    _solver.min_jacobian(cells, out)
+    solver.min_jacobian(cells, out)
     return out

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt, minimum_filter
 from scipy.spatial import cKDTree
 
-from asperity import _solver
 from asperity.arrays import Flags, Floats
 from asperity.model.settings import H_MAX, WIDEST_JOINED, ApproachMap
+from asperity.runtime.compiled import solver as _solver
 
 if TYPE_CHECKING:
     from asperity.surface import Surface

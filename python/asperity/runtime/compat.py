@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import os
 import warnings
@@ -27,7 +28,17 @@ def require(module: str, package: str) -> None:
         CompatError: it cannot be imported
     """
     if importlib.util.find_spec(module) is None:
-        raise CompatError(f"the Python module {module} is missing: install {package} or use ./run")
+        raise CompatError(f"the Python module {module} is missing: install {package} or asperity[solve], or use ./run")
+    try:
+        importlib.import_module(module)
+    except OSError as error:  # gmsh of PyPI is linked with libraries of a screen
+        raise CompatError(f"the Python module {module} finds no library of the system: {error}") from None
+
+
+def load_libraries() -> None:
+    """Load MPI from PyPI's wheel of dolfinx, where it is installed, before all that is linked with it."""
+    if importlib.util.find_spec("dolfinx_solver") is not None:
+        importlib.import_module("dolfinx_solver")
 
 
 def start() -> None:
@@ -38,6 +49,7 @@ def start() -> None:
     last digits of its results, and takes longer. The environment variable SCOTCH_PTHREAD_NUMBER, if set, wins.
     """
     os.environ.setdefault("SCOTCH_PTHREAD_NUMBER", "1")
+    load_libraries()
     show = warnings.showwarning
     import dolfinx  # noqa: F401
 

@@ -49,7 +49,9 @@ def start(arguments: Sequence[str], ranks: int) -> NoReturn:
     Raises:
         CompatError: there is no mpirun
     """
-    mpirun = shutil.which("mpirun") or shutil.which("mpiexec")
+    # That beside Python first: in a virtual environment which is not activated it is the one of its MPI.
+    path = f"{os.path.dirname(sys.executable)}{os.pathsep}{os.environ.get('PATH', os.defpath)}"
+    mpirun = shutil.which("mpirun", path=path) or shutil.which("mpiexec", path=path)
     if mpirun is None:
         raise CompatError(f"--ranks {ranks}: there is no mpirun on the PATH; install openmpi-bin, or use ./run")
     defaults = {
