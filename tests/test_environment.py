@@ -254,6 +254,45 @@ def test_debian_13_serves_as_it_is_unless_another_suite_is_requested(clone: Clon
     assert own or "making the virtual environment failed" in errors
 
 
+@pytest.mark.parametrize(("compiles", "installed"), [(True, "--editable {}[solve]"), (False, "asperity[solve]==1.")])
+def test_wheels_of_pypi_need_no_root(clone: Clone, compiles: bool, installed: str) -> None:
+    """The clone itself where its solver/ can be compiled, else the wheel of its version."""
+    tools = clone.path.parent / "tools"
+    python = """#!/bin/sh
+        case $* in
+            *"-m venv"*) mkdir -p "$4/bin"; cp "$0" "$4/bin/python" ;;
+            *"-m pip"*) echo "$*" >"$CALLS" ;;
+        esac
+    """
+    (tools / "python3.14").write_text(python)
+    (tools / "python3.14").chmod(0o755)
+    script = clone.path / "run"
+    script.write_text(script.read_text().replace("c++ -E -", str(compiles).lower()))
+    clone.environment["ASPERITY_SUITE"] = "pypi"
+    for _ in range(2):
+        output, errors = clone.start().communicate(timeout=60)
+        assert output == "inside\n", errors
+    assert installed.format(clone.path) in clone.calls.read_text()
+    assert clone.roots() == []
+
+
+@pytest.mark.parametrize("old", ["Python", "glibc"])
+def test_an_old_system_is_named(clone: Clone, old: str) -> None:
+    """Neither Python 3.12 nor glibc 2.34."""
+    tools = clone.path.parent / "tools"
+    scripts = dict.fromkeys(("python3.14", "python3.13", "python3.12", "python3"), "exit 1")
+    if old == "glibc":
+        scripts = {"getconf": "echo glibc 2.31", "python3.14": "exit 0"}
+    for tool, body in scripts.items():
+        (tools / tool).write_text(f"#!/bin/sh\n{body}\n")
+        (tools / tool).chmod(0o755)
+    clone.environment["ASPERITY_SUITE"] = "pypi"
+    process = clone.start()
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 4
+    assert "Python 3.12 or newer with glibc 2.34" in errors
+
+
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root installs")
 def test_packages_are_named_before_they_are_installed(clone: Clone) -> None:
     clone.system.write_text("ID=debian\nVERSION_ID=13\nVERSION_CODENAME=trixie\n")
