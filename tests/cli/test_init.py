@@ -5,11 +5,15 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 import warnings
 from itertools import product
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import asperity as asp
@@ -76,11 +80,51 @@ def test_the_case_runs(kind: str, solid: str, tmp_path: Path) -> None:
     """Here with large elements and few steps."""
     path = tmp_path / "case.toml"
     path.write_text(starting_case(kind, solid), encoding="utf-8")
-    quick = ["mesh.h_contact=0.24e-6", "mesh.growth=1.0", "loading.steps=3"]
+    quick = ["mesh.h_contact=0.24e-6", "mesh.growth=1.0", "loading.steps=3", "accuracy.tolerance="]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         curve = asp.run(Case.load(path, quick)).curve
     assert curve.delta[-1] == pytest.approx(Case.load(path).loading.delta_max) and curve.force[-1] > 0
+
+
+def test_a_joint_is_in_the_numbers_of_the_user(tmp_path: Path) -> None:
+    """The load path reaches twice the pressure of the preload, and returns."""
+    path = tmp_path / "joint.toml"
+    assert init(path, "--joint", "1e-5", "250", "5") == 0
+    case = Case.load(path)
+    joint = case.joint
+    assert joint is not None and (joint.nominal_area, joint.preload, joint.mass) == (1e-5, 250.0, 5.0)
+    assert case.loading.pressure_max == pytest.approx(2 * 250 / 1e-5) and case.loading.unload
+    assert case.output.report and case.output.figures and case.output.stiffness
+    assert case.accuracy.tolerance == 0.05 and case.material.kinematics == "auto"
+    assert init(tmp_path / "no.toml", "--joint", "1e-5", "-1", "5") == 2
+
+
+def test_a_map_is_taken_from_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From where the case is, with the approach of a light load on it."""
+    surface = asp.Surface.from_spec(kind="sinusoid", L=1e-4, amplitude=1e-6, dims=2)
+    np.savez(tmp_path / "scan.npz", z=surface.grid(65), L=1e-4)
+    monkeypatch.chdir(tmp_path)
+    assert init("cases/mine.toml", "--from", "scan.npz", "--elastic") == 0
+    case = Case.load("cases/mine.toml")
+    heights = surface.grid(65)
+    assert case.surface.kind == "file" and case.build_surface().L == pytest.approx(1e-4)
+    assert case.loading.delta_max is not None
+    assert 0.01 < np.mean(heights > heights.max() - case.loading.delta_max) < 0.1
+    assert init("absent.toml", "--from", "absent.npz") == 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("arguments", [(), ("--surface", "self-affine"), ("--joint", "1e-4", "5000", "5")], ids=str)
+def test_it_runs_as_written_in_less_than_a_minute(arguments: tuple[str, ...], tmp_path: Path) -> None:
+    """On one rank, in seconds of the processor."""
+    path = tmp_path / "case.toml"
+    assert init(path, *arguments) == 0
+    before = os.times()
+    subprocess.run([sys.executable, "-m", "asperity", "run", path, "-o", tmp_path / "out", "--quiet"], check=True)
+    after = os.times()
+    assert after.children_user - before.children_user < 60
+    assert (tmp_path / "out/report.html").is_file() and (tmp_path / "out/figures/curve.png").is_file()
 
 
 def test_a_file_is_never_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

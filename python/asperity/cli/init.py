@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -14,7 +16,7 @@ import click
 from asperity.cli import options
 from asperity.errors import InputError
 
-#: Values of the keys that have no default, in SI units; "file" is left to `asperity import-map`.
+#: Values of the keys that have no default, in SI units; "file" is that of --from.
 SURFACES: Mapping[str, Mapping[str, Any]] = {
     "weierstrass-mandelbrot": {"L": 1e-6, "D": 2.4, "G": 5e-12},
     "self-affine": {"L": 1e-6, "H": 0.8, "rms_slope": 0.1, "lambda_short": 1e-7, "lambda_roll": 5e-7},
@@ -36,10 +38,16 @@ WIDTH = 34  # of "key = value"
 @click.command()
 @click.argument("file", metavar="[FILE]", default="case.toml", type=click.Path(dir_okay=False, path_type=Path))
 @click.option("--surface", "kind", type=click.Choice(list(SURFACES)), default="weierstrass-mandelbrot",
-              show_default=True, help="Kind of surface; import-map makes a case of a measured one.")  # fmt: skip
+              show_default=True, help="Kind of surface.")  # fmt: skip
+@click.option("--from", "scan", metavar="MAP", type=click.Path(exists=True, dir_okay=False, path_type=Path),
+              help="Height map instead, a file of surface.kind \"file\"; import-map makes one of a raw scan.")  # fmt: skip
 @click.option("--elastic/--plastic", default=False, show_default=True, help="Solid.")
+@click.option("--joint", type=(float, float, float), metavar="AREA FORCE MASS",
+              help="Joint with this nominal area (m²), preload (N) and vibrating mass (kg).")  # fmt: skip
 @options.serial
-def command(file: Path, kind: str, elastic: bool) -> None:
+def command(
+    file: Path, kind: str, scan: Path | None, elastic: bool, joint: tuple[float, float, float] | None
+) -> None:
     """Write a commented case, ready to run.
 
     FILE (case.toml) receives every key with its unit, legal values and meaning. Keys that may be left out are
@@ -49,27 +57,48 @@ def command(file: Path, kind: str, elastic: bool) -> None:
 
     if file.exists():
         raise InputError(f"{file} exists: give another name, or remove it")
+    if joint is not None and not all(0.0 < value < math.inf for value in joint):
+        raise InputError(f"--joint {joint}: area, force and mass must be positive")
+    text = starting_case(kind, "elastic" if elastic else "plastic", scan, joint, file.parent)
     file.parent.mkdir(parents=True, exist_ok=True)
-    replace_file(file, starting_case(kind, "elastic" if elastic else "plastic").encode())
+    replace_file(file, text.encode())
     options.say(f"written {file}; next: asperity check {file}")
 
 
-def starting_case(kind: str, solid: str) -> str:
+def starting_case(
+    kind: str,
+    solid: str,
+    scan: Path | None = None,
+    joint: tuple[float, float, float] | None = None,
+    folder: Path = Path(),
+) -> str:
     """Return the text of a case file made from the schema.
 
     Args:
         kind: of surface, one of SURFACES
         solid: one of SOLIDS
+        scan: height map, instead of a surface of that kind
+        joint: nominal area [length^2], preload [force] and mass of a joint; the load is then twice its pressure
+        folder: of the case file
     """
     from asperity.case.keys import kind_of, sections
     from asperity.case.schema import Input
 
+    loading = {"delta_max": 1e-9 if kind == "flat" else 1e-8}
+    if scan is not None:
+        kind, loading = "file", {"delta_max": _light_load(scan)}
     chosen: dict[str, Mapping[str, Any]] = {
-        "surface": SURFACES[kind],
-        "material": SOLIDS[solid],
-        "mesh": {"h_contact": 6e-8},
-        "loading": {"delta_max": 1e-9 if kind == "flat" else 1e-8},
+        "surface": SURFACES[kind] if scan is None else {"path": os.path.relpath(scan, folder)},
+        "material": {**SOLIDS[solid], "kinematics": "auto"},
+        "loading": loading,
+        "accuracy": {"tolerance": 0.05},
+        "output": {"figures": True, "report": True},
     }
+    if joint is not None:
+        area, force, mass = joint
+        chosen["loading"] = {"pressure_max": 2.0 * force / area, "unload": True}
+        chosen["joint"] = {"nominal_area": area, "preload": force, "mass": mass}
+        chosen["output"] = {**chosen["output"], "stiffness": True}
     lines = [
         f"# A case of asperity: {solid} solid, surface of kind {kind}, in SI units.",
         "# A comment gives the meaning of a key, its unit, legal values, the default if other keys determine it.",
@@ -82,12 +111,20 @@ def starting_case(kind: str, solid: str) -> str:
         if not models:
             continue
         model = next((m for m in models if name == "surface" and kind_of(m) == kind), models[0])
-        optional = field.default is None
+        optional = field.default is None and name not in chosen
         lines += ["", f"# {_first_line(model)}", f"# [{name}]" if optional else f"[{name}]"]
         if name == "surface":
             lines.append(_line(f'kind = "{kind}"', "kind of surface; " + ", ".join(map(kind_of, models))))
         lines += _keys(model, chosen.get(name, {}), skip=("kind",))
     return "\n".join(lines) + "\n"
+
+
+def _light_load(scan: Path) -> float:
+    """Return the approach that puts a few per cent of the heights of a map above the flat [length]."""
+    from asperity.surface import HeightMap
+    from asperity.surface.cutoff import approach_of_share
+
+    return float(f"{approach_of_share(HeightMap(path=scan)):.3g}")
 
 
 def _first_line(model: Any) -> str:
