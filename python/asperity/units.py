@@ -26,11 +26,16 @@ def prefix(value: float, unit: str) -> tuple[float, str]:
     Examples:
         >>> prefix(4.5e-8, "m")
         (1000000000.0, 'nm')
+
+        Lengths below a nanometre stay in nanometres:
+
+        >>> prefix(4.5e-12, "m")
+        (1000000000.0, 'nm')
     """
     if not unit or not math.isfinite(value) or value == 0:
         return 1.0, unit
     exponent = 3 * math.floor(math.log10(abs(value) * (1 + 1e-12)) / 3)
-    exponent = min(max(exponent, -15), 15)
+    exponent = min(max(exponent, -9 if unit == "m" else -15), 15)
     return 10.0**-exponent, _PREFIXES[exponent] + unit
 
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from made_up_run import write_run
 from test_plot import write_vibration
@@ -21,7 +22,7 @@ webdriver = pytest.importorskip("selenium.webdriver", reason="needs python3-sele
 DRIVER = shutil.which("chromedriver")
 pytestmark = pytest.mark.skipif(DRIVER is None, reason="needs chromium-driver, as .ci/run installs it")
 
-WIDTHS = {"phone": 360, "desk": 1280}
+WIDTHS = {"phone": 390, "desk": 1280}
 # Boxes that reach beyond the page, unless a box around them scrolls.
 CUT_OFF = """
 const scrolls = (e) => e && (["auto", "scroll"].includes(getComputedStyle(e).overflowX) || scrolls(e.parentElement));
@@ -101,7 +102,7 @@ def test_the_page_opens_with_the_verdict(chromium: Any, report: Path) -> None:
 @pytest.mark.parametrize("width", WIDTHS.values(), ids=WIDTHS.keys())
 def test_a_figure_can_be_enlarged(chromium: Any, report: Path, width: int) -> None:
     show(chromium, report, width)
-    figures = chromium.find_elements("css selector", "figure")
+    figures = chromium.find_elements("css selector", "figure:has(img)")
     buttons = chromium.find_elements("css selector", "figure > button")
     assert len(buttons) == len(figures)
     chromium.execute_script("arguments[0].click()", buttons[2])
@@ -116,6 +117,46 @@ def test_a_figure_can_be_enlarged(chromium: Any, report: Path, width: int) -> No
     chromium.find_element("css selector", "#zoom button[value=close]").click()
     assert not dialog.is_displayed()
     assert chromium.get_log("browser") == []
+
+
+# Share of the pixels of the surface that are drawn, and of these the share that is coloured by pressure.
+DRAWN = """
+const c = document.querySelector("canvas.turn");
+const { data } = c.getContext("2d").getImageData(0, 0, c.width, c.height);
+let drawn = 0, loaded = 0, sum = 0;
+for (let i = 0; i < data.length; i += 4) {
+  drawn += data[i + 3] > 0;
+  loaded += data[i + 3] > 0 && data[i] !== data[i + 2];
+  sum = (sum + (i % 9973) * data[i]) % 1000003;
+}
+return [4 * drawn / data.length, loaded / drawn, sum];
+"""
+
+
+@pytest.mark.parametrize("width", WIDTHS.values(), ids=WIDTHS.keys())
+def test_the_surface_turns(chromium: Any, report: Path, width: int) -> None:
+    """Seen from above it is the map: the share of the patch in contact. Half a turn later it looks different."""
+    from selenium.webdriver import ActionChains, Keys
+
+    show(chromium, report, width)
+    canvas = chromium.find_element("css selector", "canvas.turn")
+    assert canvas.is_displayed() and canvas.size["width"] <= width
+    for _ in range(10):
+        canvas.send_keys(Keys.ARROW_DOWN)
+    drawn, loaded, above = after_drawing(chromium)
+    assert 0.2 < drawn < 0.7
+    top = np.load(report.parent / "fields/top.npz")
+    assert loaded == pytest.approx(np.mean(top["touched"][4]), rel=0.15)
+    ActionChains(chromium).drag_and_drop_by_offset(canvas, 100, 0).perform()
+    assert after_drawing(chromium)[2] != above
+    # reading it back as this test does is slow, Chromium says
+    assert [line for line in chromium.get_log("browser") if "readback" not in line["message"]] == []
+
+
+def after_drawing(chromium: Any) -> list[float]:
+    """What DRAWN returns once the next picture is there."""
+    script = f"const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(() => done((() => {{{DRAWN}}})())));"
+    return list(chromium.execute_async_script(script))
 
 
 def test_a_fault_of_the_page_is_seen(chromium: Any, report: Path, tmp_path: Path) -> None:

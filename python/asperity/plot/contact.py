@@ -109,10 +109,10 @@ def _maps(axes: Sequence[Any], results: Results, chosen: Sequence[int]) -> tuple
     scale, unit = prefix(highest, results.unit("stress"))
     across, across_unit = prefix(float(top["points"].max()) / 2, results.unit("length"))
     extent = (0, float(top["points"][:, 0].max()) * across, 0, float(top["points"][:, 1].max()) * across)
-    on_grid = _Raster(top)
+    on_grid = Raster(top)
     image: Any = None
     for axis, i in zip(axes, chosen, strict=False):
-        shown = np.where(_touching(on_grid, top, i), on_grid(top["pressure"][i]) * scale, np.nan)
+        shown = np.where(touching(on_grid, top, i), on_grid(top["pressure"][i]) * scale, np.nan)
         axis.set_facecolor(style.PALE)
         image = axis.imshow(
             shown, origin="lower", extent=extent, cmap="inferno_r", vmin=0.0, vmax=highest * scale or 1.0,
@@ -131,9 +131,9 @@ def _histogram(axis: Any, results: Results, chosen: Sequence[int]) -> None:
     highest = float(top["pressure"][list(chosen)].max())
     scale, unit = prefix(highest, results.unit("stress"))
     edges = np.linspace(0.0, highest * scale or 1.0, BINS + 1)
-    on_grid = _Raster(top)
+    on_grid = Raster(top)
     for i, colour in zip(chosen, colormaps["viridis"](np.linspace(0.85, 0.0, len(chosen))), strict=True):
-        values = on_grid(top["pressure"][i])[_touching(on_grid, top, i)] * scale
+        values = on_grid(top["pressure"][i])[touching(on_grid, top, i)] * scale
         if values.size:
             density, _ = np.histogram(values, edges, density=True)
             name = str(top["branch"][i])
@@ -148,7 +148,7 @@ def _histogram(axis: Any, results: Results, chosen: Sequence[int]) -> None:
     style.grid(axis)
 
 
-class _Raster:
+class Raster:
     """Values at the nodes of the top, linear in its triangles, at the middles of PIXELS x PIXELS equal squares.
 
     Attributes:
@@ -176,7 +176,7 @@ class _Raster:
         return np.asarray((values[self._nodes] * self._shares).sum(axis=-1))
 
 
-def _touching(on_grid: _Raster, top: Any, i: int) -> NDArray[np.bool_]:
+def touching(on_grid: Raster, top: Any, i: int) -> NDArray[np.bool_]:
     """Return where a snapshot is in contact: the touched thirds of facets, whose patches are the spots that count."""
     return np.asarray(top["touched"][i][on_grid.edge_nodes], dtype=bool)
 
@@ -209,10 +209,10 @@ def _patches(axis: Any, results: Results, count: int) -> None:
     across, across_unit = prefix(float(top["points"].max()) / 2, results.unit("length"))
     extent = (0, float(top["points"][:, 0].max()) * across, 0, float(top["points"][:, 1].max()) * across)
     shades = colormaps["YlGnBu"](np.linspace(1.0, 0.35, len(loads)))
-    on_grid = _Raster(top)
+    on_grid = Raster(top)
     first = np.full((PIXELS, PIXELS), np.nan)  # the level at which a point comes into contact
     for n, i in reversed(list(enumerate(loads))):
-        first[_touching(on_grid, top, i)] = n
+        first[touching(on_grid, top, i)] = n
     axis.imshow(
         first, origin="lower", extent=extent, cmap=ListedColormap(shades), vmin=-0.5, vmax=len(loads) - 0.5,
         interpolation="nearest",

@@ -81,7 +81,8 @@ def _fit(axis: Any, results: Results) -> None:
         return
     k, n, norm, low, high = law
     x = np.geomspace(low, high, 200)
-    text = f"$P^{{*}}{{=}}\\,{tex(k)}\\,(\\delta^{{*}})^{{{n:.3f}}}$, {norm} fit"
+    digits = [text.split()[0] for text in with_misfit(results.summary["fit"])]  # as many as its intervals allow
+    text = f"$P^{{*}}{{=}}\\,{tex(float(digits[0]))}\\,(\\delta^{{*}})^{{{digits[1]}}}$, {norm} fit"
     axis.plot(x, k * x**n, color=style.BLACK, lw=1.0, zorder=4, label=text)
 
 

@@ -21,6 +21,7 @@ from asperity.output.verdict import doubts, verdict
 from asperity.plot import CAPTIONS, OF_VIBRATION, figures_of, plot_run
 from asperity.plot.citations import publications
 from asperity.plot.style import DPI
+from asperity.plot.turning import turning_surface
 from asperity.power_law import with_misfit
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import BAND, CURVE, FIGURES, FREE, REPORT, RESPONSE, THRESHOLDS
@@ -68,7 +69,8 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
         loader=PackageLoader("asperity"), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True,
     ).get_template("report.html.j2")  # fmt: skip
-    script = files("asperity").joinpath("templates/zoom.js").read_text(encoding="utf-8")
+    scripts = files("asperity").joinpath("templates")
+    script = "".join(scripts.joinpath(name).read_text(encoding="utf-8") for name in ("zoom.js", "turn.js"))
     text = page.render(
         verdict=[*verdict(results), *doubts(results)],
         script=script,
@@ -80,6 +82,7 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
         law=_law(results),
         outcome=_outcome(results),
         assumptions=assumptions,
+        turning=turning_surface(results),
         figures=[_figure(path) for path in _figures(results)],
         tables=_tables("run", summary) + _tables("dynamics", _without_table(results.thresholds)),
         laws=_laws(results),
@@ -156,7 +159,8 @@ def _known(curve: Curve, row: int, results: Results) -> Rows:
     for name, words in STIFFNESS_WORDS.items():
         value, bar = getattr(curve, name)[row], curve.bar(name, row)
         if value == value:
-            of_area = quantity(value / area, unit and "N/m³", bar=bar) if area == area else ""
+            scale, name = (1e-6, "Pa/µm") if unit else (1.0, "")
+            of_area = quantity(scale * value / area, name, bar=bar) if area == area else ""
             per_area = f", {of_area} of the nominal area" if of_area else ""
             rows.append((words, quantity(value, unit and "N/m", bar=bar) + per_area))
     if (conductance := curve.conductance[row]) == conductance:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from asperity.arrays import Floats, Indices
 from asperity.errors import CompatError, InputError
 from asperity.mesh.element import LINEAR_TETS, VTK_TYPE
 from asperity.output.results import Results
@@ -22,8 +23,7 @@ from asperity.units import prefix
 SIZE = (2400, 1060)  # pixels
 DEPTH = 0.35  # share of the height that is shown
 FIELD_FILE = f"{FIELDS}/{VTKHDF}"
-_NEGLIGIBLE = 1e-3  # share of the largest pressure below which the contact surface is shown without load
-_OUTSIDE = 0.2  # share of the largest pressure, about that at nodes along the edge
+ABOVE = 1e-4  # of the touched thirds above the surface that they lie on [L]
 
 
 def scene(folder: str | Path, path: str | Path | None = None) -> Path:
@@ -56,7 +56,7 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
     stress = np.asarray(grid.cell_data["von Mises stress"])
     pressure = np.asarray(grid.point_data["pressure"])
     scale, unit = prefix(float(pressure.max()) or float(stress.max()), results.unit("stress"))
-    block = _linear(grid, {"stress shown": stress * scale}, {"pressure shown": pressure * scale})
+    block = _linear(grid, stress * scale)
     # a small region of high stress must not determine the colour scale
     highest = float(np.quantile(stress, 0.999)) * scale
     plotter = pv.Plotter(off_screen=True, shape=(1, 2), window_size=list(SIZE), border=False)
@@ -66,13 +66,10 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
                      scalar_bar_args=_bar("von Mises stress", unit))  # fmt: skip
     _view(plotter, block)
     plotter.subplot(0, 1)
-    loaded = block.point_data["pressure shown"]
-    limits = _limits(float(pressure.max()) * scale)
-    # below the scale, grey; so far that the edge of contact is about in the middle between nodes inside and outside
-    loaded[loaded < _NEGLIGIBLE * limits[1]] = -_OUTSIDE * limits[1]
-    plotter.add_mesh(_cut(block).extract_surface(algorithm="dataset_surface"), scalars="pressure shown",
-                     cmap="inferno_r", n_colors=256, below_color="#B8B8B8", ambient=0.2,
-                     clim=limits, scalar_bar_args=_bar("contact pressure", unit) | {"below_label": ""})  # fmt: skip
+    plotter.add_mesh(_cut(block).extract_surface(algorithm="dataset_surface"), color="#B8B8B8", ambient=0.2)
+    plotter.add_mesh(_touched(results.top, block, scale), scalars="pressure shown", cmap="inferno_r", n_colors=256,
+                     ambient=0.2, clim=_limits(float(pressure.max()) * scale),
+                     scalar_bar_args=_bar("contact pressure", unit))  # fmt: skip
     _view(plotter, block)
     target = Path(path) if path is not None else results.folder / FIGURES / "scene.png"
     target.parent.mkdir(exist_ok=True)
@@ -96,18 +93,56 @@ def read_step(path: Path, step: int = -1) -> Any:
     return pv.wrap(reader.GetOutput())
 
 
-def _linear(grid: Any, cell_data: dict[str, Any], point_data: dict[str, Any]) -> Any:
+def _linear(grid: Any, stress: Any) -> Any:
     """Return the deformed block as linear tetrahedra through all nodes, which can be clipped."""
     import pyvista as pv
 
     tets = grid.cells_dict[VTK_TYPE]
     cells = tets[:, np.array(LINEAR_TETS)].reshape(-1, 4)
     block = pv.UnstructuredGrid({pv.CellType.TETRA: cells}, grid.points + grid.point_data["displacement"])
-    for name, values in cell_data.items():
-        block.cell_data[name] = np.repeat(values, len(LINEAR_TETS))
-    for name, values in point_data.items():
-        block.point_data[name] = values
+    block.cell_data["stress shown"] = np.repeat(stress, len(LINEAR_TETS))
     return block
+
+
+def _touched(top: Any, block: Any, scale: float) -> Any:
+    """Return the thirds of facets that touch in the last snapshot, which the report counts, with their pressure."""
+    import pyvista as pv
+
+    xyz = np.column_stack([top["points"], -top["gap"][-1]]) / np.ptp(top["points"][:, 0])
+    xyz[:, 2] += block.bounds[5] + ABOVE
+    points, nodes, thirds = split_in_thirds(xyz, top["pressure"][-1] * scale, top["triangles"])
+    shown = thirds[top["touched"][-1][nodes]]
+    out = pv.PolyData.from_regular_faces(points[:, :3], shown)
+    out.point_data["pressure shown"] = points[:, 3]
+    return out
+
+
+def split_in_thirds(points: Floats, values: Floats, triangles: Indices) -> tuple[Floats, Indices, Indices]:
+    """Split each facet of a top into triangles that lie in one of its thirds each.
+
+    Args:
+        points: nodes (N, 3) [length]
+        values: at them (N,)
+        triangles: linear ones, of all facets those at the first corners, the second, the third, then in the middle (4F, 3)
+
+    Returns:
+        points with their values (P, 4); the edge node of each triangle (12F,); its points (12F, 3)
+    """
+    with_values = np.column_stack([points, values])
+    parts = len(triangles) // 4
+    corner, first, last = triangles[: 3 * parts].T
+    inner = triangles[3 * parts :]
+    half = len(points) + np.arange(3 * parts)  # between two edge nodes, of each corner
+    centre = len(points) + 3 * parts + np.arange(parts)
+    between = half.reshape(3, parts)  # as the corners: of the nodes 3 and 5, 4 and 3, 5 and 4
+    out, nodes = [(corner, first, half), (corner, half, last)], [first, last]
+    for k in range(3):  # edge nodes 3, 4, 5: each is the first of corner k and the last of the next one
+        for middle in (between[k], between[(k + 1) % 3]):
+            out.append((inner[:, k], middle, centre))
+            nodes.append(inner[:, k])
+    added = [0.5 * (with_values[first] + with_values[last]), with_values[inner].mean(axis=1)]
+    cells = np.concatenate([np.stack(part, axis=1) for part in out])
+    return np.concatenate([with_values, *added]), np.concatenate(nodes), cells
 
 
 def _cut(block: Any) -> Any:
