@@ -140,12 +140,7 @@ def choose(
 
 
 def law_named(columns: CurveColumns, name: str, load: float, *, extrapolate: bool = False) -> Law:
-    """Return a law of `NAMES` about a preload (force).
-
-    Raises:
-        InputError: the curve does not contain what the law needs.
-        RangeError: the law does not reach the load.
-    """
+    """Return a law of `NAMES` about a preload (force); errors as of `law_from`."""
     if name == "unload-reload":
         return unload_reload(columns, load, extrapolate=extrapolate)
     if name == "table":
@@ -222,12 +217,7 @@ def _touching(force: Array, rows: Array) -> Array:
 
 
 def elastic_tangent(columns: CurveColumns, load: float, *, extrapolate: bool = False) -> TableLaw:
-    """Return the law of a contact that was never overloaded: the elastic stiffness of the states on the loading.
-
-    Raises:
-        InputError: fewer than two rows of the loading have an elastic stiffness.
-        RangeError: they end below the load (force).
-    """
+    """Return the law of a contact that was never overloaded: the elastic stiffness of the states on the loading."""
     rows = columns.rising(columns.loading & (columns.force > 0) & (columns.elastic > 0))
     if rows.size < 2:
         raise InputError(
@@ -287,14 +277,9 @@ def _automatic(columns: CurveColumns, load: float, overload: float | None) -> Ch
 def _between(loading: TableLaw, leg: TableLaw | None, load: float, met: float) -> tuple[TableLaw, tuple[Law, ...], str]:
     """Return the branch of an overload from which the curve does not unload, other laws that bound it, and a note.
 
-    The stiffness is known on the loading, where the branch begins, and on the unloading from the end of the curve. The
-    branch goes from the shape of that unloading, over forces and stiffnesses of its own beginning, to that unloading
-    itself at light forces, where the overload hardly matters.
-
-    Args:
-        loading: elastic tangent of the states on the loading.
-        leg: the unloading from the end of the curve, None where it is unknown.
-        load, met: preload and overload (force).
+    The stiffness is known on the loading (`loading`), where the branch begins, and on the unloading from the end of the
+    curve (`leg`). The branch goes from the shape of that unloading, over forces and stiffnesses of its own beginning,
+    to that unloading itself at light forces, where the overload hardly matters.
     """
     k_met, k_load = (float(loading.stiffness(loading.deflection(force))) for force in (met, load))
     if leg is not None and leg.F.size > 1:
@@ -319,8 +304,8 @@ def _between(loading: TableLaw, leg: TableLaw | None, load: float, met: float) -
 
 def _leg(columns: CurveColumns, load: float) -> tuple[TableLaw | None, str]:
     """Return the unload-reload branch that passes through a preload, None if there is none, and a doubt or ""."""
-    reached = [columns.force[rows].max() for rows in columns.unloadings()]
-    if not (np.any(columns.force[~columns.loading] <= load) and max(reached, default=0.0) >= load * (1 - _SAME)):
+    forces = [columns.force[rows] for rows in columns.unloadings()]
+    if not any(force.min() <= load <= force.max() * (1 + _SAME) for force in forces):
         return None, ""
     more = f"compute it with loading.unload_steps = {MIN_POINTS} or more, and output.stiffness = true"
     try:

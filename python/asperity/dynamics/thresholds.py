@@ -140,8 +140,7 @@ def resonance_peak(restoring: Restoring, drive: float, damping: Damping = "alway
     def surplus(u: float) -> float:
         return free_orbit(restoring, u, damping).drive - drive
 
-    low = min(1e-3, 0.1 * drive, 0.5 * limit)
-    high = low
+    low = high = min(1e-3, 0.1 * drive, 0.5 * limit)
     while surplus(high) < 0:
         if high >= limit:
             if only_in_contact(damping) and not np.isfinite(top):
@@ -152,9 +151,7 @@ def resonance_peak(restoring: Restoring, drive: float, damping: Damping = "alway
         low, high = high, min(1.5 * high, limit)
         if only_in_contact(damping) and high > 1e3 and surplus(high) < surplus(low):
             return None
-    if high == low:
-        return free_orbit(restoring, low, damping)
-    u = brentq(surplus, low, high, xtol=1e-14, rtol=1e-13)
+    u = low if high == low else brentq(surplus, low, high, xtol=1e-14, rtol=1e-13)
     return free_orbit(restoring, u, damping)
 
 

@@ -25,7 +25,7 @@ from asperity.dynamics.law.checks import positive
 from asperity.errors import RangeError
 
 EXTRAPOLATE = "extrapolate the law (extrapolate=True, asperity dynamics --extrapolate)"  # advice of messages
-SMALL = 0.05  # below this |u| the potential is integrated or summed: differences of potentials cancel
+_SMALL = 0.05  # below this |u| the potential is integrated: differences of potentials cancel
 _DENSE = 40_000  # approaches between which the force for time integration is interpolated
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(16)
 
@@ -171,7 +171,7 @@ class Law(ABC):
         u = np.asarray(u, float)
         inside = np.maximum(u, -1.0) if self.contact else u
         value = (self.potential(z_s * (1 + inside)) - self.potential(z_s) - load * z_s * inside) / (scale * z_s)
-        small = np.abs(u) < SMALL
+        small = np.abs(u) < _SMALL
         if small.any():
             kink = np.minimum(u[small], max(self.yields_at / z_s - 1.0, 0.0))
             value = np.array(value)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
 from asperity.dynamics.law.checks import positive, within
-from asperity.dynamics.law.law import SMALL, Law
+from asperity.dynamics.law.law import Law
 from asperity.errors import InputError
 from asperity.runtime.display import short_repr
 
@@ -124,18 +124,3 @@ class PowerLaw(Law):
 
     def describe(self) -> str:
         return f"power law n = {self.n:g}, K = {self.K:g}"
-
-    def well(self, u: Array, z_s: float, load: float, scale: float) -> Array:
-        n, u = self.n, np.asarray(u, float)
-        s = np.maximum(1.0 + u, 0.0)
-        value = (s ** (n + 1.0) / (n + 1.0) - (1.0 + u)) / n + 1.0 / (n + 1.0)
-        small = np.abs(u) < SMALL
-        if small.any():  # binomial series: the closed form cancels
-            v = u[small]
-            term, total = v * v, v * v / 2.0
-            for j in range(2, 16):
-                term = term * v * (n - j + 1) / j
-                total = total + term / (j + 1)
-            value = np.array(value)
-            value[small] = total
-        return value
