@@ -16,8 +16,9 @@ from asperity.curve import fitted_rows
 from asperity.dynamics.columns import CurveColumns
 from asperity.dynamics.law.checks import positive
 from asperity.dynamics.law.law import Law
+from asperity.dynamics.law.points import MIN_POINTS, TOUCH, fit_origin
 from asperity.dynamics.law.power import PowerLaw
-from asperity.dynamics.law.table import MIN_POINTS, TOUCH, TableLaw, fit_origin
+from asperity.dynamics.law.table import TableLaw
 from asperity.dynamics.settings import LAWS, MIN_ROWS
 from asperity.errors import AsperityError, AsperityWarning, InputError, RangeError
 from asperity.power_law import fit_power_law

@@ -163,8 +163,7 @@ class Law(ABC):
 
         ``kappa = (z^2/48) [3 P'''/P' - 5 (P''/P')^2]`` (multiple scales; Nayfeh & Mook 1979, section 2.3).
         """
-        p1, p2, p3 = self.derivatives(z)
-        return z**2 / 48.0 * (3.0 * p3 / p1 - 5.0 * (p2 / p1) ** 2)
+        return curvature(self.derivatives(z), z)
 
     def well(self, u: Array, z_s: float, load: float, scale: float) -> Array:
         """Return the normalised potential ``V(u)``, the integral of f from 0 to u."""
@@ -194,6 +193,11 @@ class Law(ABC):
                 f"compute the curve further, or {EXTRAPOLATE}"
             )
         return z
+
+
+def curvature(p: tuple[float, float, float], z: float) -> float:
+    """Return kappa at `z` from the first three derivatives of the force."""
+    return z**2 / 48.0 * (3.0 * p[2] / p[0] - 5.0 * (p[1] / p[0]) ** 2)
 
 
 def bend(low: float, high: float) -> str:

@@ -18,22 +18,18 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, PPoly, make_smoothing_spline
-from scipy.optimize import brentq, minimize_scalar
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, PPoly
+from scipy.optimize import brentq
 
 from asperity.arrays import Array
 from asperity.dynamics.columns import CurveColumns
 from asperity.dynamics.law.checks import positive
-from asperity.dynamics.law.law import Law, dense
+from asperity.dynamics.law.law import Law, curvature, dense
+from asperity.dynamics.law.points import MAX_ROUGHNESS, MIN_POINTS, fit_origin, roughness, smoothed
 from asperity.dynamics.law.power import EXPONENT
 from asperity.errors import InputError, RangeError
 from asperity.runtime.display import short_repr
 
-MIN_POINTS = 5  # of a table without slopes, and of a fitted origin
-TOUCH = 1e-9  # share of the largest force above which a row is in contact
-MAX_ROUGHNESS = 0.12  # relative uncertainty of the stiffness through points above which they are noisy
-_HEAVY = 0.25  # share of the largest force above which points are judged: at light loads few facets touch
-_DEVIATION = 0.683  # share of a normal distribution within its standard deviation
 _GROUPS = 4  # of points that are left out in turn
 _REACHES = 0.4 * 0.5 ** np.arange(9)  # distances in ln z of the divided differences, tried in turn
 _STEEPEST = 0.9  # largest exponent of the stiffness over the force with which a law begins at zero approach
@@ -87,9 +83,9 @@ class TableLaw(Law):
         z, F, k = self._checked_points()
         object.__setattr__(self, "_measured", F)
         if k is None and np.all(np.diff(z) > 0):
-            noise = _roughness(z, F)
+            noise = roughness(z, F)
             if noise > MAX_ROUGHNESS:
-                F, k = _smoothed(z, F)
+                F, k = smoothed(z, F)
                 object.__setattr__(self, "noise", noise)
         for name, column, remedy in (("approach", z, "sort it"), ("force", F, "smooth it, or fit a power law to it")):
             bad = np.flatnonzero(np.diff(column) <= 0)
@@ -237,7 +233,7 @@ class TableLaw(Law):
             if self.noise and kept.size < MIN_POINTS:
                 continue
             if self.noise:
-                F, k = _smoothed(self.z[kept], self._measured[kept])
+                F, k = smoothed(self.z[kept], self._measured[kept])
             laws.append(replace(self, z=self.z[kept], F=F, k=k, origin=0.0))
         return tuple(laws)
 
@@ -310,7 +306,7 @@ class TableLaw(Law):
         """Return the differences and the error of kappa for each reach, and the reach with the least error."""
         branch = self._elastic if z <= self.yields_at * (1 + 1e-12) else self
         rows = [law._differences(z) for law in (branch, *branch.thinned)]
-        kappa = np.array([[_kappa(y) for y in row] for row in rows])
+        kappa = np.array([[curvature(_derivatives(y, 1.0, 1.0), 1.0) for y in row] for row in rows])
         change = np.abs(np.diff(kappa[0]))
         change = np.maximum(change, np.append(0.0, change[:-1]))
         error = change + np.abs(kappa - kappa[0]).sum(axis=0)[:-1]
@@ -421,62 +417,8 @@ class TableLaw(Law):
         return self.F[0] * z[0] / (n + 1.0) + np.append(0.0, np.cumsum(cells)), n
 
 
-def _smoothed(z: Array, F: Array) -> tuple[Array, Array]:
-    """Return forces and stiffnesses of the smoothing spline of ln F over ln z, whose penalty is zero for a power law.
-
-    The weights are those of noise of one size in F, and hardly matter for noise of one share of F.
-    """
-    spline = make_smoothing_spline(np.log(z), np.log(F), w=(F / F.max()) ** 2)
-    force = np.exp(spline(np.log(z)))
-    return force, force / z * spline.derivative()(np.log(z))
-
-
 def _derivatives(y: Array, force: float, z: float) -> tuple[float, float, float]:
     """Return the derivatives of F from those of ln F with respect to ln z."""
     a, b, c = (float(value) for value in y)
     third = a**3 - 3 * a * a + 2 * a + 3 * b * (a - 1) + c
     return a * force / z, (a * a - a + b) * force / z**2, third * force / z**3
-
-
-def _kappa(y: Array) -> float:
-    p1, p2, p3 = _derivatives(y, 1.0, 1.0)
-    return (3 * p3 / p1 - 5 * (p2 / p1) ** 2) / 48.0
-
-
-def _roughness(z: Array, F: Array) -> float:
-    """Return the relative uncertainty of the stiffness through at least 5 rising points by their scatter.
-
-    Scatter is the distance of a point from the cubic through its four neighbours in (ln z, ln F), after Gasser, Sroka
-    & Jennen-Steinmetz, Biometrika 73 (1986) 625, who take the line through two neighbours; a quantile counts. A smooth
-    curve has no such scatter, and a few corners, as where the next summit touches, hardly change the quantile. A
-    polynomial fitted to many points would misread both as noise.
-    """
-    x, y, at = np.log(z), np.log(F), np.arange(z.size)
-    five = np.clip(at - 2, 0, z.size - 5)[:, None] + np.arange(5)
-    four = five[five != at[:, None]].reshape(-1, 4)
-    powers = (x[four] - x[:, None])[:, None, :] / (x[-1] - x[0])
-    weights = np.linalg.solve(powers ** np.arange(4)[:, None], np.eye(4)[:, :1])[..., 0]
-    scatter = np.abs(y - np.sum(weights * y[four], axis=1)) / np.sqrt(1.0 + np.sum(weights**2, axis=1))
-    rise = np.abs(y[five[:, -1]] - y[five[:, 0]]) / 4.0  # from one point to the next
-    return float(np.quantile((np.sqrt(2.0) * scatter / rise)[F >= _HEAVY * F.max()], _DEVIATION))
-
-
-def fit_origin(delta: Array, force: Array) -> float:
-    """Return the approach of first contact of measured points: the best offset of a power law in (ln z, ln F)."""
-    order = np.argsort(delta, kind="stable")
-    z, f = delta[order], force[order]
-    touching = f > TOUCH * f.max()
-    if touching.sum() < MIN_POINTS:
-        raise InputError(f"the branch has {int(touching.sum())} rows in contact, at least {MIN_POINTS} are needed")
-    first, span = z[touching][0], z[-1] - z[touching][0]
-    lowest = float(z[~touching].max(initial=first - span))
-    z, f = z[touching], np.log(f[touching])
-
-    def misfit(offset: float) -> float:
-        basis = np.vander(np.log(z - offset), 2)
-        return float(np.sum((f - basis @ np.linalg.lstsq(basis, f)[0]) ** 2))
-
-    if lowest >= first - 1e-6 * span:
-        return lowest
-    ends = (lowest, first - 1e-6 * span)
-    return float(minimize_scalar(misfit, bounds=ends, method="bounded", options={"xatol": 1e-12 * span}).x)
