@@ -19,7 +19,7 @@ from scipy.optimize import brentq, minimize_scalar
 
 from asperity.arrays import Array
 from asperity.dynamics.equation import Restoring
-from asperity.dynamics.free import FreeOrbit, FreeVibration, column, contact_limit, free_orbit
+from asperity.dynamics.free import FreeOrbit, FreeVibration, column, contact_limit, free_orbit, free_vibration
 from asperity.dynamics.law.damping import Damping, only_in_contact
 from asperity.dynamics.law.law import bend
 from asperity.dynamics.law.taylor import TaylorLaw
@@ -111,6 +111,18 @@ class Thresholds:
     def to_dict(self) -> dict[str, Any]:
         """Return the section of thresholds.json."""
         return {**asdict(self), "peaks": [dict(p) for p in self.peaks]}
+
+
+def backbone(restoring: Restoring, *, model: str, damping: Damping, u_max: float, points: int) -> Backbone:
+    """Compute free orbits up to `u_max`, at equal steps of amplitude and at contact loss.
+
+    They end earlier where the law ends: at the rim of a Taylor well, or at the last point of a table.
+    """
+    top = min(u_max, largest_amplitude(restoring))
+    amplitudes, limit = np.linspace(top / points, top, points), contact_limit(restoring)
+    amplitudes = np.union1d(amplitudes, limit) if limit < top else amplitudes
+    free = free_vibration(restoring, amplitudes, model=model, omega_s=np.nan, damping=damping)
+    return Backbone(**{name: getattr(free, name) for name in free.__dataclass_fields__})
 
 
 def largest_amplitude(restoring: Restoring) -> float:
