@@ -151,10 +151,7 @@ class ContactOscillator:
             raise InputError(f"points = {points} is not legal: a backbone needs at least 1")
         limit = self.u_max
         top = positive("u_max", u_max) if u_max is not None else (3 * limit if np.isfinite(limit) else 2.0)
-        top = min(top, _thresholds.largest_amplitude(self.restoring))
-        amplitudes = np.linspace(top / points, top, points)
-        free = self.free(np.union1d(amplitudes, limit) if limit < top else amplitudes)
-        return Backbone(**{name: getattr(free, name) for name in free.__dataclass_fields__})
+        return _thresholds.backbone(self.restoring, model=self.model, damping=self.damping, u_max=top, points=points)
 
     def thresholds(self, forcing: float | Iterable[float] = ()) -> Thresholds:
         """Compute the onsets of contact loss, hysteresis and period doubling, and the peak for each F^ in `forcing`."""
