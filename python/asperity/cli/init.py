@@ -45,9 +45,7 @@ WIDTH = 34  # of "key = value"
 @click.option("--joint", type=(float, float, float), metavar="AREA FORCE MASS",
               help="Joint with this nominal area (m²), preload (N) and vibrating mass (kg).")  # fmt: skip
 @options.serial
-def command(
-    file: Path, kind: str, scan: Path | None, elastic: bool, joint: tuple[float, float, float] | None
-) -> None:
+def command(file: Path, kind: str, scan: Path | None, elastic: bool, joint: tuple[float, float, float] | None) -> None:
     """Write a commented case, ready to run.
 
     FILE (case.toml) receives every key with its unit, legal values and meaning. Keys that may be left out are
