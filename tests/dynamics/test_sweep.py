@@ -136,6 +136,7 @@ def test_run_writes_its_files(tmp_path) -> None:
     summary = json.loads((out / "thresholds.json").read_text())
     assert summary["omega_s"] == pytest.approx(np.sqrt(1.5 * 9.80665 / (3 / 2) ** (2 / 3)))
     assert summary["exact"]["F_over_mg"] == pytest.approx(1.5)
+    assert "not searched: other periods" in summary["exact"]["responses"][0]["searched"]
     assert len(summary["uncertainty"]["omega_s"]) == 3
     assert len(result.responses["exact"]) == 2
 

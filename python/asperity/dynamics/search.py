@@ -154,7 +154,7 @@ class Search:
             return
         if order == 1:
             self._lowest = min(self._lowest, last.parameter)
-        if min(abs(last.parameter - edge) for edge in self.how.window) < _AT_EDGE:
+        if self._is_at_edge(last):
             self._enter(kind, order, last, known=True)
 
     def _enter(self, kind: str, order: int, point: Point, known: bool) -> None:
@@ -180,9 +180,10 @@ class Search:
         if order == 1:
             self._lowest = min(self._lowest, first.parameter, last.parameter)
         ends = [last] if known else [last, first.turned()]
-        self._ends += [
-            (kind, order, p) for p in ends if min(abs(p.parameter - edge) for edge in self.how.window) < _AT_EDGE
-        ]
+        self._ends += [(kind, order, p) for p in ends if self._is_at_edge(p)]
+
+    def _is_at_edge(self, point: Point) -> bool:
+        return min(abs(point.parameter - edge) for edge in self.how.window) < _AT_EDGE
 
     def _finish(self) -> None:
         """Follow the branches traced so far, measure them, and trace those that leave them at period doublings."""
