@@ -16,6 +16,7 @@ import numpy as np
 
 from asperity.arrays import Array, Flags
 from asperity.errors import InputError
+from asperity.runtime.files import read_csv
 
 _HYSTERESIS = 0.01  # share of the greatest force by which an unloading falls short of the loading after yield
 _CLOSED = 1e-3  # a reloading closes its loop if it ends within this share below the top, in approach or force
@@ -151,16 +152,13 @@ class CurveColumns:
         return [*reversed(up), *reversed(down)]
 
 
-def _read(path: Path) -> dict[str, list[str]]:
+def _read(path: Path) -> dict[str, tuple[str, ...]]:
     path = path / "curve.csv" if path.is_dir() else path
     if not path.is_file():
         raise InputError(f"there is no curve at {path}")
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            reader = csv.DictReader(line for line in file if not line.startswith("#"))
-            rows = list(reader)
-            return {name: [row[name] for row in rows] for name in reader.fieldnames or ()}
+        return read_csv(path)
     except OSError as error:
         raise InputError(f"cannot read the curve {path}: {error.strerror}") from error
-    except (UnicodeDecodeError, csv.Error) as error:
+    except (ValueError, csv.Error) as error:
         raise InputError(f"the curve {path} is not a table of text: {error}") from error

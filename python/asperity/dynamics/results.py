@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 import os
@@ -25,7 +23,7 @@ from asperity.dynamics.settings import DynamicsSettings
 from asperity.dynamics.sweep import Sweep
 from asperity.dynamics.thresholds import Thresholds
 from asperity.runtime.display import short_repr
-from asperity.runtime.files import replace_file
+from asperity.runtime.files import replace_file, write_csv
 from asperity.runtime.run_folder import BAND, FREE, RESPONSE, THRESHOLDS
 
 FREE_COLUMNS = ("model", "u0", "omega_ratio", "u_min", "frequency", "amplitude", "a1")
@@ -185,13 +183,9 @@ def _sweep_summary(s: Sweep) -> dict[str, Any]:
 
 
 def _write(path: Path, names: tuple[str, ...], rows: Iterable[dict[str, Any]]) -> None:
-    def text(value: Any) -> Any:
+    def cell(value: Any) -> Any:
         if isinstance(value, bool):
             return str(value).lower()
-        return value if not isinstance(value, float) else "" if math.isnan(value) else repr(value)
+        return None if value != value else value
 
-    file = io.StringIO(newline="")
-    writer = csv.DictWriter(file, names, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({name: text(value) for name, value in row.items()} for row in rows)
-    replace_file(path, file.getvalue().encode())
+    write_csv(path, names, ({name: cell(value) for name, value in row.items()} for row in rows))
