@@ -168,6 +168,8 @@ MISTAKES = {
     "loops.amplitudes=[0.3, 0.1]": ("loops.amplitudes", "0.3, 0.1", "must rise"),
     "loops.amplitudes=[1.5]": ("loops.amplitudes", "1.5", "0.99"),
     "loops.preload=1.0": ("loops.preload", "must lie between"),
+    "slip.friction=0": ("slip.friction", "(0, 10]"),
+    "slip.steps=3": ("slip.friction",),
     "dynamics.damping=loops": ("dynamics.damping", "loops", "section [loops]"),
     "output.stiffness_matrix=true": ("output.stiffness_matrix", "loading.unload"),
     "surface.gama=1.5": ("surface.gama", '"gamma"'),
@@ -237,6 +239,28 @@ def test_each_mistake_gives_one_sentence_with_key_value_and_range(override: str)
     message = refusal(override)
     for part in MISTAKES[override]:
         assert part in message
+
+
+@pytest.mark.parametrize(
+    ("override", "parts"),
+    [
+        ("slip.amplitudes=[0.3, 0.1]", ("0.3, 0.1", "must rise")),
+        ("slip.amplitudes=[0.5, 1.0]", ("slip.amplitudes", "0.99")),
+        ("slip.preload=1.0", ("slip.preload", "must lie between")),
+        ("slip.direction=20", ("slip.direction", 'slip.method = "solid"')),
+    ],
+)
+def test_mistakes_of_the_slip(override: str, parts: tuple[str, ...]) -> None:
+    message = refusal("slip.friction=0.3", override)
+    assert all(part in message for part in parts)
+
+
+def test_slip_of_the_solid_needs_exact_contact_and_sides_that_admit_the_motion() -> None:
+    solid = ("slip.friction=0.3", "slip.method=solid")
+    assert "slip.method" in refusal(*solid, "contact.method=penalty")
+    assert "slip.method" in refusal(*solid, "contact.friction=stick")
+    assert "between rollers" in refusal(*solid, "slip.direction=20")
+    assert Case.load(DEMO, [*solid, "slip.direction=20", "block.sides=free"]).slip is not None
 
 
 def test_a_rotation_of_the_flat_is_not_periodic() -> None:

@@ -9,12 +9,11 @@ import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from asperity.arrays import Floats, Integers
-from asperity.contact.interface import ContactEquations, FrictionEquations
 from asperity.fem.solid import Solid
 from asperity.linear.petsc_options import set_defaults
 from asperity.linear.solver import LinearSolver
@@ -30,6 +29,31 @@ SLOPE_DROP = 0.3  # the line search ends when the work rate has dropped to this 
 SMALLEST_PART = 1e-3  # of a Newton step, to which it is halved where it turns a solid inside out
 DAMPED, SUFFICIENT = (1.0, 0.5, 0.25, 0.125), 0.2  # lengths of a step with friction, and the fall of the square wanted
 PUSHED = 10.0  # growth of the work rate along a step from which on the flat moves the nodes
+
+
+class ContactEquations(Protocol):
+    """What Newton's method needs of a contact, see `Contact`."""
+
+    symmetric: bool
+    stiff: bool
+
+    def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]: ...
+
+    def add_tangent(self) -> None: ...
+
+    def nodal_force(self, force: Floats) -> Floats: ...
+
+
+@runtime_checkable
+class FrictionEquations(ContactEquations, Protocol):
+    """The same of nodes that stick or slip, where a full step may not bring the solution nearer."""
+
+    def imbalance(self, force: Floats) -> Floats:
+        """Forces out of balance at the current displacement (owned, 3) [E L^2]; zero at the solution only.
+
+        Args:
+            force: internal force on the owned nodes (owned, 3)
+        """
 
 
 @dataclass(frozen=True)

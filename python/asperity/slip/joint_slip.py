@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -23,7 +21,7 @@ from asperity.dynamics.laws import tabulate
 from asperity.errors import AsperityError
 from asperity.model.material import Material
 from asperity.runtime.display import short_repr
-from asperity.runtime.files import replace_file
+from asperity.runtime.files import write_csv
 from asperity.runtime.run_folder import SLIP, SLIP_LOOPS
 from asperity.slip.law import SlipLaw
 from asperity.slip.path import SlipPath, path_of_law
@@ -34,8 +32,11 @@ from asperity.units import quantity
 LOOP_COLUMNS = ("amplitude", "T", "u", "k_secant", "energy", "eta", "slip_share")
 WITH_ERRORS = ("u", "k_secant", "energy", "eta")
 FLOWS = 0.1  # plastic dissipation of a loop over that of friction, above which a loop is not steady
-#: Error of the method over the part of the displacement that slips, and over the energy.
-METHOD_ERROR = 0.05
+#: Error of the method, over the part of the displacement that slips and over the energy. Against the solid on four
+#: self-affine maps (nu = 0 and 0.3, H = 0.7 and 0.8, contact of 9 to 26 % at twice the preload), from 0.3 mu P on: the
+#: displacement differs by -8 to 18 % and the energy by -2 to 30 %, T at equal u by up to 1 % of mu P. A part of this is
+#: the mesh of the solid, whose light loops lose too much.
+METHOD_ERROR = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,11 +150,8 @@ class JointSlip:
     def write(self, folder: Path) -> None:
         """Write slip.csv and slip_loops.csv."""
         for name, rows in ((SLIP, list(self.steps())), (SLIP_LOOPS, self.loops())):
-            out = io.StringIO()
-            writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
-            writer.writeheader()
-            writer.writerows({k: "" if v != v else repr(v) for k, v in row.items()} for row in rows)
-            replace_file(folder / name, out.getvalue().encode())
+            known = ({k: v if math.isfinite(v) else None for k, v in row.items()} for row in rows)
+            write_csv(folder / name, tuple(rows[0]), known)
 
 
 def slip_of_curve(
@@ -244,8 +242,11 @@ def _area_of(curve: Any, columns: CurveColumns, choice: Choice) -> Callable[[Arr
     if given is None:
         return None
     area = np.asarray(given, float)
-    rows = columns.rows_of(unloading=choice.name == "unload-reload")
-    rows = rows[(columns.force[rows] > 0.0) & (area[rows] > 0.0)]
+    among = columns.loading
+    if choice.name == "unload-reload":
+        last = next(leg for leg in columns.unloadings() if columns.branch[leg[-1]] == "unload")
+        among = np.isin(np.arange(area.size), last)
+    rows = columns.rising(among & (columns.force > 0.0) & (area > 0.0))
     if rows.size < 2:
         return None
     x, y = np.log(columns.force[rows]), np.log(area[rows])
