@@ -547,14 +547,14 @@ def test_a_missing_case_file_is_an_input_error() -> None:
 def test_slip_is_that_of_the_joint_by_the_curve_and_by_the_solid(tmp_path: Path) -> None:
     """Files in units of the case and of the patch; the frequency is that of the joint's mass."""
     material, loading = {"E": 200e9, "nu": 0.3}, {"delta_max": 0.03e-6, "steps": 6}
-    joint = {"nominal_area": 1e-4, "mass": 0.5, "preload": 5e3}
+    joint = {"nominal_area": 1e-4, "mass": 0.5, "preload": 1e5}
     slip = {"friction": 0.3, "amplitudes": [0.3, 0.9], "steps": 2, "method": "solid"}
     quiet = {"figures": False, "report": True}
     case = case_of(material=material, loading=loading, joint=joint, slip=slip, output=quiet)
     section = run(case, tmp_path).summary["slip"]
     results = Results.read(tmp_path)
     loops, steps = results.slip_loops, results.slip
-    assert section["preload"] == pytest.approx(5e3 * 1e-12 / 1e-4) and section["method"] == "solid"
+    assert section["preload"] == pytest.approx(1e5 * 1e-12 / 1e-4) and section["method"] == "solid"
     np.testing.assert_allclose(loops["T"], 0.3 * section["preload"] * np.array([0.3, 0.9]), rtol=2e-3)
     np.testing.assert_allclose(loops["k_secant"], loops["T"] / loops["u"], rtol=1e-12)
     np.testing.assert_allclose(loops["u_curve"], loops["u"], rtol=0.1)

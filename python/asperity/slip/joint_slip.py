@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 from asperity.arrays import Array
 from asperity.dynamics.columns import CurveColumns
 from asperity.dynamics.law.law import Law
+from asperity.dynamics.law.table import TableLaw
 from asperity.dynamics.law_of_curve import Choice, choose
 from asperity.dynamics.laws import tabulate
 from asperity.errors import AsperityError
@@ -192,7 +193,7 @@ def slip_of_curve(
     block = height / (patch * material.block_modulus(sides)), height / (patch * material.lame[1])
 
     def law_on(normal: Law) -> SlipLaw:
-        return SlipLaw(normal, choice.load, settings.friction, material.nu, block)
+        return SlipLaw(_down_to_zero(normal), choice.load, settings.friction, material.nu, block)
 
     law = law_on(choice.law)
     area = _area_of(curve, columns, choice)
@@ -202,6 +203,19 @@ def slip_of_curve(
     if math.isfinite(laws.bar):
         errors = _errors(law, laws.members(), law_on, settings.amplitudes, 0.0 if computed else METHOD_ERROR)
     return JointSlip(law, paths, computed, errors, tuple(_doubts(choice, paths, computed)))
+
+
+def _down_to_zero(law: Law) -> Law:
+    """Return a law whose stiffness does not rise as the force falls to zero, which slips at last.
+
+    Where few facets touch, the first points of a table may have a power below one; below them the force is then
+    proportional to the approach.
+    """
+    if not isinstance(law, TableLaw) or law.slopes[0] * law.z[0] >= law.F[0]:
+        return law
+    k = np.full(law.z.size, np.nan) if law.k is None else law.k.copy()
+    k[0] = law.F[0] / law.z[0]
+    return replace(law, k=k, origin=0.0)
 
 
 def _errors(
