@@ -60,7 +60,6 @@ COLUMNS = (
     "max_strain",
     "strained_fraction",
 )
-#: Columns that a stored curve or the rows of a checkpoint may lack.
 BRANCHES = ("load", "unload", "reload")
 _COUNTS = ("step", "newton", "krylov", "spots")
 _REQUIRED = ("delta", "force")
