@@ -99,7 +99,7 @@ class CompatError(AsperityError):
     >>> require("absent", "python3-absent")
     Traceback (most recent call last):
         ...
-    asperity.errors.CompatError: the Python module absent is missing: install python3-absent or asperity[solve], or use ./run
+    asperity.errors.CompatError: the Python module absent is missing: install python3-absent or asperity[solve]
     """
 
     exit_code = 4

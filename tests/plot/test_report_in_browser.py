@@ -155,7 +155,8 @@ def test_the_surface_turns(chromium: Any, report: Path, width: int) -> None:
 
 def after_drawing(chromium: Any) -> list[float]:
     """What DRAWN returns once the next picture is there."""
-    script = f"const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(() => done((() => {{{DRAWN}}})())));"
+    later = f"requestAnimationFrame(() => requestAnimationFrame(() => done((() => {{{DRAWN}}})())));"
+    script = f"const done = arguments[0]; {later}"
     return list(chromium.execute_async_script(script))
 
 

@@ -40,7 +40,7 @@ WIDTH = 34  # of "key = value"
 @click.option("--surface", "kind", type=click.Choice(list(SURFACES)), default="weierstrass-mandelbrot",
               show_default=True, help="Kind of surface.")  # fmt: skip
 @click.option("--from", "scan", metavar="MAP", type=click.Path(exists=True, dir_okay=False, path_type=Path),
-              help="Height map instead, a file of surface.kind \"file\"; import-map makes one of a raw scan.")  # fmt: skip
+              help="Height map instead, of kind \"file\"; import-map makes one of a raw scan.")  # fmt: skip
 @click.option("--elastic/--plastic", default=False, show_default=True, help="Solid.")
 @click.option("--joint", type=(float, float, float), metavar="AREA FORCE MASS",
               help="Joint with this nominal area (m²), preload (N) and vibrating mass (kg).")  # fmt: skip

@@ -123,7 +123,7 @@ def split_in_thirds(points: Floats, values: Floats, triangles: Indices) -> tuple
     Args:
         points: nodes (N, 3) [length]
         values: at them (N,)
-        triangles: linear ones, of all facets those at the first corners, the second, the third, then in the middle (4F, 3)
+        triangles: linear ones, of all facets those at the first corners, the second, the third, in the middle (4F, 3)
 
     Returns:
         points with their values (P, 4); the edge node of each triangle (12F,); its points (12F, 3)

@@ -16,7 +16,7 @@ from matplotlib.image import imsave
 
 from asperity.output.results import Results
 from asperity.plot.contact import PIXELS, Raster, touching
-from asperity.units import prefix, quantity
+from asperity.units import quantity
 
 NODES = 134  # of the shape along each side, every third pixel of the map: 48 kB
 RELIEF = 0.25  # range of the heights shown, over the side

@@ -28,7 +28,7 @@ def require(module: str, package: str) -> None:
         CompatError: it cannot be imported
     """
     if importlib.util.find_spec(module) is None:
-        raise CompatError(f"the Python module {module} is missing: install {package} or asperity[solve], or use ./run")
+        raise CompatError(f"the Python module {module} is missing: install {package} or asperity[solve]")
     try:
         importlib.import_module(module)
     except OSError as error:  # gmsh of PyPI is linked with libraries of a screen
