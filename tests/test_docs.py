@@ -68,11 +68,12 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder with the cases and with finished runs, studies and maps of the names the pages use."""
     for name in ("cases", "examples", "benchmarks"):
         (tmp_path / name).symlink_to(ROOT / name)
-    for name in ("demo", "new"):
+    for name in ("demo", "new", "good", "press", "joint"):
         write_run(tmp_path / "out" / name, n=2)
     (tmp_path / "tests/curves").mkdir(parents=True)
     (tmp_path / "tests/hard").symlink_to(ROOT / "tests/hard")
-    shutil.copy(tmp_path / "out/demo/curve.csv", tmp_path / "tests/curves/demo.csv")
+    for name in ("tests/curves/demo.csv", "quick.csv"):
+        shutil.copy(tmp_path / "out/demo/curve.csv", tmp_path / name)
     (tmp_path / "out/paper").mkdir()
     (tmp_path / "s.toml").write_text(STUDY, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
@@ -94,7 +95,7 @@ def test_command_is_legal(line: str, place: Path, capsys: pytest.CaptureFixture[
     program, *arguments = shlex.split(line)
     arguments = ["0.1" if word == "..." else word for word in arguments]
     if program == "python3":
-        assert os.path.exists(arguments[0]) or arguments[0] == "driver.py"
+        assert os.path.exists(arguments[0]) or arguments[0] in ("driver.py", "-m")
         return
     assert arguments
     context = click.Context(group, info_name="asperity")
