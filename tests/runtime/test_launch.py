@@ -113,7 +113,7 @@ def test_auto_is_a_rank_for_each_core_that_the_process_may_use(monkeypatch: pyte
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(7))
     monkeypatch.setattr(os, "execve", lambda path, command, environ: started.append(command))
     monkeypatch.setattr(launch, "started_ranks", lambda: None)
-    monkeypatch.setattr(shutil, "which", lambda name: "mpirun")
+    monkeypatch.setattr(shutil, "which", lambda name, path: "mpirun")
     context = click.Context(click.Command("asperity"), obj=["run", "case.toml"])
     with context:
         options.start_ranks(0, quiet=True)
