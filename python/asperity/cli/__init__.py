@@ -70,7 +70,7 @@ def _outcome(arguments: Sequence[str] | None) -> tuple[int, str]:
     except ModuleNotFoundError as error:
         if (error.name or "asperity").startswith("asperity"):
             raise
-        return 4, f"the environment lacks the Python package {error.name}; start by ./run"
+        return 4, f"the environment lacks the Python package {error.name}: install asperity[solve] or use ./run"
     except MemoryError:
         return 3, "out of memory; use fewer dofs (larger mesh.h_contact), more ranks, or solver.linear = auto"
     except OSError as error:
