@@ -101,7 +101,7 @@ class NewtonSolver:
         from petsc4py import PETSc
 
         self.solid, self.contact, self.options = solid, contact, options
-        self._fixed = solid.fixed if fixed is None else fixed
+        self._given = fixed
         self._residual_vec, self.x = solid.vector(), solid.vector()
         self._krylov = self._shortened = 0
         self.rows: Integers = NOT_YET
@@ -126,6 +126,10 @@ class NewtonSolver:
         pc.setPythonContext(_Preconditioner(me))
         snes.setFromOptions()
         self.snes = snes
+
+    @property
+    def _fixed(self) -> Integers:
+        return self.solid.fixed if self._given is None else self._given
 
     @property
     def residual(self) -> Floats:
