@@ -27,7 +27,8 @@ def command(folder: str, to: str, output: str | None, **settings: Any) -> None:
     """Write the contact of a run for another program.
 
     Nominal pressure over the approach of the mean planes, from first touch: a contact property to include in a deck of
-    CalculiX or Abaqus, a CSV file, or a Python module with force and stiffness that needs NumPy only.
+    CalculiX or Abaqus, a CSV file, or a Python module with force and stiffness that needs NumPy only. With the section
+    [slip] of the case also friction and stick slope in a deck, and the tangential force as an array of sliders.
     """
     from asperity.output.export import export
 

@@ -27,10 +27,12 @@ from asperity.dynamics.law.table import TableLaw
 from asperity.dynamics.law_of_curve import choose, unload_reload
 from asperity.errors import InputError
 from asperity.output.export_element import python_module
+from asperity.output.export_slip import interface_slip, sliders_module, sliders_table
 from asperity.output.results import Results
 from asperity.power_law import interface_approach
 from asperity.runtime.files import replace_file
 from asperity.runtime.run_folder import EXPORTS
+from asperity.slip import SlipLaw
 from asperity.units import per_cent
 
 LAWS = ("auto", "table", "unload-reload")
@@ -58,6 +60,8 @@ class Interface:
             nominal area and without the block (force/length^3), from the columns of the curve.
         area: nominal area of the joint, or of the patch (length^2).
         about: what the numbers are, one line each.
+        slip: of the interface of the patch, None for a case without [slip].
+        patch: nominal area of the patch (length^2).
 
     Examples:
         >>> z, unknown = np.array([1e-9, 2e-9]), np.full(2, np.nan)
@@ -74,6 +78,8 @@ class Interface:
     k_t: Array
     area: float
     about: tuple[str, ...]
+    slip: SlipLaw | None = None
+    patch: float = np.nan
 
 
 def interface(folder: str | Path, law: str = "table", load: float | None = None) -> Interface:
@@ -132,7 +138,8 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
         for k in (k_n, curve.k_n_interface, curve.k_t_interface)
     )
     about = tuple(_about(results, case, found, law, measure))
-    return Interface(z, pressure, slope, k_n, k_n_elastic, k_t, area, about)
+    slip = None if case.slip is None else interface_slip(case, curve, load)
+    return Interface(z, pressure, slope, k_n, k_n_elastic, k_t, area, about, slip, patch)
 
 
 def export(
@@ -143,7 +150,9 @@ def export(
     Args:
         folder: of the run.
         to: "calculix" or "abaqus" (a contact property with tabular pressure-overclosure, to be included in a deck),
-            "csv", or "python" (a module that needs NumPy only: force and stiffness over the approach).
+            "csv", or "python" (a module that needs NumPy only: force and stiffness over the approach). With the section
+            [slip] the decks have friction and stick slope too, and "sliders" (CSV) and "sliders-python" (a module with
+            state) are the tangential force as an array of sliders.
         path: of the file; default in the folder.
         law: see `interface`; default "auto" for "python", whose use is vibration, and "table" for the others.
         load: see `interface`.
@@ -170,10 +179,12 @@ def export(
         raise InputError(f'to = "{to}" is unknown: choose one of {", ".join(EXPORTS)}')
     table = interface(folder, law or ("auto" if to == "python" else "table"), load)
     writers: dict[str, Callable[[Interface], str]] = {
-        "calculix": lambda t: _deck(_short(t), t, _ADVICE),
-        "abaqus": lambda t: _deck(np.stack([t.pressure, t.approach], axis=1), t),
+        "calculix": lambda t: _deck(_short(t), t, _ADVICE) + _friction(t, slope=True),
+        "abaqus": lambda t: _deck(np.stack([t.pressure, t.approach], axis=1), t) + _friction(t, slope=False),
         "csv": _csv,
         "python": lambda t: python_module(*_hermite(t), t.area, t.about),
+        "sliders": lambda t: sliders_table(_slip_of(t), t.patch, t.about),
+        "sliders-python": lambda t: sliders_module(_slip_of(t), t.patch, t.area, t.about),
     }
     target = Path(folder) / EXPORTS[to] if path is None else Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -252,6 +263,31 @@ def _deck(rows: Array, table: Interface, *advice: str) -> str:
             lines.append(f"** {name} at {table.pressure[i]:.6g}: {getattr(table, name)[i]:.6g} ({words})")
     lines += ["*SURFACE INTERACTION, NAME=ASPERITY", "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR", "0., 0."]
     lines += [f"{float(p):.8e}, {float(z):.8e}" for p, z in rows]
+    return "\n".join(lines) + "\n"
+
+
+def _slip_of(table: Interface) -> SlipLaw:
+    if table.slip is None:
+        raise InputError("the case has no section [slip]: add it with slip.friction, and run it with --resume")
+    return table.slip
+
+
+def _friction(table: Interface, *, slope: bool) -> str:
+    """Friction with the stiffness of points that stick; empty for a case without [slip].
+
+    Args:
+        table: with the slip of the patch
+        slope: CalculiX takes the stiffness over the area, Abaqus the slip at which it gives the limit of friction
+    """
+    if table.slip is None:
+        return ""
+    stick = float(table.slip.k_tangent(0.0)) / table.patch
+    pressure = table.slip.preload / table.patch
+    lines = [f"** stick slope of the interface at the nominal pressure {pressure:.6g}: {stick:.6g}"]
+    if slope:
+        lines += ["*FRICTION", f"{table.slip.friction:g}, {stick:.8e}"]
+    else:
+        lines += [f"*FRICTION, ELASTIC SLIP={table.slip.friction * pressure / stick:.8e}", f"{table.slip.friction:g},"]
     return "\n".join(lines) + "\n"
 
 

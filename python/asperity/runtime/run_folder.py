@@ -41,6 +41,8 @@ EXPORTS = {
     "abaqus": "contact_abaqus.inp",
     "csv": "contact.csv",
     "python": "contact.py",
+    "sliders": "sliders.csv",
+    "sliders-python": "sliders.py",
 }
 MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpoint and in the folders in it
 

@@ -1,0 +1,118 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Slip of a joint for other programs: an array of sliders per nominal area, as a table or a module with state."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import asperity
+from asperity.case import Case
+from asperity.curve import Curve
+from asperity.slip import JenkinsArray, SlipLaw, SlipSettings, fit_iwan, slip_of_curve
+
+SLIDERS = 20  # of an exported array
+_LIGHTEST = 0.02  # force over the limit below which none of them slips
+
+_MODULE = '''"""Tangential force of a joint: sliders in parallel, which remember.
+
+{about}
+
+    from sliders import Sliders
+    joint = Sliders(area=1e-4, pressure=1e6)
+    force = joint(u)       # trial, at a displacement u
+    joint.accept(u)        # the end of a step
+"""
+
+import numpy as np
+
+FRICTION = {friction!r}
+AREA, PRESSURE = {area!r}, {pressure!r}  # nominal
+K = np.array({k})  # stiffness over the nominal area
+F = np.array({f})  # force at which a slider slips, over friction times pressure
+
+
+class Sliders:
+    """Jenkins elements in parallel; `area` and `pressure` nominal. The stiffness is that of `PRESSURE`."""
+
+    def __init__(self, area=AREA, pressure=PRESSURE):
+        self.k, self.f = area * K, FRICTION * pressure * area * F
+        self.at = np.zeros(len(K))  # position of each slider
+
+    def _moved(self, u):
+        return np.clip(self.at, u - self.f / self.k, u + self.f / self.k)
+
+    def __call__(self, u):
+        """Force at a displacement, monotonic since the last accepted one."""
+        return float(self.k @ (u - self._moved(u)))
+
+    def accept(self, u):
+        """Keep the slip of a displacement."""
+        self.at = self._moved(u)
+'''
+
+
+def interface_slip(case: Case, curve: Curve, load: float | None) -> SlipLaw:
+    """Return the slip of the interface alone, without the block, by the normal curve of a run.
+
+    Args:
+        case: with a section [slip].
+        curve: of the run.
+        load: preload on the patch (force), where the section gives none.
+
+    Raises:
+        InputError: the curve does not contain what it needs.
+    """
+    assert case.slip is not None
+    given = case.slip.model_dump()
+    settings = SlipSettings(**given | {"preload": given["preload"] or load})
+    patch = case.surface.L**2
+    law = slip_of_curve(
+        curve, settings, case.material.solid, patch=patch, height=case.block.height, sides=case.block.sides
+    ).law
+    return replace(law, block=(law.block[0], 0.0))
+
+
+def sliders_table(law: SlipLaw, patch: float, about: tuple[str, ...]) -> str:
+    """Return the sliders of a law as CSV, stiffness over area and force over mu P.
+
+    Args:
+        law: of the patch.
+        patch: its nominal area (length^2).
+        about: further comments.
+    """
+    array = law.array(SLIDERS, _LIGHTEST)
+    lines = [f"# {text}" for text in (*_about(law, patch), *about)] + ["k,f"]
+    return "\n".join(lines + [f"{k / patch!r},{f / law.limit!r}" for k, f in _pairs(array)]) + "\n"
+
+
+def sliders_module(law: SlipLaw, patch: float, area: float, about: tuple[str, ...]) -> str:
+    """Return a Python module with the sliders of a law; it needs NumPy alone.
+
+    Args:
+        law, patch, about: see `sliders_table`.
+        area: nominal area of the joint (length^2).
+    """
+    pairs = list(_pairs(law.array(SLIDERS, _LIGHTEST)))
+    return _MODULE.format(
+        about="\n".join((*_about(law, patch), *about)), friction=law.friction, area=area,
+        pressure=law.preload / patch, k=[k / patch for k, _ in pairs], f=[f / law.limit for _, f in pairs],
+    )  # fmt: skip
+
+
+def _pairs(array: JenkinsArray) -> Iterator[tuple[float, float]]:
+    yield from zip(array.k.tolist(), array.f.tolist(), strict=True)
+
+
+def _about(law: SlipLaw, patch: float) -> Iterator[str]:
+    iwan, of_force, of_energy = fit_iwan(law)
+    yield f"slip of a rough joint by asperity {asperity.__version__}, without the block"
+    yield f"friction {law.friction:g}, nominal pressure {law.preload / patch:.6g}"
+    yield f"stiffness at rest over the nominal area {law.k_tangent(0.0) / patch:.6g}"
+    yield (
+        f"four-parameter Iwan law (Segalman 2005), over the nominal area: F_S = {iwan.F_S / patch:.6g}, K_T = "
+        f"{iwan.K_T / patch:.6g}, chi = {iwan.chi:.4g}, beta = {iwan.beta:.4g}; misfit of the force {of_force:.2g} of "
+        f"F_S, of the energy {of_energy:.2g}"
+    )
