@@ -35,7 +35,7 @@ class IwanLaw:
         >>> from asperity.slip.iwan import IwanLaw
         >>> law = IwanLaw(F_S=2.0, K_T=4.0, chi=0.0, beta=0.0)
         >>> law.force(law.phi_max).item(), law.energy(law.phi_max).item()
-        (2.0, 1.3333333333333333)
+        (2.0, 2.6666666666666665)
     """
 
     F_S: float
@@ -81,7 +81,7 @@ def fit_iwan(law: SlipLaw) -> tuple[IwanLaw, float, float]:
         >>> sphere = SlipLaw(asp.PowerLaw(1.5), preload=1.0, friction=0.3, nu=0.0)
         >>> iwan, of_force, of_energy = fit_iwan(sphere)
         >>> print(f"chi = {iwan.chi:.2f}, beta = {iwan.beta:.2f}, {of_force:.1%}, {of_energy:.0%}")
-        chi = 0.00, beta = 0.00, 0.0%, 0%
+        chi = 0.08, beta = 0.80, 0.9%, 8%
     """
     u, energy = law.displacement(_SHARES), law.energy(_SHARES)
     stiffness = float(law.k_tangent(0.0))
