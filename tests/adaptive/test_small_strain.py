@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from asperity.adaptive import small_strain
-from asperity.adaptive.mesh_plan import GUIDE
+from asperity.adaptive.mesh_plan import COARSE
 from asperity.adaptive.small_strain import SmallStrain, choose_kinematics, differences
 from asperity.adaptive.solve_contact import solve_contact
 from asperity.adaptive.solve_to_tolerance import refine
@@ -99,7 +99,7 @@ def test_a_steep_surface_lightly_pressed_is_seen_by_a_finer_mesh() -> None:
     """The summit of the first coarse mesh lies below the last position of the flat."""
     steep = Surface.from_spec("self-affine", L=1.0, H=0.8, rms_slope=0.7, lambda_short=0.05, seed=1)
     chosen, strain = choose_kinematics(Problem.of(steep, AUTO, delta_max=0.003, steps=3), comm=alone())
-    assert strain.h < GUIDE and not strain.reason
+    assert strain.h < COARSE and not strain.reason
     assert strain.greatest is not None and strain.greatest == pytest.approx(3.9, abs=1.0)
     assert chosen.material.kinematics == "finite"
 

@@ -19,7 +19,7 @@ from asperity.mesh.element import least_jacobians, projected_area
 from asperity.mesh.generate import build_block
 from asperity.mesh.lift import FREE, SOUND, _least_stretch, _vertical_gradients
 from asperity.mesh.resolution import judge_smoothing, lowered_height
-from asperity.mesh.size_field import GridContactMap, SizeField
+from asperity.mesh.size_field import SizeField
 from asperity.mesh.top import Top
 from asperity.model.material import Material
 from asperity.model.settings import AccuracyTarget, MeshSize
@@ -164,7 +164,8 @@ def test_steep_summits_keep_their_heights(slope: float, seed: int) -> None:
     surface = self_affine(slope=slope, seed=seed, H=0.8, lambda_roll=0.25)
     layer = RoughHalfSpace(256, 1.0, 0.3)
     curve = layer.curve(layer.heights(surface), surface.maximum()[2], np.array([0.5, 1.0]) * delta)
-    field = SizeField.of(surface, delta, 0.015, growth=0.15, first_contact=GridContactMap(curve.touched_at, 1.0))
+    sizes = 0.015 * np.maximum(curve.touched_at / delta, 0.15)  # inf where nothing is touched
+    field = SizeField.on_cells(sizes, growth=0.15)
     block = build_block(surface, 1.0, field.compiled().at)
     assert block.smoothing is not None and jacobians(block).min() > 0.0
     block.check(surface)

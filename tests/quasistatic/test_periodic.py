@@ -23,7 +23,7 @@ from asperity.mesh.block import NEAR, BlockMesh
 from asperity.mesh.distribute import SIDE_X, SIDE_Y, distribute
 from asperity.mesh.generate import build_block
 from asperity.mesh.periodic import joined
-from asperity.mesh.size_field import FirstContactMap, GridContactMap, SizeField
+from asperity.mesh.size_field import FirstContactMap, SizeField
 from asperity.model.material import Material
 from asperity.model.problem import Problem
 from asperity.model.settings import Formulation, MeshSize, SolverOptions
@@ -202,9 +202,9 @@ def test_what_a_guide_touched_at_one_side_is_next_to_the_other() -> None:
     ).depth(np.zeros(1), np.zeros(1))
     cells = np.full((8, 8), np.inf)
     cells[3, 0] = 0.01
-    place = np.array([0.99]), np.array([3.5 / 8])
-    assert GridContactMap(cells, 1.0, periodic=True).depth(*place)[0] == 0.01
-    assert np.isinf(GridContactMap(cells, 1.0).depth(*place)[0])
+    joined_sides, free = (SizeField.on_cells(cells, 0.25, periodic=periodic) for periodic in (True, False))
+    assert joined_sides.at(0.99, 3.5 / 8, 0.0) == pytest.approx(0.01)
+    assert free.at(0.99, 3.5 / 8, 0.0) > 0.1
 
 
 def test_surfaces_that_are_not_periodic_are_refused() -> None:

@@ -9,7 +9,6 @@ runs of 14,000 to 78,000 dofs on one core of a small shared machine, to a factor
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from math import inf, log2
@@ -17,27 +16,32 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from asperity.adaptive.dof_count import dofs_of
+from asperity.adaptive.guide import Guide
 from asperity.adaptive.mesh_plan import (
-    FIRST,
-    FIRST_STEP,
-    GUIDE,
+    COARSE_GROWTH,
+    DOFS_ORDER,
     LEAST_STEP,
+    MOST_SCALE,
+    RATIO,
     STEP_ORDERS,
     STICK,
     cheapest_substeps,
+    expected_bar,
+    first_scale,
     growth,
-    meshes,
     planned_steps,
     size_for_strain,
     step_rule,
 )
-from asperity.adaptive.roughness import HARDNESS, is_rough
 from asperity.errors import InputError
 from asperity.mesh.block import BlockMesh
-from asperity.mesh.resolution import SHARE, resolving_size
-from asperity.mesh.size_field import GRADING, GUIDED, SizeField
+from asperity.mesh.size_field import SizeField
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT, Schedule, greatest_force
+from asperity.model.problem import Problem
+from asperity.model.settings import H_MAX
 from asperity.reference import RoughHalfSpace
+from asperity.reference.rough_halfspace import HARDNESS
 from asperity.runtime.display import short_repr
 from asperity.slope import SINGLE_CONTACT
 
@@ -45,18 +49,10 @@ if TYPE_CHECKING:
     from asperity.case import Case
     from asperity.surface import Surface
 
-Size = Callable[[float, float, float], float]
-
-# Nodes in a volume h^3: the first for equal elements, the second times mesh.growth, because a mesh cannot be graded as
-# fast as a field may ask; from 15 meshes, within 15 %
-NODES, NODES_OF_GROWTH = 4.5, 19.0
-
-TYPICAL_BAR = 0.06  # relative, of the second mesh of a run driven by a tolerance
 TYPICAL_STEP_BAR = {MIDPOINT: 0.005, STICK: 0.01, BACKWARD_EULER: 0.1}  # relative, of whole load steps
 CELLS = 128  # along a side of the half-space that gives the approach of a force
 PARTS = 24  # of its approaches, each a third beyond the one before
 RESOLVED = 20  # cells in contact, from which on its force counts
-LEFT_OUT = 1.0  # height of the waves that the last mesh leaves out, over the approach times the tolerance
 MOST_DOFS = 1e8  # that are counted
 
 
@@ -119,7 +115,8 @@ class Estimate:
         ranks: processes the memory is for.
         memory: of all ranks [bytes].
         approach: greatest one, where the load path gives a force that of a half-space [length].
-        enough: whether the meshes end where the tolerance is expected to be met, not before, at accuracy.max_dofs.
+        bar: relative error bar of the force expected of the last mesh, None without a tolerance.
+        tolerance: relative, of the force; None without one.
         strain: the coarse mesh that compares small and finite strain, in both; empty where nothing is compared.
 
     Examples:
@@ -133,10 +130,16 @@ class Estimate:
     ranks: int
     memory: float
     approach: float
-    enough: bool = True
+    bar: float | None = None
+    tolerance: float | None = None
     strain: tuple[MeshEstimate, ...] = ()
 
     __repr__ = short_repr
+
+    @property
+    def enough(self) -> bool:
+        """Whether the meshes end where the tolerance is expected to be met, not before, at accuracy.max_dofs."""
+        return self.bar is None or self.tolerance is None or self.bar <= self.tolerance
 
     @property
     def dofs(self) -> int:
@@ -153,8 +156,8 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Esti
     """Estimate the cost of a case, without meshing or solving it.
 
     The approach of a load path that gives a force is that of a half-space, see `approach_of_force`.
-    Of kinematics = "auto" the meshes are counted in small strain. With `accuracy.tolerance` they are those a run plans
-    for a usual error of its first mesh, and finer ones where the waves that the last one leaves out take them.
+    Of kinematics = "auto" the meshes are counted in small strain. With `accuracy.tolerance` they are those a run plans:
+    the half-space that guides it is solved here too.
 
     Args:
         case: the input
@@ -175,55 +178,48 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Esti
         (1, True)
     """
     surface = case.build_surface() if surface is None else surface
-    rates = PLASTIC if case.material.yield_strength is not None else ELASTIC
+    rates, tolerance = _rates(case), case.accuracy.tolerance
     delta = case.loading.delta_max
     if delta is None:
         delta = approach_of_force(case, surface)
         given = {"delta_max": delta, "force_max": None, "pressure_max": None}
         case = case.model_copy(update={"loading": case.loading.model_copy(update=given)})
-    levels: list[MeshEstimate] = []
-    tolerance, plastic = case.accuracy.tolerance, case.material.yield_strength is not None
-    flowing = plastic and tolerance is not None and is_rough(surface, delta, tolerance)
-    enough, most = True, MOST_DOFS if case.accuracy.tolerance is None else min(case.accuracy.max_dofs, MOST_DOFS)
-    for h, steps in _plan(case, surface):
-        dofs = _given_dofs(case) or count_dofs(surface, case, h, most, flowing)
-        if dofs > most:
-            enough = False
-            break
-        levels.append(MeshEstimate(h, dofs, steps, _seconds(rates, dofs, steps, case.material.kinematics == "finite")))
-    if not levels:
-        key = "mesh.h_contact" if case.accuracy.tolerance is None else "accuracy.max_dofs"
-        raise InputError(f"the first mesh has more than {most:g} dofs: raise {key}")
+    bar = None
+    if tolerance is None:
+        dofs = _given_dofs(case) or count_dofs(surface, case, case.mesh.h_contact, MOST_DOFS)
+        if dofs > MOST_DOFS:
+            raise InputError(f"the mesh has more than {MOST_DOFS:g} dofs: raise mesh.h_contact")
+        plan = [(case.mesh.h_contact, dofs, _steps(case, case.loading.steps))]
+    else:
+        plan, bar = _plan(case, surface, delta, tolerance)
+    finite = case.material.kinematics == "finite"
+    levels = tuple(MeshEstimate(h, dofs, steps, _seconds(rates, dofs, steps, finite)) for h, dofs, steps in plan)
     memory = ranks * rates.base + rates.per_dof * levels[-1].dofs
-    return Estimate(tuple(levels), ranks, memory, delta, enough, _strain(case, surface, rates))
+    return Estimate(levels, ranks, memory, delta, bar, tolerance, _strain(case, surface, rates))
 
 
-def further_meshes(case: Case, found: Estimate, surface: Surface) -> list[MeshEstimate]:
+def further_meshes(case: Case, found: Estimate) -> list[MeshEstimate]:
     """All meshes that a run with a tolerance can add to the planned ones, up to `accuracy.max_dofs`.
 
-    What is first touched late in the path shows only as it is pressed, and may take them. They follow one another in
-    the smallest steps, which is the most that they can cost at the load steps planned; of kinematics = "auto" they are
-    in finite strain.
+    They follow one another in the smallest steps, which is the most that they can cost at the load steps planned; of
+    kinematics = "auto" they are in finite strain.
 
     Args:
         case: with accuracy.tolerance
         found: its estimate
-        surface: of the case
     """
-    tolerance, most = case.accuracy.tolerance, min(case.accuracy.max_dofs, int(MOST_DOFS))
-    assert tolerance is not None
-    plastic, finite = case.material.yield_strength is not None, case.material.kinematics != "small"
-    rates, last = PLASTIC if plastic else ELASTIC, found.levels[-1]
-    loading = case.loading.model_copy(update={"delta_max": found.approach, "force_max": None, "pressure_max": None})
-    case = case.model_copy(update={"loading": loading})
-    flowing = plastic and is_rough(surface, found.approach, tolerance)
+    most, last = min(case.accuracy.max_dofs, int(MOST_DOFS)), found.levels[-1]
     levels: list[MeshEstimate] = []
     h, dofs = last.h_contact, last.dofs
     while dofs < most:
-        h /= LEAST_STEP
-        dofs = min(count_dofs(surface, case, h, most, flowing), most)
-        levels.append(MeshEstimate(h, dofs, last.steps, _seconds(rates, dofs, last.steps, finite)))
+        h, dofs = h / LEAST_STEP, min(int(dofs * LEAST_STEP**DOFS_ORDER), most)
+        seconds = _seconds(_rates(case), dofs, last.steps, case.material.kinematics != "small")
+        levels.append(MeshEstimate(h, dofs, last.steps, seconds))
     return levels
+
+
+def _rates(case: Case) -> Rates:
+    return ELASTIC if case.material.yield_strength is None else PLASTIC
 
 
 def _strain(case: Case, surface: Surface, rates: Rates) -> tuple[MeshEstimate, ...]:
@@ -252,7 +248,7 @@ def _steps(case: Case, planned: int, substeps: int = 1) -> int:
 
 
 def approach_of_force(case: Case, surface: Surface) -> float:
-    """Approach at the greatest force of a case, of the half-space that `adaptive.roughness` takes too [length].
+    """Approach at the greatest force of a case, of a half-space [length].
 
     Args:
         case: whose load path gives a force or a pressure
@@ -280,98 +276,62 @@ def approach_of_force(case: Case, surface: Surface) -> float:
     return L * float(np.exp(np.interp(np.log(wanted), P, delta) + lighter))
 
 
-def _plan(case: Case, surface: Surface) -> Iterator[tuple[float, int]]:
-    """Size h_contact [length] and load steps of each mesh, one after the other."""
+def _plan(case: Case, surface: Surface, depth: float, tolerance: float) -> tuple[list[tuple[float, int, int]], float]:
+    """Greatest size in the contact [length], dofs and load steps of each mesh of a run, and the bar expected of it."""
     loading, plastic = case.loading, case.material.yield_strength is not None
+    sides, most = case.block.sides, min(case.accuracy.max_dofs, MOST_DOFS)
     integrator, sticks = loading.integrator if plastic else BACKWARD_EULER, case.contact.formulation.sticks
-    wanted = case.accuracy.tolerance
-    planned = loading.steps if wanted is None else planned_steps(loading.steps)
-    steps = partial(_steps, case, planned)
-    if wanted is None:
-        yield case.mesh.h_contact, steps()
-        return
-    L = case.surface.L
-    left, substeps = wanted, 1
+    planned = planned_steps(loading.steps)
+    problem = Problem.of(
+        surface, case.material.solid, height=case.block.height, sides=sides, delta_max=depth, steps=planned
+    )
+    sizes = Guide(problem, depth, planned).sizes
+    unit = float(sizes[np.isfinite(sizes)].max())
+
+    def count(scale: float) -> int:
+        field = SizeField.on_cells(scale * sizes, growth(scale), periodic=sides == "periodic")
+        return dofs_of(field, case.mesh.refinements, case.block.height / surface.L, most)
+
+    finer = first_scale(tolerance)
+    dofs = count(finer)
+    while dofs > most:
+        finer *= LEAST_STEP
+        if finer > MOST_SCALE:
+            raise InputError(f"the first mesh has more than {most:g} dofs: raise accuracy.max_dofs")
+        dofs = count(finer)
+    coarse, steps = count(RATIO * finer), partial(_steps, case, planned)
     if plastic or sticks:
         rule = step_rule(plastic, sticks, integrator)
-        whole, order = TYPICAL_STEP_BAR[rule], STEP_ORDERS[rule]
-        substeps = cheapest_substeps({1: np.array([whole])}, np.array([TYPICAL_BAR]), left, order)
-        left = max(left - whole * substeps**-order, 0.1 * left)
-    delta = loading.delta_max
-    assert delta is not None
-    finest = resolving_size(surface, delta, wanted * LEFT_OUT / SHARE, FIRST * GUIDE * L) / L
-    sizes = list(meshes(TYPICAL_BAR, left))
-    while sizes[-1] > finest:  # the waves that the last mesh leaves out take finer ones
-        sizes.append(max(finest, sizes[-1] / FIRST_STEP))
-    for k, h in enumerate(sizes):
-        if k == 1 and (plastic or sticks):  # which measures the error of the steps, in two parts at the least
-            yield from ((h * L, steps(2**n)) for n in range(max(int(log2(substeps)), 1) + 1))
-        else:
-            yield h * L, steps(substeps if k else 1)
+        bars = {1: np.array([TYPICAL_STEP_BAR[rule]])}
+        substeps = cheapest_substeps(bars, np.array([0.5 * tolerance]), tolerance, STEP_ORDERS[rule])
+        parts = [2**k for k in range(max(int(log2(substeps)), 1) + 1)]  # the first mesh measures the error of the steps
+    else:
+        parts, substeps = [1], 1
+    h_coarse, h = (min(scale * unit, H_MAX) * surface.L for scale in (RATIO * finer, finer))
+    return [*((h_coarse, coarse, steps(n)) for n in parts), (h, dofs, steps(substeps))], expected_bar(finer)
 
 
 def _given_dofs(case: Case) -> int:
     return 0 if case.mesh.file is None else 3 * BlockMesh.read(case.mesh.file).counts()[0]
 
 
-def count_dofs(
-    surface: Surface,
-    case: Case,
-    h_contact: float,
-    most: float = inf,
-    flowing: bool = False,
-    for_strain: bool = False,
-) -> int:
-    """Dofs of a mesh of a case.
+def count_dofs(surface: Surface, case: Case, h_contact: float, most: float = inf, for_strain: bool = False) -> int:
+    """Dofs of the mesh of a case without a tolerance.
 
     Args:
         surface: of the case
         case: the input
         h_contact: element size [length]
         most: number from which on they are not counted
-        flowing: see `mesh_plan.growth`
         for_strain: whether it is the coarse mesh that compares small and finite strain
     """
     assert case.loading.delta_max is not None
-    mesh, L = case.mesh, surface.L
-    adaptive = case.accuracy.tolerance is not None
-    guided = adaptive and h_contact < GUIDE * L
-    rate, h_max = (growth(h_contact / L, flowing and guided), None) if adaptive else (mesh.growth, mesh.h_max)
-    if for_strain:
-        rate, h_max = growth(GUIDE), None
-    grading = GUIDED if guided else GRADING
+    mesh = case.mesh
+    rate, h_max, refinements = (COARSE_GROWTH, None, 0) if for_strain else (mesh.growth, mesh.h_max, mesh.refinements)
     field = SizeField.of(
-        surface, case.loading.delta_max, h_contact, growth=rate, h_max=h_max, grading=grading,
-        periodic=case.block.sides == "periodic",
-    )  # fmt: skip
-    refinements = 0 if for_strain else mesh.refinements
-    field = field.coarser(refinements)
-    nodes = 8**refinements * (NODES + NODES_OF_GROWTH * field.growth)
-    return round(3 * nodes * integral(field.at, case.block.height / L, most / (3 * nodes)))
-
-
-def integral(size: Size, height: float, most: float = inf) -> float:
-    """Integral of 1/h^3 over the block, by cubes of at most 2 h.
-
-    Args:
-        size: h at (x, y, depth), in units of L
-        height: of the block [L]
-        most: value beyond which it is given up
-    """
-    total = 0.0
-    layers = max(round(8 * height), 1)
-    edges = (1 / 8, 1 / 8, height / layers)
-    todo = [((i + 0.5) / 8, (j + 0.5) / 8, (k + 0.5) * edges[2], edges)
-            for i in range(8) for j in range(8) for k in range(layers)]  # fmt: skip
-    while todo and total <= most:
-        x, y, z, (a, b, c) = todo.pop()
-        h = size(x, y, z)
-        if max(a, b, c) <= 2.0 * h:
-            total += a * b * c / h**3
-            continue
-        todo += [(x + sx * a / 4, y + sy * b / 4, z + sz * c / 4, (a / 2, b / 2, c / 2))
-                 for sx in (-1, 1) for sy in (-1, 1) for sz in (-1, 1)]  # fmt: skip
-    return total
+        surface, case.loading.delta_max, h_contact, growth=rate, h_max=h_max, periodic=case.block.sides == "periodic"
+    )
+    return dofs_of(field, refinements, case.block.height / surface.L, most)
 
 
 def _seconds(rates: Rates, dofs: int, steps: int, finite: bool) -> float:

@@ -17,14 +17,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from asperity.adaptive.mesh_plan import bar_share, extrapolate_mesh, scatter
-from asperity.adaptive.roughness import AREA_BAR, FORCE_BAR, Omission
+from asperity.adaptive.guide import Omission
+from asperity.adaptive.mesh_plan import bar_share, extrapolate_mesh, weight
 from asperity.arrays import Floats
 from asperity.curve import WITH_ERRORS, Curve
 from asperity.errors import InputError
 from asperity.slope import SINGLE_CONTACT, slopes
 
-EDGES = 4.0  # error of a stiffness over that of the force, which facets cut at random leave
+FORCE_BAR, AREA_BAR = 0.3, 0.3  # bar over what the half-space corrects
+# Error of the force and of a stiffness over that of the area, all relative, which facets cut at random leave
+SCATTER, EDGES = 0.15, 0.6
 
 
 @dataclass(frozen=True)
@@ -80,76 +82,62 @@ def correct(
     fine: Curve,
     coarse: Curve,
     ratio: float,
-    safety: float,
     judged: npt.NDArray[np.bool_],
     path: Along,
     algebraic: float,
-    missed: Omission | None,
-    share: float,
+    missed: tuple[Omission, Omission],
 ) -> tuple[Curve, Budget]:
     """Extrapolated curve of the finest level with its error bars.
 
     Later branches start from the end of the first loading: their bars keep its size.
 
     Args:
-        fine, coarse: of the finest level and of the one to extrapolate from, without the error of their load steps
-        ratio: of their element sizes
-        safety: factor on the bar of the mesh
+        fine, coarse: of the finest level and of the one to extrapolate from, without what their tops leave out and
+            without the error of their load steps
+        ratio: of their scales
         judged: rows whose bars are; those before have larger ones that say nothing about their neighbours
         path: relative error left of the load steps
         algebraic: relative error of the equations left unsolved
-        missed: what the mesh leaves out of a rough surface
-        share: error of the force over that of the area, see `mesh_plan.facet_share`
+        missed: what the tops of the two meshes leave out, the finer first
     """
     loading = fine.branch == "load"
     at = fine.delta_star[loading]
     raw = fine.P_star[loading]
     touching = np.where(raw > 0.0, raw, inf)  # what has no force has no relative error
-    _, error, spread = extrapolate_mesh(loading_force(coarse, at), raw, ratio, safety)
+    _, error, spread = extrapolate_mesh(loading_force(coarse, at), raw, ratio)
     curve = scaled(fine, 1.0 / (1.0 + error / touching))  # positive, however much too stiff the coarse mesh is
     bar = spread / touching
     mesh_bar = steady(bar)
     mesh_bar[judged[loading]] = steady(bar[judged[loading]])
-    mesh_bar = np.maximum(mesh_bar, facet_bar(fine, coarse, at, ratio, share))
-    path_bar = path.at(at)
+    mesh_bar = np.maximum(mesh_bar, SCATTER * _by_chance(fine, coarse, at, ratio))
     rows = _rows_of_loading(loading)
-    rough_bar: Floats = np.zeros(len(raw))
-    if missed is not None:
-        rough_bar = FORCE_BAR * np.abs(missed.at(at)[0])
-        before = coarse.loading()
-        change = fine.area_fraction[loading] - np.interp(at, before.delta_star, before.area_fraction)
-        area_bar = curve.error_area_fraction + (bar_share(ratio, safety) * np.abs(change))[rows]
-        curve = replace(curve, error_area_fraction=area_bar)
+    part = weight(ratio)
+    of_fine, of_coarse = (o.at(at)[0] for o in missed)
+    rough_bar = FORCE_BAR * np.hypot((1.0 + part) * of_fine, part * of_coarse)
+    before = coarse.loading()
+    change = fine.area_fraction[loading] - np.interp(at, before.delta_star, before.area_fraction)
+    area_bar = curve.error_area_fraction + (bar_share(ratio) * np.abs(change))[rows]
+    curve = replace(curve, error_area_fraction=area_bar)
     P = curve.P_star
     scale = np.where(loading, P, P[loading][-1])
-    mesh_bar, rough_bar, path_bar = (bar[rows] * scale for bar in (mesh_bar, rough_bar, path_bar))
+    mesh_bar, rough_bar, path_bar = (bar[rows] * scale for bar in (mesh_bar, rough_bar, path.at(at)))
     budget = Budget(mesh_bar, rough_bar, path_bar, np.full(len(P), algebraic) * scale)
     return replace(curve, error_P_star=budget.total), budget
 
 
-def facet_bar(fine: Curve, coarse: Curve, at: Floats, ratio: float, share: float) -> Floats:
-    """Relative error bars of the force that facets cut at random leave, at given approaches; see `mesh_plan.scatter`.
-
-    Args:
-        fine, coarse: of the finest level and of the one to extrapolate from
-        at: approaches (n,) [L]
-        ratio: of their element sizes
-        share: error of the force over that of the area, see `mesh_plan.facet_share`
-    """
-    return scatter(_area_error(coarse, at), _area_error(fine, at), ratio, share)
-
-
-def with_area(curve: Curve, missed: Omission) -> Curve:
-    """A curve whose areas of contact are corrected for the roughness that its mesh leaves out, with their bars."""
+def without_omission(curve: Curve, missed: Omission) -> Curve:
+    """A curve corrected for what the top of its mesh leaves out: forces, and areas of contact with their bars."""
     loading = curve.branch == "load"
-    change = missed.at(curve.delta_star[loading])[1][_rows_of_loading(loading)]
-    area, error = (column * (1.0 + change) for column in (curve.area_fraction, curve.error_area_fraction))
+    force, area = missed.at(curve.delta_star[loading])
+    change = area[_rows_of_loading(loading)]
+    areas, error = (column * (1.0 + change) for column in (curve.area_fraction, curve.error_area_fraction))
+    error = error + AREA_BAR * np.abs(areas - curve.area_fraction)
     pressure = np.divide(curve.mean_pressure, 1.0 + change)
-    error = error + AREA_BAR * np.abs(area - curve.area_fraction)
-    return replace(curve, area_fraction=area, error_area_fraction=error, mean_pressure=pressure)
+    corrected = replace(curve, area_fraction=areas, error_area_fraction=error, mean_pressure=pressure)
+    return scaled(corrected, 1.0 + force)
 
 
-def with_measures(fine: Curve, coarse: Curve, ratio: float, safety: float, budget: Budget, compliance: float) -> Curve:
+def with_measures(fine: Curve, coarse: Curve, ratio: float, budget: Budget, compliance: float) -> Curve:
     """A curve whose gap, stiffnesses and conductance are extrapolated from a coarser mesh, with their error bars.
 
     At a given approach the mean gap is larger by the compression that belongs to an error of the force. A stiffness
@@ -158,8 +146,7 @@ def with_measures(fine: Curve, coarse: Curve, ratio: float, safety: float, budge
 
     Args:
         fine, coarse: of the finest level and of the one to extrapolate from
-        ratio: of their element sizes
-        safety: factor on the bar of the mesh
+        ratio: of their scales
         budget: error bars of P*
         compliance: of the block, compression over P* [length]
     """
@@ -167,7 +154,7 @@ def with_measures(fine: Curve, coarse: Curve, ratio: float, safety: float, budge
     at, rows = fine.delta_star[loading], _rows_of_loading(loading)
     before = coarse.loading()
     before = before.where(before.P_star > 0.0)
-    edges = EDGES * scatter(_area_error(coarse, at), _area_error(fine, at), ratio)
+    edges = EDGES * _by_chance(fine, coarse, at, ratio)
     rest = budget.total - budget.mesh
     share = np.divide(rest, fine.P_star, out=np.zeros(len(fine)), where=fine.P_star > 0.0)
     # the sum with the approach changes slowly, and does not vanish where the gap closes
@@ -180,7 +167,7 @@ def with_measures(fine: Curve, coarse: Curve, ratio: float, safety: float, budge
             continue
         own = value[loading]
         scale = np.where(own > 0.0, own, inf)
-        _, error, spread = extrapolate_mesh(np.interp(at, before.delta_star, other), own, ratio, safety)
+        _, error, spread = extrapolate_mesh(np.interp(at, before.delta_star, other), own, ratio)
         factor = (1.0 / (1.0 + error / scale))[rows]
         bar = steady(np.where(own > 0.0, spread / scale, 0.0))
         columns[name] = value * factor - here
@@ -239,15 +226,14 @@ def loading_force(curve: Curve, delta_star: Floats) -> Floats:
 def steady(relative: Floats, reach: int = 2) -> Floats:
     """Error bars that do not vanish where an error happens to change sign.
 
-    Each is at least the root mean square over its neighbours, `reach` to either side, and over the branch.
+    Each is at least the root mean square over its neighbours, `reach` to either side.
 
     Args:
         relative: estimated relative errors along a branch (n,)
     """
     padded = np.pad(relative**2, reach, mode="edge")
     window = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1)
-    mean_square = np.maximum(window.mean(axis=1), np.mean(relative**2))
-    return np.maximum(np.abs(relative), np.sqrt(mean_square))
+    return np.maximum(np.abs(relative), np.sqrt(window.mean(axis=1)))
 
 
 def judged_rows(curve: Curve, steps: int) -> npt.NDArray[np.bool_]:
@@ -287,6 +273,16 @@ def scaled(curve: Curve, factor: Floats) -> Curve:
 def _rows_of_loading(loading: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
     """Place of each row among those of the first loading (rows,); of later branches that of its last one."""
     return np.where(loading, np.cumsum(loading), np.count_nonzero(loading)) - 1
+
+
+def _by_chance(fine: Curve, coarse: Curve, at: Floats, ratio: float) -> Floats:
+    """Error of the area in the limit of two meshes from where the edges of the contact cut their facets, relative.
+
+    A spot of a few facets is larger or smaller by chance from mesh to mesh, and its force with it. Two such meshes may
+    agree by chance, and their difference shows nothing; the area that cut facets leave open shows it.
+    """
+    part = weight(ratio)
+    return np.hypot((1.0 + part) * _area_error(fine, at), part * _area_error(coarse, at))
 
 
 def _area_error(curve: Curve, delta_star: Floats) -> Floats:

@@ -5,7 +5,7 @@
 
 Plastic flow and stick make the force depend on the load steps.
 
-The first guided mesh measures it: it depends little on the mesh, and corrects the forces of all of them.
+The first mesh measures it: it depends little on the mesh, and corrects the forces of all of them.
 """
 
 from __future__ import annotations
@@ -18,15 +18,11 @@ import numpy as np
 from asperity.adaptive.extrapolation import Along, judged_rows, loading_force, scaled, steady
 from asperity.adaptive.mesh_levels import LevelSolver
 from asperity.adaptive.mesh_plan import (
-    FIRST,
-    FIRST_STEP,
-    GUIDE,
+    GREATEST_STEP,
     STEP_ORDERS,
     STICK,
     cheapest_substeps,
     extrapolate,
-    extrapolate_mesh,
-    safety_of,
 )
 from asperity.arrays import Floats
 from asperity.curve import Curve
@@ -96,9 +92,9 @@ def step_errors(forces: Mapping[int, Floats], rule: str) -> tuple[dict[int, Floa
 
 
 def choose_substeps(
-    run: LevelSolver, guide: Curve, steps: int, rule: str, goal: AccuracyTarget
+    run: LevelSolver, scale: float, steps: int, rule: str, goal: AccuracyTarget
 ) -> tuple[ContactResult, LoadStepError]:
-    """Solve on the first guided mesh for the error of the load steps, and choose the parts of each for the finer ones.
+    """Solve on the first mesh for the error of the load steps, and choose the parts of each for the finer ones.
 
     It is loaded in steps of 1, 2, 4 ... parts, and the limit extrapolated from the last two runs. What is found
     corrects other meshes as well; a part of the correction, which need not carry over and is itself only known to
@@ -106,7 +102,7 @@ def choose_substeps(
 
     Args:
         run: solver of levels
-        guide: curve of the guiding mesh with whole steps
+        scale: of the mesh
         steps: planned ones
         rule: see `mesh_plan.step_rule`
         goal: tolerance and limits
@@ -115,29 +111,25 @@ def choose_substeps(
         the result with the most parts, at least two, and the error; no more parts are chosen than these. If the
         greatest number of dofs allows no mesh that is touched, the result of the last one without an error
     """
-    size = FIRST * GUIDE
-    result = run(size)
-    while result.curve.untouched() and not run.limit(goal, size, size / FIRST_STEP, 2):
-        size /= FIRST_STEP  # heights smoothed for large elements may lie below the flat
-        result = run(size)
+    result = run(scale)
+    while result.curve.untouched() and not run.limit(goal, scale / GREATEST_STEP, 2):
+        scale /= GREATEST_STEP  # heights smoothed for large elements may lie below the flat
+        result = run(scale)
     if result.curve.untouched():
         return result, LoadStepError.none("no mesh that measures its load steps is touched")
     # a coarse mesh of a rough surface is touched late: a row without a force has no error of its own
     judged = judged_rows(result.curve, steps)
     at = result.curve.delta_star[judged & (result.curve.P_star > 0.0)]
     P, n = {1: loading_force(result.curve, at)}, 1
-    ratio = run.levels[0].h / run.levels[-1].h
-    spread = P[1]
-    if not guide.untouched():
-        _, _, spread = extrapolate_mesh(loading_force(guide, at), P[1], ratio, safety_of(True))
+    mesh = np.full(len(at), 0.5 * goal.tolerance)  # what the finer mesh is planned for
     while True:
         n *= 2
         del result
-        result = run(size, n)
+        result = run(run.scales[-1], n)
         P[n] = loading_force(result.curve, at)
         errors, bars = step_errors(P, rule)
-        chosen = cheapest_substeps(bars, steady(spread / P[1]), goal.tolerance, STEP_ORDERS[rule])
-        stopped = run.limit(goal, size, size, 2 * n) if chosen > n else ""
+        chosen = cheapest_substeps(bars, mesh, goal.tolerance, STEP_ORDERS[rule])
+        stopped = run.limit(goal, run.scales[-1], 2 * n) if chosen > n else ""
         if stopped or chosen <= n:
             correction, bar = ({k: Along(at, v) for k, v in of.items()} for of in (errors, bars))
             return result, LoadStepError(correction, bar, min(chosen, n), stopped)

@@ -13,29 +13,17 @@ import numpy as np
 from asperity.adaptive.extrapolation import (
     Budget,
     correct,
-    facet_bar,
     judged_rows,
     relative,
-    with_area,
     with_measures,
+    without_omission,
     worst_area_error,
     worst_error,
 )
+from asperity.adaptive.guide import Guide, Omission
 from asperity.adaptive.load_step_error import LoadStepError
 from asperity.adaptive.mesh_levels import LevelSolver
-from asperity.adaptive.mesh_plan import (
-    FIRST_STEP,
-    LEAST_STEP,
-    error_of,
-    facet_share,
-    partner,
-    plan_next,
-    safety_of,
-    size_for_area,
-    size_for_facets,
-)
-from asperity.adaptive.roughness import Omission, Roughness
-from asperity.arrays import Floats
+from asperity.adaptive.mesh_plan import GREATEST_STEP, LEAST_STEP, next_scale, partner, scale_for_area
 from asperity.contact.contact_surface import gather_top
 from asperity.curve import Curve
 from asperity.model.settings import AccuracyTarget
@@ -54,7 +42,7 @@ class Judgement:
         worst, worst_area: greatest relative bars of force and area that are judged, NaN without one
         met: whether they are within the tolerances
         known: how well the force is known, a clause
-        size: of the elements of the next level [L]
+        scale: of the next level
         limit: why there is no next level; empty when there may be one
     """
 
@@ -64,7 +52,7 @@ class Judgement:
     worst_area: float
     met: bool
     known: str
-    size: float
+    scale: float
     limit: str
 
 
@@ -75,79 +63,73 @@ class MeshErrorEstimate:
         run: solver of levels
         goal: tolerance and limits
         steps: planned ones
-        guide: curve of the first level
         path: error of the load steps
-        roughness: half-space with all waves, on rank 0; None of a smooth surface
+        guide: half-space with all waves, on rank 0
     """
 
     def __init__(
-        self,
-        run: LevelSolver,
-        goal: AccuracyTarget,
-        steps: int,
-        guide: Curve,
-        path: LoadStepError,
-        roughness: Roughness | None,
+        self, run: LevelSolver, goal: AccuracyTarget, steps: int, path: LoadStepError, guide: Guide | None
     ) -> None:
-        self._run, self._goal, self._steps, self._path, self._roughness = run, goal, steps, path, roughness
-        self._sizes, self._curves = [run.levels[0].h / run.side], [path.removed(guide, 1)]
+        self._run, self._goal, self._steps, self._path, self._guide = run, goal, steps, path, guide
+        self._scales: list[float] = []
+        self._curves: list[Curve] = []
+        self._missed: list[Omission] = []
+
+    def add(self, result: ContactResult) -> Curve:
+        """Take up the result of the last level; its curve without what its top leaves out and the load steps do."""
+        missed = self._left_out(result)
+        curve = self._path.removed(result.curve, self._run.levels[-1].substeps)
+        if not curve.untouched():
+            curve = without_omission(curve, missed)
+        self._scales.append(self._run.scales[-1])
+        self._curves.append(curve)
+        self._missed.append(missed)
+        return curve
 
     def judge(self, result: ContactResult) -> Judgement:
-        """Judge the force of the last level.
+        """Judge the force of the last level, after at least one before it.
 
         Args:
             result: of this level
         """
-        run, goal, path, levels = self._run, self._goal, self._path, self._run.levels
-        self._sizes.append(levels[-1].h / run.side)
-        sizes, substeps = self._sizes, levels[-1].substeps
-        curve = path.removed(result.curve, substeps)
-        missed = self._left_out(result)
-        if missed is not None:
-            curve = with_area(curve, missed)
-        place = partner(sizes)
+        run, goal, path = self._run, self._goal, self._path
+        curve, scales, substeps = self.add(result), self._scales, run.levels[-1].substeps
+        place = partner(scales)
         coarse = self._curves[place]
-        self._curves.append(curve)
-        ratio = sizes[place] / sizes[-1]
-        # a mesh that misses waves is as rough a partner as the guide
-        safety = safety_of(place == 0 or missed is not None)
-        share = facet_share(missed is not None, run.plastic, run.dilatation)
+        ratio = scales[place] / scales[-1]
         judged, algebraic = judged_rows(result.curve, self._steps), result.checks.unsolved
         unresolved = "no node is touched" if curve.untouched() or coarse.untouched() else path.unknown
         if not unresolved:
-            curve, budget = correct(curve, coarse, ratio, safety, judged, path.bar[substeps], algebraic, missed, share)
-            curve = with_measures(curve, coarse, ratio, safety, budget, run.compliance)
+            missed = self._missed[-1], self._missed[place]
+            curve, budget = correct(curve, coarse, ratio, judged, path.bar[substeps], algebraic, missed)
+            curve = with_measures(curve, coarse, ratio, budget, run.compliance)
             unresolved = curve.unresolved() or coarse.unresolved()
 
         room = (goal.max_dofs / result.dofs) ** (1.0 / run.growth_of_dofs())
         if unresolved:
             # by a single node the force grows with its size, and the difference of two meshes is no error
-            worst, area, wanted, limit = nan, nan, sizes[-1] / FIRST_STEP, ""
+            worst, area, wanted, limit = nan, nan, scales[-1] / GREATEST_STEP, ""
             known = f"the force has no error bar, {unresolved}"
             curve = replace(result.curve, error_P_star=np.full(len(curve), nan))
             budget = Budget.unknown(len(curve))
         else:
             worst, area = worst_error(curve, self._steps), worst_area_error(curve, self._steps)
             known = self._known(worst, area)
-            at, P_star = curve.delta_star[judged], curve.P_star[judged]
-            of_steps = path.bar[path.substeps].at(at)
-            mesh = relative((budget.mesh + budget.roughness)[judged], P_star)
+            of_steps = path.bar[path.substeps].at(curve.delta_star[judged])
+            mesh = relative((budget.mesh + budget.roughness)[judged], curve.P_star[judged])
             left = np.maximum(goal.tolerance - algebraic - of_steps, 0.1 * goal.tolerance)  # for the mesh
-            wanted = self._wanted(sizes, place, mesh, left)
-            if missed is not None:
-                facets = facet_bar(self._curves[-1], coarse, at, ratio, share)
-                wanted = min(wanted, size_for_facets(sizes[-1], facets, left))
+            wanted = next_scale(scales, float(np.max(mesh / left)))
             limit = "" if worst <= goal.tolerance else self._limit(algebraic, float(of_steps.max()))
             if goal.area_tolerance is not None:
-                for_area = size_for_area(sizes[-1], area, goal.area_tolerance)
+                for_area = scale_for_area(scales[-1], area, goal.area_tolerance)
                 wanted = for_area if worst <= goal.tolerance else min(wanted, for_area)
-        size = max(wanted, sizes[-1] / max(room, LEAST_STEP))
+        scale = max(wanted, scales[-1] / max(room, LEAST_STEP))
         if not known:
-            return Judgement(curve, budget, worst, area, True, known, size, "")
-        limit = limit or run.limit(goal, sizes[-1], wanted if room < LEAST_STEP else size, path.substeps)
-        if limit and missed is not None:
+            return Judgement(curve, budget, worst, area, True, known, scale, "")
+        limit = limit or run.limit(goal, wanted if room < LEAST_STEP else scale, path.substeps)
+        if limit and run.misses_waves(goal.tolerance):
             limit += "; waves shorter than the elements limit it too: cut them off (asperity check tries cut-offs)"
-        return Judgement(curve, budget, worst, area, False, known, size, limit)
+        return Judgement(curve, budget, worst, area, False, known, scale, limit)
 
     def _known(self, worst: float, area: float) -> str:
         """How well force or area are known, a clause; empty where both meet their tolerances."""
@@ -167,29 +149,16 @@ class MeshErrorEstimate:
             "accuracy.area_tolerance"
         )
 
-    def _left_out(self, result: ContactResult) -> Omission | None:
-        """What the mesh leaves out of a rough surface; collective."""
+    def _left_out(self, result: ContactResult) -> Omission:
+        """What the top of a mesh leaves out; collective."""
         run = self._run
-        if not run.comm.bcast(self._roughness is not None, root=0):
-            return None
         top = gather_top(result.solver.contact_surface, run.height / run.side)
 
-        def left_out() -> Omission | None:
-            return None if self._roughness is None or top is None else self._roughness.left_out(top)
+        def left_out() -> Omission:
+            assert self._guide is not None and top is not None
+            return self._guide.left_out(top)
 
         return on_root_bcast(run.comm, left_out)
-
-    def _wanted(self, sizes: list[float], place: int, mesh: Floats, left: Floats) -> float:
-        """Element size [L] that meets the tolerance.
-
-        Args:
-            sizes: of the levels [L]
-            place: of the level extrapolated from
-            mesh: relative error bars of the mesh at the judged rows (n,)
-            left: what the tolerance leaves for them there (n,)
-        """
-        error = error_of(float(np.max(mesh / left)), sizes[place] / sizes[-1], place == 0)
-        return plan_next(sizes, error, 1.0)
 
     def _limit(self, algebraic: float, of_steps: float) -> str:
         """Why no mesh meets the tolerance; empty when one may.

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from asperity.adaptive.extrapolation import judged_rows, loading_force
-from asperity.adaptive.mesh_plan import COARSER, GUIDE, growth, size_for_strain
+from asperity.adaptive.mesh_plan import COARSE_GROWTH, COARSER, size_for_strain
 from asperity.arrays import Floats
 from asperity.curve import Curve
 from asperity.errors import Interrupted, MeshError
@@ -171,7 +171,7 @@ def _comparisons(
     while True:
         nothing = SmallStrain("", limit, (), np.empty(0), np.empty(0), 1.0, h, 0, "")
         try:
-            block = make_block(comm, surface, problem.height, depth, MeshSize(h, growth(GUIDE)), problem.sides)
+            block = make_block(comm, surface, problem.height, depth, MeshSize(h, COARSE_GROWTH), problem.sides)
         except MeshError as error:
             yield replace(nothing, reason=str(error))
             h /= COARSER

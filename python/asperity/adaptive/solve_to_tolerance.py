@@ -3,9 +3,10 @@
 
 """Accuracy as an input: meshes and load steps refined until the force has the requested error bar.
 
-A coarse mesh shows where the surface is touched, which guides the finer meshes. The first of these measures the error
-of the load steps (`load_step_error`), which depends little on the mesh: the finer ones need no more steps than it found
-and all forces are corrected for them. The error of the mesh follows from two of them (`mesh_error`).
+A half-space shows which spots of the surface carry the force, and the meshes resolve them (`guide`). The first mesh
+measures the error of the load steps (`load_step_error`), which depends little on the mesh: the finer ones need no more
+steps than it found and all forces are corrected for them. The error of the mesh follows from two of them
+(`mesh_error`).
 """
 
 from __future__ import annotations
@@ -20,11 +21,11 @@ from typing import TYPE_CHECKING, Any, Unpack
 import numpy as np
 
 from asperity.adaptive.extrapolation import Budget, judged_rows, relative
+from asperity.adaptive.guide import Guide
 from asperity.adaptive.load_step_error import LoadStepError, choose_substeps
 from asperity.adaptive.mesh_error import MeshErrorEstimate
 from asperity.adaptive.mesh_levels import Level, LevelSolver
-from asperity.adaptive.mesh_plan import FIRST, GUIDE, planned_steps, step_rule
-from asperity.adaptive.roughness import Roughness, is_rough
+from asperity.adaptive.mesh_plan import RATIO, first_scale, planned_steps, step_rule
 from asperity.curve import Curve
 from asperity.errors import InputError, Interrupted, MeshError
 from asperity.model.kinds import check_kind, refuse
@@ -33,6 +34,7 @@ from asperity.model.problem import Problem, ProblemArguments
 from asperity.model.settings import AccuracyTarget, MeshSize, penalty_too_soft
 from asperity.quasistatic.contact_result import ContactResult, PartialResult
 from asperity.quasistatic.hooks import Hooks
+from asperity.quasistatic.solve_problem import estimate_approach
 from asperity.quasistatic.stepping import Callback
 from asperity.runtime.display import brief
 from asperity.runtime.parallel import on_root
@@ -126,7 +128,7 @@ def solve_to_tolerance(
         goal: tolerance and limits
         comm: communicator; default all ranks
         snapshots, on_stage, on_step, checkpoint, stop, stiffness, conductance: see `Hooks`
-        on_curve: called with the curve with error bars that each mesh after the guide gives
+        on_curve: called with the curve with error bars that each mesh after the first gives
         problem: see `solve_contact`; the steps of the result are a multiple, see `mesh_plan.planned_steps`
 
     Raises:
@@ -177,7 +179,7 @@ def refine(
         target: tolerance and limits
         comm: communicator; default all ranks
         hooks: progress, checkpoints, snapshots
-        on_curve: called with the curve with error bars that each mesh after the guide gives
+        on_curve: called with the curve with error bars that each mesh after the first gives
 
     Raises:
         InputError: target.max_dofs does not even allow the guide; the contact is a penalty too soft for an error bar;
@@ -201,26 +203,26 @@ def refine(
     planned = replace(problem, load_path=replace(problem.load_path, steps=steps))
     comm = MPI.COMM_WORLD if comm is None else comm
     hooks = hooks or Hooks()
-    run = LevelSolver(planned, target.max_dofs, comm, hooks)
-    guide = run(GUIDE)
-    depth = float(guide.curve.loading().delta[-1])
-    roughness = on_root(comm, partial(_roughness, planned, depth, target.tolerance, hooks.on_part))
-    rough = comm.bcast(roughness is not None)
-    if rough:
-        hooks.stage("half-space with all waves")
-    run.aim(guide, None if roughness is None else roughness.contact_map(), rough)
-    whole = guide.curve
-    del guide
+    depth = planned.load_path.delta_max
+    if depth is None:
+        hooks.stage("deflection estimate")
+        depth = estimate_approach(planned, comm)
+    hooks.stage("half-space with all waves")
+    guide = on_root(comm, partial(Guide, planned, depth, steps, hooks.on_part))
+    run = LevelSolver(planned, depth, None if guide is None else guide.sizes, target.max_dofs, comm, hooks)
+    finer = first_scale(target.tolerance)
     if problem.path_dependent:
         rule = step_rule(problem.material.plastic, problem.formulation.sticks, problem.load_path.integrator)
-        result, path = choose_substeps(run, whole, steps, rule, target)
+        result, path = choose_substeps(run, RATIO * finer, steps, rule, target)
     else:
-        result, path = run(FIRST * GUIDE), LoadStepError.none()
-    estimate = MeshErrorEstimate(run, target, steps, whole, path, roughness)
+        result, path = run(RATIO * finer), LoadStepError.none()
+    estimate = MeshErrorEstimate(run, target, steps, path, guide)
+    estimate.add(result)
+    result.solver.drop_matrices()
+    result = run(min(finer, run.scales[-1] / RATIO), path.substeps)
     while True:
-        if rough:
-            with suppress(Interrupted):  # this mesh is judged first; the next one is not begun
-                hooks.stage("half-space with the waves of the mesh")
+        with suppress(Interrupted):  # this mesh is judged first; the next one is not begun
+            hooks.stage("half-space with the top of the mesh")
         found = estimate.judge(result)
         if on_curve is not None:
             on_curve(found.curve)
@@ -241,7 +243,7 @@ def refine(
             return replace(accurate, met=False, reason=f"{found.known}: {found.limit}")
         result.solver.drop_matrices()  # room for the next mesh; its state stays, in case that mesh fails
         try:
-            result = run(found.size, path.substeps)
+            result = run(found.scale, path.substeps)
         except (PartialResult, Interrupted, MeshError) as e:
             if isinstance(stop := e.__cause__ or e, Interrupted):
                 raise PartialResult(str(e), replace(result, curve=found.curve)) from stop
@@ -252,12 +254,3 @@ def refine(
                     f"{e.result.solver.delta:.6g}, use more loading.steps"
                 )
             return replace(accurate, met=False, reason=f"{found.known}: {failed}")
-
-
-def _roughness(
-    problem: Problem, depth: float, tolerance: float, on_part: Callable[[float], None] | None
-) -> Roughness | None:
-    """The half-space of a surface whose waves coarse meshes miss, None of a smooth surface; in one process."""
-    if not is_rough(problem.surface, depth, tolerance):
-        return None
-    return Roughness(problem, depth, problem.load_path.steps, on_part)

@@ -12,11 +12,11 @@ import click
 
 from asperity.cli import options
 from asperity.runtime.progress import duration
+from asperity.units import per_cent
 
 if TYPE_CHECKING:
     from asperity.adaptive.estimate import Estimate
     from asperity.case import Case
-    from asperity.surface import Surface
 
 
 @click.command()
@@ -51,7 +51,7 @@ def estimated(case: Case, ranks: int) -> dict[str, Any]:
     found = estimate(case, ranks, surface)
     totals = {"dofs": found.dofs, "seconds": found.seconds}
     if case.accuracy.tolerance is not None:
-        totals["most_seconds"] = found.seconds + sum(m.seconds for m in further_meshes(case, found, surface))
+        totals["most_seconds"] = found.seconds + sum(m.seconds for m in further_meshes(case, found))
     return asdict(found) | totals
 
 
@@ -92,20 +92,22 @@ def show_estimate(title: str, case: Case, ranks: int) -> None:
     if case.accuracy.tolerance is not None:
         if advice := filter_advice(case, found, surface):
             options.say(advice)
-        if found.enough:
+        if found.bar is not None and not found.enough:
+            options.say(f"accuracy.max_dofs = {case.accuracy.max_dofs} gives about {per_cent(found.bar)} of the force")
+        else:
             options.say("finer meshes follow where the error bar of the last one is above the tolerance")
-        options.say(_range_of_time(case, found, surface))
+        options.say(_range_of_time(case, found))
     if case.accuracy.area_tolerance is not None:
         options.say("accuracy.area_tolerance is not in this estimate: it often takes finer meshes")
     if case.material.kinematics == "auto":
         options.say("the meshes are counted in small strain; if the run chooses finite strain, up to 2.2 times")
 
 
-def _range_of_time(case: Case, found: Estimate, surface: Surface) -> str:
+def _range_of_time(case: Case, found: Estimate) -> str:
     """The time of the planned meshes, and of all that a run may add to them, a sentence."""
     from asperity.adaptive.estimate import further_meshes
 
-    least, further = duration(found.seconds), further_meshes(case, found, surface)
+    least, further = duration(found.seconds), further_meshes(case, found)
     if not further:
         return f"time on one core: about {least}; accuracy.max_dofs = {case.accuracy.max_dofs} allows no further mesh"
     most = duration(found.seconds + sum(level.seconds for level in further))

@@ -26,6 +26,7 @@ FLAT = 1e-12  # difference of depths below which a surface touches the flat ever
 GRADING, GUIDED = (0.5, 0.2), (0.75, 0.15)
 GRID = 257  # nodes per side of the grid on which the region of each size is found
 WIDEST, STEEPEST = 0.5, 0.5  # greatest size of an element that is to be split [L], and growth of it
+LEVELS = 10  # different sizes on cells: with geometric steps each is within a few per cent of what a cell wants
 NEIGHBOURS = 6  # nodes of a facet: adds a margin of one element around the nodes that were touched
 
 
@@ -63,40 +64,6 @@ class FirstContactMap:
             nodes, points = (np.mod(np.mod(p, self.period), self.period) for p in (nodes, points))
         _, nearest = cKDTree(nodes, boxsize=self.period).query(points, k=NEIGHBOURS)
         return self.touched_at[nearest].min(axis=1).reshape(x.shape)
-
-
-@dataclass(frozen=True)
-class GridContactMap:
-    """Approach of first contact on a regular grid of cells, which resolves the spots of a rough surface.
-
-    Attributes:
-        touched_at: approach at which each cell is touched first, inf for never (n, n), index [iy, ix] [length]
-        side: side of the patch [length]
-        periodic: whether the cells at opposite sides are neighbours
-
-    Examples:
-        >>> touched_at = np.full((4, 4), np.inf)
-        >>> touched_at[1, 1] = 0.5
-        >>> found = GridContactMap(touched_at, side=1.0)
-        >>> found.depth(np.array([0.3, 0.6, 0.9]), np.array([0.3, 0.6, 0.9])).tolist()
-        [0.5, 0.5, inf]
-    """
-
-    touched_at: Floats
-    side: float
-    periodic: bool = False
-
-    @property
-    def resolution(self) -> int:
-        """See `ApproachMap`."""
-        return max(len(self.touched_at) + 1, GRID)
-
-    def depth(self, x: Floats, y: Floats) -> Floats:
-        """Approach of first contact at points x, y, any shape: the least of a cell and its neighbours [length]."""
-        n = len(self.touched_at)
-        near = minimum_filter(self.touched_at, size=3, mode="wrap" if self.periodic else "nearest")
-        column, row = (np.clip((c / self.side * n).astype(int), 0, n - 1) for c in (x, y))
-        return np.asarray(near[row, column])
 
 
 @dataclass(frozen=True)
@@ -187,6 +154,37 @@ class SizeField:
         if periodic:
             greatest = min(greatest, WIDEST_JOINED)
         return SizeField(sizes, distances, (x0, y0, side), growth, greatest, periodic)
+
+    @staticmethod
+    def on_cells(sizes: Floats, growth: float, h_max: float | None = None, periodic: bool = False) -> SizeField:
+        """Build the field from sizes at the cells of a regular grid on the patch.
+
+        Args:
+            sizes: of each cell, inf where none is wanted (n, n), index [iy, ix] [L]
+            growth: increase of size per unit of distance
+            h_max: greatest size [L]; default H_MAX, and WIDEST_JOINED at most with periodic sides
+            periodic: whether the sides of the block are
+
+        Examples:
+            >>> sizes = np.full((4, 4), np.inf)
+            >>> sizes[1, 1] = 0.02
+            >>> field = SizeField.on_cells(sizes, growth=0.25)
+            >>> round(field.at(0.375, 0.375, 0.0), 4), round(field.at(0.375, 0.375, 0.2), 4)
+            (0.02, 0.07)
+        """
+        n = len(sizes)
+        greatest = min(H_MAX if h_max is None else h_max, WIDEST_JOINED if periodic else np.inf)
+        grid = max(n + 1, GRID)
+        cells = np.minimum((np.linspace(0.0, 1.0, grid) * n).astype(int), n - 1)
+        near = minimum_filter(sizes, size=3, mode="wrap" if periodic else "nearest")[np.ix_(cells, cells)]
+        wanted = np.isfinite(near)
+        near = np.minimum(near, greatest)
+        least, most = rounded(float(near.min())), rounded(float(near[wanted].max(initial=0.0)))
+        levels: Floats = np.geomspace(least, max(most, least), LEVELS).astype(float)
+        distances = np.empty((grid, grid, LEVELS))
+        for k, size in enumerate(levels):
+            distances[:, :, k] = _distances(wanted & (near <= _just_above(float(size))), periodic) / (grid - 1)
+        return SizeField(levels, distances, (0.0, 0.0, 1.0), growth, greatest, periodic)
 
     def coarser(self, refinements: int) -> SizeField:
         """Return the field of a mesh whose elements have this one, or less, after so many splits of their edges in two.

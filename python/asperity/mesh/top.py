@@ -42,13 +42,14 @@ class Top:
         return Top(points, faces[on_top[faces].all(axis=1)])
 
 
-def heights_of_top(top: Top, surface: Surface, n: int) -> Floats:
+def heights_of_top(top: Top, surface: Surface, n: int, nodal: bool = False) -> Floats:
     """Heights of the curved facets of the top, on the scale of the surface, at the centres of n x n cells.
 
     Args:
         top: of the mesh
         surface: it was made for
         n: cells per side
+        nodal: no point is higher than the nodes of its facet: the contact, which nodes meet, does not feel it
 
     Returns:
         Heights (n, n), index [iy, ix] [L]. They are those of `surface` at the nodes whose heights are exact.
@@ -68,4 +69,5 @@ def heights_of_top(top: Top, surface: Surface, n: int) -> Floats:
     first = 1.0 - second - third
     z = top.points[:, 2] + surface.mean() / surface.L
     parts = (face_functions(np.column_stack([first, second, third])) * z[nodes]).T
-    return np.asarray(sum(parts[:3]) + sum(parts[3:])).reshape(n, n)
+    heights = np.asarray(sum(parts[:3]) + sum(parts[3:]))
+    return (np.minimum(heights, z[nodes].max(axis=1)) if nodal else heights).reshape(n, n)

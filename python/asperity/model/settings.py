@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
 from typing import Protocol
 
@@ -179,6 +179,8 @@ class MeshSize:
         h_max: greatest size; None takes H_MAX of the side; WIDEST_JOINED of it at most with periodic sides
         reach: what a coarse solution has touched; None judges by the heights
         grading: power of the size in the depth and least size over h_contact; None takes the default
+        cells: sizes at the cells of a regular grid on the patch, inf where none is wanted (n, n), index [iy, ix]; None
+            takes one size, h_contact, and the grading
         refinements: number n of times the ranks split each element of a mesh of 2^n times these sizes into eight, at
             most MOST_REFINEMENTS
 
@@ -196,6 +198,7 @@ class MeshSize:
     h_max: float | None = None
     reach: ApproachMap | None = None
     grading: tuple[float, float] | None = None
+    cells: Floats | None = field(default=None, compare=False)
     refinements: int = 0
 
     def __post_init__(self) -> None:

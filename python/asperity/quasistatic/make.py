@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from asperity.contact.contact_surface import ContactSurface
 from asperity.contact.make import make_contact
 from asperity.fem.solid import Solid
@@ -51,15 +53,24 @@ def make_block(
     """
 
     def build() -> BlockMesh:
-        h = H_CONTACT * surface.L if size.h_contact is None else size.h_contact
-        field = SizeField.of(
-            surface, delta_max, h, growth=size.growth, h_max=size.h_max, first_contact=size.reach, grading=size.grading,
-            periodic=sides == "periodic",
-        )  # fmt: skip
+        field = size_field(surface, delta_max, size, sides)
         coarse = field.coarser(size.refinements).compiled()
         return build_block(surface, height, coarse.at, field.periodic, size.refinements)
 
     return on_root(comm, build)
+
+
+def size_field(surface: Surface, delta_max: float, size: MeshSize, sides: str) -> SizeField:
+    """Element sizes of a block, arguments as of `make_block`."""
+    periodic = sides == "periodic"
+    if size.cells is not None:
+        most = None if size.h_max is None else size.h_max / surface.L
+        return SizeField.on_cells(np.asarray(size.cells / surface.L), size.growth, most, periodic)
+    h = H_CONTACT * surface.L if size.h_contact is None else size.h_contact
+    return SizeField.of(
+        surface, delta_max, h, growth=size.growth, h_max=size.h_max, first_contact=size.reach, grading=size.grading,
+        periodic=periodic,
+    )  # fmt: skip
 
 
 def make_contact_solver(

@@ -8,7 +8,7 @@ It sees every spot of a surface in seconds, where a finite element mesh needs el
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import ceil
 
@@ -87,11 +87,37 @@ class RoughHalfSpace:
         """Press the layer to ascending approaches.
 
         Args:
+            heights, summit, delta_star, tolerance: see `pressures`
+            on_part: called after each approach with the part of them that is done
+
+        Raises:
+            InputError: the approaches do not ascend from above zero
+        """
+        delta = np.asarray(delta_star, dtype=float)
+        touched_at = np.full(heights.shape, np.inf)
+        force, area = [], []
+        for k, p in enumerate(self.pressures(heights, summit, delta, tolerance)):
+            touched_at[(p > 0.0) & np.isinf(touched_at)] = delta[k]
+            force.append(float(p.mean()))
+            area.append(self.area(p))
+            if on_part is not None:
+                on_part((k + 1) / len(delta))
+        return RoughCurve(delta, np.array(force), np.array(area), touched_at)
+
+    def area(self, pressure: Floats) -> float:
+        """True over nominal area of contact under a pressure (n, n), corrected for the perimeter."""
+        return max(corrected_area(pressure > 0.0, self.sides), 0.0)
+
+    def pressures(
+        self, heights: Floats, summit: float, delta_star: ArrayLike, tolerance: float = 1e-3
+    ) -> Iterator[Floats]:
+        """Pressures over E' (n, n) at ascending approaches, one after the other.
+
+        Args:
             heights: of the surface at the centres of the cells (n, n) [L]
             summit: height that the flat touches first [L]
             delta_star: ascending approaches from there (k,) [L]
             tolerance: largest gap in contact and penetration elsewhere, over the greatest approach
-            on_part: called after each approach with the part of them that is done
 
         Raises:
             InputError: the approaches do not ascend from above zero
@@ -101,16 +127,9 @@ class RoughHalfSpace:
             raise InputError(f"delta_star = {delta.tolist()} must ascend from above 0")
         compliance = compliance_of_waves(self.n, self.height, self.nu, self.sides)
         p = np.zeros_like(heights)
-        touched_at = np.full(heights.shape, np.inf)
-        force, area = [], []
-        for k, d in enumerate(delta, start=1):
+        for d in delta:
             p = _press(p, heights - (summit - d), compliance, self.sides, self.hardness, tolerance * delta[-1])
-            touched_at[(p > 0.0) & np.isinf(touched_at)] = d
-            force.append(float(p.mean()))
-            area.append(max(corrected_area(p > 0.0, self.sides), 0.0))
-            if on_part is not None:
-                on_part(k / len(delta))
-        return RoughCurve(delta, np.array(force), np.array(area), touched_at)
+            yield p
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,121 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""A half-space with all waves of the surface: where meshes need small elements, and what their tops leave out.
+
+The force on a mesh differs from the true one because its top is not the surface, and because its elements are stiff.
+These errors may have opposite signs, and two meshes then agree by chance. A half-space tells them apart: pressed with
+the top of the mesh instead of the surface, it shows the first one alone. A force corrected for it has one error of one
+sign and one order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from asperity.adaptive.spots import sizes_of_spots
+from asperity.arrays import Floats
+from asperity.mesh.resolution import ELEMENTS, resolving_size
+from asperity.mesh.top import Top, heights_of_top
+from asperity.reference.rough_halfspace import HARDNESS, RoughHalfSpace, cells_per_side
+
+if TYPE_CHECKING:
+    from asperity.model.problem import Problem
+
+CELLS = 256, 720  # fewest and most per side
+PER_WAVE, PER_SIZE = 4, 1.5  # cells per shortest wave, and per element of scale 1
+NEGLIGIBLE = 0.004  # tolerance that the waves too short for that number of cells do not affect
+MOST_STEPS = 10  # at which the half-space is pressed
+EARLY = 0.25  # power of the approach in the sizes: the first spots are the least of a mesh and have its largest errors
+MOST = 10.0  # change beyond which nothing is known
+
+
+@dataclass(frozen=True)
+class Omission:
+    """What the top of a mesh changes, at ascending approaches.
+
+    Attributes:
+        delta_star: approaches (k,) [L]
+        force: force on the surface over that on the top of the mesh, minus 1 (k,)
+        area: the same of the area of contact (k,)
+    """
+
+    delta_star: Floats
+    force: Floats
+    area: Floats
+
+    def at(self, delta_star: Floats) -> tuple[Floats, Floats]:
+        """Changes of force and area at other approaches."""
+        return np.interp(delta_star, self.delta_star, self.force), np.interp(delta_star, self.delta_star, self.area)
+
+
+class Guide:
+    """Half-space with all waves of the surface of a problem, in one process.
+
+    Args:
+        problem: what is pressed
+        depth: greatest approach [length]
+        steps: planned load steps
+        on_part: called with the part of a half-space that is done
+
+    Attributes:
+        sizes: of elements of scale 1 at the cells of a grid, inf where the surface is not touched (n, n) [L]
+    """
+
+    def __init__(
+        self, problem: Problem, depth: float, steps: int, on_part: Callable[[float], None] | None = None
+    ) -> None:
+        self._surface, material = problem.surface, problem.material
+        L = self._surface.L
+        # of a filtered map the pixels are shorter than the waves
+        shortest = ELEMENTS * resolving_size(self._surface, depth, NEGLIGIBLE, L)
+        hardness = inf
+        if material.yield_strength is not None:
+            hardness = HARDNESS * material.yield_strength / material.reduced_modulus
+        self._on_part = on_part
+        self._summit = self._surface.maximum()[2] / L
+        self._delta_star = depth / L * np.linspace(1.0 / steps, 1.0, min(steps, MOST_STEPS))
+        cells = PER_WAVE * L / max(self._surface.feature_size, shortest)
+        for _ in range(2):  # the first shows the least size
+            n = cells_per_side(float(np.clip(cells, *CELLS)))
+            self._layer = RoughHalfSpace(n, problem.height / L, material.nu, problem.sides, hardness)
+            self._press_surface()
+            cells = PER_SIZE / float(self.sizes.min())
+            if n >= min(cells, CELLS[1]):
+                break
+
+    def _press_surface(self) -> None:
+        layer, steps = self._layer, self._delta_star
+        heights = layer.heights(self._surface)
+        self.sizes = np.full(heights.shape, inf)
+        force, area = [], []
+        for k, p in enumerate(layer.pressures(heights, self._summit, steps)):
+            early = (steps[k] / steps[-1]) ** EARLY
+            sizes = sizes_of_spots(p)
+            if not p.any():  # a spot between the centres of the cells
+                x, y, _ = self._surface.maximum()
+                row, column = (min(int(c / self._surface.L * layer.n), layer.n - 1) for c in (y, x))
+                sizes[row, column] = 0.5 / layer.n
+            self.sizes = np.minimum(self.sizes, early * sizes)
+            force.append(float(p.mean()))
+            area.append(layer.area(p))
+            if self._on_part is not None:
+                self._on_part((k + 1) / len(steps))
+        self._force, self._area = np.array(force), np.array(area)
+
+    def left_out(self, top: Top) -> Omission:
+        """What the top of a mesh leaves out."""
+        heights = heights_of_top(top, self._surface, self._layer.n, nodal=True)
+        mesh = self._layer.curve(heights, self._summit, self._delta_star, on_part=self._on_part)
+        return Omission(self._delta_star, _change(self._force, mesh.P_star), _change(self._area, mesh.area_fraction))
+
+
+def _change(whole: Floats, part: Floats) -> Floats:
+    """Ratio of two curves minus 1, no more than MOST; 0 where both vanish."""
+    ratio = np.divide(whole, part, out=np.where(whole > 0.0, np.inf, 1.0), where=part > 0.0)
+    return np.minimum(ratio - 1.0, MOST)
