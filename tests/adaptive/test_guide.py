@@ -51,9 +51,7 @@ def test_a_finer_mesh_leaves_out_less() -> None:
     assert force[-1] < 0.02
 
 
-def test_the_cells_are_enough_and_pixels_do_not_count(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_cells_are_enough_and_pixels_do_not_count(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A map of 257 x 257 heights without waves shorter than 12 pixels."""
     np.savez(tmp_path / "map.npz", z=surface_of(lambda_short=0.05).grid(257), L=1.0)
     problem = Problem.of(HeightMap(path=tmp_path / "map.npz"), ELASTIC, delta_max=0.02, steps=4)

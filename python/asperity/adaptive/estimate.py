@@ -9,6 +9,7 @@ runs of 14,000 to 78,000 dofs on one core of a small shared machine, to a factor
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from functools import partial
 from math import inf, log2
@@ -282,9 +283,11 @@ def _plan(case: Case, surface: Surface, depth: float, tolerance: float) -> tuple
     sides, most = case.block.sides, min(case.accuracy.max_dofs, MOST_DOFS)
     integrator, sticks = loading.integrator if plastic else BACKWARD_EULER, case.contact.formulation.sticks
     planned = planned_steps(loading.steps)
-    problem = Problem.of(
-        surface, case.material.solid, height=case.block.height, sides=sides, delta_max=depth, steps=planned
-    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of what the run warns of too
+        problem = Problem.of(
+            surface, case.material.solid, height=case.block.height, sides=sides, delta_max=depth, steps=planned
+        )
     sizes = Guide(problem, depth, planned).sizes
     unit = float(sizes[np.isfinite(sizes)].max())
 
