@@ -81,39 +81,39 @@ class Curve:
     1.0
 
     Attributes:
-        step: number of the step (int).
-        branch: "load", "unload" or "reload" (str).
-        delta: approach of the flat from first contact (length).
-        delta_star: delta/L.
-        force: normal force (force).
-        P_star: force/(A_0 E').
-        area_fraction: true over nominal contact area, A/A_0.
-        max_pressure: largest contact pressure (force/length^2).
-        plastic_fraction: volume that has yielded over the volume of the block.
-        max_plastic_strain: largest accumulated plastic strain.
-        error_P_star: error bar of P_star, known for runs with a tolerance.
-        error_area_fraction: error bar of area_fraction, from the facets cut by the edge of the contact.
-        newton: Newton iterations of the step (int).
-        krylov: Krylov iterations of the step (int).
-        seconds: wall-clock time of the step (s).
-        mean_gap: distance between the flat and the mean plane of the deformed surface (length).
-        mean_pressure: force over the true contact area; NaN without an area (force/length^2).
-        spots: number of contact spots, connected patches of touched thirds of facets (int).
-        largest_spot: contact area of the largest one (length^2).
-        k_n: slope dF/d(delta) of the curve, see `slope.slopes` (force/length).
-        k_n_elastic: normal stiffness of unloading and small vibration (force/length).
-        k_t: tangential stiffness without slip, mean of x and y, elastic (force/length).
-        k_n_interface, k_t_interface: k_n_elastic and k_t without the compliance of the block (force/length).
-        conductance: constriction conductance over the conductivity (length).
+        step: number of the step (int)
+        branch: "load", "unload" or "reload" (str)
+        delta: approach of the flat from first contact (length)
+        delta_star: delta/L
+        force: normal force (force)
+        P_star: force/(A_0 E')
+        area_fraction: true over nominal contact area, A/A_0
+        max_pressure: largest contact pressure (force/length^2)
+        plastic_fraction: volume that has yielded over the volume of the block
+        max_plastic_strain: largest accumulated plastic strain
+        error_P_star: error bar of P_star, known for runs with a tolerance
+        error_area_fraction: error bar of area_fraction, from the facets cut by the edge of the contact
+        newton: Newton iterations of the step (int)
+        krylov: Krylov iterations of the step (int)
+        seconds: wall-clock time of the step (s)
+        mean_gap: distance between the flat and the mean plane of the deformed surface (length)
+        mean_pressure: force over the true contact area; NaN without an area (force/length^2)
+        spots: number of contact spots, connected patches of touched thirds of facets (int)
+        largest_spot: contact area of the largest one (length^2)
+        k_n: slope dF/d(delta) of the curve, see `slope.slopes` (force/length)
+        k_n_elastic: normal stiffness of unloading and small vibration (force/length)
+        k_t: tangential stiffness without slip, mean of x and y, elastic (force/length)
+        k_n_interface, k_t_interface: k_n_elastic and k_t without the compliance of the block (force/length)
+        conductance: constriction conductance over the conductivity (length)
         error_mean_gap, error_k_n, ..., error_conductance: error bars of these columns in their units, known for runs
-            with a tolerance; `WITH_ERRORS` lists the columns that have one.
-        max_strain: largest equivalent strain, sqrt(2/3 e:e) of its deviator; logarithmic in finite strain.
-        strained_fraction: volume with an equivalent strain above 5 % over the volume of the block.
-        header: metadata, stored as JSON in the first line of the file.
+            with a tolerance; `WITH_ERRORS` lists the columns that have one
+        max_strain: largest equivalent strain, sqrt(2/3 e:e) of its deviator; logarithmic in finite strain
+        strained_fraction: volume with an equivalent strain above 5 % over the volume of the block
+        header: metadata, stored as JSON in the first line of the file
 
     Raises:
         InputError: columns of different length, unknown branch, infinite or missing approach
-            or force.
+            or force
     """
 
     step: Array
@@ -175,11 +175,11 @@ class Curve:
 
         Args:
             rows: each with at least "delta" and "force"; "step" defaults to the position, "branch" to
-                "load", "k_n" to the slope of the curve, other numbers to NaN, counts to 0.
-            header: metadata.
+                "load", "k_n" to the slope of the curve, other numbers to NaN, counts to 0
+            header: metadata
 
         Raises:
-            InputError: a key is unknown, or a required one is missing.
+            InputError: a key is unknown, or a required one is missing
         """
         for row in rows:
             _check_names(row, "row of a curve")
@@ -193,11 +193,11 @@ class Curve:
         return curve.with_force(curve.force)
 
     def with_force(self, force: Array) -> Curve:
-        """Return the curve with other forces (n,) and the slopes k_n that belong to them."""
+        """Curve with other forces (n,) and the slopes k_n that belong to them."""
         return replace(self, force=force, k_n=slopes(self.delta, force, self.branch)[0])
 
     def __len__(self) -> int:
-        """Return the number of steps."""
+        """Number of steps."""
         return int(self.delta.size)
 
     def __repr__(self) -> str:
@@ -219,7 +219,7 @@ class Curve:
         return bool(np.any(column != 0) if name in _COUNTS else not np.all(np.isnan(column)))
 
     def to_pandas(self) -> Any:
-        """Return a pandas DataFrame with the columns of the file; `header` is in its `attrs`.
+        """Pandas DataFrame with the columns of the file; `header` is in its `attrs`.
 
         Raises:
             CompatError: pandas is not installed
@@ -230,7 +230,7 @@ class Curve:
         return frame
 
     def to_xarray(self) -> Any:
-        """Return an xarray Dataset over the dimension "row", with the approach and the branch as coordinates.
+        """Xarray Dataset over the dimension "row", with the approach and the branch as coordinates.
 
         Raises:
             CompatError: xarray is not installed
@@ -241,17 +241,17 @@ class Curve:
         return xarray.Dataset(columns, coordinates, dict(self.header))
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """Yield the steps as dictionaries of Python numbers."""
+        """Steps as dictionaries of Python numbers."""
         columns = [getattr(self, name).tolist() for name in COLUMNS]
         for values in zip(*columns, strict=True):
             yield dict(zip(COLUMNS, values, strict=True))
 
     def where(self, mask: Array) -> Curve:
-        """Return the steps selected by a boolean array (n,) or an index array (m,)."""
+        """Steps selected by a boolean array (n,) or an index array (m,)."""
         return Curve(**{name: getattr(self, name)[mask] for name in COLUMNS}, header=self.header)
 
     def loading(self) -> Curve:
-        """Return the steps of branch "load", the first loading."""
+        """Steps of branch "load", the first loading."""
         return self.where(self.branch == "load")
 
     def untouched(self) -> bool:
@@ -259,7 +259,7 @@ class Curve:
         return not bool(np.any(self.loading().P_star > 0.0))
 
     def unresolved(self) -> str:
-        """Return a warning if the mesh is too coarse for the contact at the greatest load, else an empty string."""
+        """Warning if the mesh is too coarse for the contact at the greatest load, else an empty string."""
         branch = self.loading()
         area, error = branch.area_fraction[-1:], branch.error_area_fraction[-1:]
         if not np.any(error > UNRESOLVED * area):
@@ -271,7 +271,7 @@ class Curve:
         )
 
     def area_error(self, row: int) -> float:
-        """Return the error bar of the area fraction in a row, no greater than a share of the patch can be wrong.
+        """Error bar of the area fraction in a row, no greater than a share of the patch can be wrong.
 
         Args:
             row: position
@@ -280,7 +280,7 @@ class Curve:
         return error if math.isnan(error) else min(error, max(area, 1.0 - area))
 
     def bar(self, name: str, row: int) -> float:
-        """Return the error bar of a column over its value in a row; NaN where either is unknown, or the value is 0.
+        """Error bar of a column over its value in a row; NaN where either is unknown, or the value is 0.
 
         Args:
             name: of a column with an error bar: "P_star" (that of the force too), "area_fraction" or one of WITH_ERRORS
@@ -290,7 +290,7 @@ class Curve:
         return abs(error / value) if value else math.nan
 
     def planned(self) -> Curve:
-        """Return the steps of the first loading that end at the planned, equal increments of the approach.
+        """Steps of the first loading that end at the planned, equal increments of the approach.
 
         The solver cuts some steps into smaller ones, more often for some materials than for others. A fit over all
         points would give light loads a weight that grows with the number of cuts. The increment is the smallest one
@@ -301,21 +301,21 @@ class Curve:
         return load.where(planned_rows(load.delta))
 
     def unloading(self) -> Curve:
-        """Return the steps of branch "unload"."""
+        """Steps of branch "unload"."""
         return self.where(self.branch == "unload")
 
     def reloading(self) -> Curve:
-        """Return the steps of branch "reload"."""
+        """Steps of branch "reload"."""
         return self.where(self.branch == "reload")
 
     def fit(self, norm: Literal["linear", "log"] = "linear") -> PowerLawFit:
-        """Return the power law P* = k (delta*)^n of the planned loading points with delta* > 0 and P* > 0.
+        """Power law P* = k (delta*)^n of the planned loading points with delta* > 0 and P* > 0.
 
         Args:
-            norm: "linear" minimises the error of the force, "log" that of its logarithm.
+            norm: "linear" minimises the error of the force, "log" that of its logarithm
 
         Raises:
-            InputError: fewer than three such points, or delta_star and P_star are unknown.
+            InputError: fewer than three such points, or delta_star and P_star are unknown
         """
         from asperity.power_law import fit_power_law
 
@@ -330,7 +330,7 @@ class Curve:
         return fit_power_law(delta, force, norm)
 
     def fit_or_none(self, norm: Literal["linear", "log"] = "linear") -> PowerLawFit | None:
-        """Return `fit`, or None where it is not possible."""
+        """`fit`, or None where it is not possible."""
         try:
             return self.fit(norm)
         except InputError:
@@ -353,7 +353,7 @@ class Curve:
 
         Raises:
             InputError: the file does not exist, has no or unknown column names, or a value that is not a number
-                (the message gives its line).
+                (the message gives its line)
         """
         path = Path(path)
         try:
@@ -375,7 +375,7 @@ class Curve:
 
 
 def planned_rows(delta: Array) -> Array:
-    """Return the indices (m,) of the steps at equal increments of the approach delta (n,), see `Curve.planned`."""
+    """Indices (m,) of the steps at equal increments of the approach delta (n,), see `Curve.planned`."""
     every = np.arange(len(delta))
     if not len(delta) or np.any(np.diff(delta, prepend=0.0) <= 0):
         return every
@@ -391,13 +391,13 @@ def planned_rows(delta: Array) -> Array:
 
 
 def fitted_rows(delta: Array, force: Array) -> Array:
-    """Return the indices (m,) of the steps to which the power law of a loading is fitted: the planned ones in contact.
+    """Indices (m,) of the steps to which the power law of a loading is fitted: the planned ones in contact.
 
     Every power law of a curve uses these steps.
 
     Args:
-        delta: approach (n,), in any unit.
-        force: (n,), in any unit.
+        delta: approach (n,), in any unit
+        force: (n,), in any unit
     """
     rows = planned_rows(delta)
     return rows[(delta[rows] > 0) & (force[rows] > 0)]

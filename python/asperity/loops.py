@@ -110,7 +110,7 @@ class LoopTable:
     loops: tuple[Loop, ...]
 
     def of_amplitudes(self) -> Iterator[tuple[Loop, ...]]:
-        """Yield the loops of each amplitude."""
+        """Loops of each amplitude."""
         for amplitude in sorted({loop.amplitude for loop in self.loops}):
             yield tuple(loop for loop in self.loops if loop.amplitude == amplitude)
 
@@ -124,7 +124,7 @@ class LoopTable:
         return tuple(found)
 
     def doubts(self, top: float) -> Iterator[str]:
-        """Yield sentences on loops that are not steady, or that load the contact further than its curve.
+        """Sentences on loops that are not steady, or that load the contact further than its curve.
 
         Args:
             top: greatest force of the curve (force)
@@ -183,7 +183,7 @@ class LoopTable:
         """Read loops.csv.
 
         Raises:
-            InputError: there is no such file, or it is damaged.
+            InputError: there is no such file, or it is damaged
         """
         try:
             columns = read_csv(path)

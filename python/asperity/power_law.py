@@ -27,16 +27,16 @@ class PowerLawFit:
     """Least-squares fit P* = k (delta*)^n; it depends on norm and range.
 
     Attributes:
-        k: dimensionless coefficient.
-        n: exponent.
-        norm: "linear" (least squares of P*) or "log" (of ln P*).
-        range: smallest and largest delta* of the fit.
-        points: number of points.
-        r2: coefficient of determination, on the scale of the norm.
-        ci_k: confidence interval of k (symmetric in ln k, so always positive).
-        ci_n: confidence interval of n.
-        correlation: correlation of the estimates of ln k and n.
-        confidence: level of the intervals.
+        k: dimensionless coefficient
+        n: exponent
+        norm: "linear" (least squares of P*) or "log" (of ln P*)
+        range: smallest and largest delta* of the fit
+        points: number of points
+        r2: coefficient of determination, on the scale of the norm
+        ci_k: confidence interval of k (symmetric in ln k, so always positive)
+        ci_n: confidence interval of n
+        correlation: correlation of the estimates of ln k and n
+        confidence: level of the intervals
 
     Examples:
         >>> fit = asp.fit_power_law([0.01, 0.02, 0.04], [0.001, 0.0028, 0.008])
@@ -58,15 +58,15 @@ class PowerLawFit:
     __repr__ = short_repr
 
     def __call__(self, delta_star: ArrayLike) -> Array:
-        """Return P* at delta*, same shape; 0 where delta* is not positive."""
+        """P* at delta*, same shape; 0 where delta* is not positive."""
         return self.k * np.maximum(np.asarray(delta_star, dtype=float), 0.0) ** self.n
 
     def stiffness(self, E_prime: float, L: float) -> float:
-        """Return K = k A_0 E'/L^n (force/length^n) of F = K delta^n, with A_0 = L^2."""
+        """K = k A_0 E'/L^n (force/length^n) of F = K delta^n, with A_0 = L^2."""
         return self.k * L**2 * E_prime / L**self.n
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the section "fit" of summary.json."""
+        """Section "fit" of summary.json."""
         return {
             "k": self.k,
             "n": self.n,
@@ -79,10 +79,10 @@ class PowerLawFit:
 
 
 def with_misfit(fit: Mapping[str, Any]) -> tuple[str, str]:
-    """Return k and n with their intervals and the digits that these allow.
+    """k and n with their intervals and the digits that these allow.
 
     Args:
-        fit: section "fit" of summary.json.
+        fit: section "fit" of summary.json
 
     Examples:
         >>> from asperity.power_law import with_misfit
@@ -122,14 +122,14 @@ def fit_power_law(
     intervals measure the misfit of the law rather than chance.
 
     Args:
-        delta_star: delta/L, positive, at least 3 different values, shape (m,).
-        P_star: P/(A_0 E'), positive, shape (m,).
-        norm: "linear" or "log".
-        confidence: level of the intervals, between 0 and 1.
+        delta_star: delta/L, positive, at least 3 different values, shape (m,)
+        P_star: P/(A_0 E'), positive, shape (m,)
+        norm: "linear" or "log"
+        confidence: level of the intervals, between 0 and 1
 
     Raises:
         InputError: values that are not positive and finite, fewer than 3 different approaches, an unknown norm, an
-            illegal confidence, or k beyond floating-point range.
+            illegal confidence, or k beyond floating-point range
 
     Examples:
         >>> delta = np.array([0.01, 0.02, 0.03, 0.04])
@@ -203,9 +203,9 @@ def fit_or_none(
     """Fit as `fit_power_law` to the points in contact; None where they do not determine a power law.
 
     Args:
-        delta_star: delta/L, shape (m,); points that are not positive are left out.
-        P_star: P/(A_0 E'), shape (m,); likewise.
-        norm: "linear" or "log".
+        delta_star: delta/L, shape (m,); points that are not positive are left out
+        P_star: P/(A_0 E'), shape (m,); likewise
+        norm: "linear" or "log"
 
     Examples:
         >>> fit_or_none([0.0, 0.01, 0.02, 0.04], [0.0, 0.001, 0.002, 0.004]).points
@@ -251,17 +251,17 @@ def _fit_data(delta_star: ArrayLike, P_star: ArrayLike) -> tuple[Array, Array]:
 
 
 def interface_approach(delta: ArrayLike, force: ArrayLike, *, height: float, area: float, modulus: float) -> Array:
-    """Return the approach of the rough interface alone, delta - P h_b/(A_0 M) (length).
+    """Approach of the rough interface alone, delta - P h_b/(A_0 M) (length).
 
     The approach of flat and base contains the elastic compression of the whole block.
 
     Args:
-        delta: approach of flat and base (length).
-        force: P (force), same shape.
-        height: h_b of the block (length).
-        area: A_0 (length^2).
+        delta: approach of flat and base (length)
+        force: P (force), same shape
+        height: h_b of the block (length)
+        area: A_0 (length^2)
         modulus: M (force/length^2): E (1-nu)/((1+nu)(1-2 nu)) with sides u.n = 0, E with free
-            sides.
+            sides
 
     Examples:
         >>> interface_approach([2e-8, 4e-8], [1e-3, 4e-3], height=1e-6, area=1e-12, modulus=2e11).round(11)

@@ -14,14 +14,14 @@ _MOST_DIGITS = 9  # of a number with an error bar
 
 
 def prefix(value: float, unit: str) -> tuple[float, str]:
-    """Return factor and unit that show a value as a number from 1 to 1000.
+    """Factor and unit that show a value as a number from 1 to 1000.
 
     Args:
-        value: a representative size, in `unit`.
-        unit: "m", "N", "Pa" ...; "" if the system of units is unknown.
+        value: a representative size, in `unit`
+        unit: "m", "N", "Pa" ...; "" if the system of units is unknown
 
     Returns:
-        Factor for the values, and the name of their unit.
+        Factor for the values, and the name of their unit
 
     Examples:
         >>> prefix(4.5e-8, "m")
@@ -40,15 +40,15 @@ def prefix(value: float, unit: str) -> tuple[float, str]:
 
 
 def quantity(value: float, unit: str, digits: int = 4, *, bar: float = math.nan) -> str:
-    """Return a value with its unit, and with its error bar where that is known.
+    """Value with its unit, and with its error bar where that is known.
 
     A bar has two digits. The last digit of the value is worth between a hundredth and a tenth of its bar.
 
     Args:
-        value: in `unit`.
-        unit: see `prefix`.
-        digits: significant ones of a value without an error bar.
-        bar: error bar over the value; NaN if unknown.
+        value: in `unit`
+        unit: see `prefix`
+        digits: significant ones of a value without an error bar
+        bar: error bar over the value; NaN if unknown
 
     Examples:
         >>> quantity(4.455e-8, "m")
@@ -68,7 +68,7 @@ def quantity(value: float, unit: str, digits: int = 4, *, bar: float = math.nan)
 
 
 def plus_minus(value: float, half: float) -> str:
-    """Return a number with the half width of its interval, of two digits, both to the same decimal.
+    """Number with the half width of its interval, of two digits, both to the same decimal.
 
     A width below a millionth of the value, or an unknown one, is left out.
 
@@ -89,7 +89,7 @@ def plus_minus(value: float, half: float) -> str:
 
 
 def per_cent(share: float) -> str:
-    """Return a share in per cent to two digits, without an exponent.
+    """Share in per cent to two digits, without an exponent.
 
     Examples:
         >>> per_cent(0.0123), per_cent(1e-6), per_cent(1.234)

@@ -99,9 +99,9 @@ def test_the_map_shows_the_spots_that_count(formulation: Formulation, monkeypatc
     assert top is not None
     triangles = np.concatenate([top.faces[:, nodes] for nodes in FACE_TRIANGLES])
     fields = {"points": top.points, "triangles": triangles, "touched": top.touched}
-    on_grid, shown = contact._Raster(fields), []
+    on_grid, shown = contact.Raster(fields), []
     for i in range(5):
-        drawn = contact._touching(on_grid, fields, i)
+        drawn = contact.touching(on_grid, fields, i)
         shown.append(ndimage.label(ndimage.binary_dilation(drawn, iterations=3))[1])
         if formulation.method == "active-set":
             assert drawn.mean() == pytest.approx(curve.area_fraction[i], rel=0.02, abs=1e-4)

@@ -62,12 +62,12 @@ class Rates:
     """Cost of a dof, measured on one core of the machine named in docs/cluster.md.
 
     Attributes:
-        mesh: seconds of meshing and set-up per dof.
-        step: seconds of a load step per dof at 10,000 dofs.
-        growth: exponent of the dofs in the seconds of a step.
-        base: memory of a rank without a mesh [bytes].
-        per_dof: memory per dof [bytes].
-        finite: time of a step in finite strain over that in small strain.
+        mesh: seconds of meshing and set-up per dof
+        step: seconds of a load step per dof at 10,000 dofs
+        growth: exponent of the dofs in the seconds of a step
+        base: memory of a rank without a mesh [bytes]
+        per_dof: memory per dof [bytes]
+        finite: time of a step in finite strain over that in small strain
 
     Examples:
         >>> PLASTIC.step > ELASTIC.step
@@ -91,10 +91,10 @@ class MeshEstimate:
     """One mesh of a run.
 
     Attributes:
-        h_contact: element size where the surface is reached last [length].
-        dofs: degrees of freedom.
-        steps: load steps, those of unloadings too.
-        seconds: of one core.
+        h_contact: element size where the surface is reached last [length]
+        dofs: degrees of freedom
+        steps: load steps, those of unloadings too
+        seconds: of one core
 
     Examples:
         >>> MeshEstimate(h_contact=4e-8, dofs=20_000, steps=10, seconds=8.0).dofs
@@ -112,13 +112,13 @@ class Estimate:
     """Estimated cost of a case.
 
     Attributes:
-        levels: the meshes, the last one the finest.
-        ranks: processes the memory is for.
-        memory: of all ranks [bytes].
-        approach: greatest one, where the load path gives a force that of a half-space [length].
-        bar: relative error bar of the force expected of the last mesh, None without a tolerance.
-        tolerance: relative, of the force; None without one.
-        strain: the coarse mesh that compares small and finite strain, in both; empty where nothing is compared.
+        levels: the meshes, the last one the finest
+        ranks: processes the memory is for
+        memory: of all ranks [bytes]
+        approach: greatest one, where the load path gives a force that of a half-space [length]
+        bar: relative error bar of the force expected of the last mesh, None without a tolerance
+        tolerance: relative, of the force; None without one
+        strain: the coarse mesh that compares small and finite strain, in both; empty where nothing is compared
 
     Examples:
         >>> meshes = MeshEstimate(8e-8, 5_000, 10, 2.0), MeshEstimate(4e-8, 20_000, 10, 8.0)
@@ -166,7 +166,7 @@ def estimate(case: Case, ranks: int = 1, surface: Surface | None = None) -> Esti
         surface: in place of that of the case
 
     Raises:
-        InputError: the case has more than MOST_DOFS.
+        InputError: the case has more than MOST_DOFS
 
     Examples:
         >>> case = asp.Case.from_dict({

@@ -25,7 +25,7 @@ def sizes_of_spots(pressure: Floats) -> Floats:
         pressure: at the cells, not negative (n, n)
 
     Returns:
-        Sizes, inf where there is no contact.
+        Sizes, inf where there is no contact
 
     Examples:
         >>> pressure = np.zeros((64, 64))

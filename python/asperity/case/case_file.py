@@ -64,12 +64,12 @@ class Case(Input):
         """Read a case file.
 
         Args:
-            path: TOML file; relative paths inside it are taken from its folder.
+            path: TOML file; relative paths inside it are taken from its folder
             overrides: texts "section.key=value" that replace keys of the file; an empty value
-                removes the key.
+                removes the key
 
         Raises:
-            InputError: anything wrong, in one sentence.
+            InputError: anything wrong, in one sentence
         """
         path = Path(path)
         data = _read_toml(path)
@@ -88,13 +88,13 @@ class Case(Input):
         """Complete and validate nested tables.
 
         Args:
-            data: sections and keys as in the case file, None for absent; not modified.
-            folder: where relative file paths start.
-            source: name of the input in messages.
-            changed: dotted keys that were set on the command line, for messages.
+            data: sections and keys as in the case file, None for absent; not modified
+            folder: where relative file paths start
+            source: name of the input in messages
+            changed: dotted keys that were set on the command line, for messages
 
         Raises:
-            InputError: anything wrong, in one sentence.
+            InputError: anything wrong, in one sentence
         """
         try:
             case = cls.model_validate(_complete(data, Path(folder)))
@@ -124,7 +124,7 @@ class Case(Input):
         """SHA-256 of the input, files counted by their content.
 
         Args:
-            without: sections that do not matter.
+            without: sections that do not matter
         """
         data = {name: table for name, table in self.content().items() if name not in set(without)}
         return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()

@@ -34,7 +34,7 @@ def command(case_file: str, case: Case, ranks: int, as_json: bool) -> None:
 
 
 def estimated(case: Case, ranks: int) -> dict[str, Any]:
-    """Return the estimate of a case: seconds of one core, bytes of all ranks.
+    """Estimate of a case: seconds of one core, bytes of all ranks.
 
     With a tolerance also the seconds with all meshes up to accuracy.max_dofs, "most_seconds".
 

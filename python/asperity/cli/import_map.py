@@ -299,7 +299,7 @@ def _spike(
         statistics: of the patch
 
     Returns:
-        Whether it is recommended.
+        Whether it is recommended
     """
     from asperity.surface.spikes import STANDS_OUT, prominence_of_summit
 
@@ -321,7 +321,7 @@ def _spike(
 
 
 def _cost(case_file: Path, surface: HeightMap) -> str:
-    """Return a sentence if the case will probably not meet its tolerance, with the filter it takes; empty otherwise.
+    """Sentence if the case will probably not meet its tolerance, with the filter it takes; empty otherwise.
 
     Raises:
         InputError: the case cannot be run

@@ -70,7 +70,7 @@ def starting_case(
     joint: tuple[float, float, float] | None = None,
     folder: Path = Path(),
 ) -> str:
-    """Return the text of a case file made from the schema.
+    """Text of a case file made from the schema.
 
     Args:
         kind: of surface, one of SURFACES
@@ -118,7 +118,7 @@ def starting_case(
 
 
 def _light_load(scan: Path) -> float:
-    """Return the approach that puts a few per cent of the heights of a map above the flat [length]."""
+    """Approach that puts a few per cent of the heights of a map above the flat [length]."""
     from asperity.surface import HeightMap
     from asperity.surface.cutoff import approach_of_share
 

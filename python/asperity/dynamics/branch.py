@@ -26,11 +26,11 @@ class Event:
     """Special orbit on a branch: "fold", "period doubling" or "grazing" (u_min = -1).
 
     Attributes:
-        kind: one of the three.
-        branch: index of its branch in the response.
-        Omega: forcing frequency over omega_s.
-        u_max, u_min: extreme displacements.
-        a1: amplitude at the forcing frequency.
+        kind: one of the three
+        branch: index of its branch in the response
+        Omega: forcing frequency over omega_s
+        u_max, u_min: extreme displacements
+        a1: amplitude at the forcing frequency
 
     Examples:
         >>> response = asp.ContactOscillator(asp.PowerLaw(1.5)).response(0.02, (0.85, 1.05), tol=1e-3)
@@ -53,21 +53,21 @@ class Branch:
     """Periodic orbits in order along a branch (arrays of shape (points,)).
 
     Attributes:
-        kind: "main", "sub2" or "sub4" (of period 2 or 4, from a period doubling) or "detached".
-        order: forcing periods per period of the orbit.
-        Omega: forcing frequency over omega_s.
-        u_max, u_min: extreme displacements; contact is lost where u_min < -1.
-        a1: amplitude at the forcing frequency.
-        stable: linear stability.
-        radius: largest modulus of a Floquet multiplier.
-        error: estimate of the truncation error, or of the round-off error if larger, relative to the amplitude.
-        det_error: deviation of the monodromy determinant from Liouville's; 1 where the stability is unreliable.
-        harmonics: number of harmonics at each point.
-        coefficients: complex Fourier coefficients (points, K + 1) in the angle Omega tau / order.
-        tangent: derivative of the coefficients along the branch (points, K + 1).
-        tangent_omega: derivative of Omega along the branch; with `tangent` it has length 1.
-        valid: False where the law is unphysical (a Taylor law with u_min < -1).
-        end: reason why the branch ends.
+        kind: "main", "sub2" or "sub4" (of period 2 or 4, from a period doubling) or "detached"
+        order: forcing periods per period of the orbit
+        Omega: forcing frequency over omega_s
+        u_max, u_min: extreme displacements; contact is lost where u_min < -1
+        a1: amplitude at the forcing frequency
+        stable: linear stability
+        radius: largest modulus of a Floquet multiplier
+        error: estimate of the truncation error, or of the round-off error if larger, relative to the amplitude
+        det_error: deviation of the monodromy determinant from Liouville's; 1 where the stability is unreliable
+        harmonics: number of harmonics at each point
+        coefficients: complex Fourier coefficients (points, K + 1) in the angle Omega tau / order
+        tangent: derivative of the coefficients along the branch (points, K + 1)
+        tangent_omega: derivative of Omega along the branch; with `tangent` it has length 1
+        valid: False where the law is unphysical (a Taylor law with u_min < -1)
+        end: reason why the branch ends
 
     Examples:
         >>> response = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.1).response(0.01, (0.9, 1.1), tol=1e-3)
@@ -99,7 +99,7 @@ class Branch:
         return self.Omega.size
 
     def points(self) -> Iterator[Point]:
-        """Yield the points of the continuation."""
+        """Points of the continuation."""
         for i, count in enumerate(self.harmonics):
             x, t = (unstack(c[i], int(count)) for c in (self.coefficients, self.tangent))
             yield Point(x, float(self.Omega[i]), t, float(self.tangent_omega[i]), float(self.error[i]))
@@ -160,10 +160,10 @@ def within_law(
     """Cut the branches where the orbit leaves the range of the law.
 
     Returns:
-        The remaining branches, their events, and notes on the cuts.
+        The remaining branches, their events, and notes on the cuts
 
     Raises:
-        RangeError: no part of any branch lies within the law.
+        RangeError: no part of any branch lies within the law
     """
     low, high = balance.restoring.u_range
     if np.isinf(low) and np.isinf(high):

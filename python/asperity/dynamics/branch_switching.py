@@ -33,13 +33,13 @@ def subharmonic(balance: Balance, forcing: float, flip: Point, how: Tracing, oth
     """Trace the branch of twice the period from a period doubling until it leaves the window or ends at another one.
 
     Args:
-        balance: equations, with the order of the branch that doubles its period.
-        forcing: F^.
-        flip, others: the period doubling, and the others of that order.
-        how: window, accuracy and limits for order 1.
+        balance: equations, with the order of the branch that doubles its period
+        forcing: F^
+        flip, others: the period doubling, and the others of that order
+        how: window, accuracy and limits for order 1
 
     Returns:
-        The path of twice the order; None if it has fewer than 3 points.
+        The path of twice the order; None if it has fewer than 3 points
     """
     double = replace(balance, order=2 * balance.order)
     equations = in_omega(double, forcing)
@@ -83,7 +83,7 @@ def subharmonic(balance: Balance, forcing: float, flip: Point, how: Tracing, oth
 
 
 def _doubled(x: Array) -> Array:
-    """Return an orbit as one of twice the order."""
+    """Orbit as one of twice the order."""
     count = x.size // 2
     out = np.zeros(4 * count + 1)
     out[0] = x[0]
@@ -98,7 +98,7 @@ def _gap(a: Point, b: Point) -> float:
 
 
 def _odd(x: Array) -> Array:
-    """Return the odd harmonics of an orbit, which one of half the order lacks; the others are 0."""
+    """Odd harmonics of an orbit, which one of half the order lacks; the others are 0."""
     out = x.copy()
     m = x.size // 2
     out[0] = out[2 : m + 1 : 2] = out[m + 2 :: 2] = 0.0
@@ -106,7 +106,7 @@ def _odd(x: Array) -> Array:
 
 
 def _single(p: Point, odd: Array) -> Point:
-    """Return the orbit of half the order at the end of a branch, whose tangent there is -odd."""
+    """Orbit of half the order at the end of a branch, whose tangent there is -odd."""
     odd = resize(odd, p.x.size // 2)
     return Point(p.x - _odd(p.x), p.parameter, -odd / np.linalg.norm(odd), 0.0, p.error)
 
@@ -117,10 +117,10 @@ def detached(
     """Trace the branch through an orbit x (2 K + 1) in both directions, unless one of the paths contains it.
 
     Returns:
-        The path; None if it is already known or its true period is shorter.
+        The path; None if it is already known or its true period is shorter
 
     Raises:
-        ConvergenceError: the balance has no orbit near the given one.
+        ConvergenceError: the balance has no orbit near the given one
     """
     equations, order = in_omega(balance, forcing), balance.order
     how = replace(how, min_harmonics=order * MIN_HARMONICS)
@@ -161,7 +161,7 @@ def detached(
 
 
 def is_same(a: Point, b: Point, order: int) -> bool:
-    """Return whether two points are one orbit, up to a shift by whole forcing periods."""
+    """Whether two points are one orbit, up to a shift by whole forcing periods."""
     if abs(a.parameter - b.parameter) > 1e-9:
         return False
     gap = distance(stack([a.x])[0], stack([b.x])[0], order)
@@ -169,11 +169,11 @@ def is_same(a: Point, b: Point, order: int) -> bool:
 
 
 def distance(a: Array, b: Array, order: int) -> float:
-    """Return the relative distance of two orbits of complex coefficients, up to a shift by whole forcing periods."""
+    """Relative distance of two orbits of complex coefficients, up to a shift by whole forcing periods."""
     count = min(a.size, b.size)
     return float(np.abs(a[:count] - shifts(b[:count], order)).max(axis=1).min() / np.abs(b).max())
 
 
 def shifts(c: Array, order: int) -> Array:
-    """Return complex coefficients (order, K + 1) of an orbit and of its copies shifted by forcing periods."""
+    """Complex coefficients (order, K + 1) of an orbit and of its copies shifted by forcing periods."""
     return c * np.exp(2j * np.pi / order * np.outer(np.arange(order), np.arange(c.size)))

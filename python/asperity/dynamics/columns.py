@@ -27,13 +27,13 @@ class CurveColumns:
     """Columns of a curve in the order of its steps, shape (n,); NaN where unknown.
 
     Attributes:
-        delta: approach (length).
-        force: force.
-        branch: "load", "unload" or "reload"; all "load" where the curve has no such column.
-        plastic: greatest accumulated plastic strain, or the share of the volume that has yielded.
-        elastic: stiffness of unloading and small vibration (force/length), column k_n_elastic.
-        bar: error bar of the force over the force.
-        elastic_bar: error bar of the elastic stiffness over that stiffness, column error_k_n_elastic.
+        delta: approach (length)
+        force: force
+        branch: "load", "unload" or "reload"; all "load" where the curve has no such column
+        plastic: greatest accumulated plastic strain, or the share of the volume that has yielded
+        elastic: stiffness of unloading and small vibration (force/length), column k_n_elastic
+        bar: error bar of the force over the force
+        elastic_bar: error bar of the elastic stiffness over that stiffness, column error_k_n_elastic
 
     Examples:
         >>> from asperity.dynamics.columns import CurveColumns
@@ -55,11 +55,11 @@ class CurveColumns:
         """Read a `Curve`, a mapping, a CSV file, or a directory with curve.csv.
 
         Args:
-            source: with the columns delta and force at least.
-            factor: by which forces and stiffnesses are multiplied, nominal area of a joint over that of the patch.
+            source: with the columns delta and force at least
+            factor: by which forces and stiffnesses are multiplied, nominal area of a joint over that of the patch
 
         Raises:
-            InputError: there is no such file, or a column is missing, empty, or contains what is not a number.
+            InputError: there is no such file, or a column is missing, empty, or contains what is not a number
         """
         if isinstance(source, cls):
             return source
@@ -103,7 +103,7 @@ class CurveColumns:
         return np.asarray(self.branch == "load")
 
     def yielded(self, load: float) -> bool | None:
-        """Return whether the solid has yielded once the loading has reached a force; None if that is not known.
+        """Whether the solid has yielded once the loading has reached a force; None if that is not known.
 
         The plastic strain decides: that of the first row at or above the force and of those before. Without it, an
         unloading that falls short of the loading does.
@@ -121,7 +121,7 @@ class CurveColumns:
         return bool(np.max(up - self.force[down]) > _HYSTERESIS * self.force.max())
 
     def bar_at(self, load: float, *, elastic: bool = False) -> float:
-        """Return the error bar of the force, or of the elastic stiffness, over it at a load; NaN if unknown.
+        """Error bar of the force, or of the elastic stiffness, over it at a load; NaN if unknown.
 
         It is that of the row nearest in force among those that have one.
         """
@@ -130,11 +130,11 @@ class CurveColumns:
         return float(bars[known[np.argmin(np.abs(self.force[known] - load))]]) if known.size else np.nan
 
     def rising(self, among: Flags) -> Array:
-        """Return the rows among those marked, shape (n,), in the order of their force, each force once."""
+        """Rows among those marked, shape (n,), in the order of their force, each force once."""
         return np.flatnonzero(among)[np.unique(self.force[among], return_index=True)[1]]
 
     def unloadings(self) -> list[Array]:
-        """Return the rows of closing reloadings, then of unloadings, each with the row before, the last one first."""
+        """Rows of closing reloadings, then of unloadings, each with the row before, the last one first."""
         legs = np.split(np.arange(self.delta.size), np.flatnonzero(self.branch[1:] != self.branch[:-1]) + 1)
         up, down = [], []
         top = None  # row at which the last unloading began

@@ -36,11 +36,11 @@ class Point:
     """One periodic orbit on a branch.
 
     Attributes:
-        x: Fourier coefficients (2 K + 1).
-        parameter: Omega (or F^ while the forcing is raised).
-        t: unit tangent in x.
-        t_parameter: tangent in the parameter; it changes sign at a fold.
-        error: relative truncation estimate, see `harmonic_balance.tail`.
+        x: Fourier coefficients (2 K + 1)
+        parameter: Omega (or F^ while the forcing is raised)
+        t: unit tangent in x
+        t_parameter: tangent in the parameter; it changes sign at a fold
+        error: relative truncation estimate, see `harmonic_balance.tail`
     """
 
     x: Array
@@ -50,13 +50,13 @@ class Point:
     error: float
 
     def resized(self, count: int) -> Point:
-        """Return the same point with `count` harmonics."""
+        """Same point with `count` harmonics."""
         if self.x.size == 2 * count + 1:
             return self
         return replace(self, x=resize(self.x, count), t=resize(self.t, count))
 
     def turned(self) -> Point:
-        """Return the same point with the opposite direction."""
+        """Same point with the opposite direction."""
         return replace(self, t=-self.t, t_parameter=-self.t_parameter)
 
 
@@ -85,12 +85,12 @@ Equations = Callable[[Array, float], tuple[Array, Array, Array]]
 
 
 def in_omega(balance: Balance, forcing: float) -> Equations:
-    """Return the balance at fixed forcing as a function of (x, Omega)."""
+    """Balance at fixed forcing as a function of (x, Omega)."""
     return lambda x, omega: balance.evaluate(x, omega, forcing)
 
 
 def in_forcing(balance: Balance, omega: float) -> Equations:
-    """Return the balance at fixed Omega as a function of (x, F^)."""
+    """Balance at fixed Omega as a function of (x, F^)."""
 
     def equations(x: Array, forcing: float) -> tuple[Array, Array, Array]:
         residual, jacobian, _ = balance.evaluate(x, omega, forcing)
@@ -116,10 +116,10 @@ def correct(
     The iteration ends with a step below `rtol`, relative to x; the remaining error is of the order of its square.
 
     Returns:
-        x, parameter, and the unit tangent of the branch in both, oriented along the normal.
+        x, parameter, and the unit tangent of the branch in both, oriented along the normal
 
     Raises:
-        ConvergenceError: the iteration does not converge, or moves further than `limit`.
+        ConvergenceError: the iteration does not converge, or moves further than `limit`
     """
     size = x.size
     matrix = np.empty((size + 1, size + 1))
@@ -250,12 +250,12 @@ def _step(
 
 
 def newton_rtol(tol: float, smooth: bool = True) -> float:
-    """Return the size of the last Newton step whose remaining error is well below the truncation error `tol`."""
+    """Size of the last Newton step whose remaining error is well below the truncation error `tol`."""
     return max(_NEWTON_RTOL, float(np.sqrt(1e-2 * tol))) if smooth else _NEWTON_RTOL
 
 
 def between(equations: Equations, a: Point, b: Point, fraction: float, rtol: float = _NEWTON_RTOL) -> Point:
-    """Return the point of the branch at a fraction of the way from a to b: cubic Hermite prediction, corrected."""
+    """Point of the branch at a fraction of the way from a to b: cubic Hermite prediction, corrected."""
     cubic, length = _segment(a, b)
     y, chord = value(cubic, fraction), cubic[1:].sum(axis=0) / length
     x, p, t, tp = correct(equations, y[:-1], float(y[-1]), chord[:-1], float(chord[-1]), rtol=rtol)
@@ -263,17 +263,17 @@ def between(equations: Equations, a: Point, b: Point, fraction: float, rtol: flo
 
 
 def hermite(start: Array, chord: Array, out: Array, into: Array) -> Array:
-    """Return the coefficients (4, ...), lowest first, of the cubic over [0, 1] with the given slopes at its ends."""
+    """Coefficients (4, ...), lowest first, of the cubic over [0, 1] with the given slopes at its ends."""
     return np.array([start, out, 3.0 * chord - 2.0 * out - into, out + into - 2.0 * chord])
 
 
 def value(cubic: Array, s: Any) -> Array:
-    """Return the value of a cubic at the fraction s."""
+    """Value of a cubic at the fraction s."""
     return np.asarray(cubic[0] + s * (cubic[1] + s * (cubic[2] + s * cubic[3])))
 
 
 def _segment(a: Point, b: Point) -> tuple[Array, float]:
-    """Return the cubic of (x, parameter) from a to b and the length of its chord."""
+    """Cubic of (x, parameter) from a to b and the length of its chord."""
     count = max(a.x.size, b.x.size) // 2
     a, b = a.resized(count), b.resized(count)
     chord = np.append(b.x - a.x, b.parameter - a.parameter)
@@ -318,7 +318,7 @@ def locate(
 
 
 def predictor(points: Sequence[Point]) -> Callable[[float], tuple[Array, float]]:
-    """Return the extrapolation by arc length with the cubic through the last two points and their tangents."""
+    """Extrapolation by arc length with the cubic through the last two points and their tangents."""
     here = points[-1]
     tangent = np.append(here.t, here.t_parameter)
     cubic, origin, length = np.array([np.append(here.x, here.parameter), tangent, 0 * tangent, 0 * tangent]), 0.0, 1.0
@@ -335,7 +335,7 @@ def predictor(points: Sequence[Point]) -> Callable[[float], tuple[Array, float]]
 
 
 def _prediction_error(guess: Array, x: Array, before: Array, watch: float) -> float:
-    """Return the largest error of the predictor in any harmonic, in units of a sixth of that harmonic."""
+    """Largest error of the predictor in any harmonic, in units of a sixth of that harmonic."""
     count = x.size // 2
     miss = guess - x
     miss_k = np.sqrt(miss[1 : count + 1] ** 2 + miss[count + 1 :] ** 2)
@@ -347,7 +347,7 @@ def _prediction_error(guess: Array, x: Array, before: Array, watch: float) -> fl
 
 
 def _at_edge(equations: Equations, inside: Point, outside: Point, edge: float, tol: float, min_harmonics: int) -> Point:
-    """Return the solution exactly at the edge of the window, between two points."""
+    """Solution exactly at the edge of the window, between two points."""
     cubic = _segment(inside, outside)[0]
     crossing = Polynomial(cubic[:, -1] - [edge, 0.0, 0.0, 0.0])
     slope, s = crossing.deriv(), (edge - inside.parameter) / (outside.parameter - inside.parameter)
@@ -362,13 +362,13 @@ def _at_edge(equations: Equations, inside: Point, outside: Point, edge: float, t
 
 
 def crossings(equations: Equations, points: Iterable[Point], parameter: float) -> Iterator[Point]:
-    """Yield each orbit of a path at exactly this parameter, in order along the path.
+    """Each orbit of a path at exactly this parameter, in order along the path.
 
     Where the cubic between two points turns back the segment is split, so that each piece has at most one crossing. It
     is located along the branch, with each trial corrected perpendicular to it, which also works near a fold.
 
     Raises:
-        ConvergenceError: the correction at a crossing of the cubic fails.
+        ConvergenceError: the correction at a crossing of the cubic fails
     """
     last = None
     for a, b in pairwise(points):
@@ -388,7 +388,7 @@ def crossings(equations: Equations, points: Iterable[Point], parameter: float) -
 
 
 def turns(a: Point, b: Point) -> list[float]:
-    """Return the fractions of the segment, in order, at which the parameter of the cubic turns back."""
+    """Fractions of the segment, in order, at which the parameter of the cubic turns back."""
     _, first, second, third = _segment(a, b)[0][:, -1]
     root = second * second - 3.0 * third * first
     if root < 0:
@@ -399,7 +399,7 @@ def turns(a: Point, b: Point) -> list[float]:
 
 
 def _may_cross(a: Point, b: Point, parameter: float) -> bool:
-    """Return whether the cubic may cross the parameter: its control polygon lies on both sides."""
+    """Whether the cubic may cross the parameter: its control polygon lies on both sides."""
     start, first, second, third = _segment(a, b)[0][:, -1]
     polygon = (start, start + first / 3.0, b.parameter - (3.0 * third + 2.0 * second + first) / 3.0, b.parameter)
     return min(polygon) <= parameter <= max(polygon)

@@ -33,7 +33,7 @@ class Line:
 
     Attributes:
         phase: by which the displacement at the forcing frequency is ahead of the force (degrees), 0 to -180 in a
-            linear contact.
+            linear contact
     """
 
     Omega: Array
@@ -45,7 +45,7 @@ class Line:
 
 
 def on_cubic(branch: Branch, place: Array) -> tuple[Array, Array]:
-    """Return Omega (rows,) and complex coefficients (rows, K + 1) of the cubics at places along a branch.
+    """Omega (rows,) and complex coefficients (rows, K + 1) of the cubics at places along a branch.
 
     A place is the index of the point before it plus the fraction of the way to the next point.
     """
@@ -81,19 +81,19 @@ def dense(balance: Balance, branch: Branch, rtol: float = _RTOL) -> Line:
 
 
 def _measured(branch: Branch, places: Array) -> Array:
-    """Return Omega, u_max, u_min, a1 and phase (5, rows) of the cubics at the places."""
+    """Omega, u_max, u_min, a1 and phase (5, rows) of the cubics at the places."""
     omega, c = on_cubic(branch, places)
     u_min, u_max = extrema(c)
     return np.array([omega, u_max, u_min, np.abs(c[:, branch.order]), _degrees(c[:, branch.order])])
 
 
 def _degrees(first: Array) -> Array:
-    """Return the angle of complex first harmonics between -270 and 90 degrees, so that -180 is no edge."""
+    """Angle of complex first harmonics between -270 and 90 degrees, so that -180 is no edge."""
     return np.degrees((np.angle(first) + 1.5 * np.pi) % (2.0 * np.pi) - 1.5 * np.pi)
 
 
 def _deviation(a: Array, b: Array, middle: Array) -> Array:
-    """Return the relative distance of rows from the line between their neighbours, along u_max and Omega."""
+    """Relative distance of rows from the line between their neighbours, along u_max and Omega."""
     worst = np.zeros(middle.shape[1])
     for x, y, flat in ((0, 1, _FLAT[0]), (1, 0, _FLAT[1])):
         gap = b[x] - a[x]
@@ -104,7 +104,7 @@ def _deviation(a: Array, b: Array, middle: Array) -> Array:
 
 
 def _stability(balance: Balance, branch: Branch, places: Array) -> NDArray[np.bool_]:
-    """Return the stability of the rows: it changes at points only, because special orbits are points."""
+    """Stability of the rows: it changes at points only, because special orbits are points."""
     if len(branch) == 1:
         return branch.stable
     neutral = np.abs(branch.radius - 1.0) < _NEUTRAL

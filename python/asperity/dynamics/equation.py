@@ -33,18 +33,18 @@ class Restoring:
     """Normal form of a law about a preload: the restoring force f(u) with f(0) = 0, f'(0) = 1.
 
     Attributes:
-        law: the law.
-        load: preload W (force).
-        z_s: static deflection (length).
-        scale: z_s F'(z_s) (force); F^ = F / scale.
-        n_loc: local exponent, scale / W.
+        law: the law
+        load: preload W (force)
+        z_s: static deflection (length)
+        scale: z_s F'(z_s) (force); F^ = F / scale
+        n_loc: local exponent, scale / W
         a2, a3: coefficients of f = u + a2 u^2 + a3 u^3 + ...
-        kappa: backbone curvature, omega/omega_s = 1 + kappa a^2.
-        u_range: smallest and largest displacement u at which the law is known.
+        kappa: backbone curvature, omega/omega_s = 1 + kappa a^2
+        u_range: smallest and largest displacement u at which the law is known
 
     Raises:
-        InputError: load or static deflection beyond floating-point range, or stiffness not positive.
-        RangeError: the law does not reach the load.
+        InputError: load or static deflection beyond floating-point range, or stiffness not positive
+        RangeError: the law does not reach the load
 
     Examples:
         >>> r = asp.ContactOscillator(asp.PowerLaw(2.0), load=4.0).restoring
@@ -102,33 +102,33 @@ class Restoring:
         return self.law.contact
 
     def pull(self, u: Array) -> tuple[Array, Array]:
-        """Return the contact force over `scale`, zero in flight, and its derivative with respect to u."""
+        """Contact force over `scale`, zero in flight, and its derivative with respect to u."""
         force, slope = self.law.both(self.z_s * (1.0 + u))
         return force / self.scale, slope * (self.z_s / self.scale)
 
     def pull_at(self, u: float) -> tuple[float, float]:
-        """Return `pull` at one displacement."""
+        """`pull` at one displacement."""
         force, slope = self.law.at(self.z_s * (1.0 + u))
         return force / self.scale, slope * (self.z_s / self.scale)
 
     def pull_only(self, u: Array) -> Array:
-        """Return the contact force over `scale` alone, for the inner loop of time integration."""
+        """Contact force over `scale` alone, for the inner loop of time integration."""
         return self.law.push(self.z_s * (1.0 + u)) / self.scale
 
     def f(self, u: ArrayLike) -> Array:
-        """Return the restoring force f(u), same shape as `u`."""
+        """Restoring force f(u), same shape as `u`."""
         return self.pull(np.asarray(u, float))[0] - 1.0 / self.n_loc
 
     def df(self, u: ArrayLike) -> Array:
-        """Return the derivative f'(u), same shape as `u`."""
+        """Derivative f'(u), same shape as `u`."""
         return self.pull(np.asarray(u, float))[1]
 
     def potential(self, u: ArrayLike) -> Array:
-        """Return the potential V(u) with V(0) = 0, same shape as `u`."""
+        """Potential V(u) with V(0) = 0, same shape as `u`."""
         return self.law.well(np.asarray(u, float), self.z_s, self.load, self.scale)
 
     def pulled(self, u: ArrayLike) -> Array:
-        """Return the energy stored in the contact, the integral of `pull` from u = -1."""
+        """Energy stored in the contact, the integral of `pull` from u = -1."""
         z = self.z_s * (1.0 + np.asarray(u, float))
         return self.law.potential(z) / (self.scale * self.z_s)
 
@@ -148,9 +148,9 @@ class Equation:
     """Restoring force and damping.
 
     Attributes:
-        restoring: normal form of the law.
-        zeta: damping ratio of small motion.
-        damping: damping model, see `asperity.dynamics.law.damping`.
+        restoring: normal form of the law
+        zeta: damping ratio of small motion
+        damping: damping model, see `asperity.dynamics.law.damping`
     """
 
     restoring: Restoring
@@ -158,13 +158,13 @@ class Equation:
     damping: Damping = "always"
 
     def loss(self, u: float) -> float:
-        """Return 2 zeta G(u), the difference between w and the speed, at one displacement."""
+        """2 zeta G(u), the difference between w and the speed, at one displacement."""
         stored = u if self.damping == "always" else float(primitive(self.restoring, self.damping, np.array([u]))[0])
         return 2.0 * self.zeta * stored
 
 
 def rate(restoring: Restoring, damping: Damping, u: Array) -> Array:
-    """Return the damping factor g(u), same shape as `u`."""
+    """Damping factor g(u), same shape as `u`."""
     if isinstance(damping, LoopDamping):
         added = damping.coefficient(restoring.z_s * np.abs(u)) / damping.background
         return np.where(u > -1.0, 1.0 + added, 0.0)
@@ -176,7 +176,7 @@ def rate(restoring: Restoring, damping: Damping, u: Array) -> Array:
 
 
 def primitive(restoring: Restoring, damping: Damping, u: Array) -> Array:
-    """Return the integral G(u) of the damping factor from 0; constant in flight except for "always"."""
+    """Integral G(u) of the damping factor from 0; constant in flight except for "always"."""
     if isinstance(damping, LoopDamping):
         u = np.maximum(u, -1.0)
         added = damping.integral(restoring.z_s * np.abs(u)) / (restoring.z_s * damping.background)

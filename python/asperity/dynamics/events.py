@@ -35,7 +35,7 @@ def locate_events(
     """Insert the events and the maxima of u_max into a path, the branch `number` of a response, and measure it.
 
     Returns:
-        The branch, its events, and its period doublings as points.
+        The branch, its events, and its period doublings as points
     """
     points = _refined(equations, path.points, tol)
     multipliers = _multipliers(balance, points)
@@ -65,7 +65,7 @@ def _inserted(
 
 
 def _tests(balance: Balance, points: list[Point], multipliers: Floquet) -> list[_Test]:
-    """Return the quantities whose zeros are events, or the maxima of u_max."""
+    """Quantities whose zeros are events, or the maxima of u_max."""
     low, high = balance.restoring.u_range
     u_min, u_max = extrema(stack([p.x for p in points]))
     fold = np.array([p.t_parameter for p in points])
@@ -93,7 +93,7 @@ def _tests(balance: Balance, points: list[Point], multipliers: Floquet) -> list[
 def _located(
     balance: Balance, equations: Equations, points: list[Point], tests: list[_Test], tol: float
 ) -> list[tuple[int, str, Point]]:
-    """Return the zeros of the tests in order along a path: the point before, the name, and the zero as a point."""
+    """Zeros of the tests in order along a path: the point before, the name, and the zero as a point."""
     search = {"rtol": newton_rtol(tol, not balance.restoring.singular), "xtol": 0.03 * float(np.sqrt(tol))}
     found: list[tuple[int, float, str, Point]] = []
     for name, values, at in tests:
@@ -158,7 +158,7 @@ def _multipliers(balance: Balance, points: list[Point]) -> Floquet:
 
 
 def _tongues(balance: Balance, equations: Equations, points: list[Point], data: Floquet) -> list[tuple[int, Point]]:
-    """Return a point inside each period-doubling tongue narrower than a step, with the number of the point before.
+    """Point inside each period-doubling tongue narrower than a step, with the number of the point before.
 
     Multipliers near -1 are -rho exp(+-i psi). psi^2 is smooth along the branch, vanishes where they meet on the
     real axis and is negative in a tongue.
@@ -187,7 +187,7 @@ def _tongues(balance: Balance, equations: Equations, points: list[Point], data: 
 
 
 def _phase_square(data: Floquet) -> Array:
-    """Return psi^2 of multipliers -rho exp(+-i psi); negative where they are real and negative."""
+    """Psi^2 of multipliers -rho exp(+-i psi); negative where they are real and negative."""
     h = -data.trace / (2.0 * np.sqrt(np.maximum(data.determinant, NEGLIGIBLE)))
     inside = np.arccos(np.clip(h, -1.0, 1.0)) ** 2
     return np.where(h > 1.0, -(np.arccosh(np.maximum(h, 1.0)) ** 2), inside)

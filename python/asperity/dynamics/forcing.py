@@ -22,12 +22,12 @@ class Setting:
     """Law, damping and forcing of a forced result.
 
     Attributes:
-        model: "exact" or "taylor".
-        law: description of the law.
-        n_loc: local exponent at the operating point.
-        zeta, damping: damping ratio and model.
-        F_hat: forcing F/(n_loc W), W the preload.
-        F_over_mg: forcing over the preload, n_loc F_hat (sigma in the Hertz literature).
+        model: "exact" or "taylor"
+        law: description of the law
+        n_loc: local exponent at the operating point
+        zeta, damping: damping ratio and model
+        F_hat: forcing F/(n_loc W), W the preload
+        F_over_mg: forcing over the preload, n_loc F_hat (sigma in the Hertz literature)
 
     Examples:
         >>> print(asp.ContactOscillator(asp.PowerLaw(1.5)).setting(0.02).describe())
@@ -47,7 +47,7 @@ class Setting:
         return self.n_loc * self.F_hat
 
     def describe(self) -> str:
-        """Return one line for titles and logs."""
+        """One line for titles and logs."""
         return (
             f"{self.model}: {self.law}, zeta = {self.zeta:g} ({self.damping}), F^ = {self.F_hat:g}, "
             f"F/W = {self.F_over_mg:g}"
@@ -55,17 +55,17 @@ class Setting:
 
 
 def frequencies(values: Any, name: str = "omega") -> tuple[float, ...]:
-    """Return one Omega or several as a tuple; raise `InputError` unless all are legal."""
+    """One Omega or several as a tuple; raise `InputError` unless all are legal."""
     return tuple(within(name, value, OMEGA) for value in positives(name, values))
 
 
 def forcings(values: Any, name: str = "forcing") -> tuple[float, ...]:
-    """Return one F^ or several as a tuple; raise `InputError` unless all are legal."""
+    """One F^ or several as a tuple; raise `InputError` unless all are legal."""
     return tuple(within(name, value, FORCING) for value in positives(name, values))
 
 
 def window(omega: Sequence[float], name: str = "omega") -> tuple[float, float]:
-    """Return lowest and highest Omega; raise `InputError` unless they are a legal window."""
+    """Lowest and highest Omega; raise `InputError` unless they are a legal window."""
     values = frequencies(omega, name)
     if len(values) != 2 or values[0] >= values[1]:
         raise InputError(f"{name} = {list(values)} is not legal: give two frequencies 0 < low < high")

@@ -37,13 +37,13 @@ class FreeOrbit:
     """Undamped free orbit released from rest at u_0 > 0.
 
     Attributes:
-        u0, u_min: turning points (u > 0 is compression).
-        omega: frequency over omega_s.
-        a1: amplitude of the first harmonic of u.
-        v_s: speed at separation (0 if contact is kept).
-        flight: share of the period out of contact.
-        dissipation: INT g u'^2 over a period, for the requested damping model.
-        error: estimated relative error of `omega`.
+        u0, u_min: turning points (u > 0 is compression)
+        omega: frequency over omega_s
+        a1: amplitude of the first harmonic of u
+        v_s: speed at separation (0 if contact is kept)
+        flight: share of the period out of contact
+        dissipation: INT g u'^2 over a period, for the requested damping model
+        error: estimated relative error of `omega`
 
     Examples:
         >>> orbit = asp.ContactOscillator(asp.PowerLaw(1.5)).free(1.2).orbits[0]
@@ -74,7 +74,7 @@ class FreeOrbit:
 
 
 def column(orbits: Sequence[FreeOrbit], name: str) -> Array:
-    """Return an attribute of each orbit, shape (orbits,)."""
+    """Attribute of each orbit, shape (orbits,)."""
     return np.array([getattr(orbit, name) for orbit in orbits])
 
 
@@ -83,13 +83,13 @@ class FreeVibration:
     """Natural frequency over amplitude.
 
     Attributes:
-        model: "exact" or "taylor".
-        law: description of the law.
-        n_loc, kappa: local exponent and backbone curvature at the operating point.
-        omega_s: natural frequency of small motion (rad/time), NaN without gravity.
-        orbits: one `FreeOrbit` per amplitude.
-        valid: False where a Taylor orbit has u_min < -1, which is unphysical.
-        tolerance: largest estimated relative error of the frequencies.
+        model: "exact" or "taylor"
+        law: description of the law
+        n_loc, kappa: local exponent and backbone curvature at the operating point
+        omega_s: natural frequency of small motion (rad/time), NaN without gravity
+        orbits: one `FreeOrbit` per amplitude
+        valid: False where a Taylor orbit has u_min < -1, which is unphysical
+        tolerance: largest estimated relative error of the frequencies
 
     Examples:
         >>> free = asp.ContactOscillator(asp.PowerLaw(1.5)).free([0.2, 0.5])
@@ -124,13 +124,13 @@ class FreeVibration:
         return column(self.orbits, "u_min")
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """Yield the rows of free.csv."""
+        """Rows of free.csv."""
         for o in self.orbits:
             yield {"model": self.model, "u0": o.u0, "omega_ratio": o.omega, "u_min": o.u_min, "a1": o.a1}
 
 
 def contact_limit(restoring: Restoring) -> float:
-    """Return the largest release that keeps contact, V(u_max) = V(-1); (n+1)^(1/n) - 1 for a power law.
+    """Largest release that keeps contact, V(u_max) = V(-1); (n+1)^(1/n) - 1 for a power law.
 
     It is inf for a law without contact loss, and for a table that ends before that amplitude.
     """
@@ -149,9 +149,9 @@ def free_orbit(restoring: Restoring, u0: float, damping: Damping = "always") -> 
     """Compute the orbit released from rest at `u0`, to 1e-12 where the law is smooth.
 
     Raises:
-        InputError: u0 is not positive.
-        RangeError: the orbit leaves a table, or passes the rim of a Taylor well.
-        ConvergenceError: the quadrature does not converge (the law is too rough between its knots).
+        InputError: u0 is not positive
+        RangeError: the orbit leaves a table, or passes the rim of a Taylor well
+        ConvergenceError: the quadrature does not converge (the law is too rough between its knots)
     """
     u0 = positive("u0", u0)
     half = _half_period(restoring, u0)
@@ -172,14 +172,14 @@ def free_orbit(restoring: Restoring, u0: float, damping: Damping = "always") -> 
 
 
 def rough_orbit(restoring: Restoring, u0: float, damping: Damping) -> tuple[float, float, float]:
-    """Return frequency, `FreeOrbit.drive` and second harmonic over the first to about 1e-4, for starting values."""
+    """Frequency, `FreeOrbit.drive` and second harmonic over the first to about 1e-4, for starting values."""
     half = _half_period(restoring, u0, orders=_ORDERS[:1])
     a1, a2 = _harmonics(half, np.array([1, 2]))
     return 2.0 * np.pi / half.period, _dissipation(restoring, half, damping) / (np.pi * float(a1)), float(a2 / a1)
 
 
 def orbit_coefficients(restoring: Restoring, u0: float, count: int) -> Array:
-    """Return the Fourier coefficients (mean, cosines, zero sines; 2 count + 1) of the orbit released at phase 0."""
+    """Fourier coefficients (mean, cosines, zero sines; 2 count + 1) of the orbit released at phase 0."""
     half = _half_period(restoring, u0, 3 * count)
     out = np.zeros(2 * count + 1)
     out[: count + 1] = _harmonics(half, np.arange(count + 1))
@@ -227,7 +227,7 @@ def _half_period(restoring: Restoring, u0: float, least: int = 0, orders: tuple[
 
 
 def _dissipation(restoring: Restoring, half: _HalfPeriod, damping: Damping) -> float:
-    """Return INT g u'^2 over the period."""
+    """INT g u'^2 over the period."""
     loss = 2.0 * float((rate(restoring, damping, half.u) * half.speed**2) @ half.dt)
     if half.v_s > 0 and in_flight(damping):
         loss += 2.0 * restoring.n_loc * half.v_s**3 / 3.0
@@ -235,7 +235,7 @@ def _dissipation(restoring: Restoring, half: _HalfPeriod, damping: Damping) -> f
 
 
 def _harmonics(half: _HalfPeriod, k: Array) -> Array:
-    """Return the cosine coefficients of the orbit for the harmonics `k`."""
+    """Cosine coefficients of the orbit for the harmonics `k`."""
     omega = 2.0 * np.pi / half.period
     out = np.cos(omega * np.outer(k, half.t)) @ (half.u * half.dt)
     if half.v_s > 0:
@@ -259,7 +259,7 @@ def free_vibration(
 
 
 def _turning_point(restoring: Restoring, u0: float) -> tuple[float, float]:
-    """Return the lower turning point and the speed at separation (0 if contact is kept)."""
+    """Lower turning point and the speed at separation (0 if contact is kept)."""
     law = restoring.law
     energy = float(restoring.potential(u0))
     if restoring.contact:
@@ -285,7 +285,7 @@ def _turning_point(restoring: Restoring, u0: float) -> tuple[float, float]:
 
 
 def _knots(restoring: Restoring, u_min: float, u0: float, flight: bool) -> Array:
-    """Return the ends of the contact part and the knots of the law between them."""
+    """Ends of the contact part and the knots of the law between them."""
     low = -1.0 if flight else u_min
     inner: Sequence[float] = getattr(restoring.law, "knots", ())
     u = np.asarray(inner, float) / restoring.z_s - 1.0
@@ -295,7 +295,7 @@ def _knots(restoring: Restoring, u_min: float, u0: float, flight: bool) -> Array
 def _contact_part(
     restoring: Restoring, theta: Array, u_min: float, u0: float, v0: float, order: int
 ) -> tuple[Array, Array, Array, Array]:
-    """Return displacements, time weights, times from the compressed end and speeds over half a period."""
+    """Displacements, time weights, times from the compressed end and speeds over half a period."""
     mid, half = 0.5 * (u0 + u_min), 0.5 * (u0 - u_min)
     x, w = _gauss(order)
     width = 0.5 * np.diff(theta)[:, None]
@@ -325,7 +325,7 @@ def _contact_part(
 
 
 def _mean_force(restoring: Restoring, start: Array, length: Array) -> Array:
-    """Return the mean of f over [start, start + length]."""
+    """Mean of f over [start, start + length]."""
     x, w = _gauss(12)
     return 0.5 * (restoring.f(start[:, None] + 0.5 * length[:, None] * (1.0 + x)) @ w)
 
@@ -337,7 +337,7 @@ def _gauss(order: int) -> tuple[Array, Array]:
 
 @lru_cache(maxsize=16)
 def _integration(order: int) -> Array:
-    """Return the matrix that integrates values at the Gauss points from -1 to each of them."""
+    """Matrix that integrates values at the Gauss points from -1 to each of them."""
     x, w = _gauss(order)
     basis = np.polynomial.legendre.legvander(x, order)
     k = np.arange(order)

@@ -33,14 +33,14 @@ class Balance(Equation):
     """Residual of the harmonic balance ``Omega^2 u'' + 2 zeta Omega G(u)' + f(u) - F^ cos(p theta) = 0``.
 
     Attributes:
-        restoring, zeta, damping: see `asperity.dynamics.equation.Equation`.
-        order: p, periods of the forcing per period of the orbit.
+        restoring, zeta, damping: see `asperity.dynamics.equation.Equation`
+        order: p, periods of the forcing per period of the orbit
     """
 
     order: int = 1
 
     def evaluate(self, x: Array, omega: float, forcing: float) -> tuple[Array, Array, Array]:
-        """Return the residual, its Jacobian and its derivative with respect to Omega.
+        """Residual, its Jacobian and its derivative with respect to Omega.
 
         The coefficients x (2 K + 1) are the mean, K cosines and K sines; the arrays have the shapes (2 K + 1,),
         (2 K + 1, 2 K + 1) and (2 K + 1,).
@@ -81,13 +81,13 @@ class Balance(Equation):
         return residual, jacobian, d_omega
 
     def _rest(self) -> float:
-        """Return the damping primitive in flight."""
+        """Damping primitive in flight."""
         if not self.restoring.contact:
             return 0.0
         return float(primitive(self.restoring, self.damping, np.array([-1.0]))[0])
 
     def _quadrature(self, x: Array) -> tuple[Array, Array]:
-        """Return basis (points, 2 K + 1) and weights (points,) that integrate the contact force along the orbit."""
+        """Basis (points, 2 K + 1) and weights (points,) that integrate the contact force along the orbit."""
         count = x.size // 2
         points = _GRID * max(count, 8)
         if self.restoring.contact:
@@ -102,7 +102,7 @@ class Balance(Equation):
 
 
 def _projected(basis: Array, weight: Array, force: Array, slope: Array) -> tuple[Array, Array]:
-    """Return the Fourier coefficients of a force along the orbit, and their derivatives with respect to those of u.
+    """Fourier coefficients of a force along the orbit, and their derivatives with respect to those of u.
 
     A product of two waves is half the sum of the waves of sum and difference. The derivatives are therefore sums of
     the coefficients of the slope, up to twice the harmonics of u, and no matrix product is needed.
@@ -133,7 +133,7 @@ def _projected(basis: Array, weight: Array, force: Array, slope: Array) -> tuple
 
 @lru_cache(maxsize=64)
 def _numbers(count: int) -> Array:
-    """Return the harmonic number of each cosine and each sine."""
+    """Harmonic number of each cosine and each sine."""
     k = np.tile(np.arange(1.0, count + 1.0), 2)
     k.flags.writeable = False
     return k
@@ -141,7 +141,7 @@ def _numbers(count: int) -> Array:
 
 @lru_cache(maxsize=16)
 def _pairs(count: int) -> tuple[Array, Array]:
-    """Return the indices of both terms of each product of waves in the table of `_projected`, two square arrays."""
+    """Indices of both terms of each product of waves in the table of `_projected`, two square arrays."""
     size = 2 * count + 1
     k = np.concatenate([np.arange(count + 1), np.arange(1, count + 1)])
     sine = np.arange(size) > count
@@ -154,7 +154,7 @@ def _pairs(count: int) -> tuple[Array, Array]:
 
 
 def basis_at(theta: Array, count: int) -> Array:
-    """Return the Fourier basis (len(theta), 2 count + 1): 1, cosines, sines."""
+    """Fourier basis (len(theta), 2 count + 1): 1, cosines, sines."""
     powers = np.empty((theta.size, count), complex)
     powers[:] = np.exp(1j * theta)[:, None]
     np.multiply.accumulate(powers, axis=1, out=powers)
@@ -167,7 +167,7 @@ def basis_at(theta: Array, count: int) -> Array:
 
 @lru_cache(maxsize=32)
 def uniform_basis(count: int, points: int) -> Array:
-    """Return the Fourier basis at ``points`` equidistant angles from 0."""
+    """Fourier basis at ``points`` equidistant angles from 0."""
     turn = np.outer(np.arange(points), np.arange(count + 1)) % points
     angle = 2.0 * np.pi / points * np.arange(points)
     out = np.concatenate([np.cos(angle)[turn], np.sin(angle)[turn[:, 1:]]], axis=1)
@@ -176,7 +176,7 @@ def uniform_basis(count: int, points: int) -> Array:
 
 
 def _sampled(x: Array, points: int) -> Array:
-    """Return the values of an orbit at ``points`` equidistant angles from 0, by FFT."""
+    """Values of an orbit at ``points`` equidistant angles from 0, by FFT."""
     c = (0.5 * points) * _waves(x)[1][:, 0]
     c[0] *= 2.0
     return np.fft.irfft(c, points)
@@ -193,7 +193,7 @@ def resize(x: Array, count: int) -> Array:
 
 
 def tail(x: Array) -> float:
-    """Return the relative size of the last quarter of the spectrum, the truncation error estimate."""
+    """Relative size of the last quarter of the spectrum, the truncation error estimate."""
     count = x.size // 2
     power = x[1 : count + 1] ** 2 + x[count + 1 :] ** 2
     total = power.sum()
@@ -201,7 +201,7 @@ def tail(x: Array) -> float:
 
 
 def _cuts(x: Array, s: Array, near: float) -> Array:
-    """Return the contact intervals (m, 2) in angle, also split where the orbit just keeps contact."""
+    """Contact intervals (m, 2) in angle, also split where the orbit just keeps contact."""
     points = s.size
     h = 2.0 * np.pi / points
     angle: Array = h * np.arange(points + 1)
@@ -240,7 +240,7 @@ def _cuts(x: Array, s: Array, near: float) -> Array:
 
 
 def _waves(x: Array) -> tuple[Array, Array]:
-    """Return harmonic numbers times i, and complex coefficients of u, u' and u'' (K + 1, 3)."""
+    """Harmonic numbers times i, and complex coefficients of u, u' and u'' (K + 1, 3)."""
     count = x.size // 2
     ik = 1j * np.arange(count + 1)
     c = x[: count + 1].astype(complex)
@@ -249,7 +249,7 @@ def _waves(x: Array) -> tuple[Array, Array]:
 
 
 def _minima(x: Array, s: Array, dips: Array, h: float) -> tuple[Array, Array]:
-    """Return the angles of the minima near the samples `dips`, and 1 + u there."""
+    """Angles of the minima near the samples `dips`, and 1 + u there."""
     ik, c = _waves(x)
     right = s[(dips + 1) % s.size]
     curvature = s[dips - 1] - 2.0 * s[dips] + right
@@ -263,7 +263,7 @@ def _minima(x: Array, s: Array, dips: Array, h: float) -> tuple[Array, Array]:
 
 
 def _roots(x: Array, a: Array, b: Array, fa: Array, fb: Array) -> Array:
-    """Return the angles in the brackets [a, b] where 1 + u = 0, by a safeguarded Newton iteration."""
+    """Angles in the brackets [a, b] where 1 + u = 0, by a safeguarded Newton iteration."""
     ik, c = _waves(x)
     c = c[:, :2]
     theta = a + (b - a) * fa / (fa - fb)
@@ -292,14 +292,14 @@ def _roots(x: Array, a: Array, b: Array, fa: Array, fb: Array) -> Array:
 
 @lru_cache(maxsize=256)
 def _clustered(points: int) -> tuple[Array, Array]:
-    """Return a Gauss rule on [0, 1] clustered at both ends, where the force behaves like (distance)^n."""
+    """Gauss rule on [0, 1] clustered at both ends, where the force behaves like (distance)^n."""
     x, w = roots_legendre(points)
     y = 0.5 * (1.0 + x)
     return y * y * (3.0 - 2.0 * y), 0.5 * w * 6.0 * y * (1.0 - y)
 
 
 def _panels(cuts: Array, count: int) -> tuple[Array, Array]:
-    """Return quadrature points and weights over the intervals `cuts`."""
+    """Quadrature points and weights over the intervals `cuts`."""
     nodes, weights = [], []
     for begin, end in cuts:
         width = end - begin

@@ -29,10 +29,10 @@ _SINGULAR = 1e-9  # impedance below which there is no linear response to start f
 
 
 def orbit_from_rest(balance: Balance, omega: float, forcing: float, tol: float) -> Array:
-    """Return the coefficients (2 K + 1) of the orbit reached at fixed Omega by raising the forcing from zero.
+    """Coefficients (2 K + 1) of the orbit reached at fixed Omega by raising the forcing from zero.
 
     Raises:
-        ConvergenceError: no orbit is found.
+        ConvergenceError: no orbit is found
     """
     impedance = complex(1.0 - omega * omega, 2.0 * balance.zeta * omega)
     if abs(impedance) < _SINGULAR:
@@ -56,10 +56,10 @@ class Chart:
     """Free orbits up to the amplitude that the forcing sustains; the arrays are empty where there is no backbone.
 
     Attributes:
-        amplitude, frequency: release amplitude and frequency over omega_s (orbits,).
+        amplitude, frequency: release amplitude and frequency over omega_s (orbits,)
         lost: at twice the frequency, share of the work of the forcing on the second harmonic that the damping takes;
-            1 is the least forcing of an orbit of period 2 near the free one (orbits,).
-        lowest, highest: frequencies between which the resonance lies.
+            1 is the least forcing of an orbit of period 2 near the free one (orbits,)
+        lowest, highest: frequencies between which the resonance lies
     """
 
     amplitude: Array
@@ -69,7 +69,7 @@ class Chart:
     highest: float
 
     def may_double(self, window: tuple[float, float]) -> bool:
-        """Return whether orbits of period 2 may be near free ones in a window of Omega; True without a backbone."""
+        """Whether orbits of period 2 may be near free ones in a window of Omega; True without a backbone."""
         if not self.lost.size:
             return True
         omega, lost = 2.0 * self.frequency, np.abs(self.lost)
@@ -78,7 +78,7 @@ class Chart:
 
 
 def backbone_chart(equation: Equation, forcing: float) -> Chart:
-    """Return free orbits from small ones to the largest that the forcing sustains at phase resonance."""
+    """Free orbits from small ones to the largest that the forcing sustains at phase resonance."""
     r, zeta, damping = equation.restoring, equation.zeta, equation.damping
     if not r.contact or zeta == 0:
         none: Array = np.empty(0)
@@ -107,7 +107,7 @@ def backbone_chart(equation: Equation, forcing: float) -> Chart:
 def subharmonic_orbits(
     balance: Balance, window: tuple[float, float], forcing: float, chart: Chart
 ) -> Iterator[tuple[Array, float]]:
-    """Yield orbits of period 2, with their Omega, near the backbone at Omega / 2.
+    """Orbits of period 2, with their Omega, near the backbone at Omega / 2.
 
     At the amplitudes where the loss takes the smallest share of the work, an orbit is guessed for both phases that
     balance the loss. It may lie on a loop that no period doubling leads to.

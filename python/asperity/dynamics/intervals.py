@@ -36,7 +36,7 @@ class Interval:
     high: float
 
     def to_list(self) -> list[float]:
-        """Return [value, low, high]."""
+        """[value, low, high]."""
         return [self.value, self.low, self.high]
 
     @property
@@ -46,13 +46,13 @@ class Interval:
 
 
 def law_intervals(law: Law, load: float, members: Iterable[Law] = ()) -> dict[str, Interval]:
-    """Return "n_loc", "kappa", "z_s" (length) and "k_n" (force/length) of a law under a load (force).
+    """ "n_loc", "kappa", "z_s" (length) and "k_n" (force/length) of a law under a load (force).
 
     Each has the extremes over the laws that bound it, and is wider on both sides by the change without some of its
     points.
 
     Raises:
-        RangeError: a law does not reach the load.
+        RangeError: a law does not reach the load
     """
 
     def values(one: Law) -> dict[str, float]:
@@ -79,10 +79,10 @@ class Uncertainty:
 
     Attributes:
         n_loc, kappa, z_s, k_n: local exponent, backbone curvature, static deflection (length), stiffness
-            (force/length).
-        omega_s: natural frequency of small motion, sqrt(k_n/m) (rad/time), NaN without a mass.
-        members: laws that bound it.
-        origin: what they are made of, in words.
+            (force/length)
+        omega_s: natural frequency of small motion, sqrt(k_n/m) (rad/time), NaN without a mass
+        members: laws that bound it
+        origin: what they are made of, in words
 
     Examples:
         >>> law = asp.PowerLaw(1.5, ci_n=(1.45, 1.55), ci_K=(0.97, 1.03))
@@ -107,7 +107,7 @@ class Uncertainty:
         return bend(self.kappa.low, self.kappa.high)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the section "uncertainty" of thresholds.json."""
+        """Section "uncertainty" of thresholds.json."""
         names = ("n_loc", "kappa", "omega_s", "z_s", "k_n")
         out: dict[str, Any] = {name: getattr(self, name).to_list() for name in names}
         if np.isnan(self.omega_s.value):
@@ -120,10 +120,10 @@ class Band:
     """Envelope of the stable response over the laws that bound one, at fixed physical forcing and frequency.
 
     Attributes:
-        F_hat: forcing of the central law.
-        Omega: frequencies over omega_s of the central law, shape (frequencies,).
-        upper: lowest and highest u_max of the largest stable orbit, shape (2, frequencies); NaN where there is none.
-        lower: the same for the smallest stable orbit.
+        F_hat: forcing of the central law
+        Omega: frequencies over omega_s of the central law, shape (frequencies,)
+        upper: lowest and highest u_max of the largest stable orbit, shape (2, frequencies); NaN where there is none
+        lower: the same for the smallest stable orbit
 
     Examples:
         >>> from asperity.dynamics import Band
@@ -140,22 +140,22 @@ class Band:
     __repr__ = short_repr
 
     def rows(self) -> Iterator[dict[str, float]]:
-        """Yield the rows of band.csv."""
+        """Rows of band.csv."""
         for values in zip(self.Omega, *self.upper, *self.lower, strict=True):
             yield dict(zip(BAND_COLUMNS, (self.F_hat, *(float(x) for x in values)), strict=True))
 
 
 def ensemble(law: Law) -> tuple[Law, ...]:
-    """Return 12 laws on the boundary of the misfit of a fit.
+    """12 laws on the boundary of the misfit of a fit.
 
     Their extremes bound every smooth result over the intervals of n and K. For the points of one smooth curve these
     measure how badly a power law describes it, and not what is known of the force.
 
     Args:
-        law: a `PowerLaw` with ci_n and ci_K.
+        law: a `PowerLaw` with ci_n and ci_K
 
     Raises:
-        InputError: the law has no confidence interval.
+        InputError: the law has no confidence interval
 
     Examples:
         >>> from asperity.dynamics import ensemble
@@ -182,13 +182,13 @@ def uncertainty(
     Every interval of a table is wider on both sides by the change without every fourth of its points.
 
     Args:
-        oscillator: oscillator with the central law.
+        oscillator: oscillator with the central law
         members: laws whose extremes are the bounds; default none for a table, and `ensemble` for another law, the
-            misfit of its fit.
-        origin: what the members are made of, in words.
+            misfit of its fit
+        origin: what the members are made of, in words
 
     Raises:
-        InputError: the law has no confidence interval and `members` is not given.
+        InputError: the law has no confidence interval and `members` is not given
 
     Examples:
         Two laws, for example of two seeds:
@@ -227,15 +227,15 @@ def response_band(
     moved through the same range, which leaves no gaps between them.
 
     Args:
-        oscillator: oscillator with the central law.
-        forcing: F^ of the central oscillator; the physical force and frequency are the same for all members.
-        omega: lowest and highest frequency over the central omega_s.
-        members: laws that bound it, see `uncertainty`.
-        points: number of frequencies.
-        tol: see `ContactOscillator.response`.
+        oscillator: oscillator with the central law
+        forcing: F^ of the central oscillator; the physical force and frequency are the same for all members
+        omega: lowest and highest frequency over the central omega_s
+        members: laws that bound it, see `uncertainty`
+        points: number of frequencies
+        tol: see `ContactOscillator.response`
 
     Raises:
-        InputError: an argument is not legal, or the law has no confidence interval.
+        InputError: an argument is not legal, or the law has no confidence interval
 
     Examples:
         >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.1)
@@ -269,7 +269,7 @@ def response_band(
 
 
 def _envelope(response: FrequencyResponse, omega: Array, moved: tuple[float, float]) -> Array:
-    """Return least and greatest u_max of the largest and of the smallest stable orbit at each Omega, shape (4, m).
+    """Least and greatest u_max of the largest and of the smallest stable orbit at each Omega, shape (4, m).
 
     A point (Omega, u) of the response is moved to (s Omega, u/s^2), with s from `moved[0]` to `moved[1]`.
     """
@@ -286,14 +286,14 @@ def _envelope(response: FrequencyResponse, omega: Array, moved: tuple[float, flo
 
 
 def _with_law(oscillator: ContactOscillator, law: Law) -> ContactOscillator:
-    """Return the oscillator with another law, without repeating its warnings."""
+    """Oscillator with another law, without repeating its warnings."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return replace(oscillator, law=law, load=oscillator.restoring.load)
 
 
 def stable_range(response: FrequencyResponse, omega: Array) -> tuple[Array, Array]:
-    """Return the largest and smallest stable u_max at rising Omega (m,), linearly interpolated; NaN where none."""
+    """Largest and smallest stable u_max at rising Omega (m,), linearly interpolated; NaN where none."""
     high, low = np.full(omega.size, np.nan), np.full(omega.size, np.nan)
     for b in response.lines():
         for i in np.flatnonzero(b.stable[:-1] & b.stable[1:]):

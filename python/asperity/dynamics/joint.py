@@ -23,16 +23,16 @@ class Joint:
     """A joint whose faces are like the patch of a curve; all in the units of the curve.
 
     Attributes:
-        nominal_area: of the joint (length^2); default that of the patch.
-        preload: static force of the joint, of a bolt for example (force).
-        pressure: static nominal pressure instead of `preload` (force/length^2).
+        nominal_area: of the joint (length^2); default that of the patch
+        preload: static force of the joint, of a bolt for example (force)
+        pressure: static nominal pressure instead of `preload` (force/length^2)
         mass: of what vibrates (mass). It does not follow from the preload.
-        frequency: of small vibration instead of `mass`, for a joint that was measured (1/time).
-        gravity: acceleration that adds the weight of the mass to the preload (length/time^2); none by default.
-        damping: damping ratio of small motion, 0 <= damping < 1.
+        frequency: of small vibration instead of `mass`, for a joint that was measured (1/time)
+        gravity: acceleration that adds the weight of the mass to the preload (length/time^2); none by default
+        damping: damping ratio of small motion, 0 <= damping < 1
 
     Raises:
-        InputError: a value is out of range, or two of them contradict each other.
+        InputError: a value is out of range, or two of them contradict each other
 
     Examples:
         >>> joint = asp.Joint(nominal_area=1e-4, pressure=5e6, mass=0.5)
@@ -66,7 +66,7 @@ class Joint:
             raise InputError(f"joint.damping = {self.damping:g} is not legal: it must be below 1")
 
     def replaced(self, given: Mapping[str, Any]) -> Joint:
-        """Return the joint with other values, None for no change; a value removes the one that it contradicts."""
+        """Joint with other values, None for no change; a value removes the one that it contradicts."""
         new = {name: value for name, value in given.items() if value is not None}
         for pair in EXCLUSIVE:
             for one, other in (pair, pair[::-1]):
@@ -75,18 +75,18 @@ class Joint:
         return replace(self, **new)
 
     def factor(self, patch: float | None) -> float:
-        """Return by what the force of a patch of nominal area `patch` (length^2) is multiplied.
+        """By what the force of a patch of nominal area `patch` (length^2) is multiplied.
 
         Raises:
-            InputError: the joint has an area, and that of the patch is not known.
+            InputError: the joint has an area, and that of the patch is not known
         """
         return 1.0 if self.nominal_area is None else self.nominal_area / _known(patch, "nominal_area")
 
     def load(self, patch: float | None) -> float | None:
-        """Return the static force of the joint, weight included (force); None if nothing gives it.
+        """Static force of the joint, weight included (force); None if nothing gives it.
 
         Raises:
-            InputError: the joint has a pressure, and no area is known.
+            InputError: the joint has a pressure, and no area is known
         """
         force = self.preload
         if self.pressure is not None:
@@ -96,7 +96,7 @@ class Joint:
         return force
 
     def mass_at(self, stiffness: float) -> float | None:
-        """Return the mass at a stiffness k_n of the joint (force/length); None if nothing gives it."""
+        """Mass at a stiffness k_n of the joint (force/length); None if nothing gives it."""
         if self.frequency is not None:
             return stiffness / (2 * math.pi * self.frequency) ** 2
         return self.mass
@@ -116,13 +116,13 @@ class Numbers:
     """The numbers of a joint's small vibration, in the units of the curve.
 
     Attributes:
-        stiffness: k_n at the preload (force/length).
-        mass: what vibrates (mass), NaN if unknown.
-        frequency: natural frequency of small vibration (1/time), NaN if unknown.
-        approach: static approach z_s (length).
-        damping: damping ratio.
-        bar: error bar of the stiffness over it, NaN if unknown.
-        given: whether the frequency is an input, from which the mass follows, with the bar of the stiffness.
+        stiffness: k_n at the preload (force/length)
+        mass: what vibrates (mass), NaN if unknown
+        frequency: natural frequency of small vibration (1/time), NaN if unknown
+        approach: static approach z_s (length)
+        damping: damping ratio
+        bar: error bar of the stiffness over it, NaN if unknown
+        given: whether the frequency is an input, from which the mass follows, with the bar of the stiffness
 
     Examples:
         >>> from asperity.dynamics.joint import Numbers
@@ -146,7 +146,7 @@ class Numbers:
         return math.nan if self.given else 0.5 * self.bar * self.frequency
 
     def sentence(self, units: str | None) -> str:
-        """Return them as one line, with SI units if `units` is "SI"."""
+        """Them as one line, with SI units if `units` is "SI"."""
         si, bar = units == "SI", self.bar
         parts = [f"k_n = {quantity(self.stiffness, 'N/m' if si else '', 5, bar=bar)}"]
         if math.isfinite(self.mass):
@@ -160,7 +160,7 @@ class Numbers:
         return ", ".join(parts)
 
     def to_dict(self) -> dict[str, float | None]:
-        """Return the section "numbers" of thresholds.json, None where unknown."""
+        """Section "numbers" of thresholds.json, None where unknown."""
         names = ("k_n", "m", "f", "z_s", "zeta", "f_bar")
         values = (self.stiffness, self.mass, self.frequency, self.approach, self.damping, self.frequency_bar)
         return {n: v if math.isfinite(v) else None for n, v in zip(names, values, strict=True)}

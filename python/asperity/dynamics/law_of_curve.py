@@ -37,15 +37,15 @@ class Choice:
     """A law of a curve as the spring of a vibration.
 
     Attributes:
-        name: of the law, one of `NAMES`.
-        law: the law.
-        load: preload (force).
+        name: of the law, one of `NAMES`
+        law: the law
+        load: preload (force)
         reached: greatest force before the vibration (force); an amplitude that passes it yields again. None where
             nothing has yielded, or where this is not known.
-        yielded: whether the solid has yielded; None if the curve does not show it.
-        reason: why it is this law, a part of a sentence.
-        note: sentence on a law to be doubted, or "".
-        bounds: other laws that bound this one.
+        yielded: whether the solid has yielded; None if the curve does not show it
+        reason: why it is this law, a part of a sentence
+        note: sentence on a law to be doubted, or ""
+        bounds: other laws that bound this one
     """
 
     name: str
@@ -73,22 +73,22 @@ def law_from(
     overload: float | None = None,
     extrapolate: bool = False,
 ) -> tuple[Law, float]:
-    """Return the static law and the preload (force) of a curve.
+    """Static law and the preload (force) of a curve.
 
     Args:
-        source: a `Law`, a `Curve`, a mapping or CSV file with columns delta and force, or a directory with curve.csv.
+        source: a `Law`, a `Curve`, a mapping or CSV file with columns delta and force, or a directory with curve.csv
         law: "auto": after yield the unload-reload branch through the preload, else the elastic tangent of the states on
             the loading (column k_n_elastic), else "paper" with a warning; before yield "table". By name:
             "unload-reload" (branch computed about the preload), "elastic" (the elastic tangent), "table" (the points
             of the loading), "paper" (power law of `Curve.fit`, as a reversible spring).
-        load: preload (force); default half of the largest force of the curve.
+        load: preload (force); default half of the largest force of the curve
         overload: for "auto", greatest force before the vibration (force); default that of the unloading through the
             preload, if there is one, else the preload. Equal to the preload, it is the weight itself.
-        extrapolate: whether the laws by name continue beyond their last point; "auto" and "paper" always do.
+        extrapolate: whether the laws by name continue beyond their last point; "auto" and "paper" always do
 
     Raises:
-        InputError: the law is unknown, or the curve does not contain what it needs.
-        RangeError: the curve does not reach the load.
+        InputError: the law is unknown, or the curve does not contain what it needs
+        RangeError: the curve does not reach the load
 
     Examples:
         >>> from asperity.dynamics import law_from
@@ -141,7 +141,7 @@ def choose(
 
 
 def law_named(columns: CurveColumns, name: str, load: float, *, extrapolate: bool = False) -> Law:
-    """Return a law of `NAMES` about a preload (force); errors as of `law_from`."""
+    """Law of `NAMES` about a preload (force); errors as of `law_from`."""
     if name == "unload-reload":
         return unload_reload(columns, load, extrapolate=extrapolate)
     if name == "table":
@@ -160,7 +160,7 @@ def law_named(columns: CurveColumns, name: str, load: float, *, extrapolate: boo
 
 
 def unload_reload(curve: Any, load: float | None = None, **options: Any) -> TableLaw:
-    """Return the physical law of a plastic contact about a preload: the last unload-reload loop of a curve.
+    """Physical law of a plastic contact about a preload: the last unload-reload loop of a curve.
 
     The law is the reloading of the last closed loop, up to the point where its unloading began. Without a closed
     loop it is the last unloading, including that point. Its slopes are the elastic stiffness of the rows (column
@@ -168,13 +168,13 @@ def unload_reload(curve: Any, load: float | None = None, **options: Any) -> Tabl
     law ends at zero force with the power that its lowest rows have.
 
     Args:
-        curve: a `Curve`, CSV file or mapping with delta, force and branch.
-        load: preload that the loop must reach (force), or None.
-        **options: see `TableLaw`.
+        curve: a `Curve`, CSV file or mapping with delta, force and branch
+        load: preload that the loop must reach (force), or None
+        **options: see `TableLaw`
 
     Raises:
-        InputError: the curve has no unloading rows, or no branch with enough of them in contact.
-        RangeError: no branch reaches the preload.
+        InputError: the curve has no unloading rows, or no branch with enough of them in contact
+        RangeError: no branch reaches the preload
 
     Examples:
         A contact that separates at a residual indentation of 0.3:
@@ -218,7 +218,7 @@ def _touching(force: Array, rows: Array) -> Array:
 
 
 def elastic_tangent(columns: CurveColumns, load: float, *, extrapolate: bool = False) -> TableLaw:
-    """Return the law of a contact that was never overloaded: the elastic stiffness of the states on the loading."""
+    """Law of a contact that was never overloaded: the elastic stiffness of the states on the loading."""
     rows = columns.rising(columns.loading & (columns.force > 0) & (columns.elastic > 0))
     if rows.size < 2:
         raise InputError(
@@ -276,7 +276,7 @@ def _automatic(columns: CurveColumns, load: float, overload: float | None) -> Ch
 
 
 def _between(loading: TableLaw, leg: TableLaw | None, load: float, met: float) -> tuple[TableLaw, tuple[Law, ...], str]:
-    """Return the branch of an overload from which the curve does not unload, other laws that bound it, and a note.
+    """Branch of an overload from which the curve does not unload, other laws that bound it, and a note.
 
     The stiffness is known on the loading (`loading`), where the branch begins, and on the unloading from the end of the
     curve (`leg`). The branch goes from the shape of that unloading, over forces and stiffnesses of its own beginning,
@@ -304,7 +304,7 @@ def _between(loading: TableLaw, leg: TableLaw | None, load: float, met: float) -
 
 
 def _leg(columns: CurveColumns, load: float) -> tuple[TableLaw | None, str]:
-    """Return the unload-reload branch that passes through a preload, None if there is none, and a doubt or ""."""
+    """Unload-reload branch that passes through a preload, None if there is none, and a doubt or ""."""
     forces = [columns.force[rows] for rows in columns.unloadings()]
     if not any(force.min() <= load <= force.max() * (1 + _SAME) for force in forces):
         return None, ""

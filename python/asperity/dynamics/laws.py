@@ -34,17 +34,17 @@ class LawAtLoad:
     """One law of a curve at a preload.
 
     Attributes:
-        name: of the law, see `law_from`.
-        law: the law; None where the curve does not have it.
-        known: its `law_intervals`, empty without a law.
-        mass: of what vibrates (mass), NaN if unknown.
+        name: of the law, see `law_from`
+        law: the law; None where the curve does not have it
+        known: its `law_intervals`, empty without a law
+        mass: of what vibrates (mass), NaN if unknown
         applies: whether the law describes small vibration about this preload. After yield only the chosen one does,
             unless it is one of the loading.
-        chosen: whether it is the law of the vibration.
-        missing: why there is no law, or "".
+        chosen: whether it is the law of the vibration
+        missing: why there is no law, or ""
         bar: error bar at the preload as a share: of the elastic stiffness where the law is made of it and the curve has
-            it, else of the force; NaN for a curve without one.
-        bar_of: what the bar is of, "force" or "k_n_elastic".
+            it, else of the force; NaN for a curve without one
+        bar_of: what the bar is of, "force" or "k_n_elastic"
 
     Examples:
         >>> delta = np.linspace(0.0, 1.0, 21)
@@ -97,7 +97,7 @@ class LawAtLoad:
         return math.sqrt(self.stiffness / self.mass) / (2 * math.pi)
 
     def sides(self) -> tuple[Law, ...]:
-        """Return the law at both ends of its error bar; without a bar the laws within the misfit of a fit, or none."""
+        """Law at both ends of its error bar; without a bar the laws within the misfit of a fit, or none."""
         law, factors = self.law, (1.0 - self.bar, 1.0 + self.bar)
         if not self.bar > 0:
             return ensemble(law) if isinstance(law, PowerLaw) and law.ci_n and law.ci_K else ()
@@ -106,7 +106,7 @@ class LawAtLoad:
         return tuple(law.scaled(factor) for factor in factors) if isinstance(law, (TableLaw, PowerLaw)) else ()
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the row as plain values, None where unknown; `*_bar` is half the width of an interval."""
+        """Row as plain values, None where unknown; `*_bar` is half the width of an interval."""
         out: dict[str, float] = dict.fromkeys(("n", "kappa", "z_s", "k_n", "f"), math.nan)
         for name, interval in self.known.items():
             key = name.removesuffix("_loc")
@@ -123,9 +123,9 @@ class LawTable:
     """The laws of a curve at a preload, and their spread.
 
     Attributes:
-        rows: one for each law, the chosen one first, those without a law last.
-        choice: the law of the vibration.
-        bar: error bar of the force over the force at the preload; NaN for a curve without one.
+        rows: one for each law, the chosen one first, those without a law last
+        choice: the law of the vibration
+        bar: error bar of the force over the force at the preload; NaN for a curve without one
 
     Examples:
         >>> curve = {"delta": np.linspace(0.0, 1.0, 21), "force": np.linspace(0.0, 1.0, 21) ** 1.5}
@@ -160,7 +160,7 @@ class LawTable:
         return (*own, *self.choice.bounds, *sides)
 
     def describe_members(self) -> str:
-        """Return in words what the members are made of."""
+        """In words what the members are made of."""
         bars = {
             f"error bar of the {row.bar_of}, {100 * row.bar:.2g} %" for row in self.rows if row.applies and row.bar > 0
         }
@@ -171,7 +171,7 @@ class LawTable:
         return " and ".join(parts)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the section "laws" of thresholds.json."""
+        """Section "laws" of thresholds.json."""
         choice, bar = self.choice, self.chosen.stiffness_bar
         return {
             "chosen": choice.name,
@@ -187,7 +187,7 @@ class LawTable:
         }
 
     def texts(self) -> Iterator[tuple[str, ...]]:
-        """Yield the rows of the printed table: law, n, kappa, stiffness, frequency, remark."""
+        """Rows of the printed table: law, n, kappa, stiffness, frequency, remark."""
         for row in self.rows:
             words, other = WORDS[row.name]
             if row.law is None:
@@ -201,13 +201,13 @@ class LawTable:
 
 
 def tabulate(columns: CurveColumns, choice: Choice, mass: float = math.nan, *, extrapolate: bool = False) -> LawTable:
-    """Return all laws of a curve at the preload of a choice.
+    """All laws of a curve at the preload of a choice.
 
     Args:
-        columns: of the curve.
-        choice: the law of the vibration.
-        mass: of what vibrates (mass), NaN if unknown.
-        extrapolate: whether the laws continue beyond their last point.
+        columns: of the curve
+        choice: the law of the vibration
+        mass: of what vibrates (mass), NaN if unknown
+        extrapolate: whether the laws continue beyond their last point
     """
     rows, load = [], choice.load
     for name in NAMES:
@@ -230,7 +230,7 @@ def tabulate(columns: CurveColumns, choice: Choice, mass: float = math.nan, *, e
 
 
 def _bounded(row: LawAtLoad, load: float, members: tuple[Law, ...]) -> LawAtLoad:
-    """Return a row with intervals over laws, those of its own bar by default; NaN where one does not reach the load."""
+    """Row with intervals over laws, those of its own bar by default; NaN where one does not reach the load."""
     if row.law is None:
         return row
     try:

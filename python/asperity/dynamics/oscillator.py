@@ -43,18 +43,18 @@ class ContactOscillator:
     contact is lost at u = -1. Every result contains F^ and F/W, the damping, the law and an error estimate.
 
     Attributes:
-        law: static law, force over approach.
+        law: static law, force over approach
         load: preload W = m g (force); by default half of the largest force of a table, or the force at z = 1 of
-            another law.
-        zeta: damping ratio of small motion, >= 0.
-        damping: "always", "contact", "hunt-crossley", or a `LoopDamping` (see `asperity.dynamics.law.damping`).
+            another law
+        zeta: damping ratio of small motion, >= 0
+        damping: "always", "contact", "hunt-crossley", or a `LoopDamping` (see `asperity.dynamics.law.damping`)
         gravity: gravitational acceleration (length/time^2) in the units of the law; default 9.80665 (SI). None if
             unknown: mass and omega_s are then NaN.
-        restoring: normal form of the law (derived).
+        restoring: normal form of the law (derived)
 
     Raises:
-        InputError: a parameter is out of range.
-        RangeError: the law does not reach the load.
+        InputError: a parameter is out of range
+        RangeError: the law does not reach the load
 
     Examples:
         >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5, K=1e9), load=10.0, zeta=0.02)
@@ -120,18 +120,18 @@ class ContactOscillator:
         return contact_limit(self.restoring)
 
     def taylor(self) -> ContactOscillator:
-        """Return the same oscillator with its law truncated after the cubic term."""
+        """Same oscillator with its law truncated after the cubic term."""
         return replace(self, law=TaylorLaw.about(self.law, self.restoring.load), load=self.restoring.load)
 
     def free(self, u0: ArrayLike | None = None) -> FreeVibration:
         """Compute the natural frequency over the release amplitude, to 1e-12 for smooth laws.
 
         Args:
-            u0: release displacements over z_s, > 0; by default 120 up to 1.5 u_max (or to the end of the law).
+            u0: release displacements over z_s, > 0; by default 120 up to 1.5 u_max (or to the end of the law)
 
         Raises:
-            InputError: an amplitude is not positive.
-            RangeError: an orbit leaves the table, or passes the rim of the Taylor well.
+            InputError: an amplitude is not positive
+            RangeError: an orbit leaves the table, or passes the rim of the Taylor well
         """
         if u0 is None:
             top = min(
@@ -144,8 +144,8 @@ class ContactOscillator:
         """Compute the backbone curve and the forcing that sustains each amplitude at resonance.
 
         Args:
-            u_max: largest amplitude; default 3 times the largest that keeps contact.
-            points: number of amplitudes.
+            u_max: largest amplitude; default 3 times the largest that keeps contact
+            points: number of amplitudes
         """
         if points < 1:
             raise InputError(f"points = {points} is not legal: a backbone needs at least 1")
@@ -172,15 +172,15 @@ class ContactOscillator:
         """Compute all periodic orbits in a window of frequencies, stable and unstable, with their bifurcations.
 
         Args:
-            forcing: F^ = F/(n_loc W), 1e-9 to 1e6.
-            omega: lowest and highest Omega, 0.01 to 100.
-            tol: allowed truncation error, relative to the amplitude.
-            subharmonics: follow branches of period 2 and 4 from period doublings.
-            detached: search longer for loops that no branch reaches, from 20 times as many initial states.
+            forcing: F^ = F/(n_loc W), 1e-9 to 1e6
+            omega: lowest and highest Omega, 0.01 to 100
+            tol: allowed truncation error, relative to the amplitude
+            subharmonics: follow branches of period 2 and 4 from period doublings
+            detached: search longer for loops that no branch reaches, from 20 times as many initial states
 
         Raises:
-            InputError: forcing or window is not legal.
-            ConvergenceError: no orbit is found.
+            InputError: forcing or window is not legal
+            ConvergenceError: no orbit is found
         """
         (f,) = forcings(positive("forcing", forcing))
         ends, tol = window(omega), positive("tol", tol)
@@ -203,20 +203,20 @@ class ContactOscillator:
         """Integrate frequency sweeps with carried state, all forcings and directions at once.
 
         Args:
-            forcing: F^, or several.
-            omega: lowest and highest Omega.
-            points: number of frequencies.
-            directions: "up", "down" or both.
-            tol: allowed distance from the steady state, relative to the orbit.
-            max_periods: largest number of forcing periods per frequency; default 4/zeta (100 to 20000).
-            steps: Runge-Kutta steps per period; default from the largest stiffness reached.
+            forcing: F^, or several
+            omega: lowest and highest Omega
+            points: number of frequencies
+            directions: "up", "down" or both
+            tol: allowed distance from the steady state, relative to the orbit
+            max_periods: largest number of forcing periods per frequency; default 4/zeta (100 to 20000)
+            steps: Runge-Kutta steps per period; default from the largest stiffness reached
 
         Returns:
-            One `Sweep` per forcing and direction.
+            One `Sweep` per forcing and direction
 
         Raises:
-            InputError: an argument is not legal, or zeta is below 1e-4.
-            RangeError: the motion leaves a table.
+            InputError: an argument is not legal, or zeta is below 1e-4
+            RangeError: the motion leaves a table
         """
         if self.zeta < MIN_ZETA:
             raise InputError(
@@ -246,15 +246,15 @@ class ContactOscillator:
         """Integrate in time, locating each separation and landing.
 
         Args:
-            omega: Omega (with forcing = 0: the unit of `periods` only).
-            forcing: F^, may be 0.
-            u, v: initial state, v = du/dtau.
-            periods: length in forcing periods.
-            samples: output points per forcing period.
-            rtol: tolerance of the integrator.
+            omega: Omega (with forcing = 0: the unit of `periods` only)
+            forcing: F^, may be 0
+            u, v: initial state, v = du/dtau
+            periods: length in forcing periods
+            samples: output points per forcing period
+            rtol: tolerance of the integrator
 
         Raises:
-            RangeError: the motion escapes from a Taylor well, or leaves a table.
+            RangeError: the motion escapes from a Taylor well, or leaves a table
         """
         (w,) = frequencies(positive("omega", omega))
         f = positive("forcing", forcing, zero=True)
@@ -273,10 +273,10 @@ class ContactOscillator:
         return replace(path, setting=self.setting(f), tolerance=rtol, valid=self.restoring.contact or low >= -1.0)
 
     def balance(self) -> Balance:
-        """Return the equations of the harmonic balance."""
+        """Equations of the harmonic balance."""
         return Balance(self.restoring, self.zeta, self.damping)
 
     def setting(self, forcing: float) -> Setting:
-        """Return law, damping and forcing of a result for F^ = `forcing`."""
+        """Law, damping and forcing of a result for F^ = `forcing`."""
         r = self.restoring
         return Setting(self.model, self.law.describe(), r.n_loc, self.zeta, str(self.damping), float(forcing))

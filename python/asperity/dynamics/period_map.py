@@ -31,7 +31,7 @@ _ROWS = 8  # of a branch between two points
 
 
 def has_one_resonance(equation: Equation, forcing: float) -> bool:
-    """Return whether the second-order force, of twice the frequency, is well below the onset of hysteresis.
+    """Whether the second-order force, of twice the frequency, is well below the onset of hysteresis.
 
     At half of the resonance, where the response is 4/3 of the forcing, it is 0.9 |a2| F^^2. The orbits below the
     main resonance are then unique.
@@ -42,7 +42,7 @@ def has_one_resonance(equation: Equation, forcing: float) -> bool:
 
 
 def starts(equation: Equation, forcing: float, window: tuple[float, float], count: int) -> tuple[Array, Array, Array]:
-    """Return Omega, u and w of the starts, at periods of even spacing: half of them in contact, half in flight."""
+    """Omega, u and w of the starts, at periods of even spacing: half of them in contact, half in flight."""
     i = np.arange(1, count + 1)[:, None]
     a, b, c = ((0.5 + i * 1.2207440846057596 ** -np.arange(1.0, 4.0)) % 1.0).T
     omega = 1.0 / (1.0 / window[1] + a * (1.0 / window[0] - 1.0 / window[1]))
@@ -61,18 +61,18 @@ def starts(equation: Equation, forcing: float, window: tuple[float, float], coun
 def periodic_orbits(
     equation: Equation, forcing: float, lanes: tuple[Array, Array, Array], order: int, known: Sequence[Array]
 ) -> Iterator[tuple[float, Array]]:
-    """Yield Omega and rough coefficients of the periodic orbits near the starts, without the known ones.
+    """Omega and rough coefficients of the periodic orbits near the starts, without the known ones.
 
     Args:
-        lanes: Omega, u and w of the starts.
-        order: forcing periods per period of the orbit; shorter periods are left out.
-        known: see `states`; it may grow while the orbits are taken.
+        lanes: Omega, u and w of the starts
+        order: forcing periods per period of the orbit; shorter periods are left out
+        known: see `states`; it may grow while the orbits are taken
     """
     omega, u, w = lanes
     steps = min(max(64, steps_for(equation, omega, np.array([_TYPICAL])) // 2), _MOST_STEPS)
 
     def mapped(omega: Array, u: Array, w: Array) -> tuple[Array, Array, Array]:
-        """Return displacements and speeds (order * steps + 1, lanes) over the period, and w at its end."""
+        """Displacements and speeds (order * steps + 1, lanes) over the period, and w at its end."""
         us, vs = [u[None]], []
         for _ in range(order):
             path, speed, w = path_of(equation, us[-1][-1], w, omega, np.full(u.size, forcing), steps)
@@ -109,7 +109,7 @@ def periodic_orbits(
 
 
 def states(branch: Branch) -> Array:
-    """Return Omega, u and v at forcing phase 0 (3, periods, rows) along a branch, once for each forcing period."""
+    """Omega, u and v at forcing phase 0 (3, periods, rows) along a branch, once for each forcing period."""
     places = np.linspace(0.0, len(branch) - 1.0, _ROWS * (len(branch) - 1) + 1)
     omega, c = on_cubic(branch, places)
     k = np.arange(c.shape[1])
@@ -119,7 +119,7 @@ def states(branch: Branch) -> Array:
 
 
 def _near(rows: Array, omega: float, u: float, v: float) -> bool:
-    """Return whether a branch has an orbit with nearly the given state at a frequency."""
+    """Whether a branch has an orbit with nearly the given state at a frequency."""
     above = rows[0, 0] > omega
     j = np.flatnonzero(above[1:] != above[:-1])
     a, b = rows[..., j], rows[..., j + 1]
@@ -129,7 +129,7 @@ def _near(rows: Array, omega: float, u: float, v: float) -> bool:
 
 
 def _newton_step(end: Array, start: Array, h: Array) -> Array:
-    """Return the Newton steps (2, lanes) of the period map.
+    """Newton steps (2, lanes) of the period map.
 
     `end` are the states after the period (2, 3, lanes): from `start`, and from it with u and with w increased by `h`.
     """

@@ -32,16 +32,16 @@ class FrequencyResponse:
     """Branches, events and accuracy of a frequency response.
 
     Attributes:
-        setting: law, damping and forcing.
-        omega: lowest and highest Omega.
-        branches: see `Branch`.
-        events: see `Event`.
-        tolerance: largest truncation estimate on any branch, relative to the amplitude.
-        det_error: largest deviation from Liouville's determinant.
-        valid: whether every orbit is physical.
-        notes: limits of the result (unphysical parts, ends of branches, table limits), one sentence each.
-        searched: which orbits were searched and which were not, one sentence.
-        balance: equations of the orbits.
+        setting: law, damping and forcing
+        omega: lowest and highest Omega
+        branches: see `Branch`
+        events: see `Event`
+        tolerance: largest truncation estimate on any branch, relative to the amplitude
+        det_error: largest deviation from Liouville's determinant
+        valid: whether every orbit is physical
+        notes: limits of the result (unphysical parts, ends of branches, table limits), one sentence each
+        searched: which orbits were searched and which were not, one sentence
+        balance: equations of the orbits
 
     Examples:
         >>> response = asp.ContactOscillator(asp.PowerLaw(1.5)).response(0.02, (0.85, 1.05), tol=1e-3)
@@ -65,7 +65,7 @@ class FrequencyResponse:
     __repr__ = short_repr
 
     def __getitem__(self, kind: str) -> tuple[Event, ...]:
-        """Return the events of one kind: "fold", "period doubling" or "grazing"."""
+        """Events of one kind: "fold", "period doubling" or "grazing"."""
         return tuple(e for e in self.events if e.kind == kind)
 
     @property
@@ -76,11 +76,11 @@ class FrequencyResponse:
         return float(best.Omega[j]), float(best.u_max[j])
 
     def at(self, omega: float) -> tuple[Solution, ...]:
-        """Return every orbit of the branches at exactly this Omega, lowest u_max first.
+        """Every orbit of the branches at exactly this Omega, lowest u_max first.
 
         Raises:
-            ConvergenceError: the correction of an orbit at this Omega fails.
-            InputError: omega lies outside the window.
+            ConvergenceError: the correction of an orbit at this Omega fails
+            InputError: omega lies outside the window
         """
         if not self.omega[0] <= omega <= self.omega[1]:
             raise InputError(f"Omega = {omega:g} lies outside the computed window {self.omega}")
@@ -116,11 +116,11 @@ class FrequencyResponse:
         return tuple(sorted(found, key=lambda solution: solution.u_max))
 
     def lines(self) -> tuple[Line, ...]:
-        """Return each branch as dense rows; straight lines between them have errors below 1e-3."""
+        """Each branch as dense rows; straight lines between them have errors below 1e-3."""
         return tuple(dense(self.balance, b) for b in self.branches)
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """Yield the rows of response.csv, in order along each branch, as dense as in `lines`."""
+        """Rows of response.csv, in order along each branch, as dense as in `lines`."""
         s = self.setting
         for branch, line in zip(self.branches, self.lines(), strict=True):
             for omega, u_max, u_min, a1, phase, stable in zip(
@@ -146,11 +146,11 @@ def frequency_response(
     """Compute all branches in a window; arguments as in `ContactOscillator.response`.
 
     Args:
-        starts: number of starts of the search on the period map for orbits on no branch.
-        max_points: limit of the work per branch, see `continuation.Tracing`.
+        starts: number of starts of the search on the period map for orbits on no branch
+        max_points: limit of the work per branch, see `continuation.Tracing`
 
     Raises:
-        ConvergenceError: no orbit can be found at either end of the window.
+        ConvergenceError: no orbit can be found at either end of the window
     """
     low, high = omega
     how = Tracing(
@@ -167,7 +167,7 @@ def frequency_response(
 
 
 def _limitations(branches: Sequence[Branch]) -> Iterator[str]:
-    """Yield notes on branches that end early, on unreliable stability and on unphysical orbits."""
+    """Notes on branches that end early, on unreliable stability and on unphysical orbits."""
     for number, b in enumerate(branches):
         if b.end not in ("window", "closed", "period doubling"):
             yield f"branch {number} ({b.kind}) ends early: {b.end}"

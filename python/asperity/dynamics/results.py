@@ -34,7 +34,7 @@ RESPONSE_COLUMNS = (
 
 
 def numbers_of(oscillator: ContactOscillator, bar: float = math.nan, given: bool = False) -> Numbers:
-    """Return the numbers of the small vibration of an oscillator; `bar` and `given` as in `Numbers`."""
+    """Numbers of the small vibration of an oscillator; `bar` and `given` as in `Numbers`."""
     r, frequency = oscillator.restoring, oscillator.omega_s / (2 * math.pi)
     return Numbers(r.scale / r.z_s, oscillator.mass, frequency, r.z_s, oscillator.zeta, bar, given)
 
@@ -44,19 +44,19 @@ class Dynamics:
     """Results of `run_dynamics` for one law; the keys of mappings are models ("exact", "taylor").
 
     Attributes:
-        oscillators: the oscillators.
-        free: natural frequency over amplitude.
-        responses: one per forcing.
-        sweeps: one per forcing and direction (empty if not requested).
-        thresholds: onsets and resonance peaks.
+        oscillators: the oscillators
+        free: natural frequency over amplitude
+        responses: one per forcing
+        sweeps: one per forcing and direction (empty if not requested)
+        thresholds: onsets and resonance peaks
         uncertainty: intervals by the error bar, the spread of the laws and the points of the law, or by the misfit of
-            the fit of a given law; None if there is none of these.
-        bands: bands of the exact response by the same, one per forcing, if requested.
-        notes: limits and assumptions of the results, one sentence each.
+            the fit of a given law; None if there is none of these
+        bands: bands of the exact response by the same, one per forcing, if requested
+        notes: limits and assumptions of the results, one sentence each
         gravity: gravitational acceleration for mass and omega_s (length/time^2), None if unknown or if the joint has a
-            mass.
-        laws: all laws of the curve at the preload; None for a given `Law`.
-        settings: what was computed.
+            mass
+        laws: all laws of the curve at the preload; None for a given `Law`
+        settings: what was computed
 
     Examples:
         >>> result = asp.run_dynamics(asp.PowerLaw(1.5), model="exact", omega=(0.9, 1.1), tol=1e-3)
@@ -123,7 +123,7 @@ class Dynamics:
         replace_file(path / THRESHOLDS, f"{text}\n".encode())
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content of thresholds.json."""
+        """Content of thresholds.json."""
         first, numbers, joint = self.first, self.numbers.to_dict(), self.settings.joint
         out: dict[str, Any] = {
             "normalisation": "u = (z - z_s)/z_s, Omega = omega/omega_s, F_hat = F/(n_loc W), W = load",

@@ -44,19 +44,19 @@ def run_dynamics(
     """Compute free vibration, frequency response, thresholds and on request more, of a mass on a contact.
 
     Args:
-        source: a `Law`, a `Curve`, a mapping or CSV file with columns delta and force, or a run directory.
-        settings: default those of the case of a run directory, else the defaults of `DynamicsSettings`.
+        source: a `Law`, a `Curve`, a mapping or CSV file with columns delta and force, or a run directory
+        settings: default those of the case of a run directory, else the defaults of `DynamicsSettings`
         out_dir: directory for free.csv, response.csv, thresholds.json and band.csv; None writes nothing. For figures
             see `asperity.plot.oscillator.plot_dynamics`.
-        **changes: attributes of `DynamicsSettings` with other values.
+        **changes: attributes of `DynamicsSettings` with other values
 
     Returns:
         The results. Files are written only after all input has been checked.
 
     Raises:
-        InputError: a setting or the curve is wrong.
-        RangeError: the law does not reach the preload, or an orbit leaves a table at once.
-        ConvergenceError: no orbit can be found.
+        InputError: a setting or the curve is wrong
+        RangeError: the law does not reach the preload, or an orbit leaves a table at once
+        ConvergenceError: no orbit can be found
 
     Examples:
         >>> delta = np.linspace(0.0, 1e-8, 11)
@@ -120,7 +120,7 @@ def run_dynamics(
 
 
 def small_vibration(source: Any, settings: DynamicsSettings) -> Numbers:
-    """Return the numbers of the small vibration on a curve; arguments and errors as in `run_dynamics`.
+    """Numbers of the small vibration on a curve; arguments and errors as in `run_dynamics`.
 
     Examples:
         >>> from asperity.dynamics import DynamicsSettings
@@ -138,7 +138,7 @@ def small_vibration(source: Any, settings: DynamicsSettings) -> Numbers:
 def _vibration(
     source: Any, settings: DynamicsSettings
 ) -> tuple[ContactOscillator, float | None, LawTable | None, list[str]]:
-    """Return the oscillator on the law of a source, the gravity assumed, all laws of a curve, and notes on the law."""
+    """Oscillator on the law of a source, the gravity assumed, all laws of a curve, and notes on the law."""
     static, load, chosen = _law(source, settings)
     gravity, assumed = _gravity(settings, "law" if isinstance(source, Law) else "curve")
     damping, loop_note = settings.damping, ""
@@ -156,7 +156,7 @@ def _vibration(
 
 
 def _law(source: Any, settings: DynamicsSettings) -> tuple[Law, float, tuple[CurveColumns, Choice] | None]:
-    """Return law and preload of a source, with the columns and the choice if it is a curve."""
+    """Law and preload of a source, with the columns and the choice if it is a curve."""
     joint, load = settings.joint, settings.preload
     if isinstance(source, Law):
         if joint is not None and joint.nominal_area is not None:
@@ -170,7 +170,7 @@ def _law(source: Any, settings: DynamicsSettings) -> tuple[Law, float, tuple[Cur
 
 
 def _oscillator(law: Law, load: float, settings: DynamicsSettings, gravity: float | None) -> ContactOscillator:
-    """Return the oscillator on a law, with the mass of the joint if it has one."""
+    """Oscillator on a law, with the mass of the joint if it has one."""
     exact = ContactOscillator(law, load=load, gravity=gravity, zeta=settings.zeta, damping=settings.damping)
     joint = settings.joint
     mass = None if joint is None else joint.mass_at(exact.restoring.scale / exact.restoring.z_s)
@@ -178,7 +178,7 @@ def _oscillator(law: Law, load: float, settings: DynamicsSettings, gravity: floa
 
 
 def _loops_of(source: Any) -> str | LoopDamping:
-    """Return the damping of the loops of a run directory, "loops" where there are none."""
+    """Damping of the loops of a run directory, "loops" where there are none."""
     folder = Path(source) if isinstance(source, (str, os.PathLike)) else None
     if folder is not None and not folder.is_dir():
         folder = folder.parent
@@ -188,7 +188,7 @@ def _loops_of(source: Any) -> str | LoopDamping:
 
 
 def _yield_notes(choice: Choice) -> Iterator[str]:
-    """Yield a note where the preload is the greatest force that the contact has met."""
+    """Note where the preload is the greatest force that the contact has met."""
     if choice.reached is None or choice.reached > choice.load * (1 + 1e-9):
         return
     settled = "the law is that of the cycles that follow"
@@ -205,7 +205,7 @@ def _yield_notes(choice: Choice) -> Iterator[str]:
 def _notes(
     name: str, oscillator: ContactOscillator, responses: Iterable[FrequencyResponse], sweeps: Iterable[Sweep]
 ) -> Iterator[str]:
-    """Yield the notes on the results of a model."""
+    """Notes on the results of a model."""
     for r in responses:
         where = f"{name}, F^ = {r.setting.F_hat:g}"
         yield from _beyond_points(f"{where}: the response", oscillator, max(float(b.u_max.max()) for b in r.branches))
@@ -220,7 +220,7 @@ def _notes(
 
 
 def _beyond_points(where: str, oscillator: ContactOscillator, top: float) -> Iterator[str]:
-    """Yield notes on a motion up to u = `top` in which the contact yields again, or passes the points of the law."""
+    """Notes on a motion up to u = `top` in which the contact yields again, or passes the points of the law."""
     law, z_s = oscillator.law, oscillator.restoring.z_s
     known, again = round(law.known_to / z_s - 1.0, 9), law.yields_at / z_s - 1.0
     where = f"{where} reaches u = {top:.4g}"
@@ -237,7 +237,7 @@ def _beyond_points(where: str, oscillator: ContactOscillator, top: float) -> Ite
 
 
 def _gravity(settings: DynamicsSettings, source: str) -> tuple[float | None, str]:
-    """Return gravity in the units of a source, None if unknown or of no use, and a note on it or ""."""
+    """Gravity in the units of a source, None if unknown or of no use, and a note on it or ""."""
     joint, gravity, units = settings.joint, settings.gravity, settings.units
     with_mass = joint is not None and (joint.mass is not None or joint.frequency is not None)
     if gravity is not None:

@@ -40,13 +40,13 @@ class Search:
     """Traces every branch of order 1 from where it is known, and those through further orbits.
 
     Args:
-        balance, how: equations; window, accuracy and limits, for order 1.
-        subharmonics: whether branches of longer periods are traced too.
-        starts: number of starts on the period map, see `period_map`.
+        balance, how: equations; window, accuracy and limits, for order 1
+        subharmonics: whether branches of longer periods are traced too
+        starts: number of starts on the period map, see `period_map`
 
     Attributes:
-        branches, events: the branches; one that leaves the window and returns is in several pieces.
-        notes: on what could not be found or continued.
+        branches, events: the branches; one that leaves the window and returns is in several pieces
+        notes: on what could not be found or continued
     """
 
     def __init__(self, balance: Balance, forcing: float, how: Tracing, subharmonics: bool, starts: int) -> None:
@@ -96,14 +96,14 @@ class Search:
             ]
 
     def _searched_orders(self) -> list[int]:
-        """Return the orders of orbits that may be on branches that no other one leads to."""
+        """Orders of orbits that may be on branches that no other one leads to."""
         if not self.starts:
             return []
         needed = {1: not self.alone, 2: not self.alone or self.chart.may_double(self.how.window)}
         return [order for order in self.orders if needed[order]]
 
     def describe(self) -> str:
-        """Return the sentence `FrequencyResponse.searched`."""
+        """Sentence `FrequencyResponse.searched`."""
         periods = "period 1 and 2, with period 4 from period doublings" if self.subharmonics else "period 1"
         tried = " and ".join(str(order) for order in self._searched_orders())
         origins = f"rest, the backbone and {self.starts} starts of period {tried}" if tried else "rest and the backbone"
@@ -111,7 +111,7 @@ class Search:
         return f"searched: orbits of {periods}, from {origins}; not searched: other periods, and loops {left}"
 
     def _limits(self, order: int) -> tuple[float, float]:
-        """Return the frequencies up to which branches of an order are followed outside the window."""
+        """Frequencies up to which branches of an order are followed outside the window."""
         (low, high), chart = self.how.window, self.chart
         above = order * _BEYOND * chart.highest * (1.0 + self.forcing)
         below = chart.lowest / _BEYOND if order == 1 and self.alone else 0.0
@@ -134,7 +134,7 @@ class Search:
             self._follow(*self._ends.pop(0))
 
     def _outside(self, order: int, omega: float) -> Tracing:
-        """Return how branches are traced outside the window, on the side of a frequency."""
+        """How branches are traced outside the window, on the side of a frequency."""
         (low, high), (below, above) = self.how.window, self._limits(order)
         return replace(
             self.how, window=(below, low) if omega <= low else (high, above), max_step=_STRIDE * omega,
@@ -233,7 +233,7 @@ class Search:
             self._finish()
 
     def _excess(self, order: int, edge: float) -> int:
-        """Return by how much the signs of the orbits at an edge exceed 1.
+        """By how much the signs of the orbits at an edge exceed 1.
 
         The period map moves every distant state inwards, so its fixed points have the degree 1: those with a positive
         determinant of (identity less monodromy) are one more than those with a negative one.

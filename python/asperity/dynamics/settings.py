@@ -30,30 +30,30 @@ class DynamicsSettings:
     """What is computed of a vibration, in the units of its source.
 
     Attributes:
-        law: "auto", "unload-reload", "elastic", "table" or "paper", see `law_from`; of no use for a `Law`.
-        preload: static force W (force); default that of the joint, or half of the largest force of the curve.
-        overload: greatest force before the vibration (force), see `law_from`.
+        law: "auto", "unload-reload", "elastic", "table" or "paper", see `law_from`; of no use for a `Law`
+        preload: static force W (force); default that of the joint, or half of the largest force of the curve
+        overload: greatest force before the vibration (force), see `law_from`
         gravity: gravitational acceleration (length/time^2), used for mass and omega_s only, where no joint has a mass;
-            default 9.80665 with SI units.
-        zeta: damping ratio of small motion, 0 <= zeta < 1.
+            default 9.80665 with SI units
+        zeta: damping ratio of small motion, 0 <= zeta < 1
         damping: "always", "contact", "hunt-crossley", or "loops": in addition to zeta that of the loops.csv of a run
-            directory (or a `LoopDamping`).
-        forcing: F^ = F/(n_loc W), one or several, each 1e-9 to 1e6.
-        model: "exact" and/or "taylor".
-        omega: lowest and highest Omega = omega/omega_s, 0.01 to 100.
-        sweeps: also integrate sweeps up and down (half a second per forcing; not for zeta = 0).
-        detached: also search for branches that no other branch reaches (several seconds).
-        bands: also carry the uncertainty of the law to the response (about 1 s per forcing).
-        tol: relative truncation error of the response.
+            directory (or a `LoopDamping`)
+        forcing: F^ = F/(n_loc W), one or several, each 1e-9 to 1e6
+        model: "exact" and/or "taylor"
+        omega: lowest and highest Omega = omega/omega_s, 0.01 to 100
+        sweeps: also integrate sweeps up and down (half a second per forcing; not for zeta = 0)
+        detached: also search for branches that no other branch reaches (several seconds)
+        bands: also carry the uncertainty of the law to the response (about 1 s per forcing)
+        tol: relative truncation error of the response
         extrapolate: continue the laws "table" and "unload-reload" beyond their last point, along the last slope in
-            (ln z, ln F); "auto" always does.
+            (ln z, ln F); "auto" always does
         joint: nominal area, preload and mass. With a joint all forces are those of the joint, and the mass is that of
             the joint, not the preload over gravity.
-        patch_area: nominal area of the curve (length^2).
+        patch_area: nominal area of the curve (length^2)
         units: "SI" or "other"; with "other" and no `gravity`, mass and omega_s are left out. Default SI, with a note.
 
     Raises:
-        InputError: a value is not legal.
+        InputError: a value is not legal
 
     Examples:
         >>> from asperity.dynamics import DynamicsSettings
@@ -94,7 +94,7 @@ class DynamicsSettings:
 
     @classmethod
     def of_case(cls, case: Mapping[str, Any], joint: Joint | None = None) -> DynamicsSettings:
-        """Return the settings of a completed case (sections as of `Case.to_dict`), with another joint if given.
+        """Settings of a completed case (sections as of `Case.to_dict`), with another joint if given.
 
         The preload of the patch becomes that of the joint.
         """
@@ -113,7 +113,7 @@ class DynamicsSettings:
 
     @classmethod
     def of_source(cls, source: Any, joint: Joint | None = None) -> DynamicsSettings:
-        """Return the settings of the case in a run directory, or beside its curve.csv; the defaults without one."""
+        """Settings of the case in a run directory, or beside its curve.csv; the defaults without one."""
         case: dict[str, Any] = {}
         if isinstance(source, (str, os.PathLike)):
             path = Path(source)
@@ -125,7 +125,7 @@ class DynamicsSettings:
         return cls.of_case(case, joint)
 
     def replaced(self, **changes: Any) -> DynamicsSettings:
-        """Return the settings with other values, None for no change.
+        """Settings with other values, None for no change.
 
         The overload does not outlive a change of law or preload, and the damping ratio becomes that of a new joint.
         """

@@ -36,9 +36,9 @@ class Floquet:
     """Floquet data of a batch of orbits (arrays of shape (orbits,)).
 
     Attributes:
-        trace, determinant: of the monodromy matrix over one period of the orbit.
-        radius: largest modulus of a multiplier.
-        error: relative deviation of the computed determinant from Liouville's; 1 where the steps are too long.
+        trace, determinant: of the monodromy matrix over one period of the orbit
+        radius: largest modulus of a multiplier
+        error: relative deviation of the computed determinant from Liouville's; 1 where the steps are too long
     """
 
     trace: Array
@@ -47,7 +47,7 @@ class Floquet:
     error: Array
 
     def insert(self, at: list[int], other: Floquet) -> Floquet:
-        """Return the batch with the orbits of another one inserted before the positions `at`."""
+        """Batch with the orbits of another one inserted before the positions `at`."""
         return Floquet(*(np.insert(getattr(self, f.name), at, getattr(other, f.name)) for f in fields(self)))
 
     @property
@@ -67,7 +67,7 @@ class Floquet:
 
 
 def stack(orbits: list[Array]) -> Array:
-    """Return coefficient vectors of any lengths as complex rows c, u = Re SUM c_k exp(i k theta)."""
+    """Coefficient vectors of any lengths as complex rows c, u = Re SUM c_k exp(i k theta)."""
     count = max(x.size for x in orbits) // 2
     out = np.zeros((len(orbits), count + 1), complex)
     for row, x in zip(out, orbits, strict=True):
@@ -78,31 +78,31 @@ def stack(orbits: list[Array]) -> Array:
 
 
 def unstack(c: Array, count: int) -> Array:
-    """Return one row of `stack` as a coefficient vector of `count` harmonics."""
+    """One row of `stack` as a coefficient vector of `count` harmonics."""
     return np.concatenate([c[: count + 1].real, -c[1 : count + 1].imag])
 
 
 def state_at_phase_zero(c: Array, omega: float, order: int = 1) -> tuple[float, float]:
-    """Return (u, v) at forcing phase 0 of an orbit with complex coefficients `c` (K + 1,)."""
+    """(u, v) at forcing phase 0 of an orbit with complex coefficients `c` (K + 1,)."""
     k = np.arange(c.size)
     return float(c.sum().real), float((1j * k * c).sum().real) * omega / order
 
 
 def samples(c: Array, points: int) -> Array:
-    """Return the values (orbits, points) of the orbits at equidistant angles."""
+    """Values (orbits, points) of the orbits at equidistant angles."""
     half = c * (0.5 * points)
     half[:, 0] *= 2.0
     return np.fft.irfft(half, points, axis=1)
 
 
 def extrema(c: Array) -> tuple[Array, Array]:
-    """Return the smallest and largest value of each orbit, from the roots of u' (shape (orbits,) each)."""
+    """Smallest and largest value of each orbit, from the roots of u' (shape (orbits,) each)."""
     u = _densely(c)
     return _turn(c, u, 1.0)[1], _turn(c, u, -1.0)[1]
 
 
 def rise(c: Array, t: Array) -> Array:
-    """Return the rate of the largest value of each orbit `c` along the change `t` (both as in `stack`)."""
+    """Rate of the largest value of each orbit `c` along the change `t` (both as in `stack`)."""
     theta, _ = _turn(c, _densely(c), -1.0)
     return (t * np.exp(1j * theta[:, None] * np.arange(t.shape[1]))).sum(1).real
 
@@ -112,7 +112,7 @@ def _densely(c: Array) -> Array:
 
 
 def _turn(c: Array, u: Array, sign: float) -> tuple[Array, Array]:
-    """Return angle and value of the lowest (sign 1) or highest (-1) point of each orbit, sampled as `u`."""
+    """Angle and value of the lowest (sign 1) or highest (-1) point of each orbit, sampled as `u`."""
     points = u.shape[1]
     k = np.arange(c.shape[1])
     first, second = 1j * k * c, -(k * k) * c
@@ -177,7 +177,7 @@ def _floquet(balance: Balance, c: Array, omega: Array, points: int) -> Floquet:
 
 
 def _multiplied(m: tuple[Array, ...]) -> tuple[tuple[Array, ...], Array]:
-    """Return the products of the matrices of all steps, scaled to a largest entry of 1, and the logarithms of scale."""
+    """Products of the matrices of all steps, scaled to a largest entry of 1, and the logarithms of scale."""
     log = np.zeros(m[0].shape)
     while m[0].shape[1] > 1:  # product tree, later factors on the left
         a, b = tuple(x[:, 1::2] for x in m), tuple(x[:, ::2] for x in m)
@@ -189,7 +189,7 @@ def _multiplied(m: tuple[Array, ...]) -> tuple[tuple[Array, ...], Array]:
 
 
 def _ends_and_middle(x: Array) -> tuple[Array, ...]:
-    """Return the samples at start, middle and end of each step; a constant stays one number per orbit."""
+    """Samples at start, middle and end of each step; a constant stays one number per orbit."""
     if x.shape[1] == 1:
         return x, x, x
     start = np.ascontiguousarray(x[:, ::2])
@@ -217,7 +217,7 @@ def _averaged(balance: Balance, u: Array, h: Array, *k: Array) -> tuple[Array, .
 
 
 def _runge_kutta(k0: Array, km: Array, k1: Array, d0: Array, dm: Array, d1: Array) -> tuple[Array, ...]:
-    """Return the transition matrices (m11, m12, m21, m22) of one step for delta' = w - d delta, w' = -k delta."""
+    """Transition matrices (m11, m12, m21, m22) of one step for delta' = w - d delta, w' = -k delta."""
 
     def slope(k: Array, d: Array, y: tuple[Array, ...]) -> tuple[Array, ...]:
         return (y[2] - d * y[0], y[3] - d * y[1], k * y[0], k * y[1])

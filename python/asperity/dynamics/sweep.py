@@ -33,14 +33,14 @@ class Sweep:
     """Steady states of a sweep with carried state (arrays of shape (frequencies,), in the order of the sweep).
 
     Attributes:
-        setting: law, damping and forcing.
-        direction: "up" or "down".
-        Omega: frequencies.
-        u_max, u_min, a1: extreme displacements and amplitude at the forcing frequency; NaN after an escape.
-        status: "settled", "period k", "not settled" or "escaped" for each point.
-        periods: forcing periods integrated at each point.
-        tolerance: largest estimated distance from the steady state among the settled points, relative to the orbit.
-        valid: False where a Taylor law passes u = -1 or the motion has escaped.
+        setting: law, damping and forcing
+        direction: "up" or "down"
+        Omega: frequencies
+        u_max, u_min, a1: extreme displacements and amplitude at the forcing frequency; NaN after an escape
+        status: "settled", "period k", "not settled" or "escaped" for each point
+        periods: forcing periods integrated at each point
+        tolerance: largest estimated distance from the steady state among the settled points, relative to the orbit
+        valid: False where a Taylor law passes u = -1 or the motion has escaped
 
     Examples:
         >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.1)
@@ -63,7 +63,7 @@ class Sweep:
     __repr__ = short_repr
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """Yield the rows of response.csv, without escaped points, which have no amplitude."""
+        """Rows of response.csv, without escaped points, which have no amplitude."""
         s = self.setting
         for i, status in enumerate(self.status):
             if status != ESCAPED:
@@ -88,7 +88,7 @@ def sweep(
     """Sweep all forcings and directions in parallel; arguments as in `ContactOscillator.sweep`, with rising `omega`.
 
     Raises:
-        RangeError: the motion leaves a table.
+        RangeError: the motion leaves a table
     """
     lanes = [(s, d) for s in settings for d in directions]
     forcing = np.array([s.F_hat for s, _ in lanes])
@@ -132,7 +132,7 @@ def _settle(
 
     Returns:
         States at the end; and u_max, u_min, a1, residual, kind (period, 0 not settled, -1 escaped) and periods, shape
-        (6, lanes).
+        (6, lanes)
     """
     lanes = omega.size
     shrink = 1.0 - np.exp(-2.0 * np.pi * equation.zeta / omega)
@@ -180,13 +180,13 @@ def _settle(
 
 
 def _periods(y: Array, shrink: Array, size: Array, tol: float) -> tuple[Array, Array]:
-    """Return the period of each lane (0 if it does not repeat), and its estimated distance from the orbit.
+    """Period of each lane (0 if it does not repeat), and its estimated distance from the orbit.
 
     Args:
-        y: states at the ends of the last periods (periods + 1, 2, lanes).
-        shrink: 1 - exp(-2 pi zeta/Omega) of the lanes.
-        size: amplitude of the lanes.
-        tol: as in `sweep`.
+        y: states at the ends of the last periods (periods + 1, 2, lanes)
+        shrink: 1 - exp(-2 pi zeta/Omega) of the lanes
+        size: amplitude of the lanes
+        tol: as in `sweep`
     """
     found, distance = np.zeros(size.size, int), np.full(size.size, np.inf)
     gaps: dict[int, Array] = {}
@@ -203,7 +203,7 @@ def _periods(y: Array, shrink: Array, size: Array, tol: float) -> tuple[Array, A
 
 
 def _extrapolated(y: Array) -> Array:
-    """Return the steps (2, lanes) to the fixed points of the affine maps through five Poincare points (5, 2, lanes)."""
+    """Steps (2, lanes) to the fixed points of the affine maps through five Poincare points (5, 2, lanes)."""
     d = np.nan_to_num(np.diff(y, axis=0))  # NaN where a lane has just escaped
     # d[k+1] = M d[k]: fit the 2 x 2 matrix M to three pairs, then sum the geometric series
     a, b = d[:-1].transpose(2, 1, 0), d[1:].transpose(2, 1, 0)

@@ -64,20 +64,20 @@ class Thresholds:
     """Onsets of nonlinear phenomena of one oscillator, as F^; None where there is no onset.
 
     Attributes:
-        model, law, zeta, damping: model, law and damping of the oscillator.
-        n_loc, kappa: local exponent; backbone curvature (negative: softening).
-        softening: sign of kappa in words: "softening", "hardening", "linear", or "undecided" within its error bar.
-        u_max, omega_loss: largest release that keeps contact, and its frequency over omega_s.
-        drive_loss: F^/(2 zeta) at which resonance begins to lose contact.
-        contact_loss: the same as F^.
-        hysteresis: F^ of the first vertical tangent (multiple scales, small zeta).
-        period_doubling: F^ of the first period doubling near Omega = 2 (small zeta; error about 0.5 % for 0.01).
-        closing: largest F^ whose resonance the damping still limits (None: it limits every resonance).
+        model, law, zeta, damping: model, law and damping of the oscillator
+        n_loc, kappa: local exponent; backbone curvature (negative: softening)
+        softening: sign of kappa in words: "softening", "hardening", "linear", or "undecided" within its error bar
+        u_max, omega_loss: largest release that keeps contact, and its frequency over omega_s
+        drive_loss: F^/(2 zeta) at which resonance begins to lose contact
+        contact_loss: the same as F^
+        hysteresis: F^ of the first vertical tangent (multiple scales, small zeta)
+        period_doubling: F^ of the first period doubling near Omega = 2 (small zeta; error about 0.5 % for 0.01)
+        closing: largest F^ whose resonance the damping still limits (None: it limits every resonance)
         peaks: for each requested forcing F_hat, F_over_mg, and Omega, u_max, u_min, a1 of the resonance peak; None
-            where the damping does not limit it.
-        F_over_mg: factor from F^ to F/(m g), equal to n_loc.
-        tolerance: relative error zeta^2 of onsets and peaks, which are leading terms in zeta.
-        valid: False if a peak of a Taylor law passes u = -1.
+            where the damping does not limit it
+        F_over_mg: factor from F^ to F/(m g), equal to n_loc
+        tolerance: relative error zeta^2 of onsets and peaks, which are leading terms in zeta
+        valid: False if a peak of a Taylor law passes u = -1
 
     Examples:
         >>> onset = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.01).thresholds(0.005)
@@ -109,7 +109,7 @@ class Thresholds:
     __repr__ = short_repr
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the section of thresholds.json."""
+        """Section of thresholds.json."""
         return {**asdict(self), "peaks": [dict(p) for p in self.peaks]}
 
 
@@ -126,7 +126,7 @@ def backbone(restoring: Restoring, *, model: str, damping: Damping, u_max: float
 
 
 def largest_amplitude(restoring: Restoring) -> float:
-    """Return the largest release amplitude: inf, the end of a table, or just inside a Taylor rim."""
+    """Largest release amplitude: inf, the end of a table, or just inside a Taylor rim."""
     law = restoring.law
     if isinstance(law, TaylorLaw):
         low, high = law.rim(), law.rim_above()
@@ -141,10 +141,10 @@ def largest_amplitude(restoring: Restoring) -> float:
 
 
 def resonance_peak(restoring: Restoring, drive: float, damping: Damping = "always") -> FreeOrbit | None:
-    """Return the free orbit that a forcing F^ = 2 zeta drive sustains at phase resonance; None if there is none.
+    """Free orbit that a forcing F^ = 2 zeta drive sustains at phase resonance; None if there is none.
 
     Raises:
-        RangeError: the peak lies beyond the end of the law.
+        RangeError: the peak lies beyond the end of the law
     """
     top = largest_amplitude(restoring)
     limit = min(top, _LARGEST)
@@ -209,7 +209,7 @@ def thresholds(
 
 
 def _closing(restoring: Restoring, zeta: float, damping: Damping) -> float | None:
-    """Return the largest F^ whose resonance damping in contact alone still limits."""
+    """Largest F^ whose resonance damping in contact alone still limits."""
     if not only_in_contact(damping) or not restoring.contact or np.isfinite(restoring.u_range[1]) or zeta == 0:
         return None
     grid = np.geomspace(0.1, 1e4, 26)

@@ -37,12 +37,12 @@ class Trajectory:
     """Motion in time, in units of 1/omega_s.
 
     Attributes:
-        tau: times, including every separation, landing and turning point, shape (times,).
-        u, v: displacement and speed at these times, shape (times,).
-        flight: time intervals without contact, shape (flights, 2).
-        setting: law, damping and forcing, if the motion is that of an oscillator.
-        tolerance: relative tolerance of the integrator.
-        valid: False if a Taylor law passes u = -1.
+        tau: times, including every separation, landing and turning point, shape (times,)
+        u, v: displacement and speed at these times, shape (times,)
+        flight: time intervals without contact, shape (flights, 2)
+        setting: law, damping and forcing, if the motion is that of an oscillator
+        tolerance: relative tolerance of the integrator
+        valid: False if a Taylor law passes u = -1
 
     Examples:
         >>> path = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.0).simulate(1.0, 0.0, u=1.0, periods=1)
@@ -75,12 +75,12 @@ def integrate(
     """Integrate from (u, v) at forcing phase 0, alternating between contact and flight.
 
     Args:
-        duration: time to run (1/omega_s).
-        samples: output points per unit of time.
+        duration: time to run (1/omega_s)
+        samples: output points per unit of time
 
     Raises:
-        ConvergenceError: the integrator fails.
-        RangeError: the motion escapes from a Taylor well.
+        ConvergenceError: the integrator fails
+        RangeError: the motion escapes from a Taylor well
     """
     t, state, contact = 0.0, (u, v + equation.loss(u)), equation.restoring.contact
     times, states = [0.0], [state]
@@ -148,14 +148,14 @@ def _phase(
 
 
 def steps_for(equation: Equation, omega: Array, u: Array) -> int:
-    """Return the number of steps per period that resolve the stiffest contact at displacements `u`."""
+    """Number of steps per period that resolve the stiffest contact at displacements `u`."""
     stiff = equation.restoring.df(np.maximum(u, 0.0))
     rate = np.sqrt(np.maximum(1.0, np.where(np.isfinite(stiff), stiff, 1.0)))
     return int(np.clip(2 * np.ceil(np.max(np.pi / omega * rate / STEP)), 64, 4096))
 
 
 def has_escaped(equation: Equation, u: Array, low: Array) -> Array:
-    """Return which lanes have left the Taylor well and cannot return."""
+    """Which lanes have left the Taylor well and cannot return."""
     bad = ~np.isfinite(u) | (np.abs(u) > _ESCAPE_LANES)
     law = equation.restoring.law
     if isinstance(law, TaylorLaw) and np.isfinite(law.rim()):
@@ -166,7 +166,7 @@ def has_escaped(equation: Equation, u: Array, low: Array) -> Array:
 def path_of(
     equation: Equation, u: Array, w: Array, omega: Array, forcing: Array, steps: int
 ) -> tuple[Array, Array, Array]:
-    """Return displacements and speeds (steps + 1, lanes) over one forcing period, and w at its end.
+    """Displacements and speeds (steps + 1, lanes) over one forcing period, and w at its end.
 
     State, Omega and F^ of each lane have the shape (lanes,).
     """
@@ -229,7 +229,7 @@ def advance(
     """Advance all lanes by one forcing period; arguments as in `path_of`.
 
     Returns:
-        u, w, largest u, smallest u and amplitude at the forcing frequency, shape (lanes,) each.
+        u, w, largest u, smallest u and amplitude at the forcing frequency, shape (lanes,) each
     """
     us, vs, w = path_of(equation, u, w, omega, forcing, steps)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -240,7 +240,7 @@ def advance(
 
 
 def _turning_values(u: Array, v: Array) -> tuple[Array, Array]:
-    """Return the extremes of the cubic Hermite path through samples u with slopes v (times the step)."""
+    """Extremes of the cubic Hermite path through samples u with slopes v (times the step)."""
     low, high = u.min(axis=0), u.max(axis=0)
     i, lane = np.nonzero((v[:-1] > 0) != (v[1:] > 0))
     if i.size == 0:

@@ -74,7 +74,7 @@ class BlockMesh:
     __repr__ = short_repr
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
-        """Return the arrays of a mesh file by name."""
+        """Arrays of a mesh file by name."""
         arrays = {"points": self.points, "tets": self.tets}
         if self.smoothing is not None:
             arrays["smoothing"] = self.smoothing
@@ -94,7 +94,7 @@ class BlockMesh:
         return np.asarray(self.height + z - surface.mean())
 
     def counts(self) -> tuple[int, int]:
-        """Return the numbers of nodes and elements after the refinements.
+        """Numbers of nodes and elements after the refinements.
 
         Examples:
             >>> from asperity.mesh.generate import build_block

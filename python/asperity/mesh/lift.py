@@ -60,7 +60,7 @@ def lift(
 
     Returns:
         Nodes of the lifted block (N, 3) [length], and the standard deviation of the Gaussian at each node, 0 where its
-        height is exact, FREE where a node inside has moved on its own (N,) [length].
+        height is exact, FREE where a node inside has moved on its own (N,) [length]
 
     Raises:
         MeshError: a valley reaches the base, no smoothing makes the elements sound, or periodic sides do not fit
@@ -143,7 +143,7 @@ def _relax(rise: Floats, points: Floats, tets: Indices, gradients: Floats, heigh
         copies: see `lift`
 
     Returns:
-        Which nodes have moved (N,).
+        Which nodes have moved (N,)
     """
     n = len(points)
     free = (points[:, 2] > NEAR * height) & (points[:, 2] < (1.0 - NEAR) * height)

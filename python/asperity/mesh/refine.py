@@ -45,7 +45,7 @@ def refined(mesh: Any, times: int, surface: Surface, height: float) -> tuple[Any
 
     Returns:
         Mesh of second-order tetrahedra [length], whose nodes have the numbers of the module's text, and the numbers of
-        its local cells.
+        its local cells
 
     Raises:
         MeshError: see `lift.lift`

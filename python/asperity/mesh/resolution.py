@@ -53,7 +53,7 @@ def resolving_size(surface: Surface, delta: float, tolerance: float, largest: fl
         largest: upper limit of the search [length]
 
     Returns:
-        The size, up to 2 % too small; inf if `largest` is small enough.
+        The size, up to 2 % too small; inf if `largest` is small enough
     """
 
     def enough(h: float) -> bool:

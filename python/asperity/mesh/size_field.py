@@ -187,7 +187,7 @@ class SizeField:
         return SizeField(levels, distances, (0.0, 0.0, 1.0), growth, greatest, periodic)
 
     def coarser(self, refinements: int) -> SizeField:
-        """Return the field of a mesh whose elements have this one, or less, after so many splits of their edges in two.
+        """Field of a mesh whose elements have this one, or less, after so many splits of their edges in two.
 
         Its growth is limited to STEEPEST: of a steeper one the mesh would not notice small spots between its nodes.
         """
@@ -197,11 +197,11 @@ class SizeField:
         return replace(self, sizes=ratio * self.sizes, growth=growth, h_max=greatest)
 
     def compiled(self) -> _solver.SizeField:
-        """Return the compiled field, whose method `at` gives the same bits as that of this one in less time."""
+        """Compiled field, whose method `at` gives the same bits as that of this one in less time."""
         return _solver.SizeField(self.sizes, self.distances, self.window, self.growth, self.h_max, self.periodic)
 
     def at(self, x: float, y: float, depth: float) -> float:
-        """Return the size [L] at a point `depth` below the mean plane of the top, x, y and depth in units of L."""
+        """Size [L] at a point `depth` below the mean plane of the top, x, y and depth in units of L."""
         x0, y0, side = self.window
         if self.periodic:  # the image next to the window
             x, y = (c - round(c - low - 0.5 * side) for c, low in ((x, x0), (y, y0)))
@@ -257,5 +257,5 @@ def rounded(value: float) -> float:
 
 
 def _just_above(limit: float) -> float:
-    """Return a limit increased by the round-off of the values compared with it."""
+    """Limit increased by the round-off of the values compared with it."""
     return limit * (1.0 + 1e-9) + 1e-15

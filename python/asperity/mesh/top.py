@@ -35,7 +35,7 @@ class Top:
 
     @staticmethod
     def of(block: BlockMesh, surface: Surface) -> Top:
-        """Return the top of a mesh that is not refined any more, made for `surface`."""
+        """Top of a mesh that is not refined any more, made for `surface`."""
         on_top = np.abs(block.heights(surface) - block.points[:, 2]) < NEAR * block.side
         faces = outer_faces(block.tets)
         points = (block.points - np.array([0.0, 0.0, block.height])) / block.side

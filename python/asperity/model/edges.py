@@ -25,15 +25,15 @@ class Edge:
 
 
 def edge_of_summit(sides: str, surface: Surface) -> Edge | None:
-    """Return how an edge of the patch affects the first contact; None of a surface in contact along a whole edge.
+    """How an edge of the patch affects the first contact; None of a surface in contact along a whole edge.
 
     Between rollers the value is the slope across the edge that the summit lies on, over the rms slope, 0 inside; with
     free sides the distance of the summit from the nearest one, over the shortest wavelength. A periodic surface has no
     edge.
 
     Args:
-        sides: "rollers", "free" or "periodic".
-        surface: the top.
+        sides: "rollers", "free" or "periodic"
+        surface: the top
     """
     if sides == "periodic":
         return None
@@ -52,15 +52,15 @@ def edge_of_summit(sides: str, surface: Surface) -> Edge | None:
 
 
 def doubt_of_edge(sides: str, surface: Surface) -> str:
-    """Return why an edge of the patch spoils the first contact, in a sentence; empty when none does.
+    """Why an edge of the patch spoils the first contact, in a sentence; empty when none does.
 
     Rollers mirror the surface: where it falls away from the edge that the summit lies on, a ridge arises, sharper than
     any summit. A surface that is symmetric about the edge has none. A free side has no solid beyond it to carry a
     summit near by. A periodic surface has no edge.
 
     Args:
-        sides: "rollers", "free" or "periodic".
-        surface: the top.
+        sides: "rollers", "free" or "periodic"
+        surface: the top
     """
     edge = edge_of_summit(sides, surface)
     if edge is None or not edge.edges:

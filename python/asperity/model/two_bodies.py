@@ -33,7 +33,7 @@ from asperity.surface import Surface
 
 
 def composite_modulus(E1: float, nu1: float, E2: float, nu2: float) -> float:
-    """Return E' of 1/E' = (1 - nu1^2)/E1 + (1 - nu2^2)/E2 (force/length^2).
+    """E' of 1/E' = (1 - nu1^2)/E1 + (1 - nu2^2)/E2 (force/length^2).
 
     Examples:
         >>> round(composite_modulus(200e9, 0.3, 200e9, 0.3) / 1e9, 3)  # half of that of one body
@@ -50,8 +50,8 @@ class EquivalentBlock:
     """One block under a rigid flat instead of two that press on each other.
 
     Attributes:
-        material: elastic, with the composite modulus.
-        height: of the block, so that its uniform compression is that of both (length).
+        material: elastic, with the composite modulus
+        height: of the block, so that its uniform compression is that of both (length)
 
     Examples:
         >>> EquivalentBlock(asp.Material(E=100e9, nu=0.3), height=2e-6).material.nu
@@ -68,13 +68,13 @@ def equivalent_block(
     """Material and height of the block that represents two.
 
     Args:
-        first, second: the bodies; elastic.
-        heights: of their blocks (length).
-        sides: of all blocks, "rollers" or "free".
-        nu: Poisson's ratio to give the equivalent one; free to choose, because only E' enters the contact.
+        first, second: the bodies; elastic
+        heights: of their blocks (length)
+        sides: of all blocks, "rollers" or "free"
+        nu: Poisson's ratio to give the equivalent one; free to choose, because only E' enters the contact
 
     Raises:
-        InputError: a body yields or has finite strain, or a height is not positive.
+        InputError: a body yields or has finite strain, or a height is not positive
 
     Examples:
         >>> steel = asp.Material(E=200e9, nu=0.3)
@@ -103,10 +103,10 @@ class SumSurface(Surface):
     """z1(x, y) + z2(L - x, y): two surfaces that face each other, each seen from its own outside.
 
     Attributes:
-        L: side of the patch (length); that of both.
-        first: the lower surface, heights upwards.
+        L: side of the patch (length); that of both
+        first: the lower surface, heights upwards
         second: the upper surface as it lies on a table, heights upwards; turned over about the y direction to face
-            the first.
+            the first
 
     Examples:
         >>> wave = asp.Surface.from_spec("sinusoid", L=1.0, amplitude=0.01)

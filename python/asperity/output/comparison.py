@@ -43,10 +43,10 @@ def store_curve(
         tolerances: relative, by column; default TOLERANCES
 
     Returns:
-        The curve as written.
+        The curve as written
 
     Raises:
-        InputError: the folder contains no finished run of this case, or a tolerance is illegal.
+        InputError: the folder contains no finished run of this case, or a tolerance is illegal
 
     Examples:
         >>> case = asp.Case.from_dict({
@@ -92,12 +92,12 @@ class Difference:
     """Greatest difference of two curves in one column.
 
     Attributes:
-        column: name of the column, or "rows" when the steps do not correspond.
-        row: row of the greatest difference.
-        a: value of the first curve there.
-        b: value of the second curve there.
-        error: |a - b| over the largest magnitude of the column in the second curve.
-        tolerance: of the column.
+        column: name of the column, or "rows" when the steps do not correspond
+        row: row of the greatest difference
+        a: value of the first curve there
+        b: value of the second curve there
+        error: |a - b| over the largest magnitude of the column in the second curve
+        tolerance: of the column
 
     Examples:
         >>> a, b = (asp.Curve.from_rows([{"delta": 1.0, "force": force}]) for force in (2.0, 2.1))
@@ -114,7 +114,7 @@ class Difference:
     tolerance: float
 
     def __str__(self) -> str:
-        """Return one line for a report."""
+        """One line for a report."""
         if self.column == "rows":
             return f"rows: {self.a} against {self.b}, first at row {self.row}"
         return (
@@ -127,8 +127,8 @@ def compare_curves(a: Curve, b: Curve, tolerances: Mapping[str, float] | None = 
     """Compare a curve with a reference, step by step.
 
     Args:
-        a: the curve.
-        b: the reference; errors are relative to the largest magnitude of each of its columns.
+        a: the curve
+        b: the reference; errors are relative to the largest magnitude of each of its columns
         tolerances: by column; default the "tolerances" in the header of `b`, else TOLERANCES.
             Other columns are not compared.
 
@@ -137,7 +137,7 @@ def compare_curves(a: Curve, b: Curve, tolerances: Mapping[str, float] | None = 
         counterpart; empty if the curves agree. NaN agrees with NaN only.
 
     Raises:
-        InputError: a tolerance is negative or its column unknown.
+        InputError: a tolerance is negative or its column unknown
 
     Examples:
         >>> a, b = (asp.Curve.from_rows([{"delta": 1.0, "force": force}]) for force in (2.0, 2.1))

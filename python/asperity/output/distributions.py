@@ -31,7 +31,7 @@ def write_distributions(path: Path, top: TopStates, side: float) -> None:
 
 
 def distributions(top: TopStates, side: float) -> Iterator[tuple[int, str, Floats, Floats]]:
-    """Yield number, quantity, edges of the bins (BINS + 1,) and shares of the patch (BINS,) of each state and quantity.
+    """Number, quantity, edges of the bins (BINS + 1,) and shares of the patch (BINS,) of each state and quantity.
 
     The quantity "pressure" [force/length^2] has the points in contact, "gap" [length] the others. The shares of the
     pressure add up to about the area fraction; the pressure of a facet that the edge of the contact cuts is spread over

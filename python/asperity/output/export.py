@@ -53,15 +53,15 @@ class Interface:
     """The rough interface per nominal area, at rising pressure; arrays of shape (m,), NaN where unknown.
 
     Attributes:
-        approach: of the mean planes from first touch, or from where an unloading separates (length).
-        pressure: nominal (force/length^2).
-        slope: dp/dz of the table (force/length^3).
+        approach: of the mean planes from first touch, or from where an unloading separates (length)
+        pressure: nominal (force/length^2)
+        slope: dp/dz of the table (force/length^3)
         k_n, k_n_elastic, k_t: normal stiffness of the loading and of small vibration, tangential stiffness, over the
-            nominal area and without the block (force/length^3), from the columns of the curve.
-        area: nominal area of the joint, or of the patch (length^2).
-        about: what the numbers are, one line each.
-        slip: of the interface of the patch, None for a case without [slip].
-        patch: nominal area of the patch (length^2).
+            nominal area and without the block (force/length^3), from the columns of the curve
+        area: nominal area of the joint, or of the patch (length^2)
+        about: what the numbers are, one line each
+        slip: of the interface of the patch, None for a case without [slip]
+        patch: nominal area of the patch (length^2)
 
     Examples:
         >>> z, unknown = np.array([1e-9, 2e-9]), np.full(2, np.nan)
@@ -83,17 +83,17 @@ class Interface:
 
 
 def interface(folder: str | Path, law: str = "table", load: float | None = None) -> Interface:
-    """Return the interface of a run.
+    """Interface of a run.
 
     Args:
-        folder: of the run, with curve.csv and case.toml.
+        folder: of the run, with curve.csv and case.toml
         law: "table" (first loading), "unload-reload" (branch through the preload), or "auto": after yield
-            "unload-reload" where the curve has it, else "table".
-        load: preload on the patch (force), for the branch; default that of the joint, or half of the greatest force.
+            "unload-reload" where the curve has it, else "table"
+        load: preload on the patch (force), for the branch; default that of the joint, or half of the greatest force
 
     Raises:
-        InputError: the folder has no curve or no case, or the curve does not contain the branch.
-        RangeError: the branch does not reach the preload.
+        InputError: the folder has no curve or no case, or the curve does not contain the branch
+        RangeError: the branch does not reach the preload
 
     Examples:
         That of a run is in `export`; a folder without a run is refused:
@@ -148,18 +148,18 @@ def export(
     """Write the contact of a run for another program; return the file written.
 
     Args:
-        folder: of the run.
+        folder: of the run
         to: "calculix" or "abaqus" (a contact property with tabular pressure-overclosure, to be included in a deck),
             "csv", or "python" (a module that needs NumPy only: force and stiffness over the approach). With the section
             [slip] the decks have friction and stick slope too, and "sliders" (CSV) and "sliders-python" (a module with
             state) are the tangential force as an array of sliders.
-        path: of the file; default in the folder.
-        law: see `interface`; default "auto" for "python", whose use is vibration, and "table" for the others.
-        load: see `interface`.
+        path: of the file; default in the folder
+        law: see `interface`; default "auto" for "python", whose use is vibration, and "table" for the others
+        load: see `interface`
 
     Raises:
-        InputError: `to` is unknown, or as for `interface`.
-        RangeError: as for `interface`.
+        InputError: `to` is unknown, or as for `interface`
+        RangeError: as for `interface`
 
     Examples:
         >>> Path("out").mkdir()
@@ -197,7 +197,7 @@ def _block_modulus(case: Case) -> float:
 
 
 def _approach(curve: Curve, case: Case) -> tuple[Array, str]:
-    """Return the approach of the mean planes at each step (length), and how it was found."""
+    """Approach of the mean planes at each step (length), and how it was found."""
     block = {"height": case.block.height, "area": case.surface.L**2, "modulus": _block_modulus(case)}
     without = interface_approach(curve.delta, curve.force, **block)
     if np.isnan(curve.mean_gap).any() or not len(curve):
@@ -207,14 +207,14 @@ def _approach(curve: Curve, case: Case) -> tuple[Array, str]:
 
 
 def _refined(z: Array) -> Array:
-    """Return the points of a law with others between and below them."""
+    """Points of a law with others between and below them."""
     share = np.arange(_BETWEEN) / _BETWEEN
     inner = (z[:-1, None] * (z[1:] / z[:-1])[:, None] ** share).ravel()
     return np.concatenate([z[0] * np.array(_BELOW), inner, z[-1:]])
 
 
 def _over(pressure: Array, k: Array, at: Array, rows: Array) -> Array:
-    """Return a stiffness, known in rows of rising pressures `at`, over others: linear in logarithms, NaN outside."""
+    """Stiffness, known in rows of rising pressures `at`, over others: linear in logarithms, NaN outside."""
     if rows.size < 2:
         return np.full(pressure.shape, np.nan)
     x, y, wanted = np.log(at[rows]), np.log(k[rows]), np.log(pressure)
@@ -223,7 +223,7 @@ def _over(pressure: Array, k: Array, at: Array, rows: Array) -> Array:
 
 
 def _about(results: Results, case: Case, law: TableLaw, name: str, measure: str) -> Iterator[str]:
-    """Yield units and provenance."""
+    """Units and provenance."""
     si = case.units == "SI"
     yield f"contact of a rough surface by asperity {asperity.__version__}"
     yield f"case {case.hash()[:16]}, {results.summary.get('exit_reason', 'exit reason unknown')}"
@@ -239,7 +239,7 @@ def _about(results: Results, case: Case, law: TableLaw, name: str, measure: str)
 
 
 def _short(table: Interface) -> Array:
-    """Return pressure and overclosure in as few rows as CalculiX reads, (rows, 2).
+    """Pressure and overclosure in as few rows as CalculiX reads, (rows, 2).
 
     Its lines end in a row at constant pressure, so a further row continues the last slope.
     """
@@ -299,7 +299,7 @@ def _csv(table: Interface) -> str:
 
 
 def _hermite(table: Interface) -> tuple[Array, Array, Array]:
-    """Return points and slopes of a monotone cubic with a continuous slope, also where contact is lost (at 0)."""
+    """Points and slopes of a monotone cubic with a continuous slope, also where contact is lost (at 0)."""
     z, p = np.append(0.0, table.approach), np.append(0.0, table.pressure)
     secant = np.diff(p) / np.diff(z)
     # monotone up to three times the secants next to it (Fritsch & Carlson, SIAM J. Numer. Anal. 17 (1980) 238)

@@ -77,14 +77,14 @@ class Contact:
 
 
 def python_module(z: Array, p: Array, d: Array, area: float, about: Sequence[str]) -> str:
-    """Return the source of the module.
+    """Source of the module.
 
     Args:
-        z: approaches from 0, rising, shape (m,) (length).
-        p: nominal pressures from 0, shape (m,) (force/length^2).
-        d: slopes dp/dz of the monotone cubic (force/length^3), shape (m,).
-        area: nominal area (length^2).
-        about: lines of its docstring.
+        z: approaches from 0, rising, shape (m,) (length)
+        p: nominal pressures from 0, shape (m,) (force/length^2)
+        d: slopes dp/dz of the monotone cubic (force/length^3), shape (m,)
+        area: nominal area (length^2)
+        about: lines of its docstring
 
     Examples:
         >>> text = python_module(np.array([0.0, 1.0]), np.array([0.0, 2.0]), np.array([0.0, 3.0]), 2.0, ["a test"])

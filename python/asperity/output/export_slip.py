@@ -55,15 +55,15 @@ class Sliders:
 
 
 def interface_slip(case: Case, curve: Curve, load: float | None) -> SlipLaw:
-    """Return the slip of the interface alone, without the block, by the normal curve of a run.
+    """Slip of the interface alone, without the block, by the normal curve of a run.
 
     Args:
-        case: with a section [slip].
-        curve: of the run.
-        load: preload on the patch (force), where the section gives none.
+        case: with a section [slip]
+        curve: of the run
+        load: preload on the patch (force), where the section gives none
 
     Raises:
-        InputError: the curve does not contain what it needs.
+        InputError: the curve does not contain what it needs
     """
     assert case.slip is not None
     given = case.slip.model_dump()
@@ -76,12 +76,12 @@ def interface_slip(case: Case, curve: Curve, load: float | None) -> SlipLaw:
 
 
 def sliders_table(law: SlipLaw, patch: float, about: tuple[str, ...]) -> str:
-    """Return the sliders of a law as CSV, stiffness over area and force over mu P.
+    """Sliders of a law as CSV, stiffness over area and force over mu P.
 
     Args:
-        law: of the patch.
-        patch: its nominal area (length^2).
-        about: further comments.
+        law: of the patch
+        patch: its nominal area (length^2)
+        about: further comments
     """
     array = law.array(SLIDERS, _LIGHTEST)
     lines = [f"# {text}" for text in (*_about(law, patch), *about)] + ["k,f"]
@@ -89,11 +89,11 @@ def sliders_table(law: SlipLaw, patch: float, about: tuple[str, ...]) -> str:
 
 
 def sliders_module(law: SlipLaw, patch: float, area: float, about: tuple[str, ...]) -> str:
-    """Return a Python module with the sliders of a law; it needs NumPy alone.
+    """Python module with the sliders of a law; it needs NumPy alone.
 
     Args:
-        law, patch, about: see `sliders_table`.
-        area: nominal area of the joint (length^2).
+        law, patch, about: see `sliders_table`
+        area: nominal area of the joint (length^2)
     """
     pairs = list(_pairs(law.array(SLIDERS, _LIGHTEST)))
     return _MODULE.format(

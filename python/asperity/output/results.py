@@ -46,19 +46,19 @@ class Results:
     """Contents of the folder of a run; files that the run did not write give empty values.
 
     Attributes:
-        folder: folder of the run.
-        curve: the accepted steps.
-        case: completed input, as nested tables.
-        summary: contents of summary.json.
-        free: columns of free.csv.
-        response: columns of response.csv.
-        thresholds: contents of thresholds.json.
-        band: columns of band.csv.
-        slip: columns of slip.csv.
-        slip_loops: columns of slip_loops.csv.
-        top: arrays of fields/top.npz.
-        mesh: arrays of fields/mesh.npz.
-        built: the surface of the case if it was passed to `read`, else None.
+        folder: folder of the run
+        curve: the accepted steps
+        case: completed input, as nested tables
+        summary: contents of summary.json
+        free: columns of free.csv
+        response: columns of response.csv
+        thresholds: contents of thresholds.json
+        band: columns of band.csv
+        slip: columns of slip.csv
+        slip_loops: columns of slip_loops.csv
+        top: arrays of fields/top.npz
+        mesh: arrays of fields/mesh.npz
+        built: the surface of the case if it was passed to `read`, else None
 
     Examples:
         >>> Path("out").mkdir()
@@ -89,11 +89,11 @@ class Results:
         """Read the folder of a run.
 
         Args:
-            folder: folder of the run.
-            surface: surface of the case, if it exists already; avoids a second search for its summit.
+            folder: folder of the run
+            surface: surface of the case, if it exists already; avoids a second search for its summit
 
         Raises:
-            InputError: curve.csv is missing, or a file cannot be read.
+            InputError: curve.csv is missing, or a file cannot be read
         """
         folder = Path(folder)
         if not (folder / CURVE).is_file():
@@ -121,7 +121,7 @@ class Results:
         return cls(folder=folder, built=surface, **found)
 
     def unit(self, dimension: str) -> str:
-        """Return the SI unit of "length", "force", "stress" or "stiffness"; empty for another system of units."""
+        """SI unit of "length", "force", "stress" or "stiffness"; empty for another system of units."""
         return SI[dimension] if self.case.get("units", "SI") == "SI" else ""
 
     @cached_property
@@ -137,10 +137,10 @@ class Results:
         return len(self.top.get("pressure", ()))
 
     def branches(self, *names: str) -> list[Curve]:
-        """Return the parts of the curve with one branch each, in order; each starts at the end of the previous one.
+        """Parts of the curve with one branch each, in order; each starts at the end of the previous one.
 
         Args:
-            names: branches to return ("load", "unload", "reload").
+            names: branches to return ("load", "unload", "reload")
         """
         branch = self.curve.branch
         starts = [0, *(np.flatnonzero(branch[1:] != branch[:-1]) + 1)]

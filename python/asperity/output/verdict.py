@@ -15,10 +15,10 @@ from asperity.units import plus_minus, quantity
 
 
 def verdict(results: Results) -> list[str]:
-    """Return the result with its error bar, and the vibration: a sentence each, only what is known.
+    """Result with its error bar, and the vibration: a sentence each, only what is known.
 
     Args:
-        results: files of a finished or partial run.
+        results: files of a finished or partial run
 
     Examples:
         >>> rows = [{"delta": 1e-9, "force": 2e-6, "P_star": 4e-5, "error_P_star": 8e-7, "area_fraction": 0.01}]
@@ -29,7 +29,7 @@ def verdict(results: Results) -> list[str]:
 
 
 def _contact(results: Results) -> Iterator[str]:
-    """Yield force, error bar and area of the patch at the largest force."""
+    """Force, error bar and area of the patch at the largest force."""
     curve = results.curve
     if not len(curve):
         yield "No load step was accepted."
@@ -46,7 +46,7 @@ def _contact(results: Results) -> Iterator[str]:
 
 
 def _stiffness(results: Results) -> Iterator[str]:
-    """Yield normal and tangential stiffness of the patch at the largest force."""
+    """Normal and tangential stiffness of the patch at the largest force."""
     curve = results.curve
     if not len(curve):
         return
@@ -60,7 +60,7 @@ def _stiffness(results: Results) -> Iterator[str]:
 
 
 def _vibration(results: Results) -> Iterator[str]:
-    """Yield stiffness and frequency of small vibration."""
+    """Stiffness and frequency of small vibration."""
     found = results.thresholds
     numbers, si = found.get("numbers") or {}, found.get("units") != "other"
     if numbers.get("k_n") is None:
@@ -80,14 +80,14 @@ def _vibration(results: Results) -> Iterator[str]:
 
 
 def _slip(results: Results) -> Iterator[str]:
-    """Yield frequency or stiffness, and damping ratio, of the slip of the joint at a few amplitudes."""
+    """Frequency or stiffness, and damping ratio, of the slip of the joint at a few amplitudes."""
     found = results.summary.get("slip") or {}
     for line in found.get("in_words", ()):
         yield f"{line}."
 
 
 def doubts(results: Results) -> list[str]:
-    """Return how many assumptions of the model are doubtful, and which; empty where none was checked."""
+    """How many assumptions of the model are doubtful, and which; empty where none was checked."""
     records = results.summary.get("assumptions") or []
     names = [record["name"] for record in records if record["verdict"] == DOUBTFUL]
     return [f"{count_of_doubts(records)}{': ' if names else ''}{', '.join(names)}."] if records else []

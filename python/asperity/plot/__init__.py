@@ -78,15 +78,15 @@ def plot_run(folder: str | Path, surface: Surface | None = None, names: Sequence
     All are PNG files; those that consist of lines are SVG files too.
 
     Args:
-        folder: the run directory.
-        surface: surface of the case, if already built.
-        names: of the figures, keys of CAPTIONS.
+        folder: the run directory
+        surface: surface of the case, if already built
+        names: of the figures, keys of CAPTIONS
 
     Returns:
-        The files written.
+        The files written
 
     Raises:
-        InputError: the folder contains no run.
+        InputError: the folder contains no run
     """
     results = Results.read(folder, surface)
     target = results.folder / FIGURES
@@ -96,7 +96,7 @@ def plot_run(folder: str | Path, surface: Surface | None = None, names: Sequence
 
 
 def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
-    """Return name and function of each figure for which there are data."""
+    """Name and function of each figure for which there are data."""
     rows = len(results.curve)
     plastic = np.any(results.curve.max_plastic_strain > 0)
     wanted: dict[str, tuple[bool, Callable[[Results], Figure]]] = {

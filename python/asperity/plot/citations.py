@@ -38,10 +38,10 @@ _DYNAMICS = (
 
 
 def publications(case: Mapping[str, Any]) -> list[str]:
-    """Return what to cite for a case: this package, then the models and programs that the case uses.
+    """What to cite for a case: this package, then the models and programs that the case uses.
 
     Args:
-        case: the completed input as nested tables, for example `Case.to_dict()`.
+        case: the completed input as nested tables, for example `Case.to_dict()`
     """
     found = [_ITSELF]
     if case.get("surface", {}).get("kind") == "weierstrass-mandelbrot":

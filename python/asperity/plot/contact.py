@@ -34,9 +34,9 @@ def pressure_maps(results: Results, count: int = 4, *, ax: style.Place | None = 
     """Draw the contact pressure at up to `count` load levels, with one colour scale, and its distribution.
 
     Args:
-        results: files of the run.
-        count: greatest number of levels.
-        ax: axes to draw maps on, a level each and the greatest load last, without the distribution; they are returned.
+        results: files of the run
+        count: greatest number of levels
+        ax: axes to draw maps on, a level each and the greatest load last, without the distribution; they are returned
     """
     if ax is None:
         chosen = _levels(results.top, count)
@@ -59,9 +59,9 @@ def pressure_histogram(results: Results, count: int = 4, *, ax: style.Place | No
     """Draw the distribution of the pressure over the contact area at up to `count` load levels.
 
     Args:
-        results: files of the run.
-        count: greatest number of levels.
-        ax: axes to draw on; they are returned.
+        results: files of the run
+        count: greatest number of levels
+        ax: axes to draw on; they are returned
     """
     figure, axes = style.figure(style.SINGLE, 3.6, ax=ax)
     _histogram(axes[0], results, _levels(results.top, count))
@@ -69,7 +69,7 @@ def pressure_histogram(results: Results, count: int = 4, *, ax: style.Place | No
 
 
 def _mosaic(maps: int) -> tuple[Figure, list[Axes], Axes]:
-    """Return a figure with panels for maps, two in a row, and one to their right."""
+    """Figure with panels for maps, two in a row, and one to their right."""
     rows = (maps + 1) // 2
     columns = min(maps, 2)
     figure = Figure(figsize=(2.6 * columns + 4.6, max(2.7 * rows, 3.4)), layout="constrained")
@@ -83,7 +83,7 @@ def _mosaic(maps: int) -> tuple[Figure, list[Axes], Axes]:
 
 
 def _title(results: Results, i: int) -> str:
-    """Return approach and force of a snapshot."""
+    """Approach and force of a snapshot."""
     top = results.top
     name = str(top["branch"][i])
     text = f"{'' if name == 'load' else f'{name}ing, '}$\\delta/L$ = {_strain(results, i):.3g}"
@@ -177,7 +177,7 @@ class Raster:
 
 
 def touching(on_grid: Raster, top: Any, i: int) -> NDArray[np.bool_]:
-    """Return where a snapshot is in contact: the touched thirds of facets, whose patches are the spots that count."""
+    """Where a snapshot is in contact: the touched thirds of facets, whose patches are the spots that count."""
     return np.asarray(top["touched"][i][on_grid.edge_nodes], dtype=bool)
 
 
@@ -186,9 +186,9 @@ def contact_area(results: Results, count: int = 6, *, ax: style.Place | None = N
     """Draw the regions in contact at selected load levels, and contact area and number of spots over the load.
 
     Args:
-        results: files of the run.
-        count: greatest number of levels.
-        ax: axes to draw on, one for each of the three panels or fewer; they are returned.
+        results: files of the run
+        count: greatest number of levels
+        ax: axes to draw on, one for each of the three panels or fewer; they are returned
     """
     figure, axes = style.figure(style.WIDE, 3.9, columns=3, ax=ax, width_ratios=(1.25, 1, 1))
     style.titles(axes, ("regions in contact", "contact area", "contact spots"))
@@ -249,7 +249,7 @@ def _spots(axis: Any, results: Results) -> None:
 
 
 def _levels(top: Any, count: int) -> list[int]:
-    """Return at most `count` snapshots at equal steps, without those that have no load."""
+    """At most `count` snapshots at equal steps, without those that have no load."""
     loaded = np.flatnonzero(top["pressure"].max(axis=1) > 0)
     if not len(loaded):
         loaded = np.arange(len(top["pressure"]))

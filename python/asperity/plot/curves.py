@@ -31,8 +31,8 @@ def force_curve(results: Results, *, ax: style.Place | None = None) -> Figure:
     The band is the error bar of each step, if the run computed one. The second axes are in physical units.
 
     Args:
-        results: files of the run.
-        ax: axes to draw on, one for each of the three panels or fewer; they are returned.
+        results: files of the run
+        ax: axes to draw on, one for each of the three panels or fewer; they are returned
     """
     figure, axes = style.figure(style.WIDE, 3.7, columns=3, ax=ax)
     style.titles(axes, ("load and approach", "logarithmic", "local exponent"))
@@ -87,7 +87,7 @@ def _fit(axis: Any, results: Results) -> None:
 
 
 def _law(results: Results) -> tuple[float, float, str, float, float] | None:
-    """Return k, n, norm and range of the fit; None without one."""
+    """k, n, norm and range of the fit; None without one."""
     fit = results.summary.get("fit") or {}
     loads = results.branches("load")
     if not {"k", "n"} <= set(fit) or not loads:
@@ -114,7 +114,7 @@ def _exponents(axis: Any, results: Results) -> None:
 
 
 def local_exponent(curve: Curve) -> tuple[Array, Array]:
-    """Return delta* (n,) and d(ln P)/d(ln delta) (n,) at the steps of the first loading that a fit uses.
+    """Delta* (n,) and d(ln P)/d(ln delta) (n,) at the steps of the first loading that a fit uses.
 
     It is k_n delta/P, with the slope k_n of the curve.
 
@@ -146,13 +146,13 @@ def load_axis(axis: Any, results: Results, side: str) -> None:
 
 
 def value_of_one(physical: Array, starred: Array) -> float:
-    """Return the physical value of 1, NaN if unknown."""
+    """Physical value of 1, NaN if unknown."""
     known = np.flatnonzero(starred > 0)
     return float(physical[known[-1]] / starred[known[-1]]) if known.size else np.nan
 
 
 def tex(value: float, digits: int = 4) -> str:
-    """Return a number as mathematical text, with a power of ten if it is far from 1."""
+    """Number as mathematical text, with a power of ten if it is far from 1."""
     mantissa, _, exponent = f"{value:.{digits}g}".partition("e")
     return f"{mantissa}\\times 10^{{{int(exponent)}}}" if exponent else mantissa
 
@@ -174,8 +174,8 @@ def plasticity(results: Results, *, ax: style.Place | None = None) -> Figure:
     """Draw the yielded share of the volume and the largest plastic strain over the approach.
 
     Args:
-        results: files of the run.
-        ax: axes to draw on, one for each panel; they are returned.
+        results: files of the run
+        ax: axes to draw on, one for each panel; they are returned
     """
     figure, axes = style.figure(style.DOUBLE, 3.4, columns=2, ax=ax)
     style.titles(axes, ("yielded volume", "plastic strain"))

@@ -27,11 +27,11 @@ def surface_map(
     """Draw the heights of a surface and the point of first touch.
 
     Args:
-        heights: heights at the nodes of a regular grid over the patch (length), shape (n, n), index [iy, ix].
-        side: side of the patch (length).
-        touch: x, y, z of the highest point (length).
-        unit: unit of length, "" if unknown.
-        ax: axes to draw on; they are returned.
+        heights: heights at the nodes of a regular grid over the patch (length), shape (n, n), index [iy, ix]
+        side: side of the patch (length)
+        touch: x, y, z of the highest point (length)
+        unit: unit of length, "" if unknown
+        ax: axes to draw on; they are returned
     """
     figure, (axis, *_) = style.figure(style.SINGLE + 0.6, 4.3, ax=ax)
     across, across_unit = prefix(side / 2, unit)
@@ -61,8 +61,8 @@ def mesh_cut(results: Results, *, ax: style.Place | None = None) -> Figure:
     """Draw a vertical section of the mesh through the highest point, as a whole and at the contact.
 
     Args:
-        results: files of the run.
-        ax: axes to draw on, one for each panel; they are returned.
+        results: files of the run
+        ax: axes to draw on, one for each panel; they are returned
     """
     mesh = results.mesh
     x0, y0, top = _summit(results)
@@ -113,7 +113,7 @@ def _size_bar(figure: Any, axes: Any, collection: Any, unit: str) -> None:
 
 
 def _summit(results: Results) -> tuple[float, float, float]:
-    """Return the highest point: x, y of the surface, z of the mesh, whose origin may differ."""
+    """Highest point: x, y of the surface, z of the mesh, whose origin may differ."""
     x, y, z = results.mesh["points"][np.argmax(results.mesh["points"][:, 2])]
     if results.surface is not None:
         x, y, _ = results.surface.maximum()
@@ -121,7 +121,7 @@ def _summit(results: Results) -> tuple[float, float, float]:
 
 
 def _zoom_width(polygons: list[Array], sizes: Array, x0: float, top: float) -> float:
-    """Return the half width of a window that shows about a dozen of the elements at the summit."""
+    """Half width of a window that shows about a dozen of the elements at the summit."""
     middles = np.array([polygon.mean(axis=0) for polygon in polygons])
     near = np.argsort(np.hypot(middles[:, 0] - x0, middles[:, 1] - top))[:20]
     return 6 * float(np.median(sizes[near]))

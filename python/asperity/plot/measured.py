@@ -22,11 +22,11 @@ def spectrum_figure(
     """Draw the power spectral density, and the band variances with those of the Weierstrass-Mandelbrot equivalent.
 
     Args:
-        spectrum: radial spectrum of the patch.
-        fit: its Weierstrass-Mandelbrot equivalent.
-        unit: unit of length.
-        affine: the self-affine equivalent, drawn over the spectrum.
-        ax: axes to draw on, one for each panel; they are returned.
+        spectrum: radial spectrum of the patch
+        fit: its Weierstrass-Mandelbrot equivalent
+        unit: unit of length
+        affine: the self-affine equivalent, drawn over the spectrum
+        ax: axes to draw on, one for each panel; they are returned
     """
     columns = 1 if fit is None else 2
     figure, axes = style.figure(style.SINGLE if fit is None else style.DOUBLE, 3.4, columns=columns, ax=ax)

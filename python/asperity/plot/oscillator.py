@@ -106,11 +106,11 @@ def phase_portrait(
     """Draw phase portrait and time history of the last forcing periods, with flight shaded.
 
     Args:
-        oscillator: oscillator of the motion.
-        path: result of `ContactOscillator.simulate`.
-        omega: its Omega.
-        last: number of forcing periods shown.
-        ax: two axes to draw on; they are returned.
+        oscillator: oscillator of the motion
+        path: result of `ContactOscillator.simulate`
+        omega: its Omega
+        last: number of forcing periods shown
+        ax: two axes to draw on; they are returned
     """
     period = 2.0 * np.pi / omega
     begin = max(path.tau[-1] - last * period, path.tau[0])
@@ -158,11 +158,11 @@ def stability_chart(
     """Draw folds, period doublings and grazing in the plane of frequency and forcing.
 
     Args:
-        oscillator: the oscillator.
-        forcing: values of F^, one response each.
-        omega: lowest and highest Omega.
-        tol: see `ContactOscillator.response`.
-        ax: axes to draw on; they are returned.
+        oscillator: the oscillator
+        forcing: values of F^, one response each
+        omega: lowest and highest Omega
+        tol: see `ContactOscillator.response`
+        ax: axes to draw on; they are returned
     """
     marks = {
         "fold": (style.BLUE, "fold (jump)"),

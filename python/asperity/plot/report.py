@@ -45,15 +45,15 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
     input is escaped.
 
     Args:
-        folder: the run directory.
+        folder: the run directory
         finished: whether the page reports a finished run; default as in summary.json, which a run updates only after
-            it has written its report.
+            it has written its report
 
     Returns:
-        The file written.
+        The file written
 
     Raises:
-        InputError: the folder contains no run.
+        InputError: the folder contains no run
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -97,13 +97,13 @@ def write_report(folder: str | Path, finished: bool | None = None) -> Path:
 
 
 def _missed_tolerance(summary: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a warning if the run has not met its tolerance."""
+    """Warning if the run has not met its tolerance."""
     if (summary.get("accuracy") or {}).get("met") is False:
         yield f"the tolerance is not met: {summary.get('exit_reason', '')}"
 
 
 def _assumption(record: Mapping[str, Any]) -> dict[str, str]:
-    """Return the cells of a line of the ledger."""
+    """Cells of a line of the ledger."""
     unit, sign = record["unit"], "≥" if record["bound"] == "least" else "≤"
     return {
         **{name: record[name] for name in ("name", "verdict", "source", "detail")},
@@ -114,7 +114,7 @@ def _assumption(record: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _law(results: Results) -> Rows:
-    """Return the parameters of the power law, with the misfit of the fit if known."""
+    """Parameters of the power law, with the misfit of the fit if known."""
     fit = results.summary.get("fit") or {}
     if not {"k", "n"} <= set(fit):
         return []
@@ -127,7 +127,7 @@ def _law(results: Results) -> Rows:
 
 
 def _outcome(results: Results) -> Rows:
-    """Return the main values of the curve, at its largest force."""
+    """Main values of the curve, at its largest force."""
     curve = results.curve
     if not len(curve):
         return []
@@ -146,7 +146,7 @@ def _outcome(results: Results) -> Rows:
 
 
 def _known(curve: Curve, row: int, results: Results) -> Rows:
-    """Return gap, mean pressure and spots of a row; nothing for a curve without these columns."""
+    """Gap, mean pressure and spots of a row; nothing for a curve without these columns."""
     rows: Rows = []
     if curve.spots[row]:
         rows.append(("contact spots", f"{curve.spots[row]}"))
@@ -170,7 +170,7 @@ def _known(curve: Curve, row: int, results: Results) -> Rows:
 
 
 def _figures(results: Results) -> list[Path]:
-    """Return the figures of the run; those that are missing, or older than what they show, are drawn first."""
+    """Figures of the run; those that are missing, or older than what they show, are drawn first."""
     folder = results.folder / FIGURES
     if outdated := [name for name in figures_of(results) if _is_outdated(results.folder, name)]:
         plot_run(results.folder, names=outdated)
@@ -186,7 +186,7 @@ def _is_outdated(run: Path, name: str) -> bool:
 
 
 def _figure(path: Path) -> dict[str, Any]:
-    """Return caption, size and data of a figure, those of the SVG file where it is as new as the PNG."""
+    """Caption, size and data of a figure, those of the SVG file where it is as new as the PNG."""
     lines, pixels = path.with_suffix(".svg"), path.read_bytes()
     use_lines = lines.is_file() and lines.stat().st_mtime >= path.stat().st_mtime
     width, height = (int.from_bytes(pixels[i : i + 4]) for i in (16, 20))  # from the PNG header
@@ -202,7 +202,7 @@ def _figure(path: Path) -> dict[str, Any]:
 
 
 def _tables(title: str, data: Mapping[str, Any]) -> list[tuple[str, Rows]]:
-    """Return one table for the plain values of a JSON file, and one for each of its sections."""
+    """One table for the plain values of a JSON file, and one for each of its sections."""
     plain = {name: value for name, value in data.items() if not isinstance(value, Mapping)}
     nested = [(n, v) for n, v in data.items() if isinstance(v, Mapping) and n != "fit"]
     tables = [(title, plain), *nested] if plain else nested
@@ -210,7 +210,7 @@ def _tables(title: str, data: Mapping[str, Any]) -> list[tuple[str, Rows]]:
 
 
 def _laws(results: Results) -> Rows:
-    """Return the laws of the curve at the preload, one row each, the chosen one marked."""
+    """Laws of the curve at the preload, one row each, the chosen one marked."""
     rows: Rows = []
     units = {"k_n": "N/m", "f": "Hz"} if results.unit("force") else {}
     laws = results.thresholds.get("laws") or {}
@@ -232,7 +232,7 @@ def _laws(results: Results) -> Rows:
 
 
 def _without_table(thresholds: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the content of thresholds.json without the rows of its laws."""
+    """Content of thresholds.json without the rows of its laws."""
     laws = thresholds.get("laws")
     return {**thresholds, "laws": {k: v for k, v in laws.items() if k != "table"}} if laws else dict(thresholds)
 
@@ -247,7 +247,7 @@ def _sections(case: Mapping[str, Any]) -> Iterator[tuple[str, Mapping[str, Any]]
 
 
 def _flat(table: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, str]]:
-    """Yield names and values of nested tables and lists of tables, joined by dots."""
+    """Names and values of nested tables and lists of tables, joined by dots."""
     for name, value in table.items():
         if isinstance(value, Mapping):
             yield from _flat(value, f"{above}{name}.")

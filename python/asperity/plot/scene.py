@@ -30,15 +30,15 @@ def scene(folder: str | Path, path: str | Path | None = None) -> Path:
     """Draw the block at its last saved step: stress inside, with a quarter cut away, and contact pressure.
 
     Args:
-        folder: folder of a run with `output.fields = true`.
-        path: file of the picture; default figures/scene.png in the folder.
+        folder: folder of a run with `output.fields = true`
+        path: file of the picture; default figures/scene.png in the folder
 
     Returns:
-        The file written.
+        The file written
 
     Raises:
-        InputError: the run contains no fields.
-        CompatError: PyVista is not installed.
+        InputError: the run contains no fields
+        CompatError: PyVista is not installed
     """
     if importlib.util.find_spec("pyvista") is None:
         raise CompatError(
@@ -94,7 +94,7 @@ def read_step(path: Path, step: int = -1) -> Any:
 
 
 def _linear(grid: Any, stress: Any) -> Any:
-    """Return the deformed block as linear tetrahedra through all nodes, which can be clipped."""
+    """Deformed block as linear tetrahedra through all nodes, which can be clipped."""
     import pyvista as pv
 
     tets = grid.cells_dict[VTK_TYPE]
@@ -105,7 +105,7 @@ def _linear(grid: Any, stress: Any) -> Any:
 
 
 def _touched(top: Any, block: Any, scale: float) -> Any:
-    """Return the thirds of facets that touch in the last snapshot, which the report counts, with their pressure."""
+    """Thirds of facets that touch in the last snapshot, which the report counts, with their pressure."""
     import pyvista as pv
 
     xyz = np.column_stack([top["points"], -top["gap"][-1]]) / np.ptp(top["points"][:, 0])
@@ -146,13 +146,13 @@ def split_in_thirds(points: Floats, values: Floats, triangles: Indices) -> tuple
 
 
 def _cut(block: Any) -> Any:
-    """Return the upper part of the block."""
+    """Upper part of the block."""
     x0, x1, y0, y1, z0, z1 = block.bounds
     return block.clip_box((x0 - 1, x1 + 1, y0 - 1, y1 + 1, z0 - 1, z1 - DEPTH * (z1 - z0)), invert=True)
 
 
 def _open(block: Any) -> Any:
-    """Return the upper part of the block without the quarter in front of its point of largest stress."""
+    """Upper part of the block without the quarter in front of its point of largest stress."""
     centres = block.cell_centers().points
     x, y, _ = centres[int(np.argmax(block.cell_data["stress shown"]))]
     x0, x1, y0, y1, z0, z1 = block.bounds
@@ -162,7 +162,7 @@ def _open(block: Any) -> Any:
 
 
 def _limits(highest: float) -> tuple[float, float]:
-    """Return zero and the largest value, rounded up to two digits."""
+    """Zero and the largest value, rounded up to two digits."""
     if not highest > 0.0:
         return 0.0, 1.0
     digit = 10.0 ** (np.floor(np.log10(highest)) - 1)

@@ -19,14 +19,14 @@ def cut(points: Array, tets: NDArray[np.integer], y: float, parts: int = 3) -> t
     collected for each cell and sorted around their centre.
 
     Args:
-        points: nodes (length), shape (N, 3).
-        tets: elements in gmsh's node order, shape (M, 10).
-        y: position of the plane (length).
-        parts: divisions of each edge.
+        points: nodes (length), shape (N, 3)
+        tets: elements in gmsh's node order, shape (M, 10)
+        y: position of the plane (length)
+        parts: divisions of each edge
 
     Returns:
         Polygons, each (k, 2) in x and z; and the size of each element, the edge of a regular
-        tetrahedron of the same volume.
+        tetrahedron of the same volume
     """
     # shifted slightly inwards, so that the plane neither touches a side nor contains whole faces
     y += 1e-7 * (points[:, 1].max() + points[:, 1].min() - 2 * y + 0.1 * np.ptp(points[:, 1]))
@@ -45,7 +45,7 @@ def cut(points: Array, tets: NDArray[np.integer], y: float, parts: int = 3) -> t
 
 
 def _divided(parts: int) -> tuple[Array, NDArray[np.int64]]:
-    """Return the shape functions of a face at the nodes of a divided triangle, and the small triangles."""
+    """Shape functions of a face at the nodes of a divided triangle, and the small triangles."""
     nodes = [(i, j) for j in range(parts + 1) for i in range(parts + 1 - j)]
     number = {node: n for n, node in enumerate(nodes)}
     u, v = np.array(nodes).T / parts
@@ -59,7 +59,7 @@ def _divided(parts: int) -> tuple[Array, NDArray[np.int64]]:
 
 
 def _crossings(pieces: Array, y: float) -> list[Array]:
-    """Return the points (x, z) where edges of the small triangles (c, t, 3, 3) of each cell cross the plane."""
+    """Points (x, z) where edges of the small triangles (c, t, 3, 3) of each cell cross the plane."""
     start, stop = pieces, np.roll(pieces, -1, axis=2)
     a, b = start[..., 1] - y, stop[..., 1] - y
     crossed = (a < 0) != (b < 0)

@@ -22,8 +22,8 @@ def slip(results: Results, *, ax: style.Place | None = None) -> Figure:
     """Draw the loops of slip.csv, and loss factor and secant stiffness of slip_loops.csv over the amplitude.
 
     Args:
-        results: files of the run.
-        ax: axes to draw on, one for each panel; they are returned.
+        results: files of the run
+        ax: axes to draw on, one for each panel; they are returned
     """
     figure, axes = style.figure(style.WIDE, 3.4, columns=3, ax=ax)
     style.titles(axes, ("loops", "loss factor", "secant stiffness"))

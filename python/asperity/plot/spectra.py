@@ -39,7 +39,7 @@ def receptance_of(result: Dynamics, *, ax: style.Place | None = None) -> Figure:
 
 
 def _axes(thresholds: Mapping[str, Any]) -> tuple[float, float, float, str, str]:
-    """Return factors to frequency, length and compliance (1 where unknown), and units of frequency and length."""
+    """Factors to frequency, length and compliance (1 where unknown), and units of frequency and length."""
     scale = Scale.of(thresholds)
     if scale is None or not np.isfinite(scale.frequency):
         return 1.0, 1.0, 1.0, "", ""
@@ -90,7 +90,7 @@ def _receptance(rows: Columns, free: Columns, thresholds: Mapping[str, Any], *, 
 
 
 def _force(forcing: float, thresholds: Mapping[str, Any], si: bool) -> str:
-    """Return the label of a forcing: its amplitude in newton where that is known, and over the preload."""
+    """Label of a forcing: its amplitude in newton where that is known, and over the preload."""
     n_loc, load = thresholds.get("n_loc"), thresholds.get("load")
     if not n_loc:
         return f"$\\hat F$ = {forcing:g}"

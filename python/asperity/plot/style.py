@@ -56,7 +56,7 @@ _RC: dict[str, Any] = {
 
 
 def settings() -> dict[str, Any]:
-    """Return the settings of this style, without those that the user has changed from matplotlib's defaults."""
+    """Settings of this style, without those that the user has changed from matplotlib's defaults."""
     return {name: value for name, value in _RC.items() if mpl.rcParams[name] == mpl.rcParamsDefault[name]}
 
 
@@ -79,13 +79,13 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Any]:
 def figure(
     width: float, height: float, columns: int = 1, rows: int = 1, *, ax: Place | None = None, **grid: Any
 ) -> tuple[Figure, list[Any]]:
-    """Return a new figure and its panels, or those of `ax`.
+    """New figure and its panels, or those of `ax`.
 
     Args:
-        width, height: size of a new figure (inches).
-        columns, rows: panels of a new figure.
-        ax: axes to draw on instead; where there are fewer than panels, the first panels are drawn.
-        grid: see `Figure.subplots`.
+        width, height: size of a new figure (inches)
+        columns, rows: panels of a new figure
+        ax: axes to draw on instead; where there are fewer than panels, the first panels are drawn
+        grid: see `Figure.subplots`
     """
     if ax is not None:
         axes = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
@@ -102,7 +102,7 @@ class Numbers(ScalarFormatter):
     """Labels of ticks as plain text, many times as fast as mathematics, with a power of ten at the end."""
 
     def get_offset(self) -> str:
-        """Return the power of ten, for example ×10⁻³."""
+        """Power of ten, for example ×10⁻³."""
         power = re.compile(r"1e([\u2212-]?\d+)")
         return power.sub(lambda found: "×10" + found[1].translate(_RAISED), str(super().get_offset()))
 
@@ -147,7 +147,7 @@ def grid(*axes: Axes) -> None:
 
 
 def label(quantity: str, unit: str) -> str:
-    """Return the label of an axis: "name (unit)"."""
+    """Label of an axis: "name (unit)"."""
     return f"{quantity} ({unit})" if unit else quantity
 
 
@@ -183,11 +183,11 @@ def physical_axis(axis: Any, side: str, quantity: str, scale: float, unit: str) 
     """Draw a second axis of a physical quantity at a side, "top" or "right", after the limits of the axis are set.
 
     Args:
-        axis: axes of the dimensionless values.
-        side: where the second axis is.
-        quantity: its name and symbol.
-        scale: physical value of 1.
-        unit: unit of that value, "" if unknown.
+        axis: axes of the dimensionless values
+        side: where the second axis is
+        quantity: its name and symbol
+        scale: physical value of 1
+        unit: unit of that value, "" if unknown
     """
     _, high = axis.get_xlim() if side == "top" else axis.get_ylim()
     factor, name = prefix(high * scale, unit)

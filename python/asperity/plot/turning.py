@@ -47,7 +47,7 @@ class TurningSurface:
 
 
 def turning_surface(results: Results) -> TurningSurface | None:
-    """Return the deformed surface at the greatest approach with the pressure on it, None without a pressure map."""
+    """Deformed surface at the greatest approach with the pressure on it, None without a pressure map."""
     top = results.top
     if not results.snapshots or not np.any(top["pressure"] > 0.0):
         return None

@@ -42,7 +42,7 @@ _CLOSE = 0.03  # share of the extent of a curve within which consecutive rows ar
 
 
 def heading(zeta: Iterable[float], damping: str | None, n_loc: float | None) -> str:
-    """Return the title: local exponent, damping ratio, damping model."""
+    """Title: local exponent, damping ratio, damping model."""
     exponent = f"$n_{{loc}}$ = {n_loc:.4g}, " if n_loc else ""
     ratios = ", ".join(f"{value:g}" for value in zeta)
     return f"{exponent}damping ratio $\\zeta$ = {ratios}" + (f", acting {_ACTS[damping]}" if damping else "")
@@ -53,9 +53,9 @@ class Scale:
     """Physical units of the second axes of a figure.
 
     Attributes:
-        length: static approach z_s (length).
-        frequency: natural frequency of small vibration (1/time), NaN if unknown.
-        si: whether these are metres and hertz.
+        length: static approach z_s (length)
+        frequency: natural frequency of small vibration (1/time), NaN if unknown
+        si: whether these are metres and hertz
 
     Examples:
         >>> from asperity.plot.vibration import Scale
@@ -69,7 +69,7 @@ class Scale:
 
     @classmethod
     def of(cls, thresholds: Mapping[str, Any]) -> Scale | None:
-        """Return the scale of the content of thresholds.json; None for an assumed law, which has no units."""
+        """Scale of the content of thresholds.json; None for an assumed law, which has no units."""
         if not (thresholds.get("laws") is not None or thresholds.get("joint")):
             return None
         frequency = (thresholds.get("numbers") or {}).get("f")
@@ -103,9 +103,9 @@ def natural_frequency(
     """Draw the natural frequency over the release amplitude, for the models of one law or for a family of laws.
 
     Args:
-        oscillators: the models of one law, or a family.
-        scale: physical units of second axes, None without.
-        ax: axes to draw on; they are returned.
+        oscillators: the models of one law, or a family
+        scale: physical units of second axes, None without
+        ax: axes to draw on; they are returned
     """
     family = len(oscillators) > 2
     curves = []
@@ -169,8 +169,8 @@ def response(results: Results, *, ax: style.Place | None = None) -> Figure:
     """Draw the largest displacement over the excitation frequency, from the folder of a run.
 
     Args:
-        results: files of the run.
-        ax: axes to draw on, one for each model; they are returned.
+        results: files of the run
+        ax: axes to draw on, one for each model; they are returned
     """
     t = results.thresholds
     events = [
@@ -196,11 +196,11 @@ def amplitude_frequency(
     """Draw the largest displacement over the excitation frequency: one panel per model, one colour per forcing.
 
     Args:
-        responses: of any models and forcings.
-        sweeps: shown as triangles.
-        bands: of exact responses, by the error bar of the force and the spread of the laws.
-        scale: physical units of second axes, None without.
-        ax: axes to draw on, one for each model; they are returned.
+        responses: of any models and forcings
+        sweeps: shown as triangles
+        bands: of exact responses, by the error bar of the force and the spread of the laws
+        scale: physical units of second axes, None without
+        ax: axes to draw on, one for each model; they are returned
     """
     events = [
         _Event(r.setting.model, r.setting.F_hat, e.kind, e.Omega, e.u_max, e.u_min) for r in responses for e in r.events
@@ -257,7 +257,7 @@ def _response(
 
 
 def _apart(rows: Columns) -> float:
-    """Return how far the curves of both models are apart, over the extents of the figure; inf if contact is lost."""
+    """How far the curves of both models are apart, over the extents of the figure; inf if contact is lost."""
     lines = where(rows, ~is_sweep(rows["branch"]))
     extent = (np.ptp(lines["Omega"]) or 1.0, lines["u_max"].max())
     if (lines["u_min"] < -1.0).any():
@@ -275,7 +275,7 @@ def _apart(rows: Columns) -> float:
 
 
 def _distance(points: Array, line: Array) -> float:
-    """Return the largest distance of points (n, 2) from a polygonal line (m, 2)."""
+    """Largest distance of points (n, 2) from a polygonal line (m, 2)."""
     start, along = line[:-1], np.diff(line, axis=0)
     square = np.maximum((along**2).sum(axis=1), 1e-300)
     nearest = np.full(len(points), np.inf)
@@ -302,7 +302,7 @@ def _branch(axis: Any, rows: Columns, name: str, model: str, colour: str) -> Non
 
 
 def pieces(omega: Array, u: Array, state: NDArray[Any]) -> Iterator[tuple[int, int]]:
-    """Yield ranges of rows of one state; pieces of one curve share a point, separate curves do not."""
+    """Ranges of rows of one state; pieces of one curve share a point, separate curves do not."""
     reach = np.hypot(np.diff(omega) / (np.ptp(omega) or 1.0), np.diff(u) / (np.ptp(u) or 1.0))
     # distances between rows of one curve are small and change gradually: a sudden long one separates two curves
     around = np.maximum(np.r_[reach[:1], reach[:-1]], np.r_[reach[1:], reach[-1:]])
@@ -338,7 +338,7 @@ def _is_physical(e: _Event) -> bool:
 
 
 def _stable_at(omega: float, rows: Columns) -> list[float]:
-    """Return the largest displacement of each stable orbit at a frequency, linearly interpolated."""
+    """Largest displacement of each stable orbit at a frequency, linearly interpolated."""
     lines = ~is_sweep(rows["branch"])
     w, u, stable = rows["Omega"][lines], rows["u_max"][lines], truth(rows["stable"][lines])
     i = np.flatnonzero(((w[:-1] < omega) != (w[1:] < omega)) & stable[:-1] & stable[1:])
@@ -346,7 +346,7 @@ def _stable_at(omega: float, rows: Columns) -> list[float]:
 
 
 def _forcing_keys(forcings: Array, n_loc: float | None) -> list[Line2D]:
-    """Return legend entries of the forcings, in both conventions if the local exponent is known."""
+    """Legend entries of the forcings, in both conventions if the local exponent is known."""
     keys = []
     for forcing, colour in zip(forcings, np.resize(COLOURS, len(forcings)), strict=True):
         weight = f", $F/W$ = {n_loc * forcing:.3g}" if n_loc else ""
@@ -355,7 +355,7 @@ def _forcing_keys(forcings: Array, n_loc: float | None) -> list[Line2D]:
 
 
 def _line_keys(shown: set[str], physical: bool, band: bool) -> list[Line2D]:
-    """Return legend entries of the line styles and marks in the figure."""
+    """Legend entries of the line styles and marks in the figure."""
     mark: dict[str, Any] = {"ls": "", "mfc": "white", "ms": 4}
     keys = [
         Line2D([], [], color=style.GREY, label="stable"),
@@ -375,21 +375,21 @@ def _line_keys(shown: set[str], physical: bool, band: bool) -> list[Line2D]:
 
 
 def columns_of(rows: Iterable[Mapping[str, Any]]) -> Columns:
-    """Return rows as columns."""
+    """Rows as columns."""
     listed = list(rows)
     return {name: np.array([row[name] for row in listed]) for name in listed[0]} if listed else {}
 
 
 def where(columns: Columns, mask: NDArray[np.bool_]) -> Columns:
-    """Return some rows of columns."""
+    """Some rows of columns."""
     return {name: column[mask] for name, column in columns.items()}
 
 
 def is_sweep(branch: NDArray[Any]) -> NDArray[np.bool_]:
-    """Return which rows belong to sweeps."""
+    """Which rows belong to sweeps."""
     return np.isin(branch, list(_SWEEPS))
 
 
 def truth(column: NDArray[Any]) -> NDArray[np.bool_]:
-    """Return the truth values of a column, written as True, true or 1."""
+    """Truth values of a column, written as True, true or 1."""
     return np.isin(np.char.lower(column.astype(str)), ("true", "1", "1.0"))

@@ -128,7 +128,7 @@ def force_loops(
 def _loops_of(
     solver: ContactSolver, leg: Leg, preload: float, amplitude: float, cycles: int, steps: int
 ) -> Iterator[Loop]:
-    """Yield the loops of an amplitude until two are alike."""
+    """Loops of an amplitude until two are alike."""
     checks, before = solver.checks, None
     for number in range(1, cycles + 1):
         work, dissipated, stored = checks.work, checks.dissipated, checks.stored

@@ -172,7 +172,7 @@ class Sliding:
         self._contact.friction = friction
 
     def reset(self) -> None:
-        """Return to rest."""
+        """To rest."""
         self._accepted, self._guide = self._rest, None
         self._solid.kernels.restore(self._rest.history.copy())
 

@@ -12,15 +12,15 @@ KAPPA = 2.0  # of the contact area of a rough surface, A p^-1 E' h'
 
 
 def tabor_parameter(R: float, w: float, E_prime: float, z0: float = RANGE) -> float:
-    """Return mu = (R w^2/(E'^2 z0^3))^(1/3): large for JKR, small for DMT.
+    """Mu = (R w^2/(E'^2 z0^3))^(1/3): large for JKR, small for DMT.
 
     Tabor, J. Colloid Interface Sci. 58 (1977) 2.
 
     Args:
-        R: radius of the sphere (m).
-        w: work of adhesion (J/m^2).
-        E_prime: contact modulus (Pa).
-        z0: range of the attraction (m).
+        R: radius of the sphere (m)
+        w: work of adhesion (J/m^2)
+        E_prime: contact modulus (Pa)
+        z0: range of the attraction (m)
 
     Examples:
         >>> round(asp.reference.tabor_parameter(R=1e-6, w=0.1, E_prime=1e9, z0=1e-9), 3)
@@ -30,15 +30,15 @@ def tabor_parameter(R: float, w: float, E_prime: float, z0: float = RANGE) -> fl
 
 
 def pull_off(R: float, w: float, tabor: float) -> float:
-    """Return the force that pulls an elastic sphere off a flat (N), between 3/2 pi w R (JKR) and 2 pi w R (DMT).
+    """Force that pulls an elastic sphere off a flat (N), between 3/2 pi w R (JKR) and 2 pi w R (DMT).
 
     Carpick, Ogletree & Salmeron, J. Colloid Interface Sci. 211 (1999) 395, with lambda = 1.157 mu (Johnson & Greenwood,
     ibid. 192 (1997) 326); within 2 % of the equations of Maugis.
 
     Args:
-        R: radius of the sphere (m).
-        w: work of adhesion (J/m^2).
-        tabor: see `tabor_parameter`.
+        R: radius of the sphere (m)
+        w: work of adhesion (J/m^2)
+        tabor: see `tabor_parameter`
 
     Examples:
         >>> from math import pi
@@ -50,7 +50,7 @@ def pull_off(R: float, w: float, tabor: float) -> float:
 
 
 def stickiness(slope: float, curvature: float, w: float, E_prime: float, z0: float = RANGE) -> float:
-    """Return h' E' z0/(kappa w) (h'^2/(h'' z0))^(2/3): a rough elastic surface is sticky below 1.
+    """h' E' z0/(kappa w) (h'^2/(h'' z0))^(2/3): a rough elastic surface is sticky below 1.
 
     Pastewka & Robbins, PNAS 111 (2014) 3298, eq. 10 with kappa = 2, diameter of contacts 4 h'/h'' and
     pi (3/16)^(2/3) = 1.03 as 1: so the program of that group has it (ContactEngineering/Adhesion,
@@ -58,11 +58,11 @@ def stickiness(slope: float, curvature: float, w: float, E_prime: float, z0: flo
     surface is less sticky.
 
     Args:
-        slope: rms slope h'.
-        curvature: rms curvature h'', half of the rms Laplacian (1/m).
-        w: work of adhesion (J/m^2).
-        E_prime: contact modulus (Pa).
-        z0: range of the attraction (m).
+        slope: rms slope h'
+        curvature: rms curvature h'', half of the rms Laplacian (1/m)
+        w: work of adhesion (J/m^2)
+        E_prime: contact modulus (Pa)
+        z0: range of the attraction (m)
 
     Examples:
         >>> round(asp.reference.stickiness(slope=0.1, curvature=1e7, w=0.05, E_prime=1e11), 1)
@@ -72,15 +72,15 @@ def stickiness(slope: float, curvature: float, w: float, E_prime: float, z0: flo
 
 
 def range_of_stickiness(slope: float, curvature: float, z0: float = RANGE) -> float:
-    """Return z0 over the gaps next to contacts, 16 h'^2/(3 h''): below about 0.1 the stickiness applies.
+    """Z0 over the gaps next to contacts, 16 h'^2/(3 h''): below about 0.1 the stickiness applies.
 
     Monti, Sanner & Pastewka, Tribol. Lett. 69 (2021), doi:10.1007/s11249-021-01454-6; the limit is that of the program
     named in `stickiness`.
 
     Args:
-        slope: rms slope h'.
-        curvature: rms curvature h'', half of the rms Laplacian (1/m).
-        z0: range of the attraction (m).
+        slope: rms slope h'
+        curvature: rms curvature h'', half of the rms Laplacian (1/m)
+        z0: range of the attraction (m)
 
     Examples:
         >>> round(asp.reference.range_of_stickiness(slope=0.1, curvature=1e7), 3)

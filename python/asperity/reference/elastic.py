@@ -18,7 +18,7 @@ from asperity.model.material import Material
 
 
 def reduced_modulus(E: float, nu: float) -> float:
-    """Return E' = E/(1-nu^2) of contact with a rigid body (force/length^2).
+    """E' = E/(1-nu^2) of contact with a rigid body (force/length^2).
 
     Examples:
         >>> round(asp.reference.reduced_modulus(200.0, 0.3), 3)
@@ -28,16 +28,16 @@ def reduced_modulus(E: float, nu: float) -> float:
 
 
 def block_modulus(E: float, nu: float, sides: Literal["rollers", "free"] = "rollers") -> float:
-    """Return the modulus M of uniform compression of the block (force/length^2).
+    """Modulus M of uniform compression of the block (force/length^2).
 
     Args:
-        E: Young's modulus (force/length^2).
-        nu: Poisson's ratio.
+        E: Young's modulus (force/length^2)
+        nu: Poisson's ratio
         sides: "rollers" (u.n = 0, confined: E(1-nu)/((1+nu)(1-2 nu))) or "free" (E; the base
-            must then be free to expand laterally).
+            must then be free to expand laterally)
 
     Raises:
-        InputError: unknown sides.
+        InputError: unknown sides
 
     Examples:
         >>> round(asp.reference.block_modulus(200.0, 0.3), 3), asp.reference.block_modulus(200.0, 0.3, "free")
@@ -49,12 +49,12 @@ def block_modulus(E: float, nu: float, sides: Literal["rollers", "free"] = "roll
 
 
 def patch_test_slope(nu: float, aspect: float = 1.0, sides: Literal["rollers", "free"] = "rollers") -> float:
-    """Return dP*/d(delta*) of a flat block in full contact, (L/h_b) M/E' (dimensionless).
+    """DP*/d(delta*) of a flat block in full contact, (L/h_b) M/E' (dimensionless).
 
     Args:
-        nu: Poisson's ratio.
-        aspect: h_b/L.
-        sides: as for `block_modulus`.
+        nu: Poisson's ratio
+        aspect: h_b/L
+        sides: as for `block_modulus`
 
     Examples:
         >>> round(asp.reference.patch_test_slope(0.3), 6)
@@ -68,8 +68,8 @@ class Hertz:
     """Sphere of radius R on a half-space: Johnson, Contact Mechanics (1985), section 4.2.
 
     Attributes:
-        R: radius (length).
-        E_prime: E/(1-nu^2) (force/length^2).
+        R: radius (length)
+        E_prime: E/(1-nu^2) (force/length^2)
 
     Examples:
         >>> hertz = asp.reference.Hertz(R=1.0, E_prime=3.0)
@@ -81,29 +81,29 @@ class Hertz:
     E_prime: float
 
     def force(self, delta: ArrayLike) -> Array:
-        """Return F = (4/3) E' sqrt(R) delta^(3/2) (force) (Johnson 4.23)."""
+        """F = (4/3) E' sqrt(R) delta^(3/2) (force) (Johnson 4.23)."""
         return 4 / 3 * self.E_prime * math.sqrt(self.R) * np.asarray(delta, float) ** 1.5
 
     def approach(self, force: ArrayLike) -> Array:
-        """Return the approach delta (length), the inverse of `force`."""
+        """Approach delta (length), the inverse of `force`."""
         return (0.75 * np.asarray(force, float) / (self.E_prime * math.sqrt(self.R))) ** (2 / 3)
 
     def radius(self, delta: ArrayLike) -> Array:
-        """Return the contact radius a = sqrt(R delta) (length)."""
+        """Contact radius a = sqrt(R delta) (length)."""
         return np.sqrt(self.R * np.asarray(delta, float))
 
     def peak_pressure(self, delta: ArrayLike) -> Array:
-        """Return p0 = (2 E'/pi) sqrt(delta/R) (force/length^2)."""
+        """P0 = (2 E'/pi) sqrt(delta/R) (force/length^2)."""
         return 2 * self.E_prime / math.pi * np.sqrt(np.asarray(delta, float) / self.R)
 
     def pressure(self, r: ArrayLike, delta: float) -> Array:
-        """Return p0 sqrt(1 - r^2/a^2) (force/length^2) at distance r from the axis; 0 outside."""
+        """P0 sqrt(1 - r^2/a^2) (force/length^2) at distance r from the axis; 0 outside."""
         inside = 1 - np.asarray(r, float) ** 2 / (self.R * delta)
         return self.peak_pressure(delta) * np.sqrt(np.maximum(inside, 0.0))
 
 
 def first_yield(nu: float) -> tuple[float, float]:
-    """Return (p0/sigma_y, depth/a) of the first yield under a Hertz contact.
+    """(p0/sigma_y, depth/a) of the first yield under a Hertz contact.
 
     The largest von Mises stress is on the axis: Johnson (1985), eq. 3.45 for the stresses.
 
@@ -127,9 +127,9 @@ class Westergaard:
     """Wave z = A cos(2 pi x/lam) in plane strain: Westergaard (1939), Johnson (1985) 13.2.
 
     Attributes:
-        A: amplitude (length).
-        lam: wavelength (length).
-        E_prime: E/(1-nu^2) (force/length^2).
+        A: amplitude (length)
+        lam: wavelength (length)
+        E_prime: E/(1-nu^2) (force/length^2)
 
     Examples:
         >>> wave = asp.reference.Westergaard(A=0.01, lam=1.0, E_prime=1.0)
@@ -147,16 +147,16 @@ class Westergaard:
         return math.pi * self.E_prime * self.A / self.lam
 
     def mean_pressure(self, area_fraction: ArrayLike) -> Array:
-        """Return p = p* sin^2(pi a/lam) (force/length^2) at the area fraction 2a/lam."""
+        """p = p* sin^2(pi a/lam) (force/length^2) at the area fraction 2a/lam."""
         return self.full_pressure * np.sin(np.pi / 2 * np.asarray(area_fraction, float)) ** 2
 
     def area_fraction(self, pressure: ArrayLike) -> Array:
-        """Return the area fraction 2a/lam at the mean pressure; 1 at p* and above."""
+        """Area fraction 2a/lam at the mean pressure; 1 at p* and above."""
         r = np.minimum(np.asarray(pressure, float) / self.full_pressure, 1.0)
         return 2 / np.pi * np.arcsin(np.sqrt(r))
 
     def approach(self, pressure: ArrayLike) -> Array:
-        """Return the approach of the mean planes A r (1 - ln r), r = p/p* <= 1 (length).
+        """Approach of the mean planes A r (1 - ln r), r = p/p* <= 1 (length).
 
         The compression p h_b/M of a block must be added. The formula follows from the pressure by integrating
         d(gap)/dp (Johnson 13.10).
@@ -166,7 +166,7 @@ class Westergaard:
             return np.where(r > 0, self.A * r * (1 - np.log(r)), 0.0)
 
     def mean_gap(self, pressure: ArrayLike) -> Array:
-        """Return the mean gap A (1 - r + r ln r), r = p/p* (length): A at first touch, 0 in full contact.
+        """Mean gap A (1 - r + r ln r), r = p/p* (length): A at first touch, 0 in full contact.
 
         Examples:
             >>> wave = asp.reference.Westergaard(A=0.01, lam=1.0, E_prime=1.0)
@@ -176,7 +176,7 @@ class Westergaard:
         return self.A - self.approach(pressure)
 
     def pressure(self, x: ArrayLike, mean: float) -> Array:
-        """Return the pressure at x (crest at 0) under a mean pressure below p* (Johnson 13.8)."""
+        """Pressure at x (crest at 0) under a mean pressure below p* (Johnson 13.8)."""
         angle = np.pi * np.asarray(x, float) / self.lam
         edge = mean / self.full_pressure  # sin^2(pi a/lam)
         inside = np.maximum(edge - np.sin(angle) ** 2, 0.0)
@@ -217,9 +217,9 @@ class DoubleSinusoid:
     0.002 in A/A_0 and in delta/A.
 
     Attributes:
-        A: amplitude (length).
-        lam: wavelength (length).
-        E_prime: E/(1-nu^2) (force/length^2).
+        A: amplitude (length)
+        lam: wavelength (length)
+        E_prime: E/(1-nu^2) (force/length^2)
 
     Examples:
         >>> wave = asp.reference.DoubleSinusoid(A=0.01, lam=1.0, E_prime=1.0)
@@ -244,26 +244,26 @@ class DoubleSinusoid:
         return np.asarray(curve(r ** (2 / 3)))
 
     def area_fraction(self, pressure: ArrayLike) -> Array:
-        """Return A/A_0 at the mean pressure (force/length^2)."""
+        """A/A_0 at the mean pressure (force/length^2)."""
         return self._table(pressure, 1)
 
     def approach(self, pressure: ArrayLike) -> Array:
-        """Return the approach of the mean planes (length), without the compression of a block."""
+        """Approach of the mean planes (length), without the compression of a block."""
         return self.A * self._table(pressure, 2)
 
     def mean_gap(self, pressure: ArrayLike) -> Array:
-        """Return the mean gap (length): A at first touch, 0 in full contact."""
+        """Mean gap (length): A at first touch, 0 in full contact."""
         return self.A - self.approach(pressure)
 
 
 def area_coefficient(theory: Literal["persson", "bush-gibson-thomas"]) -> float:
-    """Return kappa of A/A_0 = kappa p/(E' rms slope) at light load on random roughness.
+    """Kappa of A/A_0 = kappa p/(E' rms slope) at light load on random roughness.
 
     Persson, J. Chem. Phys. 115 (2001) 3840: sqrt(8/pi) = 1.60; Bush, Gibson and Thomas, Wear 35
     (1975) 87: sqrt(2 pi) = 2.51. Computed values lie between them.
 
     Raises:
-        InputError: unknown theory.
+        InputError: unknown theory
 
     Examples:
         >>> round(asp.reference.area_coefficient("persson"), 3)
@@ -276,7 +276,7 @@ def area_coefficient(theory: Literal["persson", "bush-gibson-thomas"]) -> float:
 
 
 def similar_coefficient(k: float, n: float, G: float, G_new: float, D: float) -> float:
-    """Return the coefficient k of the power law P* = k (delta*)^n of the interface for another G.
+    """Coefficient k of the power law P* = k (delta*)^n of the interface for another G.
 
     Heights times s = (G_new/G)^(D-2) give P* times s at delta* times s (small slopes, elastic,
     without the compression of the block), so k(G_new) = k(G) s^(1-n).

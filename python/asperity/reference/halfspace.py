@@ -28,12 +28,12 @@ class HalfSpaceContact:
     """Rough elastic contact at one load.
 
     Attributes:
-        P_star: mean pressure over E'.
+        P_star: mean pressure over E'
         delta_star: approach from first touch over L: of the interface alone for a half-space, of the whole
-            block for a layer.
-        area_fraction: true over nominal contact area, corrected for the perimeter.
-        pressure: pressure over E' at the cell centres ((i + 1/2) L/n), shape (n, n), [iy, ix].
-        iterations: conjugate gradient steps.
+            block for a layer
+        area_fraction: true over nominal contact area, corrected for the perimeter
+        pressure: pressure over E' at the cell centres ((i + 1/2) L/n), shape (n, n), [iy, ix]
+        iterations: conjugate gradient steps
 
     Examples:
         >>> contact = asp.reference.half_space_contact(asp.reference.rough_elastic_surface(), 32, P_star=0.01)
@@ -69,21 +69,21 @@ def half_space_contact(
     Fourier transform. Second order in L/n for force and approach.
 
     Args:
-        surface: the surface; its exact maximum is the point of first touch.
-        n: cells per side.
-        P_star: mean pressure over E' (either this or delta_star).
+        surface: the surface; its exact maximum is the point of first touch
+        n: cells per side
+        P_star: mean pressure over E' (either this or delta_star)
         delta_star: approach over L; requires `height`, because the approach of a half-space to a mean pressure is
-            infinite.
-        height: thickness h_b of the layer on a fixed base (length); None for a half-space.
-        nu: Poisson's ratio, only used with height.
-        tolerance: largest gap in contact and penetration elsewhere, over the range of heights.
-        max_iterations: largest number of iterations.
-        start: initial pressure over E', shape (n, n).
-        sides: "rollers" (u.n = 0) or "periodic".
+            infinite
+        height: thickness h_b of the layer on a fixed base (length); None for a half-space
+        nu: Poisson's ratio, only used with height
+        tolerance: largest gap in contact and penetration elsewhere, over the range of heights
+        max_iterations: largest number of iterations
+        start: initial pressure over E', shape (n, n)
+        sides: "rollers" (u.n = 0) or "periodic"
 
     Raises:
-        InputError: not exactly one load is given, or a value is out of range.
-        ConvergenceError: the largest number of iterations is reached.
+        InputError: not exactly one load is given, or a value is out of range
+        ConvergenceError: the largest number of iterations is reached
 
     Examples:
         >>> surface = asp.reference.rough_elastic_surface()
@@ -148,12 +148,12 @@ def _check_load(P_star: float | None, delta_star: float | None, height: float | 
 
 
 def displacement(p: Array, compliance: Array, sides: str = "rollers") -> Array:
-    """Return the displacement (n, n) [L] under a pressure over E' (n, n), both at the centres of the cells.
+    """Displacement (n, n) [L] under a pressure over E' (n, n), both at the centres of the cells.
 
     Args:
-        p: the pressure.
-        compliance: of `compliance_of_waves` for the same sides.
-        sides: of the patch.
+        p: the pressure
+        compliance: of `compliance_of_waves` for the same sides
+        sides: of the patch
 
     Examples:
         >>> p = np.cos(2 * np.pi * (np.arange(8) + 0.5) / 8) * np.ones((8, 1))
@@ -169,7 +169,7 @@ def displacement(p: Array, compliance: Array, sides: str = "rollers") -> Array:
 
 
 def compliance_of_waves(n: int, height: float | None, nu: float, sides: str = "rollers") -> Array:
-    """Return displacement over pressure of each wave (n, n), in units of L and 1/E'.
+    """Displacement over pressure of each wave (n, n), in units of L and 1/E'.
 
     The waves are cosines of whole half waves, with periodic sides those of the discrete Fourier transform.
 
@@ -208,7 +208,7 @@ def _start(
     compliance: Array,
     summit: float,
 ) -> Array:
-    """Return a non-negative initial pressure (n, n), with the prescribed mean under load control."""
+    """Non-negative initial pressure (n, n), with the prescribed mean under load control."""
     if start is not None:
         p = np.array(start, dtype=float)
     elif delta_star is not None:
@@ -221,14 +221,14 @@ def _start(
 
 
 def corrected_area(contact: Array, sides: str = "rollers") -> float:
-    """Return the contact fraction corrected for the perimeter.
+    """Contact fraction corrected for the perimeter.
 
     Yastrebov, Anciaux and Molinari, Tribol. Int. 114 (2017) 161: a cell counts when its centre
     touches, which overestimates the area by (pi - 1 + ln 2)/24 of a cell per face of the boundary.
 
     Args:
-        contact: whether each cell is in contact (n, n).
-        sides: of the patch; with periodic ones the faces between opposite sides count too.
+        contact: whether each cell is in contact (n, n)
+        sides: of the patch; with periodic ones the faces between opposite sides count too
 
     Examples:
         >>> spot = np.zeros((8, 8), dtype=bool)

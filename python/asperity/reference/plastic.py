@@ -21,10 +21,10 @@ from asperity.reference.elastic import Hertz, reduced_modulus
 
 
 def hardening_modulus(E: float, E_t: float) -> float:
-    """Return the plastic modulus H = E E_t/(E - E_t) (force/length^2).
+    """Plastic modulus H = E E_t/(E - E_t) (force/length^2).
 
     Raises:
-        InputError: unless 0 <= E_t < E.
+        InputError: unless 0 <= E_t < E
 
     Examples:
         >>> asp.reference.hardening_modulus(200.0, 100.0)
@@ -38,7 +38,7 @@ def hardening_modulus(E: float, E_t: float) -> float:
 def _piecewise(
     strain: ArrayLike, elastic: float, plastic: float, Y: float, H: float, share: float
 ) -> tuple[Array, Array]:
-    """Return (stress, accumulated plastic strain) of sigma = elastic e - plastic e_p.
+    """(stress, accumulated plastic strain) of sigma = elastic e - plastic e_p.
 
     Exact for strain that varies monotonically between the given values, because then stress and
     plastic flow have a constant direction: |sigma - beta H e_p| <= Y + (1 - beta) H p.
@@ -57,14 +57,14 @@ def _piecewise(
 
 
 def uniaxial_stress(strain: ArrayLike, E: float, Y: float, E_t: float, share: float = 0.0) -> tuple[Array, Array]:
-    """Return (stress, accumulated plastic strain) of a bar along a history of axial strains.
+    """(stress, accumulated plastic strain) of a bar along a history of axial strains.
 
     Args:
-        strain: axial strain, starting from zero; monotonic between entries, shape (m,).
-        E: Young's modulus (force/length^2).
-        Y: yield strength (force/length^2).
-        E_t: tangent modulus (force/length^2).
-        share: of the hardening that is kinematic.
+        strain: axial strain, starting from zero; monotonic between entries, shape (m,)
+        E: Young's modulus (force/length^2)
+        Y: yield strength (force/length^2)
+        E_t: tangent modulus (force/length^2)
+        share: of the hardening that is kinematic
 
     Examples:
         >>> stress, p = asp.reference.uniaxial_stress([0.001, 0.003, 0.0], E=200.0, Y=0.2, E_t=0.0)
@@ -77,18 +77,18 @@ def uniaxial_stress(strain: ArrayLike, E: float, Y: float, E_t: float, share: fl
 def confined_stress(
     strain: ArrayLike, E: float, nu: float, Y: float, E_t: float, share: float = 0.0
 ) -> tuple[Array, Array, Array]:
-    """Return (axial stress, lateral stress, accumulated plastic strain) without lateral strain.
+    """(axial stress, lateral stress, accumulated plastic strain) without lateral strain.
 
     The stress difference is q = 2 mu e - 3 mu e_p, the mean stress K e: yield at |e| = Y/(2 mu),
     and p = (2 mu |e| - Y)/(3 mu + H) on the first loading.
 
     Args:
-        strain: axial strain, starting from zero; monotonic between entries, shape (m,).
-        E: Young's modulus (force/length^2).
-        nu: Poisson's ratio.
-        Y: yield strength (force/length^2).
-        E_t: tangent modulus (force/length^2).
-        share: of the hardening that is kinematic.
+        strain: axial strain, starting from zero; monotonic between entries, shape (m,)
+        E: Young's modulus (force/length^2)
+        nu: Poisson's ratio
+        Y: yield strength (force/length^2)
+        E_t: tangent modulus (force/length^2)
+        share: of the hardening that is kinematic
 
     Examples:
         >>> axial, lateral, p = asp.reference.confined_stress([-0.01], E=200.0, nu=0.3, Y=0.2, E_t=0.0)
@@ -111,16 +111,16 @@ def j2_path(
     begun. The point where it begins solves a quadratic equation; the rest is an ODE (Dormand-Prince 8(5,3)).
 
     Args:
-        strain: symmetric strains at the corners of the path, starting from zero, (m, 3, 3).
-        E: Young's modulus (force/length^2).
-        nu: Poisson's ratio.
-        Y: yield strength (force/length^2).
-        E_t: tangent modulus (force/length^2).
-        rtol: relative tolerance of the ODE solver.
-        share: of the hardening that is kinematic, beta.
+        strain: symmetric strains at the corners of the path, starting from zero, (m, 3, 3)
+        E: Young's modulus (force/length^2)
+        nu: Poisson's ratio
+        Y: yield strength (force/length^2)
+        E_t: tangent modulus (force/length^2)
+        rtol: relative tolerance of the ODE solver
+        share: of the hardening that is kinematic, beta
 
     Returns:
-        stress (m, 3, 3) (force/length^2) and accumulated plastic strain (m,).
+        stress (m, 3, 3) (force/length^2) and accumulated plastic strain (m,)
 
     Examples:
         >>> shear = np.zeros((1, 3, 3))
@@ -161,7 +161,7 @@ def j2_path(
 
 
 def _elastic_share(s: Array, ds: Array, radius: float) -> float:
-    """Return the largest t in [0, 1] with |s + t ds| <= radius."""
+    """Largest t in [0, 1] with |s + t ds| <= radius."""
     a, b = float(np.sum(ds * ds)), float(np.sum(s * ds))
     c = min(float(np.sum(s * s)) - radius**2, 0.0)
     if a == 0:
@@ -178,12 +178,12 @@ class PressurisedSphere:
     S = Y (1 + h (c^3/r^3 - 1)) in the plastic zone a <= r <= c, h = t/(1+t), t = 2 (1-nu) H/E.
 
     Attributes:
-        a: inner radius (length).
-        b: outer radius (length).
-        E: Young's modulus (force/length^2).
-        nu: Poisson's ratio.
-        Y: yield strength (force/length^2).
-        E_t: tangent modulus (force/length^2).
+        a: inner radius (length)
+        b: outer radius (length)
+        E: Young's modulus (force/length^2)
+        nu: Poisson's ratio
+        Y: yield strength (force/length^2)
+        E_t: tangent modulus (force/length^2)
 
     Examples:
         >>> sphere = asp.reference.PressurisedSphere(a=1.0, b=2.0, E=200.0, nu=0.3, Y=0.2)
@@ -204,17 +204,17 @@ class PressurisedSphere:
         return t / (1 + t)
 
     def pressure(self, c: float) -> float:
-        """Return the pressure (force/length^2) at which the plastic zone has the outer radius c.
+        """Pressure (force/length^2) at which the plastic zone has the outer radius c.
 
         Raises:
-            InputError: c does not lie between a and b.
+            InputError: c does not lie between a and b
         """
         if not self.a <= c <= self.b:
             raise InputError(f"plastic radius {c:g} must lie between {self.a:g} and {self.b:g}.")
         return -float(self.radial_stress(self.a, c))
 
     def radial_stress(self, r: ArrayLike, c: float) -> Array:
-        """Return sigma_r (force/length^2) at radius r for a plastic zone up to c."""
+        """sigma_r (force/length^2) at radius r for a plastic zone up to c."""
         r, h, Y = np.asarray(r, float), self._h, self.Y
         inner = np.minimum(r, c)  # plastic part of the integral of 2 S/r
         outer = np.maximum(r, c)
@@ -222,20 +222,20 @@ class PressurisedSphere:
         return -plastic - 2 / 3 * Y * c**3 * (outer**-3 - self.b**-3)
 
     def hoop_stress(self, r: ArrayLike, c: float) -> Array:
-        """Return sigma_theta (force/length^2) at radius r for a plastic zone up to c."""
+        """sigma_theta (force/length^2) at radius r for a plastic zone up to c."""
         r = np.asarray(r, float)
         ratio = (c / r) ** 3
         difference = np.where(r < c, 1 + self._h * (ratio - 1), ratio)
         return self.radial_stress(r, c) + self.Y * difference
 
     def displacement(self, r: ArrayLike, c: float) -> Array:
-        """Return u_r (length) at radius r; the formula is the same on both sides of c."""
+        """u_r (length) at radius r; the formula is the same on both sides of c."""
         r = np.asarray(r, float)
         deviator = (1 - self.nu) * self.Y * c**3 / (self.E * r**2)
         return deviator + (1 - 2 * self.nu) / self.E * r * self.radial_stress(r, c)
 
     def plastic_strain(self, r: ArrayLike, c: float) -> Array:
-        """Return the accumulated plastic strain at radius r."""
+        """Accumulated plastic strain at radius r."""
         ratio = np.maximum((c / np.asarray(r, float)) ** 3 - 1, 0.0)
         return 2 * (1 - self.nu) * (1 - self._h) * self.Y / self.E * ratio
 
@@ -262,27 +262,27 @@ class _Yield:
         return 4 / 3 * (self.R / self.E_prime) ** 2 * (self.C / 2 * math.pi * self.Y) ** 3
 
     def plastic_radius(self, w: Array) -> Array:
-        """Return the contact radius over R at w = delta/delta_c > 1.9."""
+        """Contact radius over R at w = delta/delta_c > 1.9."""
         B = 0.14 * math.exp(23 * self.Y / self.E_prime)
         return math.pi * self.C * self.Y / (2 * self.E_prime) * np.sqrt(w * (w / 1.9) ** B)
 
     def plastic_force(self, w: Array, hardness: Array) -> Array:
-        """Return F/F_c for hardness H_G/Y."""
+        """F/F_c for hardness H_G/Y."""
         return np.exp(-0.25 * w ** (5 / 12)) * w**1.5 + 4 * hardness / self.C * w * (1 - np.exp(-(w ** (5 / 9)) / 25))
 
 
 def jackson_green(delta: ArrayLike, R: float, E: float, nu: float, Y: float) -> tuple[Array, Array]:
-    """Return (force, contact area) of an elastic-perfectly plastic sphere pressed by a rigid flat.
+    """(force, contact area) of an elastic-perfectly plastic sphere pressed by a rigid flat.
 
     Jackson and Green, J. Tribol. 127 (2005) 343; a fit to finite elements with errors of a few per
     cent. Hertz below 1.9 delta_c.
 
     Args:
-        delta: approach (length).
-        R: radius (length).
-        E: Young's modulus (force/length^2).
-        nu: Poisson's ratio.
-        Y: yield strength (force/length^2).
+        delta: approach (length)
+        R: radius (length)
+        E: Young's modulus (force/length^2)
+        nu: Poisson's ratio
+        Y: yield strength (force/length^2)
 
     Examples:
         >>> force, area = asp.reference.jackson_green(1e-5, R=1e-3, E=200e9, nu=0.3, Y=1e9)
@@ -302,7 +302,7 @@ def jackson_green(delta: ArrayLike, R: float, E: float, nu: float, Y: float) -> 
 
 
 def kogut_etsion(delta: ArrayLike, R: float, E: float, nu: float, Y: float) -> tuple[Array, Array]:
-    """Return (force, contact area) of an elastic-perfectly plastic sphere pressed by a rigid flat.
+    """(force, contact area) of an elastic-perfectly plastic sphere pressed by a rigid flat.
 
     Kogut and Etsion, J. Appl. Mech. 69 (2002) 657, hardness 2.8 Y; fits for delta up to
     110 delta_c, NaN beyond. Arguments as for `jackson_green`.
@@ -323,14 +323,14 @@ def kogut_etsion(delta: ArrayLike, R: float, E: float, nu: float, Y: float) -> t
 
 
 def ghaednia(delta: ArrayLike, R: float, E: float, nu: float, Y: float, E_t: float) -> tuple[Array, Array]:
-    """Return (force, contact area) of a bilinearly hardening sphere pressed by a rigid flat.
+    """(force, contact area) of a bilinearly hardening sphere pressed by a rigid flat.
 
     Ghaednia, Brake, Berryhill and Jackson, J. Tribol. 141 (2019) 031402, eqs. 21-30, eq. 26 as
     corrected in the authors' own implementation; a fit to finite elements with errors of 5 to 8 %.
     Arguments as for `jackson_green`, and the tangent modulus E_t (force/length^2), 0 <= E_t < E.
 
     Raises:
-        InputError: E_t is out of range.
+        InputError: E_t is out of range
 
     Examples:
         >>> force, area = asp.reference.ghaednia(1e-5, R=1e-3, E=200e9, nu=0.3, Y=1e9, E_t=20e9)
@@ -361,13 +361,13 @@ def ghaednia(delta: ArrayLike, R: float, E: float, nu: float, Y: float, E_t: flo
 
 
 def unloaded_sphere(w: ArrayLike) -> tuple[Array, Array]:
-    """Return (residual approach over the greatest one, exponent) of a flattened elastic-plastic sphere after release.
+    """(residual approach over the greatest one, exponent) of a flattened elastic-plastic sphere after release.
 
     Etsion, Kligerman and Kadin, Int. J. Solids Struct. 42 (2005) 3716; a fit to finite elements of a sphere with linear
     hardening. The unloading is F = F_max ((delta - residual)/(delta_max - residual))^exponent.
 
     Args:
-        w: greatest approach over that at the onset of yield, from 1 on.
+        w: greatest approach over that at the onset of yield, from 1 on
 
     Examples:
         >>> residual, exponent = asp.reference.unloaded_sphere([1.0, 10.0, 100.0])
@@ -379,12 +379,12 @@ def unloaded_sphere(w: ArrayLike) -> tuple[Array, Array]:
 
 
 def residual_of_perfect_sphere(w: ArrayLike) -> Array:
-    """Return the residual approach over the greatest one of an elastic-perfectly plastic sphere after release.
+    """Residual approach over the greatest one of an elastic-perfectly plastic sphere after release.
 
     Jackson, Chusoipin and Green, J. Tribol. 127 (2005) 484; a fit to finite elements.
 
     Args:
-        w: greatest approach over that at the onset of yield, from 1 on.
+        w: greatest approach over that at the onset of yield, from 1 on
 
     Examples:
         >>> asp.reference.residual_of_perfect_sphere([1.0, 10.0, 100.0]).round(3)

@@ -17,9 +17,9 @@ class RoughPoint:
     """One load of the reference surface, interface part only.
 
     Attributes:
-        P_star: P/(A_0 E').
-        delta_star: approach of the interface over L; the block adds P* (h_b/L) E'/M.
-        area_fraction: true over nominal contact area.
+        P_star: P/(A_0 E')
+        delta_star: approach of the interface over L; the block adds P* (h_b/L) E'/M
+        area_fraction: true over nominal contact area
 
     Examples:
         >>> light = ROUGH_ELASTIC[0]
@@ -54,7 +54,7 @@ ROUGH_ELASTIC_FITS = {
 
 
 def rough_elastic_surface(D: float = 2.4, G: float = 1.36e-11, seed: int = 0) -> WeierstrassMandelbrot:
-    """Return a surface of the tables, L = 1 um; the layout of its random phases is fixed.
+    """Surface of the tables, L = 1 um; the layout of its random phases is fixed.
 
     Examples:
         >>> surface = asp.reference.rough_elastic_surface()

@@ -17,7 +17,7 @@ LONGEST = 60  # of the text of a part
 
 
 def short_repr(thing: Any) -> str:
-    """Return a dataclass in one line: numbers to six digits, arrays by their shape, collections by their size.
+    """Dataclass in one line: numbers to six digits, arrays by their shape, collections by their size.
 
     Classes take it as their `__repr__`.
 
@@ -34,7 +34,7 @@ def short_repr(thing: Any) -> str:
 
 
 def brief(value: Any) -> str:
-    """Return a value in a few words."""
+    """Value in a few words."""
     if isinstance(value, np.ndarray):
         return f"<{' x '.join(map(str, value.shape))}>"
     if isinstance(value, bool | np.bool_ | int | np.integer) or value is None:
@@ -57,7 +57,7 @@ def brief(value: Any) -> str:
 
 
 def html_table(caption: str, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Return a table for a notebook.
+    """Table for a notebook.
     Args:
         caption: above it
         header: names of the columns

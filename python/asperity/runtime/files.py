@@ -43,7 +43,7 @@ def is_aside(name: str) -> bool:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[IO[bytes]]:
-    """Yield a file for the new content of `path`, which always has its old content or all of the new one.
+    """File for the new content of `path`, which always has its old content or all of the new one.
 
     Raises:
         OSError: no space, no permission, no such folder; the old content is unchanged
@@ -73,7 +73,7 @@ def replace_file(path: Path, data: bytes) -> None:
 
 @contextmanager
 def files_into(folder: Path) -> Iterator[Path]:
-    """Yield a temporary folder; its files are moved to `folder` when all of them are complete."""
+    """Temporary folder; its files are moved to `folder` when all of them are complete."""
     aside = _temporary_for(folder)
     aside.mkdir(parents=True)
     try:

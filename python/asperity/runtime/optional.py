@@ -12,7 +12,7 @@ from asperity.errors import CompatError
 
 
 def optional_module(name: str, extra: str) -> Any:
-    """Return an imported package.
+    """Imported package.
 
     Args:
         name: of the package

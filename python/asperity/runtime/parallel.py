@@ -82,7 +82,7 @@ def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
         work: called on rank 0 only
 
     Returns:
-        The result of `work` on rank 0, None elsewhere.
+        The result of `work` on rank 0, None elsewhere
 
     Raises:
         AsperityError: what `work` raised, on every rank
@@ -102,7 +102,7 @@ def on_root_bcast(comm: MPI.Comm | None, work: Callable[[], T]) -> T:
         work: called on rank 0 only; its result is pickled
 
     Returns:
-        The result of `work`, on every rank.
+        The result of `work`, on every rank
 
     Raises:
         AsperityError: what `work` raised, on every rank
@@ -127,7 +127,7 @@ def agree(comm: MPI.Comm, work: Callable[[], T]) -> T:
         work: called on every rank
 
     Returns:
-        The result of `work` on this rank.
+        The result of `work` on this rank
 
     Raises:
         AsperityError: what `work` raised on the lowest rank where it failed
@@ -151,7 +151,7 @@ def all_ranks(comm: MPI.Comm, values: Mapping[str, float], greatest: bool = Fals
 
 
 def _attempt(work: Callable[[], T]) -> tuple[T | None, AsperityError | None]:
-    """Return the result of `work` and None, or None and its error."""
+    """Result of `work` and None, or None and its error."""
     try:
         return work(), None
     except AsperityError as error:

@@ -71,8 +71,8 @@ class Progress:
         """Show an accepted load step.
 
         Args:
-            row: values of the columns of curve.csv.
-            fraction_done: completed fraction of the load path, 0 to 1.
+            row: values of the columns of curve.csv
+            fraction_done: completed fraction of the load path, 0 to 1
         """
 
     def done(self) -> None:
@@ -177,7 +177,7 @@ class StepTable(StepLines):
 
 
 def make_progress(quiet: bool = False) -> Progress:
-    """Return the display for this process: silent on ranks above 0, a live bar on a terminal, else lines."""
+    """Display for this process: silent on ranks above 0, a live bar on a terminal, else lines."""
     if quiet or world_rank() > 0:
         return Progress()
     return StepTable() if is_terminal() else StepLines()

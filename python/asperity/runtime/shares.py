@@ -132,7 +132,7 @@ def places(comm: MPI.Comm, numbers: Indices) -> tuple[Indices, int]:
 
 
 def pieces(array: DistributedArray) -> Iterator[Array]:
-    """Yield the rows in pieces of at most PIECE bytes on rank 0, and send them there elsewhere.
+    """Rows in pieces of at most PIECE bytes on rank 0, and send them there elsewhere.
 
     Collective: all ranks must exhaust it.
     """

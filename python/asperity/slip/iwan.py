@@ -26,10 +26,10 @@ class IwanLaw:
     """Four-parameter Iwan law.
 
     Attributes:
-        F_S: force at which all slips (force).
-        K_T: stiffness before any slip (force/length).
-        chi: exponent, above -1; light loops lose the power 3 + chi of the force.
-        beta: stiffness of the last slider over that of the others, at least 0.
+        F_S: force at which all slips (force)
+        K_T: stiffness before any slip (force/length)
+        chi: exponent, above -1; light loops lose the power 3 + chi of the force
+        beta: stiffness of the last slider over that of the others, at least 0
 
     Examples:
         >>> from asperity.slip.iwan import IwanLaw
@@ -53,27 +53,27 @@ class IwanLaw:
         return self.K_T * (self.chi + 1.0) / ((1.0 + self.beta) * self.phi_max ** (self.chi + 1.0))
 
     def force(self, u: ArrayLike) -> Array:
-        """Return the force of the first loading at displacements u >= 0 (force), shape of `u`."""
+        """Force of the first loading at displacements u >= 0 (force), shape of `u`."""
         x, chi = np.minimum(np.asarray(u, float), self.phi_max), self.chi
         return np.asarray(self.K_T * x - self._R * x ** (chi + 2.0) / ((chi + 1.0) * (chi + 2.0)))
 
     def energy(self, a: ArrayLike) -> Array:
-        """Return the energy of a closed loop between -a and a, a up to `phi_max` (force length), shape of `a`."""
+        """Energy of a closed loop between -a and a, a up to `phi_max` (force length), shape of `a`."""
         chi = self.chi
         return np.asarray(4.0 * self._R * np.asarray(a, float) ** (chi + 3.0) / ((chi + 2.0) * (chi + 3.0)))
 
 
 def fit_iwan(law: SlipLaw) -> tuple[IwanLaw, float, float]:
-    """Return the Iwan law next to a law of slip, and its misfit.
+    """Iwan law next to a law of slip, and its misfit.
 
     Limit and stiffness at rest are those of the law. The exponent and beta are those of least squares of force and
     energy over the displacement, at 0.05 to 0.9 of the limit.
 
     Args:
-        law: of the joint.
+        law: of the joint
 
     Returns:
-        the fit; greatest error of the force over the limit; greatest relative error of the energy.
+        the fit; greatest error of the force over the limit; greatest relative error of the energy
 
     Examples:
         >>> from asperity.slip import SlipLaw

@@ -27,11 +27,11 @@ class JenkinsArray:
     """Sliders in parallel.
 
     Attributes:
-        k: stiffness of each (force/length), shape (n,).
-        f: force at which each slips (force), shape (n,).
+        k: stiffness of each (force/length), shape (n,)
+        f: force at which each slips (force), shape (n,)
 
     Raises:
-        InputError: they have other shapes, or a value is not positive.
+        InputError: they have other shapes, or a value is not positive
 
     Examples:
         One slider of stiffness 2 that slips at the force 1, moved to 1 and back to 0:
@@ -58,10 +58,10 @@ class JenkinsArray:
 
     @classmethod
     def through(cls, u: Array, force: Array) -> JenkinsArray:
-        """Return the sliders whose first loading is straight between points, from the origin to the limit.
+        """Sliders whose first loading is straight between points, from the origin to the limit.
 
         Args:
-            u: displacements, rising (length), shape (n,).
+            u: displacements, rising (length), shape (n,)
             force: there, rising ever more slowly (force); the last is the limit. Points below the straight line
                 between their neighbours are left out: no slider has a negative stiffness.
         """
@@ -91,18 +91,18 @@ class JenkinsArray:
         return float(self.k.sum())
 
     def move(self, u: float, state: Array) -> tuple[float, Array]:
-        """Return force and new state at a displacement, monotonic since the last state.
+        """Force and new state at a displacement, monotonic since the last state.
 
         Args:
-            u: displacement (length).
-            state: as `at_rest`, or as returned before, shape (n,).
+            u: displacement (length)
+            state: as `at_rest`, or as returned before, shape (n,)
         """
         reach = self.f / self.k
         after = np.clip(state, u - reach, u + reach)
         return float(self.k @ (u - after)), after
 
     def follow(self, path: Sequence[float] | Array) -> Array:
-        """Return the forces along displacements (n,) that start at rest (force), shape (n,)."""
+        """Forces along displacements (n,) that start at rest (force), shape (n,)."""
         state, forces = self.at_rest, []
         for u in path:
             force, state = self.move(float(u), state)
@@ -110,17 +110,17 @@ class JenkinsArray:
         return np.array(forces)
 
     def first_loading(self, u: ArrayLike) -> Array:
-        """Return the force of the first loading at displacements u >= 0 (force), shape of `u`."""
+        """Force of the first loading at displacements u >= 0 (force), shape of `u`."""
         u = np.asarray(u, float)
         return np.asarray(np.minimum(self.k * u[..., None], self.f).sum(axis=-1))
 
     def energy(self, a: ArrayLike) -> Array:
-        """Return the energy of a closed loop between -a and a (force length), shape of `a`."""
+        """Energy of a closed loop between -a and a (force length), shape of `a`."""
         beyond = np.maximum(np.asarray(a, float)[..., None] - self.f / self.k, 0.0)
         return np.asarray(4.0 * beyond @ self.f)
 
     def complex_stiffness(self, a: ArrayLike) -> Array:
-        """Return the first harmonic of the force over a harmonic displacement of amplitudes a > 0 (force/length).
+        """First harmonic of the force over a harmonic displacement of amplitudes a > 0 (force/length).
 
         The real part is in phase; the imaginary one is W/(pi a^2). An element that slips has
         k (theta - sin(2 theta)/2)/pi with cos(theta) = 1 - 2 f/(k a).

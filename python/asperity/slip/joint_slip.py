@@ -33,9 +33,9 @@ from asperity.units import quantity
 LOOP_COLUMNS = ("amplitude", "T", "u", "k_secant", "energy", "eta", "slip_share")
 WITH_ERRORS = ("u", "k_secant", "energy", "eta")
 FLOWS = 0.1  # plastic dissipation of a loop over that of friction, above which a loop is not steady
-#: Error of the method, over the part of the displacement that slips and over the energy. Against the solid in three runs
-#: on two self-affine maps (nu = 0 and 0.3, H = 0.7 and 0.8, 13 to 26 % in contact), from 0.3 mu P on: the displacement
-#: differs by -8 to 18 % and the energy by -2 to 30 %, T at equal u by up to 1 % of mu P. A part of this is
+#: Error of the method, over the part of the displacement that slips and over the energy. Against the solid in three
+#: runs on two self-affine maps (nu = 0 and 0.3, H = 0.7 and 0.8, 13 to 26 % in contact), from 0.3 mu P on: the
+#: displacement differs by -8 to 18 % and the energy by -2 to 30 %, T at equal u by up to 1 % of mu P. A part of this is
 #: the mesh of the solid, whose light loops lose too much.
 METHOD_ERROR = 0.3
 
@@ -45,11 +45,11 @@ class JointSlip:
     """Slip of a joint about a preload; one entry per amplitude, forces those of the patch.
 
     Attributes:
-        law: by the normal curve.
-        by_curve: paths of the law.
-        computed: paths of the solid; empty where only the curve was asked.
-        errors: error bars of the columns `WITH_ERRORS` of the method chosen, empty for a curve without bars.
-        notes: what to doubt, one sentence each.
+        law: by the normal curve
+        by_curve: paths of the law
+        computed: paths of the solid; empty where only the curve was asked
+        errors: error bars of the columns `WITH_ERRORS` of the method chosen, empty for a curve without bars
+        notes: what to doubt, one sentence each
     """
 
     law: SlipLaw
@@ -66,7 +66,7 @@ class JointSlip:
         return self.computed or self.by_curve
 
     def loops(self) -> list[dict[str, float]]:
-        """Return the columns of slip_loops.csv, one row per amplitude; those by the curve beside those of a solid."""
+        """Columns of slip_loops.csv, one row per amplitude; those by the curve beside those of a solid."""
         rows = []
         for i, path in enumerate(self.paths):
             row = _loop_of(path)
@@ -79,7 +79,7 @@ class JointSlip:
         return rows
 
     def steps(self) -> Iterator[dict[str, float]]:
-        """Yield the rows of slip.csv: one block per amplitude, from rest to the amplitude and around a closed loop."""
+        """Rows of slip.csv: one block per amplitude, from rest to the amplitude and around a closed loop."""
         array = self.law.array() if self.computed else None
         for path in self.paths:
             columns: dict[str, Any] = {"u": path.u, "T": path.T}
@@ -91,13 +91,13 @@ class JointSlip:
                 yield {"amplitude": path.amplitude, "step": step} | values
 
     def vibration(self, mass: float, factor: float = 1.0) -> list[dict[str, float]]:
-        """Return frequency (1/time) and damping ratio of the tangential vibration at each amplitude.
+        """Frequency (1/time) and damping ratio of the tangential vibration at each amplitude.
 
         The secant stiffness gives the frequency and the loop the damping ratio, half of its loss factor.
 
         Args:
-            mass: that vibrates on the joint (mass).
-            factor: nominal area of the joint over that of the patch.
+            mass: that vibrates on the joint (mass)
+            factor: nominal area of the joint over that of the patch
         """
         return [
             {
@@ -109,11 +109,11 @@ class JointSlip:
         ]
 
     def to_dict(self, mass: float | None = None, factor: float = 1.0, *, units: str = "SI") -> dict[str, Any]:
-        """Return the section "slip" of summary.json.
+        """Section "slip" of summary.json.
 
         Args:
-            mass, factor: see `vibration`; without a mass no frequency follows.
-            units: see `lines`.
+            mass, factor: see `vibration`; without a mass no frequency follows
+            units: see `lines`
         """
         return {
             "method": "solid" if self.computed else "curve",
@@ -128,11 +128,11 @@ class JointSlip:
         }
 
     def lines(self, mass: float | None = None, factor: float = 1.0, *, units: str = "SI") -> list[str]:
-        """Return frequency, or stiffness without a mass, and damping ratio at up to three amplitudes, in words.
+        """Frequency, or stiffness without a mass, and damping ratio at up to three amplitudes, in words.
 
         Args:
-            mass, factor: see `vibration`.
-            units: "SI" shows SI units.
+            mass, factor: see `vibration`
+            units: "SI" shows SI units
         """
         si, found = units == "SI", []
         rows = self.vibration(mass or math.nan, factor)
@@ -165,20 +165,20 @@ def slip_of_curve(
     sides: str = "rollers",
     computed: tuple[SlipPath, ...] = (),
 ) -> JointSlip:
-    """Return the slip of a joint of two like bodies by the curve of one of them under a rigid flat.
+    """Slip of a joint of two like bodies by the curve of one of them under a rigid flat.
 
     Args:
-        curve: a `Curve`, or what else has the columns delta and force.
-        settings: friction, amplitudes, preload.
-        material: of the body.
-        patch: nominal area of the curve (length^2).
-        height: of the block (length).
-        sides: of the block, "rollers", "free" or "periodic".
-        computed: paths of the solid at the same preload, see `quasistatic.slip_paths`.
+        curve: a `Curve`, or what else has the columns delta and force
+        settings: friction, amplitudes, preload
+        material: of the body
+        patch: nominal area of the curve (length^2)
+        height: of the block (length)
+        sides: of the block, "rollers", "free" or "periodic"
+        computed: paths of the solid at the same preload, see `quasistatic.slip_paths`
 
     Raises:
-        InputError: the curve does not contain what is needed, or is as stiff as the block.
-        RangeError: the curve does not reach the preload.
+        InputError: the curve does not contain what is needed, or is as stiff as the block
+        RangeError: the curve does not reach the preload
 
     Examples:
         >>> from asperity.slip import SlipSettings, slip_of_curve
@@ -206,7 +206,7 @@ def slip_of_curve(
 
 
 def _down_to_zero(law: Law) -> Law:
-    """Return a law whose stiffness does not rise as the force falls to zero, which slips at last.
+    """Law whose stiffness does not rise as the force falls to zero, which slips at last.
 
     Where few facets touch, the first points of a table may have a power below one; below them the force is then
     proportional to the approach.
@@ -225,7 +225,7 @@ def _errors(
     amplitudes: tuple[float, ...],
     method_error: float,
 ) -> tuple[Mapping[str, float], ...]:
-    """Return the bars at each amplitude: what the ends of the bar of the normal curve change, and the method."""
+    """Bars at each amplitude: what the ends of the bar of the normal curve change, and the method."""
     try:
         others = [law_on(member) for member in members]
     except AsperityError:  # at the end of its bar the curve does not reach the preload
@@ -251,7 +251,7 @@ def _loop_of(path: SlipPath) -> dict[str, float]:
 
 
 def _area_of(curve: Any, columns: CurveColumns, choice: Choice) -> Callable[[Array], Array] | None:
-    """Return the area of contact over the normal force on the branch of a law, None where the curve has none."""
+    """Area of contact over the normal force on the branch of a law, None where the curve has none."""
     given = curve.get("area_fraction") if isinstance(curve, Mapping) else getattr(curve, "area_fraction", None)
     if given is None:
         return None

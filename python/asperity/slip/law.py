@@ -34,7 +34,7 @@ _LEAST = 1e-3  # share of the compliance that the interface must have: less is l
 
 
 def compliance_ratio(nu: float) -> float:
-    """Return r, the tangential over the normal compliance of a half-space with Poisson's ratio `nu`.
+    """r, the tangential over the normal compliance of a half-space with Poisson's ratio `nu`.
 
     Examples:
         >>> from asperity.slip.law import compliance_ratio
@@ -51,16 +51,16 @@ class SlipLaw:
     Amplitudes are shares t = T/(mu P) of the limit of friction.
 
     Attributes:
-        normal: law of the normal force, of the branch on which the contact unloads.
-        preload: normal force P, constant (force).
-        friction: Coulomb's coefficient mu.
-        nu: Poisson's ratio of the bodies.
+        normal: law of the normal force, of the branch on which the contact unloads
+        preload: normal force P, constant (force)
+        friction: Coulomb's coefficient mu
+        nu: Poisson's ratio of the bodies
         block: normal and tangential compliance of the block behind the interface (length/force), h/(A M) and h/(A G);
-            zero for a law of the interface alone.
+            zero for a law of the interface alone
 
     Raises:
-        InputError: a value is not legal, or the interface has no compliance beside the block.
-        RangeError: the normal law does not reach the preload.
+        InputError: a value is not legal, or the interface has no compliance beside the block
+        RangeError: the normal law does not reach the preload
 
     Examples:
         Mindlin's sphere: at half of the limit of friction the displacement is 1 - 0.5^(2/3) of that at the limit.
@@ -97,24 +97,24 @@ class SlipLaw:
         return self.friction * self.preload
 
     def displacement(self, t: ArrayLike) -> Array:
-        """Return the displacement from rest at shares `t` in [0, 1] of the limit, block included (length)."""
+        """Displacement from rest at shares `t` in [0, 1] of the limit, block included (length)."""
         t = np.asarray(t, float)
         z0, z = self._approach(0.0), self._approaches(t)
         interface = self._scale * (z0 - z - self.block[0] * self.preload * t)
         return np.asarray(interface + self.block[1] * self.limit * t)
 
     def k_tangent(self, t: ArrayLike) -> Array:
-        """Return dT/du of the first loading at shares `t` in [0, 1) of the limit (force/length)."""
+        """DT/du of the first loading at shares `t` in [0, 1) of the limit (force/length)."""
         slope = self.normal.both(self._approaches(np.asarray(t, float)))[1]
         return np.asarray(1.0 / (compliance_ratio(self.nu) * (1.0 / slope - self.block[0]) + self.block[1]))
 
     def k_secant(self, t: ArrayLike) -> Array:
-        """Return T/u at shares `t` in (0, 1] of the limit (force/length)."""
+        """T/u at shares `t` in (0, 1] of the limit (force/length)."""
         t = np.asarray(t, float)
         return np.asarray(self.limit * t / self.displacement(t))
 
     def energy(self, t: ArrayLike) -> Array:
-        """Return the energy that a closed loop between -t and t dissipates (force length).
+        """Energy that a closed loop between -t and t dissipates (force length).
 
         By Masing's rule it is 8 times the integral of T du on the first loading less 4 T u. The compliance of the block
         cancels: what is left is 8 mu^2 r times the area between the normal curve and its chord.
@@ -126,18 +126,18 @@ class SlipLaw:
         return np.asarray(8.0 * self.friction * self._scale * area)
 
     def eta(self, t: ArrayLike) -> Array:
-        """Return the loss factor W/(pi T u) of loops of amplitudes `t`; twice the damping ratio at resonance."""
+        """Loss factor W/(pi T u) of loops of amplitudes `t`; twice the damping ratio at resonance."""
         t = np.asarray(t, float)
         return np.asarray(self.energy(t) / (math.pi * self.limit * t * self.displacement(t)))
 
     def array(self, sliders: int = 200, lightest: float = 1e-3) -> JenkinsArray:
-        """Return sliders in parallel whose force agrees with this one at as many forces up to the limit.
+        """Sliders in parallel whose force agrees with this one at as many forces up to the limit.
 
         They stand for an Iwan law of the density rho(f) = P''(delta_i - f/(mu r))/(mu r^2), with the block in series.
 
         Args:
-            sliders: their number.
-            lightest: the least of these forces over the limit; below it nothing slips.
+            sliders: their number
+            lightest: the least of these forces over the limit; below it nothing slips
         """
         if sliders < 2:
             raise InputError(f"sliders = {sliders} is not legal: at least 2 are needed")

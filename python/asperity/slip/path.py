@@ -23,12 +23,12 @@ class SlipPath:
     """Displacement and force step by step, from rest to an amplitude and around one loop; arrays of shape (n,).
 
     Attributes:
-        amplitude: of the force over the limit of friction.
-        leg: 0 first loading, 1 down to the opposite amplitude, 2 up again; the end of each belongs to it.
-        u: displacement of the flat (length).
-        T: tangential force (force).
-        slip_share: share of the area of contact that slips in the step; NaN where unknown.
-        dissipated: by friction, since rest (force length).
+        amplitude: of the force over the limit of friction
+        leg: 0 first loading, 1 down to the opposite amplitude, 2 up again; the end of each belongs to it
+        u: displacement of the flat (length)
+        T: tangential force (force)
+        slip_share: share of the area of contact that slips in the step; NaN where unknown
+        dissipated: by friction, since rest (force length)
         plastic: dissipated by plastic flow in the loop (force length). It falls from loop to loop, and the preload that
             sinks does most of its work.
 
@@ -52,7 +52,7 @@ class SlipPath:
     __repr__ = short_repr
 
     def end(self, leg: int) -> int:
-        """Return the row at the end of a leg."""
+        """Row at the end of a leg."""
         return int(np.flatnonzero(self.leg == leg)[-1])
 
     @property
@@ -86,7 +86,7 @@ class SlipPath:
         return float(self.slip_share[self.end(FIRST)])
 
     def scaled(self, force: float, length: float) -> SlipPath:
-        """Return the path in other units: forces times `force`, lengths times `length`."""
+        """Path in other units: forces times `force`, lengths times `length`."""
         T, u, energy = self.T * force, self.u * length, force * length
         return SlipPath(
             self.amplitude, self.leg, u, T, self.slip_share, self.dissipated * energy, self.plastic * energy
@@ -96,13 +96,13 @@ class SlipPath:
 def path_of_law(
     law: SlipLaw, amplitude: float, *, steps: int, area: Callable[[Array], Array] | None = None
 ) -> SlipPath:
-    """Return the path of a law in equal steps of the force, the loop by Masing's rule.
+    """Path of a law in equal steps of the force, the loop by Masing's rule.
 
     Args:
-        law: of the joint.
-        amplitude: of the force over the limit of friction.
-        steps: of the first loading; the loop has four times as many.
-        area: gives the area of contact at normal forces (n,), in any unit, for the share that slips.
+        law: of the joint
+        amplitude: of the force over the limit of friction
+        steps: of the first loading; the loop has four times as many
+        area: gives the area of contact at normal forces (n,), in any unit, for the share that slips
     """
     # along a leg of the loop everything is twice as far apart as on the first loading
     t, fine = (np.linspace(0.0, amplitude, n * steps + 1) for n in (1, 2))

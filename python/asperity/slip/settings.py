@@ -20,15 +20,15 @@ class SlipSettings:
     """Friction of a joint and the loops to compute, forces on the patch.
 
     Attributes:
-        friction: Coulomb's coefficient mu.
-        amplitudes: of the tangential force over the limit of friction mu P, each in [0.001, 0.99], rising.
-        preload: normal force P (force); default that of the vibration, or half of the greatest force of the curve.
-        steps: of the first loading; a loop has four times as many.
-        method: "curve" follows from the normal curve, "solid" moves the flat on the solid.
-        direction: of the motion, from the x axis towards the y axis (degrees); the curve has none.
+        friction: Coulomb's coefficient mu
+        amplitudes: of the tangential force over the limit of friction mu P, each in [0.001, 0.99], rising
+        preload: normal force P (force); default that of the vibration, or half of the greatest force of the curve
+        steps: of the first loading; a loop has four times as many
+        method: "curve" follows from the normal curve, "solid" moves the flat on the solid
+        direction: of the motion, from the x axis towards the y axis (degrees); the curve has none
 
     Raises:
-        InputError: a value is not legal.
+        InputError: a value is not legal
 
     Examples:
         >>> from asperity.slip import SlipSettings

@@ -18,23 +18,23 @@ _FAR = 0.01  # amplitude at which the response begins, over that of the peak
 
 
 def tangential_response(array: JenkinsArray, mass: float, force: float, *, zeta: float = 0.0) -> tuple[Array, Array]:
-    """Return angular frequencies and amplitudes of the displacement under a harmonic force, by the first harmonic.
+    """Angular frequencies and amplitudes of the displacement under a harmonic force, by the first harmonic.
 
     At each amplitude a below the peak |k(a) + i 2 zeta k_rest - m omega^2| = F/a, k the complex stiffness of the
     sliders, has a solution on either side of the resonance. The force of the damping rises with the amplitude, so there
     is one peak.
 
     Args:
-        array: of the joint.
-        mass: that vibrates (mass).
-        force: amplitude of the force (force).
-        zeta: damping ratio in addition to that of slip, as a constant loss factor 2 zeta of the stiffness at rest.
+        array: of the joint
+        mass: that vibrates (mass)
+        force: amplitude of the force (force)
+        zeta: damping ratio in addition to that of slip, as a constant loss factor 2 zeta of the stiffness at rest
 
     Returns:
-        omega (1/time) and amplitude (length), along the curve from low to high frequency, each of shape (n,).
+        omega (1/time) and amplitude (length), along the curve from low to high frequency, each of shape (n,)
 
     Raises:
-        RangeError: the force makes all of the contact slip, and its resonance has no bound.
+        RangeError: the force makes all of the contact slip, and its resonance has no bound
 
     Examples:
         >>> from asperity.slip import JenkinsArray

@@ -64,9 +64,9 @@ class Family:
     'surface.seed'
 
     Attributes:
-        name: as in the file; "study" if the file has no families.
-        title: for figures.
-        keys: dotted keys that vary in the family, in the order of the file.
+        name: as in the file; "study" if the file has no families
+        title: for figures
+        keys: dotted keys that vary in the family, in the order of the file
     """
 
     name: str
@@ -89,9 +89,9 @@ class Entry:
 
     Attributes:
         key: "c" (so that table readers do not take it for a number) and 15 digits of the hash of the completed
-            case; also the name of its folder.
-        case: the completed case.
-        families: names of the families it belongs to.
+            case; also the name of its folder
+        case: the completed case
+        families: names of the families it belongs to
     """
 
     key: str
@@ -101,7 +101,7 @@ class Entry:
     __repr__ = short_repr
 
     def value(self, key: str) -> Any:
-        """Return the value of a dotted key in the completed case, None if it is absent."""
+        """Value of a dotted key in the completed case, None if it is absent."""
         section, name = key.split(".")
         return getattr(getattr(self.case, section), name, None)
 
@@ -120,10 +120,10 @@ class Study:
     (4, ('loading.delta_max', 'material.nu'))
 
     Attributes:
-        title: for figures.
-        families: parts of the study.
-        entries: different cases in the order of the file.
-        keys: all dotted keys that vary in some family.
+        title: for figures
+        families: parts of the study
+        entries: different cases in the order of the file
+        keys: all dotted keys that vary in some family
     """
 
     title: str
@@ -138,11 +138,11 @@ class Study:
         """Read a study file; relative paths in it start from its folder.
 
         Args:
-            path: TOML file.
-            overrides: strings "section.key=value" that replace keys of the base case.
+            path: TOML file
+            overrides: strings "section.key=value" that replace keys of the base case
 
         Raises:
-            InputError: the study is illegal; the message is one sentence.
+            InputError: the study is illegal; the message is one sentence
         """
         path = Path(path)
         return Study.from_dict(_read_toml(path), folder=path.parent, source=str(path), overrides=overrides)
@@ -154,13 +154,13 @@ class Study:
         """Build a study from nested tables as in the file.
 
         Args:
-            data: the tables; not modified.
-            folder: start of relative paths.
-            source: name of the input in messages.
-            overrides: strings "section.key=value" that replace keys of the base case.
+            data: the tables; not modified
+            folder: start of relative paths
+            source: name of the input in messages
+            overrides: strings "section.key=value" that replace keys of the base case
 
         Raises:
-            InputError: the study is illegal; the message is one sentence.
+            InputError: the study is illegal; the message is one sentence
         """
         _check_keys(data, _KEYS, source, "the study file")
         title = _text(data, "title", Path(source).stem, source)
@@ -195,7 +195,7 @@ class Study:
 
 
 def _base(data: Mapping[str, Any], folder: Path, source: str) -> tuple[dict[str, Any], Path]:
-    """Return the tables of the base case and the folder where its relative paths start."""
+    """Tables of the base case and the folder where its relative paths start."""
     base = data.get("base")
     if isinstance(base, str):
         path = folder / base
@@ -210,7 +210,7 @@ def _base(data: Mapping[str, Any], folder: Path, source: str) -> tuple[dict[str,
 
 
 def _families(data: Mapping[str, Any], source: str, title: str) -> Iterator[tuple[str, str, list[Point]]]:
-    """Yield name, title and own points of each family."""
+    """Name, title and own points of each family."""
     tables = data.get("families", {})
     if not isinstance(tables, Mapping):
         raise InputError(f"{source}: families must be tables [families.NAME]")
@@ -229,7 +229,7 @@ def _families(data: Mapping[str, Any], source: str, title: str) -> Iterator[tupl
 
 
 def _points(table: Mapping[str, Any], where: str) -> list[Point]:
-    """Return all combinations of the points and the grid of a table; one without keys if it has neither."""
+    """All combinations of the points and the grid of a table; one without keys if it has neither."""
     grid = _flat(table.get("grid", {}), f"{where} grid")
     axes = {key: _values(value, f"{where} grid: {key}") for key, value in grid.items()}
     count = math.prod(len(values) for values in axes.values())
@@ -250,7 +250,7 @@ def _points(table: Mapping[str, Any], where: str) -> list[Point]:
 
 
 def _flat(table: Any, where: str) -> Point:
-    """Return a table with dotted keys; `surface.D = ..` without quotes makes nested tables with the same meaning."""
+    """Table with dotted keys; `surface.D = ..` without quotes makes nested tables with the same meaning."""
     if not isinstance(table, Mapping):
         raise InputError(f'{where} must be a table of keys such as "surface.D"')
     flat: Point = {}
@@ -273,7 +273,7 @@ def _check_key(key: str, where: str) -> None:
 
 
 def _values(value: Any, where: str) -> list[Any]:
-    """Return the values of an axis: a list, {first, count}, or {from, to, count, log}."""
+    """Values of an axis: a list, {first, count}, or {from, to, count, log}."""
     if isinstance(value, list):
         if not value:
             raise InputError(f"{where} is an empty list; give at least one value")

@@ -40,8 +40,8 @@ def label_of(parameters: Mapping[str, Any], scale: Mapping[str, tuple[float, str
     """Text of the values of a level for a legend.
 
     Args:
-        parameters: dotted keys and values.
-        scale: key -> (unit of the value, text after the number).
+        parameters: dotted keys and values
+        scale: key -> (unit of the value, text after the number)
     """
     parts = []
     for key, value in parameters.items():
@@ -61,10 +61,10 @@ def draw_curves(
     """Draw the mean load of each level with a band of one standard deviation.
 
     Args:
-        axis: target axes.
-        results: results of the study.
-        levels, labels: levels to draw, and their labels.
-        over_greatest: whether to divide the curve of each level by its last mean value.
+        axis: target axes
+        results: results of the study
+        levels, labels: levels to draw, and their labels
+        over_greatest: whether to divide the curve of each level by its last mean value
     """
     for level, text, colour in zip(levels, labels, colours(len(levels)), strict=True):
         x, mean, spread = ensemble_curve(results.curve(row) for row in level.rows)

@@ -29,10 +29,10 @@ class Block:
     """The block as an elastic spring below the interface.
 
     Attributes:
-        side: L (length).
-        height: h_b (length).
-        modulus: mean pressure over mean strain of the flat block (force/length^2).
-        yields_at: mean pressure at which the block yields (force/length^2), inf if it is elastic.
+        side: L (length)
+        height: h_b (length)
+        modulus: mean pressure over mean strain of the flat block (force/length^2)
+        yields_at: mean pressure at which the block yields (force/length^2), inf if it is elastic
     """
 
     side: float
@@ -42,7 +42,7 @@ class Block:
 
     @staticmethod
     def of(case: Case) -> Block:
-        """Return the block of a case; with free sides, solves a flat block of the same shape, once per process."""
+        """Block of a case; with free sides, solves a flat block of the same shape, once per process."""
         solid, side, height = case.material.solid, case.surface.L, case.block.height
         yields_at = solid.yield_pressure(case.block.sides)
         if case.block.sides != "free":
@@ -50,12 +50,12 @@ class Block:
         return Block(side, height, solid.E * free_block_modulus(solid.nu, height / side), yields_at)
 
     def interface(self, curve: Curve) -> NDArray[Any]:
-        """Return the approach of the interface alone over L, for each step of the curve (n,)."""
+        """Approach of the interface alone over L, for each step of the curve (n,)."""
         of_block = dict(height=self.height, area=self.side**2, modulus=self.modulus)
         return interface_approach(curve.delta, curve.force, **of_block) / self.side
 
     def void(self, curve: Curve) -> str:
-        """Return why the approach of the interface alone is meaningless for a loading; empty if it is meaningful."""
+        """Why the approach of the interface alone is meaningless for a loading; empty if it is meaningful."""
         if not len(curve):
             return ""
         load = float(np.max(curve.force)) / (self.side**2 * self.yields_at)

@@ -15,18 +15,18 @@ PORTIONS = 4  # portions per group, approximately: with fewer, groups become idl
 
 
 def part(entries: Sequence[Entry], number: int, parts: int) -> list[int]:
-    """Return the case numbers of a part of a study; all parts together are the study.
+    """Case numbers of a part of a study; all parts together are the study.
 
     Cases with the same mesh are next to each other, so that few parts build the same mesh. The parts differ by one case
     at most, and depend on the study only, not on what is finished.
 
     Args:
-        entries: of the study.
-        number: of the part, from 1.
-        parts: number of all parts; those beyond the number of cases are empty.
+        entries: of the study
+        number: of the part, from 1
+        parts: number of all parts; those beyond the number of cases are empty
 
     Raises:
-        InputError: there is no part of that number.
+        InputError: there is no part of that number
 
     Examples:
         >>> from asperity.study.portions import part

@@ -43,7 +43,7 @@ RESULT_COLUMNS = (
 
 
 def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the results of one case; those that cannot be computed from its curve are missing.
+    """Results of one case; those that cannot be computed from its curve are missing.
 
     Fits use the planned steps only, see `Curve.planned`.
 
@@ -59,9 +59,9 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
     1.0
 
     Args:
-        case: as it was run.
-        curve: its curve.
-        summary: contents of its summary.json, or an empty mapping.
+        case: as it was run
+        curve: its curve
+        summary: contents of its summary.json, or an empty mapping
 
     Returns:
         k, n, ...: linear-scale power law of the loading branch, with norm, range and interval;
@@ -76,7 +76,7 @@ def summarise_case(case: Case, curve: Curve, summary: Mapping[str, Any]) -> dict
         ..._unload: the same for the unloading branch about the preload;
         block_load: mean pressure over the pressure at which the block itself yields (sigma_y with free sides,
         otherwise sigma_y (1-nu)/(1-2nu));
-        doubtful: names of the doubtful assumptions of the run.
+        doubtful: names of the doubtful assumptions of the run
     """
     load = curve.loading()
     if not len(load):
@@ -145,7 +145,7 @@ def _vibration(curve: Curve, fit: PowerLawFit, force: float, side: float) -> dic
 
 
 def tabulate(study: Study, folder: Path) -> list[dict[str, Any]]:
-    """Return the rows of the finished and failed cases in the folder of a study, in the order of the study."""
+    """Rows of the finished and failed cases in the folder of a study, in the order of the study."""
     rows = []
     for entry in study.entries:
         done = case_state(folder, entry.key)
@@ -179,12 +179,12 @@ def write_about(study: Study, folder: Path) -> None:
 
 
 def case_folder(folder: Path, key: str) -> Path:
-    """Return the folder of a case."""
+    """Folder of a case."""
     return folder / "cases" / key
 
 
 def case_state(folder: Path, key: str) -> dict[str, Any] | None:
-    """Return exit_reason and seconds [s] of a case; None if it has not ended."""
+    """exit_reason and seconds [s] of a case; None if it has not ended."""
     try:
         state: dict[str, Any] = json.loads((case_folder(folder, key) / DONE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -202,8 +202,8 @@ class StudyLevel:
     [1.2, nan]
 
     Attributes:
-        parameters: values of the keys that vary in the family, without the seed.
-        rows: their rows of the table.
+        parameters: values of the keys that vary in the family, without the seed
+        rows: their rows of the table
     """
 
     parameters: Mapping[str, Any]
@@ -212,7 +212,7 @@ class StudyLevel:
     __repr__ = short_repr
 
     def column(self, name: str) -> Array:
-        """Return the values of a column for all rows (rows,), NaN where missing."""
+        """Values of a column for all rows (rows,), NaN where missing."""
         return np.array([math.nan if row.get(name) in (None, "") else float(row[name]) for row in self.rows])
 
 
@@ -229,10 +229,10 @@ class StudyResults:
         [[1.2]]
 
     Attributes:
-        folder: folder of the study.
-        title: of the study.
-        families: its parts.
-        rows: the table, numbers as floats, missing values None.
+        folder: folder of the study
+        title: of the study
+        families: its parts
+        rows: the table, numbers as floats, missing values None
     """
 
     folder: Path
@@ -247,7 +247,7 @@ class StudyResults:
         """Read the tables of a study.
 
         Raises:
-            InputError: the folder contains no study.
+            InputError: the folder contains no study
         """
         folder = Path(folder)
         try:
@@ -263,17 +263,17 @@ class StudyResults:
         return StudyResults(folder, about["title"], families, rows)
 
     def family(self, name: str) -> tuple[Row, ...]:
-        """Return the finished rows of a family.
+        """Finished rows of a family.
 
         Raises:
-            InputError: the family does not exist.
+            InputError: the family does not exist
         """
         if name not in {family.name for family in self.families}:
             raise InputError(f"the study has no family {name!r}; it has {', '.join(f.name for f in self.families)}")
         return tuple(r for r in self.rows if name in str(r["families"]).split() and r["exit_reason"] == "done")
 
     def levels(self, name: str) -> tuple[StudyLevel, ...]:
-        """Return the finished cases of a family by level, in rising order of the keys, missing values last."""
+        """Finished cases of a family by level, in rising order of the keys, missing values last."""
         keys = next(family.keys for family in self.families if family.name == name)
         rows = self.family(name)
         varied = [k for k in keys if k != ENSEMBLE and len({row[k] for row in rows}) > 1]
@@ -284,16 +284,16 @@ class StudyResults:
         return tuple(StudyLevel(dict(zip(varied, values, strict=True)), tuple(group)) for values, group in ordered)
 
     def curve(self, row: Row) -> Curve:
-        """Return the curve of a row."""
+        """Curve of a row."""
         return Curve.read(case_folder(self.folder, str(row["case"])) / CURVE)
 
     def case(self, row: Row) -> Case:
-        """Return the case of a row, as it was run."""
+        """Case of a row, as it was run."""
         return Case.load(case_folder(self.folder, str(row["case"])) / CASE)
 
 
 def ensemble_curve(curves: Iterable[Curve], points: int = 60) -> tuple[Array, Array, Array]:
-    """Return mean and standard deviation of P* over the loading branches of curves, on their common range.
+    """Mean and standard deviation of P* over the loading branches of curves, on their common range.
 
     >>> import asperity as asp
     >>> from asperity.study import ensemble_curve
@@ -305,14 +305,14 @@ def ensemble_curve(curves: Iterable[Curve], points: int = 60) -> tuple[Array, Ar
     [0.0, 1.0, 2.0]
 
     Args:
-        curves: at least one with a loading branch.
-        points: number of values of delta*.
+        curves: at least one with a loading branch
+        points: number of values of delta*
 
     Returns:
-        (delta*, mean, standard deviation), each (points,); the deviation of one curve is 0.
+        (delta*, mean, standard deviation), each (points,); the deviation of one curve is 0
 
     Raises:
-        InputError: no curve has a loading branch.
+        InputError: no curve has a loading branch
     """
     loads = [c.loading() for c in curves]
     loads = [c for c in loads if len(c)]
@@ -340,7 +340,7 @@ def _number(text: str) -> Any:
 
 
 def mean_interval(values: Sequence[float] | Array, confidence: float = 0.95) -> tuple[float, float, float]:
-    """Return (mean, low, high) of a sample (n,) with its confidence interval by Student's t; NaNs are ignored."""
+    """(mean, low, high) of a sample (n,) with its confidence interval by Student's t; NaNs are ignored."""
     from scipy.special import stdtrit
 
     sample = np.asarray(values, float)

@@ -45,10 +45,10 @@ class StudyCounts:
     """Numbers of cases of a study after a run.
 
     Attributes:
-        cases: all cases of the study, or of its part.
-        done: finished, in this run or before.
-        failed: with a recorded failure.
-        run: run now.
+        cases: all cases of the study, or of its part
+        done: finished, in this run or before
+        failed: with a recorded failure
+        run: run now
 
     Examples:
         >>> counts = StudyCounts(cases=10, done=9, failed=1, run=4)
@@ -85,21 +85,21 @@ def run_study(
     have ended, writes it.
 
     Args:
-        study: the study to run.
-        folder: receives results.csv, study.json, cases/HASH/ and meshes/.
-        only: (number, parts): run this part of the cases, counted from 1, see `part`; default all cases.
-        ranks_per_case: number of ranks in a group.
-        retry: whether to repeat the cases that failed.
-        comm: communicator; default all ranks.
-        say: called with a line for each case, on the first rank of each group.
+        study: the study to run
+        folder: receives results.csv, study.json, cases/HASH/ and meshes/
+        only: (number, parts): run this part of the cases, counted from 1, see `part`; default all cases
+        ranks_per_case: number of ranks in a group
+        retry: whether to repeat the cases that failed
+        comm: communicator; default all ranks
+        say: called with a line for each case, on the first rank of each group
 
     Returns:
-        Numbers of cases, the same on all ranks.
+        Numbers of cases, the same on all ranks
 
     Raises:
         InputError: the folder contains other files, another job works on the whole study, there is no such part, or the
-            ranks cannot be divided into groups.
-        Interrupted: a signal requested the end; what is finished is kept.
+            ranks cannot be divided into groups
+        Interrupted: a signal requested the end; what is finished is kept
 
     Examples:
         >>> from asperity.study import Study
@@ -162,11 +162,11 @@ def collect_study(study: Study, folder: str | Path) -> StudyCounts:
     """Write the tables of the cases that have ended, and run nothing; for parts, also while they run.
 
     Args:
-        study: the study.
-        folder: where its parts were run.
+        study: the study
+        folder: where its parts were run
 
     Raises:
-        InputError: the folder contains no study.
+        InputError: the folder contains no study
 
     Examples:
         >>> from asperity.study import Study, collect_study, run_study
@@ -232,14 +232,14 @@ def _attempt(case: Case, place: Path, mesh: Path | AsperityError | None, again: 
     """Run a case; return its exit state; collective.
 
     Args:
-        case: the input.
-        place: its folder.
-        mesh: the file of its mesh, None for one of its own, or why there is none.
-        again: whether it has ended before, so that it starts from the beginning.
-        comm: the ranks.
+        case: the input
+        place: its folder
+        mesh: the file of its mesh, None for one of its own, or why there is none
+        again: whether it has ended before, so that it starts from the beginning
+        comm: the ranks
 
     Raises:
-        Interrupted: a signal requested the end.
+        Interrupted: a signal requested the end
     """
     found: dict[str, Any] = {}
     try:
@@ -287,7 +287,7 @@ def _run(case: Case, place: Path, mesh: Path | None, again: bool, comm: MPI.Comm
 def _prepare(
     study: Study, folder: Path, lock: FolderLock, chosen: Sequence[int], retry: bool, groups: int
 ) -> list[list[int]] | AsperityError:
-    """Return portions of the numbers of the cases to run, or why none can be run."""
+    """Portions of the numbers of the cases to run, or why none can be run."""
     try:
         if folder.exists() and not folder.is_dir():
             raise InputError(f"{folder} is a file; give a folder to -o")

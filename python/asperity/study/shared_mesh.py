@@ -27,7 +27,7 @@ def shares_mesh(case: Case) -> bool:
 
 
 def mesh_key(case: Case) -> str:
-    """Return the name of the mesh of a case; cases with the same name can share it."""
+    """Name of the mesh of a case; cases with the same name can share it."""
     data = case.content()
     parts = [data["surface"], data["block"]["height"], data["mesh"], data["loading"].get("delta_max")]
     if case.block.sides == "periodic":  # opposite sides of its mesh fit
@@ -38,7 +38,7 @@ def mesh_key(case: Case) -> str:
 
 
 def shared_mesh(case: Case, folder: Path, comm: MPI.Comm) -> Path | AsperityError:
-    """Return the file of the mesh of a case, built if missing, or the error of building it; collective."""
+    """File of the mesh of a case, built if missing, or the error of building it; collective."""
     from asperity.model.settings import MeshSize
     from asperity.quasistatic.make import make_block
 

@@ -63,7 +63,7 @@ class Surface(ABC):
     -0.1
 
     Attributes:
-        L: side of the patch (length).
+        L: side of the patch (length)
     """
 
     L: float
@@ -89,12 +89,12 @@ class Surface(ABC):
         """Build a surface from the keys of the [surface] section.
 
         Args:
-            kind: name of the kind, for example "weierstrass-mandelbrot"; see `surface_kinds`.
-            parameters: the keys of that kind.
+            kind: name of the kind, for example "weierstrass-mandelbrot"; see `surface_kinds`
+            parameters: the keys of that kind
 
         Raises:
             InputError: unknown kind or key (the message suggests the closest legal name), missing key, or
-                a value outside its legal range.
+                a value outside its legal range
         """
         kinds = surface_kinds()
         if kind not in kinds:
@@ -116,23 +116,23 @@ class Surface(ABC):
 
     @abstractmethod
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Return z (length) at the points (x, y), in the broadcast shape of x and y."""
+        """z (length) at the points (x, y), in the broadcast shape of x and y."""
 
     @abstractmethod
     def gradient(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
-        """Return (dz/dx, dz/dy), dimensionless, in the broadcast shape of x and y."""
+        """(dz/dx, dz/dy), dimensionless, in the broadcast shape of x and y."""
 
     @abstractmethod
     def hessian(self, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array, Array]:
-        """Return (z_xx, z_xy, z_yy) (1/length), in the broadcast shape of x and y."""
+        """(z_xx, z_xy, z_yy) (1/length), in the broadcast shape of x and y."""
 
     @abstractmethod
     def mean(self) -> float:
-        """Return the mean height over the patch (length)."""
+        """Mean height over the patch (length)."""
 
     @abstractmethod
     def curvature_bound(self) -> float:
-        """Return an upper bound of the spectral norm of the Hessian over the patch (1/length)."""
+        """Upper bound of the spectral norm of the Hessian over the patch (1/length)."""
 
     @property
     def feature_size(self) -> float:
@@ -140,18 +140,18 @@ class Surface(ABC):
         return self.L
 
     def short_waves(self, wavelength: float, depth: float) -> float:
-        """Return the rms height (length) of the waves shorter than a cut-off, see :func:`short_wave_share`.
+        """Rms height (length) of the waves shorter than a cut-off, see :func:`short_wave_share`.
 
         It is zero for smooth surfaces such as a sphere.
 
         Args:
-            wavelength: cut-off (length).
-            depth: depth below the summit (length); a surface that is not statistically uniform is judged above it.
+            wavelength: cut-off (length)
+            depth: depth below the summit (length); a surface that is not statistically uniform is judged above it
         """
         return 0.0
 
     def cut_off(self, wavelength: float) -> Surface:
-        """Return the surface without the waves shorter than a wavelength (length), as `cutoff_key` makes it."""
+        """Surface without the waves shorter than a wavelength (length), as `cutoff_key` makes it."""
         return self
 
     @property
@@ -160,15 +160,15 @@ class Surface(ABC):
         return False
 
     def smoothed(self, x: ArrayLike, y: ArrayLike, s: ArrayLike) -> Array:
-        """Return heights of the surface convolved with an isotropic Gaussian, in the broadcast shape of x, y and s.
+        """Heights of the surface convolved with an isotropic Gaussian, in the broadcast shape of x, y and s.
 
         A mesh whose elements are larger than the roughness follows these heights. They equal :meth:`height` for s = 0
         and tend to the mean for large s. Beyond the patch a formula continues; a map is mirrored at its edges. A
         surface without short waves, such as a sphere, is not smoothed: its heights are exact whatever s.
 
         Args:
-            x, y: points of the patch (length).
-            s: standard deviation of the Gaussian at each point (length), >= 0.
+            x, y: points of the patch (length)
+            s: standard deviation of the Gaussian at each point (length), >= 0
         """
         x, y, _ = np.broadcast_arrays(x, y, s)
         return self.height(x, y)
@@ -178,7 +178,7 @@ class Surface(ABC):
         return scales.heights(x.ravel(), y.ravel(), s.ravel()).reshape(x.shape)
 
     def maximum(self) -> tuple[float, float, float]:
-        """Return (x, y, z) of the highest point of the closed patch, edges and corners included.
+        """(x, y, z) of the highest point of the closed patch, edges and corners included.
 
         The global maximum is found by branch and bound with :meth:`curvature_bound` and refined by
         Newton iteration, so it does not depend on a grid.
@@ -190,17 +190,17 @@ class Surface(ABC):
         return global_maximum(self)
 
     def edges_of_summit(self, near: float = 0.0) -> dict[str, float]:
-        """Return the edges of the patch that the summit lies on, with the slope of the surface away from them.
+        """Edges of the patch that the summit lies on, with the slope of the surface away from them.
 
         When the surface is mirrored at the edge, it has a ridge there if it falls away from the edge. It has no ridge
         if it is symmetric about the edge, or if it rises inwards to a summit close by.
 
         Args:
-            near: distance from an edge below which the summit counts as on it (length), no less than EDGE L.
+            near: distance from an edge below which the summit counts as on it (length), no less than EDGE L
 
         Returns:
             For each of "x = 0", "x = L", "y = 0" and "y = L" that applies: the slope across that edge at the
-            summit, positive where the surface falls away from the edge (dimensionless).
+            summit, positive where the surface falls away from the edge (dimensionless)
         """
         place, found = self.maximum()[:2], {}
         for axis, name in enumerate("xy"):
@@ -212,24 +212,24 @@ class Surface(ABC):
         return found
 
     def grid(self, n: int) -> Array:
-        """Return heights (length) at the nodes linspace(0, L, n)^2, shape (n, n).
+        """Heights (length) at the nodes linspace(0, L, n)^2, shape (n, n).
 
         Index order is [iy, ix]: row iy has y = iy L/(n-1), column ix has x = ix L/(n-1).
         """
         return self._rows(n, lambda x, y: (self.height(x, y),))[0]
 
     def grid_gradient(self, n: int) -> tuple[Array, Array]:
-        """Return (dz/dx, dz/dy) at the nodes of :meth:`grid`, each (n, n), index [iy, ix]."""
+        """(dz/dx, dz/dy) at the nodes of :meth:`grid`, each (n, n), index [iy, ix]."""
         zx, zy = self._rows(n, self.gradient)
         return zx, zy
 
     def grid_hessian(self, n: int) -> tuple[Array, Array, Array]:
-        """Return (z_xx, z_xy, z_yy) at the nodes of :meth:`grid`, each (n, n), index [iy, ix]."""
+        """(z_xx, z_xy, z_yy) at the nodes of :meth:`grid`, each (n, n), index [iy, ix]."""
         xx, xy, yy = self._rows(n, self.hessian)
         return xx, xy, yy
 
     def product(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
-        """Return (z, z_x, z_y) at all pairs of x (nx,) and y (ny,), each (ny, nx) (length, 1, 1)."""
+        """(z, z_x, z_y) at all pairs of x (nx,) and y (ny,), each (ny, nx) (length, 1, 1)."""
         zx, zy = self.gradient(x[None, :], y[:, None])
         return self.height(x[None, :], y[:, None]), zx, zy
 
@@ -240,28 +240,28 @@ class Surface(ABC):
         return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
     def statistics(self, n: int = 1025) -> SurfaceStatistics:
-        """Return the roughness parameters of an n x n grid; see :class:`SurfaceStatistics`."""
+        """Roughness parameters of an n x n grid; see :class:`SurfaceStatistics`."""
         return surface_statistics(self.grid(n), self.grid_gradient(n), self.grid_hessian(n))
 
     def bearing_curve(self, n: int = 1025, points: int = 201) -> tuple[Array, Array]:
-        """Return the bearing (Abbott-Firestone) curve.
+        """Bearing (Abbott-Firestone) curve.
 
         Args:
-            n: nodes per side of the sampling grid.
-            points: number of points on the curve.
+            n: nodes per side of the sampling grid
+            points: number of points on the curve
 
         Returns:
             (fraction, height), each (points,): the share of the area above `height` (length), from 0
-            at the highest node to 1 at the lowest.
+            at the highest node to 1 at the lowest
         """
         return bearing_curve(self.grid(n), points)
 
     def psd(self, n: int = 1024, direction: str = "radial", window: str = "hann") -> Spectrum:
-        """Return the power spectral density of the heights; see :func:`statistics.psd`."""
+        """Power spectral density of the heights; see :func:`statistics.psd`."""
         return psd(self.grid(n + 1)[:-1, :-1], self.L, direction, window)
 
     def rms_slope(self) -> float:
-        """Return sqrt(<|grad z|^2>) over the patch (dimensionless)."""
+        """sqrt(<|grad z|^2>) over the patch (dimensionless)."""
         zx, zy = self.grid_gradient(1025)
         return float(np.sqrt(np.mean(zx**2 + zy**2)))
 
@@ -279,7 +279,7 @@ class Surface(ABC):
 
 
 def surface_kinds() -> dict[str, type[Surface]]:
-    """Return all kinds of surfaces by their name in the case file: the subclasses with a `kind` of their own."""
+    """All kinds of surfaces by their name in the case file: the subclasses with a `kind` of their own."""
     found: dict[str, type[Surface]] = {}
     waiting = Surface.__subclasses__()
     while waiting:
@@ -291,22 +291,22 @@ def surface_kinds() -> dict[str, type[Surface]]:
 
 
 def short_wave_share(length: Array | float, wavelength: float) -> Array:
-    """Return the share of the amplitude of waves of a given length that counts as shorter than `wavelength`.
+    """Share of the amplitude of waves of a given length that counts as shorter than `wavelength`.
 
     The share falls from 1 for short waves to 0 for long ones and is 1/2 at the cut-off.
 
     Args:
-        length: of the waves, any shape (length).
-        wavelength: cut-off (length).
+        length: of the waves, any shape (length)
+        wavelength: cut-off (length)
     """
     return np.asarray(1.0 / (1.0 + (np.minimum(np.asarray(length) / wavelength, _LONG)) ** _STEEPNESS))
 
 
 def nodes(L: float, n: int) -> Array:
-    """Return linspace(0, L, n) (length).
+    """linspace(0, L, n) (length).
 
     Raises:
-        InputError: n is not an integer >= 2.
+        InputError: n is not an integer >= 2
     """
     if not (is_integer(n) and n >= 2):
         raise InputError(f"A grid needs an integer number of nodes per side >= 2, not {n!r}.")
@@ -314,19 +314,19 @@ def nodes(L: float, n: int) -> Array:
 
 
 def nearest(name: str, legal: Any) -> str:
-    """Return ' (did you mean ...?)' with the closest legal name, or an empty string."""
+    """' (did you mean ...?)' with the closest legal name, or an empty string."""
     close = difflib.get_close_matches(str(name), list(legal), n=1)
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
 def is_number(value: Any) -> bool:
-    """Return whether the value is a finite real number (booleans are not)."""
+    """Whether the value is a finite real number (booleans are not)."""
     real = isinstance(value, numbers.Real) and not isinstance(value, bool)
     return real and abs(value) <= sys.float_info.max
 
 
 def is_integer(value: Any) -> bool:
-    """Return whether the value is an integer (booleans are not)."""
+    """Whether the value is an integer (booleans are not)."""
     return isinstance(value, numbers.Integral) and not isinstance(value, bool)
 
 
@@ -348,7 +348,7 @@ def check_integer(key: str, value: Any, least: int) -> None:
 
 
 def check_point(key: str, value: Any, L: float) -> tuple[float, float]:
-    """Return the value as a point (x, y) of the closed patch (length), or raise InputError."""
+    """Value as a point (x, y) of the closed patch (length), or raise InputError."""
     point = tuple(value) if isinstance(value, (tuple, list, np.ndarray)) else ()
     check(
         len(point) == 2 and all(is_number(c) and 0 <= c <= L for c in point),

@@ -25,7 +25,7 @@ _SAMPLES = 513  # nodes per side for shares of the heights
 
 
 def overshoot(surface: Surface) -> float:
-    """Return the rise of the interpolation of a map above all its heights (length), 0 where it is roughness.
+    """Rise of the interpolation of a map above all its heights (length), 0 where it is roughness.
 
     Args:
         surface: any; only a map is interpolated
@@ -36,7 +36,7 @@ def overshoot(surface: Surface) -> float:
 
 
 def approach_of_share(surface: Surface, share: float = LIGHT) -> float:
-    """Return the approach from the summit (length), at most a tenth of the side, with a share of the heights above it.
+    """Approach from the summit (length), at most a tenth of the side, with a share of the heights above it.
 
     The share does not depend on the spectrum. A spike takes all of the approach.
     """
@@ -46,12 +46,12 @@ def approach_of_share(surface: Surface, share: float = LIGHT) -> float:
 
 
 def share_of_approach(surface: Surface, delta: float) -> float:
-    """Return the share of the heights above a flat at an approach from the summit (length)."""
+    """Share of the heights above a flat at an approach from the summit (length)."""
     return float(np.mean(_heights(surface) > surface.maximum()[2] - delta))
 
 
 def shortest_cutoff(surface: Surface, delta: float, accepts: Callable[[Surface, float], bool]) -> float | None:
-    """Return the shortest cut-off, of two digits, that makes a surface acceptable (length).
+    """Shortest cut-off, of two digits, that makes a surface acceptable (length).
 
     Args:
         surface: any; there is no cut-off of one without short waves
@@ -86,14 +86,14 @@ def _rms(surface: Surface) -> float:
 
 
 def _rungs(shortest: float, longest: float) -> list[float]:
-    """Return cut-offs in equal ratios, rounded up to two digits (length)."""
+    """Cut-offs in equal ratios, rounded up to two digits (length)."""
     rungs = [shortest * 2.0 ** (k / RUNGS) for k in range(1, max(int(RUNGS * log2(longest / shortest)), 0) + 1)]
     digits = [10.0 ** (floor(log10(rung)) - 1) for rung in rungs]
     return [float(f"{ceil(rung / digit) * digit:.1e}") for rung, digit in zip(rungs, digits, strict=True)]
 
 
 def _first(rungs: list[float], holds: Callable[[float], bool]) -> int:
-    """Return the index of the first cut-off from which on something holds, len(rungs) for none."""
+    """Index of the first cut-off from which on something holds, len(rungs) for none."""
     low, high = 0, len(rungs)
     while low < high:
         middle = (low + high) // 2

@@ -35,12 +35,12 @@ _MAX_WAVES = 25_000  # more would take minutes
 
 
 def cut_off_index(L: float, L_s: float, gamma: float) -> int:
-    """Return floor(ln(L/L_s)/ln(gamma)), the index of the shortest wave not below L_s.
+    """floor(ln(L/L_s)/ln(gamma)), the index of the shortest wave not below L_s.
 
     Args:
-        L: side of the patch (length).
-        L_s: cut-off wavelength (length), 0 < L_s <= L.
-        gamma: ratio of successive wave numbers, > 1.
+        L: side of the patch (length)
+        L_s: cut-off wavelength (length), 0 < L_s <= L
+        gamma: ratio of successive wave numbers, > 1
 
     >>> from asperity.surface import cut_off_index
     >>> cut_off_index(1e-6, 1e-7, 1.5)
@@ -67,20 +67,20 @@ class WeierstrassMandelbrot(Surface):
     0.0
 
     Attributes:
-        D: fractal dimension, 2 < D < 3.
-        G: fractal roughness (length), 0 < G < L.
-        M: sets the ridge directions pi mu/M, 1 to 1000.
-        gamma: ratio of successive wave numbers, > 1.
+        D: fractal dimension, 2 < D < 3
+        G: fractal roughness (length), 0 < G < L
+        M: sets the ridge directions pi mu/M, 1 to 1000
+        gamma: ratio of successive wave numbers, > 1
         f_max: highest frequency index, >= 0; default from L_s, or 5 without it. The shortest wavelength
             L/gamma^f_max is at least 1e-9 L, and there are at most 25000 waves, (M+1)(f_max+1).
-        L_s: cut-off wavelength (length), optional; f_max = cut_off_index(L, L_s, gamma).
-        seed: seed of the random phases.
+        L_s: cut-off wavelength (length), optional; f_max = cut_off_index(L, L_s, gamma)
+        seed: seed of the random phases
         drawing: "array" draws default_rng(seed).uniform(0, 2 pi, size=(M+1, f_max+1)): a different f_max gives an
             unrelated surface. "nested" draws each column from a separate stream, default_rng(SeedSequence(seed,
             spawn_key=(f,))).uniform(0, 2 pi, size=M+1): a larger f_max adds waves to the same surface.
         ridges: "0..M" (all M+1 rows of the phases; rows 0 and M are collinear, so the x
-            direction has twice the power) or "1..M" (omits row 0 of the same phases).
-        phases: explicit phases, shape (M+1, f_max+1), row mu, column f; replaces the seed.
+            direction has twice the power) or "1..M" (omits row 0 of the same phases)
+        phases: explicit phases, shape (M+1, f_max+1), row mu, column f; replaces the seed
     """
 
     D: float = 2.4
@@ -206,7 +206,7 @@ class WeierstrassMandelbrot(Surface):
     def _at_points(
         self, x: ArrayLike, y: ArrayLike, wave: Callable[[Array], Array], weights: list[Array]
     ) -> tuple[Array, ...]:
-        """Return sum_j weights[i][j] wave(theta_j) at every point: one array in the broadcast shape for each i."""
+        """sum_j weights[i][j] wave(theta_j) at every point: one array in the broadcast shape for each i."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         return tuple(z.reshape(x.shape) for z in at_points(self._waves, x.ravel(), y.ravel(), wave, weights))
 
@@ -252,12 +252,12 @@ class WeierstrassMandelbrot(Surface):
         return xx, xy, yy
 
     def mean(self) -> float:
-        """Return the mean height over the patch (length), in closed form."""
+        """Mean height over the patch (length), in closed form."""
         a, kx, ky, phi = self._waves
         return self._offset - float((a * np.exp(1j * phi) * self._patch_mean(kx, ky)).real.sum())
 
     def _patch_mean(self, kx: Any, ky: Any) -> Any:
-        """Return the mean of exp(i(kx x + ky y)) over the patch, in the shape of kx and ky (1/length)."""
+        """Mean of exp(i(kx x + ky y)) over the patch, in the shape of kx and ky (1/length)."""
 
         def side(k: Any) -> Any:
             half = k * self.L / 2
@@ -271,7 +271,7 @@ class WeierstrassMandelbrot(Surface):
         return replace(self, f_max=f_max, L_s=None, phases=self.phases[:, : f_max + 1])
 
     def exact_rms(self) -> tuple[float, float, float]:
-        """Return (Sq, rms slope, rms curvature) over the patch in closed form.
+        """(Sq, rms slope, rms curvature) over the patch in closed form.
 
         Units: length, 1, 1/length; curvature is half the Laplacian, as in SurfaceStatistics.
         """
@@ -284,7 +284,7 @@ class WeierstrassMandelbrot(Surface):
         return math.sqrt(variance), math.sqrt(slope2), math.sqrt(laplacian2) / 2
 
     def rms_slope(self) -> float:
-        """Return sqrt(<|grad z|^2>) over the patch, in closed form (dimensionless)."""
+        """sqrt(<|grad z|^2>) over the patch, in closed form (dimensionless)."""
         return self.exact_rms()[1]
 
     def curvature_bound(self) -> float:

@@ -33,14 +33,14 @@ class FractalFit:
     """Weierstrass-Mandelbrot equivalent of a patch.
 
     Attributes:
-        D, G: fractal dimension, and fractal roughness (length).
-        ci_D, ci_G: confidence intervals of D, and of G (length).
-        L: side of the patch (length).
-        M, gamma, f_max, ridges: parameters of the equivalent function.
-        confidence: level of the intervals.
-        wavelength: middle of each band (bands,) (length).
-        variance: height variance of the windowed patch in each band (bands,) (length^2).
-        model: mean variance of simulated surfaces with D and G (bands,) (length^2).
+        D, G: fractal dimension, and fractal roughness (length)
+        ci_D, ci_G: confidence intervals of D, and of G (length)
+        L: side of the patch (length)
+        M, gamma, f_max, ridges: parameters of the equivalent function
+        confidence: level of the intervals
+        wavelength: middle of each band (bands,) (length)
+        variance: height variance of the windowed patch in each band (bands,) (length^2)
+        model: mean variance of simulated surfaces with D and G (bands,) (length^2)
         p_value: probability of a misfit at least this large if the patch is a surface of this kind. A value below
             0.01 rejects that; the intervals are then widened by the square root of the reduced chi^2.
 
@@ -67,13 +67,13 @@ class FractalFit:
     p_value: float
 
     def surface(self, seed: int = 0) -> WeierstrassMandelbrot:
-        """Return a random surface with these parameters."""
+        """Random surface with these parameters."""
         return WeierstrassMandelbrot(
             L=self.L, D=self.D, G=self.G, M=self.M, gamma=self.gamma, f_max=self.f_max, ridges=self.ridges, seed=seed
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the parameters and intervals for a file."""
+        """Parameters and intervals for a file."""
         return {
             "D": self.D, "G": self.G, "ci_D": list(self.ci_D), "ci_G": list(self.ci_G), "L": self.L, "M": self.M,
             "gamma": self.gamma, "f_max": self.f_max, "ridges": self.ridges, "confidence": self.confidence,
@@ -104,17 +104,17 @@ def fit_fractal(
     True
 
     Args:
-        patch: square, without gaps; its side is L of the function.
+        patch: square, without gaps; its side is L of the function
         shortest: shortest wavelength to use (length); default four pixels. Give the resolution of the instrument
             if that is coarser.
-        M, gamma, ridges: parameters of the function.
-        trend: subtracted from the patch and from the simulated surfaces.
-        confidence: level of the intervals, between 0 and 1.
-        realisations: number of simulated surfaces, at least 30.
-        seed: seed of their phases.
+        M, gamma, ridges: parameters of the function
+        trend: subtracted from the patch and from the simulated surfaces
+        confidence: level of the intervals, between 0 and 1
+        realisations: number of simulated surfaces, at least 30
+        seed: seed of their phases
 
     Raises:
-        InputError: the patch is not square, is flat, has gaps, or contains fewer than three bands.
+        InputError: the patch is not square, is flat, has gaps, or contains fewer than three bands
     """
     z, L, n = patch.z, patch.size[0], len(patch.z)
     if z.shape != (n, n) or not math.isclose(*patch.size, rel_tol=1e-9):

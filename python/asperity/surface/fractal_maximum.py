@@ -27,7 +27,7 @@ _TIE = 1e-12  # heights with a smaller relative difference count as equal
 def highest_point(
     surface: SmoothSurface, waves: Waves, offset: float, indices: int, random: bool
 ) -> tuple[float, float, float]:
-    """Return (x, y, z) of the highest point of the closed patch.
+    """(x, y, z) of the highest point of the closed patch.
 
     The height in a cell of half-diagonal r is bounded by three terms: the quadratic about the centre of the
     waves below an index f, a bound of their third derivative times r^3/6, and a bound of all shorter waves.
@@ -35,14 +35,14 @@ def highest_point(
     known are dropped, the others are divided, and a Newton ascent starts at the best centre.
 
     Args:
-        surface: the height field offset - sum a cos(theta).
-        waves: row by row, the index f rising within each row.
-        offset: height without the waves (length).
-        indices: number of the indices f.
-        random: whether the phases are random; the bound of their sum is then a statistical one.
+        surface: the height field offset - sum a cos(theta)
+        waves: row by row, the index f rising within each row
+        offset: height without the waves (length)
+        indices: number of the indices f
+        random: whether the phases are random; the bound of their sum is then a statistical one
 
     Returns:
-        Position and height (length).
+        Position and height (length)
     """
     L = surface.L
     # rows by index, lengths over L
@@ -86,11 +86,11 @@ def highest_point(
 
 
 def _bounds(a: Array, k: Array, random: bool) -> tuple[Array, Array]:
-    """Return bounds for f = 0, 1, ...: of the third derivative of the waves below index f, of the sum of the others.
+    """Bounds for f = 0, 1, ...: of the third derivative of the waves below index f, of the sum of the others.
 
     Args:
-        a, k: amplitudes and wave numbers, row per index f (indices, ridges).
-        random: whether the bounds may be statistical ones.
+        a, k: amplitudes and wave numbers, row per index f (indices, ridges)
+        random: whether the bounds may be statistical ones
     """
 
     def bound(w: Array) -> Array:

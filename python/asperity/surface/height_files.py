@@ -69,10 +69,10 @@ def _read_csv(path: Path) -> tuple[Array, float | None]:
 
 
 def _side(x: Array, y: Array, path: Path) -> float:
-    """Return the side of the patch (length).
+    """Side of the patch (length).
 
     Raises:
-        InputError: the spacing is irregular, or the patch is not square.
+        InputError: the spacing is irregular, or the patch is not square
     """
     for name, values in (("x", x), ("y", y)):
         steps = np.diff(values)

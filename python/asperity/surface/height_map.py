@@ -58,9 +58,9 @@ class HeightMap(Surface):
     (1e-06, 5.0)
 
     Attributes:
-        path: the file.
-        L: side of the patch (length); required if the file has no coordinates, checked against them otherwise.
-        order: degree of the spline, 3 (default) to 5.
+        path: the file
+        L: side of the patch (length); required if the file has no coordinates, checked against them otherwise
+        order: degree of the spline, 3 (default) to 5
     """
 
     path: str | Path
@@ -99,12 +99,12 @@ class HeightMap(Surface):
 
     @classmethod
     def of(cls, z: Array, L: float, order: int = 3) -> HeightMap:
-        """Return the map of heights that are in no file.
+        """Map of heights that are in no file.
 
         Args:
-            z: finite heights (ny, nx), index [iy, ix] (length).
-            L: side of the patch (length).
-            order: degree of the spline.
+            z: finite heights (ny, nx), index [iy, ix] (length)
+            L: side of the patch (length)
+            order: degree of the spline
         """
         surface = object.__new__(cls)
         for name, value in {"path": "", "L": float(L), "order": order, "_z": z}.items():
@@ -131,7 +131,7 @@ class HeightMap(Surface):
         return {(0, 0): self._spline}
 
     def _derivative(self, dx: int, dy: int) -> Any:
-        """Return a derivative as a spline, made once: it takes as long as 10,000 points."""
+        """Derivative as a spline, made once: it takes as long as 10,000 points."""
         if (dx, dy) not in self._derivatives:
             self._derivatives[dx, dy] = self._spline.partial_derivative(dx, dy)
         return self._derivatives[dx, dy]
@@ -177,7 +177,7 @@ class HeightMap(Surface):
         )
 
     def short_waves(self, wavelength: float, depth: float) -> float:
-        """Return the rms height (length) of the waves shorter than a cut-off; see :meth:`Surface.short_waves`.
+        """Rms height (length) of the waves shorter than a cut-off; see :meth:`Surface.short_waves`.
 
         It is evaluated over the samples less than `depth` below the highest one, and over those less than a quarter of
         it; the greater value counts, so that smooth parts elsewhere do not hide a rough summit.
@@ -216,7 +216,7 @@ class HeightMap(Surface):
         return np.asarray(dctn(self.heights, type=1))
 
     def _level(self, s: float) -> Heights:
-        """Return the heights, as a function of points, smoothed with the standard deviation s (length).
+        """Heights, as a function of points, smoothed with the standard deviation s (length).
 
         The Gaussian multiplies the cosine transform, so the map is mirrored at its edges; of a periodic map the Fourier
         transform. What is left has no waves shorter than a few s, and a coarser grid holds it.
@@ -248,7 +248,7 @@ class HeightMap(Surface):
         return np.asarray(rfft2(self.heights[:-1, :-1], norm="forward"))
 
     def _periodic_level(self, s: float) -> Heights:
-        """Return the smoothed heights of a periodic map, see :meth:`_level`."""
+        """Smoothed heights of a periodic map, see :meth:`_level`."""
         from scipy.fft import fftfreq, irfft2
 
         period = [n - 1 for n in self.heights.shape]
@@ -295,7 +295,7 @@ class HeightMap(Surface):
         return xx, xy, yy
 
     def mean(self) -> float:
-        """Return the exact mean of the spline over the patch (length)."""
+        """Exact mean of the spline over the patch (length)."""
         return float(self._spline.integral(0, self.L, 0, self.L)) / self.L**2
 
     @cached_property
@@ -314,7 +314,7 @@ class HeightMap(Surface):
         return all(found)
 
     def exact_rms(self) -> tuple[float, float, float]:
-        """Return (Sq, rms slope, rms curvature) of the spline over the patch; see :func:`spline_rms`."""
+        """(Sq, rms slope, rms curvature) of the spline over the patch; see :func:`spline_rms`."""
         return self._exact_rms
 
     @cached_property
@@ -322,20 +322,20 @@ class HeightMap(Surface):
         return spline_rms(self._spline.tck[:2], self.order, self._coefficients)
 
     def rms_slope(self) -> float:
-        """Return sqrt(<|grad z|^2>) of the spline over the patch (dimensionless)."""
+        """sqrt(<|grad z|^2>) of the spline over the patch (dimensionless)."""
         return self.exact_rms()[1]
 
     def statistics(self, n: int = 1025) -> SurfaceStatistics:
-        """Return the roughness parameters, those of :meth:`exact_rms` exactly, the others of an n x n grid."""
+        """Roughness parameters, those of :meth:`exact_rms` exactly, the others of an n x n grid."""
         Sq, slope, curvature = self.exact_rms()
         return replace(super().statistics(n), Sq=Sq, rms_slope=slope, rms_curvature=curvature)
 
     def cut_off(self, wavelength: float) -> HeightMap:
-        """Return the map after a Gaussian filter with 50 % transmission at a wavelength (length)."""
+        """Map after a Gaussian filter with 50 % transmission at a wavelength (length)."""
         return self.of(gaussian_filtered(self.heights, (self.L, self.L), wavelength), self.L, self.order)
 
     def curvature_bound(self) -> float:
-        """Return a bound of the Hessian (1/length) from the convex hull of the spline coefficients."""
+        """Bound of the Hessian (1/length) from the convex hull of the spline coefficients."""
         return self._curvature_bound
 
     @cached_property
@@ -350,7 +350,7 @@ class HeightMap(Surface):
         return np.asarray(c).reshape(nx - dx, ny - dy).T
 
     def _in_cells(self, dx: int, dy: int) -> tuple[Array, Array]:
-        """Return bounds of a derivative in each cell between knots, its least and greatest coefficient there."""
+        """Bounds of a derivative in each cell between knots, its least and greatest coefficient there."""
         c = self._coefficients(dx, dy)
         bounds = []
         for extreme in (np.minimum, np.maximum):
@@ -409,7 +409,7 @@ def _with_middles(t: Array) -> Array:
 
 
 def _moving(extreme: np.ufunc, c: Array, width: int) -> Array:
-    """Return the extremes of `width` successive rows, (len(c) - width + 1, ...)."""
+    """Extremes of `width` successive rows, (len(c) - width + 1, ...)."""
     out = c[: len(c) - width + 1].copy()
     for i in range(1, width):
         extreme(out, c[i : len(c) - width + 1 + i], out=out)

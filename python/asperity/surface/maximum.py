@@ -41,7 +41,7 @@ class SmoothSurface(Protocol):
 
 
 def global_maximum(surface: SmoothSurface) -> tuple[float, float, float]:
-    """Return (x, y, z) of the highest point of the closed patch, by branch and bound from square cells."""
+    """(x, y, z) of the highest point of the closed patch, by branch and bound from square cells."""
     L, K = surface.L, surface.curvature_bound()
     n = int(np.clip(np.ceil(8 * L / surface.feature_size), 64, 4096))
     x, y, z, best = _first_cells(surface, n, K)
@@ -59,7 +59,7 @@ def refine(
     K: Array,
     best: tuple[float, float, float],
 ) -> tuple[float, float, float]:
-    """Return the higher one of the best point and the highest point of some cells.
+    """Higher one of the best point and the highest point of some cells.
 
     In a cell of half-diagonal r about c no height exceeds z(c) + |grad z(c)| r + K r^2/2, K being a bound of the
     curvature in the cell. Cells that cannot hold a higher point than the best one known are dropped, the others are
@@ -68,11 +68,11 @@ def refine(
     centres, and the highest one ends the search.
 
     Args:
-        surface: the height field.
-        x, y, z: centres of the cells, and the heights there, each (n,) (length).
-        half_x, half_y: half their sides (n,) (length).
-        K: bounds of the spectral norm of the Hessian in them (n,) (1/length).
-        best: highest point known.
+        surface: the height field
+        x, y, z: centres of the cells, and the heights there, each (n,) (length)
+        half_x, half_y: half their sides (n,) (length)
+        K: bounds of the spectral norm of the Hessian in them (n,) (1/length)
+        best: highest point known
     """
     before = x.size if x.size > _TIED else np.inf
     for _ in range(_LEVELS):
@@ -99,7 +99,7 @@ def refine(
 
 
 def _first_cells(surface: SmoothSurface, n: int, K: float) -> tuple[Array, Array, Array, tuple[float, float, float]]:
-    """Return the n x n cell centres that may hold the maximum, and the best point known.
+    """n x n cell centres that may hold the maximum, and the best point known.
 
     Works row by row, so that only promising cells are kept in memory.
     """
@@ -141,7 +141,7 @@ def _improve(
 
 
 def climb(surface: SmoothSurface, x: float, y: float) -> tuple[float, float, float]:
-    """Return the local maximum (x, y, z) of the closed patch that an ascent from (x, y) ends in.
+    """Local maximum (x, y, z) of the closed patch that an ascent from (x, y) ends in.
 
     Newton iteration projected onto the patch; where the Hessian is not negative definite, a gradient
     step whose length the curvature bound makes safe. Heights determine the position only to the square
@@ -179,15 +179,15 @@ def climb(surface: SmoothSurface, x: float, y: float) -> tuple[float, float, flo
 
 
 def climb_all(surface: SmoothSurface, x: Array, y: Array, step: float, rounds: int = 8) -> tuple[Array, Array, Array]:
-    """Return points near the local maxima of the closed patch that ascents from (x, y) end in, and their heights.
+    """Points near the local maxima of the closed patch that ascents from (x, y) end in, and their heights.
 
     A few Newton steps of limited length, all points at once; :func:`climb` finds one of them to round-off.
 
     Args:
-        surface: the height field.
-        x, y: starting points, each (n,) (length).
-        step: longest step (length).
-        rounds: number of steps.
+        surface: the height field
+        x, y: starting points, each (n,) (length)
+        step: longest step (length)
+        rounds: number of steps
     """
     L = surface.L
     z = surface.height(x, y)
@@ -214,7 +214,7 @@ def climb_all(surface: SmoothSurface, x: Array, y: Array, step: float, rounds: i
 
 
 def _zero_slope(surface: SmoothSurface, p: Array, free: Array) -> Array:
-    """Return the zero of the slope along the free axes next to p, where steps no longer change the height.
+    """Zero of the slope along the free axes next to p, where steps no longer change the height.
 
     Newton steps continue while each halves the slope and is far shorter than the finest feature, so they cannot end
     at another summit.

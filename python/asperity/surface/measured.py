@@ -75,8 +75,8 @@ class HeightField:
     (True, (4.0, 4.0))
 
     Attributes:
-        z: heights (ny, nx), index [iy, ix] (length); NaN where the instrument measured nothing.
-        dx, dy: distance between neighbouring nodes (length).
+        z: heights (ny, nx), index [iy, ix] (length); NaN where the instrument measured nothing
+        dx, dy: distance between neighbouring nodes (length)
     """
 
     z: Array
@@ -132,14 +132,14 @@ class HeightField:
         the formats of some forty instruments.
 
         Args:
-            path: the file.
-            pixel: distance between heights (m), for files that do not contain it.
-            unit: of lengths whose unit the file does not name, a key of `units.LENGTHS`; default metres.
-            missing: value in the file that stands for a missing height, besides the usual ones (`MARKS`).
+            path: the file
+            pixel: distance between heights (m), for files that do not contain it
+            unit: of lengths whose unit the file does not name, a key of `units.LENGTHS`; default metres
+            missing: value in the file that stands for a missing height, besides the usual ones (`MARKS`)
 
         Raises:
-            InputError: the file cannot be read, it has no lengths and `pixel` is missing, or others than `pixel`.
-            CompatError: the file requires SurfaceTopography, which is not installed.
+            InputError: the file cannot be read, it has no lengths and `pixel` is missing, or others than `pixel`
+            CompatError: the file requires SurfaceTopography, which is not installed
         """
         path = Path(path)
         if not path.is_file():
@@ -167,7 +167,7 @@ class HeightField:
         """Fill missing heights by the harmonic function through their neighbours.
 
         Raises:
-            InputError: more than a fifth of the heights is missing.
+            InputError: more than a fifth of the heights is missing
         """
         gaps = np.isnan(self.z)
         if not gaps.any():
@@ -199,7 +199,7 @@ class HeightField:
         Filter a map that is finer than the mesh of the contact. The heights are mirrored at the edges.
 
         Raises:
-            InputError: heights are missing, or the cut-off is below two pixels or beyond the side.
+            InputError: heights are missing, or the cut-off is below two pixels or beyond the side
         """
         self._require_complete("filtered")
         if not 2 * min(self.dx, self.dy) <= cutoff <= max(self.size):
@@ -215,7 +215,7 @@ class HeightField:
         If its edges are not on nodes, or the spacings differ, a cubic spline resamples it with the finer spacing.
 
         Raises:
-            InputError: heights are missing, or the square is not inside the map or has fewer than 8 nodes per side.
+            InputError: heights are missing, or the square is not inside the map or has fewer than 8 nodes per side
         """
         from scipy.interpolate import RectBivariateSpline
 
@@ -252,7 +252,7 @@ class HeightField:
         """Refuse heights that are all equal, or that cannot have the unit of the distances between them.
 
         Raises:
-            InputError: with the unit that is likely, where the slopes show it.
+            InputError: with the unit that is likely, where the slopes show it
         """
         depth = float(np.nanmax(self.z) - np.nanmin(self.z))
         if depth <= FLAT * max(self.size):
@@ -273,7 +273,7 @@ class HeightField:
         """Write the square patch as .npz with z and L, for kind = "file" in a case; return the path.
 
         Raises:
-            InputError: the patch is not square, or heights are missing.
+            InputError: the patch is not square, or heights are missing
         """
         self._require_complete("saved as a surface")
         width, depth = self.size

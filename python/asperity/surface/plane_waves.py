@@ -29,14 +29,14 @@ class Waves(NamedTuple):
 def at_points(
     waves: Waves, x: Array, y: Array, wave: Callable[[Array], Array], weights: list[Array], s: Array | None = None
 ) -> tuple[Array, ...]:
-    """Return sum_j weights[i][j] wave(theta_j) at every point, one array for each i.
+    """sum_j weights[i][j] wave(theta_j) at every point, one array for each i.
 
     Args:
-        waves: the waves.
-        x, y: points, each (m,) (length).
-        wave: function of the angle theta.
-        weights: each (n,).
-        s: standard deviations (m,) (length) of a Gaussian that the sum is convolved with; default none.
+        waves: the waves
+        x, y: points, each (m,) (length)
+        wave: function of the angle theta
+        weights: each (n,)
+        s: standard deviations (m,) (length) of a Gaussian that the sum is convolved with; default none
     """
     _, kx, ky, phi = waves
     w = np.stack(weights, axis=1)
@@ -55,7 +55,7 @@ def at_points(
 
 
 def on_product(waves: Waves, x: Array, y: Array, *weights: Array) -> tuple[Array, ...]:
-    """Return Re sum_j w_j exp(i theta_j) at all (x[i], y[j]), (len(y), len(x)), for each complex weight array w (n,).
+    """Re sum_j w_j exp(i theta_j) at all (x[i], y[j]), (len(y), len(x)), for each complex weight array w (n,).
 
     A plane wave separates, exp(i(kx x + ky y)) = exp(i kx x) exp(i ky y), so the sum over
     all waves is one real matrix product (len(y) x 2 waves)(2 waves x len(x)).
@@ -75,7 +75,7 @@ def on_product(waves: Waves, x: Array, y: Array, *weights: Array) -> tuple[Array
 
 
 def mean_squares(waves: Waves, L: float) -> tuple[float, float, float]:
-    """Return the means of s^2, |grad s|^2 and (laplacian s)^2 over [0, L]^2, s being the sum of the waves.
+    """Means of s^2, |grad s|^2 and (laplacian s)^2 over [0, L]^2, s being the sum of the waves.
 
     The product of two waves is the sum of two waves, with the sum and the difference of the wave vectors. The mean
     of a wave over the patch is its value in the middle times sin(h)/h in x and y, h = k L/2. Sines of sums are
@@ -105,7 +105,7 @@ def mean_squares(waves: Waves, L: float) -> tuple[float, float, float]:
 
 
 def _sincs(g: Array, h: Array) -> tuple[Array, Array]:
-    """Return sin(t)/t for t = g + h and for t = g - h, each (len(g), len(h))."""
+    """sin(t)/t for t = g + h and for t = g - h, each (len(g), len(h))."""
     left = np.multiply.outer(np.sin(g), np.cos(h))
     right = np.multiply.outer(np.cos(g), np.sin(h))
     out = []

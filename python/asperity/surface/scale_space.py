@@ -32,9 +32,9 @@ class ScaleSpace:
     [1.0, 0.61, 0.14]
 
     Args:
-        first: width that the spacing of the levels is related to (length).
-        last: width beyond which the heights no longer change (length).
-        level: for a standard deviation (length), returns the heights at points; called once for each level in use.
+        first: width that the spacing of the levels is related to (length)
+        last: width beyond which the heights no longer change (length)
+        level: for a standard deviation (length), returns the heights at points; called once for each level in use
     """
 
     def __init__(self, first: float, last: float, level: Callable[[float], Heights]) -> None:
@@ -43,7 +43,7 @@ class ScaleSpace:
         self._levels: dict[int, Heights] = {}
 
     def heights(self, x: Array, y: Array, s: Array) -> Array:
-        """Return the heights (length) at points x, y smoothed with standard deviations s, each (n,) (length)."""
+        """Heights (length) at points x, y smoothed with standard deviations s, each (n,) (length)."""
         place = np.minimum(np.log2(1 + (s / self._first) ** 2), self._last)
         below = np.minimum(place.astype(int), self._last - 1)
         weights = _cubic(place - below)
@@ -66,7 +66,7 @@ class ScaleSpace:
 
 
 def spline_gain(omega: Array) -> Array:
-    """Return the transform of the quintic B-spline on its nodes at angular wave numbers per node.
+    """Transform of the quintic B-spline on its nodes at angular wave numbers per node.
 
     Waves divided by it are the coefficients of the spline that interpolates them.
     """
@@ -74,13 +74,13 @@ def spline_gain(omega: Array) -> Array:
 
 
 def spline_heights(coefficients: Array, spacing: tuple[float, float], mode: str, mean: float = 0.0) -> Heights:
-    """Return the heights as a function of points, from the coefficients of a quintic spline.
+    """Heights as a function of points, from the coefficients of a quintic spline.
 
     Args:
-        coefficients: (ny, nx), index [iy, ix], the first node at (0, 0) (length); kept in single precision.
-        spacing: distance of the nodes along y and along x (length).
-        mode: beyond the nodes: "mirror" at the first and the last one, or "grid-wrap" for a period.
-        mean: height to add (length).
+        coefficients: (ny, nx), index [iy, ix], the first node at (0, 0) (length); kept in single precision
+        spacing: distance of the nodes along y and along x (length)
+        mode: beyond the nodes: "mirror" at the first and the last one, or "grid-wrap" for a period
+        mean: height to add (length)
     """
     from scipy.ndimage import map_coordinates
 
@@ -94,7 +94,7 @@ def spline_heights(coefficients: Array, spacing: tuple[float, float], mode: str,
 
 
 def gaussian_filtered(z: Array, size: tuple[float, float], cutoff: float) -> Array:
-    """Return heights after a Gaussian low-pass filter of ISO 16610-61, mirrored at the edges.
+    """Heights after a Gaussian low-pass filter of ISO 16610-61, mirrored at the edges.
 
     Args:
         z: heights (ny, nx) (length)
@@ -111,5 +111,5 @@ def gaussian_filtered(z: Array, size: tuple[float, float], cutoff: float) -> Arr
 
 
 def _cubic(t: Array) -> Array:
-    """Return the weights (4, n) of values at -1, 0, 1 and 2 in their cubic with continuous slope at 0 <= t <= 1."""
+    """Weights (4, n) of values at -1, 0, 1 and 2 in their cubic with continuous slope at 0 <= t <= 1."""
     return 0.5 * np.stack([-t + 2 * t**2 - t**3, 2 - 5 * t**2 + 3 * t**3, t + 4 * t**2 - 3 * t**3, t**3 - t**2])

@@ -57,16 +57,16 @@ class SelfAffine(Surface):
     True
 
     Attributes:
-        H: Hurst exponent, 0 < H <= 1.
-        lambda_short: shortest wavelength (length); at least 1/2048 of the period.
-        lambda_roll: roll-off wavelength (length), up to the period; default L.
+        H: Hurst exponent, 0 < H <= 1
+        lambda_short: shortest wavelength (length); at least 1/2048 of the period
+        lambda_roll: roll-off wavelength (length), up to the period; default L
         rms_height: root of the mean square of the heights about their mean over a period (length), with the waves
             shorter than lambda_short included, so that the long waves do not depend on the cut-off. The surface itself
             has a little less, see :meth:`exact_rms`. Give this or the slope.
         slope: sqrt(<|grad z|^2>) over a period of the waves down to lambda_short (dimensionless); the key of a case
-            is rms_slope.
+            is rms_slope
         aspect: anisotropy, 1/16 to 16; the spectrum depends on q = sqrt(aspect qx^2 + qy^2/aspect), so that features
-            are longer along x by this factor, and the rms height stays.
+            are longer along x by this factor, and the rms height stays
         seed: of the phases. Wave vectors are counted outwards, in squares max(|m|, |n|) = 1, 2, ..., and phases are
             drawn in this order by default_rng(seed).uniform(0, 2 pi).
         periodic: True: the period is L, heights and slopes agree at opposite edges. False: the period is 2 L, and the
@@ -132,14 +132,14 @@ class SelfAffine(Surface):
         return math.floor(self.period / self.lambda_short * self._stretch * (1 + 1e-12))
 
     def _shape(self, m: Array, n: Array) -> Array:
-        """Return amplitudes over that at the roll-off of waves with m along y and n along x per period."""
+        """Amplitudes over that at the roll-off of waves with m along y and n along x per period."""
         assert self.lambda_roll is not None
         over_roll = np.sqrt(self.aspect * n**2 + m**2 / self.aspect) * (self.lambda_roll / self.period)
         with np.errstate(divide="ignore"):
             return np.asarray(np.minimum(1.0, over_roll ** (-1 - self.H)))
 
     def with_cutoff(self, lambda_short: float) -> SelfAffine:
-        """Return the same surface with waves down to another shortest wavelength (length)."""
+        """Same surface with waves down to another shortest wavelength (length)."""
         return replace(self, lambda_short=lambda_short, rms_height=self._ideal_rms, slope=None)
 
     def cut_off(self, wavelength: float) -> SelfAffine:
@@ -237,25 +237,25 @@ class SelfAffine(Surface):
         return self._on_nodes(n, (0, 2)), self._on_nodes(n, (1, 1)), self._on_nodes(n, (2, 0))
 
     def mean(self) -> float:
-        """Return the mean height over the patch (length), in closed form; 0 for a periodic surface."""
+        """Mean height over the patch (length), in closed form; 0 for a periodic surface."""
         ky, kx = (k * self.L / 2 for k in self._waves.wave_numbers)
         over = np.exp(1j * ky) * np.sinc(ky / np.pi), np.exp(1j * kx) * np.sinc(kx / np.pi)
         return 0.0 if self.periodic else float((over[0].T @ self._waves.waves @ over[1].T).real.item())
 
     def _moment(self, order: int) -> float:
-        """Return the mean of |grad^order z|^2 over a period (length^(2 - 2 order))."""
+        """Mean of |grad^order z|^2 over a period (length^(2 - 2 order))."""
         lengths = self._wave_lengths
         return float(np.sum(np.abs(self._waves.waves * (2 * np.pi / lengths) ** order) ** 2)) / 2
 
     def exact_rms(self) -> tuple[float, float, float]:
-        """Return (Sq, rms slope, rms curvature) over a period in closed form.
+        """(Sq, rms slope, rms curvature) over a period in closed form.
 
         Units: length, 1, 1/length; curvature is half the Laplacian, as in SurfaceStatistics.
         """
         return math.sqrt(self._moment(0)), math.sqrt(self._moment(1)), math.sqrt(self._moment(2)) / 2
 
     def rms_slope(self) -> float:
-        """Return sqrt(<|grad z|^2>) (dimensionless): over a period in closed form, or over the patch."""
+        """sqrt(<|grad z|^2>) (dimensionless): over a period in closed form, or over the patch."""
         return math.sqrt(self._moment(1)) if self.periodic else super().rms_slope()
 
     def curvature_bound(self) -> float:
@@ -292,7 +292,7 @@ class SelfAffine(Surface):
         return ScaleSpace(self.feature_size / (4 * np.pi), self.period, self._level)
 
     def _level(self, s: float) -> Heights:
-        """Return the heights, as a function of points, smoothed with the standard deviation s (length)."""
+        """Heights, as a function of points, smoothed with the standard deviation s (length)."""
         from scipy.fft import next_fast_len
 
         if s == 0:

@@ -32,12 +32,12 @@ class SelfAffineFit:
     """C(q) = C0 up to 2 pi/lambda_roll, C0 (q lambda_roll/2 pi)^(-2-2H) beyond.
 
     Attributes:
-        H: Hurst exponent of the power law; a value outside 0 to 1 means that the surface is not self-affine.
-        error_H: standard error of H from the scatter of the bands.
-        lambda_roll: roll-off wavelength (length); None if the power law holds for all wavelengths of the patch.
-        lambda_short: shortest wavelength used (length).
-        lambda_long: longest wavelength used (length).
-        C0: density at the roll-off, or at the longest wavelength used without one (length^4).
+        H: Hurst exponent of the power law; a value outside 0 to 1 means that the surface is not self-affine
+        error_H: standard error of H from the scatter of the bands
+        lambda_roll: roll-off wavelength (length); None if the power law holds for all wavelengths of the patch
+        lambda_short: shortest wavelength used (length)
+        lambda_long: longest wavelength used (length)
+        C0: density at the roll-off, or at the longest wavelength used without one (length^4)
 
     >>> fit = SelfAffineFit(H=0.8, error_H=0.05, lambda_roll=0.3, lambda_short=0.01, lambda_long=0.5, C0=1e-6)
     >>> fit.H, fit.lambda_roll
@@ -52,7 +52,7 @@ class SelfAffineFit:
     C0: float
 
     def density(self, q: Array) -> Array:
-        """Return C(q) (length^4) at wave numbers of any shape (1/length)."""
+        """C(q) (length^4) at wave numbers of any shape (1/length)."""
         over = q * (self.lambda_long if self.lambda_roll is None else self.lambda_roll) / (2 * math.pi)
         return np.asarray(self.C0 * (over if self.lambda_roll is None else np.maximum(over, 1.0)) ** (-2 - 2 * self.H))
 
@@ -68,11 +68,11 @@ def fit_self_affine(spectrum: Spectrum, shortest: float) -> SelfAffineFit:
     (0.8, 0.2)
 
     Args:
-        spectrum: radial, with one density for each multiple of 2 pi over the period.
-        shortest: shortest wavelength to use (length).
+        spectrum: radial, with one density for each multiple of 2 pi over the period
+        shortest: shortest wavelength to use (length)
 
     Raises:
-        InputError: there are too few waves between the longest and the shortest, or the patch is flat.
+        InputError: there are too few waves between the longest and the shortest, or the patch is flat
     """
     bands = _bands(spectrum, shortest)
     if bands is None or bands.x.size < 4:

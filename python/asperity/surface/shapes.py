@@ -56,7 +56,7 @@ class Flat(Surface):
         return 0.0
 
     def maximum(self) -> tuple[float, float, float]:
-        """Return the middle of the patch (x, y, z) (length); every point is a highest one."""
+        """Middle of the patch (x, y, z) (length); every point is a highest one."""
         return self.L / 2, self.L / 2, 0.0
 
 
@@ -75,9 +75,9 @@ class Sphere(Surface):
     -0.05
 
     Attributes:
-        radius: R (length).
-        centre: (x, y) of the apex, on the patch (length); default the middle.
-        shape: "sphere" or "paraboloid".
+        radius: R (length)
+        centre: (x, y) of the apex, on the patch (length); default the middle
+        shape: "sphere" or "paraboloid"
     """
 
     radius: float
@@ -95,7 +95,7 @@ class Sphere(Surface):
         check(self.shape in ("sphere", "paraboloid"), "shape", self.shape, '"sphere" or "paraboloid"')
 
     def _profile(self, r: Array) -> tuple[Array, Array, Array]:
-        """Return z, z'/r and (z'' - z'/r)/r^2 of the radial profile in the shape of r; all are finite at r = 0."""
+        """z, z'/r and (z'' - z'/r)/r^2 of the radial profile in the shape of r; all are finite at r = 0."""
         R = self.radius
         if self.shape == "paraboloid":
             return -(r**2) / (2 * R), np.full(r.shape, -1 / R), np.zeros(r.shape)
@@ -129,14 +129,14 @@ class Sphere(Surface):
         return over_r + bend * dx**2, bend * dx * dy, over_r + bend * dy**2
 
     def mean(self) -> float:
-        """Return the mean height over the patch (length), by Gauss quadrature in polar sectors."""
+        """Mean height over the patch (length), by Gauss quadrature in polar sectors."""
         assert self.centre is not None
         cx, cy = self.centre
         total = sum(self._triangle(a, b) + self._triangle(b, a) for a in (cx, self.L - cx) for b in (cy, self.L - cy))
         return total / self.L**2
 
     def _triangle(self, a: float, b: float) -> float:
-        """Return the integral of z (length^3) over the triangle (0,0), (a,0), (a,b), the apex being the origin."""
+        """Integral of z (length^3) over the triangle (0,0), (a,0), (a,b), the apex being the origin."""
         if a == 0 or b == 0:
             return 0.0
         top = math.atan2(b, a)
@@ -150,7 +150,7 @@ class Sphere(Surface):
         return total
 
     def _sector(self, r: Array) -> Array:
-        """Return the integral of z(s) s ds from 0 to r (length^3), in the shape of r."""
+        """Integral of z(s) s ds from 0 to r (length^3), in the shape of r."""
         R = self.radius
         if self.shape == "paraboloid":
             return -(r**4) / (8 * R)
@@ -169,7 +169,7 @@ class Sphere(Surface):
         return R**2 / (R**2 * (1 - self.cap**2)) ** 1.5  # meridian, at the rim of the cap
 
     def maximum(self) -> tuple[float, float, float]:
-        """Return the apex (x, y, z) (length)."""
+        """Apex (x, y, z) (length)."""
         assert self.centre is not None
         return (*self.centre, 0.0)
 
@@ -184,10 +184,10 @@ class Sinusoid(Surface):
     -0.01
 
     Attributes:
-        amplitude: A (length), half the peak-to-valley height.
-        wavelength: lambda (length); default L.
-        dims: 1 (wave along x) or 2 (product of both).
-        centre: (x0, y0) of a crest, on the patch (length); default the middle.
+        amplitude: A (length), half the peak-to-valley height
+        wavelength: lambda (length); default L
+        dims: 1 (wave along x) or 2 (product of both)
+        centre: (x0, y0) of a crest, on the patch (length); default the middle
     """
 
     amplitude: float
@@ -246,7 +246,7 @@ class Sinusoid(Surface):
         return -(kx**2) * z, self.amplitude * kx * ky * np.sin(u) * np.sin(v), -(ky**2) * z
 
     def mean(self) -> float:
-        """Return the mean height over the patch (length), in closed form."""
+        """Mean height over the patch (length), in closed form."""
         assert self.centre is not None
 
         def side(k: float, c: float) -> float:
@@ -269,6 +269,6 @@ class Sinusoid(Surface):
         return self.amplitude * self._k[0] ** 2
 
     def maximum(self) -> tuple[float, float, float]:
-        """Return the crest (x, y, z) at the centre (length)."""
+        """Crest (x, y, z) at the centre (length)."""
         assert self.centre is not None
         return (*self.centre, self.amplitude)

@@ -19,7 +19,7 @@ Order = tuple[int, int]
 def spline_rms(
     knots: tuple[Array, Array], degree: int, coefficients: Callable[[int, int], Array]
 ) -> tuple[float, float, float]:
-    """Return (Sq, rms slope, rms curvature) (length, 1, 1/length); curvature is half the Laplacian.
+    """(Sq, rms slope, rms curvature) (length, 1, 1/length); curvature is half the Laplacian.
 
     A grid of the same or of half the spacing of the knots would favour some places between them.
 
@@ -47,7 +47,7 @@ def spline_rms(
 
 
 def _products(knots: Array, degree: int) -> Callable[[int, int], Any]:
-    """Return the integrals (n, m) of products of B-splines of the a-th and of the b-th derivative, for orders a, b."""
+    """Integrals (n, m) of products of B-splines of the a-th and of the b-th derivative, for orders a, b."""
     from scipy.interpolate import BSpline
     from scipy.sparse import diags_array
 

@@ -27,16 +27,16 @@ class SurfaceStatistics:
     (True, 0.02, True)
 
     Attributes:
-        n: nodes per side of the grid.
-        mean: mean height of the nodes (length).
-        Sq: rms height (length).
-        Sa: mean absolute height (length).
-        Sz: height of the highest above the lowest node (length).
-        Sp: height of the highest node above the mean (length).
-        skewness: <z^3>/Sq^3 (dimensionless; 0 for a flat).
-        kurtosis: <z^4>/Sq^4 (dimensionless; 3 for Gaussian heights; 0 for a flat).
-        rms_slope: sqrt(<|grad z|^2>) (dimensionless).
-        rms_curvature: sqrt(<(laplacian z)^2>)/2 (1/length).
+        n: nodes per side of the grid
+        mean: mean height of the nodes (length)
+        Sq: rms height (length)
+        Sa: mean absolute height (length)
+        Sz: height of the highest above the lowest node (length)
+        Sp: height of the highest node above the mean (length)
+        skewness: <z^3>/Sq^3 (dimensionless; 0 for a flat)
+        kurtosis: <z^4>/Sq^4 (dimensionless; 3 for Gaussian heights; 0 for a flat)
+        rms_slope: sqrt(<|grad z|^2>) (dimensionless)
+        rms_curvature: sqrt(<(laplacian z)^2>)/2 (1/length)
     """
 
     n: int
@@ -68,10 +68,10 @@ class Spectrum:
     10.0
 
     Attributes:
-        q: angular wave number 2 pi/wavelength (1/length), rising, without 0, (m,).
-        density: at q, (m,) (length^4 for radial, length^3 for x or y).
-        direction: "radial", "x" or "y".
-        window: the taper, "hann" or "none".
+        q: angular wave number 2 pi/wavelength (1/length), rising, without 0, (m,)
+        density: at q, (m,) (length^4 for radial, length^3 for x or y)
+        direction: "radial", "x" or "y"
+        window: the taper, "hann" or "none"
     """
 
     q: Array
@@ -85,12 +85,12 @@ class Spectrum:
 def surface_statistics(
     z: Array, gradient: tuple[Array, Array], hessian: tuple[Array, Array, Array]
 ) -> SurfaceStatistics:
-    """Return the statistics of a regular grid; all nodes have the same weight.
+    """Statistics of a regular grid; all nodes have the same weight.
 
     Args:
-        z: heights (n, n) (length).
-        gradient: dz/dx and dz/dy, each (n, n).
-        hessian: z_xx, z_xy and z_yy, each (n, n) (1/length).
+        z: heights (n, n) (length)
+        gradient: dz/dx and dz/dy, each (n, n)
+        hessian: z_xx, z_xy and z_yy, each (n, n) (1/length)
     """
     mean, top, bottom = float(z.mean()), float(z.max()), float(z.min())
     z = z - mean
@@ -116,7 +116,7 @@ def surface_statistics(
 
 
 def bearing_curve(z: Array, points: int = 201) -> tuple[Array, Array]:
-    """Return (fraction of the area above, height); see :meth:`Surface.bearing_curve`."""
+    """(fraction of the area above, height); see :meth:`Surface.bearing_curve`."""
     if points < 2:
         raise InputError(f"A bearing curve needs at least 2 points, not {points}.")
     fraction = np.linspace(0.0, 1.0, points)
@@ -124,21 +124,21 @@ def bearing_curve(z: Array, points: int = 201) -> tuple[Array, Array]:
 
 
 def psd(z: Array, L: float, direction: str = "radial", window: str = "hann") -> Spectrum:
-    """Return the power spectral density, in the conventions of Jacobs, Junge and Pastewka (2017).
+    """Power spectral density, in the conventions of Jacobs, Junge and Pastewka (2017).
 
     Surf. Topogr.: Metrol. Prop. 5 013001. The discrete transform includes the factor dx dy, so that
     <z^2> = sum of C(q)/L^2 over all wave vectors (2D), or of C(q)/L over positive and negative
     q (1D). The windowed heights are rescaled to the power of the unwindowed ones.
 
     Args:
-        z: heights (n, n) at i L/n (length); the period of the transform is L; the mean is subtracted.
-        L: side of the patch (length).
+        z: heights (n, n) at i L/n (length); the period of the transform is L; the mean is subtracted
+        L: side of the patch (length)
         direction: "radial" (mean over rings of width 2 pi/L of the 2D density, length^4) or
-            "x", "y" (mean over profiles along that direction, length^3).
-        window: "hann" (suppresses the jump at the edges of a patch that is not periodic) or "none".
+            "x", "y" (mean over profiles along that direction, length^3)
+        window: "hann" (suppresses the jump at the edges of a patch that is not periodic) or "none"
 
     Raises:
-        InputError: unknown direction or window.
+        InputError: unknown direction or window
 
     Examples:
         >>> x = np.arange(64) / 64

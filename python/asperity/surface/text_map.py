@@ -40,7 +40,7 @@ TextMap = tuple[Array, float | None, float | None]
 
 
 def read_text_map(path: Path, unit: float, clean: Callable[[Array], Array]) -> TextMap:
-    """Return heights (ny, nx), NaN where they are missing, and the distances between them, None without one [m].
+    """Heights (ny, nx), NaN where they are missing, and the distances between them, None without one [m].
 
     Args:
         path: the file

@@ -23,8 +23,8 @@ class Wave:
     """A wave that repeats over the map, as the grooves of a turned surface.
 
     Attributes:
-        length: wavelength (length).
-        share: part of the mean square height of the map, its harmonics not counted.
+        length: wavelength (length)
+        share: part of the mean square height of the map, its harmonics not counted
     """
 
     length: float
@@ -32,7 +32,7 @@ class Wave:
 
 
 def repeating_wave(z: Array, L: float) -> Wave | None:
-    """Return the strongest wave of a map if the spectrum has a line there, else None.
+    """Strongest wave of a map if the spectrum has a line there, else None.
 
     The density there is compared with that of waves of the same direction a little longer and a little shorter: a
     ground surface has all lengths in one direction, a turned one the feed and its harmonics.

@@ -37,8 +37,8 @@ class WaveGrid:
 
     Args:
         waves: complex amplitudes (2 S + 1, S + 1) (length): rows m = -S to S along y, columns n = 0 to S along x; zero
-            where n = 0 and m <= 0.
-        period: along both axes (length).
+            where n = 0 and m <= 0
+        period: along both axes (length)
     """
 
     def __init__(self, waves: Array, period: float) -> None:
@@ -52,12 +52,12 @@ class WaveGrid:
         return k * np.arange(-self._most, self._most + 1)[:, None], k * np.arange(self._most + 1)[None, :]
 
     def on_grid(self, n: int, stop: int, order: tuple[int, int] = (0, 0)) -> Array:
-        """Return the values at i period/n, i = 0 to stop - 1, along both axes, (stop, stop), index [iy, ix].
+        """Values at i period/n, i = 0 to stop - 1, along both axes, (stop, stop), index [iy, ix].
 
         Args:
-            n: nodes of a period; fewer than the waves need are allowed.
-            stop: nodes returned.
-            order: of the derivatives with respect to y and x.
+            n: nodes of a period; fewer than the waves need are allowed
+            stop: nodes returned
+            order: of the derivatives with respect to y and x
         """
         finer = (2 * self._most) // n + 1  # a transform finer by this factor resolves every wave
         ky, kx = self.wave_numbers
@@ -76,7 +76,7 @@ class WaveGrid:
         return _synthesis(self.waves / (both[:, None] * gain), n, np.arange(n + _WIDTH) % n)
 
     def at(self, x: Array, y: Array, orders: list[tuple[int, int]]) -> list[Array]:
-        """Return derivatives of the given orders (along y, along x), up to the second, at points x, y, each (n,)."""
+        """Derivatives of the given orders (along y, along x), up to the second, at points x, y, each (n,)."""
         out: list[Array] = [np.empty(x.size) for _ in orders]
         most = max(max(order) for order in orders)
         windows = np.lib.stride_tricks.sliding_window_view(self._nodes, (_WIDTH, _WIDTH))
@@ -90,7 +90,7 @@ class WaveGrid:
         return out
 
     def product(self, x: Array, y: Array, orders: list[tuple[int, int]]) -> list[Array]:
-        """Return derivatives of the given orders at all pairs of x (nx,) and y (ny,), each (ny, nx)."""
+        """Derivatives of the given orders at all pairs of x (nx,) and y (ny,), each (ny, nx)."""
         from scipy.sparse import csr_matrix
 
         most = max(max(order) for order in orders)
@@ -106,7 +106,7 @@ class WaveGrid:
         return [np.ascontiguousarray((of_x[ox] @ (of_y[oy] @ self._nodes).T).T) for oy, ox in orders]
 
     def _weights(self, s: Array, most: int) -> tuple[Array, list[Array]]:
-        """Return the first node under the kernel (n,), and the kernel with its derivatives there, each (n, width)."""
+        """First node under the kernel (n,), and the kernel with its derivatives there, each (n, width)."""
         n = len(self._nodes) - _WIDTH
         scale = n / self.period
         t = s * scale
@@ -116,7 +116,7 @@ class WaveGrid:
 
 
 def _synthesis(waves: Array, n: int, picked: Array) -> Array:
-    """Return the sum of the waves (2 S + 1, S + 1) at the picked ones of n > 2 S nodes of a period, both axes."""
+    """Sum of the waves (2 S + 1, S + 1) at the picked ones of n > 2 S nodes of a period, both axes."""
     from scipy.fft import ifft, irfft
 
     most = waves.shape[1] - 1
@@ -130,7 +130,7 @@ def _synthesis(waves: Array, n: int, picked: Array) -> Array:
 
 
 def _kernel(t: Array, most: int) -> list[Array]:
-    """Return I0(b sqrt(1 - (2 t/w)^2))/I0(b) and its derivatives up to `most` at distances |t| <= w/2 (nodes)."""
+    """I0(b sqrt(1 - (2 t/w)^2))/I0(b) and its derivatives up to `most` at distances |t| <= w/2 (nodes)."""
     from scipy.special import i0e, i1e, ive
 
     ratio = (2 * _SHAPE / _WIDTH) ** 2
@@ -146,7 +146,7 @@ def _kernel(t: Array, most: int) -> list[Array]:
 
 
 def _transform(omega: Array) -> Array:
-    """Return the Fourier transform of the kernel at angular wave numbers per node, |omega| < 2 b/w."""
+    """Fourier transform of the kernel at angular wave numbers per node, |omega| < 2 b/w."""
     from scipy.special import i0e
 
     root = np.sqrt(_SHAPE**2 - (omega * _WIDTH / 2) ** 2)

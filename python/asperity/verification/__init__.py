@@ -49,7 +49,7 @@ def verify(
         on_case: called after each case with its name and rows
 
     Returns:
-        The rows of all cases.
+        The rows of all cases
 
     Raises:
         InputError: unknown name or level

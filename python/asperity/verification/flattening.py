@@ -87,7 +87,7 @@ def flatten(block: BlockMesh, material: Material, schedule: Schedule) -> tuple[C
         schedule: load path
 
     Returns:
-        The solver in its last state, and the curve: force and area of the eighth are a quarter of those of the sphere.
+        The solver in its last state, and the curve: force and area of the eighth are a quarter of those of the sphere
     """
     from mpi4py import MPI
 

@@ -116,7 +116,7 @@ def equilibrium(solid: Solid, contact: Contact, load: Floats, z: float, start: F
         rtol: see `newton.SolverOptions`
 
     Returns:
-        Displacement (nodes, 3) [length].
+        Displacement (nodes, 3) [length]
 
     Raises:
         ConvergenceError: Newton's method fails

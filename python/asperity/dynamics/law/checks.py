@@ -14,7 +14,7 @@ from asperity.errors import InputError
 
 
 def positive(name: str, value: float, *, zero: bool = False) -> float:
-    """Return `value` as a float; raise `InputError` unless it is finite and positive (or zero)."""
+    """`value` as a float; raise `InputError` unless it is finite and positive (or zero)."""
     try:
         number = float(value)
     except (TypeError, ValueError):
@@ -26,7 +26,7 @@ def positive(name: str, value: float, *, zero: bool = False) -> float:
 
 
 def within(name: str, value: float, legal: tuple[float, float]) -> float:
-    """Return `value` as a float; raise `InputError` unless it is in the legal range."""
+    """`value` as a float; raise `InputError` unless it is in the legal range."""
     number, (low, high) = positive(name, value), legal
     if not low <= number <= high:
         raise InputError(f"{name} = {number:g} is not legal: it must lie between {low:g} and {high:g}")
@@ -34,7 +34,7 @@ def within(name: str, value: float, legal: tuple[float, float]) -> float:
 
 
 def positives(name: str, values: Any) -> tuple[float, ...]:
-    """Return one number or several as a tuple; raise `InputError` if there is none or one is not positive."""
+    """One number or several as a tuple; raise `InputError` if there is none or one is not positive."""
     several = isinstance(values, Iterable) and not isinstance(values, str)
     if isinstance(values, np.ndarray):
         several = values.ndim > 0

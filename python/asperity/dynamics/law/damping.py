@@ -24,7 +24,7 @@ Damping = str | LoopDamping
 
 
 def check_damping(damping: Damping, zeta: float) -> Damping:
-    """Return `damping` for a damping ratio; raise `InputError` unless it is one of `DAMPING` or that of loops."""
+    """`damping` for a damping ratio; raise `InputError` unless it is one of `DAMPING` or that of loops."""
     if isinstance(damping, LoopDamping):
         if not zeta > 0.0:
             raise InputError(
@@ -42,10 +42,10 @@ def check_damping(damping: Damping, zeta: float) -> Damping:
 
 
 def only_in_contact(damping: Damping) -> bool:
-    """Return whether the damping is bounded where the mass flies most of the time: it may not limit a resonance."""
+    """Whether the damping is bounded where the mass flies most of the time: it may not limit a resonance."""
     return damping == "contact" or isinstance(damping, LoopDamping)
 
 
 def in_flight(damping: Damping) -> bool:
-    """Return whether the damper also acts while contact is lost."""
+    """Whether the damper also acts while contact is lost."""
     return damping == "always"

@@ -37,9 +37,9 @@ class Law(ABC):
     defines `deflection`.
 
     Attributes:
-        contact: whether the force vanishes for ``z <= 0`` (False for a truncated series).
-        extrapolate: whether approaches outside `z_range` are allowed.
-        scalar: whether `at` works on plain floats, many times faster than `both` on an array of one element.
+        contact: whether the force vanishes for ``z <= 0`` (False for a truncated series)
+        extrapolate: whether approaches outside `z_range` are allowed
+        scalar: whether `at` works on plain floats, many times faster than `both` on an array of one element
 
     Examples:
         A linear spring of 2 N/m that pushes only:
@@ -71,28 +71,28 @@ class Law(ABC):
 
     @abstractmethod
     def both(self, z: Array) -> tuple[Array, Array]:
-        """Return force and stiffness (force/length) at approaches `z` (length, any shape)."""
+        """Force and stiffness (force/length) at approaches `z` (length, any shape)."""
 
     def push(self, z: Array) -> Array:
-        """Return the force alone at `z`, without range check."""
+        """Force alone at `z`, without range check."""
         return self.both(z)[0]
 
     def at(self, z: float) -> tuple[float, float]:
-        """Return force and stiffness at one approach, without range check, for the inner loop of integration."""
+        """Force and stiffness at one approach, without range check, for the inner loop of integration."""
         force, slope = self.both(np.array([z]))
         return float(force[0]), float(slope[0])
 
     @abstractmethod
     def potential(self, z: ArrayLike) -> Array:
-        """Return the energy stored at `z`, the integral of the force from 0 (force * length)."""
+        """Energy stored at `z`, the integral of the force from 0 (force * length)."""
 
     @abstractmethod
     def derivatives(self, z: float) -> tuple[float, float, float]:
-        """Return the first three derivatives of the force at `z` (force/length, /length^2, /length^3)."""
+        """First three derivatives of the force at `z` (force/length, /length^2, /length^3)."""
 
     @abstractmethod
     def describe(self) -> str:
-        """Return one line that names the law and its parameters."""
+        """One line that names the law and its parameters."""
 
     @property
     def z_range(self) -> tuple[float, float]:
@@ -115,26 +115,26 @@ class Law(ABC):
         return float(self.both(np.array([1.0]))[0][0])
 
     def force(self, z: ArrayLike) -> Array:
-        """Return the force at `z` (length, any shape).
+        """Force at `z` (length, any shape).
 
         Raises:
-            RangeError: an approach lies outside `z_range` of a law that does not extrapolate.
+            RangeError: an approach lies outside `z_range` of a law that does not extrapolate
         """
         return self.both(self._checked(z))[0]
 
     def stiffness(self, z: ArrayLike) -> Array:
-        """Return the tangent stiffness (force/length) at `z` (length, any shape).
+        """Tangent stiffness (force/length) at `z` (length, any shape).
 
         Raises:
-            RangeError: as for `force`.
+            RangeError: as for `force`
         """
         return self.both(self._checked(z))[1]
 
     def deflection(self, load: float) -> float:
-        """Return the static deflection (length): the approach at rest under `load` (force).
+        """Static deflection (length): the approach at rest under `load` (force).
 
         Raises:
-            RangeError: the law does not reach the load.
+            RangeError: the law does not reach the load
         """
         load = positive("load", load)
         low, high = self.z_range
@@ -151,22 +151,22 @@ class Law(ABC):
         )
 
     def doubts(self, load: float) -> tuple[str, ...]:
-        """Return reasons to doubt the law near a load (force), one sentence each."""
+        """Reasons to doubt the law near a load (force), one sentence each."""
         return ()
 
     def n_loc(self, z: float) -> float:
-        """Return the local exponent ``z F'(z) / F(z)``; it equals n for a power law."""
+        """Local exponent ``z F'(z) / F(z)``; it equals n for a power law."""
         return z * self.derivatives(z)[0] / float(self.both(np.array([z]))[0][0])
 
     def kappa(self, z: float) -> float:
-        """Return the backbone curvature: omega/omega_s = 1 + kappa a^2 (a: amplitude over z).
+        """Backbone curvature: omega/omega_s = 1 + kappa a^2 (a: amplitude over z).
 
         ``kappa = (z^2/48) [3 P'''/P' - 5 (P''/P')^2]`` (multiple scales; Nayfeh & Mook 1979, section 2.3).
         """
         return curvature(self.derivatives(z), z)
 
     def well(self, u: Array, z_s: float, load: float, scale: float) -> Array:
-        """Return the normalised potential ``V(u)``, the integral of f from 0 to u."""
+        """Normalised potential ``V(u)``, the integral of f from 0 to u."""
         u = np.asarray(u, float)
         inside = np.maximum(u, -1.0) if self.contact else u
         value = (self.potential(z_s * (1 + inside)) - self.potential(z_s) - load * z_s * inside) / (scale * z_s)
@@ -181,7 +181,7 @@ class Law(ABC):
         return value + (inside - u) * load / scale
 
     def kappa_bar(self, z: float) -> float:
-        """Return the error bar of `kappa` at `z`."""
+        """Error bar of `kappa` at `z`."""
         return 0.0
 
     def _checked(self, z: ArrayLike) -> Array:
@@ -196,19 +196,19 @@ class Law(ABC):
 
 
 def curvature(p: tuple[float, float, float], z: float) -> float:
-    """Return kappa at `z` from the first three derivatives of the force."""
+    """Kappa at `z` from the first three derivatives of the force."""
     return z**2 / 48.0 * (3.0 * p[2] / p[0] - 5.0 * (p[1] / p[0]) ** 2)
 
 
 def bend(low: float, high: float) -> str:
-    """Return in words what the interval of kappa says of small motion."""
+    """In words what the interval of kappa says of small motion."""
     if low == high == 0.0:
         return "linear"
     return "softening" if high < 0.0 else "hardening" if low > 0.0 else "undecided"
 
 
 def dense(law: Law, end: float, knots: Array) -> tuple[Array, Array]:
-    """Return approaches from 0 to a thousand times `end` (length), `knots` among them, and the forces there.
+    """Approaches from 0 to a thousand times `end` (length), `knots` among them, and the forces there.
 
     They are so dense that straight lines between them err by about 1e-9 of the force at `end`, and by 1e-6 of the force
     beyond twice `end`.

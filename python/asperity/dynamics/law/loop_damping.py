@@ -28,14 +28,14 @@ class LoopDamping:
     last it is constant. It acts in contact, and so does the damping ratio of small motion next to it.
 
     Attributes:
-        deflection: amplitudes of the approach, rising (length).
-        zeta: damping ratios of the loops, half of their loss factors.
-        stiffness: of the loops (force/length), empty where unknown; the ratios are those of a law as stiff as each.
-        preload: about which the loops were computed (force), NaN where unknown.
-        background: damping ratio of small motion, > 0 (that of the oscillator, which sets it).
+        deflection: amplitudes of the approach, rising (length)
+        zeta: damping ratios of the loops, half of their loss factors
+        stiffness: of the loops (force/length), empty where unknown; the ratios are those of a law as stiff as each
+        preload: about which the loops were computed (force), NaN where unknown
+        background: damping ratio of small motion, > 0 (that of the oscillator, which sets it)
 
     Raises:
-        InputError: amplitudes that do not rise, or a ratio that is negative.
+        InputError: amplitudes that do not rise, or a ratio that is negative
 
     Examples:
         >>> loops = asp.dynamics.LoopDamping((0.1, 0.2), (0.001, 0.002))
@@ -66,13 +66,13 @@ class LoopDamping:
         return cls(deflection, zeta, k, last[0].preload)
 
     def on(self, stiffness: float, preload: float) -> tuple[LoopDamping, str]:
-        """Return the damping on a law with another stiffness, and a note on another preload ("" if it is the same).
+        """Damping on a law with another stiffness, and a note on another preload ("" if it is the same).
 
         A cycle loses pi eta k a^2 with the stiffness k of the loop, and 2 pi zeta k_n a^2 with that of the law.
 
         Args:
-            stiffness: k_n of the law at the preload (force/length).
-            preload: of the vibration (force).
+            stiffness: k_n of the law at the preload (force/length)
+            preload: of the vibration (force)
         """
         note = ""
         if abs(self.preload / preload - 1.0) > _SAME_PRELOAD:
@@ -89,11 +89,11 @@ class LoopDamping:
         return "loops"
 
     def coefficient(self, z: Array) -> Array:
-        """Return the coefficient of the damper at distances z >= 0 (length), in units of a damping ratio, its shape."""
+        """Coefficient of the damper at distances z >= 0 (length), in units of a damping ratio, its shape."""
         return np.interp(z, *self._nodes)
 
     def integral(self, z: Array) -> Array:
-        """Return the integral of `coefficient` from 0 (length), shape of `z`."""
+        """Integral of `coefficient` from 0 (length), shape of `z`."""
         x, y = self._nodes
         sums = np.append(0.0, np.cumsum(0.5 * (y[1:] + y[:-1]) * np.diff(x)))
         i = np.clip(np.searchsorted(x, z, side="right") - 1, 0, len(x) - 2)

@@ -20,7 +20,7 @@ _DEVIATION = 0.683  # share of a normal distribution within its standard deviati
 
 
 def smoothed(z: Array, F: Array) -> tuple[Array, Array]:
-    """Return forces and stiffnesses of the smoothing spline of ln F over ln z, whose penalty is zero for a power law.
+    """Forces and stiffnesses of the smoothing spline of ln F over ln z, whose penalty is zero for a power law.
 
     The weights are those of noise of one size in F, and hardly matter for noise of one share of F.
     """
@@ -30,7 +30,7 @@ def smoothed(z: Array, F: Array) -> tuple[Array, Array]:
 
 
 def roughness(z: Array, F: Array) -> float:
-    """Return the relative uncertainty of the stiffness through at least 5 rising points by their scatter.
+    """Relative uncertainty of the stiffness through at least 5 rising points by their scatter.
 
     Scatter is the distance of a point from the cubic through its four neighbours in (ln z, ln F), after Gasser, Sroka
     & Jennen-Steinmetz, Biometrika 73 (1986) 625, who take the line through two neighbours; a quantile counts. A smooth
@@ -48,7 +48,7 @@ def roughness(z: Array, F: Array) -> float:
 
 
 def fit_origin(delta: Array, force: Array) -> float:
-    """Return the approach of first contact of measured points: the best offset of a power law in (ln z, ln F)."""
+    """Approach of first contact of measured points: the best offset of a power law in (ln z, ln F)."""
     order = np.argsort(delta, kind="stable")
     z, f = delta[order], force[order]
     touching = f > TOUCH * f.max()

@@ -26,15 +26,15 @@ class PowerLaw(Law):
     """``F = K z^n`` for z > 0, zero otherwise.
 
     Attributes:
-        n: exponent, 0.25 to 100.
-        K: coefficient (force/length^n), 1e-100 to 1e100.
-        ci_n: 95 % confidence interval of n, or None.
-        ci_K: 95 % confidence interval of K, or None.
-        correlation: correlation of the estimates of ln K and n.
-        fitted_to: largest approach of the fitted points (length); notes report results beyond it.
+        n: exponent, 0.25 to 100
+        K: coefficient (force/length^n), 1e-100 to 1e100
+        ci_n: 95 % confidence interval of n, or None
+        ci_K: 95 % confidence interval of K, or None
+        correlation: correlation of the estimates of ln K and n
+        fitted_to: largest approach of the fitted points (length); notes report results beyond it
 
     Raises:
-        InputError: n or K is out of range, or an interval does not contain its value.
+        InputError: n or K is out of range, or an interval does not contain its value
 
     Examples:
         >>> law = asp.PowerLaw(1.5, K=2.0)
@@ -64,12 +64,12 @@ class PowerLaw(Law):
 
     @classmethod
     def from_fit(cls, fit: Any, length: float = 1.0, force: float = 1.0) -> PowerLaw:
-        """Return the law ``F = force * k (z/length)^n`` of a `PowerLawFit`, with its confidence intervals.
+        """Law ``F = force * k (z/length)^n`` of a `PowerLawFit`, with its confidence intervals.
 
         Args:
-            fit: fit in dimensionless variables, with k, n, ci_k, ci_n, correlation and range.
-            length: unit of the approach (L for delta*).
-            force: unit of the force (A_0 E' for P*).
+            fit: fit in dimensionless variables, with k, n, ci_k, ci_n, correlation and range
+            length: unit of the approach (L for delta*)
+            force: unit of the force (A_0 E' for P*)
         """
         shift = np.log(length)
         half_n = 0.5 * (fit.ci_n[1] - fit.ci_n[0])
@@ -89,7 +89,7 @@ class PowerLaw(Law):
         )
 
     def scaled(self, force: float) -> PowerLaw:
-        """Return the law with its force multiplied by a factor, without intervals."""
+        """Law with its force multiplied by a factor, without intervals."""
         return replace(self, K=self.K * force, ci_K=None, ci_n=None)
 
     @property

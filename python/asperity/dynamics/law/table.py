@@ -41,19 +41,19 @@ class TableLaw(Law):
     """Law through points (z_i, F_i).
 
     Attributes:
-        z: approaches from first contact (length), rising, shape (m,); rows with z <= 0 are dropped.
-        F: forces, rising with z, shape (m,).
-        origin: approach of the curve at first contact (length), subtracted from `z`.
-        extrapolate: continue beyond the last point along the last slope in (ln z, ln F).
-        name: name of the law in descriptions.
-        k: stiffness at the points (force/length), shape (m,), NaN where unknown; None without any.
+        z: approaches from first contact (length), rising, shape (m,); rows with z <= 0 are dropped
+        F: forces, rising with z, shape (m,)
+        origin: approach of the curve at first contact (length), subtracted from `z`
+        extrapolate: continue beyond the last point along the last slope in (ln z, ln F)
+        name: name of the law in descriptions
+        k: stiffness at the points (force/length), shape (m,), NaN where unknown; None without any
         yields_at: approach of a point at which the slope changes (length): a contact that was loaded to it yields
-            beyond.
-        k_above: stiffness there on the side of larger approaches (force/length).
-        noise: relative uncertainty of the stiffness through points that scatter, 0 if they do not (derived).
+            beyond
+        k_above: stiffness there on the side of larger approaches (force/length)
+        noise: relative uncertainty of the stiffness through points that scatter, 0 if they do not (derived)
 
     Raises:
-        InputError: the table is empty, too short, not finite, or not rising.
+        InputError: the table is empty, too short, not finite, or not rising
 
     Examples:
         >>> z = np.linspace(0.1, 2.0, 20)
@@ -100,7 +100,7 @@ class TableLaw(Law):
             object.__setattr__(self, name, values)
 
     def _checked_points(self) -> tuple[Array, Array, Array | None]:
-        """Return the points in contact, from first contact."""
+        """Points in contact, from first contact."""
         try:
             z, F = np.asarray(self.z, float), np.asarray(self.F, float)
             k = None if self.k is None else np.asarray(self.k, float)
@@ -138,13 +138,13 @@ class TableLaw(Law):
         """Build a table from a `Curve`, a CSV file or a mapping with the columns delta and force.
 
         Args:
-            curve: source of the columns.
-            branch: branch to use if there is a column "branch".
-            origin: approach of first contact (length), or "fit" to find it with the power law.
-            **options: `extrapolate`, `name`.
+            curve: source of the columns
+            branch: branch to use if there is a column "branch"
+            origin: approach of first contact (length), or "fit" to find it with the power law
+            **options: `extrapolate`, `name`
 
         Raises:
-            InputError: as for `TableLaw`, or the columns cannot be read.
+            InputError: as for `TableLaw`, or the columns cannot be read
         """
         columns = CurveColumns.of(curve)
         delta, force = columns.delta[columns.branch == branch], columns.force[columns.branch == branch]
@@ -162,9 +162,9 @@ class TableLaw(Law):
         measured from where the force vanishes on this law.
 
         Args:
-            force: at least two positive ones.
-            k: positive.
-            **options: `name`, `extrapolate`.
+            force: at least two positive ones
+            k: positive
+            **options: `name`, `extrapolate`
 
         Examples:
             A Hertzian contact, K = 2 and k = 3 z^(1/2) = 3 (F/2)^(1/3):
@@ -183,17 +183,17 @@ class TableLaw(Law):
         return cls(start + np.append(0.0, np.cumsum(steps)), F, k=stiffness, **options)
 
     def yielding(self, loading: TableLaw, reached: float) -> TableLaw:
-        """Return the law of a contact that has met a force: this law below it, and above it a loading curve.
+        """Law of a contact that has met a force: this law below it, and above it a loading curve.
 
         The loading is shifted along the approach so that both meet. As a spring the law is reversible: above the force
         it is that of the first cycle.
 
         Args:
-            loading: law of the first loading.
-            reached: greatest force that the contact has met (force).
+            loading: law of the first loading
+            reached: greatest force that the contact has met (force)
 
         Raises:
-            RangeError: a law does not reach it.
+            RangeError: a law does not reach it
 
         Examples:
             A contact that was loaded to 1 and is stiffer below:
@@ -214,7 +214,7 @@ class TableLaw(Law):
         return TableLaw(z, F, name=self.name, k=k, yields_at=top, k_above=float(above), extrapolate=extrapolate)
 
     def scaled(self, force: float = 1.0, stiffness: float | None = None) -> TableLaw:
-        """Return the law with forces and stiffnesses multiplied by factors, the stiffness by default as the force."""
+        """Law with forces and stiffnesses multiplied by factors, the stiffness by default as the force."""
         k = force if stiffness is None else stiffness
         length = force / k
         given = None if self.k is None else self.k * k
@@ -298,12 +298,12 @@ class TableLaw(Law):
         return _derivatives(rows[best], float(self.both(np.array([z]))[0][0]), z)
 
     def kappa_bar(self, z: float) -> float:
-        """Return how much kappa at `z` changes with another reach of the differences, and without some points."""
+        """How much kappa at `z` changes with another reach of the differences, and without some points."""
         _, error, best = self._reaches(z)
         return float(error[best])
 
     def _reaches(self, z: float) -> tuple[Array, Array, int]:
-        """Return the differences and the error of kappa for each reach, and the reach with the least error."""
+        """Differences and the error of kappa for each reach, and the reach with the least error."""
         branch = self._elastic if z <= self.yields_at * (1 + 1e-12) else self
         rows = [law._differences(z) for law in (branch, *branch.thinned)]
         kappa = np.array([[curvature(_derivatives(y, 1.0, 1.0), 1.0) for y in row] for row in rows])
@@ -321,7 +321,7 @@ class TableLaw(Law):
         return TableLaw(self.z[below], self.F[below], k=None if self.k is None else self.k[below], extrapolate=True)
 
     def _differences(self, z: float) -> Array:
-        """Return the first three derivatives of ln F with respect to ln z for each reach, shape (reaches, 3)."""
+        """First three derivatives of ln F with respect to ln z for each reach, shape (reaches, 3)."""
         x, h = np.log(z), _REACHES
         low, mid, high = (np.asarray(self._curve(v)) for v in (x - h, np.full(h.size, x), x + h))
         first = np.full(h.size, float(self._curve(x, 1)))
@@ -418,7 +418,7 @@ class TableLaw(Law):
 
 
 def _derivatives(y: Array, force: float, z: float) -> tuple[float, float, float]:
-    """Return the derivatives of F from those of ln F with respect to ln z."""
+    """Derivatives of F from those of ln F with respect to ln z."""
     a, b, c = (float(value) for value in y)
     third = a**3 - 3 * a * a + 2 * a + 3 * b * (a - 1) + c
     return a * force / z, (a * a - a + b) * force / z**2, third * force / z**3

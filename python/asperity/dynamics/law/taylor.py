@@ -20,9 +20,9 @@ class TaylorLaw(Law):
     """Cubic Taylor series of a law about a static deflection, without contact loss.
 
     Attributes:
-        z_s: static deflection (length).
-        load: force at `z_s`.
-        p: first three derivatives of the force at `z_s` (force/length, /length^2, /length^3).
+        z_s: static deflection (length)
+        load: force at `z_s`
+        p: first three derivatives of the force at `z_s` (force/length, /length^2, /length^3)
 
     Examples:
         The force of the series stays positive where the contact has opened:
@@ -91,13 +91,13 @@ class TaylorLaw(Law):
         return f"cubic Taylor series about z_s = {self.z_s:g}"
 
     def _saddles(self) -> Array:
-        """Return the displacements u at which the restoring force vanishes again."""
+        """Displacements u at which the restoring force vanishes again."""
         p1, p2, p3 = self.p
         roots = np.roots([p3 * self.z_s**2 / (6 * p1), p2 * self.z_s / (2 * p1), 1.0])
         return np.asarray(roots[np.abs(roots.imag) < 1e-12].real)
 
     def rim(self) -> float:
-        """Return the displacement u of the nearest saddle below the well, -inf if there is none.
+        """Displacement u of the nearest saddle below the well, -inf if there is none.
 
         Motion beyond it escapes: a property of the truncated series, not of the contact.
         """
@@ -105,6 +105,6 @@ class TaylorLaw(Law):
         return float(saddles[saddles < 0].max(initial=-np.inf))
 
     def rim_above(self) -> float:
-        """Return the displacement u of the nearest saddle above the well, +inf if there is none."""
+        """Displacement u of the nearest saddle above the well, +inf if there is none."""
         saddles = self._saddles()
         return float(saddles[saddles > 0].min(initial=np.inf))
