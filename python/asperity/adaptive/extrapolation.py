@@ -27,6 +27,7 @@ from asperity.slope import SINGLE_CONTACT, slopes
 FORCE_BAR, AREA_BAR = 0.3, 0.3  # bar over what the half-space corrects
 # Error of the force and of a stiffness over that of the area, all relative, which facets cut at random leave
 SCATTER, EDGES = 0.15, 0.6
+YIELDED = 0.375  # the first of a solid that yields: the force of a flattened spot is its area times the hardness
 
 
 @dataclass(frozen=True)
@@ -86,6 +87,7 @@ def correct(
     path: Along,
     algebraic: float,
     missed: tuple[Omission, Omission],
+    by_chance: float = SCATTER,
 ) -> tuple[Curve, Budget]:
     """Extrapolated curve of the finest level with its error bars.
 
@@ -99,6 +101,7 @@ def correct(
         path: relative error left of the load steps
         algebraic: relative error of the equations left unsolved
         missed: what the tops of the two meshes leave out, the finer first
+        by_chance: SCATTER, or YIELDED of a solid that yields
     """
     loading = fine.branch == "load"
     at = fine.delta_star[loading]
@@ -109,7 +112,7 @@ def correct(
     bar = spread / touching
     mesh_bar = steady(bar)
     mesh_bar[judged[loading]] = steady(bar[judged[loading]])
-    mesh_bar = np.maximum(mesh_bar, SCATTER * _by_chance(fine, coarse, at, ratio))
+    mesh_bar = np.maximum(mesh_bar, by_chance * _by_chance(fine, coarse, at, ratio))
     rows = _rows_of_loading(loading)
     part = weight(ratio)
     of_fine, of_coarse = (o.at(at)[0] for o in missed)

@@ -11,6 +11,8 @@ from math import inf, nan
 import numpy as np
 
 from asperity.adaptive.extrapolation import (
+    SCATTER,
+    YIELDED,
     Budget,
     correct,
     judged_rows,
@@ -101,7 +103,8 @@ class MeshErrorEstimate:
         unresolved = "no node is touched" if curve.untouched() or coarse.untouched() else path.unknown
         if not unresolved:
             missed = self._missed[-1], self._missed[place]
-            curve, budget = correct(curve, coarse, ratio, judged, path.bar[substeps], algebraic, missed)
+            by_chance = YIELDED if run.plastic else SCATTER
+            curve, budget = correct(curve, coarse, ratio, judged, path.bar[substeps], algebraic, missed, by_chance)
             curve = with_measures(curve, coarse, ratio, budget, run.compliance)
             unresolved = curve.unresolved() or coarse.unresolved()
 

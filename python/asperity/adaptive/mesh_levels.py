@@ -58,6 +58,7 @@ class LevelSolver:
         comm: communicator
         side, height: of the block [length]
         compliance: of the block under a uniform pressure, compression over P* [length]
+        plastic: whether the solid yields
         levels: what was computed, in order
         scales: of their meshes, the element sizes over `sizes`
     """
@@ -71,6 +72,7 @@ class LevelSolver:
         self._problem, self._depth, self._max_dofs, self._hooks = problem, depth, max_dofs, hooks
         self.comm, self.side, self.height = comm, problem.surface.L, problem.height
         material = problem.material
+        self.plastic = material.plastic
         self.compliance = problem.height * material.reduced_modulus / material.block_modulus(problem.sides)
         self._start = perf_counter()
         self._sizes = None if sizes is None else np.asarray(sizes * self.side)
