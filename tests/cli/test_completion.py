@@ -30,7 +30,8 @@ def complete(line: str) -> list[tuple[str, str]]:
 def test_commands_options_and_choices_are_completed() -> None:
     assert complete("asperity p") == [("plain", "plot")]
     assert ("plain", "--resume") in complete("asperity run case.toml --re")
-    assert {text for _, text in complete("asperity export out --to ")} == {"calculix", "abaqus", "csv", "python"}
+    formats = {"calculix", "abaqus", "csv", "python", "sliders", "sliders-python"}
+    assert {text for _, text in complete("asperity export out --to ")} == formats
 
 
 def test_files_are_left_to_the_shell() -> None:

@@ -128,8 +128,14 @@ def correct(
     return replace(curve, error_P_star=budget.total), budget
 
 
-def without_omission(curve: Curve, missed: Omission) -> Curve:
-    """A curve corrected for what the top of its mesh leaves out: forces, and areas of contact with their bars."""
+def without_omission(curve: Curve, missed: Omission, compliance: float) -> Curve:
+    """A curve corrected for what the top of its mesh leaves out: forces, gaps, areas of contact with their bars.
+
+    Args:
+        curve: of a mesh
+        missed: what its top leaves out
+        compliance: of the block, compression over P* [length]; at a given approach the mean gap is the larger by it
+    """
     loading = curve.branch == "load"
     force, area = missed.at(curve.delta_star[loading])
     change = area[_rows_of_loading(loading)]
@@ -137,7 +143,8 @@ def without_omission(curve: Curve, missed: Omission) -> Curve:
     error = error + AREA_BAR * np.abs(areas - curve.area_fraction)
     pressure = np.divide(curve.mean_pressure, 1.0 + change)
     corrected = replace(curve, area_fraction=areas, error_area_fraction=error, mean_pressure=pressure)
-    return scaled(corrected, 1.0 + force)
+    corrected = scaled(corrected, 1.0 + force)
+    return replace(corrected, mean_gap=curve.mean_gap + compliance * (corrected.P_star - curve.P_star))
 
 
 def with_measures(fine: Curve, coarse: Curve, ratio: float, budget: Budget, compliance: float) -> Curve:

@@ -82,7 +82,7 @@ class MeshErrorEstimate:
         missed = self._left_out(result)
         curve = self._path.removed(result.curve, self._run.levels[-1].substeps)
         if not curve.untouched():
-            curve = without_omission(curve, missed)
+            curve = without_omission(curve, missed, self._run.compliance)
         self._scales.append(self._run.scales[-1])
         self._curves.append(curve)
         self._missed.append(missed)
