@@ -144,7 +144,7 @@ def _keys(model: Any, values: Mapping[str, Any], skip: tuple[str, ...]) -> Itera
             continue
         default = about.get("default")
         if about["shown"] or default is None:
-            words.append(f"default: {about['shown'] or 'none'}")
+            words.append(f"default: {about['shown'] or 'none'}" if about["shown"] or "default" in about else "required")
         yield _line(f"# {key} = {'' if default is None else show(default)}".rstrip(), "; ".join(words))
 
 
