@@ -457,7 +457,7 @@ n is the exponent of P* = k (δ*)ⁿ. As a spring, the law softens when n > 1 an
 
 Each test is repeated under up to {ways} conditions: least squares on linear and on logarithmic scales, over the
 whole range and over its first half, for the whole block and for the interface alone (the elastic compression of the
-block taken off; left out where it means nothing, because the block has yielded or contact is nearly full). A test
+block subtracted; left out where it means nothing, because the block has yielded or contact is nearly full). A test
 is passed (yes) or failed (no: a step has the other sign, or n lies on the other side of 1) with 95 % confidence,
 paired by seed and on three surfaces at least, or when all of at least five single steps agree (3 % by chance if
 they were independent, which the steps of one surface are not); steps of less than 0.005 do not count. Else the few

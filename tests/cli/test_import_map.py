@@ -295,7 +295,7 @@ def test_one_cutoff_is_recommended_and_it_is_the_last(
     checked = capsys.readouterr().out
     assert ("cut off what is shorter" in said) is ("cut off what is shorter" in checked)
     if "cut off what is shorter" not in said:
-        assert kind not in ("turned", "dimpled") and "accuracy.max_dofs" not in said
+        assert kind != "turned" and "accuracy.max_dofs" not in said
         return
     assert said.count("--cutoff)") == 1 and recommended(said) == recommended(checked)
     assert import_map(scan, "-o", tmp_path / "filtered", "--cutoff", recommended(said)) == 0
