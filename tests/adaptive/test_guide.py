@@ -132,7 +132,7 @@ def test_two_errors_of_opposite_sign_that_cancel_are_told_apart() -> None:
     at = rows(1.0, 0.0).delta_star
     missed = [Omission(at, np.full(3, out), np.zeros(3)) for out in left]
     coarse, fine = (
-        without_omission(rows(s / (1.0 + out), 0.0), o) for s, out, o in zip(stiff, left, missed, strict=True)
+        without_omission(rows(s / (1.0 + out), 0.0), o, 0.0) for s, out, o in zip(stiff, left, missed, strict=True)
     )
     steps = Along(np.array([0.0]), np.zeros(1))
     found, budget = correct(fine, coarse, 2.0, np.ones(3, dtype=bool), steps, 0.0, (missed[1], missed[0]))
