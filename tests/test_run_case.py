@@ -579,6 +579,9 @@ def test_slip_by_the_curve_has_the_bars_of_the_curve(tmp_path: Path) -> None:
         assert steel.nu < row["error_energy"] / row["energy"] < steel.nu + 0.1  # W ~ P^(-1/3) of the law's factor
         assert 0.0 < row["error_k_secant"] / row["k_secant"] < 0.2
     assert slip.loops()[0]["error_k_secant"] < slip.loops()[-1]["error_k_secant"]
+    softer = tuple(path.scaled(1.0, 1.1) for path in slip.paths)
+    solid = slip_of_curve(curve, settings, steel, patch=1e-12, height=1e-6, computed=softer)
+    assert all(row["error_energy"] > row["energy"] - row["energy_curve"] > 0.0 for row in solid.loops())
     decoupled = slip_of_curve(curve, settings, Material(200e9, 0.0), patch=1e-12, height=1e-7)
     assert all(row["error_energy"] < 0.1 * row["energy"] for row in decoupled.loops())
     without = slip_of_curve({k: curve[k] for k in ("delta", "force")}, settings, steel, patch=1e-12, height=1e-6)

@@ -197,6 +197,11 @@ def slip_of_curve(
     errors: tuple[Mapping[str, float], ...] = ()
     if math.isfinite(laws.bar):
         errors = _errors(law, laws.members(), law_on, settings.amplitudes, not computed)
+    if computed and errors:  # the mesh of the solid, of which only the curve gives an estimate
+        pairs = [(_loop_of(a), _loop_of(b)) for a, b in zip(computed, paths, strict=True)]
+        errors = tuple(
+            {k: bar + abs(a[k] - b[k]) for k, bar in row.items()} for row, (a, b) in zip(errors, pairs, strict=True)
+        )
     return JointSlip(law, paths, computed, errors, tuple(_doubts(choice, paths, computed)))
 
 
