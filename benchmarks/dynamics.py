@@ -4,12 +4,17 @@
 """Frequency response: completeness in random windows, and work over precision against pyHarm-os and solve_ivp.
 
     python3 benchmarks/dynamics.py orbits [--windows 200] [--seed 0] [--verbose]
+    python3 benchmarks/dynamics.py attractors [--cases 40] [--seed 0] [--starts 100]
     python3 benchmarks/dynamics.py speed [--points 81]
 
 `orbits`: random exponents (0.6 to 4), damping ratios (0.002 to 0.1), forcings F^ (0.005 to 1.5) and windows. At random
 frequencies inside, every orbit of period 1 and 2 of a response over a window twice as wide on both sides must
 be one of the response. Every orbit of period 1 and 2 that is found from random states must be one too: by a Runge-Kutta
 method written here, first until most of the transient has decayed, then by Newton's method on the period map.
+
+`attractors`: motions of the same random cases from random states, by the same Runge-Kutta method, until the transient
+has decayed. Each start that ends at a stable orbit of period 1 to 4 is counted, and those whose orbit is not in the
+response; period 3 and period 4 without a period doubling are outside what a response searches.
 
 `speed`: n = 1.5, zeta = 0.01, F^ = 0.05, Omega from 0.5 to 1.3. Times are CPU seconds of a warm run on one core. The
 error is that of u_max, relative, against the balance at 1e-9 at the same Omega; points within 1e-3 of a fold are left
@@ -133,7 +138,7 @@ def polished(case: Window, omega: float, y: Array, order: int, step: float = STE
     radius = np.abs(np.linalg.eigvals(flow)).max(axis=1)
     for i in np.flatnonzero(length < 1e-6 * size):
         path = np.array([y[:, i], *(integrate(case, omega, y[:, i : i + 1], k, step)[:, 0] for k in range(1, order))])
-        repeats = order > 1 and not missing([path[1:]], [path[:1]], 1e-4)
+        repeats = order > 1 and not missing([path[:1]], [path[1:]], 1e-4)
         if not repeats and missing([path], [orbit for orbit, _ in found]):
             found.append((path, bool(radius[i] < 1.0)))
     return found
@@ -141,10 +146,47 @@ def polished(case: Window, omega: float, y: Array, order: int, step: float = STE
 
 def reached(case: Window, omega: float, starts: int, random: np.random.Generator) -> list[tuple[Array, bool]]:
     """Return the orbits of period 1 and 2 near what random states come to, with their stability."""
+    y = decayed(case, omega, starts, 3.0, random)
+    return [orbit for order in (1, 2) for orbit in polished(case, omega, y, order)]
+
+
+def decayed(case: Window, omega: float, starts: int, decay: float, random: np.random.Generator) -> Array:
+    """Return what random states come to, after a transient that decays by exp(-decay)."""
     spread = min(1.5 * case.forcing / (2.0 * case.zeta) + 2.0 * case.forcing, 4.0)
     y = spread * random.uniform(-1.0, 1.0, (2, starts))
-    y = integrate(case, omega, y, int(np.ceil(3.0 * omega / (2.0 * np.pi * case.zeta))), COARSE)  # decay to 5 %
-    return [orbit for order in (1, 2) for orbit in polished(case, omega, y, order)]
+    return integrate(case, omega, y, int(np.ceil(decay * omega / (2.0 * np.pi * case.zeta))), COARSE)
+
+
+def attractors(options: argparse.Namespace) -> None:
+    """Count the motions that settle on orbits in the responses of random cases, and off them."""
+    random = np.random.default_rng(options.seed + 1)
+    counts: Counter[str] = Counter()
+    seconds = 0.0
+    for case in random_windows(options.cases, options.seed):
+        (omega,) = case.at
+        begin = time.process_time()
+        found = response(case, (0.9 * omega, 1.1 * omega))
+        seconds += time.process_time() - begin
+        known = states(found.at(omega))
+        left = decayed(case, omega, options.starts, 8.0, random)
+        for order in (1, 2, 3, 4):
+            for orbit in (a for a, stable in polished(case, omega, left, order) if stable):
+                near = np.array([not missing([y[None]], [orbit]) for y in left.T], bool)
+                left = left[:, ~near]
+                name = f"period {order}"
+                counts[name] += int(near.sum())
+                if near.any() and missing([orbit], known):
+                    finer = polished(case, omega, orbit[:1].T, order, 0.25 * STEP)
+                    if missing([a for a, _ in finer], known):
+                        counts[f"{name}: off the response"] += int(near.sum())
+                        print(f"{case}\n    period {order}, state {orbit[0]}, {near.sum()} starts; {found.notes}")
+            if not left.size:
+                break
+        counts["longer or not settled"] += left.shape[1]
+    print(f"\n{options.cases} cases, {options.cases * options.starts} starts\n\n| motions | number |\n|---|---|")
+    for name in sorted(counts):
+        print(f"| {name} | {counts[name]} |")
+    print(f"| CPU seconds of the responses | {seconds:.1f} |")
 
 
 def compare(case: Window, own: FrequencyResponse, starts: int, random: np.random.Generator) -> tuple[Counter[str], str]:
@@ -367,6 +409,10 @@ def main() -> None:
     for name, default in (("windows", 200), ("seed", 0), ("starts", 24)):
         orbits.add_argument(f"--{name}", type=int, default=default)
     orbits.add_argument("--verbose", action="store_true")
+    motions = commands.add_parser("attractors")
+    motions.set_defaults(run=attractors)
+    for name, default in (("cases", 40), ("seed", 0), ("starts", 100)):
+        motions.add_argument(f"--{name}", type=int, default=default)
     rows = commands.add_parser("speed")
     rows.set_defaults(run=speed)
     rows.add_argument("--points", type=int, default=81, help="frequencies of the sweeps (default 81)")
