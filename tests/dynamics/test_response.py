@@ -113,7 +113,7 @@ def test_every_damping_agrees_with_shooting(damping: str) -> None:
     r = ContactOscillator(PowerLaw(1.5), zeta=0.03, damping=damping).response(0.08, (0.7, 1.2), tol=1e-7)
     b = r.branches[0]
     assert b.contact_loss.any()
-    for i in np.flatnonzero(b.contact_loss)[::6]:
+    for i in np.flatnonzero(b.contact_loss & (np.abs(b.tangent_omega) > 1e-6))[::6]:  # shooting is singular at a fold
         u, v = state_at_phase_zero(b.coefficients[i], b.Omega[i])
         shot = shoot(r.balance, b.Omega[i], 0.08, u, v)
         assert b.u_max[i] == pytest.approx(shot.u_max, rel=1e-6)

@@ -37,7 +37,8 @@ def locate_events(
     Returns:
         The branch, its events, and its period doublings as points
     """
-    points = _refined(equations, path.points, tol)
+    rtol = newton_rtol(tol, not balance.restoring.singular)
+    points = _refined(equations, path.points, tol, rtol)
     multipliers = _multipliers(balance, points)
     if balance.zeta > 0 and balance.order == 1:
         tongues = _tongues(balance, equations, points, multipliers)
@@ -112,7 +113,7 @@ def _located(
     return [(i, name, p) for i, _, name, p in found]
 
 
-def _refined(equations: Equations, points: tuple[Point, ...], tol: float) -> list[Point]:
+def _refined(equations: Equations, points: tuple[Point, ...], tol: float, rtol: float) -> list[Point]:
     """Add points where the cubic between neighbours is not accurate enough for dense rows."""
     out = [points[0]]
     for i, (a, b) in enumerate(pairwise(points)):
@@ -125,7 +126,7 @@ def _refined(equations: Equations, points: tuple[Point, ...], tol: float) -> lis
             inner = sorted({*inner, 0.5 * sum(back)})
         for s in inner:
             try:
-                q = between(equations, a, b, s)
+                q = between(equations, a, b, s, rtol)
                 out.append(adapt(equations, q, q.t, q.t_parameter, tol, q.x.size // 2))
             except ConvergenceError:
                 continue
