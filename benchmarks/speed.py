@@ -47,7 +47,7 @@ SIZES = {
 PATHS: dict[str, dict[str, Any]] = {
     "one": {},
     "single": {"steps": 1, "integrator": "backward-euler"},
-    "loading": {"delta_max": 0.008 * L, "steps": 20},  # of cases/demo.toml
+    "loading": {"delta_max": 0.008 * L, "steps": 20},  # of cases/single.toml
 }
 PHASES = ("residual", "tangent", "preconditioner", "linear solve")
 # part of the command -> beginning of the line that reports its first stage
@@ -60,7 +60,7 @@ STAGES = {
     "figures": "figures",
     "end": "end",
 }
-CASE = Path(__file__).parents[1] / "cases/demo.toml"
+CASE = Path(__file__).parents[1] / "cases/single.toml"
 
 
 def one(h: float, **path: Any) -> dict[str, Any]:

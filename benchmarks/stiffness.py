@@ -33,7 +33,7 @@ from asperity.quasistatic.hooks import Hooks
 from asperity.quasistatic.stiffness_matrix import stiffness_matrix
 
 CYCLES = [0]  # V-cycles so far, see `count_cycles`
-CASE = Path(__file__).parent.parent / "cases" / "demo.toml"
+CASE = Path(__file__).parent.parent / "cases" / "single.toml"
 
 
 def heads(*names: str) -> None:

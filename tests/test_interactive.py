@@ -175,7 +175,7 @@ def test_the_schema_accepts_the_shipped_cases_and_refuses_mistakes() -> None:
         table = tomllib.loads(path.read_text())
         validator.validate(table)
         validator.validate(asp.Case.load(path).to_dict())
-    good = tomllib.loads((ROOT / "cases/demo.toml").read_text())
+    good = tomllib.loads((ROOT / "cases/single.toml").read_text())
     for section, key, value in (
         ("material", "nu", 0.7), ("material", "nuu", 0.3), ("surface", "kind", "cube"), ("loading", "steps", 1.5),
         ("loading", "unload", "yes"), ("dynamics", "model", ["linear"]), ("mesh", "h_contact", -1.0),
@@ -211,7 +211,7 @@ def call(capsys: pytest.CaptureFixture[str]) -> Callable[..., Any]:
 
 @pytest.mark.filterwarnings("ignore")
 def test_commands_print_json(tmp_path: Path, result: Any, call: Callable[..., Any]) -> None:
-    demo = ROOT / "cases/demo.toml"
+    demo = ROOT / "cases/single.toml"
     assert call("keys", "--schema") == json_schema()
     estimate = call("estimate", demo, "--json", "--ranks", "2")["estimate"]
     assert call("check", demo, "--json", "--ranks", "2") == {"case": str(demo), "accepted": True, "estimate": estimate}

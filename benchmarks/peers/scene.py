@@ -3,7 +3,7 @@
 
 """The scene all programs compute, and what its force is.
 
-The surface of cases/demo.toml is on a block of side and height 1 (E = 1 in the unit of stress of each program),
+The surface of cases/single.toml is on a block of side and height 1 (E = 1 in the unit of stress of each program),
 base clamped, sides on rollers, and is pressed by a rigid frictionless flat from first touch to 0.03 L in ten steps, in
 small strains.
 """
@@ -28,7 +28,7 @@ from asperity.surface import Surface
 
 DELTA, STEPS = 0.03, 10
 AT = DELTA * np.arange(1, STEPS + 1) / STEPS  # approaches compared [L]
-E, NU, YIELD, TANGENT = 1.0, 0.3, 0.005, 0.05  # of cases/demo.toml over its E = 200 GPa
+E, NU, YIELD, TANGENT = 1.0, 0.3, 0.005, 0.05  # of cases/single.toml over its E = 200 GPa
 HARDENING = E * TANGENT / (E - TANGENT)  # of the yield strength with the plastic strain
 MATERIALS = {"elastic": asp.Material(E, NU), "plastic": asp.Material(E, NU, YIELD, TANGENT)}
 TOLERANCE = {"elastic": 0.002, "plastic": 0.007}  # of the reference: greatest error bar

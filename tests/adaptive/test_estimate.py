@@ -57,7 +57,7 @@ def test_a_surface_rough_down_to_the_pixel_takes_more_than_it_may(tmp_path: Path
 
 
 def test_dofs_steps_and_memory_are_those_of_the_run() -> None:
-    data = Case.load(ROOT / "cases/demo.toml", QUICK).to_dict()
+    data = Case.load(ROOT / "cases/single.toml", QUICK).to_dict()
     del data["dynamics"]
     case = Case.from_dict(data)
     found = estimate(case)
@@ -91,7 +91,7 @@ def test_the_integral_of_a_graded_field() -> None:
 
 def test_what_costs_more_is_estimated_higher() -> None:
     def of(*changes: str) -> float:
-        return estimate(Case.load(ROOT / "cases/demo.toml", [*QUICK, 'material.kinematics="small"', *changes])).seconds
+        return estimate(Case.load(ROOT / "cases/single.toml", [*QUICK, 'material.kinematics="small"', *changes])).seconds
 
     assert of("mesh.h_contact=0.1e-6") > 1.3 * of()
     assert of("loading.steps=6") > 1.3 * of()
@@ -108,7 +108,7 @@ def test_a_tolerance_makes_several_meshes() -> None:
 
 def test_the_meshes_that_a_plastic_run_adds_are_within_those_that_max_dofs_allows() -> None:
     keys = ["accuracy.tolerance=0.05", "accuracy.max_dofs=218_000", 'material.kinematics="finite"']
-    case = Case.load(ROOT / "cases/demo.toml", keys)
+    case = Case.load(ROOT / "cases/single.toml", keys)
     found = estimate(case)
     further = further_meshes(case, found)
     sizes = [level.dofs for level in further]
@@ -118,7 +118,7 @@ def test_the_meshes_that_a_plastic_run_adds_are_within_those_that_max_dofs_allow
 
 def test_a_run_that_its_dofs_end_costs_no_more_than_all_meshes_they_allow(tmp_path: Path) -> None:
     keys = ["accuracy.tolerance=0.01", "accuracy.max_dofs=16_000", 'material.kinematics="small"', "loading.steps=5"]
-    data = Case.load(ROOT / "cases/demo.toml", keys).to_dict()
+    data = Case.load(ROOT / "cases/single.toml", keys).to_dict()
     data.pop("dynamics", None)
     case = Case.from_dict(data | {"output": {}, "loading": data["loading"] | {"unload": False}})
     found = estimate(case)
@@ -132,13 +132,13 @@ def test_a_run_that_its_dofs_end_costs_no_more_than_all_meshes_they_allow(tmp_pa
 
 def test_given_kinematics_compare_nothing_unless_requested() -> None:
     def of(*changes: str) -> int:
-        return len(estimate(Case.load(ROOT / "cases/demo.toml", [*QUICK, *changes])).strain)
+        return len(estimate(Case.load(ROOT / "cases/single.toml", [*QUICK, *changes])).strain)
 
     assert of('material.kinematics="small"') == 0
     assert of('material.kinematics="small"', "output.small_strain=true") == of('material.kinematics="finite"') == 2
 
 
-@pytest.mark.parametrize(("name", "h"), [("demo", 0.08), ("elastic", 0.08), ("hertz", 0.001), ("self_affine", 0.08)])
+@pytest.mark.parametrize(("name", "h"), [("single", 0.08), ("elastic", 0.08), ("hertz", 0.001), ("self_affine", 0.08)])
 def test_a_force_has_the_estimate_of_its_approach(name: str, h: float) -> None:
     """Pressed to a force, and to the approach at which it is reached on a coarse mesh."""
     file, quick = ROOT / f"cases/{name}.toml", ['material.kinematics="small"', "accuracy.tolerance="]
@@ -157,7 +157,7 @@ def test_a_force_has_the_estimate_of_its_approach(name: str, h: float) -> None:
 
 def test_command(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as left:
-        main(["estimate", str(ROOT / "cases/demo.toml"), "--ranks", "2"])
+        main(["estimate", str(ROOT / "cases/single.toml"), "--ranks", "2"])
     assert not left.value.code
     out = capsys.readouterr().out
     assert "dofs" in out and "memory of 2 ranks" in out

@@ -25,7 +25,7 @@ from asperity.model.problem import Problem
 from asperity.surface import Flat
 
 ROOT = Path(__file__).parents[2]
-DEMO = ROOT / "cases/demo.toml"
+DEMO = ROOT / "cases/single.toml"
 CASES = sorted((ROOT / "cases").glob("*.toml"))
 
 MINIMAL: dict[str, dict[str, object]] = {

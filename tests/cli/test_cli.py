@@ -30,7 +30,7 @@ from asperity.runtime.progress import COLUMNS, Progress, StepLines, duration, is
 from asperity.runtime.run_folder import check
 
 ROOT = Path(__file__).parents[2]
-DEMO = str(ROOT / "cases/demo.toml")
+DEMO = str(ROOT / "cases/single.toml")
 Cli = Callable[..., tuple[int, str, str]]
 
 
