@@ -25,7 +25,7 @@ from asperity.model.problem import Problem
 from asperity.surface import Flat
 
 ROOT = Path(__file__).parents[2]
-DEMO = ROOT / "cases/single.toml"
+DEMO = ROOT / "cases/single.toml"  # one spot, quick
 CASES = sorted((ROOT / "cases").glob("*.toml"))
 
 MINIMAL: dict[str, dict[str, object]] = {
@@ -57,7 +57,7 @@ def test_shipped_cases_load_without_a_warning_and_leave_a_gap(path: Path) -> Non
     assert doubts_of(case) == []
 
 
-def test_demo_is_the_documented_case() -> None:
+def test_the_case_of_one_spot_is_the_documented_one() -> None:
     case = Case.load(DEMO)
     surface = case.surface.parameters()
     assert surface == {

@@ -19,6 +19,7 @@ from asperity.arrays import Array
 from asperity.output.results import Columns, Results
 from asperity.plot import style
 from asperity.plot.vibration import COLOURS, DASHES, Scale, columns_of, heading, is_sweep, pieces, truth, where
+from asperity.units import prefix
 
 if TYPE_CHECKING:
     from asperity.dynamics import Dynamics
@@ -38,24 +39,25 @@ def receptance_of(result: Dynamics, *, ax: style.Place | None = None) -> Figure:
     return _receptance(rows, free, result.to_dict(), ax=ax)
 
 
-def _axes(thresholds: Mapping[str, Any]) -> tuple[float, float, float, str, str]:
-    """Factors to frequency, length and compliance (1 where unknown), and units of frequency and length."""
+def _axes(thresholds: Mapping[str, Any]) -> tuple[float, float, str, str]:
+    """Factors to frequency and compliance (1 where unknown), and units of frequency and length."""
     scale = Scale.of(thresholds)
     if scale is None or not np.isfinite(scale.frequency):
-        return 1.0, 1.0, 1.0, "", ""
+        return 1.0, 1.0, "", ""
     hertz, metre = ("Hz", "m") if scale.si else ("1/time", "length")
-    return scale.frequency, scale.length, 1.0 / float(thresholds["numbers"]["k_n"]), hertz, metre
+    factor, hertz = prefix(scale.frequency, hertz) if scale.si else (1.0, hertz)
+    return factor * scale.frequency, 1.0 / float(thresholds["numbers"]["k_n"]), hertz, metre
 
 
 @style.styled
 def _receptance(rows: Columns, free: Columns, thresholds: Mapping[str, Any], *, ax: style.Place | None) -> Figure:
-    frequency, _, compliance, hertz, metre = _axes(thresholds)
+    frequency, compliance, hertz, metre = _axes(thresholds)
     figure, (axis, *_) = style.figure(style.SINGLE + 1.6, 4.0, ax=ax)
     model = "exact" if "exact" in rows["model"] else str(rows["model"][0])
     rows = where(rows, (rows["model"] == model) & ~is_sweep(rows["branch"]))
     free = where(free, free["model"] == model) if "a1" in free else {}
     value: Array = rows["a1"] / rows["F_hat"]
-    low, high = value.min() / _FLOOR, 1.3 * value.max()
+    low, high = value[value > 0.0].min() / _FLOOR, 1.3 * value.max()  # 0 where orbits have no first harmonic
     grid = np.linspace(rows["Omega"].min(), rows["Omega"].max(), 2001)
     zeta = float(rows["zeta"][0])
     linear = 1.0 / np.hypot(1.0 - grid**2, 2.0 * zeta * grid)
@@ -76,7 +78,8 @@ def _receptance(rows: Columns, free: Columns, thresholds: Mapping[str, Any], *, 
         axis.plot([], [], color=colour, label=_force(forcing, thresholds, hertz != "" and metre == "m"))
     if free:
         axis.plot([], [], ":", color=style.GREY, label="backbone of each force")
-    axis.plot([], [], ls=DASHES, color=style.GREY, label="unstable")
+    if not truth(rows["stable"]).all():
+        axis.plot([], [], ls=DASHES, color=style.GREY, label="unstable")
     axis.set_yscale("log")
     axis.set_xlim(frequency * grid[0], frequency * grid[-1])
     axis.set_ylim(compliance * low, compliance * high)
