@@ -19,8 +19,10 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 import pytest
 from made_up_run import write_run
+from scipy.interpolate import PchipInterpolator
 
 import asperity
 from asperity.case import Case
@@ -149,6 +151,28 @@ def test_tables_name_their_command_and_are_read(path: Path) -> None:
     assert any((ROOT / word).is_file() or word == "asperity" for word in words[2:])
     links = [page for page in ALL_PAGES if f"tables/{path.name})" in page.read_text(encoding="utf-8")]
     assert links, "no page leads to this table"
+
+
+def test_the_first_page_gives_the_numbers_of_the_demo() -> None:
+    """Those of its stored curve; stiffness by SciPy's monotone interpolant of the unloading, frequency by the mass."""
+    joint = Case.load(ROOT / "cases/demo.toml").to_dict()
+    with (ROOT / "docs/tables/demo.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    top = next(i for i, row in enumerate(rows) if row["branch"] == "unload") - 1
+    text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    bar = float(rows[top]["error_P_star"]) / float(rows[top]["P_star"])
+    assert f"[{rows[top]['spots']} spots]" in text
+    assert f"{float(rows[top]['force']):.2f} N ± {100 * bar:.1f} %" in text
+    assert f"{100 * float(rows[top]['area_fraction']):.1f} % in contact" in text
+
+    share = joint["surface"]["L"] ** 2 / joint["joint"]["nominal_area"]
+    force, delta = (np.array([float(row[name]) for row in rows[: top - 1 : -1]]) for name in ("force", "delta"))
+    approach = float(PchipInterpolator(force, delta)(joint["joint"]["preload"] * share))
+    stiffness = float(PchipInterpolator(delta, force)(approach, 1)) / share
+    shown, bar = re.findall(r"has ([\d.]+) GN/m ± ([\d.]+) %", text)[0]
+    assert stiffness / 1e9 == pytest.approx(float(shown), rel=float(bar) / 100)
+    hertz = np.sqrt(float(shown) * 1e9 / joint["joint"]["mass"]) / (2 * np.pi)
+    assert f"{hertz / 1000:.2f} kHz ± {float(bar) / 2:.1f} %" in text
 
 
 def test_every_picture_has_its_command_and_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
