@@ -91,7 +91,9 @@ def test_the_integral_of_a_graded_field() -> None:
 
 def test_what_costs_more_is_estimated_higher() -> None:
     def of(*changes: str) -> float:
-        return estimate(Case.load(ROOT / "cases/single.toml", [*QUICK, 'material.kinematics="small"', *changes])).seconds
+        return estimate(
+            Case.load(ROOT / "cases/single.toml", [*QUICK, 'material.kinematics="small"', *changes])
+        ).seconds
 
     assert of("mesh.h_contact=0.1e-6") > 1.3 * of()
     assert of("loading.steps=6") > 1.3 * of()
