@@ -18,7 +18,8 @@ from asperity.runtime.run_folder import CASE, is_empty
 #: equations; loading.cycles may also grow.
 CHANGEABLE = frozenset(
     {
-        *("units", "dynamics", "joint", "loops", "slip", "output", "material.density"),
+        *("units", "dynamics", "joint", "loops", "slip", "output"),
+        *("material.density", "material.conductivity", "material.conductivity_other"),
         *("solver.kernels", "solver.linear", "accuracy.max_seconds", "accuracy.max_dofs"),
     }
 )

@@ -163,6 +163,14 @@ class MaterialSection(Section):
         "of the solid: for the inertia and the radiation that vibration has", None,
         shown="none", unit="mass/length^3", gt=0, hint="7800 kg/m^3 for steel",
     )  # fmt: skip
+    conductivity: Real | None = _key(
+        "of heat or current: with output.conductance for the conductance of the joint per area", None,
+        shown="none", unit="power/(length temperature)", gt=0, hint="50 W/(m K) for steel",
+    )  # fmt: skip
+    conductivity_other: Real | None = _key(
+        "of the other body, the mirror of this one", None, shown="material.conductivity",
+        unit="power/(length temperature)", gt=0,
+    )  # fmt: skip
 
     @property
     def solid(self) -> Material:

@@ -244,6 +244,8 @@ def unused(case: Input) -> Iterator[str]:
         (method != "nitsche", ("contact.gamma", "contact.theta"), by_method),
         (case.material.yield_strength is None, ("loading.integrator",), "the material is elastic"),
         (case.dynamics is None and case.joint is None, ("material.density",), "no [dynamics], no [joint]"),
+        (not case.output.conductance, ("material.conductivity",), "output.conductance is false"),
+        (case.material.conductivity is None, ("material.conductivity_other",), "there is no material.conductivity"),
     ]
     defaults = {"mesh.h_contact": H_CONTACT * case.surface.L}  # which follow from other keys
     for applies, keys, why in idle:

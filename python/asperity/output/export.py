@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from textwrap import wrap
 
@@ -28,6 +28,7 @@ from asperity.dynamics.law_of_curve import choose, unload_reload
 from asperity.errors import InputError
 from asperity.output.export_element import python_module
 from asperity.output.export_slip import interface_slip, sliders_module, sliders_table
+from asperity.output.gap_conductance import gap_conductance
 from asperity.output.results import Results
 from asperity.power_law import interface_approach
 from asperity.runtime.files import replace_file
@@ -45,7 +46,7 @@ _ADVICE = (
     "contact pair of TYPE=NODE TO SURFACE: surface to surface contact of CalculiX 2.20 finds no force from a table"
 )
 _BEYOND = 10.0  # times the greatest pressure: so far CalculiX finds the last slope
-COLUMNS = ("approach", "pressure", "slope", "k_n", "k_n_elastic", "k_t")
+COLUMNS = ("approach", "pressure", "slope", "k_n", "k_n_elastic", "k_t", "h")
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,12 +63,14 @@ class Interface:
         about: what the numbers are, one line each
         slip: of the interface of the patch, None for a case without [slip]
         patch: nominal area of the patch (length^2)
+        conduction: nominal pressure, conductance per nominal area h and its error bar at the steps with contact, at
+            rising pressure, (rows, 3); no rows where unknown
 
     Examples:
         >>> z, unknown = np.array([1e-9, 2e-9]), np.full(2, np.nan)
         >>> table = Interface(z, 1e18 * z, np.full(2, 1e18), unknown, unknown, unknown, 1e-4, ("a test",))
         >>> print(_csv(table).splitlines()[1])
-        approach,pressure,slope,k_n,k_n_elastic,k_t
+        approach,pressure,slope,k_n,k_n_elastic,k_t,h
     """
 
     approach: Array
@@ -80,6 +83,13 @@ class Interface:
     about: tuple[str, ...]
     slip: SlipLaw | None = None
     patch: float = np.nan
+    conduction: Array = field(default_factory=lambda: np.empty((0, 3)))
+
+    @property
+    def h(self) -> Array:
+        """Conductance per nominal area at `pressure` (power/(length^2 temperature)), NaN where unknown."""
+        p, h, _ = self.conduction.T
+        return _over(self.pressure, h, p, np.arange(p.size))
 
 
 def interface(folder: str | Path, law: str = "table", load: float | None = None) -> Interface:
@@ -139,7 +149,10 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
     )
     about = tuple(_about(results, case, found, law, measure))
     slip = None if case.slip is None else interface_slip(case, curve, load)
-    return Interface(z, pressure, slope, k_n, k_n_elastic, k_t, area, about, slip, patch)
+    h, bar = gap_conductance(results.case["material"], curve, patch)
+    conducting = columns.rising(rows & (h > 0) & (curve.force > 0))
+    conduction = np.stack([curve.force / patch, h, bar], axis=1)[conducting]
+    return Interface(z, pressure, slope, k_n, k_n_elastic, k_t, area, about, slip, patch, conduction)
 
 
 def export(
@@ -150,8 +163,9 @@ def export(
     Args:
         folder: of the run
         to: "calculix" or "abaqus" (a contact property with tabular pressure-overclosure, to be included in a deck),
-            "csv", or "python" (a module that needs NumPy only: force and stiffness over the approach). With the section
-            [slip] the decks have friction and stick slope too, and "sliders" (CSV) and "sliders-python" (a module with
+            "csv", or "python" (a module that needs NumPy only: force and stiffness over the approach). With
+            `material.conductivity` the decks have the conductance of the gap too, and "conductance" (CSV) is this alone:
+            a header and numbers, as MOOSE reads. With the section [slip] the decks have friction and stick slope too, and "sliders" (CSV) and "sliders-python" (a module with
             state) are the tangential force as an array of sliders.
         path: of the file; default in the folder
         law: see `interface`; default "auto" for "python", whose use is vibration, and "table" for the others
@@ -179,10 +193,11 @@ def export(
         raise InputError(f'to = "{to}" is unknown: choose one of {", ".join(EXPORTS)}')
     table = interface(folder, law or ("auto" if to == "python" else "table"), load)
     writers: dict[str, Callable[[Interface], str]] = {
-        "calculix": lambda t: _deck(_short(t), t, _ADVICE) + _friction(t, slope=True),
-        "abaqus": lambda t: _deck(np.stack([t.pressure, t.approach], axis=1), t) + _friction(t, slope=False),
+        "calculix": lambda t: _deck(_short(t), t, _ADVICE) + _gap(t, "*GAP CONDUCTANCE") + _friction(t, slope=True),
+        "abaqus": lambda t: _deck(np.stack([t.pressure, t.approach], axis=1), t) + _gap(t, "*GAP CONDUCTANCE, PRESSURE") + _friction(t, slope=False),
         "csv": _csv,
         "python": lambda t: python_module(*_hermite(t), t.area, t.about),
+        "conductance": _conductance_table,
         "sliders": lambda t: sliders_table(_slip_of(t), t.patch, t.about),
         "sliders-python": lambda t: sliders_module(_slip_of(t), t.patch, t.area, t.about),
     }
@@ -289,6 +304,25 @@ def _friction(table: Interface, *, slope: bool) -> str:
     else:
         lines += [f"*FRICTION, ELASTIC SLIP={table.slip.friction * pressure / stick:.8e}", f"{table.slip.friction:g},"]
     return "\n".join(lines) + "\n"
+
+
+def _gap(table: Interface, keyword: str) -> str:
+    """Conductance of the gap over pressure, both programs read lines of them; empty where unknown."""
+    if not len(table.conduction):
+        return ""
+    rows = [f"{h:.8e}, {p:.8e}" for p, h, _ in table.conduction.tolist()]
+    return "\n".join([keyword, "0., 0.", *rows]) + "\n"
+
+
+def _conductance_table(table: Interface) -> str:
+    if not len(table.conduction):
+        raise InputError(
+            "the run has no conductance per area: set material.conductivity and output.conductance = true, and run it "
+            "again"
+        )
+    bars = bool(np.isfinite(table.conduction).all())
+    rows = [",".join(map(repr, row if bars else row[:2])) for row in table.conduction.tolist()]
+    return "\n".join(["pressure,h,error_h" if bars else "pressure,h", *rows]) + "\n"
 
 
 def _csv(table: Interface) -> str:

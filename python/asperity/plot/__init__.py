@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from asperity.output.results import Results
 from asperity.plot.contact import contact_area, pressure_histogram, pressure_maps
+from asperity.plot.conductance import conductance, conducts
 from asperity.plot.curves import force_curve, plasticity
 from asperity.plot.fields import mesh_cut, surface_map
 from asperity.plot.slip import slip
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "CAPTIONS",
+    "conductance",
     "contact_area",
     "force_curve",
     "frequency",
@@ -53,6 +55,8 @@ CAPTIONS = {
     "pressure": "Contact pressure at selected approaches, with force and number of contact spots (grey: no contact), "
     "and its distribution over the contact area.",
     "stiffness": "(a) Stiffness of the contact during loading. (b) Mean gap.",
+    "conductance": "Conductance per nominal area over the nominal pressure, beside the law of summits that are elastic "
+    "or flow.",
     "plasticity": "(a) Yielded share of the volume. (b) Largest equivalent plastic strain.",
     "frequency": "Natural frequency over the amplitude of free vibration about the static "
     "deflection. Beyond the dot contact is lost (exact law), or the Taylor law pulls although there is "
@@ -106,6 +110,7 @@ def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
         "area": (rows > 0, contact_area),
         "curve": (rows > 0, force_curve),
         "stiffness": (bool(np.any(results.curve.k_n_elastic > 0)), stiffness),
+        "conductance": (bool(np.any(conducts(results)[1] > 0)), conductance),
         "plasticity": (bool(plastic), plasticity),
         "slip": (len(results.slip_loops.get("u", ())) > 0, slip),
         "frequency": (len(results.free.get("u0", ())) > 0, frequency),

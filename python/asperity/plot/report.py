@@ -20,6 +20,7 @@ from asperity.output.results import Results
 from asperity.output.verdict import doubts, verdict
 from asperity.plot import CAPTIONS, OF_VIBRATION, figures_of, plot_run
 from asperity.plot.citations import publications
+from asperity.plot.conductance import conducts
 from asperity.plot.style import DPI
 from asperity.plot.turning import turning_surface
 from asperity.power_law import with_misfit
@@ -166,6 +167,10 @@ def _known(curve: Curve, row: int, results: Results) -> Rows:
     if (conductance := curve.conductance[row]) == conductance:
         words, bar = "constriction conductance over conductivity", curve.bar("conductance", row)
         rows.append((words, quantity(conductance, results.unit("length"), bar=bar)))
+        h, error = (column[row] for column in conducts(results)[1:])
+        if h == h:
+            unit = results.unit("length") and "W/(m²K)"
+            rows.append(("conductance of the joint per area", quantity(h, unit, bar=error / h)))
     return rows
 
 

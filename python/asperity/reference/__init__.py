@@ -14,6 +14,7 @@ Examples:
 from __future__ import annotations
 
 from asperity.reference.adhesion import pull_off, range_of_stickiness, stickiness, tabor_parameter
+from asperity.reference.conductance import cooper_mikic_yovanovich, mikic_elastic
 from asperity.reference.elastic import (
     DoubleSinusoid,
     Hertz,
@@ -65,6 +66,7 @@ __all__ = [
     "area_coefficient",
     "block_modulus",
     "confined_stress",
+    "cooper_mikic_yovanovich",
     "first_frequency",
     "first_yield",
     "ghaednia",
@@ -73,6 +75,7 @@ __all__ = [
     "j2_path",
     "jackson_green",
     "kogut_etsion",
+    "mikic_elastic",
     "patch_test_slope",
     "pull_off",
     "radiation_compliance",

@@ -30,7 +30,7 @@ TOP, BLOCK, VTKHDF = "top.npz", "mesh.npz", "contact.vtkhdf"  # in fields
 DISTRIBUTIONS = "distributions.csv"  # in fields
 PICTURES = (
     "surface", "mesh", "curve", "area", "pressure", "stiffness", "plasticity", "frequency", "response", "receptance",
-    "slip", "scene",
+    "slip", "conductance", "scene",
 )  # in figures # fmt: skip
 FIELD_PICTURES = ("surface", "mesh", "pressure", "scene")  # the others consist of lines and are in .svg too
 _FIGURES = {name: [f"{FIGURES}/{name}.{form}" for form in ("png", "svg") if form == "png" or name not in FIELD_PICTURES]
@@ -41,6 +41,7 @@ EXPORTS = {
     "abaqus": "contact_abaqus.inp",
     "csv": "contact.csv",
     "python": "contact.py",
+    "conductance": "conductance.csv",
     "sliders": "sliders.csv",
     "sliders-python": "sliders.py",
 }

@@ -1,0 +1,57 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Conductance of the joint per nominal area, of heat or current, from the column conductance of a curve.
+
+A body of the conductivity k1 has k1 C between its base and the spots, without the block. The other body is its mirror:
+the spots are at one potential, and both are in series, h = k1 k2/(k1 + k2) C/A0 = k_s C/(2 A0).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from asperity.arrays import Array
+from asperity.curve import Curve
+
+
+def harmonic_mean(material: Mapping[str, Any]) -> float:
+    """k_s = 2 k1 k2/(k1 + k2) of both bodies [power/(length temperature)]; NaN without a conductivity.
+
+    Args:
+        material: section of a case
+
+    Examples:
+        >>> harmonic_mean({"conductivity": 50.0, "conductivity_other": 200.0})
+        80.0
+    """
+    first = material.get("conductivity")
+    if first is None:
+        return np.nan
+    second = material.get("conductivity_other") or first
+    return float(2.0 * first * second / (first + second))
+
+
+def gap_conductance(material: Mapping[str, Any], curve: Curve, patch: float) -> tuple[Array, Array]:
+    """Conductance per nominal area and its error bar at each step [power/(length^2 temperature)], each (n,).
+
+    Args:
+        material: section of a case
+        curve: of the run
+        patch: nominal area [length^2]
+
+    Returns:
+        h, NaN where the curve has no conductance or the bodies no conductivity, and error_h, NaN without bars
+
+    Examples:
+        One round spot of the radius a = 0.1 between two bodies of conductivity 50 on an area of 4: 2 k a/A0.
+
+        >>> curve = asp.Curve.from_rows([{"delta": 1.0, "force": 1.0, "conductance": 4 * 0.1}])
+        >>> gap_conductance({"conductivity": 50.0}, curve, patch=4.0)[0].tolist()
+        [2.5]
+    """
+    factor = harmonic_mean(material) / (2.0 * patch)
+    return factor * curve.conductance, factor * curve.error_conductance

@@ -1,0 +1,84 @@
+# SPDX-FileCopyrightText: The asperity developers
+# SPDX-License-Identifier: LGPL-3.0-or-later
+
+"""Conductance of a joint per area: a round spot in closed form, the tables for other programs, the figure."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import asperity as asp
+from asperity.errors import InputError
+from asperity.output.results import Results
+from asperity.plot import figures_of
+from asperity.reference import cooper_mikic_yovanovich, mikic_elastic
+from asperity.runtime.files import read_csv
+
+L, K1, K2 = 1e-3, 50.0, 200.0
+
+
+def write(folder: Path, **material: float) -> Path:
+    """A run of a sphere that is elastic: spots of Hertz, C = 4 a, first pressed and then lifted off."""
+    z = np.append(np.linspace(1e-7, 1e-6, 10), np.linspace(0.9e-6, 1e-7, 6))
+    force, a = 200e9 / 0.91 * 4 / 3 * np.sqrt(1e-2) * z**1.5, np.sqrt(1e-2 * z)
+    rows = [
+        {
+            "branch": "load" if i < 10 else "unload", "delta": z[i], "force": force[i], "conductance": 4 * a[i],
+            "error_conductance": 0.02 * 4 * a[i], "delta_star": z[i] / L, "P_star": force[i] / L**2,
+        }
+        for i in range(z.size)
+    ]  # fmt: skip
+    asp.Curve.from_rows(rows).write(folder / "curve.csv")
+    case = {"surface": {"kind": "sphere", "L": L, "radius": 1e-2}, "material": {"E": 200e9, "nu": 0.3, **material}}
+    case |= {"loading": {"delta_max": 1e-6, "unload": True}, "output": {"conductance": True}}
+    (folder / "case.toml").write_text(asp.Case.from_dict(case).to_toml(), encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize("law", ["table", "unload-reload"])
+def test_a_round_spot_between_two_half_spaces(tmp_path: Path, law: str) -> None:
+    """Holm: 1/(4 k1 a) + 1/(4 k2 a) is the resistance of a round spot."""
+    write(tmp_path, conductivity=K1, conductivity_other=K2)
+    rows = read_csv(asp.export(tmp_path, "conductance", law=law))
+    p, h, error = (np.array(rows[name], float) for name in ("pressure", "h", "error_h"))
+    a = np.cbrt(0.75 * p * L**2 * 1e-2 * 0.91 / 200e9)
+    np.testing.assert_allclose(h * L**2, 1.0 / (1.0 / (4 * K1 * a) + 1.0 / (4 * K2 * a)), rtol=1e-9)
+    np.testing.assert_allclose(error, 0.02 * h, rtol=1e-9)
+    assert p.size == (10 if law == "table" else 7) and np.all(np.diff(p) > 0)
+
+
+def test_like_bodies_have_twice_the_radius(tmp_path: Path) -> None:
+    write(tmp_path, conductivity=K1)
+    rows = read_csv(asp.export(tmp_path, "conductance"))
+    assert float(rows["h"][-1]) == pytest.approx(2 * K1 * 1e-4 / L**2, rel=1e-9)
+    lines = asp.export(tmp_path, "abaqus").read_text().splitlines()
+    table = lines[lines.index("*GAP CONDUCTANCE, PRESSURE") + 1 :]
+    assert table[0] == "0., 0." and table[-1].split(",")[0] == f"{float(rows['h'][-1]):.8e}"
+    comments = [line for line in asp.export(tmp_path, "csv").read_text().splitlines() if line[0] != "#"]
+    assert comments[0].endswith(",h") and float(comments[-1].split(",")[-1]) == pytest.approx(1e4, rel=1e-6)
+
+
+def test_without_a_conductivity_there_is_none(tmp_path: Path) -> None:
+    write(tmp_path)
+    with pytest.raises(InputError, match="set material.conductivity"):
+        asp.export(tmp_path, "conductance")
+    assert "GAP" not in asp.export(tmp_path, "calculix").read_text()
+    assert "conductance" not in figures_of(Results.read(tmp_path))
+
+
+def test_the_figure_shows_both_branches(tmp_path: Path) -> None:
+    results = Results.read(write(tmp_path, conductivity=K1))
+    axis = figures_of(results)["conductance"](results).axes[0]
+    assert [text.get_text() for text in axis.get_legend().get_texts()] == ["loading", "unloading"]  # a sphere has no law
+    assert "W/(m²K)" in axis.get_ylabel()
+
+
+def test_laws_of_rough_faces() -> None:
+    """Both exponents are 0.95; elastic summits of a plasticity index of 1 conduct about as those that flow."""
+    for law in (lambda p: cooper_mikic_yovanovich(p, 3e9), lambda p: mikic_elastic(p, 1e11, 0.1)):
+        assert math.log(law(2e6) / law(1e6), 2) == pytest.approx(0.95, rel=1e-12)
+    assert cooper_mikic_yovanovich(3e9, 3e9) == 1.25 and mikic_elastic(1e10, 2**0.5 * 1e11, 0.1) == 1.55
