@@ -73,7 +73,10 @@ def test_without_a_conductivity_there_is_none(tmp_path: Path) -> None:
 def test_the_figure_shows_both_branches(tmp_path: Path) -> None:
     results = Results.read(write(tmp_path, conductivity=K1))
     axis = figures_of(results)["conductance"](results).axes[0]
-    assert [text.get_text() for text in axis.get_legend().get_texts()] == ["loading", "unloading"]  # a sphere has no law
+    assert [text.get_text() for text in axis.get_legend().get_texts()] == [
+        "loading",
+        "unloading",
+    ]  # a sphere has no law
     assert "W/(m²K)" in axis.get_ylabel()
 
 

@@ -14,10 +14,10 @@ from asperity.cli import options
 from asperity.dynamics.law.damping import DAMPING, LOOPS
 from asperity.dynamics.settings import LAWS, MODELS, DynamicsSettings
 from asperity.errors import InputError
-from asperity.units import per_cent, plus_minus
+from asperity.units import per_cent, plus_minus, quantity
 
 if TYPE_CHECKING:
-    from asperity.dynamics import Dynamics
+    from asperity.dynamics import Dynamics, Joint
     from asperity.dynamics.laws import LawTable
 
 
@@ -53,6 +53,9 @@ if TYPE_CHECKING:
               help="Restoring force; repeatable. Default that of the case of OUT, or both.")  # fmt: skip
 @click.option("--omega", type=float, nargs=2, help="Range of excitation frequency over omega_s; default that of the "
               "case of OUT, or 0.5 1.3.")  # fmt: skip
+@click.option("--direction", type=click.Choice(("normal", "tangential")), default="normal", show_default=True,
+              help="tangential: micro-slip of OUT, whose case has [slip]; --forcing is then over mu P, default 0.01, and "
+              "--zeta adds to the damping of slip, default 0.")  # fmt: skip
 @click.option("--sweeps/--no-sweeps", default=None,
               help="Also integrate sweeps up and down; default that of the case of OUT, or no.")  # fmt: skip
 @click.option("--detached", is_flag=True, help="Also search for detached loops.")
@@ -73,6 +76,7 @@ def command(
     mass: float | None,
     frequency: float | None,
     as_json: bool,
+    direction: str,
     **settings: Any,
 ) -> None:
     """Compute the vibration of a mass on a contact.
@@ -95,6 +99,11 @@ def command(
         joint = (DynamicsSettings.of_source(source).joint or Joint()).replaced(given)
     for name in ("forcing", "model"):
         settings[name] = settings[name] or None
+    if direction == "tangential":
+        if source is None:
+            raise InputError("--direction tangential needs the folder of a run with [slip]")
+        _tangential(source, joint, preload, settings, output, as_json)
+        return
     result = run_dynamics(law, preload=preload, joint=joint, out_dir=output, **settings)
     if output:
         from asperity.plot.oscillator import plot_dynamics
@@ -104,6 +113,39 @@ def command(
         options.print_json(result.to_dict())
         return
     _show(result)
+    if output:
+        options.say(f"written to {Path(output)}")
+
+
+def _tangential(
+    source: str, joint: Joint | None, preload: float | None, settings: dict[str, Any], output: str | None, as_json: bool
+) -> None:
+    from asperity.dynamics.settings import DynamicsSettings
+    from asperity.output.results import Results
+    from asperity.slip.tangential import tangential_vibration
+
+    results = Results.read(source)
+    given = DynamicsSettings.of_source(source, joint).replaced(preload=preload, gravity=settings["gravity"])
+    found = tangential_vibration(
+        results.case, results.curve, given, settings["forcing"] or (0.01,), settings["zeta"] or 0.0
+    )
+    if output:
+        from asperity.plot.slip import response
+        from asperity.plot.style import save_in
+
+        found.write(output)
+        save_in(Path(output), "slip_response", response(found))
+    if as_json:
+        options.print_json(found.to_dict())
+        return
+    section, si = found.to_dict(), found.units == "SI"
+    for line in section["in_words"]:
+        options.say(line)
+    for peak in section["peaks"]:
+        f, a = quantity(peak["f"], "Hz" if si else ""), quantity(peak["amplitude"], "m" if si else "")
+        options.say(f"F = {peak['force']:g} mu P: peak {a} at {f}")
+    for note in section["notes"]:
+        options.say(f"note: {note}")
     if output:
         options.say(f"written to {Path(output)}")
 

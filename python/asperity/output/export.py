@@ -194,7 +194,11 @@ def export(
     table = interface(folder, law or ("auto" if to == "python" else "table"), load)
     writers: dict[str, Callable[[Interface], str]] = {
         "calculix": lambda t: _deck(_short(t), t, _ADVICE) + _gap(t, "*GAP CONDUCTANCE") + _friction(t, slope=True),
-        "abaqus": lambda t: _deck(np.stack([t.pressure, t.approach], axis=1), t) + _gap(t, "*GAP CONDUCTANCE, PRESSURE") + _friction(t, slope=False),
+        "abaqus": lambda t: (
+            _deck(np.stack([t.pressure, t.approach], axis=1), t)
+            + _gap(t, "*GAP CONDUCTANCE, PRESSURE")
+            + _friction(t, slope=False)
+        ),
         "csv": _csv,
         "python": lambda t: python_module(*_hermite(t), t.area, t.about),
         "conductance": _conductance_table,

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from asperity.output.results import Results
 from asperity.plot import style
+from asperity.slip.tangential import TangentialVibration
 from asperity.units import prefix
 
 _COLOURS = (style.BLUE, style.VERMILION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY)
@@ -30,6 +31,31 @@ def slip(results: Results, *, ax: style.Place | None = None) -> Figure:
     for draw, axis in zip((_loops, _loss, _stiffness), axes, strict=False):
         draw(axis, results)
         style.grid(axis)
+    return figure
+
+
+@style.styled
+def response(found: TangentialVibration, *, ax: style.Place | None = None) -> Figure:
+    """Draw the amplitude of the tangential vibration over frequency, one curve per force.
+
+    Args:
+        found: vibration of a joint
+        ax: axes to draw on; they are returned
+    """
+    figure, axes = style.figure(style.SINGLE, 3.4, ax=ax)
+    axis, si = axes[0], found.units == "SI"
+    of_a, unit_a = prefix(max(float(a.max()) for _, a in found.responses.values()), "m" if si else "")
+    of_f, unit_f = prefix(max(float(f.max()) for f, _ in found.responses.values()), "Hz" if si else "")
+    for number, (share, (f, a)) in enumerate(found.responses.items()):
+        axis.plot(of_f * f, of_a * a, "-", color=_COLOURS[number % len(_COLOURS)], label=f"{share:g}")
+        axis.plot(of_f * f[a.argmax()], of_a * a.max(), "o", color=style.BLACK, markersize=3)
+    middle = [float(f[a.argmax()]) for f, a in found.responses.values()]
+    axis.set_xlim(0.8 * of_f * min(middle), 1.15 * of_f * max(middle))
+    axis.set_yscale("log")
+    axis.set_xlabel(style.label("frequency", unit_f))
+    axis.set_ylabel(style.label("amplitude of $u$", unit_a))
+    axis.legend(title=r"$F/(\mu P)$", loc="best")
+    style.grid(axis)
     return figure
 
 
