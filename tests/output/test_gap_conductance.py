@@ -64,7 +64,7 @@ def test_like_bodies_have_twice_the_radius(tmp_path: Path) -> None:
 
 def test_without_a_conductivity_there_is_none(tmp_path: Path) -> None:
     write(tmp_path)
-    with pytest.raises(InputError, match="set material.conductivity"):
+    with pytest.raises(InputError, match=r"set material\.conductivity"):
         asp.export(tmp_path, "conductance")
     assert "GAP" not in asp.export(tmp_path, "calculix").read_text()
     assert "conductance" not in figures_of(Results.read(tmp_path))

@@ -164,9 +164,10 @@ def export(
         folder: of the run
         to: "calculix" or "abaqus" (a contact property with tabular pressure-overclosure, to be included in a deck),
             "csv", or "python" (a module that needs NumPy only: force and stiffness over the approach). With
-            `material.conductivity` the decks have the conductance of the gap too, and "conductance" (CSV) is this alone:
-            a header and numbers, as MOOSE reads. With the section [slip] the decks have friction and stick slope too, and "sliders" (CSV) and "sliders-python" (a module with
-            state) are the tangential force as an array of sliders.
+            `material.conductivity` the decks have the conductance of the gap too, and "conductance" (CSV) is this
+            alone: a header and numbers, as MOOSE reads. With the section [slip] the decks have friction and stick slope
+            too, and "sliders" (CSV) and "sliders-python" (a module with state) are the tangential force as an array of
+            sliders.
         path: of the file; default in the folder
         law: see `interface`; default "auto" for "python", whose use is vibration, and "table" for the others
         load: see `interface`

@@ -13,8 +13,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from asperity.output.results import Results
-from asperity.plot.contact import contact_area, pressure_histogram, pressure_maps
 from asperity.plot.conductance import conductance, conducts
+from asperity.plot.contact import contact_area, pressure_histogram, pressure_maps
 from asperity.plot.curves import force_curve, plasticity
 from asperity.plot.fields import mesh_cut, surface_map
 from asperity.plot.slip import slip
