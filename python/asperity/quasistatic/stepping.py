@@ -175,14 +175,16 @@ def _begin(solver: ContactSolver, schedule: Schedule, at: Position, branch: str)
 
 
 def _part_done(solver: ContactSolver, schedule: Schedule, at: Position, branch: str) -> float:
-    """Finished part of a leg, in [0, 1]."""
+    """Finished part of a leg, in [0, 1]; of a loading to an approach by its steps, the first of which are short."""
     assert at.start is not None
     delta, force = at.start
     if branch == "unload":
         return 1.0 - solver.force / force if force > 0.0 else 1.0
     if schedule.delta_max is None:
         return solver.force / _goal(solver, schedule)
-    return (solver.delta - delta) / (schedule.delta_max - delta)
+    stops = (0.0, *schedule.stops())
+    part = (solver.delta - delta) / (schedule.delta_max - delta)
+    return float(np.interp(part, stops, np.linspace(0.0, 1.0, len(stops))))
 
 
 def _is_kept(

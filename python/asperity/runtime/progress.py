@@ -99,7 +99,7 @@ class StepLines(Progress):
 
     def stage(self, name: str) -> None:
         self._write(f"[{time.monotonic() - self._start:6.1f} s] {name}")
-        self._headed, self._begun, self._last = False, True, time.monotonic()
+        self._headed, self._begun, self._last, self._first = False, True, time.monotonic(), None
 
     def part(self, fraction_done: float) -> None:
         now = time.monotonic()
