@@ -41,6 +41,7 @@ OF_PAGES = {name: ("gallery", f"out/demo/figures/{name}") for name in (
 )} | {
     "wavy_pressure.png": ("gallery", "out/wavy/figures/pressure.png"),
     "tutorial_scan.png": ("tutorials/scan", "out/scan/surface.png"),
+    "tutorial_slip.svg": ("tutorials/slip", "out/vibration/slip_response.svg"),
     "tutorial_response.svg": ("tutorials/vibration", "out/vibration/response.svg"),
 }  # fmt: skip
 Rows = list[dict[str, str]]

@@ -6,11 +6,13 @@
 from __future__ import annotations
 
 import csv
+import json
 import subprocess
 import sys
 import types
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -390,6 +392,23 @@ def test_dynamics_of_a_run(cli: Cli, tmp_path: Path) -> None:
     _, out, _ = cli("dynamics", folder, *quick, "--gravity", "1.62")
     assert "with gravity = 1.62" in out
     assert sorted(folder.iterdir()) == before
+
+
+def test_tangential_dynamics_of_a_run(cli: Cli, tmp_path: Path) -> None:
+    slip = {"slip": {"friction": 0.3}, "joint": {"nominal_area": 1e-6, "mass": 0.1}}
+    folder = write_run(tmp_path / "run", n=2, **slip)
+    options = ("--direction", "tangential", "--json", "-o", tmp_path / "out")
+    code, out, _ = cli("dynamics", folder, "--forcing", "0.05", *options)
+    found = json.loads(out)
+    peak, rows = found["peaks"][0], found["vibration"]
+    assert code == 0 and [row["amplitude"] for row in rows] == [0.1, 0.3, 0.6, 0.9]
+    assert all(a["f"] > b["f"] and a["zeta"] < b["zeta"] for a, b in pairwise(rows))
+    assert rows[-1]["f"] < peak["f"] < rows[0]["f"]
+    # twice the joint with twice the mass vibrates alike
+    _, out, _ = cli("dynamics", folder, "--area", "2e-6", "--mass", "0.2", "--forcing", "0.05", "--json", *options[:2])
+    assert json.loads(out)["peaks"][0] == pytest.approx(peak)
+    assert {path.name for path in (tmp_path / "out").iterdir()} >= {"slip_response.csv", "slip_response.svg"}
+    assert cli("dynamics", write_run(tmp_path / "other", n=2), *options[:2])[0] == 2
 
 
 def test_dynamics_prints_all_laws_and_the_numbers_of_a_joint(cli: Cli, tmp_path: Path) -> None:

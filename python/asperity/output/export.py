@@ -315,7 +315,7 @@ def _gap(table: Interface, keyword: str) -> str:
     """Conductance of the gap over pressure, both programs read lines of them; empty where unknown."""
     if not len(table.conduction):
         return ""
-    rows = [f"{h:.8e}, {p:.8e}" for p, h, _ in table.conduction.tolist()]
+    rows = [f"{row[1]:.8e}, {row[0]:.8e}" for row in table.conduction]
     return "\n".join([keyword, "0., 0.", *rows]) + "\n"
 
 
