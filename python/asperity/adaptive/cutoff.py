@@ -47,6 +47,22 @@ def filter_advice(case: Case, found: Estimate, surface: Surface) -> str:
     return f"{text}{other}; a cut-off that helps would take more than a quarter of the rms height"
 
 
+def note_on_steps(surface: Surface, approach: float) -> str:
+    """Sentence on a map with steps or edges, between whose heights a spline would rise too far; empty for others.
+
+    Args:
+        surface: of the case
+        approach: greatest one of the case [length]
+    """
+    rise = getattr(surface, "spline_rise", 0.0)
+    if not rise:
+        return ""
+    return (
+        f"the map has steps or edges: its slopes are limited there, or the surface would rise {rise:.2g} above the "
+        f"highest height, {rise / approach:.0%} of the approach"
+    )
+
+
 def recommended_cutoff(case: Case, surface: Surface, approach: float) -> float | None:
     """Shortest cut-off with which the case is expected to meet its tolerance; see `cutoff.shortest_cutoff` [length].
 

@@ -66,7 +66,7 @@ def show_estimate(title: str, case: Case, ranks: int) -> None:
     Raises:
         InputError: its first mesh is too large
     """
-    from asperity.adaptive.cutoff import filter_advice
+    from asperity.adaptive.cutoff import filter_advice, note_on_steps
     from asperity.adaptive.estimate import estimate
 
     surface = case.build_surface()
@@ -89,6 +89,8 @@ def show_estimate(title: str, case: Case, ranks: int) -> None:
     options.say(f"memory of {ranks} rank{'s' if ranks > 1 else ''}: about {found.memory / 2**30:.1f} GiB")
     if ranks > 1:
         options.say(f"time on {ranks} ranks: at least {duration(found.seconds / ranks)}, if they share the work evenly")
+    if note := note_on_steps(surface, found.approach):
+        options.say(note)
     if case.accuracy.tolerance is not None:
         if advice := filter_advice(case, found, surface):
             options.say(advice)

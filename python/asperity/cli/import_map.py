@@ -321,14 +321,16 @@ def _spike(
 
 
 def _cost(case_file: Path, surface: HeightMap) -> str:
-    """Sentence if the case will probably not meet its tolerance, with the filter it takes; empty otherwise.
+    """Sentences on steps of the map, and on a tolerance that will probably not be met, with the filter it takes.
 
     Raises:
         InputError: the case cannot be run
     """
-    from asperity.adaptive.cutoff import filter_advice
+    from asperity.adaptive.cutoff import filter_advice, note_on_steps
     from asperity.adaptive.estimate import estimate
     from asperity.case import Case
 
     case = Case.load(case_file)
-    return filter_advice(case, estimate(case, surface=surface), surface)
+    found = estimate(case, surface=surface)
+    notes = note_on_steps(surface, found.approach), filter_advice(case, found, surface)
+    return "\n".join(filter(None, notes))

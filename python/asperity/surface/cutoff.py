@@ -15,12 +15,11 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.surface.base import Surface
+from asperity.surface.height_map import LIGHT, light_depth
 
 KEPT = 0.75  # least rms height of the filtered surface over that of the surface
 RUNGS = 4  # cut-offs tried per octave
 OVERSHOOT = 0.05  # rise of the interpolation above all heights, over their range, that is no roughness
-LIGHT = 0.02  # share of the heights above the flat at a light load
-LEAST = 0.02  # that approach over the range of heights, where more of them are equally high
 _SAMPLES = 513  # nodes per side for shares of the heights
 
 
@@ -41,8 +40,7 @@ def approach_of_share(surface: Surface, share: float = LIGHT) -> float:
     The share does not depend on the spectrum. A spike takes all of the approach.
     """
     z = _heights(surface)
-    wanted = surface.maximum()[2] - float(np.quantile(z, 1.0 - share))
-    return min(max(wanted, LEAST * float(np.ptp(z))), 0.1 * surface.L)
+    return min(light_depth(z, share, surface.maximum()[2]), 0.1 * surface.L)
 
 
 def share_of_approach(surface: Surface, delta: float) -> float:

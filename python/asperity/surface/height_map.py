@@ -19,13 +19,14 @@ from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.surface.base import Surface, check, check_positive, is_integer, nodes, short_wave_share
 from asperity.surface.height_files import read_heights
+from asperity.surface.limited_spline import limited_spline
 from asperity.surface.maximum import climb, refine
 from asperity.surface.scale_space import Heights, ScaleSpace, gaussian_filtered, spline_gain, spline_heights
 from asperity.surface.spline_moments import spline_rms
 from asperity.surface.statistics import SurfaceStatistics
 
 if TYPE_CHECKING:
-    from scipy.interpolate import RectBivariateSpline
+    from scipy.interpolate import BivariateSpline
 
 
 _FIRST = 0.225  # width that the levels of smoothed maps start from, over the distance of the heights
@@ -34,6 +35,8 @@ _TREND = 8  # degree of the polynomial trend removed before the waves are separa
 _SAME = 1e-6  # greatest difference of opposite edges of a periodic map, over the range of heights
 _ROWS = 256  # halves of rows of cells in which the highest point is sought at once
 MOST = 6000  # heights along a side: beyond it the spline and its derivatives need more than 6 GiB
+LIGHT = 0.02  # share of the heights above the flat at a light load
+LEAST = 0.02  # that depth over the range of heights, where more of them are equally high
 DEEPEST, FARTHEST = 10.0, 1e6  # greatest plausible peak-to-valley height and distance of heights from zero [L]
 
 
@@ -118,13 +121,24 @@ class HeightMap(Surface):
         return z
 
     @cached_property
-    def _spline(self) -> RectBivariateSpline:
-        from scipy.interpolate import RectBivariateSpline
+    def _spline(self) -> BivariateSpline:
+        """Spline through the heights; its slopes are limited where it would ring, see `limited_spline`."""
+        from scipy.interpolate import BivariateSpline, RectBivariateSpline
 
         ny, nx = self.heights.shape
         x, y = np.linspace(0, self.L, nx), np.linspace(0, self.L, ny)
         # the first axis of the spline is x
-        return RectBivariateSpline(x, y, self.heights.T, kx=self.order, ky=self.order, s=0)
+        spline = RectBivariateSpline(x, y, self.heights.T, kx=self.order, ky=self.order, s=0)
+        if self.order != 3:
+            return spline
+        slopes = (spline(x, y, *orders).T for orders in ((1, 0), (0, 1), (1, 1)))
+        found = limited_spline(self.heights, *slopes, (x[1], y[1]), light_depth(self.heights))
+        return spline if found is None else BivariateSpline._from_tck((*found, 3, 3))
+
+    @cached_property
+    def limited(self) -> bool:
+        """Whether the heights have steps or edges, at which the slopes of the spline are limited."""
+        return len(self._spline.get_knots()[0]) > self.heights.shape[1] + self.order + 1
 
     @cached_property
     def _derivatives(self) -> dict[tuple[int, int], Any]:
@@ -135,6 +149,25 @@ class HeightMap(Surface):
         if (dx, dy) not in self._derivatives:
             self._derivatives[dx, dy] = self._spline.partial_derivative(dx, dy)
         return self._derivatives[dx, dy]
+
+    @property
+    def spline_rise(self) -> float:
+        """Rise above all heights that the spline without limited slopes has (length), 0 if none is limited."""
+        if not self.limited:
+            return 0.0
+        from scipy.interpolate import RectBivariateSpline
+
+        of_y, of_x = (nodes(self.L, n) for n in self.heights.shape)
+        spline, fine = RectBivariateSpline(of_y, of_x, self.heights), (_with_middles(of_y), _with_middles(of_x))
+        return max(float(spline(*fine).max() - self.heights.max()), 0.0)
+
+    @cached_property
+    def _samples(self) -> Array:
+        """Heights that the smoothed maps are made of: twice as dense where slopes of the spline are limited."""
+        if not self.limited:
+            return self.heights
+        ny, nx = self.heights.shape
+        return self.product(nodes(self.L, 2 * nx - 1), nodes(self.L, 2 * ny - 1))[0]
 
     @property
     def feature_size(self) -> float:
@@ -205,7 +238,7 @@ class HeightMap(Surface):
 
     @cached_property
     def _scales(self) -> ScaleSpace:
-        spacing = self.L / (max(self.heights.shape) - 1)
+        spacing = self.L / (max(self._samples.shape) - 1)
         return ScaleSpace(_FIRST * spacing, 2 * self.L, self._level)
 
     @cached_property
@@ -213,7 +246,7 @@ class HeightMap(Surface):
         """Cosine transform of the heights."""
         from scipy.fft import dctn
 
-        return np.asarray(dctn(self.heights, type=1))
+        return np.asarray(dctn(self._samples, type=1))
 
     def _level(self, s: float) -> Heights:
         """Heights, as a function of points, smoothed with the standard deviation s (length).
@@ -227,7 +260,7 @@ class HeightMap(Surface):
             return self.height
         if self.periodic:
             return self._periodic_level(s)
-        shape = self.heights.shape
+        shape = self._samples.shape
         fewer = [min(n, max(8, math.ceil(self.L / (_SPACING * s)) + 1)) for n in shape]
         waves = self._cosines[: fewer[0], : fewer[1]].astype(np.float32)
         mean = float(self._cosines[0, 0]) / math.prod(2 * (n - 1) for n in shape)
@@ -245,13 +278,13 @@ class HeightMap(Surface):
         """Fourier coefficients of a period of the heights (ny - 1, (nx - 1)//2 + 1) (length)."""
         from scipy.fft import rfft2
 
-        return np.asarray(rfft2(self.heights[:-1, :-1], norm="forward"))
+        return np.asarray(rfft2(self._samples[:-1, :-1], norm="forward"))
 
     def _periodic_level(self, s: float) -> Heights:
         """Smoothed heights of a periodic map, see :meth:`_level`."""
         from scipy.fft import fftfreq, irfft2
 
-        period = [n - 1 for n in self.heights.shape]
+        period = [n - 1 for n in self._samples.shape]
         ny, nx = (min(n, max(8, math.ceil(self.L / (_SPACING * s)))) for n in period)
         rows = np.rint(fftfreq(ny, 1 / ny)).astype(int)
         waves = self._fourier[rows, : nx // 2 + 1].copy()
@@ -346,7 +379,7 @@ class HeightMap(Surface):
     def _coefficients(self, dx: int, dy: int) -> Array:
         """B-spline coefficients of a derivative, index [iy, ix]; degree and number are less by its order."""
         c = self._derivative(dx, dy).tck[2]
-        ny, nx = self.heights.shape
+        nx, ny = (len(t) - self.order - 1 for t in self._spline.get_knots())
         return np.asarray(c).reshape(nx - dx, ny - dy).T
 
     def _in_cells(self, dx: int, dy: int) -> tuple[Array, Array]:
@@ -356,6 +389,8 @@ class HeightMap(Surface):
         for extreme in (np.minimum, np.maximum):
             rows = _moving(extreme, c, self.order - dy + 1)
             bounds.append(_moving(extreme, rows.T, self.order - dx + 1).T)
+        if self.limited:  # double knots
+            return bounds[0][::2, ::2], bounds[1][::2, ::2]
         return bounds[0], bounds[1]
 
     @cached_property
@@ -366,8 +401,7 @@ class HeightMap(Surface):
         In a rectangle of sides a, b no height exceeds the highest corner by more than (a^2 max(-z_xx) + b^2
         max(-z_yy))/8. Works by rows of cells, so that only what may hold the maximum is kept in memory.
         """
-        k = self.order
-        x, y = (_with_middles(np.asarray(t)[k:-k]) for t in self._spline.get_knots())
+        x, y = (_with_middles(np.unique(t)) for t in self._spline.get_knots())
         a, b = np.diff(x), np.diff(y)
         (xx_low, xx_high), (xy_low, xy_high), (yy_low, yy_high) = (
             self._in_cells(*order) for order in ((2, 0), (1, 1), (0, 2))
@@ -399,6 +433,12 @@ class HeightMap(Surface):
         ny, nx = self.heights.shape
         iy, ix = np.unravel_index(int(self.heights.argmax()), self.heights.shape)
         return self.L * float(ix) / (nx - 1), self.L * float(iy) / (ny - 1)
+
+
+def light_depth(z: Array, share: float = LIGHT, summit: float | None = None) -> float:
+    """Depth below the summit, or the highest height, with a share of the heights above it (length)."""
+    highest = float(z.max()) if summit is None else summit
+    return max(highest - float(np.quantile(z, 1.0 - share)), LEAST * float(np.ptp(z)))
 
 
 def _with_middles(t: Array) -> Array:
