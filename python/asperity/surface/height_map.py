@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 _FIRST = 0.225  # width that the levels of smoothed maps start from, over the distance of the heights
 _SPACING = 0.5  # distance of the heights of a smoothed map over its width
+_RINGS = 0.75  # width below which the spline of smoothed heights overshoots at steps, over the distance of the heights
 _TREND = 8  # degree of the polynomial trend removed before the waves are separated by length
 _SAME = 1e-6  # greatest difference of opposite edges of a periodic map, over the range of heights
 _ROWS = 256  # halves of rows of cells in which the highest point is sought at once
@@ -131,8 +132,8 @@ class HeightMap(Surface):
         spline = RectBivariateSpline(x, y, self.heights.T, kx=self.order, ky=self.order, s=0)
         if self.order != 3:
             return spline
-        slopes = (spline(x, y, *orders).T for orders in ((1, 0), (0, 1), (1, 1)))
-        found = limited_spline(self.heights, *slopes, (x[1], y[1]), light_depth(self.heights))
+        zx, zy, zxy = (spline(x, y, *orders).T for orders in ((1, 0), (0, 1), (1, 1)))
+        found = limited_spline(self.heights, zx, zy, zxy, (x[1], y[1]), light_depth(self.heights))
         return spline if found is None else BivariateSpline._from_tck((*found, 3, 3))
 
     @cached_property
@@ -160,14 +161,6 @@ class HeightMap(Surface):
         of_y, of_x = (nodes(self.L, n) for n in self.heights.shape)
         spline, fine = RectBivariateSpline(of_y, of_x, self.heights), (_with_middles(of_y), _with_middles(of_x))
         return max(float(spline(*fine).max() - self.heights.max()), 0.0)
-
-    @cached_property
-    def _samples(self) -> Array:
-        """Heights that the smoothed maps are made of: twice as dense where slopes of the spline are limited."""
-        if not self.limited:
-            return self.heights
-        ny, nx = self.heights.shape
-        return self.product(nodes(self.L, 2 * nx - 1), nodes(self.L, 2 * ny - 1))[0]
 
     @property
     def feature_size(self) -> float:
@@ -238,15 +231,28 @@ class HeightMap(Surface):
 
     @cached_property
     def _scales(self) -> ScaleSpace:
-        spacing = self.L / (max(self._samples.shape) - 1)
+        spacing = self.L / (max(self.heights.shape) - 1)
+        if self.limited:
+            return ScaleSpace(2 * _FIRST * spacing, 2 * self.L, self._limited_level)
         return ScaleSpace(_FIRST * spacing, 2 * self.L, self._level)
+
+    @cached_property
+    def _dense(self) -> HeightMap:
+        """Map of heights twice as dense."""
+        ny, nx = self.heights.shape
+        return self.of(self.product(nodes(self.L, 2 * nx - 1), nodes(self.L, 2 * ny - 1))[0], self.L)
+
+    def _limited_level(self, s: float) -> Heights:
+        """Smoothed heights, see :meth:`_level`; a spline of little smoothed samples would ring as without limits."""
+        rings = 0 < s < _RINGS * self.L / (max(self.heights.shape) - 1)
+        return self._dense._level(s) if rings else self._level(s)
 
     @cached_property
     def _cosines(self) -> Array:
         """Cosine transform of the heights."""
         from scipy.fft import dctn
 
-        return np.asarray(dctn(self._samples, type=1))
+        return np.asarray(dctn(self.heights, type=1))
 
     def _level(self, s: float) -> Heights:
         """Heights, as a function of points, smoothed with the standard deviation s (length).
@@ -260,7 +266,7 @@ class HeightMap(Surface):
             return self.height
         if self.periodic:
             return self._periodic_level(s)
-        shape = self._samples.shape
+        shape = self.heights.shape
         fewer = [min(n, max(8, math.ceil(self.L / (_SPACING * s)) + 1)) for n in shape]
         waves = self._cosines[: fewer[0], : fewer[1]].astype(np.float32)
         mean = float(self._cosines[0, 0]) / math.prod(2 * (n - 1) for n in shape)
@@ -278,13 +284,13 @@ class HeightMap(Surface):
         """Fourier coefficients of a period of the heights (ny - 1, (nx - 1)//2 + 1) (length)."""
         from scipy.fft import rfft2
 
-        return np.asarray(rfft2(self._samples[:-1, :-1], norm="forward"))
+        return np.asarray(rfft2(self.heights[:-1, :-1], norm="forward"))
 
     def _periodic_level(self, s: float) -> Heights:
         """Smoothed heights of a periodic map, see :meth:`_level`."""
         from scipy.fft import fftfreq, irfft2
 
-        period = [n - 1 for n in self._samples.shape]
+        period = [n - 1 for n in self.heights.shape]
         ny, nx = (min(n, max(8, math.ceil(self.L / (_SPACING * s)))) for n in period)
         rows = np.rint(fftfreq(ny, 1 / ny)).astype(int)
         waves = self._fourier[rows, : nx // 2 + 1].copy()
