@@ -194,7 +194,7 @@ def test_loops_of_other_sides_and_finite_strain(wave: Surface, sides: str, kinem
 
 
 def test_after_an_overload_the_loop_is_stiff_and_steady(wave: Surface, wave_block: BlockMesh) -> None:
-    """The same preload before and after: more area, less slip, and hardly any flow, mostly by the preload that sinks."""
+    """The same preload before and after: more area, less slip, hardly any flow, mostly by the preload that sinks."""
     solver = pressed(wave, wave_block, PLASTIC)
     load = solver.force
     before = slip_paths(solver, load, MU, (0.6,), steps=1)[0]

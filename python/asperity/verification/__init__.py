@@ -26,6 +26,7 @@ _CASES = {
     "material": "patch.material_point",
     "hertz": "hertz.hertz",
     "stiffness": "stiffness.stiffness",
+    "slip": "slip.slip",
     "westergaard": "waves.westergaard",
     "double-sinusoid": "waves.double_sinusoid",
     "thick-sphere": "shell.pressurised_sphere",
