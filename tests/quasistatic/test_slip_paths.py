@@ -23,6 +23,7 @@ from asperity.quasistatic.contact_solver import ContactSolver
 from asperity.quasistatic.make import make_contact_solver
 from asperity.quasistatic.slip_paths import Sliding, slip_paths
 from asperity.quasistatic.stiffness import Stiffness
+from asperity.slip.joint_slip import STEEP
 from asperity.slip.path import SlipPath
 from asperity.surface import Flat, Surface
 
@@ -100,6 +101,21 @@ def test_a_slab_in_full_contact_shears_and_then_slides(slab: ContactSolver) -> N
 def test_the_stiffness_at_rest_is_that_of_the_stuck_contact(slab: ContactSolver) -> None:
     assert slab.solve(0.01).converged
     assert Sliding(slab, MU, 0.0, None).k_rest == pytest.approx(Stiffness(slab.solid)(slab)["k_t"], rel=1e-4)
+
+
+@pytest.mark.parametrize("amplitude", [0.05, 0.0005])
+def test_slopes_soften_a_spot_in_shear(amplitude: float) -> None:
+    """Without lateral contraction a half-space is as stiff in shear as along the normal; on a slope a spot is softer.
+
+    The loss is proportional to the slope of the spot, about its mean pressure over E', and inside the bar.
+    """
+    surface = Surface.from_spec("sinusoid", L=1.0, amplitude=amplitude, dims=2)
+    block = build_block(surface, 1.0, SizeField.of(surface, 0.04, 0.1, growth=0.6, h_max=0.5).at)
+    solver = pressed(surface, block, Material(1.0, 0.0), delta=0.4 * amplitude)
+    normal, shear = Stiffness(solver.solid)(solver)["k_n_elastic"], Sliding(solver, MU, 0.0, None).k_rest
+    softer = (1.0 / shear - 2.0) / (1.0 / normal - 1.0) - 1.0
+    pressure = solver.force / solver.contact_surface.area_of(*solver.contact.touched()).value
+    assert 1.5 * pressure < softer < STEEP[0] * pressure
 
 
 # --- balances and symmetry ------------------------------------------------------------------------------------

@@ -32,6 +32,8 @@ from asperity.units import quantity
 #: Columns of slip_loops.csv, and those of them with an error bar.
 LOOP_COLUMNS = ("amplitude", "T", "u", "k_secant", "energy", "eta", "slip_share")
 WITH_ERRORS = ("u", "k_secant", "energy", "eta")
+#: Bars of displacement and energy for slopes, over the mean pressure in contact over E', see docs/slip.md.
+STEEP = (4.0, 10.0)
 FLOWS = 0.1  # plastic dissipation of a loop over that of friction, above which a loop is not steady
 
 
@@ -196,7 +198,9 @@ def slip_of_curve(
     laws = tabulate(columns, choice)
     errors: tuple[Mapping[str, float], ...] = ()
     if math.isfinite(laws.bar):
-        errors = _errors(law, laws.members(), law_on, settings.amplitudes, not computed)
+        pressed = material.reduced_modulus * patch * (math.inf if area is None else area(np.array([law.preload]))[0])
+        steep = float(law.preload / pressed)
+        errors = _errors(law, laws.members(), law_on, settings.amplitudes, None if computed else steep)
     if computed and errors:  # the mesh of the solid, of which only the curve gives an estimate
         pairs = [(_loop_of(a), _loop_of(b)) for a, b in zip(computed, paths, strict=True)]
         errors = tuple(
@@ -223,13 +227,17 @@ def _errors(
     members: tuple[Law, ...],
     law_on: Callable[[Law], SlipLaw],
     amplitudes: tuple[float, ...],
-    by_curve: bool,
+    steep: float | None,
 ) -> tuple[Mapping[str, float], ...]:
     """Bars at each amplitude: what the ends of the bar of the normal curve change, and of the curve the method.
 
     The law takes the mean of the tangential compliance over all directions. Along the motion that of a wave is 1 to
     1/(1 - nu) times the normal one, so for spots of any shape the compliance of the interface lies within nu/(2 - nu)
     of it. The energy follows from it and from the slip that turns; nu is the bar of it, see docs/slip.md.
+
+    A half-space has no slopes. A spot stands above its surroundings, and what is missing there makes it softer in
+    shear in proportion to its slope, which is about the mean pressure in contact over E' (`steep`; None leaves the
+    method out).
     """
     try:
         others = [law_on(member) for member in members]
@@ -239,9 +247,10 @@ def _errors(
     for t in amplitudes:
         values = _numbers(law, t)
         changes = {k: max((abs(_numbers(x, t)[k] - v) for x in others), default=0.0) for k, v in values.items()}
-        if by_curve:
+        if steep is not None:
             interface = 1.0 - law.block[1] * law.limit * t / values["u"]
-            of_u, of_energy = law.nu / (2.0 - law.nu) * interface, law.nu
+            of_u = (law.nu / (2.0 - law.nu) + STEEP[0] * steep) * interface
+            of_energy = law.nu + STEEP[1] * steep
             method = {"u": of_u, "k_secant": of_u, "energy": of_energy, "eta": of_energy + of_u}
             changes = {k: change + method[k] * values[k] for k, change in changes.items()}
         found.append(changes)
