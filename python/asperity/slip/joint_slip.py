@@ -33,7 +33,7 @@ from asperity.units import quantity
 LOOP_COLUMNS = ("amplitude", "T", "u", "k_secant", "energy", "eta", "slip_share")
 WITH_ERRORS = ("u", "k_secant", "energy", "eta")
 #: Bars of displacement and energy for slopes, over the mean pressure in contact over E', see docs/slip.md.
-STEEP = (4.0, 10.0)
+STEEP = (4.0, 6.0)
 FLOWS = 0.1  # plastic dissipation of a loop over that of friction, above which a loop is not steady
 
 
