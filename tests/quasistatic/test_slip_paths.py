@@ -236,11 +236,10 @@ def test_what_is_refused(wave: Surface, wave_block: BlockMesh, elastic: ContactS
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("kinematics", ["small", "finite"])
-def test_ranks_find_the_same(wave: Surface, kinematics: str) -> None:
+def test_ranks_find_the_same(wave: Surface) -> None:
     from mpi4py import MPI
 
-    material = replace(PLASTIC, kinematics=kinematics)
+    material = replace(PLASTIC)
     size = MeshSize(h_contact=0.12, growth=0.6, h_max=0.4)
     paths = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
