@@ -26,7 +26,7 @@ NAMES = ("n", "kappa", "z_s in nm", "k_n in kN/m", *(f"f at u = {u:g}" for u in 
 
 
 def curve_of(seed: int, unload_steps: int | None, size: float, folder: Path) -> asp.Curve:
-    """Return the curve of the demo surface with a seed on a coarse mesh, from OUT if it is there."""
+    """Return the curve of the surface of cases/single.toml with a seed on a coarse mesh, from OUT if it is there."""
     file = folder / f"{seed}_{unload_steps or 'default'}_{size:g}.csv"
     if not file.is_file():
         loading = {"delta_max": 8e-9, "steps": 10, "unload": True}

@@ -3,7 +3,7 @@
 
 """Print what each contact formulation costs and how far off it is, as Markdown tables.
 
-Cases: Hertz and Westergaard against their closed forms, the elastic and the elastic-plastic demo surface against exact
+Cases: Hertz and Westergaard against their closed forms, a fractal surface, elastic and elastic-plastic, against exact
 contact on a finer mesh with the same load steps.
 Arguments name the tables; without any all are printed (some minutes on one core).
 """
@@ -105,8 +105,8 @@ def westergaard() -> Case:
     return Case(surface, ELASTIC, height, steps, (0.12, 0.06), 0.06, theory)
 
 
-def demo(material: Material, steps: int, sizes: tuple[float, ...], finer: float) -> Case:
-    """The fractal surface of the demo, to 0.03 L."""
+def fractal(material: Material, steps: int, sizes: tuple[float, ...], finer: float) -> Case:
+    """The surface of cases/single.toml, to 0.03 L."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         surface = WeierstrassMandelbrot(L=1.0, D=2.4, G=1.36e-5, M=10, gamma=1.5, f_max=5, seed=0)
@@ -117,9 +117,9 @@ def demo(material: Material, steps: int, sizes: tuple[float, ...], finer: float)
 CASES: dict[str, Callable[[], Case]] = {
     "hertz": hertz,
     "westergaard": westergaard,
-    "elastic": lambda: demo(ELASTIC, 3, (0.06, 0.04), 0.02),
-    "light": lambda: replace(demo(ELASTIC, 1, (0.06,), 0.01), steps=(0.0005,)),  # a few elements carry all
-    "plastic": lambda: demo(PLASTIC, 10, (0.08, 0.05), 0.03),
+    "elastic": lambda: fractal(ELASTIC, 3, (0.06, 0.04), 0.02),
+    "light": lambda: replace(fractal(ELASTIC, 1, (0.06,), 0.01), steps=(0.0005,)),  # a few elements carry all
+    "plastic": lambda: fractal(PLASTIC, 10, (0.08, 0.05), 0.03),
 }
 
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Linear solvers on the elastic-plastic demo surface: direct, p-multigrid, algebraic multigrid.
+"""Linear solvers on the elastic-plastic surface of cases/single.toml: direct, p-multigrid, algebraic multigrid.
 
     ./run python3 benchmarks/linear.py [H ...]            element sizes in the contact, in units of L
     ./run python3 benchmarks/linear.py parts [H ...]      time of each part of a load path, also under mpirun -n 2
@@ -88,7 +88,7 @@ def parts(sizes: tuple[float, ...]) -> None:
         with ExitStack() as stack:
             for name, (owner, method) in names.items():
                 stack.enter_context(patch.object(owner, method, timed(getattr(owner, method), spent[name])))
-            result, _ = demo(MATERIALS["plastic"], h)
+            result, _ = fractal(MATERIALS["plastic"], h)
         comm = result.solver.solid.comm
         if comm.rank == 0:
             print("| ranks | dofs | part | calls | median ms | shortest twentieth ms |\n|---|---|---|---|---|---|")
@@ -111,8 +111,8 @@ def timed(work: Callable[..., Any], spent: list[float]) -> Callable[..., Any]:
     return call
 
 
-def demo(material: asp.Material, h: float, **options: Any) -> tuple[ContactResult, float]:
-    """The demo surface to 0.03 L in ten planned steps, and its CPU seconds."""
+def fractal(material: asp.Material, h: float, **options: Any) -> tuple[ContactResult, float]:
+    """The surface of cases/single.toml to 0.03 L in ten planned steps, and its CPU seconds."""
     warnings.simplefilter("ignore")
     surface = asp.Surface.from_spec(kind="weierstrass-mandelbrot", L=L, D=2.4, G=1.36e-11)
     start = process_time()
@@ -128,7 +128,7 @@ def krylov(sizes: tuple[float, ...]) -> None:
     for h in sizes:
         for name, material in MATERIALS.items():
             for rtol in (1e-3, 1e-2, 3e-2):
-                result, seconds = demo(material, h, krylov_rtol=rtol)
+                result, seconds = fractal(material, h, krylov_rtol=rtol)
                 counts = result.counts
                 print(
                     f"| {result.dofs} | {name} | {rtol:g} | {counts.newton} | {counts.krylov} | {seconds:.1f} |",
@@ -147,13 +147,13 @@ def coarse(sizes: tuple[float, ...]) -> None:
     if MPI.COMM_WORLD.size > 1:
         del of_petsc["CHOLMOD of PETSc"]  # serial
     ways: dict[str, dict[str, str]] = {"factorised": {}} | of_petsc | {"algebraic multigrid": {"pc_type": "gamg"}}
-    demo(MATERIALS["elastic"], 0.2)  # imports
+    fractal(MATERIALS["elastic"], 0.2)  # imports
     out("| ranks | dofs | coarse problem | Newton | Krylov | CPU s | MiB |\n|---|---|---|---|---|---|---|")
     for h in sizes:
         for name, options in ways.items():
             for option, value in options.items():
                 PETSc.Options(coarse_problem.PREFIX)[option] = value
-            result, seconds = demo(MATERIALS["elastic"], h)
+            result, seconds = fractal(MATERIALS["elastic"], h)
             for option in options:
                 PETSc.Options(coarse_problem.PREFIX).delValue(option)
             row = MPI.COMM_WORLD.size, result.dofs, name, result.counts.newton, result.counts.krylov

@@ -6,13 +6,13 @@
     ./run python3 benchmarks/speed.py profile [H ...]      phases of elastic-plastic runs, one process
     ./run python3 benchmarks/speed.py step [H ...]         a single load step of large problems: growth and memory
     ./run python3 benchmarks/speed.py scaling [H ...]      that step on one rank and on two (starts mpirun)
-    ./run python3 benchmarks/speed.py demo [PAIRS]         loading of the demo on one rank and on two, by turns
-    ./run python3 benchmarks/speed.py command [PAIRS]      the whole command of the demo likewise, stage by stage
+    ./run python3 benchmarks/speed.py path [PAIRS]         loading of cases/single.toml on one rank and on two, by turns
+    ./run python3 benchmarks/speed.py command [PAIRS]      its whole command likewise, stage by stage
     ./run python3 benchmarks/speed.py weak [H1 H2 ...]     that step on one rank (H1) and twice as large on two (H2)
     ./run mpirun -n 2 python3 benchmarks/speed.py one H    one run
 
-The demo surface with its elastic-plastic material is pressed to 0.02 L in four planned steps. H is the element size
-in the contact in units of L. Phases are seconds of the clock: on a busy machine compare shares and ratios.
+The surface of cases/single.toml with its material is pressed to 0.02 L in four planned steps. H is the element size in
+the contact in units of L. Phases are seconds of the clock: on a busy machine compare shares and ratios.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ SIZES = {
     "step": (0.03, 0.0125, 0.0066, 0.0053),
     "profile": (0.08, 0.04, 0.024, 0.0155, 0.0095),
     "scaling": (0.03, 0.0125),
-    "demo": (2,),
+    "path": (2,),
     "command": (5,),
     "weak": (0.0193, 0.0125, 0.0125, 0.0081),
 }
@@ -168,8 +168,8 @@ def scaling(sizes: tuple[float, ...]) -> None:
         print(f"\ntwo runs side by side: {path:.3g} s each, efficiency {base / path:.2f}")
 
 
-def demo(pairs: tuple[float, ...]) -> None:
-    """Loading of the demo case on one rank and on two by turns: the machine's other work falls on both alike."""
+def path(pairs: tuple[float, ...]) -> None:
+    """Loading of cases/single.toml on one rank and on two by turns: the machine's other work falls on both alike."""
     row(("dofs", "ranks", *PHASES, "load path", "ratio", "Newton", "Krylov", "force"))
     row(["---"] * (7 + len(PHASES)))
     for _ in range(int(*pairs)):
@@ -183,7 +183,7 @@ def demo(pairs: tuple[float, ...]) -> None:
 
 
 def command(pairs: tuple[float, ...]) -> None:
-    """The whole command of the demo case on one rank and on two by turns, seconds between the lines of its stages."""
+    """The command on cases/single.toml on one rank and on two by turns, seconds between the lines of its stages."""
     row(("ranks", *STAGES, "whole", "ratio"))
     row(["---"] * (len(STAGES) + 3))
     found: dict[int, list[list[float]]] = {1: [], 2: []}
@@ -241,5 +241,5 @@ if __name__ == "__main__":
         if MPI.COMM_WORLD.rank == 0:
             print(json.dumps(facts))
     else:
-        jobs = {"profile": profile, "step": step, "scaling": scaling, "demo": demo, "command": command, "weak": weak}
+        jobs = {"profile": profile, "step": step, "scaling": scaling, "path": path, "command": command, "weak": weak}
         jobs[job](tuple(map(float, numbers)) or SIZES[job])

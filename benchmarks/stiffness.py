@@ -41,8 +41,8 @@ def heads(*names: str) -> None:
     print("| " + " | ".join(names) + " |\n" + "|---" * len(names) + "|", flush=True)
 
 
-def demo(h: float, *more: str) -> asp.Problem:
-    """The demo with elements of h L, loaded and not unloaded."""
+def single(h: float, *more: str) -> asp.Problem:
+    """cases/single.toml with elements of h L, loaded and not unloaded."""
     keys = [f"mesh.h_contact={h}e-6", "loading.unload=false", "material.kinematics=small"]
     return Case.load(CASE, [*keys, *more]).problem()
 
@@ -76,7 +76,7 @@ def cost() -> None:
     ):  # fmt: skip
         for h in sizes:
             spent, before = Spent(), CYCLES[0]
-            whole, result = _timed(demo(h, *more), spent)
+            whole, result = _timed(single(h, *more), spent)
             rest, cycles = whole - spent.seconds, CYCLES[0] - before - spent.cycles
             print(
                 f"| {name} | {result.dofs} | {result.counts.steps} | {cycles} | {spent.cycles} | "
@@ -141,7 +141,7 @@ def accuracy() -> None:
     for name, more, h in (("nu = 0.3", (), 0.04), ("nu = 0.3", (), 0.02), ("nu = 0.45", tall, 0.04),
                           ("nu = 0.3, finite strain", fine, 0.04)):  # fmt: skip
         compare = Compared(names)
-        dofs = _timed(demo(h, *more), compare)[1].dofs
+        dofs = _timed(single(h, *more), compare)[1].dofs
         for column, errors in zip(names, np.transpose(compare.errors), strict=True):
             print(f"| {name} | {dofs} | {column} | {np.median(errors):.3%} | {np.max(errors):.3%} |", flush=True)
 
@@ -173,7 +173,7 @@ def matrix() -> None:
 def barber() -> None:
     """Stiffness of the interface over E' C/2, which is one on a half-space, with one thing changed at a time.
 
-    The surface of the demo, elastic, under the approach of the demo. Heights and approach scaled down together have the
+    The surface and the approach of cases/single.toml, elastic. Heights and approach scaled down together have the
     same contact and a smaller slope.
     """
     heads("slopes times", "height over L", "nu", "element size over L", "sides", "dofs", "area", "k_n_interface",
@@ -184,12 +184,12 @@ def barber() -> None:
         {"h": 0.02}, {"sides": "free"}, {"scale": 0.01, "height": 2.0}, {"scale": 0.01, "nu": 0.0},
         {"scale": 0.01, "nu": 0.45}, {"scale": 0.01, "h": 0.06}, {"scale": 0.01, "sides": "free"},
     ]  # fmt: skip
-    demo = Case.load(CASE).surface
-    assert isinstance(demo, WeierstrassMandelbrotSection)
+    fractal = Case.load(CASE).surface
+    assert isinstance(fractal, WeierstrassMandelbrotSection)
     for change in changes:
         of = standard | change
-        G = 1.36e-5 * of["scale"] ** (1.0 / (demo.D - 2.0))  # heights go with G^(D - 2)
-        surface = asp.Surface.from_spec("weierstrass-mandelbrot", L=1.0, D=demo.D, G=G)
+        G = 1.36e-5 * of["scale"] ** (1.0 / (fractal.D - 2.0))  # heights go with G^(D - 2)
+        surface = asp.Surface.from_spec("weierstrass-mandelbrot", L=1.0, D=fractal.D, G=G)
         solid = asp.Material(1.0, of["nu"])
         curve = asp.solve_contact(
             surface, solid, delta_max=0.012 * of["scale"], steps=3, height=of["height"], sides=of["sides"],

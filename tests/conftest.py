@@ -97,7 +97,7 @@ def shared_path() -> Iterator[Path]:
 
 @pytest.fixture(scope="session")
 def rough() -> Surface:
-    """The fractal surface of the demo, side 1."""
+    """The surface of cases/single.toml, side 1."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return WeierstrassMandelbrot(L=1.0, D=2.4, G=1.36e-5, M=10, gamma=1.5, f_max=5, seed=0)

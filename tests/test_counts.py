@@ -81,7 +81,7 @@ def work(result: ContactResult, kernels: Kernels) -> dict[str, int]:
 
 
 def fractal() -> Surface:
-    """The surface of the demo, for which the stored mesh is made."""
+    """The surface of cases/single.toml, for which the stored mesh is made."""
     return Surface.from_spec(kind="weierstrass-mandelbrot", L=L, D=2.4, G=1.36e-11)
 
 

@@ -68,7 +68,7 @@ def finite() -> list[Scene]:
         ),
         Scene(
             "finite/beyond-mean-plane",
-            "the surface of the demo, to 0.055 L until all of it yields, and released",
+            "the surface of cases/single.toml, to 0.055 L until all of it yields, and released",
             SOFT | FINITE | {"loading.delta_max": 0.055 * L, "loading.steps": 20, "loading.unload": True},
         ),
         Scene(
@@ -119,7 +119,7 @@ def finite() -> list[Scene]:
         ),
         Scene(
             "finite/stick",
-            "stick on the surface of the demo, released",
+            "stick on the surface of cases/single.toml, released",
             FINITE | {"contact.friction": "stick", "loading.unload": True},
         ),
         Scene(

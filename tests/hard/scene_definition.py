@@ -15,7 +15,7 @@ from claims import Claim
 Keys = dict[str, Any]
 
 L = 1e-6
-#: The base case: surface and material of the demo on a coarse mesh.
+#: The base case: surface and material of cases/single.toml on a coarse mesh.
 BASE: Keys = {
     "surface.kind": "weierstrass-mandelbrot",
     "surface.L": L,

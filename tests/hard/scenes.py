@@ -188,7 +188,7 @@ SCENES: tuple[Scene, ...] = (
     ),
     Scene(
         "yield/beyond-mean-plane",
-        "the surface of the demo, to 0.03 L and released: beyond its mean plane, strains of a quarter",
+        "the surface of cases/single.toml, to 0.03 L and released: beyond its mean plane, strains of a quarter",
         {"loading.steps": 20, "loading.unload": True},
         twin=DIRECT,
     ),

@@ -25,8 +25,8 @@ from asperity.power_law import fit_power_law
 
 LACK = (
     "the contact has yielded, and the curve has neither an unloading through the preload nor the elastic stiffness: "
-    "the law is the paper's power law of the loading, whose frequency is too low, by a factor of 1.5 on the demo "
-    "surface; compute the curve with loading.unload = true or output.stiffness = true"
+    "the law is the paper's power law of the loading, whose frequency is too low, by a factor of 1.5 on a "
+    "fractal surface; compute the curve with loading.unload = true or output.stiffness = true"
 )
 _NOISE = 0.05  # share of the largest force by which the force of a measured curve may fall
 _SAME = 1e-9  # relative difference of forces that are equal

@@ -21,7 +21,7 @@ from asperity.model.settings import SolverOptions
 
 OUT_OF_MEMORY = 55  # PETSC_ERR_MEM
 TIGHTEST = 1e-5  # smallest tolerance of the linear solver
-CURVATURE = 10.0  # error after a Newton iteration over the square of that before it, measured on the demo surface
+CURVATURE = 10.0  # error after a Newton iteration over the square of that before it, measured on a fractal surface
 ROUNDING = 1e-13  # rounding error of the residual, relative to displacements (E = L = 1)
 FEW = 0.01  # part of the active dofs; when fewer change, the set is practically found
 NOT_YET = np.array([-1], dtype=np.int32)  # differs from any active set
