@@ -180,9 +180,9 @@ def test_the_band_holds_every_law_and_has_no_needles(zeta: float) -> None:
         response = one.response(force, (0.7, 1.35), tol=1e-4)
         for i, omega in enumerate(band.Omega):
             stable = [s.u_max for s in response.at(float(omega / ratio)) if s.stable]
-            high = size * max(stable)
-            assert band.upper[0, i] * (1 - 2e-3) <= high <= band.upper[1, i] * (1 + 2e-3)
-            highest[i] = max(highest[i], high)
+            for u in size * np.array(stable):  # within the band of one branch
+                assert any(side[0, i] * (1 - 2e-3) <= u <= side[1, i] * (1 + 2e-3) for side in (band.upper, band.lower))
+            highest[i] = max(highest[i], size * max(stable))
     sides = (band.Omega < 0.93) | (band.Omega > 1.05)  # away from the peak the laws are dense enough
     np.testing.assert_allclose(band.upper[1, sides], highest[sides], rtol=3e-3)
 
@@ -196,3 +196,23 @@ def test_the_case_and_the_settings_have_the_same_defaults() -> None:
     assert found == DynamicsSettings(units="SI", patch_area=1e-12)
     with pytest.raises(InputError, match="modle is no setting of the vibration: choose from law, preload"):
         run_dynamics(PowerLaw(1.5), modle="exact")
+
+
+def test_the_band_of_a_branch_ends_at_its_folds() -> None:
+    """Where only some laws have two stable orbits, the bands do not fill what lies between: there is no orbit there."""
+    force, zeta, window = 0.02, 0.01, (0.8, 1.1)
+    o = asp.ContactOscillator(PowerLaw(1.5), load=1.0, zeta=zeta)
+    members = [PowerLaw(1.5, K) for K in (0.95, 1.05)]
+    band = asp.response_band(o, force, window, members=members, points=61)
+    folds = []
+    for K in (0.95, 1.05):
+        one = asp.ContactOscillator(PowerLaw(1.5, K), load=1.0, zeta=zeta)
+        found = one.response(force, (0.7, 1.2), tol=1e-4)
+        folds.append([one.omega_s / o.omega_s * e.Omega for e in found.events if e.kind == "fold"])
+    first, last = np.sort(np.array(folds), axis=1).T  # where the upper branch begins, where the lower one ends
+    two = (band.Omega > first.min() + 0.005) & (band.Omega < last.max() - 0.005)
+    partly = two & ((band.Omega < first.max()) | (band.Omega > last.min()))
+    assert np.count_nonzero(partly) >= 6
+    assert (band.upper[0, two] > band.lower[1, two]).all()
+    one_only = (band.Omega < first.min() - 0.005) | (band.Omega > last.max() + 0.005)
+    np.testing.assert_array_equal(band.upper[:, one_only], band.lower[:, one_only])

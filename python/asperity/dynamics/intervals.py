@@ -24,6 +24,7 @@ from asperity.runtime.display import short_repr
 
 _MEMBERS = 12
 _SAME_SHAPE = 1e-3  # sum of differences in n and kappa up to which laws differ by their stiffness alone
+_SAME_ORBIT = 1e-9  # relative difference in u_max up to which two orbits at a frequency are one
 BAND_COLUMNS = ("F_hat", "Omega", "upper_low", "upper_high", "lower_low", "lower_high")
 
 
@@ -122,8 +123,8 @@ class Band:
     Attributes:
         F_hat: forcing of the central law
         Omega: frequencies over omega_s of the central law, shape (frequencies,)
-        upper: lowest and highest u_max of the largest stable orbit, shape (2, frequencies); NaN where there is none
-        lower: the same for the smallest stable orbit
+        upper: lowest and highest u_max on the upper stable branch, shape (2, frequencies); NaN where there is none
+        lower: the same on the lower stable branch; that of `upper` where no law has two
 
     Examples:
         >>> from asperity.dynamics import Band
@@ -262,14 +263,28 @@ def response_band(
         ends = (low / own / moved[1], high / own / moved[0])
         setting = shape.setting(f * centre.scale / r.scale)
         found = frequency_response(shape.balance(), setting, ends, tol=tol, subharmonics=False)
-        rows.append(_envelope(found, grid / own, moved) * r.z_s / centre.z_s)
-    with np.errstate(all="ignore"):
-        lows, highs = np.fmin.reduce(rows), np.fmax.reduce(rows)
-    return Band(f, grid, np.array([lows[0], highs[1]]), np.array([lows[2], highs[3]]))
+        rows.append([u * (r.z_s / centre.z_s) for u in _moved(found, grid / own, moved)])
+    upper, lower = np.transpose([_branches(*np.concatenate(u, axis=1)) for u in zip(*rows, strict=True)], (1, 2, 0))
+    return Band(f, grid, upper, lower)
 
 
-def _envelope(response: FrequencyResponse, omega: Array, moved: tuple[float, float]) -> Array:
-    """Least and greatest u_max of the largest and of the smallest stable orbit at each Omega, shape (4, m).
+def _branches(high: Array, low: Array) -> Array:
+    """Ranges of the upper and of the lower stable branch from largest and smallest stable u_max of many responses.
+
+    A response with one stable orbit is on the branch to which it is closer; where none has two, on both.
+    """
+    high, low = high[np.isfinite(high)], low[np.isfinite(low)]
+    if high.size == 0:
+        return np.full((2, 2), np.nan)
+    two = high > low * (1.0 + _SAME_ORBIT)
+    if two.any():
+        middle = 0.5 * (high[two].min() + low[two].max())
+        high, low = high[two | (high > middle)], low[two | (low <= middle)]
+    return np.array([(high.min(), high.max()), (low.min(), low.max())])
+
+
+def _moved(response: FrequencyResponse, omega: Array, moved: tuple[float, float]) -> list[Array]:
+    """Largest and smallest stable u_max of the moved responses at each Omega, m arrays (2, responses).
 
     A point (Omega, u) of the response is moved to (s Omega, u/s^2), with s from `moved[0]` to `moved[1]`.
     """
@@ -278,11 +293,7 @@ def _envelope(response: FrequencyResponse, omega: Array, moved: tuple[float, flo
     at = np.unique(np.concatenate([left, right, own]))
     found = np.stack(stable_range(response, at)) * at**2
     first, last = np.searchsorted(at, left), np.searchsorted(at, right)
-    out = np.empty((4, omega.size))
-    for i, (a, b) in enumerate(zip(first, last, strict=True)):
-        piece = found[:, a : b + 1]
-        out[::2, i], out[1::2, i] = np.fmin.reduce(piece, axis=1), np.fmax.reduce(piece, axis=1)
-    return np.asarray(out / omega**2)
+    return [found[:, a : b + 1] / w**2 for a, b, w in zip(first, last, omega, strict=True)]
 
 
 def _with_law(oscillator: ContactOscillator, law: Law) -> ContactOscillator:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from asperity.arrays import Array
 from asperity.output.results import Columns, Results
@@ -24,7 +25,7 @@ from asperity.units import prefix
 if TYPE_CHECKING:
     from asperity.dynamics import Dynamics
 
-_FLOOR = 3.0  # the axis of the receptance begins at its smallest value over this
+_FLOOR = 1.5  # the axis of the receptance begins at its smallest value over this
 
 
 def receptance(results: Results, *, ax: style.Place | None = None) -> Figure:
@@ -52,12 +53,16 @@ def _axes(thresholds: Mapping[str, Any]) -> tuple[float, float, str, str]:
 @style.styled
 def _receptance(rows: Columns, free: Columns, thresholds: Mapping[str, Any], *, ax: style.Place | None) -> Figure:
     frequency, compliance, hertz, metre = _axes(thresholds)
+    si = metre == "m"
     figure, (axis, *_) = style.figure(style.SINGLE + 1.6, 4.0, ax=ax)
     model = "exact" if "exact" in rows["model"] else str(rows["model"][0])
     rows = where(rows, (rows["model"] == model) & ~is_sweep(rows["branch"]))
     free = where(free, free["model"] == model) if "a1" in free else {}
     value: Array = rows["a1"] / rows["F_hat"]
     low, high = value[value > 0.0].min() / _FLOOR, 1.3 * value.max()  # 0 where orbits have no first harmonic
+    if si:
+        factor, metre = prefix(compliance * high, metre)
+        compliance *= factor
     grid = np.linspace(rows["Omega"].min(), rows["Omega"].max(), 2001)
     zeta = float(rows["zeta"][0])
     linear = 1.0 / np.hypot(1.0 - grid**2, 2.0 * zeta * grid)
@@ -74,8 +79,10 @@ def _receptance(rows: Columns, free: Columns, thresholds: Mapping[str, Any], *, 
                     ls="-" if stable[start] else DASHES,
                 )  # fmt: skip
         if free:
-            axis.plot(frequency * free["omega_ratio"], compliance * free["a1"] / forcing, ":", color=colour, lw=1.0)
-        axis.plot([], [], color=colour, label=_force(forcing, thresholds, hertz != "" and metre == "m"))
+            reached = free["a1"] <= of["a1"].max()
+            x, y = free["omega_ratio"][reached], free["a1"][reached] / forcing
+            axis.plot(frequency * x, compliance * y, ":", color=colour, lw=1.0)
+        axis.plot([], [], color=colour, label=_force(forcing, thresholds, si))
     if free:
         axis.plot([], [], ":", color=style.GREY, label="backbone of each force")
     if not truth(rows["stable"]).all():
@@ -83,8 +90,12 @@ def _receptance(rows: Columns, free: Columns, thresholds: Mapping[str, Any], *, 
     axis.set_yscale("log")
     axis.set_xlim(frequency * grid[0], frequency * grid[-1])
     axis.set_ylim(compliance * low, compliance * high)
+    if high < 300 * low:
+        axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.yaxis.set_minor_formatter(NullFormatter())
+    axis.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
     axis.set_xlabel(style.label("frequency", hertz) if hertz else "frequency $\\Omega = \\omega/\\omega_s$")
-    force = "N" if metre == "m" else "force"
+    force = "N" if si else "force"
     axis.set_ylabel(f"receptance $|X/F|$ ({metre}/{force})" if metre else "receptance $k_n|X/F|$")
     axis.legend(loc="best")
     axis.set_title(heading([zeta], thresholds.get("damping"), thresholds.get("n_loc")), loc="left")

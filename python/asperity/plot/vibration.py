@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from asperity.arrays import Array
@@ -236,10 +238,7 @@ def _response(
                 _branch(axis, where(chosen, chosen["branch"] == name), str(name), model, colour)
             _events(axis, [e for e in events if e.model == model and e.F_hat == forcing], chosen)
             if model == "exact" and bands:
-                of = where(bands, bands["F_hat"] == forcing)
-                for side in ("upper", "lower"):
-                    low, high = of[f"{side}_low"], of[f"{side}_high"]
-                    axis.fill_between(of["Omega"], low, high, color=colour, alpha=0.5 * _FAINT, lw=0)
+                _band(axis, where(bands, bands["F_hat"] == forcing), colour)
         axis.set_xlabel("frequency $\\Omega = \\omega/\\omega_s$")
         axis.set_ylabel("largest displacement $u_{\\max}$")
         axis.set_xlim(rows["Omega"].min(), rows["Omega"].max())
@@ -299,6 +298,21 @@ def _branch(axis: Any, rows: Columns, name: str, model: str, colour: str) -> Non
             omega[start:stop], u[start:stop], ls="-" if stable[start] else DASHES, color=colour, lw=1.2, zorder=2,
             alpha=1.0 if valid[start] else _FAINT,
         )  # fmt: skip
+
+
+def _band(axis: Any, rows: Columns, colour: str) -> None:
+    """Fill the band of each stable branch up to its ends, once where both are one."""
+    omega, extent = rows["Omega"], float(np.nanmax(rows["upper_high"]))
+    outlines = []
+    for side in ("upper", "lower"):
+        low, high = rows[f"{side}_low"], rows[f"{side}_high"]
+        # the end of a branch is a jump to another, or to none
+        joined = np.maximum(low[1:] - high[:-1], low[:-1] - high[1:]) < _CLOSE * extent
+        for part in np.split(np.arange(len(omega)), np.flatnonzero(~joined) + 1):
+            there, back = np.stack([omega, low], axis=1)[part], np.stack([omega, high], axis=1)[part[::-1]]
+            outlines.append(Path(np.concatenate([there, back, there[:1]]), closed=True))
+    whole = Path.make_compound_path(*outlines)
+    axis.add_patch(PathPatch(whole, fc=colour, alpha=0.5 * _FAINT, lw=0))
 
 
 def pieces(omega: Array, u: Array, state: NDArray[Any]) -> Iterator[tuple[int, int]]:
