@@ -9,7 +9,7 @@ Every surface is pressed to a tolerance in ten steps. The truth of an elastic so
 the layer on two grids, extrapolated (slopes are small, for it knows none). That of a solid that yields is the limit of
 two finer meshes that are equally fine wherever the surface is touched, in twice as many load steps. Prints one line a
 run: steps inside the bar, median bar over median error, the same for the contact area, meshes, dofs of the last one,
-and CPU seconds of the run over those of its last mesh. The constants were chosen on seed 1.
+and CPU seconds of the run over those of its last mesh. The constants were chosen on seeds 1 to 3.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ ELASTIC, YIELDING = asp.Material(1.0, 0.3), asp.Material(1.0, 0.3, YIELD, 0.05)
 CELLS = 320, 640  # per side of the boundary elements
 SIZES = 2.0, 1.3  # elements of the finer meshes across the last one of the run
 UNSURE = 0.0015  # relative, of the elastic truth
+UNSURE_PART = 0.3  # of the last extrapolation of the other one: an order between 1.6 and 2.4 instead of 2
 NODES = 513  # per side of the maps
 
 
@@ -115,7 +116,7 @@ CLASSES: dict[str, tuple[Callable[[int], Surface], float]] = {
 }
 
 
-def elastic_truth(surface: Surface, at: Floats) -> tuple[Floats, Floats, float, Floats]:
+def elastic_truth(surface: Surface, at: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     """P* and contact fraction at ascending approaches [L], relative uncertainty of P*, and that of the fraction."""
     found = []
     for n in CELLS:
@@ -126,10 +127,10 @@ def elastic_truth(surface: Surface, at: Floats) -> tuple[Floats, Floats, float, 
             rows.append((state.P_star, state.area_fraction))
         found.append(np.array(rows).T)
     (P_coarse, A_coarse), (P, A) = found
-    return extrapolate(P_coarse, P, 2.0, 2.0)[0], A, UNSURE, np.abs(A - A_coarse)
+    return extrapolate(P_coarse, P, 2.0, 2.0)[0], A, np.full(len(at), UNSURE), np.abs(A - A_coarse)
 
 
-def yielding_truth(surface: Surface, at: Floats, size: float) -> tuple[Floats, Floats, float, Floats]:
+def yielding_truth(surface: Surface, at: Floats, size: float) -> tuple[Floats, Floats, Floats, Floats]:
     """The same of a solid that yields; `size` is that of the elements at the first spots of the run."""
     depth, n = float(at[-1]), 384
     layer = RoughHalfSpace(n, 1.0, YIELDING.nu, hardness=HARDNESS * YIELD / YIELDING.reduced_modulus)
@@ -147,7 +148,7 @@ def yielding_truth(surface: Surface, at: Floats, size: float) -> tuple[Floats, F
             np.interp(at, loading.delta_star, column) for column in (loading.area_fraction, loading.error_area_fraction)
         )
     limit, error = extrapolate(P[0], P[1], SIZES[0] / SIZES[1], 2.0)
-    return limit, area, float(np.max(np.abs(error / limit))), unsure
+    return limit, area, UNSURE_PART * np.abs(error / limit), unsure
 
 
 def judge(name: str, seed: int, material: asp.Material, tolerance: float) -> None:
@@ -182,7 +183,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser()
     parser.add_argument("names", nargs="*", choices=[*CLASSES, "elastic", "yielding", []])
-    parser.add_argument("--seed", type=int, nargs="*", default=[1, 2, 3])
+    parser.add_argument("--seed", type=int, nargs="*", default=[6, 7])
     parser.add_argument("--tolerance", type=float, nargs="*", default=[0.05])
     options = parser.parse_args()
     materials = {"elastic": ELASTIC, "yielding": YIELDING}
