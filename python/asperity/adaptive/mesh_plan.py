@@ -5,7 +5,7 @@
 
 The meshes of a family differ by one number, their scale: the element sizes over those of `spots.sizes_of_spots`. The
 force differs from the limit by c scale^p. The order p depends on the scene; the limit is therefore the mean of those
-that the ends of a range of orders give, and half their distance, times a safety factor, is its error bar.
+that the ends of a range of orders give, and half their distance is its error bar.
 """
 
 from __future__ import annotations
@@ -17,15 +17,14 @@ import numpy as np
 from asperity.arrays import Floats
 from asperity.model.load_path import BACKWARD_EULER, MIDPOINT
 
-MESH_ORDERS = (1.5, 3.0)  # range of the order of the force in the scale (benchmarks/accuracy.py)
-SAFETY = 1.5  # on half the range of limits
+MESH_ORDERS = (1.6, 2.4)  # range of the order of the force in the scale (docs/accuracy.md)
 MESH_ORDER = 2.0  # typical one, to plan with
 AREA_ORDER = 1.5  # of the bar of the contact area, that of the edges of spots (docs/contact.md)
 RATIO, LEAST_RATIO = 2.0, 1.6  # of the first two scales, and least one: below it scatter hides the order
 LEAST_STEP, GREATEST_STEP = 1.25, 3.0  # from one scale to the next
-TYPICAL_BAR = 0.04  # relative, that two meshes of the scales RATIO and 1 give at the worst step
+TYPICAL_BAR = 0.025  # relative, that two meshes of the scales RATIO and 1 give at the worst step
 # Scale of the second mesh: with more, spots of single elements agree by chance; what less takes, the bar shows first
-FINEST, COARSEST = 0.3, 1.2
+FINEST, COARSEST = 0.3, 1.06
 GROWTH = 0.5  # growth of the element size around the contact at scale 1; it goes with the root of the scale
 MOST_SCALE = 8.0  # of a first mesh: its elements are larger than the spots, and few are left to save
 MARGIN = 0.9  # part of the tolerance that is planned for
@@ -105,7 +104,7 @@ def extrapolate_mesh(coarse: Floats, fine: Floats, ratio: float) -> tuple[Floats
     """
     low, high = (extrapolate(coarse, fine, ratio, p)[0] for p in MESH_ORDERS)
     limit = 0.5 * (low + high)
-    return limit, fine - limit, 0.5 * SAFETY * np.abs(low - high)
+    return limit, fine - limit, 0.5 * np.abs(low - high)
 
 
 def weight(ratio: float) -> float:
@@ -116,7 +115,7 @@ def weight(ratio: float) -> float:
 def bar_share(ratio: float) -> float:
     """Error bar of `extrapolate_mesh` over the difference of the two forces."""
     low, high = (1.0 / (ratio**p - 1.0) for p in MESH_ORDERS)
-    return 0.5 * SAFETY * (low - high)
+    return 0.5 * (low - high)
 
 
 def first_scale(tolerance: float) -> float:
