@@ -7,9 +7,11 @@
 
 Every surface is pressed to a tolerance in ten steps. The truth of an elastic solid is the boundary-element solution of
 the layer on two grids, extrapolated (slopes are small, for it knows none). That of a solid that yields is the limit of
-two finer meshes that are equally fine wherever the surface is touched, in twice as many load steps. Prints one line a
-run: steps inside the bar, median bar over median error, the same for the contact area, meshes, dofs of the last one,
-and CPU seconds of the run over those of its last mesh. The constants were chosen on seeds 1 to 3.
+two finer meshes that are equally fine wherever the surface is touched, in twice as many load steps. An error may exceed
+its bar by the uncertainty of the truth: of the elastic area its change of 0.1 to 4 % from one grid to the other, for a
+third grid of 1280 changes it by 0.1 to 0.4 % (self-affine and ground, seed 6). Prints one line a run: steps inside the
+bar, median bar over median error, the same for the contact area, meshes, dofs of the last one, and CPU seconds of the
+run over those of its last mesh. The constants were chosen on seeds 1 to 3, 6 and 7.
 """
 
 from __future__ import annotations
@@ -183,7 +185,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser()
     parser.add_argument("names", nargs="*", choices=[*CLASSES, "elastic", "yielding", []])
-    parser.add_argument("--seed", type=int, nargs="*", default=[6, 7])
+    parser.add_argument("--seed", type=int, nargs="*", default=[8, 9])
     parser.add_argument("--tolerance", type=float, nargs="*", default=[0.05])
     options = parser.parse_args()
     materials = {"elastic": ELASTIC, "yielding": YIELDING}

@@ -275,3 +275,15 @@ def test_the_errors_of_the_formulations_at_a_light_load_are_those_of_the_table()
         ("the penalty method with β = 100 by", "penalty, beta 100"),
     ):
         assert f"{words} {light[name]:.2g} %" in text
+
+
+@pytest.mark.parametrize("name", ["elastic", "yielding"])
+def test_the_steps_inside_the_bars_are_those_of_the_table(name: str) -> None:
+    with (ROOT / f"docs/tables/bars_{name}.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    inside, steps = (sum(int(row["inside"].split("/")[k]) for row in rows) for k in (0, 1))
+    for page in ("docs/accuracy.md", "docs/verification.md", "paper/paper.md"):
+        assert f"{inside} of {steps}" in (ROOT / page).read_text(encoding="utf-8"), page
+    if name == "elastic":
+        inside, steps = (sum(int(row["area inside"].split("/")[k]) for row in rows) for k in (0, 1))
+        assert f"the area is inside at {inside} of {steps}" in (ROOT / "docs/accuracy.md").read_text(encoding="utf-8")
