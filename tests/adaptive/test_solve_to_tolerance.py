@@ -395,7 +395,7 @@ def test_light_contact_of_a_smooth_surface_has_a_bar_that_holds_its_error() -> N
     bar = branch.error_P_star / branch.P_star
     assert result.met and len(branch) == 10 and np.max(error) > 0.01
     assert np.all(error <= bar + 1e-3)  # of the reference
-    assert np.median(bar) < 0.5 * 0.05  # no wider than the tolerance takes
+    assert np.median(bar) < 0.6 * 0.05  # no wider than the tolerance takes
 
 
 @pytest.mark.parametrize(("delta", "tolerance"), [(0.03, 0.01), (0.03, 0.05)])
