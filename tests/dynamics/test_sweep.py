@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 import asperity as asp
 from asperity.case import Case
 from asperity.dynamics import ContactOscillator, PowerLaw, TableLaw, response_band, run_dynamics
-from asperity.dynamics.forcing import forcings, window
+from asperity.dynamics.settings import forcings, window
 from asperity.errors import AsperityError, InputError, RangeError
 
 MINIMAL: dict[str, Any] = {

@@ -9,8 +9,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, Strict
 
-from asperity.dynamics.forcing import FORCING, OMEGA
-from asperity.dynamics.settings import DynamicsSettings
+from asperity.dynamics.settings import FORCING, OMEGA, DynamicsSettings
 from asperity.model.load_path import greatest_force
 from asperity.model.material import MODULI, POISSON_RATIOS, Material
 from asperity.model.settings import (

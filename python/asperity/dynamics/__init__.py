@@ -22,10 +22,10 @@ from typing import Any
 # public name -> module that defines it; a module is loaded by its first use
 _PUBLIC = {
     "Restoring": "equation",
-    "Setting": "forcing",
+    "Setting": "settings",
     "Joint": "joint",
     "Law": "law.law",
-    "LoopDamping": "law.loop_damping",
+    "LoopDamping": "law.damping",
     "PowerLaw": "law.power",
     "TableLaw": "law.table",
     "TaylorLaw": "law.taylor",
@@ -41,7 +41,6 @@ _PUBLIC = {
     "FreeOrbit": "free",
     "FreeVibration": "free",
     "FrequencyResponse": "response",
-    "Backbone": "thresholds",
     "Thresholds": "thresholds",
     "ContactOscillator": "oscillator",
     "Dynamics": "results",

@@ -29,17 +29,15 @@ from asperity.errors import ConvergenceError
 _SAME = 1e-3  # relative distance below which two orbits are identical
 
 
-def subharmonic(balance: Balance, forcing: float, flip: Point, how: Tracing, others: Sequence[Point]) -> Path | None:
+def subharmonic(
+    balance: Balance, forcing: float, flip: Point, how: Tracing, others: Sequence[Point]
+) -> tuple[Path | None, Point | None]:
     """Trace the branch of twice the period from a period doubling until it leaves the window or ends at another one.
 
-    Args:
-        balance: equations, with the order of the branch that doubles its period
-        forcing: F^
-        flip, others: the period doubling, and the others of that order
-        how: window, accuracy and limits for order 1
+    The balance has the order of the branch that doubles its period, `others` are its other period doublings.
 
     Returns:
-        The path of twice the order; None if it has fewer than 3 points
+        The path, None if it has fewer than 3 points; and that of the others at which it ends
     """
     double = replace(balance, order=2 * balance.order)
     equations = in_omega(double, forcing)
@@ -71,15 +69,16 @@ def subharmonic(balance: Balance, forcing: float, flip: Point, how: Tracing, oth
     first = Point(x, flip.parameter, null, 0.0, tail(x))
     path = trace(equations, first, replace(how, min_harmonics=double.order * MIN_HARMONICS), returns)
     if len(path.points) < 3:
-        return None
-    if path.end == "period doubling" and others:
-        end, before = path.points[-1], path.points[-2]
-        ends = [Point(_doubled(p.x), p.parameter, _doubled(p.t), 0.0, p.error) for p in others]
-        nearest = min(ends, key=lambda p: _gap(p, end))
-        if _gap(nearest, end) < _gap(before, end):
-            t = resize(end.t, nearest.x.size // 2)
-            return replace(path, points=(*path.points[:-1], replace(nearest, t=t)))
-    return path
+        return None, None
+    if path.end != "period doubling" or not others:
+        return path, None
+    end, before = path.points[-1], path.points[-2]
+    ends = [Point(_doubled(p.x), p.parameter, resize(end.t, p.x.size - 1), 0.0, p.error) for p in others]
+    gaps = [_gap(p, end) for p in ends]
+    i = int(np.argmin(gaps))
+    if gaps[i] < _gap(before, end):
+        path = replace(path, points=(*path.points[:-1], ends[i]))
+    return path, others[i]
 
 
 def _doubled(x: Array) -> Array:
@@ -116,11 +115,7 @@ def detached(
 ) -> Path | None:
     """Trace the branch through an orbit x (2 K + 1) in both directions, unless one of the paths contains it.
 
-    Returns:
-        The path; None if it is already known or its true period is shorter
-
-    Raises:
-        ConvergenceError: the balance has no orbit near the given one
+    The result is None if its true period is shorter. A `ConvergenceError` says that there is no orbit near.
     """
     equations, order = in_omega(balance, forcing), balance.order
     how = replace(how, min_harmonics=order * MIN_HARMONICS)

@@ -34,12 +34,6 @@ class CurveColumns:
         elastic: stiffness of unloading and small vibration (force/length), column k_n_elastic
         bar: error bar of the force over the force
         elastic_bar: error bar of the elastic stiffness over that stiffness, column error_k_n_elastic
-
-    Examples:
-        >>> from asperity.dynamics.columns import CurveColumns
-        >>> columns = CurveColumns.of({"delta": [1.0, 2.0], "force": [1.0, 3.0], "max_plastic_strain": [0.0, 1e-3]})
-        >>> columns.yielded(1.0), columns.yielded(2.0)
-        (False, True)
     """
 
     delta: Array
@@ -121,10 +115,7 @@ class CurveColumns:
         return bool(np.max(up - self.force[down]) > _HYSTERESIS * self.force.max())
 
     def bar_at(self, load: float, *, elastic: bool = False) -> float:
-        """Error bar of the force, or of the elastic stiffness, over it at a load; NaN if unknown.
-
-        It is that of the row nearest in force among those that have one.
-        """
+        """Error bar of the force, or of the elastic stiffness, over it, of the row nearest in force; NaN if unknown."""
         bars = self.elastic_bar if elastic else self.bar
         known = np.flatnonzero(np.isfinite(bars))
         return float(bars[known[np.argmin(np.abs(self.force[known] - load))]]) if known.size else np.nan

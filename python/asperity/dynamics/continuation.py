@@ -16,7 +16,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.polynomial import Polynomial
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
@@ -114,10 +113,8 @@ def correct(
 ) -> tuple[Array, float, Array, float]:
     """Correct a guess (x, parameter) by Newton's method in the plane through it with the given normal.
 
-    The iteration ends with a step below `rtol`, relative to x; the remaining error is of the order of its square.
-
-    Returns:
-        x, parameter, and the unit tangent of the branch in both, oriented along the normal
+    The last step is below `rtol`, relative to x; the remaining error is of the order of its square. The unit tangent of
+    the branch follows x and the parameter, oriented along the normal.
 
     Raises:
         ConvergenceError: the iteration does not converge, or moves further than `limit`
@@ -155,10 +152,7 @@ def correct(
 
 
 def adapt(equations: Equations, point: Point, normal: Array, normal_p: float, tol: float, min_harmonics: int) -> Point:
-    """Raise the number of harmonics of a corrected point until its truncation estimate is below `tol`, or lower it.
-
-    The point is corrected again in the plane with the given normal.
-    """
+    """Raise the harmonics of a point until its truncation estimate is below `tol`, or lower them; see `correct`."""
     count = point.x.size // 2
     while point.error > tol and count < MAX_HARMONICS:
         count = min(MAX_HARMONICS, 4 * -(-count * 5 // 16))
@@ -297,8 +291,7 @@ def locate(
     """Find the point between neighbours a and b where `at` vanishes, by a bracketed secant method.
 
     `at` has the values fa and fb, of opposite signs, at a and b. The first trial is its zero on the cubic from a to b,
-    so that few orbits are corrected. A change of the fraction below `xtol` ends the search; convergence is superlinear,
-    so the remaining error is far smaller.
+    so that few orbits are corrected. The last change of the fraction is below `xtol`, the remaining error far smaller.
     """
     left, right, (s, slope), point = 0.0, 1.0, _zero_on_cubic(a, b, at, fa, fb), a
     old = f_old = np.inf
@@ -366,10 +359,7 @@ def _prediction_error(guess: Array, x: Array, before: Array, watch: float) -> fl
 def _at_edge(equations: Equations, inside: Point, outside: Point, edge: float, tol: float, min_harmonics: int) -> Point:
     """Solution exactly at the edge of the window, between two points."""
     cubic = _segment(inside, outside)[0]
-    crossing = Polynomial(cubic[:, -1] - [edge, 0.0, 0.0, 0.0])
-    slope, s = crossing.deriv(), (edge - inside.parameter) / (outside.parameter - inside.parameter)
-    for _ in range(4):  # Newton's method
-        s = min(max(s - float(crossing(s)) / (float(slope(s)) or 1.0), 0.0), 1.0)
+    s = brentq(lambda s: float(value(cubic[:, -1], s)) - edge, 0.0, 1.0)
     guess = value(cubic, s)[:-1]
     x, p, t, tp = correct(equations, guess, edge, np.zeros(guess.size), 1.0)
     point = adapt(equations, Point(x, p, t, tp, tail(x)), np.zeros(x.size), 1.0, tol, min_harmonics)
@@ -382,10 +372,8 @@ def crossings(equations: Equations, points: Iterable[Point], parameter: float) -
     """Each orbit of a path at exactly this parameter, in order along the path.
 
     Where the cubic between two points turns back the segment is split, so that each piece has at most one crossing. It
-    is located along the branch, with each trial corrected perpendicular to it, which also works near a fold.
-
-    Raises:
-        ConvergenceError: the correction at a crossing of the cubic fails
+    is located along the branch, with each trial corrected perpendicular to it, which also works near a fold. The
+    failure of a correction is a `ConvergenceError`.
     """
     last = None
     for a, b in pairwise(points):

@@ -19,9 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from asperity.arrays import Array
-from asperity.dynamics.law.damping import Damping
+from asperity.dynamics.law.damping import Damping, LoopDamping
 from asperity.dynamics.law.law import EXTRAPOLATE, Law
-from asperity.dynamics.law.loop_damping import LoopDamping
 from asperity.errors import InputError, RangeError
 from asperity.runtime.display import short_repr
 
@@ -100,6 +99,11 @@ class Restoring:
     def contact(self) -> bool:
         """Whether contact is lost at u = -1."""
         return self.law.contact
+
+    @property
+    def model(self) -> str:
+        """ "exact" or "taylor"."""
+        return "exact" if self.contact else "taylor"
 
     def pull(self, u: Array) -> tuple[Array, Array]:
         """Contact force over `scale`, zero in flight, and its derivative with respect to u."""

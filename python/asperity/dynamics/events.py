@@ -32,11 +32,7 @@ _Test = tuple[str, Array, Callable[[Point], float]]  # event, quantity that vani
 def locate_events(
     balance: Balance, equations: Equations, path: Path, kind: str, number: int, tol: float
 ) -> tuple[Branch, list[Event], list[Point]]:
-    """Insert the events and the maxima of u_max into a path, the branch `number` of a response, and measure it.
-
-    Returns:
-        The branch, its events, and its period doublings as points
-    """
+    """Branch `number` of a response: a path with its events and maxima of u_max; its events, and period doublings."""
     rtol = newton_rtol(tol, not balance.restoring.singular)
     points = _refined(equations, path.points, tol, rtol)
     multipliers = _multipliers(balance, points)

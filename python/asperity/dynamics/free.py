@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
-from asperity.dynamics.equation import Restoring, rate
+from asperity.dynamics.equation import Equation, Restoring, rate
 from asperity.dynamics.law.checks import positive, positives
-from asperity.dynamics.law.damping import Damping, in_flight
+from asperity.dynamics.law.damping import Damping
 from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.errors import ConvergenceError, RangeError
 from asperity.runtime.display import short_repr
@@ -44,11 +44,6 @@ class FreeOrbit:
         flight: share of the period out of contact
         dissipation: INT g u'^2 over a period, for the requested damping model
         error: estimated relative error of `omega`
-
-    Examples:
-        >>> orbit = asp.ContactOscillator(asp.PowerLaw(1.5)).free(1.2).orbits[0]
-        >>> orbit.contact_loss, round(orbit.omega, 6), round(orbit.flight, 6)
-        (True, 0.850525, 0.384271)
     """
 
     u0: float
@@ -73,14 +68,9 @@ class FreeOrbit:
         return self.dissipation / (np.pi * self.a1)
 
 
-def column(orbits: Sequence[FreeOrbit], name: str) -> Array:
-    """Attribute of each orbit, shape (orbits,)."""
-    return np.array([getattr(orbit, name) for orbit in orbits])
-
-
 @dataclass(frozen=True)
 class FreeVibration:
-    """Natural frequency over amplitude.
+    """Natural frequency over amplitude, and the forcing that sustains each orbit at resonance.
 
     Attributes:
         model: "exact" or "taylor"
@@ -95,6 +85,9 @@ class FreeVibration:
         >>> free = asp.ContactOscillator(asp.PowerLaw(1.5)).free([0.2, 0.5])
         >>> free.omega_ratio.round(6), free.valid
         (array([0.998259, 0.987785]), (True, True))
+        >>> free = asp.ContactOscillator(asp.PowerLaw(0.7)).backbone(u_max=4.0, points=40)
+        >>> [(round(u, 2), round(omega, 3)) for u, omega in free.turns]  # hardening turns to softening
+        [(1.2, 1.031)]
     """
 
     model: str
@@ -111,17 +104,34 @@ class FreeVibration:
     @property
     def u0(self) -> Array:
         """Amplitudes u_0, shape (orbits,)."""
-        return column(self.orbits, "u0")
+        return np.array([o.u0 for o in self.orbits])
 
     @property
     def omega_ratio(self) -> Array:
         """Frequencies over omega_s, shape (orbits,)."""
-        return column(self.orbits, "omega")
+        return np.array([o.omega for o in self.orbits])
 
     @property
     def u_min(self) -> Array:
         """Lower turning points, shape (orbits,)."""
-        return column(self.orbits, "u_min")
+        return np.array([o.u_min for o in self.orbits])
+
+    @property
+    def a1(self) -> Array:
+        """Amplitudes of the first harmonic, shape (orbits,)."""
+        return np.array([o.a1 for o in self.orbits])
+
+    @property
+    def drive(self) -> Array:
+        """Forcing F^/(2 zeta) that sustains each orbit at phase resonance, shape (orbits,)."""
+        return np.array([o.drive for o in self.orbits])
+
+    @property
+    def turns(self) -> tuple[tuple[float, float], ...]:
+        """Points (u0, omega/omega_s) at which softening turns to hardening or back, for rising amplitudes."""
+        w, u = self.omega_ratio, self.u0
+        i = np.flatnonzero((np.diff(w)[:-1] > 0) != (np.diff(w)[1:] > 0)) + 1
+        return tuple((float(u[j]), float(w[j])) for j in i if abs(w[j] - 1.0) > 1e-12)
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Rows of free.csv."""
@@ -149,7 +159,6 @@ def free_orbit(restoring: Restoring, u0: float, damping: Damping = "always") -> 
     """Compute the orbit released from rest at `u0`, to 1e-12 where the law is smooth.
 
     Raises:
-        InputError: u0 is not positive
         RangeError: the orbit leaves a table, or passes the rim of a Taylor well
         ConvergenceError: the quadrature does not converge (the law is too rough between its knots)
     """
@@ -229,7 +238,7 @@ def _half_period(restoring: Restoring, u0: float, least: int = 0, orders: tuple[
 def _dissipation(restoring: Restoring, half: _HalfPeriod, damping: Damping) -> float:
     """INT g u'^2 over the period."""
     loss = 2.0 * float((rate(restoring, damping, half.u) * half.speed**2) @ half.dt)
-    if half.v_s > 0 and in_flight(damping):
+    if half.v_s > 0 and damping == "always":  # it also acts in flight
         loss += 2.0 * restoring.n_loc * half.v_s**3 / 3.0
     return loss
 
@@ -247,15 +256,29 @@ def _harmonics(half: _HalfPeriod, k: Array) -> Array:
     return np.where(k == 0, 2.0, 4.0) / half.period * out
 
 
-def free_vibration(
-    restoring: Restoring, amplitudes: ArrayLike, *, model: str, omega_s: float, damping: Damping = "always"
-) -> FreeVibration:
+def free_vibration(equation: Equation, amplitudes: ArrayLike, omega_s: float) -> FreeVibration:
     """Compute the natural frequency at each release amplitude; see `free_orbit`."""
-    orbits = tuple(free_orbit(restoring, u, damping) for u in positives("u0", amplitudes))
-    valid = tuple(restoring.contact or o.u_min >= -1.0 for o in orbits)
-    error = max(o.error for o in orbits)
-    law = restoring.law.describe()
-    return FreeVibration(model, law, restoring.n_loc, restoring.kappa, omega_s, orbits, valid, error)
+    r = equation.restoring
+    orbits = tuple(free_orbit(r, u, equation.damping) for u in positives("u0", amplitudes))
+    valid = tuple(r.contact or o.u_min >= -1.0 for o in orbits)
+    return FreeVibration(
+        r.model, r.law.describe(), r.n_loc, r.kappa, omega_s, orbits, valid, max(o.error for o in orbits)
+    )
+
+
+def largest_amplitude(restoring: Restoring) -> float:
+    """Largest release amplitude: inf, the end of a table, or just inside a Taylor rim."""
+    law = restoring.law
+    if not isinstance(law, TaylorLaw):
+        return restoring.u_range[1]
+    low, high = law.rim(), law.rim_above()
+    edges = [high] if np.isfinite(high) else []
+    if np.isfinite(low):
+        wall = float(restoring.potential(low))
+        ceiling = min(high, 1e3)
+        if float(restoring.potential(ceiling)) > wall:
+            edges.append(brentq(lambda u: float(restoring.potential(u)) - wall, 0.0, ceiling))
+    return 0.999 * min(edges) if edges else np.inf
 
 
 def _turning_point(restoring: Restoring, u0: float) -> tuple[float, float]:

@@ -52,7 +52,7 @@ class Balance(Equation):
         residual, jacobian = _projected(basis, weight, *self.restoring.pull(u))
         residual[0] -= 1.0 / self.restoring.n_loc
         nu = omega / self.order
-        k = _numbers(count)
+        k = np.tile(np.arange(1.0, count + 1.0), 2)
         inertia = -((nu * k) ** 2)
         entries, step = jacobian.reshape(-1), size + 1  # a view, for its diagonals
         entries[step::step] += inertia
@@ -69,8 +69,9 @@ class Balance(Equation):
                 entries[step + count : step + count + count * step : step] += c
                 entries[step * (count + 1) - count :: step] -= c
             else:
-                stored = primitive(self.restoring, self.damping, u) - self._rest()
-                damper, tangent = _projected(basis, weight, stored, rate(self.restoring, self.damping, u))
+                r, flight = self.restoring, np.full(int(self.restoring.contact), -1.0)  # none in a Taylor law
+                stored = primitive(r, self.damping, u) - primitive(r, self.damping, flight).sum()
+                damper, tangent = _projected(basis, weight, stored, rate(r, self.damping, u))
                 jacobian[cos] += c[:, None] * tangent[sin]
                 jacobian[sin] -= c[:, None] * tangent[cos]
             loss_cos, loss_sin = c * damper[sin], -c * damper[cos]
@@ -79,12 +80,6 @@ class Balance(Equation):
             d_omega[cos] += loss_cos / omega
             d_omega[sin] += loss_sin / omega
         return residual, jacobian, d_omega
-
-    def _rest(self) -> float:
-        """Damping primitive in flight."""
-        if not self.restoring.contact:
-            return 0.0
-        return float(primitive(self.restoring, self.damping, np.array([-1.0]))[0])
 
     def _quadrature(self, x: Array) -> tuple[Array, Array]:
         """Basis (points, 2 K + 1) and weights (points,) that integrate the contact force along the orbit."""
@@ -129,14 +124,6 @@ def _projected(basis: Array, weight: Array, force: Array, slope: Array) -> tuple
     project /= np.pi
     project[0] *= 0.5
     return project, jacobian
-
-
-@lru_cache(maxsize=64)
-def _numbers(count: int) -> Array:
-    """Harmonic number of each cosine and each sine."""
-    k = np.tile(np.arange(1.0, count + 1.0), 2)
-    k.flags.writeable = False
-    return k
 
 
 @lru_cache(maxsize=16)

@@ -75,19 +75,11 @@ class Joint:
         return replace(self, **new)
 
     def factor(self, patch: float | None) -> float:
-        """By what the force of a patch of nominal area `patch` (length^2) is multiplied.
-
-        Raises:
-            InputError: the joint has an area, and that of the patch is not known
-        """
+        """By what the force of a patch of nominal area `patch` (length^2) is multiplied; refused if it is unknown."""
         return 1.0 if self.nominal_area is None else self.nominal_area / _known(patch, "nominal_area")
 
     def load(self, patch: float | None) -> float | None:
-        """Static force of the joint, weight included (force); None if nothing gives it.
-
-        Raises:
-            InputError: the joint has a pressure, and no area is known
-        """
+        """Static force of the joint, weight included (force); None if nothing gives it."""
         force = self.preload
         if self.pressure is not None:
             force = self.pressure * (self.nominal_area or _known(patch, "pressure"))
@@ -128,8 +120,6 @@ class Numbers:
         >>> from asperity.dynamics.joint import Numbers
         >>> print(Numbers(2e5, 0.5, 100.66, 4e-9, 0.01, 0.0083).sentence("SI"))
         k_n = 200 kN/m ± 0.83 %, m = 0.5 kg, f = 100.7 Hz ± 0.41 %, z_s = 4 nm, zeta = 0.01
-        >>> print(Numbers(2e5, 0.5, 100.66, 4e-9, 0.01, 0.08, given=True).sentence("SI"))
-        k_n = 200 kN/m ± 8 %, m = 0.5 kg ± 8 %, f = 100.66 Hz, z_s = 4 nm, zeta = 0.01
     """
 
     stiffness: float

@@ -36,7 +36,7 @@ class LawAtLoad:
     Attributes:
         name: of the law, see `law_from`
         law: the law; None where the curve does not have it
-        known: its `law_intervals`, empty without a law
+        known: its "n_loc", "kappa", "z_s" (length) and "k_n" (force/length), see `law_intervals`; empty without a law
         mass: of what vibrates (mass), NaN if unknown
         applies: whether the law describes small vibration about this preload. After yield only the chosen one does,
             unless it is one of the loading.
@@ -45,15 +45,6 @@ class LawAtLoad:
         bar: error bar at the preload as a share: of the elastic stiffness where the law is made of it and the curve has
             it, else of the force; NaN for a curve without one
         bar_of: what the bar is of, "force" or "k_n_elastic"
-
-    Examples:
-        >>> delta = np.linspace(0.0, 1.0, 21)
-        >>> result = asp.run_dynamics({"delta": delta, "force": delta**1.5}, units="SI", model="exact",
-        ...                           omega=(0.9, 1.0), bands=False)
-        >>> for row in result.laws.rows[:2]:
-        ...     print(row.name, row.chosen, row.applies, f"{row.n:.3f}, {row.stiffness:.3f}")
-        table True True 1.500, 1.191
-        paper False True 1.500, 1.191
     """
 
     name: str
@@ -65,21 +56,6 @@ class LawAtLoad:
     missing: str = ""
     bar: float = math.nan
     bar_of: str = "force"
-
-    @property
-    def n(self) -> float:
-        """Local exponent."""
-        return self.known["n_loc"].value
-
-    @property
-    def kappa(self) -> float:
-        """Backbone curvature."""
-        return self.known["kappa"].value
-
-    @property
-    def z_s(self) -> float:
-        """Static approach (length)."""
-        return self.known["z_s"].value
 
     @property
     def stiffness(self) -> float:
@@ -201,14 +177,7 @@ class LawTable:
 
 
 def tabulate(columns: CurveColumns, choice: Choice, mass: float = math.nan, *, extrapolate: bool = False) -> LawTable:
-    """All laws of a curve at the preload of a choice.
-
-    Args:
-        columns: of the curve
-        choice: the law of the vibration
-        mass: of what vibrates (mass), NaN if unknown
-        extrapolate: whether the laws continue beyond their last point
-    """
+    """All laws of a curve at the preload of the chosen one; `extrapolate` continues them beyond their last point."""
     rows, load = [], choice.load
     for name in NAMES:
         chosen = name == choice.name

@@ -15,16 +15,16 @@ from numpy.typing import ArrayLike
 from asperity.dynamics import sweep as _sweep
 from asperity.dynamics import thresholds as _thresholds
 from asperity.dynamics.equation import Restoring
-from asperity.dynamics.forcing import MIN_ZETA, Setting, forcings, frequencies, window
-from asperity.dynamics.free import FreeVibration, contact_limit, free_vibration
+from asperity.dynamics.free import FreeVibration, contact_limit, free_vibration, largest_amplitude
 from asperity.dynamics.harmonic_balance import Balance
 from asperity.dynamics.law.checks import positive
 from asperity.dynamics.law.damping import Damping, check_damping
 from asperity.dynamics.law.law import Law
 from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.dynamics.response import STARTS, FrequencyResponse, frequency_response
+from asperity.dynamics.settings import MIN_ZETA, Setting, forcings, frequencies, window
 from asperity.dynamics.sweep import Sweep
-from asperity.dynamics.thresholds import Backbone, Thresholds
+from asperity.dynamics.thresholds import Thresholds
 from asperity.dynamics.time_integration import Trajectory, integrate
 from asperity.errors import AsperityWarning, InputError, RangeError
 from asperity.runtime.display import short_repr
@@ -102,7 +102,7 @@ class ContactOscillator:
     @property
     def model(self) -> str:
         """ "exact" or "taylor"."""
-        return "exact" if self.restoring.contact else "taylor"
+        return self.restoring.model
 
     @property
     def mass(self) -> float:
@@ -134,31 +134,30 @@ class ContactOscillator:
             RangeError: an orbit leaves the table, or passes the rim of the Taylor well
         """
         if u0 is None:
-            top = min(
-                1.5 * self.u_max if np.isfinite(self.u_max) else 1.5, _thresholds.largest_amplitude(self.restoring)
-            )
+            top = min(1.5 * self.u_max if np.isfinite(self.u_max) else 1.5, largest_amplitude(self.restoring))
             u0 = np.linspace(top / 120, top, 120)
-        return free_vibration(self.restoring, u0, model=self.model, omega_s=self.omega_s, damping=self.damping)
+        return free_vibration(self.balance(), u0, self.omega_s)
 
-    def backbone(self, u_max: float | None = None, points: int = 60) -> Backbone:
-        """Compute the backbone curve and the forcing that sustains each amplitude at resonance.
+    def backbone(self, u_max: float | None = None, points: int = 60) -> FreeVibration:
+        """Compute free vibration at equal steps of amplitude and at contact loss.
 
         Args:
-            u_max: largest amplitude; default 3 times the largest that keeps contact
+            u_max: largest amplitude; default 3 times the largest that keeps contact. The law may end before, at the rim
+                of a Taylor well or at the last point of a table.
             points: number of amplitudes
         """
         if points < 1:
             raise InputError(f"points = {points} is not legal: a backbone needs at least 1")
         limit = self.u_max
         top = positive("u_max", u_max) if u_max is not None else (3 * limit if np.isfinite(limit) else 2.0)
-        return _thresholds.backbone(self.restoring, model=self.model, damping=self.damping, u_max=top, points=points)
+        top = min(top, largest_amplitude(self.restoring))
+        amplitudes = np.linspace(top / points, top, points)
+        return self.free(np.union1d(amplitudes, limit) if limit < top else amplitudes)
 
     def thresholds(self, forcing: float | Iterable[float] = ()) -> Thresholds:
         """Compute the onsets of contact loss, hysteresis and period doubling, and the peak for each F^ in `forcing`."""
         values = () if isinstance(forcing, Sequence) and not forcing else forcings(forcing)
-        return _thresholds.thresholds(
-            self.restoring, model=self.model, zeta=self.zeta, damping=self.damping, forcing=values
-        )
+        return _thresholds.thresholds(self.balance(), values)
 
     def response(
         self,

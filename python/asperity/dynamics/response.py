@@ -11,13 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from asperity.dynamics.branch import Branch, Event, Solution, measure, within_law
+from asperity.dynamics.branch import Branch, Event, Line, Solution, dense, measure, within_law
 from asperity.dynamics.branch_switching import distance
 from asperity.dynamics.continuation import Tracing, crossings, in_omega
-from asperity.dynamics.dense import Line, dense
-from asperity.dynamics.forcing import Setting
 from asperity.dynamics.harmonic_balance import Balance
 from asperity.dynamics.search import Search
+from asperity.dynamics.settings import Setting
 from asperity.dynamics.stability import floquet, stack
 from asperity.errors import ConvergenceError, InputError
 from asperity.runtime.display import short_repr
@@ -79,7 +78,7 @@ class FrequencyResponse:
         """Every orbit of the branches at exactly this Omega, lowest u_max first.
 
         Raises:
-            ConvergenceError: the correction of an orbit at this Omega fails
+            ConvergenceError: the correction of an orbit fails
             InputError: omega lies outside the window
         """
         if not self.omega[0] <= omega <= self.omega[1]:
@@ -143,14 +142,9 @@ def frequency_response(
     starts: int = STARTS,
     max_points: int = 3000,
 ) -> FrequencyResponse:
-    """Compute all branches in a window; arguments as in `ContactOscillator.response`.
+    """Compute all branches in a window; arguments and errors as in `ContactOscillator.response`.
 
-    Args:
-        starts: number of starts of the search on the period map for orbits on no branch
-        max_points: limit of the work per branch, see `continuation.Tracing`
-
-    Raises:
-        ConvergenceError: no orbit can be found at either end of the window
+    `starts` are those on the period map, for orbits on no branch; `max_points` is that of `continuation.Tracing`.
     """
     low, high = omega
     how = Tracing(

@@ -17,9 +17,8 @@ from asperity.dynamics.columns import CurveColumns
 from asperity.dynamics.intervals import response_band, uncertainty
 from asperity.dynamics.joint import Numbers
 from asperity.dynamics.law.checks import positive
-from asperity.dynamics.law.damping import LOOPS
+from asperity.dynamics.law.damping import LOOPS, LoopDamping
 from asperity.dynamics.law.law import Law
-from asperity.dynamics.law.loop_damping import LoopDamping
 from asperity.dynamics.law_of_curve import Choice, choose
 from asperity.dynamics.laws import LawTable, tabulate
 from asperity.dynamics.oscillator import GRAVITY, ContactOscillator
@@ -120,17 +119,7 @@ def run_dynamics(
 
 
 def small_vibration(source: Any, settings: DynamicsSettings) -> Numbers:
-    """Numbers of the small vibration on a curve; arguments and errors as in `run_dynamics`.
-
-    Examples:
-        >>> from asperity.dynamics import DynamicsSettings
-        >>> from asperity.dynamics.run import small_vibration
-        >>> delta = np.linspace(0.0, 2e-7, 41)
-        >>> settings = DynamicsSettings(joint=asp.Joint(preload=1e-3, frequency=1000.0))
-        >>> numbers = small_vibration({"delta": delta, "force": 1e4 * delta}, settings)
-        >>> f"{numbers.stiffness:.0f} {numbers.frequency:.0f}"
-        '10000 1000'
-    """
+    """Numbers of the small vibration on a curve; arguments and errors as in `run_dynamics`."""
     static, load, _ = _law(source, settings)
     return numbers_of(_oscillator(static, load, settings, _gravity(settings, "curve")[0]))
 
@@ -206,10 +195,22 @@ def _notes(
     name: str, oscillator: ContactOscillator, responses: Iterable[FrequencyResponse], sweeps: Iterable[Sweep]
 ) -> Iterator[str]:
     """Notes on the results of a model."""
+    law, z_s = oscillator.law, oscillator.restoring.z_s
+    known, again = round(law.known_to / z_s - 1.0, 9), law.yields_at / z_s - 1.0
     for r in responses:
-        where = f"{name}, F^ = {r.setting.F_hat:g}"
-        yield from _beyond_points(f"{where}: the response", oscillator, max(float(b.u_max.max()) for b in r.branches))
-        yield from (f"{where}: {note}" for note in r.notes)
+        where, top = f"{name}, F^ = {r.setting.F_hat:g}:", max(float(b.u_max.max()) for b in r.branches)
+        if 1e-9 < again < top:
+            yield (
+                f"{where} the response reaches u = {top:.4g}, and above u = {again:.4g} the contact yields again: "
+                "there the law is the loading curve, which holds for the first cycle of that amplitude; those that "
+                "follow find a stiffer contact"
+            )
+        if law.extrapolate and known < top:
+            yield (
+                f"{where} the response reaches u = {top:.4g}, the curve that the law was fitted to ends at u = "
+                f"{max(known, 0.0):.4g}: beyond it the law is extrapolated"
+            )
+        yield from (f"{where} {note}" for note in r.notes)
     for s in sweeps:
         if ESCAPED in s.status:
             escape = float(s.Omega[s.status.index(ESCAPED)])
@@ -217,23 +218,6 @@ def _notes(
                 f"{name}, F^ = {s.setting.F_hat:g}: the sweep {s.direction} escapes from the Taylor "
                 f"well at Omega = {escape:.4g}, a property of the truncation"
             )
-
-
-def _beyond_points(where: str, oscillator: ContactOscillator, top: float) -> Iterator[str]:
-    """Notes on a motion up to u = `top` in which the contact yields again, or passes the points of the law."""
-    law, z_s = oscillator.law, oscillator.restoring.z_s
-    known, again = round(law.known_to / z_s - 1.0, 9), law.yields_at / z_s - 1.0
-    where = f"{where} reaches u = {top:.4g}"
-    if 1e-9 < again < top:
-        yield (
-            f"{where}, and above u = {again:.4g} the contact yields again: there the law is the loading curve, which "
-            "holds for the first cycle of that amplitude; those that follow find a stiffer contact"
-        )
-    if law.extrapolate and known < top:
-        yield (
-            f"{where}, the curve that the law was fitted to ends at u = {max(known, 0.0):.4g}: beyond it the law is "
-            "extrapolated"
-        )
 
 
 def _gravity(settings: DynamicsSettings, source: str) -> tuple[float | None, str]:

@@ -19,11 +19,18 @@ from asperity.dynamics.branch import Branch, Event
 from asperity.dynamics.branch_switching import detached, is_same, subharmonic
 from asperity.dynamics.continuation import MIN_HARMONICS, Path, Point, Tracing, in_omega, start, trace
 from asperity.dynamics.events import locate_events
-from asperity.dynamics.forcing import MIN_ZETA
 from asperity.dynamics.harmonic_balance import Balance
-from asperity.dynamics.initial_orbits import backbone_chart, orbit_from_rest, subharmonic_orbits
+from asperity.dynamics.initial_orbits import (
+    backbone_chart,
+    has_one_resonance,
+    orbit_from_rest,
+    periodic_orbits,
+    starts,
+    states,
+    subharmonic_orbits,
+)
 from asperity.dynamics.law.damping import only_in_contact
-from asperity.dynamics.period_map import has_one_resonance, periodic_orbits, starts, states
+from asperity.dynamics.settings import MIN_ZETA
 from asperity.dynamics.stability import floquet, stack
 from asperity.errors import ConvergenceError
 
@@ -42,7 +49,7 @@ class Search:
     Args:
         balance, how: equations; window, accuracy and limits, for order 1
         subharmonics: whether branches of longer periods are traced too
-        starts: number of starts on the period map, see `period_map`
+        starts: number of starts on the period map, see `initial_orbits`
 
     Attributes:
         branches, events: the branches; one that leaves the window and returns is in several pieces
@@ -61,7 +68,7 @@ class Search:
         self._paths: list[tuple[str, int, Path]] = []  # kind, order and path of each piece in the window
         self._ends: list[tuple[str, int, Point]] = []  # of pieces at the edges, headed outwards
         self._lowest = np.inf  # frequency to which a branch of order 1 was followed
-        self._states: list[Array] = []  # of the branches, see `period_map.states`
+        self._states: list[Array] = []  # of the branches, see `initial_orbits.states`
         self._lost: list[tuple[int, Point, str]] = []  # ends whose branch could not be followed, with the reason
         self._doublings: list[tuple[int, Point]] = []  # with the order of their branch
 
@@ -211,14 +218,10 @@ class Search:
     def _switch(self, order: int, flip: Point) -> None:
         """Trace the branch of twice the period from a period doubling of a branch of an order."""
         rest = [p for other, p in self._doublings if other == order]
-        path = subharmonic(replace(self.balance, order=order), self.forcing, flip, self.how, rest)
-        if path is None:
-            return
-        self._keep(f"sub{2 * order}", 2 * order, path, known=True)
-        if path.end == "period doubling" and rest:  # the branch must not be traced from its other end
-            end = path.points[-1].parameter
-            other = min(rest, key=lambda p: abs(p.parameter - end))
-            self._doublings = [(n, p) for n, p in self._doublings if p is not other]
+        path, end = subharmonic(replace(self.balance, order=order), self.forcing, flip, self.how, rest)
+        if path is not None:
+            self._keep(f"sub{2 * order}", 2 * order, path, known=True)
+            self._doublings = [(n, p) for n, p in self._doublings if p is not end]  # traced from one end only
 
     def _through(self, order: int, x: Array, omega: float) -> None:
         """Trace the branch through an orbit, if it is new, and all that leaves it."""

@@ -7,15 +7,71 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from asperity.dynamics.forcing import forcings, window
 from asperity.dynamics.joint import Joint
+from asperity.dynamics.law.checks import positives, within
 from asperity.dynamics.law.damping import Damping
 from asperity.errors import InputError
+
+OMEGA = (0.01, 100.0)  # below, motion is quasi-static; above, the mass hardly moves
+FORCING = (1e-9, 1e6)  # below, motion is linear in the forcing and lost in the round-off of the force
+MIN_ZETA = 1e-4  # smallest damping ratio with which motion settles in 20000 periods
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Law, damping and forcing of a forced result.
+
+    Attributes:
+        model: "exact" or "taylor"
+        law: description of the law
+        n_loc: local exponent at the operating point
+        zeta, damping: damping ratio and model
+        F_hat: forcing F/(n_loc W), W the preload
+        F_over_mg: forcing over the preload, n_loc F_hat (sigma in the Hertz literature)
+    """
+
+    model: str
+    law: str
+    n_loc: float
+    zeta: float
+    damping: str
+    F_hat: float
+
+    @property
+    def F_over_mg(self) -> float:
+        """Forcing amplitude over the preload."""
+        return self.n_loc * self.F_hat
+
+    def describe(self) -> str:
+        """One line for titles and logs."""
+        return (
+            f"{self.model}: {self.law}, zeta = {self.zeta:g} ({self.damping}), F^ = {self.F_hat:g}, "
+            f"F/W = {self.F_over_mg:g}"
+        )
+
+
+def frequencies(values: Any) -> tuple[float, ...]:
+    """One Omega or several as a tuple; raise `InputError` unless all are legal."""
+    return tuple(within("omega", value, OMEGA) for value in positives("omega", values))
+
+
+def forcings(values: Any) -> tuple[float, ...]:
+    """One F^ or several as a tuple; raise `InputError` unless all are legal."""
+    return tuple(within("forcing", value, FORCING) for value in positives("forcing", values))
+
+
+def window(omega: Sequence[float]) -> tuple[float, float]:
+    """Lowest and highest Omega; raise `InputError` unless they are a legal window."""
+    values = frequencies(omega)
+    if len(values) != 2 or values[0] >= values[1]:
+        raise InputError(f"omega = {list(values)} is not legal: give two frequencies 0 < low < high")
+    return values[0], values[1]
+
 
 MODELS = ("exact", "taylor")
 #: Laws of a curve by name, those of a contact that has yielded first.

@@ -18,8 +18,8 @@ import numpy as np
 
 from asperity.arrays import Array
 from asperity.dynamics.equation import Equation
-from asperity.dynamics.forcing import Setting
 from asperity.dynamics.law.law import EXTRAPOLATE
+from asperity.dynamics.settings import Setting
 from asperity.dynamics.time_integration import advance, has_escaped, steps_for
 from asperity.errors import RangeError
 from asperity.runtime.display import short_repr
@@ -85,11 +85,7 @@ def sweep(
     max_periods: int | None,
     steps: int | None,
 ) -> tuple[Sweep, ...]:
-    """Sweep all forcings and directions in parallel; arguments as in `ContactOscillator.sweep`, with rising `omega`.
-
-    Raises:
-        RangeError: the motion leaves a table
-    """
+    """Sweep all forcings and directions in parallel; see `ContactOscillator.sweep`. The frequencies `omega` rise."""
     lanes = [(s, d) for s in settings for d in directions]
     forcing = np.array([s.F_hat for s, _ in lanes])
     path = np.array([omega if d == "up" else omega[::-1] for _, d in lanes])
@@ -182,11 +178,7 @@ def _settle(
 def _periods(y: Array, shrink: Array, size: Array, tol: float) -> tuple[Array, Array]:
     """Period of each lane (0 if it does not repeat), and its estimated distance from the orbit.
 
-    Args:
-        y: states at the ends of the last periods (periods + 1, 2, lanes)
-        shrink: 1 - exp(-2 pi zeta/Omega) of the lanes
-        size: amplitude of the lanes
-        tol: as in `sweep`
+    `y` are the states at the ends of the last periods (periods + 1, 2, lanes), `size` the amplitudes.
     """
     found, distance = np.zeros(size.size, int), np.full(size.size, np.inf)
     gaps: dict[int, Array] = {}

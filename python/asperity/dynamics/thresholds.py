@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Backbone, resonance peak by energy balance, and onsets of nonlinear phenomena.
+"""Resonance peak by energy balance, and onsets of nonlinear phenomena.
 
 At phase resonance the forcing supplies exactly the energy that the damper takes from a free orbit, so one
 quadrature per amplitude gives the resonance peak for every damping ratio:
@@ -17,46 +17,14 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from asperity.arrays import Array
-from asperity.dynamics.equation import Restoring
-from asperity.dynamics.free import FreeOrbit, FreeVibration, column, contact_limit, free_orbit, free_vibration
+from asperity.dynamics.equation import Equation, Restoring
+from asperity.dynamics.free import FreeOrbit, contact_limit, free_orbit, largest_amplitude
 from asperity.dynamics.law.damping import Damping, only_in_contact
 from asperity.dynamics.law.law import bend
-from asperity.dynamics.law.taylor import TaylorLaw
 from asperity.errors import RangeError
 from asperity.runtime.display import short_repr
 
 _LARGEST = 1e6  # amplitude at which the search for a peak ends
-
-
-@dataclass(frozen=True)
-class Backbone(FreeVibration):
-    """Free vibration in order of amplitude, and the forcing that sustains each orbit at resonance.
-
-    Examples:
-        >>> backbone = asp.ContactOscillator(asp.PowerLaw(0.7)).backbone(u_max=4.0, points=40)
-        >>> [(round(u, 2), round(omega, 3)) for u, omega in backbone.turns]  # hardening turns to softening
-        [(1.2, 1.031)]
-    """
-
-    __repr__ = short_repr
-
-    @property
-    def a1(self) -> Array:
-        """Amplitudes of the first harmonic, shape (orbits,)."""
-        return column(self.orbits, "a1")
-
-    @property
-    def drive(self) -> Array:
-        """Forcing F^/(2 zeta) that sustains each orbit at phase resonance, shape (orbits,)."""
-        return column(self.orbits, "drive")
-
-    @property
-    def turns(self) -> tuple[tuple[float, float], ...]:
-        """Points (u0, omega/omega_s) at which softening turns to hardening or back."""
-        w, u = self.omega_ratio, self.u0
-        i = np.flatnonzero((np.diff(w)[:-1] > 0) != (np.diff(w)[1:] > 0)) + 1
-        return tuple((float(u[j]), float(w[j])) for j in i if abs(w[j] - 1.0) > 1e-12)
 
 
 @dataclass(frozen=True)
@@ -110,34 +78,7 @@ class Thresholds:
 
     def to_dict(self) -> dict[str, Any]:
         """Section of thresholds.json."""
-        return {**asdict(self), "peaks": [dict(p) for p in self.peaks]}
-
-
-def backbone(restoring: Restoring, *, model: str, damping: Damping, u_max: float, points: int) -> Backbone:
-    """Compute free orbits up to `u_max`, at equal steps of amplitude and at contact loss.
-
-    They end earlier where the law ends: at the rim of a Taylor well, or at the last point of a table.
-    """
-    top = min(u_max, largest_amplitude(restoring))
-    amplitudes, limit = np.linspace(top / points, top, points), contact_limit(restoring)
-    amplitudes = np.union1d(amplitudes, limit) if limit < top else amplitudes
-    free = free_vibration(restoring, amplitudes, model=model, omega_s=np.nan, damping=damping)
-    return Backbone(**{name: getattr(free, name) for name in free.__dataclass_fields__})
-
-
-def largest_amplitude(restoring: Restoring) -> float:
-    """Largest release amplitude: inf, the end of a table, or just inside a Taylor rim."""
-    law = restoring.law
-    if isinstance(law, TaylorLaw):
-        low, high = law.rim(), law.rim_above()
-        edges = [high] if np.isfinite(high) else []
-        if np.isfinite(low):
-            wall = float(restoring.potential(low))
-            ceiling = min(high, 1e3)
-            if float(restoring.potential(ceiling)) > wall:
-                edges.append(brentq(lambda u: float(restoring.potential(u)) - wall, 0.0, ceiling))
-        return 0.999 * min(edges) if edges else np.inf
-    return restoring.u_range[1]
+        return asdict(self)
 
 
 def resonance_peak(restoring: Restoring, drive: float, damping: Damping = "always") -> FreeOrbit | None:
@@ -167,10 +108,9 @@ def resonance_peak(restoring: Restoring, drive: float, damping: Damping = "alway
     return free_orbit(restoring, u, damping)
 
 
-def thresholds(
-    restoring: Restoring, *, model: str, zeta: float, damping: Damping, forcing: tuple[float, ...] = ()
-) -> Thresholds:
+def thresholds(equation: Equation, forcing: tuple[float, ...] = ()) -> Thresholds:
     """Compute the onsets of `Thresholds` and the resonance peak of each F^ in `forcing`."""
+    restoring, zeta, damping = equation.restoring, equation.zeta, equation.damping
     limit = contact_limit(restoring)
     inside = np.isfinite(limit) and limit <= restoring.u_range[1]
     orbit = free_orbit(restoring, limit, damping) if inside else None
@@ -187,7 +127,7 @@ def thresholds(
         at_peak = dict(zip(("Omega", "u_max", "u_min", "a1"), values, strict=True))
         peaks.append({"F_hat": f, "F_over_mg": restoring.n_loc * f, **at_peak})
     return Thresholds(
-        model=model,
+        model=restoring.model,
         law=restoring.law.describe(),
         zeta=zeta,
         damping=str(damping),

@@ -20,8 +20,8 @@ from scipy.integrate import solve_ivp
 
 from asperity.arrays import Array
 from asperity.dynamics.equation import Equation, primitive
-from asperity.dynamics.forcing import Setting
 from asperity.dynamics.law.taylor import TaylorLaw
+from asperity.dynamics.settings import Setting
 from asperity.errors import ConvergenceError, RangeError
 from asperity.runtime.display import short_repr
 
@@ -43,11 +43,6 @@ class Trajectory:
         setting: law, damping and forcing, if the motion is that of an oscillator
         tolerance: relative tolerance of the integrator
         valid: False if a Taylor law passes u = -1
-
-    Examples:
-        >>> path = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.0).simulate(1.0, 0.0, u=1.0, periods=1)
-        >>> len(path.flight), path.flight.round(4)
-        (1, array([[2.5587, 4.3343]]))
     """
 
     tau: Array
@@ -72,11 +67,9 @@ def integrate(
     rtol: float = 1e-10,
     samples: float = 0.0,
 ) -> Trajectory:
-    """Integrate from (u, v) at forcing phase 0, alternating between contact and flight.
+    """Integrate from (u, v) at forcing phase 0 over a duration (1/omega_s), alternating between contact and flight.
 
-    Args:
-        duration: time to run (1/omega_s)
-        samples: output points per unit of time
+    There are `samples` output points per unit of time.
 
     Raises:
         ConvergenceError: the integrator fails
@@ -226,11 +219,7 @@ def _runge_kutta(
 def advance(
     equation: Equation, u: Array, w: Array, omega: Array, forcing: Array, steps: int
 ) -> tuple[Array, Array, Array, Array, Array]:
-    """Advance all lanes by one forcing period; arguments as in `path_of`.
-
-    Returns:
-        u, w, largest u, smallest u and amplitude at the forcing frequency, shape (lanes,) each
-    """
+    """U and w after one forcing period, largest u, smallest u and amplitude at the forcing frequency; see `path_of`."""
     us, vs, w = path_of(equation, u, w, omega, forcing, steps)
     with np.errstate(over="ignore", invalid="ignore"):
         low, high = _turning_values(us, vs * (2.0 * np.pi / omega / steps))

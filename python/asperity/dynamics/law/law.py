@@ -26,7 +26,6 @@ from asperity.errors import RangeError
 
 EXTRAPOLATE = "extrapolate the law (extrapolate=True, asperity dynamics --extrapolate)"  # advice of messages
 _SMALL = 0.05  # below this |u| the potential is integrated: differences of potentials cancel
-_DENSE = 40_000  # approaches between which the force for time integration is interpolated
 _GAUSS_X, _GAUSS_W = np.polynomial.legendre.leggauss(16)
 
 
@@ -205,15 +204,3 @@ def bend(low: float, high: float) -> str:
     if low == high == 0.0:
         return "linear"
     return "softening" if high < 0.0 else "hardening" if low > 0.0 else "undecided"
-
-
-def dense(law: Law, end: float, knots: Array) -> tuple[Array, Array]:
-    """Approaches from 0 to a thousand times `end` (length), `knots` among them, and the forces there.
-
-    They are so dense that straight lines between them err by about 1e-9 of the force at `end`, and by 1e-6 of the force
-    beyond twice `end`.
-    """
-    even, light = np.linspace(0.0, 2.0 * end, _DENSE), np.geomspace(1e-9, 1.0, _DENSE // 8) * end
-    far = np.geomspace(2.0, 1e3, _DENSE // 8) * end
-    z = np.union1d(np.concatenate([even, light, far]), knots)
-    return z, law.both(z)[0]
