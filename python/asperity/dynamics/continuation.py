@@ -380,7 +380,11 @@ def crossings(equations: Equations, points: Iterable[Point], parameter: float) -
         last = b
         if a.parameter == parameter:
             yield a
-        pieces = [a, *(between(equations, a, b, s) for s in turns(a, b)), b] if _may_cross(a, b, parameter) else []
+        start, first, second, third = _segment(a, b)[0][:, -1]
+        polygon = (start, start + first / 3.0, b.parameter - (3.0 * third + 2.0 * second + first) / 3.0, b.parameter)
+        if not min(polygon) <= parameter <= max(polygon):  # the control polygon of the cubic lies on one side
+            continue
+        pieces = [a, *(between(equations, a, b, s) for s in turns(a, b)), b]
         for left, right in pairwise(pieces):
             f_left, f_right = left.parameter - parameter, right.parameter - parameter
             if f_left * f_right < 0:
@@ -401,13 +405,6 @@ def turns(a: Point, b: Point) -> list[float]:
     q = -second - np.copysign(np.sqrt(root), second)  # of 3 third s^2 + 2 second s + first = 0, without cancellation
     found = {float(x / y) for x, y in ((q, 3.0 * third), (first, q)) if abs(x) < abs(y) and x * y > 0}
     return sorted(found)
-
-
-def _may_cross(a: Point, b: Point, parameter: float) -> bool:
-    """Whether the cubic may cross the parameter: its control polygon lies on both sides."""
-    start, first, second, third = _segment(a, b)[0][:, -1]
-    polygon = (start, start + first / 3.0, b.parameter - (3.0 * third + 2.0 * second + first) / 3.0, b.parameter)
-    return min(polygon) <= parameter <= max(polygon)
 
 
 def _at_parameter(equations: Equations, p: Point, parameter: float) -> Point:

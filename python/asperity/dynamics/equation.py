@@ -101,6 +101,11 @@ class Restoring:
         return self.law.contact
 
     @property
+    def kink(self) -> float:
+        """Displacement at which the contact yields again, where the stiffness may jump; inf if it does not."""
+        return self.law.yields_at / self.z_s - 1.0
+
+    @property
     def model(self) -> str:
         """ "exact" or "taylor"."""
         return "exact" if self.contact else "taylor"
@@ -109,15 +114,6 @@ class Restoring:
         """Contact force over `scale`, zero in flight, and its derivative with respect to u."""
         force, slope = self.law.both(self.z_s * (1.0 + u))
         return force / self.scale, slope * (self.z_s / self.scale)
-
-    def pull_at(self, u: float) -> tuple[float, float]:
-        """`pull` at one displacement."""
-        force, slope = self.law.at(self.z_s * (1.0 + u))
-        return force / self.scale, slope * (self.z_s / self.scale)
-
-    def pull_only(self, u: Array) -> Array:
-        """Contact force over `scale` alone, for the inner loop of time integration."""
-        return self.law.push(self.z_s * (1.0 + u)) / self.scale
 
     def f(self, u: ArrayLike) -> Array:
         """Restoring force f(u), same shape as `u`."""

@@ -10,7 +10,7 @@ contact loss, and free flight (``u'' = 1/n_loc``) is added in closed form.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -217,7 +217,9 @@ class _HalfPeriod:
 def _half_period(restoring: Restoring, u0: float, least: int = 0, orders: tuple[int, ...] = _ORDERS) -> _HalfPeriod:
     u_min, v_s = _turning_point(restoring, u0)
     mid, half = 0.5 * (u0 + u_min), 0.5 * (u0 - u_min)
-    knots = _knots(restoring, u_min, u0, v_s > 0)
+    low = -1.0 if v_s > 0 else u_min
+    inner = np.asarray(getattr(restoring.law, "knots", ()), float) / restoring.z_s - 1.0
+    knots = np.concatenate([[low], inner[(inner > low) & (inner < u0)], [u0]])
     theta = np.arcsin(np.clip((knots - mid) / half, -1.0, 1.0))
     theta[-1] = 0.5 * np.pi
     depth = 0.5 * restoring.n_loc * v_s**2  # of the flight below u = -1
@@ -305,14 +307,6 @@ def _turning_point(restoring: Restoring, u0: float) -> tuple[float, float]:
                 low *= 2.0
     root = brentq(lambda u: float(restoring.potential(u)) - energy, low, -1e-3 * min(u0, 1.0), xtol=1e-16, rtol=1e-14)
     return float(root), 0.0
-
-
-def _knots(restoring: Restoring, u_min: float, u0: float, flight: bool) -> Array:
-    """Ends of the contact part and the knots of the law between them."""
-    low = -1.0 if flight else u_min
-    inner: Sequence[float] = getattr(restoring.law, "knots", ())
-    u = np.asarray(inner, float) / restoring.z_s - 1.0
-    return np.concatenate([[low], u[(u > low) & (u < u0)], [u0]])
 
 
 def _contact_part(

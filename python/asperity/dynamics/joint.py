@@ -89,9 +89,7 @@ class Joint:
 
     def mass_at(self, stiffness: float) -> float | None:
         """Mass at a stiffness k_n of the joint (force/length); None if nothing gives it."""
-        if self.frequency is not None:
-            return stiffness / (2 * math.pi * self.frequency) ** 2
-        return self.mass
+        return self.mass if self.frequency is None else stiffness / (2 * math.pi * self.frequency) ** 2
 
 
 def _known(patch: float | None, name: str) -> float:

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import warnings
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -233,10 +234,9 @@ def _automatic(columns: CurveColumns, load: float, overload: float | None) -> Ch
         except InputError:
             found = law_named(columns, "paper", load)
             return Choice("paper", found, load, None, yielded, "the points of the loading do not rise")
-    try:
+    above = None
+    with suppress(InputError):
         above = TableLaw.from_curve(columns, extrapolate=True)
-    except InputError:
-        above = None
     if leg is not None and met >= leg.top * (1 - 1e-6):
         whole = leg if above is None else leg.yielding(above, min(leg.top, above.top))
         return Choice("unload-reload", whole, load, leg.top, True, "yielded, and unloaded through the preload", lack)

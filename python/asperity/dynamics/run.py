@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -86,9 +87,8 @@ def run_dynamics(
         notes.extend(_notes(name, oscillator, responses[name], swept[name]))
     members, spread = () if laws is None else laws.members(), None
     try:
-        spread = uncertainty(exact, members or None, "" if laws is None else laws.describe_members())
-    except InputError:  # nothing bounds the law
-        pass
+        with suppress(InputError):  # nothing bounds the law
+            spread = uncertainty(exact, members or None, "" if laws is None else laws.describe_members())
     except AsperityError as error:
         notes.append(f"no interval: {error}")
     bands = []
@@ -168,12 +168,11 @@ def _oscillator(law: Law, load: float, settings: DynamicsSettings, gravity: floa
 
 def _loops_of(source: Any) -> str | LoopDamping:
     """Damping of the loops of a run directory, "loops" where there are none."""
-    folder = Path(source) if isinstance(source, (str, os.PathLike)) else None
-    if folder is not None and not folder.is_dir():
-        folder = folder.parent
-    if folder is None or not (folder / run_folder.LOOPS).is_file():
+    if not isinstance(source, (str, os.PathLike)):
         return LOOPS
-    return LoopDamping.of(LoopTable.read(folder / run_folder.LOOPS))
+    path = Path(source)
+    loops = (path if path.is_dir() else path.parent) / run_folder.LOOPS
+    return LoopDamping.of(LoopTable.read(loops)) if loops.is_file() else LOOPS
 
 
 def _yield_notes(choice: Choice) -> Iterator[str]:

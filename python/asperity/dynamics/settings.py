@@ -1,13 +1,17 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Settings of a vibration analysis. Each default is here, and the section [dynamics] of a case takes it from here."""
+"""Settings of a vibration analysis and of a forced result, and the legal frequencies and forcings.
+
+Each default is here, and the section [dynamics] of a case takes it from here.
+"""
 
 from __future__ import annotations
 
 import os
 import tomllib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +24,12 @@ from asperity.errors import InputError
 OMEGA = (0.01, 100.0)  # below, motion is quasi-static; above, the mass hardly moves
 FORCING = (1e-9, 1e6)  # below, motion is linear in the forcing and lost in the round-off of the force
 MIN_ZETA = 1e-4  # smallest damping ratio with which motion settles in 20000 periods
+MODELS = ("exact", "taylor")
+#: Laws of a curve by name, those of a contact that has yielded first.
+NAMES = ("unload-reload", "elastic", "table", "paper")
+LAWS = ("auto", *NAMES)
+#: Rows in contact that show the curvature of an unloading, without and with the stiffness of each.
+MIN_ROWS = (5, 3)
 
 
 @dataclass(frozen=True)
@@ -71,14 +81,6 @@ def window(omega: Sequence[float]) -> tuple[float, float]:
     if len(values) != 2 or values[0] >= values[1]:
         raise InputError(f"omega = {list(values)} is not legal: give two frequencies 0 < low < high")
     return values[0], values[1]
-
-
-MODELS = ("exact", "taylor")
-#: Laws of a curve by name, those of a contact that has yielded first.
-NAMES = ("unload-reload", "elastic", "table", "paper")
-LAWS = ("auto", *NAMES)
-#: Rows in contact that show the curvature of an unloading, without and with the stiffness of each.
-MIN_ROWS = (5, 3)
 
 
 @dataclass(frozen=True)
@@ -174,10 +176,8 @@ class DynamicsSettings:
         if isinstance(source, (str, os.PathLike)):
             path = Path(source)
             folder = path.parent if path.name == "curve.csv" else path
-            try:
+            with suppress(OSError, ValueError):
                 case = tomllib.loads((folder / "case.toml").read_text(encoding="utf-8"))
-            except (OSError, ValueError):
-                pass
         return cls.of_case(case, joint)
 
     def replaced(self, **changes: Any) -> DynamicsSettings:

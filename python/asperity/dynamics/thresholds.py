@@ -11,6 +11,7 @@ quadrature per amplitude gives the resonance peak for every damping ratio:
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -82,11 +83,7 @@ class Thresholds:
 
 
 def resonance_peak(restoring: Restoring, drive: float, damping: Damping = "always") -> FreeOrbit | None:
-    """Free orbit that a forcing F^ = 2 zeta drive sustains at phase resonance; None if there is none.
-
-    Raises:
-        RangeError: the peak lies beyond the end of the law
-    """
+    """Free orbit that a forcing F^ = 2 zeta drive sustains at phase resonance; None if there is none."""
     top = largest_amplitude(restoring)
     limit = min(top, _LARGEST)
 
@@ -118,11 +115,8 @@ def thresholds(equation: Equation, forcing: tuple[float, ...] = ()) -> Threshold
     peaks: list[dict[str, float | None]] = []
     for f in forcing:
         peak = None
-        if zeta > 0:
-            try:
-                peak = resonance_peak(restoring, f / (2.0 * zeta), damping)
-            except RangeError:
-                pass
+        with suppress(RangeError):  # beyond the end of the law
+            peak = resonance_peak(restoring, f / (2.0 * zeta), damping) if zeta > 0 else None
         values = (peak.omega, peak.u0, peak.u_min, peak.a1) if peak else (None,) * 4
         at_peak = dict(zip(("Omega", "u_max", "u_min", "a1"), values, strict=True))
         peaks.append({"F_hat": f, "F_over_mg": restoring.n_loc * f, **at_peak})

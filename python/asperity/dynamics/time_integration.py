@@ -102,7 +102,7 @@ def _phase(
     def field(t: float, s: Array) -> list[float]:
         numbers: Any = s.tolist()
         x, w = numbers
-        pull = 0.0 if flying else r.pull_at(x)[0]
+        pull = 0.0 if flying else r.law.at(r.z_s * (1.0 + x))[0] / r.scale
         return [w - equation.loss(x), forcing * cos(omega * t) - pull + rest]
 
     def change(t: float, s: Array) -> float:
@@ -172,7 +172,7 @@ def path_of(
     if u.size > _FEW or not r.law.scalar or damping != "always":
         with np.errstate(over="ignore", invalid="ignore"):
             drive = list(wave[:, None] * forcing + 1.0 / r.n_loc)
-            us, vs = _runge_kutta(u, w, h, drive, r.pull_only, loss)
+            us, vs = _runge_kutta(u, w, h, drive, lambda x: r.law.push(r.z_s * (1.0 + x)) / r.scale, loss)
             return np.array(us[:-1]), np.array(vs), us[-1]
     at, scale, z_s = r.law.at, 1.0 / r.scale, r.z_s
     out, ends = np.full((2, steps + 1, u.size), np.nan), np.full(u.size, np.nan)
