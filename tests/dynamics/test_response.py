@@ -108,6 +108,22 @@ def test_harmonic_balance_agrees_with_shooting_to_1e_9() -> None:
         assert b.radius[i] == pytest.approx(max(abs(m) for m in shot.multipliers), rel=2e-4)
 
 
+@pytest.mark.parametrize(("load", "forcing"), [(0.5, 0.02), (0.5, 0.1), (0.58, 0.04), (0.6, 0.1)])
+def test_branches_pass_the_force_at_which_the_contact_yields_again(load: float, forcing: float) -> None:
+    """There the stiffness falls by half: no branch ends, and orbits and multipliers are those of shooting."""
+    z = np.linspace(0.05, 1.0, 20)
+    law = TableLaw(z, 2.0 * z**1.5).yielding(TableLaw(z, z, extrapolate=True), reached=0.6)
+    r = ContactOscillator(law, load=load, zeta=0.02).response(forcing, (0.5, 1.3))
+    assert {b.end for b in r.branches} <= {"window", "period doubling"} and not r.notes
+    yields = law.yields_at / law.deflection(load) - 1.0
+    orbits = [s for omega in (0.7, 0.95, 1.02) for s in r.at(omega) if s.order == 1 and s.u_max > yields]
+    assert len(orbits) >= 2
+    for s in orbits:
+        shot = shoot(r.balance, s.Omega, forcing, *s.start)
+        assert s.u_max == pytest.approx(shot.u_max, rel=2e-5) and s.u_min == pytest.approx(shot.u_min, rel=2e-5)
+        assert s.stable == (max(abs(m) for m in shot.multipliers) < 1.0)
+
+
 @pytest.mark.parametrize("damping", ["always", "contact", "hunt-crossley"])
 def test_every_damping_agrees_with_shooting(damping: str) -> None:
     r = ContactOscillator(PowerLaw(1.5), zeta=0.03, damping=damping).response(0.08, (0.7, 1.2), tol=1e-7)

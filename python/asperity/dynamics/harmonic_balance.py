@@ -4,10 +4,10 @@
 """Harmonic balance of the forced oscillator, with exact integrals of the contact force.
 
 The orbit is ``u(theta) = x_0 + SUM a_k cos(k theta) + b_k sin(k theta)``, ``theta = Omega tau / p`` (p = 1, or 2
-for a subharmonic of order 2). The contact force vanishes in flight and is smooth in contact, so its
-Fourier integrals are computed by Gauss quadrature between the contact-loss angles of the current orbit. An orbit
-that stays away from contact loss uses the uniform grid, which is then spectrally accurate. The balance is
-therefore a true Galerkin projection: there is no aliasing, and the conservative force does no spurious work,
+for a subharmonic of order 2). The contact force vanishes in flight and is smooth in contact, except where the
+contact yields again. Its Fourier integrals are computed by Gauss quadrature between the angles of contact loss and of
+yield of the current orbit. An orbit away from both uses the uniform grid, which is then spectrally accurate. The
+balance is therefore a true Galerkin projection: there is no aliasing, and the conservative force does no spurious work,
 however light the damping (compare the alternating frequency-time method, Cameron & Griffin 1989).
 """
 
@@ -87,10 +87,14 @@ class Balance(Equation):
         points = _GRID * max(count, 8)
         if self.restoring.contact:
             s = 1.0 + (uniform_basis(count, points) @ x if count <= _TABULATED else _sampled(x, points))
-            lowest = float(s.min())
-            near = _NEAR * max(1.0, 0.5 * (float(s.max()) - lowest))
-            if lowest <= near:
-                cuts = _cuts(x, s, near)
+            lowest, highest, top = float(s.min()), float(s.max()), 1.0 + self.restoring.kink
+            near = _NEAR * max(1.0, 0.5 * (highest - lowest))
+            if lowest <= near or highest > top - near:
+                cuts = _cuts(x, s, near) if lowest <= near else np.array([[0.0, 2.0 * np.pi]])
+                if highest > top - near:  # where the distance to the kink vanishes, as 1 + u does at contact loss
+                    below = -x
+                    below[0] += top - 2.0
+                    cuts = _split(cuts, _cuts(below, top - s, near).ravel())
                 theta, weight = _panels(cuts, count) if len(cuts) else (np.empty(0), np.empty(0))
                 return basis_at(theta, count), weight
         return uniform_basis(count, points), np.full(points, 2.0 * np.pi / points)
@@ -215,15 +219,17 @@ def _cuts(x: Array, s: Array, near: float) -> Array:
     starts, stops = roots[opening], roots[~opening]
     if stops[0] < starts[0]:
         stops = np.append(stops[1:], stops[0] + 2.0 * np.pi)
-    if marks.size == 0:
-        return np.stack([starts, stops], axis=1)
+    return _split(np.stack([starts, stops], axis=1), marks)
+
+
+def _split(cuts: Array, marks: Array) -> Array:
+    """Intervals (m, 2) in angle, split at the marks inside."""
+    if marks.size == 0 or not len(cuts):
+        return cuts
+    marks = np.sort(marks % (2.0 * np.pi))
     marks = np.concatenate([marks, marks + 2.0 * np.pi])
-    cuts = []
-    for begin, end in zip(starts, stops, strict=True):
-        inner = marks[(marks > begin + 1e-9) & (marks < end - 1e-9)]
-        edges = np.concatenate([[begin], inner, [end]])
-        cuts.append(np.stack([edges[:-1], edges[1:]], axis=1))
-    return np.concatenate(cuts)
+    edges = [[begin, *marks[(marks > begin + 1e-9) & (marks < end - 1e-9)], end] for begin, end in cuts]
+    return np.concatenate([np.stack([e[:-1], e[1:]], axis=1) for e in edges])
 
 
 def _waves(x: Array) -> tuple[Array, Array]:

@@ -197,14 +197,15 @@ def _ends_and_middle(x: Array) -> tuple[Array, ...]:
 
 
 def _averaged(balance: Balance, u: Array, h: Array, *k: Array) -> tuple[Array, ...]:
-    """Replace the stiffness by its mean over each step that crosses contact loss.
+    """Replace the stiffness by its mean over each step that crosses contact loss or the onset of yield.
 
     The mean is the divided difference of the force: exact at the jump of a linear contact, and finite for a law
     with n < 1, whose stiffness is infinite at contact loss.
     """
     a, _, b = _ends_and_middle(u)
     gap = b - a
-    crossing = (1.0 + np.minimum(a, b) < np.abs(gap)) & (np.maximum(a, b) > -1.0) & (gap != 0)
+    low, high, kink = np.minimum(a, b), np.maximum(a, b), balance.restoring.kink
+    crossing = (((1.0 + low < high - low) & (high > -1.0)) | ((low < kink) & (high > kink))) & (gap != 0)
     rows = np.nonzero(crossing)
     pull = balance.restoring.pull
     mean = (pull(b[rows])[0] - pull(a[rows])[0]) / gap[rows] * h[rows[0]] ** 2
