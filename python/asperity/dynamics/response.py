@@ -83,8 +83,7 @@ class FrequencyResponse:
         """
         if not self.omega[0] <= omega <= self.omega[1]:
             raise InputError(f"Omega = {omega:g} lies outside the computed window {self.omega}")
-        found: list[Solution] = []
-        senses: list[bool] = []
+        found: list[tuple[bool, Solution]] = []
         for number, branch in enumerate(self.branches):
             balance = replace(self.balance, order=branch.order)
             try:
@@ -108,11 +107,10 @@ class FrequencyResponse:
                 if not any(
                     sense == other and s.order == o.order
                     and distance(s.coefficients, o.coefficients, s.order) < _SAME + 10.0 * max(s.error, o.error)
-                    for other, o in zip(senses, found, strict=True)
+                    for other, o in found
                 ):  # fmt: skip
-                    found.append(s)
-                    senses.append(sense)
-        return tuple(sorted(found, key=lambda solution: solution.u_max))
+                    found.append((sense, s))
+        return tuple(sorted((s for _, s in found), key=lambda s: s.u_max))
 
     def lines(self) -> tuple[Line, ...]:
         """Each branch as dense rows; straight lines between them have errors below 1e-3."""
