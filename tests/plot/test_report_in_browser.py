@@ -96,6 +96,7 @@ def test_the_page_opens_with_the_verdict(chromium: Any, report: Path) -> None:
     assert 0 < chromium.execute_script(bottom) < 400
     assert "403 µN ± 3 %" in chromium.find_element("css selector", ".verdict").text
     assert "yield_strength" not in chromium.find_element("css selector", "body").text
+    assert chromium.find_element("css selector", "table.ledger").is_displayed()  # folded away where none is doubtful
     assert chromium.execute_script(SMALLEST) >= 11  # pixels
 
 
