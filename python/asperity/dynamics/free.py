@@ -44,6 +44,11 @@ class FreeOrbit:
         flight: share of the period out of contact
         dissipation: INT g u'^2 over a period, for the requested damping model
         error: estimated relative error of `omega`
+
+    Examples:
+        >>> orbit = asp.ContactOscillator(asp.PowerLaw(1.5)).free(1.2).orbits[0]
+        >>> orbit.contact_loss, round(orbit.omega, 6), round(orbit.flight, 6)
+        (True, 0.850525, 0.384271)
     """
 
     u0: float

@@ -125,6 +125,12 @@ class Band:
         Omega: frequencies over omega_s of the central law, shape (frequencies,)
         upper: lowest and highest u_max on the upper stable branch, shape (2, frequencies); NaN where there is none
         lower: the same on the lower stable branch; that of `upper` where no law has two
+
+    Examples:
+        >>> from asperity.dynamics import Band
+        >>> band = Band(0.01, np.array([1.0]), np.array([[0.4], [0.5]]), np.array([[0.1], [0.2]]))
+        >>> list(next(band.rows()).values())
+        [0.01, 1.0, 0.4, 0.5, 0.1, 0.2]
     """
 
     F_hat: float
@@ -151,6 +157,12 @@ def ensemble(law: Law) -> tuple[Law, ...]:
 
     Raises:
         InputError: the law has no confidence interval
+
+    Examples:
+        >>> from asperity.dynamics import ensemble
+        >>> members = ensemble(asp.PowerLaw(1.5, ci_n=(1.45, 1.55), ci_K=(0.97, 1.03)))
+        >>> len(members), round(min(law.n for law in members), 6)
+        (12, 1.45)
     """
     if not isinstance(law, PowerLaw) or law.ci_n is None or law.ci_K is None:
         raise InputError("the law has no confidence interval: give ci_n and ci_K, or a fitted law")
@@ -178,6 +190,14 @@ def uncertainty(
 
     Raises:
         InputError: the law has no confidence interval and `members` is not given
+
+    Examples:
+        Two laws, for example of two seeds:
+
+        >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), load=1.0)
+        >>> result = asp.uncertainty(oscillator, members=[asp.PowerLaw(1.4), asp.PowerLaw(1.6)])
+        >>> print(f"omega_s = {result.omega_s.low:.3f} to {result.omega_s.high:.3f} rad/s")
+        omega_s = 3.705 to 3.961 rad/s
     """
     law = oscillator.law
     if members is None:
