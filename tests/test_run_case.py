@@ -454,7 +454,9 @@ def test_meshes_too_coarse_to_be_touched_are_no_wrong_result() -> None:
     loading, accuracy = {"delta_max": 0.01, "steps": 2}, {"tolerance": 0.1, "max_dofs": 12_000}
     material = {"E": 1.0, "nu": 0.3, "kinematics": "small"}
     case = Case.from_dict({"surface": surface, "material": material, "loading": loading, "accuracy": accuracy})
-    with pytest.raises(ConvergenceError, match=r"no error bar, the contact touches a few facets only: ") as e:
+    with pytest.raises(
+        ConvergenceError, match=r"no error bar, (no node is touched|the contact touches a few facets only): "
+    ) as e:
         run(case)
     assert not isinstance(e.value, CheckError)
 

@@ -25,6 +25,7 @@ material = {E = 1.0, nu = 0.3}
 mesh = {h_contact = 0.4, h_max = 1.0, growth = 1.0}
 loading = {delta_max = 0.02, steps = 2}
 """
+ROUGH = COARSE.replace("sinusoid", "weierstrass-mandelbrot").replace("amplitude = 0.02", "D = 2.4, G = 3e-5")
 FRACTAL = f"""
 units = "other"
 surface = {{kind = "weierstrass-mandelbrot", L = 1e-6, D = 2.5, G = 1e-11}}
@@ -37,15 +38,12 @@ REFUSED = {
     "a key": (COARSE, ["material.mu=0.3"]),
     "two masters of the mesh": (FRACTAL, ["accuracy.tolerance=0.1"]),
     "the mesh of another surface": (FRACTAL, []),
-    "too few dofs": (COARSE, ["accuracy.tolerance=0.1", "accuracy.max_dofs=1000"]),
+    "too few dofs": (ROUGH, ["accuracy.tolerance=0.1", "accuracy.max_dofs=1000"]),
 }
 DOUBTFUL = {
     "a key that is not used": (COARSE, ["accuracy.max_dofs=5000"]),
     "deeper than the valleys": (COARSE, ["loading.delta_max=0.045", "block.height=4.0"]),
-    "steep": (
-        COARSE.replace("sinusoid", "weierstrass-mandelbrot").replace("amplitude = 0.02", "D = 2.4, G = 3e-5"),
-        [],
-    ),
+    "steep": (ROUGH, []),
     "short waves": (COARSE, ["surface.wavelength=0.1", "surface.amplitude=0.005", "mesh.growth=10.0"]),
 }
 

@@ -365,7 +365,7 @@ def test_progress_is_silent_when_quiet_or_not_first(monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.parametrize(
     ("seconds", "text"),
-    [(3.21, "3.2 s"), (245, "4 m 05"), (7805, "2 h 10"), (float("nan"), "?"), (1e12, "?")],
+    [(3.21, "3.2 s"), (245, "4 m 05"), (599.6, "10 m 00"), (7805, "2 h 10"), (float("nan"), "?"), (1e12, "?")],
 )
 def test_durations_in_words(seconds: float, text: str) -> None:
     assert duration(seconds) == text

@@ -30,7 +30,7 @@ def complete(line: str) -> list[tuple[str, str]]:
 def test_commands_options_and_choices_are_completed() -> None:
     assert complete("asperity p") == [("plain", "plot")]
     assert ("plain", "--resume") in complete("asperity run case.toml --re")
-    formats = {"calculix", "abaqus", "csv", "python", "sliders", "sliders-python"}
+    formats = {"calculix", "abaqus", "conductance", "csv", "python", "sliders", "sliders-python"}
     assert {text for _, text in complete("asperity export out --to ")} == formats
 
 

@@ -203,11 +203,12 @@ def duration(seconds: float) -> str:
     """Format a time [s] in at most 7 characters: 3.2 s, 4 m 05, 2 h 10."""
     if not seconds < 1e8:
         return "?"
-    if seconds < 60:
+    if seconds < 59.95:
         return f"{seconds:.1f} s"
+    seconds = round(seconds)
     if seconds < 3600:
-        return f"{seconds // 60:.0f} m {seconds % 60:02.0f}"
-    return f"{seconds // 3600:.0f} h {seconds % 3600 // 60:02.0f}"
+        return f"{seconds // 60} m {seconds % 60:02}"
+    return f"{seconds // 3600} h {seconds % 3600 // 60:02}"
 
 
 def _line(cells: tuple[str, ...]) -> str:

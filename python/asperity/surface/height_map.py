@@ -19,7 +19,7 @@ from asperity.arrays import Array
 from asperity.errors import InputError
 from asperity.surface.base import Surface, check, check_positive, is_integer, nodes, short_wave_share
 from asperity.surface.height_files import read_heights
-from asperity.surface.limited_spline import limited_spline
+from asperity.surface.limited_spline import MATTERS, limited_spline
 from asperity.surface.maximum import climb, refine
 from asperity.surface.scale_space import Heights, ScaleSpace, gaussian_filtered, spline_gain, spline_heights
 from asperity.surface.spline_moments import spline_rms
@@ -123,7 +123,7 @@ class HeightMap(Surface):
 
     @cached_property
     def _spline(self) -> BivariateSpline:
-        """Spline through the heights; its slopes are limited where it would ring, see `limited_spline`."""
+        """Spline through the heights, with limited slopes where it would rise above plateaus, see `limited_spline`."""
         from scipy.interpolate import BivariateSpline, RectBivariateSpline
 
         ny, nx = self.heights.shape
@@ -133,8 +133,12 @@ class HeightMap(Surface):
         if self.order != 3:
             return spline
         zx, zy, zxy = (spline(x, y, *orders).T for orders in ((1, 0), (0, 1), (1, 1)))
-        found = limited_spline(self.heights, zx, zy, zxy, (x[1], y[1]), light_depth(self.heights))
-        return spline if found is None else BivariateSpline._from_tck((*found, 3, 3))
+        depth, fine = light_depth(self.heights), (_with_middles(x), _with_middles(y))
+        found = limited_spline(self.heights, zx, zy, zxy, (x[1], y[1]), depth)
+        if found is None:
+            return spline
+        limited = BivariateSpline._from_tck((*found, 3, 3))
+        return limited if spline(*fine).max() - limited(*fine).max() > MATTERS * depth else spline
 
     @cached_property
     def limited(self) -> bool:
@@ -442,7 +446,12 @@ class HeightMap(Surface):
 
 
 def light_depth(z: Array, share: float = LIGHT, summit: float | None = None) -> float:
-    """Depth below the summit, or the highest height, with a share of the heights above it (length)."""
+    """Depth below the summit, or the highest height, with a share of the heights above it (length).
+
+    >>> from asperity.surface.height_map import light_depth
+    >>> round(float(light_depth(np.linspace(0.0, 1.0, 101), share=0.1)), 9)
+    0.1
+    """
     highest = float(z.max()) if summit is None else summit
     return max(highest - float(np.quantile(z, 1.0 - share)), LEAST * float(np.ptp(z)))
 

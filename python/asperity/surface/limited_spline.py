@@ -18,13 +18,13 @@ from asperity.arrays import Array
 Knots = tuple[Array, Array, Array]  # along x and y (length), coefficients (length)
 
 BULGE = 4.0 / 27.0  # greatest value of a cubic on [0, 1] with values 0 at both ends and slope 1 at one of them
-MATTERS = 0.03  # bulge of the slope that is taken away, over the depth of a light contact; 0.02 at 4 heights a wave
+MATTERS = 0.03  # rise of the spline above the limited one, over the depth of a light contact
 
 
 def limited_spline(
     z: Array, zx: Array, zy: Array, zxy: Array, spacing: tuple[float, float], depth: float
 ) -> Knots | None:
-    """Knots and coefficients of the spline with limited slopes; None where no slope needs a limit that matters.
+    """Knots and coefficients of the spline with limited slopes; None where one without cannot rise by MATTERS.
 
     Args:
         z: heights, index [iy, ix] (length)
