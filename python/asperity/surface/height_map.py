@@ -122,8 +122,11 @@ class HeightMap(Surface):
         return z
 
     @cached_property
-    def _spline(self) -> BivariateSpline:
-        """Spline through the heights, with limited slopes where it would rise above plateaus, see `limited_spline`."""
+    def _interpolation(self) -> tuple[BivariateSpline, float]:
+        """Spline through the heights, and its rise above them (length) where limited slopes have removed that, else 0.
+
+        Slopes are limited where a spline would rise above plateaus, see `limited_spline`.
+        """
         from scipy.interpolate import BivariateSpline, RectBivariateSpline
 
         ny, nx = self.heights.shape
@@ -131,19 +134,31 @@ class HeightMap(Surface):
         # the first axis of the spline is x
         spline = RectBivariateSpline(x, y, self.heights.T, kx=self.order, ky=self.order, s=0)
         if self.order != 3:
-            return spline
+            return spline, 0.0
         zx, zy, zxy = (spline(x, y, *orders).T for orders in ((1, 0), (0, 1), (1, 1)))
-        depth, fine = light_depth(self.heights), (_with_middles(x), _with_middles(y))
+        depth = light_depth(self.heights)
         found = limited_spline(self.heights, zx, zy, zxy, (x[1], y[1]), depth)
         if found is None:
-            return spline
-        limited = BivariateSpline._from_tck((*found, 3, 3))
-        return limited if spline(*fine).max() - limited(*fine).max() > MATTERS * depth else spline
+            return spline, 0.0
+        limited, fine = BivariateSpline._from_tck((*found, 3, 3)), (_with_middles(x), _with_middles(y))
+        highest = float(spline(*fine).max())
+        if highest - limited(*fine).max() <= MATTERS * depth:
+            return spline, 0.0
+        return limited, highest - float(self.heights.max())
 
-    @cached_property
+    @property
+    def _spline(self) -> BivariateSpline:
+        return self._interpolation[0]
+
+    @property
+    def spline_rise(self) -> float:
+        """Rise above all heights that the spline without limited slopes has (length), 0 if none is limited."""
+        return self._interpolation[1]
+
+    @property
     def limited(self) -> bool:
         """Whether the heights have steps or edges, at which the slopes of the spline are limited."""
-        return len(self._spline.get_knots()[0]) > self.heights.shape[1] + self.order + 1
+        return self.spline_rise > 0.0
 
     @cached_property
     def _derivatives(self) -> dict[tuple[int, int], Any]:
@@ -154,17 +169,6 @@ class HeightMap(Surface):
         if (dx, dy) not in self._derivatives:
             self._derivatives[dx, dy] = self._spline.partial_derivative(dx, dy)
         return self._derivatives[dx, dy]
-
-    @property
-    def spline_rise(self) -> float:
-        """Rise above all heights that the spline without limited slopes has (length), 0 if none is limited."""
-        if not self.limited:
-            return 0.0
-        from scipy.interpolate import RectBivariateSpline
-
-        of_y, of_x = (nodes(self.L, n) for n in self.heights.shape)
-        spline, fine = RectBivariateSpline(of_y, of_x, self.heights), (_with_middles(of_y), _with_middles(of_x))
-        return max(float(spline(*fine).max() - self.heights.max()), 0.0)
 
     @property
     def feature_size(self) -> float:
