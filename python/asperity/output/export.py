@@ -149,9 +149,8 @@ def interface(folder: str | Path, law: str = "table", load: float | None = None)
     )
     about = tuple(_about(results, case, found, law, measure))
     slip = None if case.slip is None else interface_slip(case, curve, load)
-    h, bar = gap_conductance(results.case["material"], curve, patch)
-    conducting = columns.rising(rows & (h > 0) & (curve.force > 0))
-    conduction = np.stack([curve.force / patch, h, bar], axis=1)[conducting]
+    conduction = np.stack(gap_conductance(results.case, curve), axis=1)
+    conduction = conduction[columns.rising(rows & (conduction[:, 1] > 0) & (curve.force > 0))]
     return Interface(z, pressure, slope, k_n, k_n_elastic, k_t, area, about, slip, patch, conduction)
 
 

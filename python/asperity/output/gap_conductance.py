@@ -35,23 +35,24 @@ def harmonic_mean(material: Mapping[str, Any]) -> float:
     return float(2.0 * first * second / (first + second))
 
 
-def gap_conductance(material: Mapping[str, Any], curve: Curve, patch: float) -> tuple[Array, Array]:
-    """Conductance per nominal area and its error bar at each step [power/(length^2 temperature)], each (n,).
+def gap_conductance(case: Mapping[str, Any], curve: Curve) -> tuple[Array, Array, Array]:
+    """Nominal pressure, conductance per nominal area and its error bar at each step, each (n,).
 
     Args:
-        material: section of a case
+        case: nested tables of a case
         curve: of the run
-        patch: nominal area [length^2]
 
     Returns:
-        h, NaN where the curve has no conductance or the bodies no conductivity, and error_h, NaN without bars
+        p [force/length^2], h and error_h [power/(length^2 temperature)], NaN where the curve has no conductance, the
+        bodies have no conductivity, or the case has no surface, error_h also without bars
 
     Examples:
         One round spot of the radius a = 0.1 between two bodies of conductivity 50 on an area of 4: 2 k a/A0.
 
         >>> curve = asp.Curve.from_rows([{"delta": 1.0, "force": 1.0, "conductance": 4 * 0.1}])
-        >>> gap_conductance({"conductivity": 50.0}, curve, patch=4.0)[0].tolist()
+        >>> gap_conductance({"surface": {"L": 2.0}, "material": {"conductivity": 50.0}}, curve)[1].tolist()
         [2.5]
     """
-    factor = harmonic_mean(material) / (2.0 * patch)
-    return factor * curve.conductance, factor * curve.error_conductance
+    patch = float(case.get("surface", {}).get("L", np.nan)) ** 2
+    factor = harmonic_mean(case.get("material", {})) / (2.0 * patch)
+    return curve.force / patch, factor * curve.conductance, factor * curve.error_conductance

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
+from asperity.output.gap_conductance import gap_conductance
 from asperity.output.results import Results
-from asperity.plot.conductance import conductance, conducts
+from asperity.plot.conductance import conductance
 from asperity.plot.contact import contact_area, pressure_histogram, pressure_maps
 from asperity.plot.curves import force_curve, plasticity
 from asperity.plot.fields import mesh_cut, surface_map
@@ -110,7 +111,7 @@ def figures_of(results: Results) -> dict[str, Callable[[Results], Figure]]:
         "area": (rows > 0, contact_area),
         "curve": (rows > 0, force_curve),
         "stiffness": (bool(np.any(results.curve.k_n_elastic > 0)), stiffness),
-        "conductance": (bool(np.any(conducts(results)[1] > 0)), conductance),
+        "conductance": (bool(np.any(gap_conductance(results.case, results.curve)[1] > 0)), conductance),
         "plasticity": (bool(plastic), plasticity),
         "slip": (len(results.slip_loops.get("u", ())) > 0, slip),
         "frequency": (len(results.free.get("u0", ())) > 0, frequency),

@@ -21,14 +21,6 @@ from asperity.reference.conductance import TABOR, cooper_mikic_yovanovich, mikic
 from asperity.units import prefix
 
 
-def conducts(results: Results) -> tuple[Array, Array, Array]:
-    """Nominal pressure, conductance per area and its error bar at each step, (n,) each; NaN where unknown."""
-    if not {"surface", "material"} <= results.case.keys():
-        return (np.full(len(results.curve), np.nan),) * 3
-    patch = float(results.case["surface"]["L"]) ** 2
-    return results.curve.force / patch, *gap_conductance(results.case["material"], results.curve, patch)
-
-
 @style.styled
 def conductance(results: Results, *, ax: style.Place | None = None) -> Figure:
     """Draw the conductance over the pressure with the law of the literature for summits of the kind.
@@ -39,7 +31,7 @@ def conductance(results: Results, *, ax: style.Place | None = None) -> Figure:
     """
     figure, axes = style.figure(style.SINGLE, 3.4, ax=ax)
     axis = axes[0]
-    p, h, error = conducts(results)
+    p, h, error = gap_conductance(results.case, results.curve)
     of_p, unit_p = prefix(float(np.nanmax(p)), results.unit("stress"))
     of_h, unit_h = prefix(float(np.nanmax(h)), results.unit("length") and "W/(m²K)")
     for branch, (mark, colour, text) in LOOKS.items():

@@ -16,11 +16,11 @@ from typing import Any
 import asperity
 from asperity.curve import COLUMNS, WITH_ERRORS, Curve
 from asperity.output.friction_bounds import bounds_line
+from asperity.output.gap_conductance import gap_conductance
 from asperity.output.results import Results
 from asperity.output.verdict import doubts, verdict
 from asperity.plot import CAPTIONS, OF_VIBRATION, figures_of, plot_run
 from asperity.plot.citations import publications
-from asperity.plot.conductance import conducts
 from asperity.plot.style import DPI
 from asperity.plot.turning import turning_surface
 from asperity.power_law import with_misfit
@@ -167,7 +167,7 @@ def _known(curve: Curve, row: int, results: Results) -> Rows:
     if (conductance := curve.conductance[row]) == conductance:
         words, bar = "constriction conductance over conductivity", curve.bar("conductance", row)
         rows.append((words, quantity(conductance, results.unit("length"), bar=bar)))
-        h, error = (column[row] for column in conducts(results)[1:])
+        _, h, error = (column[row] for column in gap_conductance(results.case, curve))
         if h == h:
             unit = results.unit("length") and "W/(m²K)"
             rows.append(("conductance of the joint per area", quantity(h, unit, bar=error / h)))
