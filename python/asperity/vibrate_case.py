@@ -30,8 +30,8 @@ from asperity.quasistatic.stepping import FORCE_TOLERANCE
 from asperity.quasistatic.stiffness_matrix import stiffness_matrix
 from asperity.runtime.parallel import on_root, on_root_bcast
 from asperity.runtime.run_folder import LOOPS
-from asperity.slip import JointSlip, SlipSettings, slip_of_curve
-from asperity.slip.path import SlipPath
+from asperity.slip import JointSlip, SlipSettings
+from asperity.slip.joint_slip import slip_of_case
 
 
 @dataclass
@@ -143,21 +143,12 @@ def _slip(
         numbers: of the normal vibration, whose mass vibrates on the joint
     """
     assert case.slip is not None
-    preload, curve, joint = (
-        _preload(case, contact.curve, "slip", case.slip.preload),
-        contact.curve,
-        _settings(case).joint,
-    )
+    preload, joint = _preload(case, contact.curve, "slip", case.slip.preload), _settings(case).joint
     settings = SlipSettings(**case.slip.model_dump() | {"preload": preload})
-    patch = case.surface.L**2
-    paths: tuple[SlipPath, ...] = ()
-    if settings.method == "solid":
-        paths = solve_slip(problem, contact, settings, stop)
+    paths = solve_slip(problem, contact, settings, stop) if settings.method == "solid" else ()
 
     def by_curve() -> JointSlip:
-        found = slip_of_curve(
-            curve, settings, problem.material, patch=patch, height=problem.height, sides=problem.sides, computed=paths
-        )
+        found = slip_of_case(case.to_dict(), contact.curve, preload, paths)
         if folder is not None:
             found.write(folder)
         return found
@@ -166,7 +157,7 @@ def _slip(
     for text in slip.notes:
         warnings.warn(text, AsperityWarning, stacklevel=2)
     mass = None if numbers is None or not math.isfinite(numbers.mass) else numbers.mass
-    return slip.to_dict(mass, 1.0 if joint is None else joint.factor(patch), units=case.units)
+    return slip.to_dict(mass, 1.0 if joint is None else joint.factor(case.surface.L**2), units=case.units)
 
 
 def _preload(case: Case, curve: Curve, section: str, preload: float | None) -> float:

@@ -11,7 +11,8 @@ from dataclasses import replace
 import asperity
 from asperity.case import Case
 from asperity.curve import Curve
-from asperity.slip import JenkinsArray, SlipLaw, SlipSettings, fit_iwan, slip_of_curve
+from asperity.slip import JenkinsArray, SlipLaw, fit_iwan
+from asperity.slip.joint_slip import slip_of_case
 
 SLIDERS = 20  # of an exported array
 _LIGHTEST = 0.02  # force over the limit below which none of them slips
@@ -66,12 +67,7 @@ def interface_slip(case: Case, curve: Curve, load: float | None) -> SlipLaw:
         InputError: the curve does not contain what it needs
     """
     assert case.slip is not None
-    given = case.slip.model_dump()
-    settings = SlipSettings(**given | {"preload": given["preload"] or load})
-    patch = case.surface.L**2
-    law = slip_of_curve(
-        curve, settings, case.material.solid, patch=patch, height=case.block.height, sides=case.block.sides
-    ).law
+    law = slip_of_case(case.to_dict(), curve, case.slip.preload or load).law
     return replace(law, block=(law.block[0], 0.0))
 
 

@@ -209,6 +209,25 @@ def slip_of_curve(
     return JointSlip(law, paths, computed, errors, tuple(_doubts(choice, paths, computed)))
 
 
+def slip_of_case(
+    case: Mapping[str, Any], curve: Any, preload: float | None = None, computed: tuple[SlipPath, ...] = ()
+) -> JointSlip:
+    """Slip of the patch of a run by its curve.
+
+    Args:
+        case: nested tables of the completed case, with the section [slip]
+        curve: of the run
+        preload: instead of that of the section (force)
+        computed: see `slip_of_curve`, whose errors are raised
+    """
+    solid, block, patch = case["material"], case["block"], float(case["surface"]["L"]) ** 2
+    settings = SlipSettings(**case["slip"] | ({} if preload is None else {"preload": preload}))
+    material = Material(solid["E"], solid["nu"])  # the contact is elastic where it slips
+    return slip_of_curve(
+        curve, settings, material, patch=patch, height=block["height"], sides=block["sides"], computed=computed
+    )
+
+
 def _down_to_zero(law: Law) -> Law:
     """Law whose stiffness does not rise as the force falls to zero, which slips at last.
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +17,9 @@ from asperity.arrays import Array
 from asperity.dynamics.run import small_vibration
 from asperity.dynamics.settings import DynamicsSettings
 from asperity.errors import InputError
-from asperity.model.material import Material
 from asperity.runtime.display import short_repr
 from asperity.runtime.files import write_csv
-from asperity.slip.joint_slip import JointSlip, slip_of_curve
-from asperity.slip.settings import SlipSettings
+from asperity.slip.joint_slip import JointSlip, slip_of_case
 from asperity.slip.vibration import tangential_response
 
 RESPONSE = "slip_response.csv"
@@ -88,16 +86,12 @@ def tangential_vibration(
     """
     if "slip" not in case:
         raise InputError("the case has no section [slip]: add it with slip.friction, and run it with --resume")
-    patch, material, block = float(case["surface"]["L"]) ** 2, case["material"], case["block"]
-    factor = 1.0 if settings.joint is None else settings.joint.factor(patch)
+    factor = 1.0 if settings.joint is None else settings.joint.factor(float(case["surface"]["L"]) ** 2)
     mass = small_vibration(curve, settings).mass
     if not math.isfinite(mass):
         raise InputError("no mass vibrates: give --mass, joint.mass, or joint.frequency")
     load = None if settings.preload is None else settings.preload / factor
-    slip = slip_of_curve(
-        curve, replace(SlipSettings(**case["slip"]), preload=case["slip"].get("preload") or load),
-        Material(material["E"], material["nu"]), patch=patch, height=block["height"], sides=block["sides"],
-    )  # fmt: skip
+    slip = slip_of_case(case, curve, case["slip"].get("preload") or load)
     sliders = slip.law.array(_SLIDERS)
     responses = {}
     for share in forces:  # a joint is its patches side by side: forces and mass over the factor, the same lengths
