@@ -180,6 +180,32 @@ def calculix() -> list[str]:
     return list(unpacked["inside"]("bookworm", "usr/bin/ccx")[0]) if there else []
 
 
+def calculated(folder: Path, name: str, lines: list[str]) -> str:
+    """What CalculiX prints of a deck, the contents of its .dat file."""
+    (folder / f"{name}.inp").write_text("\n".join(lines) + "\n", encoding="ascii")
+    done = subprocess.run([*calculix(), name], cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[-2000:]
+    return (folder / f"{name}.dat").read_text(encoding="ascii")
+
+
+def two_bricks(nodes: list[tuple[float, float, float]]) -> list[str]:
+    """Lines of a deck: LOW and HIGH, eight of the nodes each, with the surfaces SLOW and SHIGH where they meet."""
+    lines = ["*NODE, NSET=ALL", *(f"{i}, {x:.9e}, {y:.9e}, {z:.9e}" for i, (x, y, z) in enumerate(nodes, 1))]
+    for name, first, number in (("LOW", 1, 1), ("HIGH", 9, 2)):
+        lines += [f"*ELEMENT, TYPE=C3D8, ELSET={name}", ", ".join(str(k) for k in [number, *range(first, first + 8)])]
+    return [*lines, "*SURFACE, NAME=SLOW", "1, S2", "*SURFACE, NAME=SHIGH", "2, S1"]
+
+
+def in_contact(modulus: str) -> list[str]:
+    """Lines of a deck: both bricks stiff, in contact by the exported property."""
+    return [
+        *("*MATERIAL, NAME=STIFF", "*ELASTIC", f"{modulus}, 0.0"),
+        *(f"*SOLID SECTION, ELSET={name}, MATERIAL=STIFF" for name in ("LOW", "HIGH")),
+        f"*INCLUDE, INPUT={EXPORTS['calculix']}",
+        *("*CONTACT PAIR, INTERACTION=ASPERITY, TYPE=NODE TO SURFACE", "SHIGH, SLOW"),
+    ]
+
+
 @pytest.mark.skipif(not calculix(), reason="there is no CalculiX: benchmarks/peers/install unpacks ccx")
 def test_calculix_presses_a_plate_and_finds_the_curve(folder: Path) -> None:
     """A stiff cube is moved onto a stiff cube; the force over the area is the pressure at the overclosure."""
@@ -187,24 +213,13 @@ def test_calculix_presses_a_plate_and_finds_the_curve(folder: Path) -> None:
     a, steps, gap = L, 10, 0.1 * Z0
     corners = [(0, 0), (a, 0), (a, a), (0, a)]
     nodes = [(x, y, z) for z in (-a, 0.0, gap, a + gap) for x, y in corners]
-    lines = ["*NODE, NSET=ALL", *(f"{i}, {x:.9e}, {y:.9e}, {z:.9e}" for i, (x, y, z) in enumerate(nodes, 1))]
-    for name, first, number in (("LOW", 1, 1), ("HIGH", 9, 2)):
-        lines.append(f"*ELEMENT, TYPE=C3D8, ELSET={name}")
-        lines.append(", ".join(str(k) for k in [number, *range(first, first + 8)]))
-    lines += ["*NSET, NSET=BASE, GENERATE", "1, 4", "*NSET, NSET=TOP, GENERATE", "13, 16"]
-    lines += ["*SURFACE, NAME=SLOW", "1, S2", "*SURFACE, NAME=SHIGH", "2, S1"]
-    lines += ["*MATERIAL, NAME=STIFF", "*ELASTIC", "1e15, 0.0"]
-    lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL=STIFF" for name in ("LOW", "HIGH")]
-    lines += [f"*INCLUDE, INPUT={EXPORTS['calculix']}"]
-    lines += ["*CONTACT PAIR, INTERACTION=ASPERITY, TYPE=NODE TO SURFACE", "SHIGH, SLOW"]
+    lines = [*two_bricks(nodes), "*NSET, NSET=BASE, GENERATE", "1, 4", "*NSET, NSET=TOP, GENERATE", "13, 16"]
+    lines += in_contact("1e15")
     lines += ["*BOUNDARY", "BASE, 1, 3", "ALL, 1, 2"]
     lines += ["*STEP, INC=1000", "*STATIC", f"{1 / steps}, 1.0, 1e-6, {1 / steps}"]
     lines += ["*BOUNDARY", f"TOP, 3, 3, {-1.2 * Z0 - gap:.9e}"]
     lines += ["*NODE PRINT, NSET=TOP, TOTALS=ONLY", "RF", "*END STEP"]
-    (folder / "model.inp").write_text("\n".join(lines) + "\n", encoding="ascii")
-    done = subprocess.run([*calculix(), "model"], cwd=folder, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout[-2000:]
-    text = (folder / "model.dat").read_text(encoding="ascii")
+    text = calculated(folder, "model", lines)
     found = np.array([(float(t), -float(f)) for t, f in re.findall(r"time\s+(\S+)\s+(?:\S+\s+){2}(\S+)", text)])
     p = found[:, 1] / L**2
     z = found[:, 0] * (1.2 * Z0 + gap) - gap - 2 * a * p / 1e15  # without the compression of the cubes

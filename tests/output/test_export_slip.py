@@ -6,13 +6,12 @@
 from __future__ import annotations
 
 import re
-import subprocess
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from test_export import calculix
+from test_export import calculated, calculix, in_contact, two_bricks
 
 import asperity as asp
 from asperity.errors import InputError
@@ -76,30 +75,14 @@ def test_calculix_drags_a_block_around_the_loop(folder: Path) -> None:
         return [(x * side / 2, y * side / 2, z) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
 
     nodes = [*corners(5 * a, -a), *corners(5 * a, 0.0), *corners(a, 0.01), *corners(a, a)]
-    lines = ["*NODE, NSET=ALL", *(f"{i}, {x:.9e}, {y:.9e}, {z:.9e}" for i, (x, y, z) in enumerate(nodes, 1))]
-    for name, first, number in (("LOW", 1, 1), ("HIGH", 9, 2)):
-        lines += [f"*ELEMENT, TYPE=C3D8, ELSET={name}", ", ".join(str(k) for k in [number, *range(first, first + 8)])]
-    lines += ["*NSET, NSET=PLATE, GENERATE", "1, 8", "*NSET, NSET=BLOCK, GENERATE", "9, 16"]
-    lines += ["*SURFACE, NAME=SLOW", "1, S2", "*SURFACE, NAME=SHIGH", "2, S1"]
-    lines += [
-        "*MATERIAL, NAME=STIFF",
-        "*ELASTIC",
-        "1e6, 0.0",
-        "*AMPLITUDE, NAME=LOOP",
-        "0., 0., 1., 1., 3., -1., 5., 1.",
-    ]
-    lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL=STIFF" for name in ("LOW", "HIGH")]
-    lines += ["*INCLUDE, INPUT=contact_calculix.inp"]
-    lines += ["*CONTACT PAIR, INTERACTION=ASPERITY, TYPE=NODE TO SURFACE", "SHIGH, SLOW"]
+    lines = [*two_bricks(nodes), "*NSET, NSET=PLATE, GENERATE", "1, 8", "*NSET, NSET=BLOCK, GENERATE", "9, 16"]
+    lines += ["*AMPLITUDE, NAME=LOOP", "0., 0., 1., 1., 3., -1., 5., 1.", *in_contact("1e6")]
     lines += ["*BOUNDARY", "PLATE, 1, 3", "BLOCK, 2, 2"]
     lines += ["*STEP, INC=1000", "*STATIC", "0.1, 1.0, 1e-6, 0.1", "*BOUNDARY", f"BLOCK, 3, 3, {-z - 0.01:.9e}"]
     lines += ["BLOCK, 1, 1, 0.", "*END STEP", "*STEP, INC=1000", "*STATIC", "0.05, 5.0, 1e-6, 0.05"]
     lines += ["*BOUNDARY, AMPLITUDE=LOOP", f"BLOCK, 1, 1, {reach}"]
     lines += ["*NODE PRINT, NSET=BLOCK, TOTALS=ONLY", "RF", "*END STEP"]
-    (folder / "drag.inp").write_text("\n".join(lines) + "\n", encoding="ascii")
-    done = subprocess.run([*calculix(), "drag"], cwd=folder, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout[-2000:]
-    text = (folder / "drag.dat").read_text(encoding="ascii")
+    text = calculated(folder, "drag", lines)
     found = np.array([(float(t) - 1.0, float(f)) for t, f in re.findall(r"time\s+(\S+)\s+(\S+)", text)])
     t, force = found[found[:, 0] > -1e-9].T
     u = reach * np.interp(t, [0, 1, 3, 5], [0, 1, -1, 1])
