@@ -451,12 +451,10 @@ def test_a_run_that_does_not_converge_keeps_its_curve(
 def test_meshes_too_coarse_to_be_touched_are_no_wrong_result() -> None:
     """The slopes take more elements than allowed: smoothed summits hardly reach the flat, and the message says so."""
     surface = {"kind": "self-affine", "L": 1.0, "H": 0.5, "rms_slope": 10.0, "lambda_roll": 0.3, "lambda_short": 0.02}
-    loading, accuracy = {"delta_max": 0.01, "steps": 2}, {"tolerance": 0.1, "max_dofs": 12_000}
+    loading, accuracy = {"delta_max": 0.01, "steps": 2}, {"tolerance": 0.1, "max_dofs": 17_000}
     material = {"E": 1.0, "nu": 0.3, "kinematics": "small"}
     case = Case.from_dict({"surface": surface, "material": material, "loading": loading, "accuracy": accuracy})
-    with pytest.raises(
-        ConvergenceError, match=r"no error bar, (no node is touched|the contact touches a few facets only): "
-    ) as e:
+    with pytest.raises(ConvergenceError, match=r"no error bar, the contact touches a few facets only: ") as e:
         run(case)
     assert not isinstance(e.value, CheckError)
 
