@@ -22,6 +22,7 @@ from asperity.units import prefix
 
 SIZE = (2400, 1060)  # pixels
 DEPTH = 0.35  # share of the height that is shown
+HIGH = 0.9  # stress at which a block may be cut open, over that which a thousandth of it exceeds
 FIELD_FILE = f"{FIELDS}/{VTKHDF}"
 ABOVE = 1e-4  # of the touched thirds above the surface that they lie on [L]
 
@@ -152,12 +153,15 @@ def _cut(block: Any) -> Any:
 
 
 def _open(block: Any) -> Any:
-    """Upper part of the block without the quarter in front of its point of largest stress."""
-    centres = block.cell_centers().points
-    x, y, _ = centres[int(np.argmax(block.cell_data["stress shown"]))]
+    """Upper part of the block without the quarter in front of a highly stressed point: of those inside the foremost."""
     x0, x1, y0, y1, z0, z1 = block.bounds
-    # a cut too close to a side would show nothing
-    x, y = (float(np.clip(c, a + 0.2 * (b - a), b - 0.2 * (b - a))) for c, a, b in ((x, x0, x1), (y, y0, y1)))
+    low, high = (
+        (1 - s) * np.array([x0, y0]) + s * np.array([x1, y1]) for s in (0.2, 0.8)
+    )  # nearer a side shows nothing
+    centres, stress = block.cell_centers().points[:, :2], block.cell_data["stress shown"]
+    inside = np.all((centres > low) & (centres < high), axis=1) & (stress > HIGH * np.quantile(stress, 0.999))
+    at = np.argmax(np.where(inside, centres @ [1.0, -1.0], -np.inf) if inside.any() else stress)
+    x, y = np.clip(centres[at], low, high).tolist()
     return _cut(block).clip_box((x, x1 + 1, y0 - 1, y, z0 - 1, z1 + 1), invert=True)
 
 
