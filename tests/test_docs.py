@@ -287,3 +287,17 @@ def test_the_steps_inside_the_bars_are_those_of_the_table(name: str) -> None:
     if name == "elastic":
         inside, steps = (sum(int(row["area inside"].split("/")[k]) for row in rows) for k in (0, 1))
         assert f"the area is inside at {inside} of {steps}" in (ROOT / "docs/accuracy.md").read_text(encoding="utf-8")
+
+
+def test_the_page_of_slip_gives_the_ranges_of_its_table() -> None:
+    with (ROOT / "docs/tables/slip_solid.csv").open(encoding="utf-8", newline="") as file:
+        rows = [row for row in csv.DictReader(line for line in file if not line.startswith("#"))]
+    page = (ROOT / "docs/slip.md").read_text(encoding="utf-8")
+    for slope in ("0.005", "0.025", "0.05", "0.1"):
+        of = [row for row in rows if row["slope"] == slope and row["method"] == "solid"]
+        u, energy = (
+            np.array([[float(x) for x in row[name].split(",")] for row in of])
+            for name in ("u at 0.1, 0.3, 0.6, 0.9 mu P, %", "energy, %")
+        )
+        cells = (f"{values.min():.1f} to {values.max():.1f}" for values in (u, energy[:, 1:]))
+        assert f"| {slope} | {' | '.join(cells)} |" in page
