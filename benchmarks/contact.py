@@ -38,8 +38,6 @@ FORMULATIONS = {
     "penalty, beta 100": Formulation("penalty", 100.0),
     "Nitsche 0, gamma 1": Formulation("nitsche", gamma=1.0),
     "Nitsche 0, gamma 10": Formulation("nitsche", gamma=10.0),
-    "Nitsche +1, gamma 10": Formulation("nitsche", gamma=10.0, theta=1),
-    "Nitsche -1, gamma 10": Formulation("nitsche", gamma=10.0, theta=-1),
 }
 
 
@@ -155,8 +153,6 @@ def rows(case: Case) -> Iterator[tuple[str, ...]]:
     for size in case.sizes:
         press_of = make(case, size)
         for name, formulation in FORMULATIONS.items():
-            if case.material.plastic and formulation.theta != 0:
-                continue
             solver = press_of(formulation)
             start = time.process_time()
             try:

@@ -108,8 +108,8 @@ Facets::Facets(Array<const double> x, Array<const int> x_dofs, Array<const int> 
 }
 
 ContactLaw::ContactLaw(const Law& material, bool finite, Array<const double> stiffness, Array<const double> height,
-                       bool traction, double theta)
-    : material(material), finite(finite), stiffness(stiffness), height(height), traction(traction), theta(theta)
+                       bool traction)
+    : material(material), finite(finite), stiffness(stiffness), height(height), traction(traction)
 {
   expect("stiffness", stiffness, {any()});
   expect("height", height, {stiffness.shape(0), any()});
@@ -127,13 +127,11 @@ void facet_weights(const Facets& facets, const Array<double>& out)
 }
 
 void facet_pressure(const Facets& facets, const ContactLaw& law, double z, const Array<const double>& u,
-                    const History& committed, const History& trial, const Array<double>& pressure,
-                    const Array<double>& b)
+                    const History& committed, const History& trial, const Array<double>& pressure)
 {
   expect_state(facets, law, u, committed);
   trial.expect_shape("trial", facets.count(), facets.points());
   expect("pressure", pressure, {facets.count(), facets.points()});
-  expect("b", b, {at_least(facets.u_nodes), 3});
   const std::size_t points = facets.points();
   for (std::size_t f = 0; f < facets.count(); ++f)
   {
@@ -144,22 +142,13 @@ void facet_pressure(const Facets& facets, const ContactLaw& law, double z, const
     {
       const std::size_t at = f * points + q;
       double excess = g * penetration(facets.shape_at(f, q), uc, z - law.height.data()[at]);
-      double& P = pressure.data()[at];
-      if (!law.traction)
+      if (law.traction)
       {
-        P = std::max(excess, 0.0);
-        continue;
+        const Traction body(law, FacetPoint(facets, x, f, q), uc, committed.at(at), false);
+        trial.put(at, body.state);
+        excess -= body.t;
       }
-      const FacetPoint p(facets, x, f, q);
-      const Traction body(law, p, uc, committed.at(at), law.theta != 0.0);
-      trial.put(at, body.state);
-      P = std::max(excess - body.t, 0.0);
-      if (law.theta == 0.0)
-        continue;
-      const double scale = -law.theta / g * (P + body.t) * p.weight;
-      for (int a = 0; a < nodes; ++a)
-        for (int j = 0; j < 3; ++j)
-          b.data()[3 * static_cast<std::ptrdiff_t>(facets.dofs_of(f)[a]) + j] += scale * body.slope[a][j];
+      pressure.data()[at] = std::max(excess, 0.0);
     }
   }
 }
@@ -193,7 +182,7 @@ void facet_stiffness(const Facets& facets, const ContactLaw& law, const Array<co
   for (std::size_t f = 0; f < facets.count(); ++f)
   {
     const double* P = pressure.data() + f * points;
-    if (law.theta == 0.0 && std::none_of(P, P + points, [](double p) { return p > 0.0; }))
+    if (std::none_of(P, P + points, [](double p) { return p > 0.0; }))
       continue;
     std::fill_n(A, dofs * row_length, 0.0);
     const Gradients x = gather(facets.x.data(), facets.x_dofs.data() + nodes * f);
@@ -201,33 +190,28 @@ void facet_stiffness(const Facets& facets, const ContactLaw& law, const Array<co
     const double g = law.stiffness.data()[f];
     for (std::size_t q = 0; q < points; ++q)
     {
-      const bool pressed = P[q] > 0.0;
-      if (!pressed && law.theta == 0.0)
+      if (!(P[q] > 0.0))
         continue;
       const FacetPoint p(facets, x, f, q);
       const double* shape = facets.shape_at(f, q);
       Gradients slope{}, dP{};
       if (law.traction)
         slope = Traction(law, p, uc, committed.at(f * points + q), true).slope;
-      if (pressed)
-        for (int a = 0; a < nodes; ++a)
-        {
-          for (int j = 0; j < 3; ++j)
-            dP[a][j] = -slope[a][j];
-          dP[a][2] += g * shape[a];
-        }
       for (int a = 0; a < nodes; ++a)
-        for (int i = 0; i < 3; ++i)
-        {
-          const double pressing = i == 2 ? p.weight * shape[a] : 0.0;
-          const double symmetrising = law.theta == 0.0 ? 0.0 : -p.weight * law.theta / g * slope[a][i];
-          if (pressing == 0.0 && symmetrising == 0.0)
-            continue;
-          double* row = A + dof(a, i) * row_length;
-          for (int b = 0; b < nodes; ++b)
-            for (int j = 0; j < 3; ++j)
-              row[dof(b, j)] += pressing * dP[b][j] + symmetrising * (dP[b][j] + slope[b][j]);
-        }
+      {
+        for (int j = 0; j < 3; ++j)
+          dP[a][j] = -slope[a][j];
+        dP[a][2] += g * shape[a];
+      }
+      for (int a = 0; a < nodes; ++a)
+      {
+        if (shape[a] == 0.0)
+          continue;
+        double* row = A + dof(a, 2) * row_length;
+        for (int b = 0; b < nodes; ++b)
+          for (int j = 0; j < 3; ++j)
+            row[dof(b, j)] += p.weight * shape[a] * dP[b][j];
+      }
     }
     pattern.add(facets.dofs_of(f), f, A, out);
   }

@@ -4,12 +4,9 @@
 // Contact of facets with a rigid flat whose normal is z, integrated over quadrature points.
 //
 // P = < g d - k t >_+ is the pressure of the flat, d = height + u_z - z its penetration, t the z component of the
-// traction of the body, both per area projected on the flat: k = 0 is the penalty method, k = 1 Nitsche's method. The
-// virtual work of the contact is
-//     int P v_z - theta/g (P + t(u)) t[v],
-// with theta = 1, 0, -1 the symmetric, the incomplete and the skew variant: Chouly, Hild & Renard, Math. Comp. 84
-// (2015) 1089, eq. (9). t follows from the material law, in an elastic-plastic body
-// with a history at the points.
+// traction of the body, both per area projected on the flat: k = 0 is the penalty method, k = 1 Nitsche's method in its
+// incomplete variant (Chouly, Hild & Renard, Math. Comp. 84 (2015) 1089, eq. (9) with theta = 0). The virtual work of the
+// contact is int P v_z. t follows from the material law, in an elastic-plastic body with a history at the points.
 #pragma once
 
 #include "cells.hpp"
@@ -71,21 +68,18 @@ struct ContactLaw
   Array<const double> stiffness; // g of each facet [force/length^3] (facets)
   Array<const double> height;    // of the undeformed surface at the points (facets, points)
   bool traction;                 // k
-  double theta;
 
   ContactLaw(const Law& material, bool finite, Array<const double> stiffness, Array<const double> height,
-             bool traction, double theta);
+             bool traction);
 };
 
 /// Projected weight of each point, out (facets, points).
 void facet_weights(const Facets& facets, const Array<double>& out);
 
-/// Pressure (facets, points) for the flat at height z and the displacement u (nodes, 3), and the trial history. The
-/// part of the virtual work with theta is added to `b` (nodes, 3); `facet_load` adds the force of the pressure. A
+/// Pressure (facets, points) for the flat at height z and the displacement u (nodes, 3), and the trial history. A
 /// committed history without facets means zeros; a trial history without facets is not written.
 void facet_pressure(const Facets& facets, const ContactLaw& law, double z, const Array<const double>& u,
-                    const History& committed, const History& trial, const Array<double>& pressure,
-                    const Array<double>& b);
+                    const History& committed, const History& trial, const Array<double>& pressure);
 
 /// Add the nodal force of a pressure at the points to b (nodes); `weights` are those of `facet_weights`.
 void facet_load(const Facets& facets, const Array<const double>& weights, const Array<const double>& pressure,

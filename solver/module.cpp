@@ -85,11 +85,11 @@ void bind_facets(nb::module_& m)
                     Array<const double>, Array<const double>, Array<const double>>(),
            "x"_a, "x_dofs"_a, "u_dofs"_a, "local"_a, "gradients"_a, "shape"_a, "normals"_a, "weights"_a);
   nb::class_<ContactLaw>(m, "ContactLaw")
-      .def(nb::init<const Law&, bool, Array<const double>, Array<const double>, bool, double>(), "material"_a, "finite"_a,
-           "stiffness"_a, "height"_a, "traction"_a, "theta"_a);
+      .def(nb::init<const Law&, bool, Array<const double>, Array<const double>, bool>(), "material"_a, "finite"_a,
+           "stiffness"_a, "height"_a, "traction"_a);
   m.def("facet_weights", &facet_weights, "facets"_a, out("out"), unlocked);
   m.def("facet_pressure", &facet_pressure, "facets"_a, "law"_a, "z"_a, "u"_a, "committed"_a, "trial"_a, out("pressure"),
-        out("b"), unlocked);
+        unlocked);
   m.def("facet_load", &facet_load, "facets"_a, "weights"_a, "pressure"_a, out("b"), unlocked);
   m.def("facet_stiffness", &facet_stiffness, "facets"_a, "law"_a, "u"_a, "committed"_a, "pressure"_a, "pattern"_a,
         out("values"), unlocked);

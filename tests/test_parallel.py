@@ -87,15 +87,11 @@ def test_curve_does_not_depend_on_the_ranks(
     assert not all_.checks.violated
 
 
-@pytest.mark.parametrize(
-    ("formulation", "material"),
-    [(Formulation("penalty"), PLASTIC), (Formulation("nitsche"), PLASTIC), (Formulation("nitsche", theta=-1), ELASTIC)],
-    ids=["penalty", "nitsche", "skew"],
-)
+@pytest.mark.parametrize("formulation", [Formulation("penalty"), Formulation("nitsche")], ids=["penalty", "nitsche"])
 def test_formulations_do_not_depend_on_the_ranks(
-    rough: Surface, coarse: BlockMesh | None, formulation: Formulation, material: Material
+    rough: Surface, coarse: BlockMesh | None, formulation: Formulation
 ) -> None:
-    one, all_ = solve_both(rough, coarse, material, steps=3, unload_steps=1, formulation=formulation)
+    one, all_ = solve_both(rough, coarse, PLASTIC, steps=3, unload_steps=1, formulation=formulation)
     assert_same(all_.curve, one.curve)
 
 

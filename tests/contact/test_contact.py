@@ -38,7 +38,6 @@ PLASTIC = Material(1.0, NU, 0.005, 0.05)
 EXACT = Formulation()
 PENALTY = Formulation("penalty", 10.0)
 NITSCHE = Formulation("nitsche")
-SYMMETRIC, SKEW = Formulation("nitsche", gamma=20.0, theta=1), Formulation("nitsche", theta=-1)
 EACH = pytest.mark.parametrize("formulation", [EXACT, PENALTY, NITSCHE], ids=lambda f: f.method)
 
 
@@ -137,12 +136,9 @@ def test_penalty_is_a_spring_in_series(beta: float) -> None:
 
 
 @pytest.mark.parametrize("gamma", [1.0, 10.0, 1000.0])
-@pytest.mark.parametrize("theta", [0, 1, -1])
-def test_nitsche_passes_the_patch_test(theta: int, gamma: float) -> None:
-    """It is consistent, whatever its parameters."""
-    if theta == 1 and gamma == 1.0:
-        gamma = 5.0  # the symmetric variant is only coercive above a trace constant
-    solver = grid_press(Formulation("nitsche", gamma=gamma, theta=theta), ELASTIC)
+def test_nitsche_passes_the_patch_test(gamma: float) -> None:
+    """It is consistent, whatever its factor."""
+    solver = grid_press(Formulation("nitsche", gamma=gamma), ELASTIC)
     assert solver.step(0.01).converged
     assert solver.force == pytest.approx(0.01 * ref.block_modulus(1.0, NU), rel=1e-9)
     assert solver.checks.penetration < 1e-12
@@ -226,7 +222,7 @@ def test_penalty_converges_to_hard_contact(rough: Surface, coarse: BlockMesh) ->
 
 def test_formulations_agree_on_a_resolved_contact(wave: Surface, coarse_wave: BlockMesh) -> None:
     forces = []
-    for formulation in (EXACT, Formulation("penalty", 100.0), NITSCHE, SYMMETRIC, SKEW):
+    for formulation in (EXACT, Formulation("penalty", 100.0), NITSCHE):
         solver = press_of(coarse_wave, wave, formulation)
         assert solver.step(0.02).converged
         forces.append(solver.force)
@@ -248,15 +244,8 @@ def residual(solid: Solid, contact: Contact, u: Array) -> Array:
 
 @pytest.mark.parametrize(
     ("formulation", "material"),
-    [
-        (PENALTY, ELASTIC),
-        (PENALTY, PLASTIC),
-        (NITSCHE, ELASTIC),
-        (NITSCHE, PLASTIC),
-        (SYMMETRIC, ELASTIC),
-        (SKEW, ELASTIC),
-    ],
-    ids=["penalty", "penalty plastic", "nitsche", "nitsche plastic", "nitsche +1", "nitsche -1"],
+    [(PENALTY, ELASTIC), (PENALTY, PLASTIC), (NITSCHE, ELASTIC), (NITSCHE, PLASTIC)],
+    ids=["penalty", "penalty plastic", "nitsche", "nitsche plastic"],
 )
 def test_tangent_is_the_derivative_of_the_residual(
     coarse: BlockMesh, formulation: Formulation, material: Material
@@ -324,8 +313,6 @@ def test_exact_contact_needs_no_more_newton_steps_on_a_finer_mesh(wave: Surface)
     assert sum(taken[1]) <= sum(taken[0]) + 3
 
 
-def test_formulations_that_do_not_exist_are_refused(coarse: BlockMesh) -> None:
+def test_formulations_that_do_not_exist_are_refused() -> None:
     with pytest.raises(InputError, match=r'contact\.method = "glue" is not one of active-set, penalty, nitsche'):
         Formulation("glue")
-    with pytest.raises(InputError, match=r"contact\.theta = 1 needs an elastic material"):
-        contact_of(coarse, SYMMETRIC, PLASTIC)

@@ -66,7 +66,6 @@ def many(n: int) -> dict[str, Arguments]:
         ),
         "ContactLaw": dict(
             material=law_of(SOLID), finite=False, stiffness=np.ones(n), height=np.ones(quadrature), traction=True,
-            theta=0.0,
         ),
     }  # fmt: skip
     made = {name: getattr(_solver, name)(**arguments) for name, arguments in out.items()}
@@ -99,7 +98,7 @@ def many(n: int) -> dict[str, Arguments]:
         "stress": at | dict(law=law, finite=False, conjugate=False, u=u, **history, out=np.empty((n, points, 6))),
         "facet_weights": on | dict(out=np.empty(quadrature)),
         "facet_pressure": on
-        | dict(law=made["ContactLaw"], z=0.0, u=u, **held, pressure=pressure, b=np.zeros_like(u)),
+        | dict(law=made["ContactLaw"], z=0.0, u=u, **held, pressure=pressure),
         "facet_load": on | dict(weights=np.ones(quadrature), pressure=pressure, b=np.zeros(NODES * n)),
         "facet_stiffness": on
         | dict(law=made["ContactLaw"], u=u, committed=held["committed"], pressure=pressure)

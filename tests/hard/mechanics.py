@@ -110,14 +110,6 @@ def finite() -> list[Scene]:
             twin=Twin("exact contact", 0.05, {"contact.method": "active-set"}),
         ),
         Scene(
-            "finite/nitsche-theta",
-            "Nitsche's method with theta = 1, which needs small strain",
-            FINITE | {"contact.method": "nitsche", "contact.theta": 1},
-            ends="refused",
-            reason="is for small strain",
-            fast=True,
-        ),
-        Scene(
             "finite/stick",
             "stick on the surface of cases/single.toml, released",
             FINITE | {"contact.friction": "stick", "loading.unload": True},

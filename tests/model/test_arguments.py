@@ -126,7 +126,6 @@ def of_command(changes: dict[str, Any]) -> Problem:
         ("material.yield_strength", 300e9),
         ("contact.method", "glue"),
         ("contact.penalty", 1e9),
-        ("contact.theta", 2),
         ("solver.linear", "qr"),
         ("solver.rtol", 0.5),
         ("solver.newton_max", 0),

@@ -196,10 +196,7 @@ class ContactSection(Section):
 
     method: Literal["active-set", "penalty", "nitsche"] = _key("formulation", Formulation.method)
     penalty: Real = _key("factor of E p^2/h (penalty)", Formulation.penalty, ge=FACTORS[0], le=FACTORS[1])
-    gamma: Real | None = _key(
-        "factor of (lambda + 2 mu) p^2/h (nitsche)", None, shown="1; 10 if theta is not 0", ge=FACTORS[0], le=FACTORS[1]
-    )
-    theta: Whole = _key("symmetry of nitsche; 1 and -1 need an elastic solid in small strain", 0, ge=-1, le=1)
+    gamma: Real = _key("factor of (lambda + 2 mu) p^2/h (nitsche)", Formulation.gamma, ge=FACTORS[0], le=FACTORS[1])
     friction: Literal["none", "stick"] | None = _key(
         "points in contact slide freely, or stick where they are touched (active-set)", None, shown="none",
     )  # fmt: skip
@@ -207,7 +204,7 @@ class ContactSection(Section):
     @property
     def formulation(self) -> Formulation:
         """The formulation, with its parameters."""
-        return Formulation(self.method, self.penalty, self.gamma, self.theta, self.friction or "none")
+        return Formulation(self.method, self.penalty, self.gamma, self.friction or "none")
 
 
 class MeshSection(Section):

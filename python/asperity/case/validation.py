@@ -55,8 +55,8 @@ def check_together(case: Input) -> None:
         _refuse_if(penalty_too_soft(case.contact.method, case.contact.penalty))
     contact = case.contact
     _refuse_if(wrong_friction(contact.method, contact.friction or "none"))
-    if contact.method == "nitsche" and contact.gamma:
-        _refuse_if(gamma_too_small(contact.gamma, contact.theta))
+    if contact.method == "nitsche":
+        _refuse_if(gamma_too_small(contact.gamma))
     given = [key for key in DRIVERS if getattr(loading, key) is not None]
     if not given:
         _refuse("loading.delta_max", "loading.force_max and loading.pressure_max are all missing; give exactly one")
@@ -181,8 +181,6 @@ def _check_self_affine(surface: SelfAffineSection) -> None:
 
 def _check_material(case: Input) -> None:
     solid = case.material
-    if case.contact.method == "nitsche" and case.contact.theta != 0 and solid.kinematics in ("finite", "auto"):
-        _refuse("contact.theta", f"= {case.contact.theta} is for small strain; use 0, or remove material.kinematics")
     if solid.yield_strength is None:
         if solid.tangent_modulus is not None:
             _refuse(
@@ -197,11 +195,6 @@ def _check_material(case: Input) -> None:
         return
     _refuse_if(wrong_yield(solid.E, solid.yield_strength))
     _refuse_if(wrong_slope(solid.E, solid.tangent_modulus))
-    if case.contact.method == "nitsche" and case.contact.theta != 0:
-        _refuse(
-            "contact.theta",
-            f"= {case.contact.theta} is for elastic materials; use 0, or remove yield_strength",
-        )
 
 
 def _check_lengths(case: Input) -> None:
@@ -241,7 +234,7 @@ def unused(case: Input) -> Iterator[str]:
             "there is no accuracy.tolerance",
         ),
         (method != "penalty", ("contact.penalty",), by_method),
-        (method != "nitsche", ("contact.gamma", "contact.theta"), by_method),
+        (method != "nitsche", ("contact.gamma",), by_method),
         (case.material.yield_strength is None, ("loading.integrator",), "the material is elastic"),
         (case.dynamics is None and case.joint is None, ("material.density",), "no [dynamics], no [joint]"),
         (not case.output.conductance, ("material.conductivity",), "output.conductance is false"),

@@ -94,8 +94,7 @@ class ContactSurface:
         facets = [f for f in solid.tags.find(TOP) if to_cell.links(f)[0] < len(solid.cell_nodes)]
         self.cells = np.array([to_cell.links(f)[0] for f in facets], dtype=np.int32)
         self.local = np.array(
-            [np.flatnonzero(to_facet.links(c) == f)[0] for f, c in zip(facets, self.cells, strict=True)],
-            dtype=np.int32,
+            [np.flatnonzero(to_facet.links(c) == f)[0] for f, c in zip(facets, self.cells, strict=True)], dtype=np.int32
         )
         self.cell_nodes = np.ascontiguousarray(solid.cell_nodes[self.cells])
         closures = np.array(element.facet_nodes())

@@ -18,9 +18,6 @@ def make_contact(formulation: Formulation, solid: Solid, surface: ContactSurface
     """Make the contact of a solid by a formulation.
 
     A subclass of `Formulation` may bring a contact of its own: by a method build(solid, surface) that returns it.
-
-    Raises:
-        InputError: theta = +-1 for a material that yields
     """
     build = getattr(formulation, "build", None)
     if build is not None:
@@ -30,6 +27,4 @@ def make_contact(formulation: Formulation, solid: Solid, surface: ContactSurface
         return (Stick if formulation.sticks else ActiveSet)(solid, surface)
     if formulation.method == "penalty":
         return PressureContact(solid, surface, formulation.penalty, traction=False)
-    theta, gamma = formulation.theta, formulation.gamma
-    gamma = (10.0 if theta else 1.0) if gamma is None else gamma
-    return PressureContact(solid, surface, gamma, traction=True, theta=theta)
+    return PressureContact(solid, surface, formulation.gamma, traction=True)

@@ -11,7 +11,6 @@ from mpi4py import MPI
 from asperity.arrays import Flags, Floats, Integers
 from asperity.contact.contact_surface import FACET_DEGREE, ContactSurface, FacetRule
 from asperity.contact.interface import Contact
-from asperity.errors import InputError
 from asperity.fem.compiled_kernels import compiled, law_of
 from asperity.fem.kernels import History
 from asperity.fem.solid import Solid
@@ -22,31 +21,30 @@ from asperity.runtime.compiled import solver as _solver
 
 
 class PressureContact(Contact):
-    """The flat presses with P = <g d - k t>_+, g = factor M p^2/h, d the penetration.
+    """The flat presses with P = <g d - k t>_+, g = factor M p^2/h, d the penetration, p the degree of the elements.
 
     t is the z component of the traction of the solid; P and t are per area projected on the flat. The virtual work is
-    int P v_z - theta/g (P + t(u)) t[v] with p the degree of the elements. solver/facets.hpp holds the kernels.
+    int P v_z. solver/facets.hpp holds the kernels.
 
-    k = 0: penalty method. k = 1: Nitsche's method (Chouly, Hild & Renard, Math. Comp. 84 (2015) 1089), consistent,
-    with theta = 1 symmetric, 0 without the second term, -1 skew. t of an elastic-plastic solid comes from the return
-    map at the quadrature points, with a history of their own.
+    k = 0: penalty method. k = 1: Nitsche's method (Chouly, Hild & Renard, Math. Comp. 84 (2015) 1089, theta = 0),
+    consistent. t of an elastic-plastic solid comes from the return map at the quadrature points, with a history of
+    their own.
 
     The penalty method has M = E and h the diameter of the facet. Nitsche's has M = lambda + 2 mu, the stiffness along
     the normal, which is unbounded towards nu = 0.5 (Hansbo & Larson, Comput. Methods Appl. Mech. Engrg. 191
     (2002) 1895), and h = 3 |K|/|F| the height of the cell over the facet: t^2 is at most (lambda + 2 mu) sigma:eps, and
     the mean of the square of a linear stress over a facet at most 8/3 of that over the cell (Warburton & Hesthaven,
-    ibid. 192 (2003) 2765), so theta = 1 is coercive for gamma > 2 where cells are straight. Plastic flow only lowers
-    the stiffness along the normal, so the elastic one is sufficient there too.
+    ibid. 192 (2003) 2765), so full contact is coercive for gamma > 1/2 where cells are straight. Plastic flow only
+    lowers the stiffness along the normal, so the elastic one is sufficient there too.
 
     Args:
         solid, surface: block and its contact surface
         factor: dimensionless beta (penalty) or gamma (Nitsche)
         traction: k
-        theta: 0 unless Nitsche's method for an elastic solid in small strain
         rule: quadrature on the facets
 
     Raises:
-        InputError: theta needs an elastic solid in small strain and Nitsche's method; gamma is too small for theta
+        InputError: gamma is too small
     """
 
     def __init__(
@@ -56,26 +54,20 @@ class PressureContact(Contact):
         factor: float,
         *,
         traction: bool,
-        theta: int = 0,
         rule: FacetRule | None = None,
     ) -> None:
-        if theta != 0 and not (solid.material.linear and traction):
-            raise InputError(
-                f'contact.theta = {theta} needs an elastic material in small strain and contact.method = "nitsche": '
-                "leave material.yield_strength and material.kinematics out or take theta = 0"
-            )
         if traction:
-            refuse(gamma_too_small(factor, theta))
+            refuse(gamma_too_small(factor))
         self._solid, self._surface = solid, surface
         self._rule = FacetRule(surface, FACET_DEGREE) if rule is None else rule
-        self.symmetric, self.stiff = not traction or theta == 1, True
+        self.symmetric, self.stiff = not traction, True
         points = self._rule.weights.shape
         if traction:
             lam, mu = solid.material.lame
             modulus, h = lam + 2.0 * mu, 3.0 * solid.kernels.volumes[surface.cells].sum(axis=1) / surface.area
         else:
             modulus, h = solid.material.E, surface.diameter
-        numbers = solid.material.finite, factor * modulus * DEGREE**2 / h, self._rule.height, traction, float(theta)
+        numbers = solid.material.finite, factor * modulus * DEGREE**2 / h, self._rule.height, traction
         self._law = _solver.ContactLaw(law_of(solid.material), *numbers)
         self._elastic_law = _solver.ContactLaw(law_of(solid.material, flows=False), *numbers)
         self._has_history = traction and solid.material.plastic
@@ -89,22 +81,14 @@ class PressureContact(Contact):
         self._z = z
 
     def residual(self, force: Floats) -> tuple[Floats, Integers, Floats]:
-        part = np.zeros((self._solid.nodes, 3))
-        _solver.facet_pressure(
-            self._rule.facets,
-            self._law,
-            self._z,
-            self._solid.u.x.array.reshape(-1, 3),
-            compiled(self._committed),
-            compiled(self._trial),
-            self.points,
-            part,
-        )
-        load = np.zeros(self._solid.nodes)
-        _solver.facet_load(self._rule.facets, self._rule.weights, self.points, load)
-        part[:, 2] += load
-        self._force = self._solid.scatter_reverse(np.column_stack([part, load]))
-        return force + self._force[:, :3], np.empty(0, dtype=np.int32), np.empty(0)
+        u, histories = self._solid.u.x.array.reshape(-1, 3), (compiled(self._committed), compiled(self._trial))
+        _solver.facet_pressure(self._rule.facets, self._law, self._z, u, *histories, self.points)
+        load = np.zeros((self._solid.nodes, 1))
+        _solver.facet_load(self._rule.facets, self._rule.weights, self.points, load[:, 0])
+        self._force = self._solid.scatter_reverse(load)[:, 0]
+        out = force.copy()
+        out[:, 2] += self._force
+        return out, np.empty(0, dtype=np.int32), np.empty(0)
 
     def add_tangent(self) -> None:
         self._add_stiffness(self._law, self._committed)
@@ -113,15 +97,8 @@ class PressureContact(Contact):
         self._add_stiffness(self._elastic_law, self._trial)
 
     def _add_stiffness(self, law: _solver.ContactLaw, history: History) -> None:
-        _solver.facet_stiffness(
-            self._rule.facets,
-            law,
-            self._solid.u.x.array.reshape(-1, 3),
-            compiled(history),
-            self.points,
-            self._pattern,
-            self._solid.values,
-        )
+        u, values = self._solid.u.x.array.reshape(-1, 3), self._solid.values
+        _solver.facet_stiffness(self._rule.facets, law, u, compiled(history), self.points, self._pattern, values)
 
     def nodes(self) -> Integers:
         """Owned nodes most of whose surroundings are under pressure; collective.
@@ -142,7 +119,7 @@ class PressureContact(Contact):
         return self._surface.assemble(self._surface.nodes, sums)
 
     def nodal_force(self, force: Floats) -> Floats:
-        return self._force[:, 3].copy()
+        return self._force.copy()
 
     def commit(self) -> None:
         self._committed.assign(self._trial)

@@ -92,14 +92,7 @@ class CompiledKernels:
 
     def add_internal_force(self, u: Floats, b: Floats) -> None:
         self.plastic_points, self.inverted_points = _solver.residual(
-            self._cells,
-            self._law,
-            self._finite,
-            u,
-            compiled(self._committed),
-            compiled(self._trial),
-            self._flowing,
-            b,
+            self._cells, self._law, self._finite, u, compiled(self._committed), compiled(self._trial), self._flowing, b
         )
 
     @cached_property

@@ -25,11 +25,7 @@ class SparsityPattern:
 
         cells = len(cell_nodes)
         incidence = sparse.csr_array(
-            (
-                np.ones(cell_nodes.size, dtype=np.int32),
-                cell_nodes.ravel(),
-                np.arange(cells + 1) * cell_nodes.shape[1],
-            ),
+            (np.ones(cell_nodes.size, dtype=np.int32), cell_nodes.ravel(), np.arange(cells + 1) * cell_nodes.shape[1]),
             shape=(cells, nodes),
         )
         # the unit matrix keeps the diagonal of nodes that no local cell holds

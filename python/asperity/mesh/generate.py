@@ -84,10 +84,7 @@ def build_block(
 
 
 def _flat_block(
-    height: float,
-    size: Callable[[float, float, float], float],
-    summit: tuple[float, float],
-    periodic: bool,
+    height: float, size: Callable[[float, float, float], float], summit: tuple[float, float], periodic: bool
 ) -> tuple[Floats, npt.NDArray[np.int64]]:
     """Nodes (N, 3) and elements (M, NODES) of a box with a node of the top at `summit`, the first contact.
 

@@ -30,11 +30,7 @@ FRACTIONS = {
     "surface.radius": (1e-2, 1e9),
 }
 #: key -> values that are probable in SI, and the unit
-PROBABLE = {
-    "material.E": (1e3, 2e12, "Pa"),
-    "surface.L": (0.0, 0.1, "m"),
-    "material.density": (1.0, 3e4, "kg/m^3"),
-}
+PROBABLE = {"material.E": (1e3, 2e12, "Pa"), "surface.L": (0.0, 0.1, "m"), "material.density": (1.0, 3e4, "kg/m^3")}
 LEAST_FORCE = 1e-12  # over the nominal area and E'
 _MARGIN = 1.2  # on the compression of the block, whose surface answers a little stiffer than a half-space does
 

@@ -25,7 +25,7 @@ LOOSEST_RTOL = 1e-2  # of the equations
 FASTEST_GROWTH = 10.0  # of the size of the elements
 LEAST_DOFS = 1000  # as a limit of the dofs
 LEAST_PENALTY = 10.0  # factor below which the penalty leaves an error of first order (docs/accuracy.md)
-COERCIVE = 3.0  # gamma from which theta = 1 is coercive: 2 where cells are straight, up to 2.9 seen under rough tops
+LEAST_GAMMA = 0.75  # from which Nitsche's method is coercive: 1/2 where cells are straight, 0.73 seen under rough tops
 
 
 @dataclass(frozen=True)
@@ -35,37 +35,33 @@ class Formulation:
     Attributes:
         method: "active-set", "penalty" or "nitsche"
         penalty: factor of E p^2/h of the penalty method
-        gamma: factor of (lambda + 2 mu) p^2/h of Nitsche's method; None takes 1, or 10 for theta = 1 and -1
-        theta: 0, or 1 (symmetric) or -1 (skew) for an elastic solid
+        gamma: factor of (lambda + 2 mu) p^2/h of Nitsche's method
         friction: "none", or "stick": the limit of infinite friction, for the active set
 
     Raises:
-        InputError: a value outside its range, stick without the active set, or a gamma too small for theta
+        InputError: a value outside its range, or stick without the active set
 
     Examples:
-        >>> asp.Formulation().method, asp.Formulation("nitsche", theta=1).gamma
-        ('active-set', None)
+        >>> asp.Formulation().method, asp.Formulation("nitsche").gamma
+        ('active-set', 1.0)
         >>> asp.Formulation(friction="stick").sticks
         True
     """
 
     method: str = "active-set"
     penalty: float = 10.0
-    gamma: float | None = None
-    theta: int = 0
+    gamma: float = 1.0
     friction: str = "none"
 
     def __post_init__(self) -> None:
         check_kinds(self, "contact")
         if self.method not in METHODS:
             raise InputError(f'contact.method = "{self.method}" is not one of {", ".join(METHODS)}')
-        if self.theta not in (-1, 0, 1):
-            raise InputError(f"contact.theta = {self.theta!r} must be -1, 0 or 1")
-        if self.method == "nitsche" and self.gamma is not None:
-            refuse(gamma_too_small(self.gamma, self.theta))
+        if self.method == "nitsche":
+            refuse(gamma_too_small(self.gamma))
         for name in ("penalty", "gamma"):
             value = getattr(self, name)
-            if value is not None and not FACTORS[0] <= value <= FACTORS[1]:
+            if not FACTORS[0] <= value <= FACTORS[1]:
                 raise InputError(f"contact.{name} = {value!r} must lie in [{FACTORS[0]:g}, {FACTORS[1]:g}]")
         refuse(wrong_friction(self.method, self.friction))
 
@@ -140,20 +136,12 @@ def penalty_too_soft(method: str, penalty: float) -> Judgement:
     )
 
 
-def gamma_too_small(gamma: float, theta: int) -> Judgement:
-    """Reason why a factor of Nitsche's method is refused: an indefinite tangent.
-
-    Where traces are at most tau^2 = COERCIVE/gamma of the energy, full contact is coercive for (1 + theta) tau < 2.
-
-    Args:
-        gamma: factor of (lambda + 2 mu) p^2/h
-        theta: 0, 1 or -1
-    """
-    least = max(0.01, COERCIVE * (1 + theta) ** 2 / 4.0)
-    if gamma >= least:
+def gamma_too_small(gamma: float) -> Judgement:
+    """Reason why a factor of (lambda + 2 mu) p^2/h of Nitsche's method is refused: an indefinite tangent."""
+    if gamma >= LEAST_GAMMA:
         return None
     return "contact.gamma", (
-        f"= {gamma:g} is below {least:g}, from which Nitsche's method with theta = {theta} is stable: "
+        f"= {gamma:g} is below {LEAST_GAMMA:g}, from which Nitsche's method is stable: "
         'raise it, leave it out, or take contact.method = "active-set"'
     )
 

@@ -176,12 +176,7 @@ class _Motion:
         self._system: EnergySolver | None = None
 
     def force(
-        self,
-        elastic: _ElasticStiffness,
-        motion: _Translation,
-        nodes: Integers,
-        guess: Floats,
-        change: Floats | None,
+        self, elastic: _ElasticStiffness, motion: _Translation, nodes: Integers, guess: Floats, change: Floats | None
     ) -> tuple[float, Floats]:
         """Stiffness [E L], and displacement relative to the flat (owned, 3); collective.
 

@@ -31,8 +31,6 @@ FORMULATIONS = {
     EXACT: Formulation(),
     "penalty": Formulation("penalty"),
     "nitsche": Formulation("nitsche"),
-    "nitsche, theta = 1": Formulation("nitsche", theta=1),
-    "nitsche, theta = -1": Formulation("nitsche", theta=-1),
 }
 
 
