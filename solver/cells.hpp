@@ -70,7 +70,7 @@ struct Cells
 
 /// Committed or trial history of a solid: plastic strain (rows, points, 6), accumulated (rows, points), a row per cell
 /// or facet. Without rows it is that of a virgin material and nothing is written. The class History of
-/// asperity.fem.kernels has the same variables.
+/// asperity.fem.history has the same variables.
 struct History
 {
   Array<double> plastic_strain, accumulated;

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from scipy import sparse
+from ufl_twin import UflTwin
 
-from asperity.fem.kernels import ElementKernels
 from asperity.fem.solid import Solid
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.distribute import distribute
@@ -24,13 +24,10 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Sample:
-    """A small mesh driven by nodal displacements through one kind of kernels."""
+    """A small mesh driven by nodal displacements through the element kernels, or through their twin."""
 
     solid: Solid
-
-    @property
-    def kernels(self) -> ElementKernels:
-        return self.solid.kernels
+    kernels: Any
 
     def force(self, u: Array) -> Array:
         b = np.zeros((self.solid.nodes, 3))
@@ -64,10 +61,11 @@ class Sample:
         return np.array(stress), np.array(accumulated)
 
 
-def sample(block: BlockMesh | None, material: Material, kernels: str = "compiled", mean: bool = False) -> Sample:
+def sample(block: BlockMesh | None, material: Material, twin: bool = False, mean: bool = False) -> Sample:
     from mpi4py import MPI
 
-    return Sample(Solid(*distribute(MPI.COMM_SELF, block, 1.0), material, kernels=kernels, mean_dilatation=mean))
+    solid = Solid(*distribute(MPI.COMM_SELF, block, 1.0), material, mean_dilatation=mean)
+    return Sample(solid, UflTwin(solid) if twin else solid.kernels)
 
 
 def difference(a: Any, b: Any) -> float:

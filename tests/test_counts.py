@@ -20,7 +20,7 @@ from typing import Any
 
 import pytest
 
-import asperity.fem.compiled_kernels
+import asperity.fem.kernels
 import asperity.linear.matrix_free
 import asperity.linear.multigrid
 from asperity import Material, MeshSize, SolverOptions, Surface, solve_contact
@@ -88,8 +88,8 @@ def fractal() -> Surface:
 def measure(name: str, patch: pytest.MonkeyPatch) -> dict[str, int]:
     """Counts of a scene."""
     material, settings = SCENES[name]
-    kernels = Kernels(asperity.fem.compiled_kernels._solver)
-    for module in (asperity.fem.compiled_kernels, asperity.linear.multigrid, asperity.linear.matrix_free):
+    kernels = Kernels(asperity.fem.kernels._solver)
+    for module in (asperity.fem.kernels, asperity.linear.multigrid, asperity.linear.matrix_free):
         patch.setattr(module, "_solver", kernels)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -95,13 +95,6 @@ def test_formulations_do_not_depend_on_the_ranks(
     assert_same(all_.curve, one.curve)
 
 
-def test_ufl_kernels_do_not_depend_on_the_ranks(rough: Surface, coarse: BlockMesh | None) -> None:
-    compiled = solve_both(rough, coarse, PLASTIC, steps=2)[1]
-    one, all_ = solve_both(rough, coarse, PLASTIC, steps=2, kernels="ufl")
-    assert_same(all_.curve, one.curve)
-    assert_same(all_.curve, compiled.curve)
-
-
 @pytest.mark.parametrize("method", ["active-set", "penalty", "nitsche"])
 def test_ranks_without_top_facets(method: str) -> None:
     """A tower: the partitioner cuts it across, so only one of two ranks has a top."""

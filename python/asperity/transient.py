@@ -30,7 +30,7 @@ import numpy as np
 from asperity.arrays import Floats
 from asperity.errors import ConvergenceError, InputError
 from asperity.fem.energies import energies
-from asperity.fem.inertia import InertialKernels
+from asperity.fem.inertia import Inertia
 from asperity.quasistatic.contact_solver import ContactSolver
 
 PLATE_TOLERANCE = 1e-7  # unbalanced force on the plate over the greatest force on it
@@ -189,9 +189,7 @@ class Transient:
             )
         self.solver, self.mass, self.load, self.dashpot = solver, mass, load, dashpot
         self.scheme = scheme or Scheme()
-        solid = solver.solid
-        self.kernels = InertialKernels(solid.kernels, solid, density)
-        solid.kernels = self.kernels
+        self.inertia = solver.solid.body_force = Inertia(solver.solid, density)
         self.time = 0.0
         self._force = self._before = solver.force
         self._slope = 0.0
@@ -216,7 +214,7 @@ class Transient:
             shape = np.asarray(moved / (step or np.inf))
         solid.u.x.array[: 3 * solid.owned] = x.ravel()
         solid.u.x.scatter_forward()
-        self.kernels.shift = 0.0
+        self.inertia.shift = 0.0
         resisting = solid.comm.allreduce(float(np.vdot(shape, solid.internal_force())))
         self.added_mass = 2.0 * self._kinetic(shape)
         w = (self.load - self.dashpot * velocity - resisting) / (self.mass + self.added_mass)
@@ -268,8 +266,8 @@ class Transient:
     def step(self, h: float, push: float) -> None:
         """Make one step `h`; the forcing at its end is `push` [E L^2]."""
         solver, scheme = self.solver, self.scheme
-        anchor, self.kernels.shift = self.block.anchor(scheme, h)
-        self.kernels.anchor = solver.solid.scatter_forward(anchor.ravel())
+        anchor, self.inertia.shift = self.block.anchor(scheme, h)
+        self.inertia.anchor = solver.solid.scatter_forward(anchor.ravel())
         beta, gamma = scheme.newmark
         q_anchor, c = self.plate.anchor(scheme, h)
         drive = self.load + push
@@ -285,7 +283,7 @@ class Transient:
         tried: tuple[float, float] | None = None
         for _ in range(PLATE_ITERATIONS):
             solver.contact.begin(solver.summit - q)
-            stats = solver.newton.solve(guess, max(abs(q - self.plate.x), 1e-6), 1.0 + c * self.kernels.heaviest)
+            stats = solver.newton.solve(guess, max(abs(q - self.plate.x), 1e-6), 1.0 + c * self.inertia.heaviest)
             solver.counts.newton += stats.newton
             solver.counts.krylov += stats.krylov
             if not stats.converged:
@@ -327,13 +325,13 @@ class Transient:
     def _kinetic(self, v: Floats) -> float:
         """Kinetic energy of the block at velocities of the owned nodes (owned, 3) [E L^3]."""
         full = self.solver.solid.scatter_forward(v.ravel())
-        return 0.5 * float(self.solver.solid.comm.allreduce(np.vdot(full, self.kernels.mass @ full)))
+        return 0.5 * float(self.solver.solid.comm.allreduce(np.vdot(full, self.inertia.mass @ full)))
 
     def _energy(self) -> float:
         """Kinetic, stored and dissipated energy of plate and block [E L^3]."""
         solid = self.solver.solid
-        shift, self.kernels.shift = self.kernels.shift, 0.0
+        shift, self.inertia.shift = self.inertia.shift, 0.0
         stored, dissipated = energies(solid, solid.internal_force())
-        self.kernels.shift = shift
+        self.inertia.shift = shift
         sums = solid.comm.allreduce(np.array([stored, dissipated]))
         return 0.5 * self.mass * self.plate.v**2 + self._kinetic(self.block.v) + float(sums.sum())

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from asperity import _solver
-from asperity.fem.compiled_kernels import law_of
+from asperity.fem.kernels import law_of
 from asperity.mesh import element
 from asperity.model.material import Material
 

@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Material points, both kernels: closed forms, rate equations, each other, and tangents by differences."""
+"""Material points: closed forms, rate equations, UFL forms as a twin, and tangents by differences."""
 
 from __future__ import annotations
 
@@ -32,7 +32,6 @@ LAWS = pytest.mark.parametrize(
     "material", [STEEL, PERFECT, MOVING, MIXED], ids=["isotropic", "perfect", "kinematic", "mixed"]
 )
 SHARES = pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
-KERNELS = ("compiled", "ufl")
 # A strain is a sum over ten nodes of u times gradients of some 4/h, a stress one of strains: 500 rounding units.
 ROUNDING = 500 * float(np.finfo(float).eps)
 TWINS = 40 * ROUNDING  # on curved cells of other sizes, some of them flat: the condition of their Jacobian on top
@@ -41,11 +40,6 @@ TWINS = 40 * ROUNDING  # on curved cells of other sizes, some of them flat: the 
 @pytest.fixture(scope="module")
 def cube() -> BlockMesh:
     return build_block(Flat(L=1.0), 1.0, lambda x, y, depth: 1.0)
-
-
-@pytest.fixture(params=KERNELS)
-def kernels(request: pytest.FixtureRequest) -> str:
-    return str(request.param)
 
 
 # --- parameters -----------------------------------------------------------------------------------------------
@@ -93,10 +87,10 @@ CYCLE = np.concatenate([PULL, [0.02, 0.0, -0.01, -0.03, -0.04, 0.0, 0.03, 0.05, 
 @pytest.mark.parametrize("strain", [PULL, -PULL, CYCLE], ids=["tension", "compression", "cyclic"])
 @pytest.mark.parametrize("E_t", [E_T, 0.0, 0.5])
 @SHARES
-def test_uniaxial_stress(cube: BlockMesh, kernels: str, strain: Array, E_t: float, share: float) -> None:
+def test_uniaxial_stress(cube: BlockMesh, strain: Array, E_t: float, share: float) -> None:
     expected, accumulated = ref.uniaxial_stress(strain, E, Y, E_t, share)
     lateral = -NU * expected / E - 0.5 * (strain - expected / E)  # elastic, and plastic of constant volume
-    stress, alpha = sample(cube, Material(E, NU, Y, E_t, share), kernels).follow(
+    stress, alpha = sample(cube, Material(E, NU, Y, E_t, share)).follow(
         np.diag([a, a, b]) for a, b in zip(lateral, strain, strict=True)
     )
     only_axial = np.zeros_like(stress)
@@ -108,40 +102,38 @@ def test_uniaxial_stress(cube: BlockMesh, kernels: str, strain: Array, E_t: floa
 @pytest.mark.parametrize("strain", [-PULL, CYCLE], ids=["compression", "cyclic"])
 @pytest.mark.parametrize("E_t", [E_T, 0.0])
 @SHARES
-def test_confined_compression(cube: BlockMesh, kernels: str, strain: Array, E_t: float, share: float) -> None:
+def test_confined_compression(cube: BlockMesh, strain: Array, E_t: float, share: float) -> None:
     axial, lateral, accumulated = ref.confined_stress(strain, E, NU, Y, E_t, share)
-    stress, alpha = sample(cube, Material(E, NU, Y, E_t, share), kernels).follow(np.diag([0, 0, e]) for e in strain)
+    stress, alpha = sample(cube, Material(E, NU, Y, E_t, share)).follow(np.diag([0, 0, e]) for e in strain)
     expected = np.array([np.diag([b, b, a]) for a, b in zip(axial, lateral, strict=True)])
     np.testing.assert_allclose(stress, expected, rtol=0, atol=1e-12 * Y)
     np.testing.assert_allclose(alpha, accumulated, rtol=0, atol=1e-12 * Y / E)
 
 
-def test_pure_shear_yields_at_the_stress_of_mises(cube: BlockMesh, kernels: str) -> None:
+def test_pure_shear_yields_at_the_stress_of_mises(cube: BlockMesh) -> None:
     shear = np.array([[0, 1, 0], [1, 0, 0], [0, 0, 0]])
-    stress, alpha = sample(cube, PERFECT, kernels).follow(k * Y / E * shear for k in (0.5, 2.0, 5.0))
+    stress, alpha = sample(cube, PERFECT).follow(k * Y / E * shear for k in (0.5, 2.0, 5.0))
     mu = E / (2 * (1 + NU))
     np.testing.assert_allclose(stress[:, 0, 1], [2 * mu * 0.5 * Y, Y / 3**0.5, Y / 3**0.5], rtol=1e-13)
     assert alpha[0] == 0.0
 
 
-def test_kinematic_hardening_keeps_the_elastic_range(cube: BlockMesh, kernels: str) -> None:
+def test_kinematic_hardening_keeps_the_elastic_range(cube: BlockMesh) -> None:
     """Beyond any flow the stress falls elastically by 2 sigma_y, the strain by twice that of yield (Bauschinger)."""
     turn, moved = 0.03, []
     for unloaded in (1.999, 2.001):
         strains = np.array([turn, turn - unloaded * Y / E])
         stress = ref.uniaxial_stress(strains, E, Y, E_T, share=1.0)[0]
         lateral = -NU * stress / E - 0.5 * (strains - stress / E)
-        _, alpha = sample(cube, MOVING, kernels).follow(
-            np.diag([a, a, b]) for a, b in zip(lateral, strains, strict=True)
-        )
+        _, alpha = sample(cube, MOVING).follow(np.diag([a, a, b]) for a, b in zip(lateral, strains, strict=True))
         moved.append(alpha[1] - alpha[0])
     assert moved[0] == 0.0 and moved[1] > 0.0
 
 
-def test_elastic_stress_is_hookes(cube: BlockMesh, kernels: str) -> None:
+def test_elastic_stress_is_hookes(cube: BlockMesh) -> None:
     strain = np.random.default_rng(0).normal(size=(3, 3))
     strain += strain.T
-    s = sample(cube, Material(E, NU), kernels)
+    s = sample(cube, Material(E, NU))
     u = s.affine(strain)
     s.force(u)
     found = s.kernels.stress(u).reshape(-1, 6)
@@ -151,9 +143,7 @@ def test_elastic_stress_is_hookes(cube: BlockMesh, kernels: str) -> None:
 
 
 @pytest.mark.parametrize(("E_t", "share"), [(E_T, 0.0), (E_T, 0.4), (E_T, 1.0), (0.0, 0.0)])
-def test_a_turning_path_converges_to_the_rate_equations(
-    cube: BlockMesh, kernels: str, E_t: float, share: float
-) -> None:
+def test_a_turning_path_converges_to_the_rate_equations(cube: BlockMesh, E_t: float, share: float) -> None:
     """Backward Euler is of first order: half the error with half the steps, a quarter of it after extrapolation."""
     stretch, shear = np.diag([-0.3, -0.3, 1.0]), np.array([[0, 1, 0], [1, 0, 0.5], [0, 0.5, 0]])
     corners = np.array([0.012 * stretch, 0.012 * stretch + 0.01 * shear, -0.005 * stretch + 0.01 * shear])
@@ -164,7 +154,7 @@ def test_a_turning_path_converges_to_the_rate_equations(
         t = np.linspace(0, 3, 3 * steps + 1)[1:]
         which = np.minimum(t.astype(int), 2)
         strains = [path[i] + (s - i) * (path[i + 1] - path[i]) for i, s in zip(which, t, strict=True)]
-        stress, alpha = sample(cube, Material(E, NU, Y, E_t, share), kernels).follow(strains)
+        stress, alpha = sample(cube, Material(E, NU, Y, E_t, share)).follow(strains)
         return np.append(stress[-1].ravel() / Y, alpha[-1] * E / Y)
 
     exact = np.append(expected[-1].ravel() / Y, accumulated[-1] * E / Y)
@@ -174,9 +164,9 @@ def test_a_turning_path_converges_to_the_rate_equations(
     assert np.linalg.norm(2 * fine - coarse - exact) < 0.1 * error
 
 
-def test_unstrained_material_is_at_rest_and_stiff(cube: BlockMesh, kernels: str) -> None:
+def test_unstrained_material_is_at_rest_and_stiff(cube: BlockMesh) -> None:
     """The flow direction s/|s| is 0/0 there."""
-    plastic, elastic = sample(cube, STEEL, kernels), sample(cube, Material(E, NU), kernels)
+    plastic, elastic = sample(cube, STEEL), sample(cube, Material(E, NU))
     u = np.zeros((plastic.solid.nodes, 3))
     assert not plastic.force(u).any()
     elastic.force(u)
@@ -184,8 +174,8 @@ def test_unstrained_material_is_at_rest_and_stiff(cube: BlockMesh, kernels: str)
 
 
 @LAWS
-def test_stress_stays_on_or_inside_the_yield_surface(coarse: BlockMesh, kernels: str, material: Material) -> None:
-    block = sample(coarse, material, kernels)
+def test_stress_stays_on_or_inside_the_yield_surface(coarse: BlockMesh, material: Material) -> None:
+    block = sample(coarse, material)
     rng = np.random.default_rng(1)
     u = np.zeros((block.solid.nodes, 3))
     for scale in (1e-3, 1e-2, 3e-3):
@@ -205,7 +195,7 @@ def test_stress_stays_on_or_inside_the_yield_surface(coarse: BlockMesh, kernels:
         assert np.abs(trace).max() < 1e-14 * np.abs(history.plastic_strain).max()
 
 
-# --- compiled against UFL, tangent against differences --------------------------------------------------------
+# --- UFL twin, tangent against differences --------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -268,7 +258,7 @@ def bring(s: Sample, state: State) -> Array:
 @pytest.mark.parametrize("name", NAMES)
 @LAWS
 def test_compiled_and_ufl_kernels_agree(coarse: BlockMesh, material: Material, name: str) -> None:
-    a, b = (sample(coarse, material, kernels) for kernels in KERNELS)
+    a, b = (sample(coarse, material, twin) for twin in (False, True))
     state = states(a.solid)[name]
     np.testing.assert_array_equal(a.solid.points, b.solid.points)
     assert difference(bring(a, state), bring(b, state)) < TWINS
@@ -290,7 +280,7 @@ def test_compiled_and_ufl_kernels_agree(coarse: BlockMesh, material: Material, n
 
 
 def test_compiled_and_ufl_kernels_agree_on_an_elastic_material(coarse: BlockMesh) -> None:
-    a, b = (sample(coarse, Material(E, NU), kernels) for kernels in KERNELS)
+    a, b = (sample(coarse, Material(E, NU), twin) for twin in (False, True))
     u = np.random.default_rng(3).normal(size=(a.solid.nodes, 3))
     assert difference(a.force(u), b.force(u)) < TWINS
     assert difference(a.tangent(u).data, b.tangent(u).data) < TWINS
@@ -299,9 +289,9 @@ def test_compiled_and_ufl_kernels_agree_on_an_elastic_material(coarse: BlockMesh
 
 @pytest.mark.parametrize("name", [n for n in NAMES if n != "on the yield surface"])
 @LAWS
-def test_tangent_is_the_derivative_of_the_force(coarse: BlockMesh, kernels: str, material: Material, name: str) -> None:
+def test_tangent_is_the_derivative_of_the_force(coarse: BlockMesh, material: Material, name: str) -> None:
     """Central differences, by steps so small that no point changes between loading and unloading."""
-    s = sample(coarse, material, kernels)
+    s = sample(coarse, material)
     state = states(s.solid)[name]
     bring(s, state)
     K = s.tangent(state.u)
@@ -314,8 +304,8 @@ def test_tangent_is_the_derivative_of_the_force(coarse: BlockMesh, kernels: str,
         assert difference(K @ du.ravel(), slope.ravel()) < (1e-6 if "just" in name else 1e-8)
 
 
-def test_force_has_both_one_sided_slopes_on_the_yield_surface(coarse: BlockMesh, kernels: str) -> None:
-    s = sample(coarse, STEEL, kernels)
+def test_force_has_both_one_sided_slopes_on_the_yield_surface(coarse: BlockMesh) -> None:
+    s = sample(coarse, STEEL)
     u = states(s.solid)["on the yield surface"].u
     bring(s, State((u,), u))
     step, here = 1e-6, s.force(u)

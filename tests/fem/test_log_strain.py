@@ -14,6 +14,7 @@ import numpy.typing as npt
 import pytest
 from scipy.sparse.linalg import spsolve
 from scipy.spatial.transform import Rotation
+from ufl_twin import UflTwin
 
 from asperity import reference as ref
 from asperity.contact.contact_surface import ContactSurface
@@ -54,8 +55,15 @@ def cube() -> BlockMesh:
     return build_block(Flat(L=1.0), 1.0, lambda x, y, depth: 1.0)
 
 
-def solid_of(block: BlockMesh | None, material: Material, kernels: str = "compiled") -> Solid:
-    return Solid(*distribute(here(), block, 1.0), material, kernels=kernels)
+def solid_of(block: BlockMesh | None, material: Material) -> Solid:
+    return Solid(*distribute(here(), block, 1.0), material)
+
+
+def pair_of(block: BlockMesh | None, material: Material) -> tuple[Solid, Solid]:
+    """Two solids, the second one with the UFL twin of the element kernels."""
+    ours, twin = solid_of(block, material), solid_of(block, material)
+    twin.kernels = UflTwin(twin)  # type: ignore[assignment]
+    return ours, twin
 
 
 def force_of(solid: Solid, u: Array) -> Array:
@@ -192,7 +200,7 @@ def test_tangent_is_the_derivative_of_the_force(coarse: BlockMesh, material: Mat
 @pytest.mark.parametrize("name", NAMES)
 @EACH
 def test_compiled_and_ufl_kernels_agree(coarse: BlockMesh, material: Material, name: str) -> None:
-    a, b = (solid_of(coarse, material, kernels) for kernels in ("compiled", "ufl"))
+    a, b = pair_of(coarse, material)
     u = bring(a, name)
     np.testing.assert_array_equal(bring(b, name), u)
     one, two = a.kernels, b.kernels
@@ -207,7 +215,7 @@ def test_compiled_and_ufl_kernels_agree(coarse: BlockMesh, material: Material, n
 def test_equal_and_nearly_equal_eigenvalues(cube: BlockMesh, apart: float) -> None:
     """The compiled kernel takes limits, the integral of the UFL one knows no eigenvalues."""
     F = TURN @ np.diag([0.9, 0.9 * (1.0 + apart), 0.9 * (1.0 - 0.3 * apart)])
-    a, b = (solid_of(cube, ELASTIC, kernels) for kernels in ("compiled", "ufl"))
+    a, b = pair_of(cube, ELASTIC)
     u = affine(a, F)
     assert difference(force_of(a, u), force_of(b, u)) < 1e-12
     assert difference(tangent_of(a, u).data, tangent_of(b, u).data) < 1e-11
@@ -223,7 +231,7 @@ def test_all_forms_of_the_compiled_kernel_agree_with_the_twin(
     direction *= size / np.linalg.norm(direction)
     values, vectors = np.linalg.eigh(np.eye(3) + direction)
     F = vectors @ np.diag(np.sqrt(values)) @ vectors.T  # a rotation would leave rounding errors in C - 1
-    a, b = (solid_of(cube, MIXED, kernels) for kernels in ("compiled", "ufl"))
+    a, b = pair_of(cube, MIXED)
     u = affine(a, F)
     assert np.linalg.norm(F.T @ F - np.eye(3)) == pytest.approx(size)
     assert difference(force_of(a, u), force_of(b, u)) < 1e-13
@@ -264,8 +272,7 @@ def test_small_displacements_are_those_of_small_strain(coarse: BlockMesh, materi
 
 
 def test_a_solid_turned_inside_out_is_counted(cube: BlockMesh) -> None:
-    for kernels in ("compiled", "ufl"):
-        solid = solid_of(cube, PLASTIC, kernels)
+    for solid in pair_of(cube, PLASTIC):
         force = force_of(solid, affine(solid, np.diag([1.0, 1.0, -0.1])))
         assert solid.kernels.inverted_points == solid.kernels.volumes.size
         assert np.isfinite(force).all()

@@ -67,11 +67,11 @@ def matrix_of(solid: Solid) -> Any:
     return assembled(solid)
 
 
-def press_of(height: float, material: Material, sides: str = "rollers", kernels: str = "compiled") -> ContactSolver:
+def press_of(height: float, material: Material, sides: str = "rollers") -> ContactSolver:
     surface = Flat(L=1.0)
     block = block_of(world(), surface, height, 0.6)
     exact = SolverOptions(linear="lu")  # to rounding
-    return make_contact_solver(world(), surface, block, material, sides=sides, kernels=kernels, options=exact)
+    return make_contact_solver(world(), surface, block, material, sides=sides, options=exact)
 
 
 def same_everywhere(comm: Any, values: Array, expected: float, tolerance: float) -> None:
@@ -107,12 +107,11 @@ def test_patch_test(sides: str, height: float) -> None:
     assert solver.checks.force_balance < 1e-10
 
 
-@pytest.mark.parametrize("kernels", ["compiled", "ufl"])
 @pytest.mark.parametrize("E_t", [0.05, 0.0])
-def test_plastic_patch_test(kernels: str, E_t: float) -> None:
+def test_plastic_patch_test(E_t: float) -> None:
     """Confined compression beyond yield, a release and a reload through the whole solver."""
     Y, height = 0.005, 0.8
-    solver = press_of(height, Material(1.0, NU, Y, E_t), kernels=kernels)
+    solver = press_of(height, Material(1.0, NU, Y, E_t))
     path = np.array([0.002, 0.006, 0.012, 0.016, 0.0155, 0.02])
     stress, _, alpha = ref.confined_stress(-path / height, 1.0, NU, Y, E_t)
     for delta, sigma, strain in zip(path, stress, alpha, strict=True):
@@ -156,9 +155,8 @@ def rigid_modes(x: Array) -> Array:
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("kernels", ["compiled", "ufl"])
-def test_rigid_modes_do_no_work(coarse: BlockMesh | None, kernels: str) -> None:
-    solid = solid_of(world(), coarse, kernels=kernels)
+def test_rigid_modes_do_no_work(coarse: BlockMesh | None) -> None:
+    solid = solid_of(world(), coarse)
     modes = rigid_modes(solid.points)
     scale = world().allreduce(float(np.abs(matrix_of(solid).getDiagonal().array).max()))
     for mode in modes:
@@ -190,14 +188,13 @@ def test_near_null_space_is_orthonormal_and_rigid(coarse: BlockMesh | None) -> N
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("kernels", ["compiled", "ufl"])
-def test_matrix_is_that_of_dolfinx(coarse: BlockMesh | None, kernels: str) -> None:
+def test_matrix_is_that_of_dolfinx(coarse: BlockMesh | None) -> None:
     """The elastic stiffness by dolfinx's own assembly into its own matrix."""
     import ufl
     from dolfinx.fem import form
     from dolfinx.fem.petsc import assemble_matrix
 
-    solid = solid_of(world(), coarse, kernels=kernels)
+    solid = solid_of(world(), coarse)
     u, v = ufl.TrialFunction(solid.V), ufl.TestFunction(solid.V)
     lam, mu = ELASTIC.lame
     stress = lam * ufl.tr(ufl.grad(u)) * ufl.Identity(3) + 2 * mu * ufl.sym(ufl.grad(u))

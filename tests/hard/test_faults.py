@@ -32,19 +32,19 @@ SABOTAGE = """
 import sys
 from mpi4py import MPI
 import asperity.runtime.parallel
-from asperity.fem.compiled_kernels import CompiledKernels
+from asperity.fem.kernels import ElementKernels
 from asperity.cli import main
 
 asperity.runtime.parallel.PATIENCE = 2.0
 rank, error = int(sys.argv[1]), {"MemoryError": MemoryError, "ValueError": ValueError}[sys.argv[2]]
-original, calls = CompiledKernels.add_internal_force, iter(range(10**9))
+original, calls = ElementKernels.add_internal_force, iter(range(10**9))
 
 def broken(self, u, b):
     if MPI.COMM_WORLD.rank == rank and next(calls) == 15:
         raise error("sabotage")
     original(self, u, b)
 
-CompiledKernels.add_internal_force = broken
+ElementKernels.add_internal_force = broken
 main(sys.argv[3:])
 """
 

@@ -54,7 +54,6 @@ WAVE = Surface.from_spec("sinusoid", L=L, amplitude=5e-9)
         (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, steps=2.0), "loading.steps = 2 must be a whole number"),
         (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, height="1 um"), "height = '1 um' must be a number"),
         (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, sides="roller"), "block.sides = .* is not one of"),
-        (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, kernels="c"), "solver.kernels = .* is not one of"),
         (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, integrator="rk4"), "loading.integrator = .* not one"),
         (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, formulation="nitsche"), "must be .*asp.Formulation"),
         (lambda: asp.solve_contact(WAVE, STEEL, delta_max=1e-9, options="cg"), "options = 'cg' must be .*asp.Solver"),

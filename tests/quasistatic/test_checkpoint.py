@@ -375,7 +375,7 @@ def test_where_nothing_was_saved_nothing_is_found(tmp_path: Path) -> None:
     ("section", "change", "free"),
     [
         ("output", {"figures": True}, True),
-        ("solver", {"linear": "lu", "kernels": "ufl"}, True),
+        ("solver", {"linear": "lu"}, True),
         ("solver", {"rtol": 1e-10}, False),
         ("solver", {"newton_max": 5}, False),
         ("dynamics", {"zeta": 0.1}, True),

@@ -241,14 +241,6 @@ def test_force_does_not_depend_on_where_the_period_begins(formulation: Formulati
     assert first.spots[-1] == second.spots[-1] == 2.0  # the sides cut one of them, and rollers leave its parts apart
 
 
-@pytest.mark.parametrize("material", [PLASTIC, FINITE], ids=["small strain", "finite strain"])
-def test_both_kernels_agree(material: Material) -> None:
-    surface = wave(0.2, 0.9)
-    ours, ufl = (solve_contact(surface, material, **HERE, kernels=kernels) for kernels in ("compiled", "ufl"))
-    assert ours.checks.violated == {}
-    np.testing.assert_allclose(ours.curve.force, ufl.curve.force, rtol=1e-8)
-
-
 def test_a_wave_cut_by_the_sides_against_westergaard() -> None:
     """Plane strain; the height of the block is twice the wavelength, so its top answers like a half-space."""
     theory = reference.Westergaard(0.01, 0.5, ELASTIC.reduced_modulus)

@@ -23,7 +23,7 @@ from asperity import _solver
 from asperity import reference as ref
 from asperity.dynamics import unload_reload
 from asperity.errors import AsperityWarning, ConvergenceError, InputError
-from asperity.fem.kernels import History
+from asperity.fem.history import History
 from asperity.linear.solver import Krylov
 from asperity.mesh.block import BlockMesh
 from asperity.mesh.generate import build_block

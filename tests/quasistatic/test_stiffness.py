@@ -189,20 +189,6 @@ def test_physical_units_and_summary() -> None:
     assert stiffness_per_area(unit.where(unit.delta < 0.0), 1.0) == {}
 
 
-@pytest.mark.parametrize("sides", ["rollers", "free"])
-def test_kernels_agree(wave: Surface, coarse_wave: BlockMesh | None, sides: str) -> None:
-    """Compiled kernels against UFL, on an elastic-plastic solid; a free block is softer."""
-    found = [
-        solve_contact(
-            wave, PLASTIC, block=coarse_wave, comm=world(), delta_max=0.02, steps=2, stiffness=True, kernels=kernels,
-            sides=sides,
-        ).curve
-        for kernels in ("compiled", "ufl")
-    ]  # fmt: skip
-    for name in STIFFNESSES:
-        np.testing.assert_allclose(getattr(found[0], name), getattr(found[1], name), rtol=1e-4)
-
-
 def test_interface_is_independent_of_the_height_of_the_block() -> None:
     """At the same force, where the block makes up a good part of the compliance and is as high as wide."""
     names = ("k_n", "k_n_interface", "k_t_interface", "conductance")

@@ -91,15 +91,14 @@ def test_a_bar_of_full_contact_has_no_interface() -> None:
 
 
 @pytest.mark.parametrize("method", ["active-set", "penalty", "nitsche"])
-def test_ranks_and_kernels_agree(rough: Surface, coarse: BlockMesh | None, method: str) -> None:
+def test_ranks_agree(rough: Surface, coarse: BlockMesh | None, method: str) -> None:
     """On an elastic-plastic surface, all formulations; the normal stiffness exceeds that of a contact that slides."""
     found = []
-    for comm, kernels, linear in ((here(), "compiled", "lu"), (world(), "compiled", "cg"), (world(), "ufl", "cg")):
+    for comm, linear in ((here(), "lu"), (world(), "cg")):
         block = world().bcast(coarse) if comm.size == 1 else coarse
         material = Material(1.0, NU, 0.005, 0.05)
         solver = make_contact_solver(
-            comm, rough, block, material, formulation=Formulation(method), kernels=kernels,
-            options=SolverOptions(linear=linear),
+            comm, rough, block, material, formulation=Formulation(method), options=SolverOptions(linear=linear),
         )  # fmt: skip
         for delta in (0.01, 0.02):
             assert solver.step(delta).converged
@@ -109,8 +108,7 @@ def test_ranks_and_kernels_agree(rough: Surface, coarse: BlockMesh | None, metho
         before = solver.force
         assert solver.step(0.021).converged and solver.force > before
     scale = np.sqrt(np.outer(found[0].diagonal(), found[0].diagonal()))
-    for other in found[1:]:
-        np.testing.assert_allclose(other / scale, found[0] / scale, atol=2e-4)
+    np.testing.assert_allclose(found[1] / scale, found[0] / scale, atol=2e-4)
 
 
 def test_periodic_sides_are_refused() -> None:

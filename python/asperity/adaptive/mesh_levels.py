@@ -67,7 +67,7 @@ class LevelSolver:
         self, problem: Problem, depth: float, sizes: Floats | None, max_dofs: int, comm: MPI.Comm, hooks: Hooks
     ) -> None:
         if problem.material.plastic and problem.dilatation is None:  # elements as large as a spot that flows would lock
-            possible = not wrong_dilatation(MEAN, problem.kernels, problem.formulation.method)
+            possible = not wrong_dilatation(MEAN, problem.formulation.method)
             problem = replace(problem, dilatation=MEAN if possible else POINT)
         self._problem, self._depth, self._max_dofs, self._hooks = problem, depth, max_dofs, hooks
         self.comm, self.side, self.height = comm, problem.surface.L, problem.height

@@ -179,7 +179,6 @@ class Case(Input):
             integrator=loading.integrator,
             size=MeshSize(mesh.h_contact, mesh.growth, mesh.h_max, refinements=mesh.refinements),
             formulation=self.contact.formulation,
-            kernels=solver.kernels,
             dilatation=solver.dilatation,
             options=SolverOptions(solver.linear, solver.rtol, solver.newton_max),
         )

@@ -352,7 +352,6 @@ class SlipSection(Section):
 class SolverSection(Section):
     """Solution of the equations."""
 
-    kernels: Literal["compiled", "ufl"] = _key("element kernels", "compiled")
     dilatation: Literal["point", "mean"] | None = _key(
         "volumetric strain of the elements, see docs/contact.md",
         None,

@@ -8,7 +8,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 
 from asperity.arrays import Flags, Floats, Integers
-from asperity.fem.kernels import History
+from asperity.fem.history import History
 
 __all__ = ["Contact"]
 

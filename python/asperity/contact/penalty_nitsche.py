@@ -11,8 +11,8 @@ from mpi4py import MPI
 from asperity.arrays import Flags, Floats, Integers
 from asperity.contact.contact_surface import FACET_DEGREE, ContactSurface, FacetRule
 from asperity.contact.interface import Contact
-from asperity.fem.compiled_kernels import compiled, law_of
-from asperity.fem.kernels import History
+from asperity.fem.history import History
+from asperity.fem.kernels import compiled, law_of
 from asperity.fem.solid import Solid
 from asperity.mesh.element import BEARING, DEGREE, FACET_POINTS
 from asperity.model.kinds import refuse

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from asperity.arrays import Floats
-from asperity.fem.kernels import History
+from asperity.fem.history import History
 from asperity.fem.solid import Solid
 from asperity.model.material import PAIRS
 

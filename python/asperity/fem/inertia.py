@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Inertia of the solid: element kernels with the consistent mass.
+"""Inertia of the solid by the consistent mass.
 
 Lengths in L, stresses in E, any unit of time T; the density is in E T^2/L^2.
 """
@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from asperity.arrays import Floats, Singles
-from asperity.fem.kernels import ElementKernels, History
+from asperity.arrays import Floats
 from asperity.fem.solid import Solid
 from asperity.mesh.element import quadrature, shape_functions, shape_gradients
 from asperity.runtime import compat
@@ -22,27 +21,21 @@ from asperity.runtime.compiled import solver as _solver
 MASS_DEGREE = 6  # of the quadrature of the consistent mass: second-order shapes squared, on curved cells
 
 
-class InertialKernels:
-    """Element kernels whose internal force includes that of inertia, c M (u - u*), M the consistent mass.
+class Inertia:
+    """Force of inertia c M (u - u*) of a solid, M the consistent mass, which its attribute `body_force` takes.
 
     Args:
-        inner: kernels of the material
-        solid: that they belong to
+        solid: the block
         density: mass density [E T^2/L^2]
 
     Attributes:
-        shift: c [1/T^2]; with 0 the kernels are those of the material
+        shift: c [1/T^2]
         anchor: u* at the local nodes (nodes, 3) [L]
-        linear: False, because the tangent changes with the shift
-        heaviest: greatest sum of the magnitudes in a row of `mass`, the same on all ranks
         mass: M of one component, of the cells of this rank (nodes, nodes) [E L T^2]
+        heaviest: greatest sum of the magnitudes in a row of `mass`, the same on all ranks
     """
 
-    halves = False
-
-    def __init__(self, inner: ElementKernels, solid: Solid, density: float) -> None:
-        self.inner = inner
-        self.linear = False
+    def __init__(self, solid: Solid, density: float) -> None:
         self.shift = 0.0
         self.anchor = np.zeros((solid.nodes, 3))
         self.mass = density * consistent_mass(solid)
@@ -55,59 +48,13 @@ class InertialKernels:
         i = np.arange(3)
         self._diagonals = 9 * first[:, None] + 3 * width[row][:, None] * i + 3 * column[:, None] + i
 
-    @property
-    def volumes(self) -> Floats:
-        """Of the quadrature points."""
-        return self.inner.volumes
+    def add_force(self, u: Floats, b: Floats) -> None:
+        """See `fem.solid.BodyForce`."""
+        b += self.shift * (self.mass @ (u - self.anchor))
 
-    @property
-    def plastic_points(self) -> int:
-        """Quadrature points flowing at the last residual."""
-        return self.inner.plastic_points
-
-    @property
-    def inverted_points(self) -> int:
-        """Quadrature points turned inside out at the last residual."""
-        return self.inner.inverted_points
-
-    def add_internal_force(self, u: Floats, b: Floats) -> None:
-        """See `fem.kernels.ElementKernels`; so for the methods below."""
-        self.inner.add_internal_force(u, b)
-        if self.shift:
-            b += self.shift * (self.mass @ (u - self.anchor))
-
-    def tangent(self, u: Floats, values: Floats | Singles) -> None:
-        self.inner.tangent(u, values)
-        self._add_mass(values)
-
-    def elastic_tangent(self, u: Floats, values: Floats | Singles) -> None:
-        self.inner.elastic_tangent(u, values)
-        self._add_mass(values)
-
-    def _add_mass(self, values: Floats | Singles) -> None:
-        if self.shift:
-            values[self._diagonals] += self.shift * self.mass.data[:, None]
-
-    def drop_matrices(self) -> None:
-        self.inner.drop_matrices()
-
-    def commit(self) -> None:
-        self.inner.commit()
-
-    def restore(self, history: History) -> None:
-        self.inner.restore(history)
-
-    def history(self) -> History:
-        return self.inner.history()
-
-    def softened(self, before: History) -> bool:
-        return self.inner.softened(before)
-
-    def stress(self, u: Floats) -> Floats:
-        return self.inner.stress(u)
-
-    def conjugate_stress(self, u: Floats) -> Floats:
-        return self.inner.conjugate_stress(u)
+    def add_stiffness(self, values: Floats) -> None:
+        """See `fem.solid.BodyForce`."""
+        values[self._diagonals] += self.shift * self.mass.data[:, None]
 
 
 def consistent_mass(solid: Solid) -> Any:

@@ -1,131 +1,192 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Interface of the element kernels, compiled or as UFL forms, and the history that they own."""
+"""Element kernels: one pass over the cells for stress, tangent and history, compiled in solver/."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
-from typing import Protocol, Self
+from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
-from asperity.arrays import Floats, Indices, Singles
+from asperity.arrays import Floats, Singles
+from asperity.fem.history import History
+from asperity.fem.sparsity import SparsityPattern
+from asperity.mesh.element import QUADRATURE_DEGREE, quadrature, shape_gradients
+from asperity.model.material import Material
+from asperity.runtime.compiled import solver as _solver
 
 
-@dataclass(frozen=True, eq=False)
-class History:
-    """Internal variables of the material at the quadrature points: a row per cell, or per facet of the contact surface.
+def compiled(history: History) -> _solver.History:
+    """The arrays of a history as the compiled kernels receive them; they write into these arrays."""
+    return _solver.History(**history.arrays())
 
-    The program copies, extrapolates, saves and restores all variables alike; energies, measures and the direction of
-    the extrapolation use those of plasticity by name. A new variable, zero in the virgin material, needs a field here
-    and an argument of the same name in `_solver.History`. Checkpoints hold the variables under these names.
+
+def law_of(material: Material, flows: bool = True) -> _solver.Elastic | _solver.J2:
+    """The material as the compiled kernels receive it.
+
+    Args:
+        material: elastic or elastic-plastic
+        flows: False keeps the plastic strain as it is, for the stiffness against small vibration
+
+    Example:
+        >>> law_of(Material(E=1.0, nu=0.0)).mu
+        0.5
+    """
+    name, parameters = material.law
+    if material.plastic and not flows:
+        parameters = {**parameters, "yield_stress": np.inf}
+    law: _solver.Elastic | _solver.J2 = getattr(_solver, name)(**parameters)
+    return law
+
+
+#: Plastic strain from which on a cell takes its mean volumetric strain, over the strain at yield (docs/contact.md).
+FLOWED = 1.0
+
+
+class ElementKernels:
+    """Internal force, tangent and history of a solid, cell by cell; the part of this rank, in units of L and E.
+
+    In small strain a tangent is a copy of the elastic stiffness plus the correction of the cells that yield. A matrix
+    takes most of the memory, so no copy is kept of an elastic solid whose tangent is written only once.
+
+    A matrix is written as the values of the CSR pattern; or its upper half in single precision, by the columns of its
+    blocks in the order of `SparsityPattern.upper`.
+
+    Args:
+        x: nodes of the geometry (n, 3) [L]
+        x_nodes: nodes of the geometry of each cell (cells, 10)
+        cell_nodes: displacement nodes of each cell (cells, 10)
+        material: with stresses in units of E
+        sparsity: of the local matrix
+        mean_dilatation: whether all points of a cell that has flowed take its mean volumetric strain
 
     Attributes:
-        plastic_strain: xx, yy, zz, xy, xz, yz (rows, points, 6)
-        accumulated: accumulated plastic strain (rows, points)
-
-    Examples:
-        >>> history = History.zeros(rows=2, points=4)
-        >>> {name: values.shape for name, values in history.arrays().items()}
-        {'plastic_strain': (2, 4, 6), 'accumulated': (2, 4)}
-        >>> history.accumulated[1] = 0.01
-        >>> history.changed()
-        array([1])
+        linear: whether the tangent never changes
+        volumes: of the quadrature points before deformation (cells, points) [L^3]
+        plastic_points: that yielded in the last internal force
+        inverted_points: that finite strain turned inside out there: no valid state
     """
 
-    # the shape is that of the components at one quadrature point
-    plastic_strain: Floats = field(metadata={"shape": (6,)})
-    accumulated: Floats = field(metadata={"shape": ()})
-
-    @classmethod
-    def zeros(cls, rows: int, points: int) -> Self:
-        """History of a material that never yielded; with no rows, that of an elastic one."""
-        return cls(**{f.name: np.zeros((rows, points, *f.metadata["shape"])) for f in fields(cls)})
-
-    @classmethod
-    def names(cls) -> tuple[str, ...]:
-        """Names of the variables."""
-        return tuple(f.name for f in fields(cls))
-
-    def arrays(self) -> dict[str, Floats]:
-        """Variables by name; the arrays themselves, not copies."""
-        return {name: getattr(self, name) for name in self.names()}
-
-    def copy(self) -> Self:
-        """Copy that later steps do not change."""
-        return replace(self, **{name: values.copy() for name, values in self.arrays().items()})
-
-    def assign(self, other: Self) -> None:
-        """Overwrite the values with those of a history of the same shape."""
-        for name, values in self.arrays().items():
-            np.copyto(values, getattr(other, name))
-
-    @property
-    def rows(self) -> int:
-        """Number of rows; 0 for an elastic material."""
-        return len(self.accumulated)
-
-    def changed(self) -> Indices:
-        """Rows with a variable other than zero at any point."""
-        changed = [values.any(axis=tuple(range(1, values.ndim))) for values in self.arrays().values()]
-        return np.flatnonzero(np.any(changed, axis=0))
-
-
-class ElementKernels(Protocol):
-    """Internal force, tangent and history of a solid, cell by cell; the part of this rank.
-
-    Lengths are in units of L, stresses in units of E.
-    """
-
-    linear: bool  # whether the tangent never changes
-    halves: bool  # whether they can write the upper half of a tangent alone
-
-    @property
-    def plastic_points(self) -> int:
-        """Quadrature points of this rank that yielded in the last residual."""
-
-    @property
-    def inverted_points(self) -> int:
-        """Quadrature points of this rank that finite strain turned inside out in the last residual: no valid state."""
-
-    @property
-    def volumes(self) -> Floats:
-        """Volumes of the quadrature points of this rank before deformation (cells, points) [L^3]."""
+    def __init__(
+        self,
+        x: Floats,
+        x_nodes: npt.NDArray[np.int32],
+        cell_nodes: npt.NDArray[np.int32],
+        material: Material,
+        sparsity: SparsityPattern,
+        mean_dilatation: bool = False,
+    ) -> None:
+        at, weights = quadrature(QUADRATURE_DEGREE)
+        strength = material.yield_strength
+        self._mean_beyond = np.inf
+        if mean_dilatation and strength is not None:
+            self._mean_beyond = FLOWED * strength / material.E
+        self._cells = _solver.Cells(x, x_nodes, cell_nodes, shape_gradients(at), weights, self._mean_beyond)
+        self._law, self._held = law_of(material), law_of(material, flows=False)
+        self._finite, self.linear = material.finite, material.linear
+        cells, points = len(cell_nodes), len(weights)
+        self.plastic_points = self.inverted_points = 0
+        self._cell_nodes, self._sparsity = cell_nodes, sparsity
+        self._elastic: dict[np.dtype, Floats | Singles] = {}  # stiffness without plastic flow, by precision
+        self._once: set[np.dtype] = set()  # where it has been assembled
+        rows = cells if material.plastic else 0  # an elastic material has no history
+        self._committed, self._trial = History.zeros(rows, points), History.zeros(rows, points)
+        self._flowing = np.zeros(cells, dtype=bool)
+        self.volumes = np.empty((cells, points))
+        _solver.volumes(self._cells, self.volumes)
 
     def add_internal_force(self, u: Floats, b: Floats) -> None:
-        """Add the internal force [E L^2] of the nodal displacement u (nodes, 3) to b; writes the trial history."""
+        """Add the internal force of the nodal displacement u (nodes, 3) to b; writes the trial history."""
+        self.plastic_points, self.inverted_points = _solver.residual(
+            self._cells, self._law, self._finite, u, compiled(self._committed), compiled(self._trial), self._flowing, b
+        )
+
+    @cached_property
+    def _full(self) -> _solver.BlockPattern:
+        return _solver.BlockPattern(self._cell_nodes, self._sparsity.indptr, self._sparsity.indices)
+
+    @cached_property
+    def _half(self) -> _solver.HalfPattern:
+        return _solver.HalfPattern(self._cell_nodes, *self._sparsity.upper)
+
+    def _pattern(self, values: Floats | Singles) -> _solver.BlockPattern | _solver.HalfPattern:
+        return self._half if values.dtype == np.float32 else self._full
 
     def tangent(self, u: Floats, values: Floats | Singles) -> None:
-        """Write the local matrix at u, the state of the last residual.
+        """Write the local matrix at u, the state of the last internal force."""
+        if self._finite:
+            history = compiled(self._committed)
+            values[:] = 0.0
+            _solver.stiffness_finite(self._cells, self._law, u, history, self._pattern(values), values)
+            return
+        self._write_elastic(values)
+        self._add_to_elastic(self._law, u, values)
 
-        Args:
-            u: nodal displacement (nodes, 3) [L]
-            values: of the CSR matrix; or, where `halves`, the upper half in single precision, by the columns of its
-                blocks in the order of `SparsityPattern.upper`
-        """
+    def _add_to_elastic(self, law: _solver.Elastic | _solver.J2, u: Floats, values: Floats | Singles) -> None:
+        """Add what flow, and the mean dilatation of cells that have flowed, change of the elastic stiffness."""
+        if self._flowing.any():
+            history, pattern = compiled(self._committed), self._pattern(values)
+            _solver.stiffness_plastic(self._cells, law, u, history, self._flowing, pattern, values)
 
     def elastic_tangent(self, u: Floats, values: Floats | Singles) -> None:
-        """Write the local matrix at u for a motion without plastic flow, see `tangent`."""
+        """Write the local matrix at u for a motion without plastic flow."""
+        if self._finite:
+            history = compiled(self._trial)
+            values[:] = 0.0
+            _solver.stiffness_finite(self._cells, self._held, u, history, self._pattern(values), values)
+        else:
+            self._write_elastic(values)
+            if np.isfinite(self._mean_beyond):
+                self._add_to_elastic(self._held, u, values)
+
+    def _write_elastic(self, values: Floats | Singles) -> None:
+        """Write the stiffness without plastic flow in small strain."""
+        kept = self._elastic.get(values.dtype)
+        if kept is not None:
+            np.copyto(values, kept)
+            return
+        values[:] = 0.0
+        _solver.stiffness_elastic(self._cells, self._law, self._pattern(values), values)
+        if values.dtype in self._once or not self.linear:
+            self._elastic[values.dtype] = values.copy()
+        self._once.add(values.dtype)
 
     def drop_matrices(self) -> None:
         """Free stored matrices; they are made again when they are needed."""
+        self._elastic.clear()
+        self._once.clear()
 
     def commit(self) -> None:
         """Make the trial history the committed one."""
+        self._committed.assign(self._trial)
 
     def restore(self, history: History) -> None:
-        """Restore a committed history returned by `history`."""
+        """Overwrite the committed history."""
+        self._committed.assign(history)
 
     def history(self) -> History:
-        """Committed history of this rank's cells; without rows for an elastic material."""
+        """Committed history itself, not a copy; without rows for an elastic material."""
+        return self._committed
 
     def softened(self, before: History) -> bool:
         """Whether a cell of this rank takes its mean volumetric strain in the committed history but not in `before`."""
+        if not np.isfinite(self._mean_beyond):
+            return False
+        after, earlier = (np.any(h.accumulated > self._mean_beyond, axis=1) for h in (self._committed, before))
+        return bool(np.any(after & ~earlier))
 
     def stress(self, u: Floats) -> Floats:
         """Cauchy's stress (cells, points, 6) [E] of u over the committed history."""
+        return self._stress(u, conjugate=False)
 
     def conjugate_stress(self, u: Floats) -> Floats:
-        """Stress (cells, points, 6) [E] whose product with the strain rate of the law is the power per volume before
-        deformation: in small strain the stress, in finite strain that of logarithmic strain."""
+        """Stress whose product with the strain rate of the law is the power per volume before deformation: in small
+        strain Cauchy's, in finite strain that of logarithmic strain."""
+        return self._stress(u, conjugate=True)
+
+    def _stress(self, u: Floats, conjugate: bool) -> Floats:
+        out = np.zeros((*self.volumes.shape, 6))
+        _solver.stress(self._cells, self._law, self._finite, conjugate, u, compiled(self._committed), out)
+        return out

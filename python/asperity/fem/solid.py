@@ -10,7 +10,7 @@ every case. Each residual writes a trial history; `commit` alone makes it the co
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +30,16 @@ from asperity.runtime.timing import Phases
 Write = Callable[[Floats, Floats | Singles], None]
 
 
+class BodyForce(Protocol):
+    """A force on the whole block, such as that of inertia."""
+
+    def add_force(self, u: Floats, b: Floats) -> None:
+        """Add the force at the displacement u (nodes, 3) to the internal one b (nodes, 3) [E L^2]; this rank's part."""
+
+    def add_stiffness(self, values: Floats) -> None:
+        """Add its derivative to the values of the local matrix."""
+
+
 class Solid:
     """Displacement on a distributed mesh, clamped base, and sides on rollers, free or periodic.
 
@@ -37,8 +47,7 @@ class Solid:
         mesh, tags: returned by `mesh.distribute`
         material: with stresses in units of E
         sides: "rollers" (no normal displacement), "free", or "periodic" for a mesh with joined sides
-        kernels: "compiled" or "ufl"
-        mean_dilatation: see `compiled_kernels.CompiledKernels`
+        mean_dilatation: see `kernels.ElementKernels`
         phases: collects the time spent in each phase
 
     Attributes:
@@ -51,6 +60,7 @@ class Solid:
         fixed: owned dofs without displacement
         base: owned nodes on the clamped base
         kernels: internal force, tangent and history of the cells
+        body_force: counts as a part of the internal force; None in statics
         ghosts: ghost update of nodal values
         sparsity: of this rank's part of the tangent
         values: of that part; the tangent is the sum of the parts of all ranks
@@ -66,7 +76,6 @@ class Solid:
         tags: Any,
         material: Material,
         sides: str = "rollers",
-        kernels: str = "compiled",
         mean_dilatation: bool = False,
         phases: Phases | None = None,
     ) -> None:
@@ -89,7 +98,11 @@ class Solid:
         self.sparsity = SparsityPattern(self.cell_nodes, self.nodes)
         self.fixed = self._fixed_rows(sides)
         self.base = self.nodes_on(BASE)
-        self.kernels = self._make_kernels(kernels, mean_dilatation)
+        x_nodes = compat.geometry_dofmap(mesh)[:cells]
+        self.kernels = ElementKernels(
+            mesh.geometry.x, x_nodes, self.cell_nodes, material, self.sparsity, mean_dilatation
+        )
+        self.body_force: BodyForce | None = None
         self.ghosts = Ghosts(index_map)
         self._values: Floats | None = None
         self._half: Singles | None = None
@@ -99,18 +112,6 @@ class Solid:
         self.version = 0
         self._written = False
         self._with_contact = False  # whether a stiffness of the contact is in `values`
-
-    def _make_kernels(self, kernels: str, mean_dilatation: bool) -> ElementKernels:
-        if kernels == "ufl":
-            from asperity.fem.ufl_kernels import UflKernels
-
-            return UflKernels(self.V, self.material, self.sparsity)
-        from asperity.fem.compiled_kernels import CompiledKernels
-
-        x_nodes = compat.geometry_dofmap(self.mesh)[: len(self.cell_nodes)]
-        return CompiledKernels(
-            self.mesh.geometry.x, x_nodes, self.cell_nodes, self.material, self.sparsity, mean_dilatation
-        )
 
     def positions(self, nodes: npt.NDArray[np.int32]) -> Floats:
         """Coordinates of the nodes (n, k) of cells or facets, across joined sides next to the first (n, k, 3) [L]."""
@@ -162,6 +163,8 @@ class Solid:
         with self.phases.phase("residual"):
             b[:] = 0.0
             self.kernels.add_internal_force(self.u.x.array.reshape(-1, 3), b.reshape(-1, 3))
+            if self.body_force is not None:
+                self.body_force.add_force(self.u.x.array.reshape(-1, 3), b.reshape(-1, 3))
             self.force.x.scatter_reverse(la.InsertMode.add)
         return b.reshape(-1, 3)[: self.owned]
 
@@ -217,14 +220,17 @@ class Solid:
         self._assemble(self.kernels.elastic_tangent, add)
 
     def _assemble(self, write: Write, add: Callable[[], None] | None) -> None:
-        if self._written and self.kernels.linear and add is None and not self._with_contact:
+        constant = self.kernels.linear and add is None and self.body_force is None
+        if self._written and constant and not self._with_contact:
             return
-        half = self.halved and self.kernels.halves and add is None
+        half = self.halved and add is None and self.body_force is None
         with self.phases.phase("tangent"):
             self._missing = None
             write(self.u.x.array.reshape(-1, 3), self._half_to_write() if half else self.values)
             if add is not None:
                 add()
+            if self.body_force is not None:
+                self.body_force.add_stiffness(self.values)
         self._with_contact, self._written = add is not None, True
         self.version += 1
         if half:

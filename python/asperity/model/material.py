@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import inf
-from typing import Any
 
 import numpy as np
 
@@ -205,22 +204,6 @@ class Material:
             "kinematic_share": self.kinematic_share,
         }
 
-    def respond_ufl(self, strain: Any, plastic_strain: Any, alpha: Any, parameters: Any) -> tuple[Any, Any, Any]:
-        """Response of the law to a strain, in UFL: the readable twin of the compiled one.
-
-        Args:
-            strain: total strain, tensor (3, 3)
-            plastic_strain: committed plastic strain, tensor (3, 3), deviatoric
-            alpha: committed accumulated plastic strain
-            parameters: of the law by name, numbers or UFL constants
-
-        Returns:
-            stress, plastic strain and accumulated plastic strain at the end of the step
-        """
-        if self.plastic:
-            return return_map_ufl(strain, plastic_strain, alpha, **parameters)
-        return hooke_ufl(strain, **parameters), plastic_strain, alpha
-
     def elastic_energy(self, stress: Floats) -> Floats:
         """Elastic energy per volume of a stress (..., 6) [force/length^2]."""
         trace = stress[..., :3].sum(axis=-1)
@@ -255,52 +238,3 @@ class Material:
             return np.zeros_like(accumulated)
         isotropic = (1.0 - self.kinematic_share) * self.plastic_modulus
         return accumulated * (self.yield_strength + 0.5 * isotropic * accumulated)
-
-
-def hooke_ufl(strain: Any, lam: Any, mu: Any) -> Any:
-    """Stress of linear isotropic elasticity, the readable twin of solver/elastic.hpp."""
-    import ufl
-
-    return lam * ufl.tr(strain) * ufl.Identity(3) + 2.0 * mu * strain
-
-
-def return_map_ufl(
-    strain: Any,
-    plastic_strain: Any,
-    alpha: Any,
-    lam: Any,
-    mu: Any,
-    yield_stress: Any,
-    hardening: Any,
-    kinematic_share: Any = 0.0,
-) -> tuple[Any, Any, Any]:
-    """Radial return in closed form: the readable twin of solver/j2.hpp.
-
-    Simo & Hughes, Computational Inelasticity (1998), box 3.2, with linear hardening, for which the consistency
-    condition is linear in the plastic multiplier.
-
-    Args:
-        strain: total strain, UFL tensor (3, 3)
-        plastic_strain: committed plastic strain, UFL tensor (3, 3), deviatoric
-        alpha: committed accumulated plastic strain
-        lam, mu: Lame moduli [force/length^2]
-        yield_stress: initial yield stress [force/length^2]
-        hardening: plastic modulus H [force/length^2]
-        kinematic_share: share beta of the hardening that is kinematic, in [0, 1]
-
-    Returns:
-        stress, plastic strain and accumulated plastic strain at the end of the step
-    """
-    import ufl
-
-    bulk = lam + 2.0 * mu / 3.0
-    back = 2.0 / 3.0 * kinematic_share * hardening * plastic_strain
-    s_trial = 2.0 * mu * (ufl.dev(strain) - plastic_strain) - back
-    squared = 1.5 * ufl.inner(s_trial, s_trial)
-    size = yield_stress + (1.0 - kinematic_share) * hardening * alpha
-    yields = ufl.gt(squared, size * size)
-    # the square root is only differentiated where it is far from zero
-    q = ufl.sqrt(ufl.conditional(yields, squared, size * size))
-    dgamma = (q - size) / (3.0 * mu + hardening)
-    stress = bulk * ufl.tr(strain) * ufl.Identity(3) + (1.0 - 3.0 * mu * dgamma / q) * s_trial + back
-    return stress, plastic_strain + 1.5 * dgamma / q * s_trial, alpha + dgamma

@@ -31,7 +31,7 @@ from asperity.runtime.display import short_repr
 from asperity.surface import Surface
 
 ONE_OF = "give exactly one of delta_max, force_max and pressure_max"
-SIDES, KERNELS = ("rollers", "free", "periodic"), ("compiled", "ufl")
+SIDES = ("rollers", "free", "periodic")
 SAMPLES = 257  # heights along each side by which a load is judged
 
 
@@ -50,7 +50,6 @@ class ProblemArguments(TypedDict, total=False):
     substeps: int
     size: MeshSize | None
     formulation: Formulation | None
-    kernels: str
     dilatation: str | None
     options: SolverOptions | None
 
@@ -73,7 +72,6 @@ class Problem:
         sides: "rollers" (no normal displacement), "free", or "periodic" (opposite sides joined)
         formulation: of the contact
         size: of the elements
-        kernels: "compiled" or "ufl"
         dilatation: volumetric strain of the elements: "point", that of each quadrature point, or "mean", that of the
             cell once it has flowed, which does not lock where elements are as large as the spots (docs/contact.md);
             None takes that of the points, except where a run with a tolerance chooses
@@ -81,7 +79,7 @@ class Problem:
 
     Raises:
         InputError: a value of another type or outside its range, not exactly one of delta_max and force_max, periodic
-            sides of a surface that is not periodic, or mean volumetric strains with UFL kernels or Nitsche's method
+            sides of a surface that is not periodic, or mean volumetric strains with Nitsche's method
     """
 
     surface: Surface
@@ -91,7 +89,6 @@ class Problem:
     sides: str = "rollers"
     formulation: Formulation = field(default_factory=Formulation)
     size: MeshSize = field(default_factory=MeshSize)
-    kernels: str = "compiled"
     dilatation: str | None = None
     options: SolverOptions = field(default_factory=SolverOptions)
 
@@ -99,13 +96,12 @@ class Problem:
 
     def __post_init__(self) -> None:
         check_kinds(self)
-        for name, value, legal in (("block.sides", self.sides, SIDES), ("solver.kernels", self.kernels, KERNELS)):
-            if value not in legal:
-                raise InputError(f'{name} = "{value}" is not one of {", ".join(legal)}')
+        if self.sides not in SIDES:
+            raise InputError(f'block.sides = "{self.sides}" is not one of {", ".join(SIDES)}')
         refuse(next(self._mistakes(), None))
         if (self.load_path.delta_max is None) == (self.load_path.force_max is None):
             raise InputError(ONE_OF)
-        refuse(wrong_dilatation(self.dilatation, self.kernels, self.formulation.method))
+        refuse(wrong_dilatation(self.dilatation, self.formulation.method))
         if self.sides == "periodic" and not self.surface.periodic:
             kind = self.surface.kind or type(self.surface).__name__
             raise InputError(
@@ -166,7 +162,6 @@ class Problem:
         substeps: int = 1,
         size: MeshSize | None = None,
         formulation: Formulation | None = None,
-        kernels: str = "compiled",
         dilatation: str | None = None,
         options: SolverOptions | None = None,
     ) -> Problem:
@@ -183,7 +178,6 @@ class Problem:
             steps, unload_steps, cycles, integrator, substeps: see `load_path.Schedule`
             size: element sizes
             formulation: of the contact
-            kernels: "compiled" or "ufl"
             dilatation: "point" or "mean"
             options: of the solver
 
@@ -211,7 +205,7 @@ class Problem:
                 ResolutionWarning,
                 stacklevel=2,
             )
-        settings = formulation or Formulation(), size or MeshSize(), kernels, dilatation, options or SolverOptions()
+        settings = formulation or Formulation(), size or MeshSize(), dilatation, options or SolverOptions()
         problem = Problem(surface, material, path, height, sides, *settings)
         for text in problem.check_load():
             warnings.warn(text, CaseWarning, stacklevel=2)

@@ -88,18 +88,10 @@ def wrong_friction(method: str, friction: str) -> Judgement:
     )
 
 
-def wrong_dilatation(dilatation: str | None, kernels: str, method: str) -> Judgement:
-    """Reason why a volumetric strain of the elements is refused.
-
-    Args:
-        dilatation: None where it is chosen
-        kernels: of the elements
-        method: of the contact
-    """
+def wrong_dilatation(dilatation: str | None, method: str) -> Judgement:
+    """Reason why a volumetric strain of the elements, None where it is chosen, is refused with a contact method."""
     if dilatation not in (None, POINT, MEAN):
         return "solver.dilatation", f'= "{dilatation}" is not one of {POINT}, {MEAN}'
-    if dilatation == MEAN and kernels != "compiled":
-        return "solver.dilatation", '= "mean" needs solver.kernels = "compiled": the UFL kernels have no means of cells'
     if dilatation == MEAN and method == "nitsche":
         return "solver.dilatation", (
             '= "mean" cannot go with contact.method = "nitsche", whose traction is that of points, '

@@ -19,7 +19,7 @@ import numpy as np
 from asperity.arrays import Array, Floats, Indices
 from asperity.contact.contact_surface import facet_numbers
 from asperity.fem.global_numbering import at_built_nodes, cell_numbers, node_numbers, share_cells, share_nodes
-from asperity.fem.kernels import History
+from asperity.fem.history import History
 from asperity.mesh.block import BlockMesh
 from asperity.quasistatic.balance import Checks
 from asperity.quasistatic.contact_solver import ContactSolver, Counts, SolverState

@@ -18,7 +18,7 @@ from asperity.arrays import Floats
 from asperity.contact import Contact
 from asperity.contact.contact_surface import ContactSurface
 from asperity.fem.energies import dissipation, energies
-from asperity.fem.kernels import History
+from asperity.fem.history import History
 from asperity.fem.solid import Solid
 from asperity.model.settings import SolverOptions
 from asperity.quasistatic import midpoint

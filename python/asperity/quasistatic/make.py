@@ -81,7 +81,6 @@ def make_contact_solver(
     *,
     sides: str = "rollers",
     formulation: Formulation | None = None,
-    kernels: str = "compiled",
     dilatation: str = POINT,
     options: SolverOptions | None = None,
     phases: Phases | None = None,
@@ -95,7 +94,6 @@ def make_contact_solver(
         material: in physical units
         sides: "rollers", "free" or "periodic"
         formulation: contact formulation
-        kernels: "compiled" or "ufl"
         dilatation: see `Problem`
         options: of the nonlinear solver
         phases: collects where the time goes
@@ -124,7 +122,7 @@ def make_contact_solver(
     height = on_root_bcast(comm, checked_height)
     mesh, tags = distribute(comm, block, 1.0 / L, sides == "periodic", surface)
     check_distortion(mesh, surface)
-    solid = Solid(mesh, tags, material.scaled(material.E), sides, kernels, dilatation == MEAN, phases)
+    solid = Solid(mesh, tags, material.scaled(material.E), sides, dilatation == MEAN, phases)
     top = ContactSurface(solid)
     contact = make_contact(formulation or Formulation(), solid, top)
     summit = (height + surface.maximum()[2] - surface.mean()) / L
@@ -140,7 +138,6 @@ def solver_of(problem: Problem, block: BlockMesh | None, comm: MPI.Comm, phases:
         problem.material,
         sides=problem.sides,
         formulation=problem.formulation,
-        kernels=problem.kernels,
         dilatation=problem.dilatation or POINT,
         options=problem.options,
         phases=phases,

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from asperity.arrays import Floats
-from asperity.fem.kernels import History
+from asperity.fem.history import History
 
 GREATEST_LEAD = 2.0  # where a step is twice as long as the one before
 

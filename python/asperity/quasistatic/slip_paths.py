@@ -18,7 +18,7 @@ from asperity.contact.frozen_friction import FrozenFriction
 from asperity.contact.stick import Stick
 from asperity.errors import ConvergenceError, InputError, Interrupted
 from asperity.fem.energies import dissipation
-from asperity.fem.kernels import History
+from asperity.fem.history import History
 from asperity.model.problem import Problem
 from asperity.quasistatic.contact_result import ContactResult
 from asperity.quasistatic.contact_solver import ContactSolver

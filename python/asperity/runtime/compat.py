@@ -144,10 +144,3 @@ def stay(comm: Any, parts: int, kinds: Any, cells: Any) -> Any:
     here = sum(len(nodes) // cell_num_vertices(kind) for kind, nodes in zip(kinds, cells, strict=True))
     links = graph.adjacencylist(np.full((here, 1), comm.rank, dtype=np.int32))
     return getattr(links, "_cpp_object", links)
-
-
-def assemble_vector_into(b: npt.NDArray[np.float64], form: Any) -> None:
-    """Assemble a form and add it to the array `b` of this rank, (owned and ghost dofs,)."""
-    from dolfinx.fem import assemble_vector
-
-    assemble_vector(b, form)
