@@ -2,6 +2,7 @@
 // SPDX-License-Identifier: LGPL-3.0-or-later
 
 // Cholesky factors of a coarse matrix, see cholesky.hpp.
+#ifdef ASPERITY_CHOLMOD
 #include "cholesky.hpp"
 
 #include <algorithm>
@@ -15,12 +16,11 @@ namespace asperity
 namespace
 {
 /// Supernode of the factors: dense columns with common rows, of which the first are those of the columns.
-template <typename Real>
 struct Supernode
 {
   int first, columns, rows; // first column, number of columns and rows
   const int* row;           // numbers of the rows
-  const Real* entries;      // by columns
+  const float* entries;     // by columns
 
   Supernode(const cholmod_factor& factor, std::size_t s)
   {
@@ -29,22 +29,21 @@ struct Supernode
     columns = super[s + 1] - first;
     rows = at[s + 1] - at[s];
     row = static_cast<int*>(factor.s) + at[s];
-    entries = static_cast<Real*>(factor.x) + static_cast<int*>(factor.px)[s];
+    entries = static_cast<float*>(factor.x) + static_cast<int*>(factor.px)[s];
   }
-  const Real* column(int j) const { return entries + static_cast<std::ptrdiff_t>(j) * rows; }
+  const float* column(int j) const { return entries + static_cast<std::ptrdiff_t>(j) * rows; }
   /// Number of columns before column `end` of the factors.
   int before(std::size_t end) const { return std::clamp(static_cast<int>(end) - first, 0, columns); }
 };
 
 /// sum -= the first `columns` columns of the rows below the diagonal block times x.
-template <typename Real>
-void subtract_below(const Supernode<Real>& s, int columns, const float* x, float* sum)
+void subtract_below(const Supernode& s, int columns, const float* x, float* sum)
 {
   const int skip = s.columns, n = s.rows - skip;
   int j = 0;
   for (; j + 4 <= columns; j += 4)
   {
-    const Real *a = s.column(j) + skip, *b = s.column(j + 1) + skip, *c = s.column(j + 2) + skip,
+    const float *a = s.column(j) + skip, *b = s.column(j + 1) + skip, *c = s.column(j + 2) + skip,
                *d = s.column(j + 3) + skip;
 #pragma omp simd
     for (int i = 0; i < n; ++i)
@@ -52,7 +51,7 @@ void subtract_below(const Supernode<Real>& s, int columns, const float* x, float
   }
   for (; j < columns; ++j)
   {
-    const Real* a = s.column(j) + skip;
+    const float* a = s.column(j) + skip;
 #pragma omp simd
     for (int i = 0; i < n; ++i)
       sum[i] -= a[i] * x[j];
@@ -60,14 +59,13 @@ void subtract_below(const Supernode<Real>& s, int columns, const float* x, float
 }
 
 /// x -= the transpose of these entries times y.
-template <typename Real>
-void subtract_transposed(const Supernode<Real>& s, int columns, const float* y, float* x)
+void subtract_transposed(const Supernode& s, int columns, const float* y, float* x)
 {
   const int skip = s.columns, n = s.rows - skip;
   int j = 0;
   for (; j + 4 <= columns; j += 4)
   {
-    const Real *a = s.column(j) + skip, *b = s.column(j + 1) + skip, *c = s.column(j + 2) + skip,
+    const float *a = s.column(j) + skip, *b = s.column(j + 1) + skip, *c = s.column(j + 2) + skip,
                *d = s.column(j + 3) + skip;
     float p = 0.0f, q = 0.0f, r = 0.0f, t = 0.0f;
 #pragma omp simd reduction(+ : p, q, r, t)
@@ -85,7 +83,7 @@ void subtract_transposed(const Supernode<Real>& s, int columns, const float* y, 
   }
   for (; j < columns; ++j)
   {
-    const Real* a = s.column(j) + skip;
+    const float* a = s.column(j) + skip;
     float p = 0.0f;
 #pragma omp simd reduction(+ : p)
     for (int i = 0; i < n; ++i)
@@ -108,17 +106,8 @@ Cholesky::Library::~Library()
   cholmod_finish(this);
 }
 
-bool Cholesky::has_single()
+Cholesky::Cholesky(const Graph& indptr, const Graph& indices, const Array<const int>& interface)
 {
-  constexpr int first = CHOLMOD_VER_CODE(5, 1);
-  return CHOLMOD_VERSION >= first && cholmod_version(nullptr) >= first;
-}
-
-Cholesky::Cholesky(const Graph& indptr, const Graph& indices, const Array<const int>& interface, bool single)
-    : single(single)
-{
-  if (single && !has_single())
-    throw std::invalid_argument("this CHOLMOD has no single precision");
   expect_graph("indptr", indptr, "indices", indices);
   const std::size_t nodes = indptr.shape(0) - 1;
   check_range("indices", indices, nodes);
@@ -148,8 +137,7 @@ Cholesky::Cholesky(const Graph& indptr, const Graph& indices, const Array<const 
 
 Cholesky::Sparse Cholesky::allocate(std::size_t n, std::size_t entries, int kind)
 {
-  const int precision = single ? CHOLMOD_SINGLE : CHOLMOD_DOUBLE;
-  Sparse out(cholmod_allocate_sparse(n, n, entries, 0, 1, 1, kind + precision, &library), Release{&library});
+  Sparse out(cholmod_allocate_sparse(n, n, entries, 0, 1, 1, kind + CHOLMOD_SINGLE, &library), Release{&library});
   if (!out)
     throw std::bad_alloc();
   return out;
@@ -277,7 +265,7 @@ bool Cholesky::factorise(const Array<const double>& values, const Array<const fl
 {
   expect("values", values, {given});
   expect("shift", shift, {dofs - interior});
-  if (!(single ? fill<float>(values, shift) : fill<double>(values, shift)))
+  if (!fill(values, shift))
     return false;
   cholmod_factorize(matrix.get(), factor.get(), &library);
   if (library.status == CHOLMOD_OUT_OF_MEMORY || library.status == CHOLMOD_TOO_LARGE)
@@ -290,33 +278,26 @@ bool Cholesky::factorise(const Array<const double>& values, const Array<const fl
 }
 
 /// Values of the matrix; whether all are finite.
-template <typename Real>
 bool Cholesky::fill(const Array<const double>& values, const Array<const float>& shift)
 {
-  Real* entries = static_cast<Real*>(matrix->x);
+  float* entries = static_cast<float*>(matrix->x);
   for (std::size_t k = 0; k < source.size(); ++k)
-    entries[k] = source[k] < 0 ? Real(0) : static_cast<Real>(values.data()[source[k]]);
+    entries[k] = source[k] < 0 ? 0.0f : static_cast<float>(values.data()[source[k]]);
   for (std::size_t k = 0; k < shift.size(); ++k)
     entries[diagonal[3 * interface[k / 3] + k % 3]] += shift.data()[k];
-  return std::all_of(entries, entries + source.size(), [](Real a) { return std::isfinite(a); });
+  return std::all_of(entries, entries + source.size(), [](float a) { return std::isfinite(a); });
 }
 
 void Cholesky::interface_factors(const Array<float>& out) const
 {
   expect("out", out, {dofs - interior, dofs - interior});
-  single ? copy_interface<float>(out) : copy_interface<double>(out);
-}
-
-template <typename Real>
-void Cholesky::copy_interface(const Array<float>& out) const
-{
   const std::size_t size = dofs - interior;
   for (std::size_t k = 0; k < factor->nsuper; ++k)
   {
-    const Supernode<Real> s(*factor, k);
+    const Supernode s(*factor, k);
     for (int j = s.before(interior); j < s.columns; ++j)
       for (int i = j; i < s.rows; ++i)
-        out.data()[(s.row[i] - interior) * size + (s.first + j - interior)] = static_cast<float>(s.column(j)[i]);
+        out.data()[(s.row[i] - interior) * size + (s.first + j - interior)] = s.column(j)[i];
   }
 }
 
@@ -327,23 +308,18 @@ void Cholesky::forward(const Array<const float>& right, const Array<float>& work
   const int* order = static_cast<int*>(factor->Perm);
   for (std::size_t i = 0; i < dofs; ++i)
     work.data()[i] = right.data()[order[i]];
-  single ? eliminate<float>(work.data()) : eliminate<double>(work.data());
-}
-
-template <typename Real>
-void Cholesky::eliminate(float* x) const
-{
+  float* x = work.data();
   std::vector<float> below(factor->maxesize + 1);
   for (std::size_t k = 0; k < factor->nsuper; ++k)
   {
-    const Supernode<Real> s(*factor, k);
+    const Supernode s(*factor, k);
     const int columns = s.before(interior), n = s.rows - s.columns;
     if (columns == 0)
       continue;
     float* own = x + s.first;
     for (int j = 0; j < columns; ++j)
     {
-      const Real* l = s.column(j);
+      const float* l = s.column(j);
       own[j] /= l[j];
       for (int i = j + 1; i < s.columns; ++i)
         own[i] -= l[i] * own[j];
@@ -359,29 +335,21 @@ void Cholesky::backward(const Array<float>& work, const Array<float>& x) const
 {
   expect("work", work, {dofs});
   expect("x", x, {dofs});
-  single ? substitute<float>(work.data()) : substitute<double>(work.data());
-  const int* order = static_cast<int*>(factor->Perm);
-  for (std::size_t i = 0; i < dofs; ++i)
-    x.data()[order[i]] = work.data()[i];
-}
-
-template <typename Real>
-void Cholesky::substitute(float* x) const
-{
+  float* y = work.data();
   std::vector<float> below(factor->maxesize + 1);
   for (std::size_t k = factor->nsuper; k-- > 0;)
   {
-    const Supernode<Real> s(*factor, k);
+    const Supernode s(*factor, k);
     const int columns = s.before(interior), n = s.rows - s.columns;
     if (columns == 0)
       continue;
-    float* own = x + s.first;
+    float* own = y + s.first;
     for (int i = 0; i < n; ++i)
-      below[i] = x[s.row[s.columns + i]];
+      below[i] = y[s.row[s.columns + i]];
     subtract_transposed(s, columns, below.data(), own);
     for (int j = columns - 1; j >= 0; --j)
     {
-      const Real* l = s.column(j);
+      const float* l = s.column(j);
       float sum = 0.0f;
 #pragma omp simd reduction(+ : sum)
       for (int i = j + 1; i < s.columns; ++i)
@@ -389,5 +357,9 @@ void Cholesky::substitute(float* x) const
       own[j] = (own[j] - sum) / l[j];
     }
   }
+  const int* order = static_cast<int*>(factor->Perm);
+  for (std::size_t i = 0; i < dofs; ++i)
+    x.data()[order[i]] = y[i];
 }
 } // namespace asperity
+#endif

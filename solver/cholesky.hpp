@@ -4,7 +4,7 @@
 // Cholesky factors of a coarse matrix in single precision, by CHOLMOD (Chen et al., ACM Trans. Math. Softw. 35 (2008)
 // 22), whole or by substructures (Przemieniecki, AIAA J. 1 (1963) 138): each rank eliminates the nodes that it alone
 // holds, and a dense matrix is left of those that ranks share. A solution takes as long as reading the factors, hence
-// single precision where CHOLMOD has it.
+// single precision, which CHOLMOD has since 5.1. The build leaves this class out where there is no such library.
 #pragma once
 
 #include "linear.hpp"
@@ -21,11 +21,11 @@ namespace asperity
 class Cholesky
 {
 public:
-  /// Whether CHOLMOD factorises in single precision: since 5.1, the one built against and the one loaded.
-  static bool has_single();
+  /// Whether the library that is loaded has single precision, as the one built against.
+  static bool available() { return cholmod_version(nullptr) >= CHOLMOD_VER_CODE(5, 1); }
 
   /// Order of elimination and structure of the factors. The nodes of `interface` come last, in that order.
-  Cholesky(const Graph& indptr, const Graph& indices, const Array<const int>& interface, bool single);
+  Cholesky(const Graph& indptr, const Graph& indices, const Array<const int>& interface);
 
   /// Factorise; false where the matrix is not positive definite to this precision. One rank's part alone may be
   /// singular at the interface, so its diagonal gets `shift` (3 interface,) there.
@@ -63,17 +63,9 @@ private:
   std::vector<int> elimination_order(const Graph& indptr, const Graph& indices);
   Pairs interface_chain(const Graph& indptr, const Graph& indices) const;
   void expand(const Graph& indptr, const Graph& indices, const Pairs& more);
-  template <typename Real>
   bool fill(const Array<const double>& values, const Array<const float>& shift);
-  template <typename Real>
-  void copy_interface(const Array<float>& out) const;
-  template <typename Real>
-  void eliminate(float* x) const;
-  template <typename Real>
-  void substitute(float* x) const;
 
   Library library;
-  bool single; // precision of the matrix and its factors
   std::size_t dofs = 0, interior = 0; // all, and those that are eliminated
   std::size_t given = 0;              // number of values of the matrix from outside
   std::vector<int> interface;

@@ -3,7 +3,9 @@
 
 // Python interface: the classes and kernels of the module asperity._solver. Kernels run without the interpreter's lock.
 #include "cells.hpp"
+#ifdef ASPERITY_CHOLMOD
 #include "cholesky.hpp"
+#endif
 #include "facets.hpp"
 #include "linear.hpp"
 #include "size_field.hpp"
@@ -106,14 +108,16 @@ void bind_linear(nb::module_& m)
         "coarse_indices"_a, "coarse_kept"_a, out("coarse"), unlocked);
   m.def("symmetric_galerkin", &symmetric_galerkin, "indptr"_a, "indices"_a, "blocks"_a, "kept"_a, "parents"_a,
         "coarse_indptr"_a, "coarse_indices"_a, "coarse_kept"_a, out("coarse"), unlocked);
+#ifdef ASPERITY_CHOLMOD
+  if (!Cholesky::available())
+    return;
   nb::class_<Cholesky>(m, "Cholesky")
-      .def(nb::init<Graph, Graph, Array<const int>, bool>(), "indptr"_a, "indices"_a, "interface"_a,
-           "single"_a = Cholesky::has_single())
-      .def_static("has_single", &Cholesky::has_single)
+      .def(nb::init<Graph, Graph, Array<const int>>(), "indptr"_a, "indices"_a, "interface"_a)
       .def("factorise", &Cholesky::factorise, "values"_a, "shift"_a, unlocked)
       .def("interface_factors", &Cholesky::interface_factors, out("out"), unlocked)
       .def("forward", &Cholesky::forward, "right"_a, out("work"), unlocked)
       .def("backward", &Cholesky::backward, out("work"), out("x"), unlocked);
+#endif
 }
 
 void bind_size_field(nb::module_& m)

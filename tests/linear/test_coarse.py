@@ -45,18 +45,18 @@ def whole(pattern: SparsityPattern, values: Floats) -> Floats:
     return np.asarray(sparse.csr_array((values, pattern.columns, pattern.rows)).todense())
 
 
-@pytest.mark.parametrize("single", [True, False])
+pytestmark = pytest.mark.skipif(not hasattr(_solver, "Cholesky"), reason="built without CHOLMOD")
+
+
 @pytest.mark.parametrize("name", PIECES)
-def test_elimination_leaves_the_schur_complement(name: str, single: bool) -> None:
+def test_elimination_leaves_the_schur_complement(name: str) -> None:
     """Whatever the pieces of the interior, and whether they touch the interface."""
-    if single and not _solver.Cholesky.has_single():
-        pytest.skip("CHOLMOD is older than 5.1")
     pairs, nodes = PIECES[name]
     pattern, values = matrix(pairs)
     A, interface = whole(pattern, values), np.array(nodes, dtype=np.int32)
     outer = (3 * interface[:, None] + np.arange(3)).ravel()
     inner = np.setdiff1d(np.arange(len(A)), outer)
-    factors = _solver.Cholesky(pattern.indptr, pattern.indices, interface, single)
+    factors = _solver.Cholesky(pattern.indptr, pattern.indices, interface)
     shift = np.linspace(1.0, 2.0, len(outer), dtype=np.float32)
     assert factors.factorise(values, shift)
 
@@ -89,18 +89,6 @@ def test_a_matrix_that_is_not_positive_definite_is_refused(capfd: pytest.Capture
     worse[pattern.diagonal[5]] = np.nan
     assert not factors.factorise(worse, none)
     assert capfd.readouterr() == ("", "")
-
-
-@pytest.mark.skipif(not _solver.Cholesky.has_single(), reason="CHOLMOD is older than 5.1")
-def test_double_precision_factorises_what_single_cannot() -> None:
-    """Two dofs coupled so closely that the matrix is singular in single precision."""
-    pattern, values = matrix(PIECES["no interface"][0])
-    values[:] = 0.0
-    values[pattern.diagonal] = 1.0
-    values[[pattern.diagonal[0] + 1, pattern.diagonal[1] - 1]] = 1.0 - 1e-9
-    none = np.empty(0, dtype=np.int32)
-    factors = [_solver.Cholesky(pattern.indptr, pattern.indices, none, single) for single in (False, True)]
-    assert [f.factorise(values, np.empty(0, dtype=np.float32)) for f in factors] == [True, False]
 
 
 @pytest.mark.parametrize("method", ["factorise", "interface_factors", "forward", "backward"])

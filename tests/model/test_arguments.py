@@ -78,8 +78,8 @@ def of_script(changes: dict[str, Any]) -> Problem:
     for key, value in keys.items():
         section, name = key.split(".")
         parts[section][name] = value
-    problem = parts["loading"] | parts["block"] | {k: v for k, v in parts["solver"].items() if k == "kernels"}
-    options = asp.SolverOptions(**{k: v for k, v in parts["solver"].items() if k != "kernels"})
+    problem = parts["loading"] | parts["block"]
+    options = asp.SolverOptions(**parts["solver"])
     settings = asp.MeshSize(**parts["mesh"]), asp.Formulation(**parts["contact"])
     return Problem.of(
         Surface.from_spec(**SPEC), asp.Material(**parts["material"]), size=settings[0], formulation=settings[1],
@@ -128,7 +128,6 @@ def of_command(changes: dict[str, Any]) -> Problem:
         ("solver.linear", "qr"),
         ("solver.rtol", 0.5),
         ("solver.newton_max", 0),
-        ("solver.kernels", "fast"),
     ],
 )
 @pytest.mark.parametrize("make", [of_script, of_command])

@@ -31,9 +31,9 @@ INTERFACE_SHARE = 1 / 6  # of all coarse dofs, up to which the dense interface c
 REPLICATED_LIMIT = 15_000  # coarse dofs up to which else each of several ranks factorises all
 SWEEPS = 4  # of algebraic multigrid: a tenth fewer iterations on the fine level than with two
 PREFIX = "asperity_coarse_"
-DOUBLE = (
-    "CHOLMOD is older than 5.1 (SuiteSparse 7.4) and has no single precision: the coarse problem is factorised in "
-    "double precision, with twice the memory; the results are the same"
+WITHOUT = (
+    "asperity was built without CHOLMOD 5.1 or newer (SuiteSparse 7.4): MUMPS factorises the coarse problem, in more "
+    "time and memory; the results are the same"
 )
 
 
@@ -73,8 +73,10 @@ def make_coarse(dofmap: Any, points: Floats, comm: Any, symmetric: bool) -> Coar
     dofs = 3 * dofmap.index_map.size_global
     if not symmetric or dofs > DIRECT_LIMIT or PETSc.Options(PREFIX).hasName("pc_type"):
         return Distributed(dofmap, points, comm, symmetric, factorised=not symmetric and dofs <= GENERAL_LIMIT)
-    if comm.rank == 0 and not _solver.Cholesky.has_single():
-        warnings.warn(DOUBLE, AsperityWarning, stacklevel=2)
+    if not hasattr(_solver, "Cholesky"):
+        if comm.rank == 0:
+            warnings.warn(WITHOUT, AsperityWarning, stacklevel=2)
+        return Distributed(dofmap, points, comm, symmetric, factorised=True)
     interface = interface_of(dofmap.index_map, comm)
     if interface.dofs <= min(INTERFACE_LIMIT, INTERFACE_SHARE * dofs):
         return Substructures(dofmap, comm, interface)
@@ -156,7 +158,7 @@ class Distributed:
         self._ksp.setType("preonly")
         pc = self._ksp.getPC()
         if factorised:
-            pc.setType("lu")
+            pc.setType("cholesky" if symmetric else "lu")
             pc.setFactorSolverType("mumps")
         else:
             pc.setType("gamg")
@@ -168,7 +170,7 @@ class Distributed:
         self._matrix.assemble()
         self._ksp.setOperators(self._matrix.A)
         self._ksp.setUp()
-        return True
+        return not self._ksp.getPC().getFailedReason()
 
     def solve(self, right: Singles) -> Singles:
         self._b.array = self._ghosts.scatter_reverse(right.reshape(-1, 3)).ravel()
