@@ -327,18 +327,20 @@ def _load_to_force(solver: ContactSolver, schedule: Schedule, at: Position) -> O
 def _find_force(solver: ContactSolver, goal: float, high: float, stats: StepStats) -> tuple[float, StepStats]:
     """Search the approach of the force `goal`, between the current one and `high`; commits nothing."""
     low, f_low, f_high = solver.delta, solver.force - goal, solver.solved_force() - goal
+    f = 0.0
     for _ in range(40):
         target = (low * f_high - high * f_low) / (f_high - f_low)
         stats = solver.solve(target)
         if not stats.converged:
             break
-        f = solver.solved_force() - goal
+        before, f = f, solver.solved_force() - goal
         if abs(f) <= FORCE_TOLERANCE * goal:
             break
+        twice = 0.5 if f * before > 0.0 else 1.0  # an end that stays twice weighs half
         if f > 0.0:
-            high, f_high, f_low = target, f, 0.5 * f_low
+            high, f_high, f_low = target, f, twice * f_low
         else:
-            low, f_low, f_high = target, f, 0.5 * f_high
+            low, f_low, f_high = target, f, twice * f_high
     return target, stats
 
 
