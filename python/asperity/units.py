@@ -54,16 +54,19 @@ def quantity(value: float, unit: str, digits: int = 4, *, bar: float = math.nan)
         >>> quantity(4.455e-8, "m")
         '44.55 nm'
         >>> quantity(3.6062e10, "N/m", bar=0.08), quantity(3.6062e10, "N/m", bar=0.0012), quantity(2.0, "N", bar=0.7)
-        ('36.1 GN/m ± 8 %', '36.06 GN/m ± 0.12 %', '2 N ± 70 %')
-        >>> quantity(123.4, "N", bar=0.1), quantity(1.234567, "N", bar=1e-9)
-        ('120 N ± 10 %', '1.234567 N ± 0.0000001 %')
+        ('36.1 GN/m ± 8 %', '36.06 GN/m ± 0.12 %', '2.0 N ± 70 %')
+        >>> quantity(123.4, "N", bar=0.1), quantity(1.0, "N", bar=0.013)
+        ('120 N ± 10 %', '1.00 N ± 1.3 %')
     """
     factor, name = prefix(value, unit)
     known = math.isfinite(bar) and bar >= 0.0
     if known and bar > 0.0:
         digits = min(max(1 - math.floor(math.log10(bar)), 1), _MOST_DIGITS)
-    rounded = float(f"{value * factor:.{digits}g}")
-    text = f"{rounded:.{max(digits, 4)}g} {name}".rstrip()  # four digits show 1 to 1000 without an exponent
+    value = float(f"{value * factor:.{digits}g}")
+    shown = f"{value:.{max(digits, 4)}g}"  # four digits show 1 to 1000 without an exponent
+    if known and bar > 0.0 and "e" not in shown:
+        shown = f"{Decimal(f'{value:.{digits - 1}e}'):f}"  # with its zeros: 1.00 ± 1.3 %
+    text = f"{shown} {name}".rstrip()
     return f"{text} ± {per_cent(bar)}" if known else text
 
 

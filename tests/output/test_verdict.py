@@ -22,7 +22,7 @@ def sentences(**columns: float) -> list[str]:
 
 def test_stiffness_of_the_largest_force_with_its_bar() -> None:
     said = sentences(k_n_elastic=2.5e3, error_k_n_elastic=25.0, k_t=2.0e3)
-    assert "Elastic stiffness of the patch there: normal 2.5 kN/m ± 1 % and tangential, without slip, 2 kN/m." in said
+    assert "Elastic stiffness of the patch there: normal 2.50 kN/m ± 1 % and tangential, without slip, 2 kN/m." in said
 
 
 def test_no_stiffness_where_none_was_computed() -> None:
@@ -46,7 +46,7 @@ def test_each_number_names_the_patch_or_the_joint() -> None:
         *_, last = verdict(Results(Path("out"), curve, case={"units": "SI"} | case, thresholds=found))
         assert last == (
             f"Small vibration of the {of} about a load of 10 kN has a stiffness of 2.86 GN/m ± 8 % and a frequency of "
-            "3.8 kHz ± 4 %."
+            "3.80 kHz ± 4 %."
         )
 
 
@@ -54,7 +54,7 @@ def test_a_frequency_that_the_case_gives_has_no_bar() -> None:
     found = {"numbers": {"k_n": 2e9, "f": 3804.4}, "laws": {"error_bar_of_k_n": 0.08}}
     case = {"units": "SI", "joint": {"frequency": 3804.4}}
     *_, last = verdict(Results(Path("out"), asp.Curve.from_rows([ROW]), case=case, thresholds=found))
-    assert "a stiffness of 2 GN/m ± 8 % and a frequency of 3.804 kHz." in last
+    assert "a stiffness of 2.00 GN/m ± 8 % and a frequency of 3.804 kHz." in last
 
 
 def test_the_frequency_has_its_bar_and_the_law_its_doubt() -> None:
@@ -64,5 +64,5 @@ def test_the_frequency_has_its_bar_and_the_law_its_doubt() -> None:
     }
     curve = asp.Curve.from_rows([ROW])
     said = verdict(Results(Path("out"), curve, case={"units": "SI"}, thresholds={**found, "units": "SI"}))
-    assert "Small vibration of the patch has a stiffness of 20 kN/m ± 1 % and a frequency of 1.6 kHz ± 0.5 %." in said
+    assert "Small vibration of the patch has a stiffness of 20.0 kN/m ± 1 % and a frequency of 1.600 kHz ± 0.5 %." in said
     assert "Its law is doubtful: two rows show no curvature." in said

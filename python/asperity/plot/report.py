@@ -15,6 +15,7 @@ from typing import Any
 
 import asperity
 from asperity.curve import COLUMNS, WITH_ERRORS, Curve
+from asperity.dynamics.laws import WORDS
 from asperity.output.friction_bounds import bounds_line
 from asperity.output.gap_conductance import gap_conductance
 from asperity.output.results import Results
@@ -214,25 +215,20 @@ def _tables(title: str, data: Mapping[str, Any]) -> list[tuple[str, Rows]]:
     return [(_words(name), [(_words(key), v) for key, v in _flat(t)]) for name, t in tables]
 
 
-def _laws(results: Results) -> Rows:
-    """Laws of the curve at the preload, one row each, the chosen one marked."""
-    rows: Rows = []
+def _laws(results: Results) -> list[tuple[str, ...]]:
+    """Laws of the curve at the preload: name, n, kappa, stiffness, frequency, remark; the known ones."""
+    rows = []
     units = {"k_n": "N/m", "f": "Hz"} if results.unit("force") else {}
     laws = results.thresholds.get("laws") or {}
-    for row in laws.get("table", ()):
-        if row["k_n"] is None:
-            rows.append((row["law"], f"– ({row['missing']})"))
-            continue
+    for row in (row for row in laws.get("table", ()) if row["k_n"] is not None):
+        words, other = WORDS[row["law"]]
         bars = {name: row.get(f"{name}_bar") or math.nan for name in ("n", "kappa", "k_n", "f")}
-        parts = [f"{name} = {plus_minus(row[name], bars[name])}" for name in ("n", "kappa")]
-        parts += [
-            f"{name} = {quantity(row[name], units.get(name, ''), bar=bars[name] / row[name])}"
+        k_n, f = (
+            "–" if row[name] is None else quantity(row[name], units.get(name, ""), bar=bars[name] / row[name])
             for name in ("k_n", "f")
-            if row[name] is not None
-        ]
-        known = ", ".join(parts)
-        other = "" if row["applies"] else " (not of this vibration)"
-        rows.append((row["law"], f"{known}{' (chosen)' if row['chosen'] else other}"))
+        )
+        remark = "chosen" if row["chosen"] else "" if row["applies"] else other
+        rows.append((words, *(plus_minus(row[name], bars[name]) for name in ("n", "kappa")), k_n, f, remark))
     return rows
 
 
