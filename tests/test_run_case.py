@@ -80,6 +80,7 @@ def test_files_of_a_run(full: tuple[Path, RunResult]) -> None:
         "fields/top.npz",
         "fields/mesh.npz",
         "fields/contact.vtkhdf",
+        "fields/view.py",
         "fields/distributions.csv",
     }
     assert promised <= files
@@ -564,7 +565,7 @@ def test_slip_is_that_of_the_joint_by_the_curve_and_by_the_solid(tmp_path: Path)
     light = section["vibration"][0]
     assert light["f"] == pytest.approx(np.sqrt(1e8 * loops["k_secant"][0] / 0.5) / (2 * np.pi))
     assert light["zeta"] == pytest.approx(0.5 * loops["eta"][0])
-    assert section["in_words"][0].startswith("Slip at T = 0.3 mu P: f_t = ")
+    assert section["in_words"][0].startswith("Slip at 0.3 of the friction limit: frequency ")
     assert (tmp_path / "figures/slip.png").is_file() and {"slip.csv", "slip_loops.csv"} <= set(PRODUCTS)
 
 

@@ -54,8 +54,8 @@ if TYPE_CHECKING:
 @click.option("--omega", type=float, nargs=2, help="Range of excitation frequency over omega_s; default that of the "
               "case of OUT, or 0.5 1.3.")  # fmt: skip
 @click.option("--direction", type=click.Choice(("normal", "tangential")), default="normal", show_default=True,
-              help="tangential: micro-slip of OUT, whose case has [slip]; --forcing is then over mu P, default 0.01, "
-              "and --zeta adds to the damping of slip, default 0.")  # fmt: skip
+              help="tangential: micro-slip of OUT, whose case has [slip]; --forcing is then over the friction limit, "
+              "default 0.01, and --zeta adds to the damping of slip, default 0.")  # fmt: skip
 @click.option("--sweeps/--no-sweeps", default=None,
               help="Also integrate sweeps up and down; default that of the case of OUT, or no.")  # fmt: skip
 @click.option("--detached", is_flag=True, help="Also search for detached loops.")
@@ -143,7 +143,7 @@ def _tangential(
         options.say(line)
     for peak in section["peaks"]:
         f, a = quantity(peak["f"], "Hz" if si else ""), quantity(peak["amplitude"], "m" if si else "")
-        options.say(f"F = {peak['force']:g} mu P: peak {a} at {f}")
+        options.say(f"Force of {peak['force']:g} of the friction limit: peak {a} at {f}")
     for note in section["notes"]:
         options.say(f"note: {note}")
     if output:

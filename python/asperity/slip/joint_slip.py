@@ -138,11 +138,11 @@ class JointSlip:
             bars = {name: math.nan for name in WITH_ERRORS} | dict(self.errors[i] if self.errors else {})
             of_k, of_zeta = bars["k_secant"] / path.k_secant, bars["eta"] / path.eta
             if mass is None:
-                what = f"k_t = {quantity(factor * path.k_secant, 'N/m' if si else '', 5, bar=of_k)}"
+                what = f"stiffness {quantity(factor * path.k_secant, 'N/m' if si else '', 5, bar=of_k)}"
             else:
-                what = f"f_t = {quantity(row['f'], 'Hz' if si else '', 5, bar=0.5 * of_k)}"
+                what = f"frequency {quantity(row['f'], 'Hz' if si else '', 5, bar=0.5 * of_k)}"
             zeta = quantity(row["zeta"], "", 3, bar=of_zeta)
-            found.append(f"Slip at T = {path.amplitude:g} mu P: {what}, zeta = {zeta}")
+            found.append(f"Slip at {path.amplitude:g} of the friction limit: {what}, damping ratio {zeta}")
         return found
 
     def write(self, folder: Path) -> None:
@@ -183,7 +183,7 @@ def slip_of_curve(
         >>> slip = slip_of_curve({"delta": z, "force": 2e9 * z**1.5}, SlipSettings(friction=0.3), steel, patch=1e-12,
         ...                      height=1e-6)
         >>> print(slip.lines()[0])
-        Slip at T = 0.1 mu P: k_t = 73.108 kN/m, zeta = 0.00141
+        Slip at 0.1 of the friction limit: stiffness 73.108 kN/m, damping ratio 0.00141
     """
     columns = CurveColumns.of(curve)
     choice = choose(columns, "auto", settings.preload)
