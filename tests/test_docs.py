@@ -74,8 +74,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         write_run(tmp_path / "out" / name, n=2)
     (tmp_path / "tests/curves").mkdir(parents=True)
     (tmp_path / "tests/hard").symlink_to(ROOT / "tests/hard")
-    for name in ("tests/curves/demo.csv", "quick.csv"):
-        shutil.copy(tmp_path / "out/demo/curve.csv", tmp_path / name)
+    shutil.copy(tmp_path / "out/demo/curve.csv", tmp_path / "quick.csv")
     (tmp_path / "out/paper").mkdir()
     (tmp_path / "s.toml").write_text(STUDY, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
