@@ -171,7 +171,7 @@ def von_mises(stress: Array) -> Array:
 
 
 def write_vtkhdf(path: Path, result: ContactResult, E: float) -> None:
-    """Write the snapshots for ParaView (VTKHDF 2.0 unstructured grid, time = approach); collective.
+    """Write the snapshots for ParaView (VTKHDF 2.0 unstructured grid, time = step of the curve); collective.
 
     Lengths are in units of L, because viewers have problems with coordinates of 1e-6; stresses are physical.
 
@@ -192,7 +192,7 @@ def write_vtkhdf(path: Path, result: ContactResult, E: float) -> None:
         >>> write_vtkhdf(Path("fields.vtkhdf"), result, E=1.0)
     """
     streams = vtkhdf_streams(result, E)
-    times = [s.delta for s in result.snapshots]
+    times = [s.step for s in result.snapshots]
     on_root_of(result.solver.solid.comm, streams.values(), lambda: write_vtkhdf_streams(path, streams, times))
 
 
@@ -226,7 +226,7 @@ def vtkhdf_streams(result: ContactResult, E: float) -> dict[str, Stream]:
     return out
 
 
-def write_vtkhdf_streams(path: Path, streams: dict[str, Stream], times: list[float]) -> None:
+def write_vtkhdf_streams(path: Path, streams: dict[str, Stream], times: list[int]) -> None:
     """Write the arrays of `vtkhdf_streams`, at these times; rank 0 only."""
     import h5py
 
@@ -240,7 +240,7 @@ def write_vtkhdf_streams(path: Path, streams: dict[str, Stream], times: list[flo
             root[name] = np.array([value], dtype=np.int64)
         series = root.create_group("Steps")
         series.attrs["NSteps"] = count
-        series["Values"] = np.array(times)
+        series["Values"] = np.array(times, dtype=float)
         zeros = np.zeros(count, dtype=np.int64)
         for name in ("PartOffsets", "PointOffsets"):
             series[name] = zeros

@@ -9,6 +9,7 @@ import json
 import tomllib
 from collections.abc import Callable
 from functools import cached_property, partial
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -28,6 +29,7 @@ from asperity.runtime.run_folder import (
     STATE,
     SUMMARY,
     TOP,
+    VIEW,
     VTKHDF,
     check_writable,
     clear,
@@ -188,7 +190,8 @@ class RunFiles:
                 fields.write_top(aside / TOP, top)
                 write_npz(aside / BLOCK, mesh.items(), compress=True)
                 if grid:
-                    fields.write_vtkhdf_streams(aside / VTKHDF, grid, [s.delta for s in contact.snapshots])
+                    fields.write_vtkhdf_streams(aside / VTKHDF, grid, [s.step for s in contact.snapshots])
+                    (aside / VIEW).write_bytes(files("asperity").joinpath("templates", VIEW).read_bytes())
                 if output.distributions:
                     write_distributions(aside / DISTRIBUTIONS, top, side)
 

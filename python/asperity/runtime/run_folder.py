@@ -26,7 +26,7 @@ LOOPS = "loops.csv"
 SLIP, SLIP_LOOPS = "slip.csv", "slip_loops.csv"
 REPORT = "report.html"
 FIELDS, FIGURES, CHECKPOINT = "fields", "figures", "checkpoint"  # folders
-TOP, BLOCK, VTKHDF = "top.npz", "mesh.npz", "contact.vtkhdf"  # in fields
+TOP, BLOCK, VTKHDF, VIEW = "top.npz", "mesh.npz", "contact.vtkhdf", "view.py"  # in fields
 DISTRIBUTIONS = "distributions.csv"  # in fields
 PICTURES = (
     "surface", "mesh", "curve", "area", "pressure", "stiffness", "plasticity", "frequency", "response", "receptance",
@@ -50,7 +50,7 @@ MESH, STATE, SNAPSHOT = "mesh.npz", "state.npz", "snapshot-{}.npz"  # in checkpo
 #: All files and folders that a run writes, folders after their files; without those of the checkpoint.
 PRODUCTS = (
     CURVE, SUMMARY, LOG, LOOPS, SLIP, SLIP_LOOPS, FREE, RESPONSE, BAND, THRESHOLDS, REPORT,
-    *(f"{FIELDS}/{name}" for name in (BLOCK, TOP, VTKHDF, DISTRIBUTIONS)), FIELDS,
+    *(f"{FIELDS}/{name}" for name in (BLOCK, TOP, VTKHDF, VIEW, DISTRIBUTIONS)), FIELDS,
     *(path for paths in _FIGURES.values() for path in paths), FIGURES,
     CASE,
 )  # fmt: skip
@@ -67,7 +67,7 @@ _PARTS = {
     ),
     "loops": (LOOPS,),
     "slip": (SLIP, SLIP_LOOPS, *_FIGURES["slip"]),
-    "fields": (f"{FIELDS}/{VTKHDF}",),
+    "fields": (f"{FIELDS}/{VTKHDF}", f"{FIELDS}/{VIEW}"),
     "figures": (*(path for name, paths in _FIGURES.items() if name != "scene" for path in paths), FIGURES),
     "report": (REPORT,),
 }
