@@ -37,12 +37,11 @@ from test_walkthroughs import FENCE  # noqa: E402
 
 # picture -> page, file that its commands make
 OF_PAGES = {name: ("gallery", f"out/demo/figures/{name}") for name in (
-    "mesh.png", "scene.png", "curve.svg", "pressure.png", "area.svg",
+    "mesh.png", "scene.png", "curve.svg", "pressure.png", "area.svg", "response.svg",
 )} | {
     "wavy_pressure.png": ("gallery", "out/wavy/figures/pressure.png"),
     "tutorial_scan.png": ("tutorials/scan", "out/scan/surface.png"),
-    "tutorial_slip.svg": ("tutorials/slip", "out/vibration/slip_response.svg"),
-    "tutorial_response.svg": ("tutorials/vibration", "out/vibration/response.svg"),
+    "tangential.svg": ("tutorials/vibration", "out/tangential/slip_response.svg"),
 }  # fmt: skip
 Rows = list[dict[str, str]]
 

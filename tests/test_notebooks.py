@@ -58,7 +58,7 @@ def test_the_notebook_of_a_scan(tmp_path: Path) -> None:
 
 
 def test_the_notebook_of_a_joint(tmp_path: Path) -> None:
-    """Frequency and peaks are those of docs/tutorials/vibration.md, whose mesh is finer."""
+    """Frequency and peaks are those of a mesh with elements of 8 µm."""
     notebook = execute("joint", tmp_path)
     text = printed(notebook)
     frequency = re.search(r"f = ([\d.]+) kHz", text)
