@@ -11,17 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from asperity.arrays import Array
-from asperity.dynamics.continuation import (
-    MIN_HARMONICS,
-    Path,
-    Point,
-    Tracing,
-    crossings,
-    in_omega,
-    locate,
-    start,
-    trace,
-)
+from asperity.dynamics.continuation import Path, Point, Tracing, crossings, in_omega, locate, start, trace
 from asperity.dynamics.harmonic_balance import Balance, resize, tail
 from asperity.dynamics.stability import stack, unstack
 from asperity.errors import ConvergenceError
@@ -67,7 +57,7 @@ def subharmonic(
         return "period doubling"
 
     first = Point(x, flip.parameter, null, 0.0, tail(x))
-    path = trace(equations, first, replace(how, min_harmonics=double.order * MIN_HARMONICS), returns)
+    path = trace(equations, first, how, returns)
     if len(path.points) < 3:
         return None, None
     if path.end != "period doubling" or not others:
@@ -118,7 +108,6 @@ def detached(
     The result is None if its true period is shorter. A `ConvergenceError` says that there is no orbit near.
     """
     equations, order = in_omega(balance, forcing), balance.order
-    how = replace(how, min_harmonics=order * MIN_HARMONICS)
     first = start(equations, x, omega, 1.0, how)
     c = stack([first.x])[0]
     if order > 1 and np.abs(np.delete(c, slice(None, None, order))).max() < 1e-3 * np.abs(c).max():

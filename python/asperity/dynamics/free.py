@@ -30,6 +30,7 @@ from asperity.runtime.display import short_repr
 _ORDERS = (24, 48, 96, 192, 384)
 _RTOL = 2e-13
 _TINY = 1e-9
+_ROUGH = 16  # harmonics of starting values
 
 
 @dataclass(frozen=True)
@@ -192,12 +193,11 @@ def rough_orbit(restoring: Restoring, u0: float, damping: Damping) -> tuple[floa
     return 2.0 * np.pi / half.period, _dissipation(restoring, half, damping) / (np.pi * float(a1)), float(a2 / a1)
 
 
-def orbit_coefficients(restoring: Restoring, u0: float, count: int) -> Array:
-    """Fourier coefficients (mean, cosines, zero sines; 2 count + 1) of the orbit released at phase 0."""
-    half = _half_period(restoring, u0, 3 * count)
-    out = np.zeros(2 * count + 1)
-    out[: count + 1] = _harmonics(half, np.arange(count + 1))
-    return out
+def rough_states(restoring: Restoring, u0: float, phase: Array) -> tuple[float, Array, Array]:
+    """Frequency, and displacements and speeds at angles `phase` after the release, for starting values."""
+    half, k = _half_period(restoring, u0, orders=_ORDERS[1:2]), np.arange(_ROUGH + 1)
+    omega, a = 2.0 * np.pi / half.period, _harmonics(half, k)
+    return omega, np.cos(np.multiply.outer(phase, k)) @ a, -omega * (np.sin(np.multiply.outer(phase, k)) @ (k * a))
 
 
 @dataclass(frozen=True)

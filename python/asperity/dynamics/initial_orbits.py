@@ -1,28 +1,27 @@
 # SPDX-FileCopyrightText: The asperity developers
 # SPDX-License-Identifier: LGPL-3.0-or-later
 
-"""Initial orbits of branches: from rest, of period 2 near the backbone, and by Newton's method on the period map.
+"""Initial orbits of branches: from rest, and by Newton's method on the period map.
 
-The period map finds what no branch from rest or from the backbone reaches: pieces that connect outside the window,
-loops, orbits of period 2 that no period doubling leads to. The starts fill frequency and state evenly (a
-low-discrepancy sequence, Roberts 2018); motions are integrated in parallel, and each start converges to an orbit near
-it, stable or not.
+The period map finds what no branch from rest reaches: pieces that connect outside the window, loops, orbits of period 2
+that no period doubling leads to. Some starts fill frequency and state evenly (a low-discrepancy sequence, Roberts
+2018), the others lie on free orbits; motions are integrated in parallel, and each start converges to an orbit near it,
+stable or not.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
 
 from asperity.arrays import Array
 from asperity.dynamics.branch import Branch, on_cubic
-from asperity.dynamics.continuation import MIN_HARMONICS, Tracing, correct, in_forcing, in_omega, start, trace
+from asperity.dynamics.continuation import MIN_HARMONICS, Tracing, in_forcing, start, trace
 from asperity.dynamics.equation import Equation, primitive
-from asperity.dynamics.free import orbit_coefficients, rough_orbit
+from asperity.dynamics.free import rough_orbit, rough_states
 from asperity.dynamics.harmonic_balance import Balance
 from asperity.dynamics.law.damping import only_in_contact
 from asperity.dynamics.stability import unstack
@@ -42,6 +41,10 @@ _CLOSE = 1e-4  # Newton step that ends the search, relative to the state
 _KNOWN = 1e-2  # distance within which an orbit is identical to a known one, relative to the state
 _HARMONICS = 24  # of an orbit found, per forcing period
 _ROWS = 8  # of a branch between two points
+_CYCLES = 5  # of free orbits in a forcing period
+_GOLDEN = {2: 1.3247179572447460, 3: 1.2207440846057596}  # roots of x^(d + 1) = x + 1
+
+Starts = tuple[Array, Array, Array]  # Omega, u and Lienard's w, shape (starts,) each
 
 
 def orbit_from_rest(balance: Balance, omega: float, forcing: float, tol: float) -> Array:
@@ -116,27 +119,6 @@ def backbone_chart(equation: Equation, forcing: float) -> Chart:
     return Chart(amplitude, frequency, lost, float(min(1.0, *frequency)), float(max(1.0, *frequency)))
 
 
-def subharmonic_orbits(
-    balance: Balance, window: tuple[float, float], forcing: float, chart: Chart
-) -> Iterator[tuple[Array, float]]:
-    """Orbits of period 2, with their Omega, near the backbone at Omega / 2.
-
-    At the amplitudes where the loss takes the smallest share of the work, an orbit is guessed for both phases that
-    balance the loss. It may lie on a loop that no period doubling leads to.
-    """
-    equations, k = in_omega(replace(balance, order=2), forcing), np.arange(1, 25)
-    inside = np.flatnonzero((2.0 * chart.frequency > window[0]) & (2.0 * chart.frequency < window[1]))
-    need = np.abs([np.inf, *chart.lost[inside], np.inf])
-    for i in inside[(need[1:-1] < 1.0) & (need[1:-1] < need[:-2]) & (need[1:-1] <= need[2:])]:
-        omega, x = 2.0 * float(chart.frequency[i]), orbit_coefficients(balance.restoring, float(chart.amplitude[i]), 24)
-        for psi in (0.5 * np.arcsin(chart.lost[i]), 0.5 * (np.pi - np.arcsin(chart.lost[i]))):
-            y = x.copy()
-            y[1:25], y[25:] = x[1:25] * np.cos(k * psi), x[1:25] * np.sin(k * psi)
-            y[2] += forcing / (1.0 - omega * omega)
-            with suppress(ConvergenceError):  # a guess, no known orbit
-                yield correct(equations, y, omega, np.zeros(49), 1.0, limit=0.5 * float(np.linalg.norm(y)))[0], omega
-
-
 def has_one_resonance(equation: Equation, forcing: float) -> bool:
     """Whether the second-order force, of twice the frequency, is well below the onset of hysteresis.
 
@@ -148,25 +130,53 @@ def has_one_resonance(equation: Equation, forcing: float) -> bool:
     return bool(r.contact and 0.9 * abs(r.a2) * forcing**2 < 0.5 * onset)
 
 
-def starts(equation: Equation, forcing: float, window: tuple[float, float], count: int) -> tuple[Array, Array, Array]:
-    """Omega, u and w of the starts, at periods of even spacing: half of them in contact, half in flight."""
-    i = np.arange(1, count + 1)[:, None]
-    a, b, c = ((0.5 + i * 1.2207440846057596 ** -np.arange(1.0, 4.0)) % 1.0).T
+def random_starts(equation: Equation, forcing: float, window: tuple[float, float], count: int) -> Starts:
+    """States at periods of even spacing: half of them in contact, half in flight."""
+    a, b, c = _even(count, 3)
     omega = 1.0 / (1.0 / window[1] + a * (1.0 / window[0] - 1.0 / window[1]))
     n = equation.restoring.n_loc
     drive = forcing / (2.0 * equation.zeta)
     radius = min(1.5 * drive + 2.0 * forcing, 2.5) * np.sqrt(b)
     u, v = radius * np.cos(2.0 * np.pi * c), radius * np.sin(2.0 * np.pi * c)
-    flying = i[:, 0] % 2 == 1
     if drive > 1.0 and equation.restoring.contact:
+        flying = np.arange(count) % 2 == 0
         v_s = b * np.minimum(2.0 * np.pi / (n * omega), drive)  # the flight lasts up to two periods of the forcing
         s = 2.0 * n * v_s * c
         u, v = np.where(flying, -1.0 - v_s * s + s * s / (2.0 * n), u), np.where(flying, s / n - v_s, v)
+    return _lienard(equation, omega, u, v)
+
+
+def free_starts(equation: Equation, chart: Chart, window: tuple[float, float], order: int, count: int) -> Starts:
+    """States on free orbits of 1 to 5 cycles in a forcing period, or of odd numbers in two.
+
+    Superharmonic and subharmonic resonances follow these orbits, at a phase that balances the loss.
+    """
+    found = []
+    if chart.amplitude.size:
+        (place, phase), size = _even(count, 2), np.log(chart.amplitude)
+        amplitude = np.exp(np.interp(place * (size.size - 1), np.arange(size.size), size))
+        share = order / (1.0 + order * (np.arange(count) % _CYCLES))  # of the frequency of the free orbit
+        rough = share * np.interp(np.log(amplitude), size, chart.frequency)
+        for i in np.flatnonzero((rough > window[0]) & (rough < window[1])):
+            omega, u, v = rough_states(equation.restoring, float(amplitude[i]), 2.0 * np.pi * phase[i])
+            found.append((share[i] * omega, u, v))
+    omega, u, v = np.array(found).reshape(-1, 3).T
+    inside = (omega > window[0]) & (omega < window[1])
+    return _lienard(equation, omega[inside], u[inside], v[inside])
+
+
+def _even(count: int, dimensions: int) -> Array:
+    """Numbers from 0 to 1 that fill the cube evenly (dimensions, count)."""
+    ratio = _GOLDEN[dimensions] ** -np.arange(1.0, dimensions + 1.0)
+    return (0.5 + np.multiply.outer(ratio, np.arange(1.0, count + 1.0))) % 1.0
+
+
+def _lienard(equation: Equation, omega: Array, u: Array, v: Array) -> Starts:
     return omega, u, v + 2.0 * equation.zeta * primitive(equation.restoring, equation.damping, u)
 
 
 def periodic_orbits(
-    equation: Equation, forcing: float, lanes: tuple[Array, Array, Array], order: int, known: Sequence[Array]
+    equation: Equation, forcing: float, lanes: Starts, order: int, known: Sequence[Array]
 ) -> Iterator[tuple[float, Array]]:
     """Omega and rough coefficients of the orbits of `order` forcing periods near the starts (`lanes`).
 

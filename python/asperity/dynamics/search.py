@@ -22,12 +22,12 @@ from asperity.dynamics.events import locate_events
 from asperity.dynamics.harmonic_balance import Balance
 from asperity.dynamics.initial_orbits import (
     backbone_chart,
+    free_starts,
     has_one_resonance,
     orbit_from_rest,
     periodic_orbits,
-    starts,
+    random_starts,
     states,
-    subharmonic_orbits,
 )
 from asperity.dynamics.law.damping import only_in_contact
 from asperity.dynamics.settings import MIN_ZETA
@@ -35,6 +35,7 @@ from asperity.dynamics.stability import floquet, stack
 from asperity.errors import ConvergenceError
 
 _LONGEST = 4  # longest period of branches from period doublings, in forcing periods
+_MOST_HARMONICS = 256  # of an orbit with the longest period: more take minutes
 _OUTSIDE = 1e-3  # truncation error allowed outside the window
 _OF_DAMPING = 0.03  # the same over zeta: a larger error of the forces passes the peak of a resonance by
 _BEYOND = 1.2  # frequency over that of a resonance, beyond which the orbit is unique
@@ -71,6 +72,7 @@ class Search:
         self._states: list[Array] = []  # of the branches, see `initial_orbits.states`
         self._lost: list[tuple[int, Point, str]] = []  # ends whose branch could not be followed, with the reason
         self._doublings: list[tuple[int, Point]] = []  # with the order of their branch
+        self._left_out = 0  # of them
 
     def run(self) -> None:
         """Trace branches until nothing is left."""
@@ -81,11 +83,10 @@ class Search:
         if not unique or self._lowest > below:
             self._from_rest(low, 1.0)
         self._finish()
-        if self.subharmonics:
-            for x, omega in subharmonic_orbits(self.balance, self.how.window, self.forcing, self.chart):
-                self._through(2, x, omega)
         for order in self._searched_orders():
-            lanes = starts(self.balance, self.forcing, self.how.window, self.starts)
+            random = random_starts(self.balance, self.forcing, self.how.window, self.starts)
+            free = free_starts(self.balance, self.chart, self.how.window, order, self.starts)
+            lanes = tuple(np.concatenate(pair) for pair in zip(free, random, strict=True))
             for omega, x in periodic_orbits(self.balance, self.forcing, lanes, order, self._states):
                 self._through(order, x, omega)
         if not self._paths:
@@ -94,6 +95,11 @@ class Search:
             )
         for order, end, reason in self._lost:
             self.notes.append(f"the branch of period {order} that leaves the window at {end.parameter:.6g} {reason}")
+        if self._left_out:
+            self.notes.append(
+                f"branches of period {_LONGEST} from {self._left_out} period doublings are not followed: they need more "
+                f"than {_MOST_HARMONICS} harmonics"
+            )
         for order in self.orders:
             self.notes += [
                 f"at the end Omega = {edge:g} of the window at least one orbit of period {order} is missing: "
@@ -140,13 +146,17 @@ class Search:
         while self._ends:
             self._follow(*self._ends.pop(0))
 
+    def _inside(self, order: int) -> Tracing:
+        """How branches are traced in the window."""
+        return replace(self.how, min_harmonics=order * MIN_HARMONICS)
+
     def _outside(self, order: int, omega: float) -> Tracing:
         """How branches are traced outside the window, on the side of a frequency."""
         (low, high), (below, above) = self.how.window, self._limits(order)
         return replace(
-            self.how, window=(below, low) if omega <= low else (high, above), max_step=_STRIDE * omega,
+            self._inside(order), window=(below, low) if omega <= low else (high, above), max_step=_STRIDE * omega,
             tol=max(self.how.tol, min(_OUTSIDE, _OF_DAMPING * self.balance.zeta)),
-            min_harmonics=order * MIN_HARMONICS, max_points=self.how.max_points // 10
+            max_points=self.how.max_points // 10
         )  # fmt: skip
 
     def _follow(self, kind: str, order: int, point: Point) -> None:
@@ -172,7 +182,7 @@ class Search:
             if other == order and any(is_same(point, p, order) for p in (path.points[0], path.points[-1])):
                 return
         equations = in_omega(replace(self.balance, order=order), self.forcing)
-        how = replace(self.how, min_harmonics=order * MIN_HARMONICS)
+        how = self._inside(order)
         try:
             first = start(equations, point.x, point.parameter, point.t_parameter, how)
         except ConvergenceError as error:
@@ -218,7 +228,10 @@ class Search:
     def _switch(self, order: int, flip: Point) -> None:
         """Trace the branch of twice the period from a period doubling of a branch of an order."""
         rest = [p for other, p in self._doublings if other == order]
-        path, end = subharmonic(replace(self.balance, order=order), self.forcing, flip, self.how, rest)
+        if 2 * order == _LONGEST and flip.x.size > _MOST_HARMONICS:  # twice as many harmonics
+            self._left_out += 1
+            return
+        path, end = subharmonic(replace(self.balance, order=order), self.forcing, flip, self._inside(2 * order), rest)
         if path is not None:
             self._keep(f"sub{2 * order}", 2 * order, path, known=True)
             self._doublings = [(n, p) for n, p in self._doublings if p is not end]  # traced from one end only
@@ -227,7 +240,7 @@ class Search:
         """Trace the branch through an orbit, if it is new, and all that leaves it."""
         balance = replace(self.balance, order=order)
         try:
-            path = detached(balance, self.forcing, x, omega, self.how, self._paths)
+            path = detached(balance, self.forcing, x, omega, self._inside(order), self._paths)
         except (ConvergenceError, np.linalg.LinAlgError) as error:
             self.notes.append(f"an orbit at Omega = {omega:.6g} is on no branch and could not be continued: {error}")
             return
