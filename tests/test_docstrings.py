@@ -22,7 +22,7 @@ import asperity
 OPTIONS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
 
 # Packages whose public classes and functions all have an example.
-COMPLETE = ("asperity", "asperity.dynamics", "asperity.reference", "asperity.study", "asperity.surface")
+COMPLETE = ("asperity", "asperity.reference", "asperity.study", "asperity.surface")
 
 
 def docstrings(source: str) -> Iterator[tuple[str, int, str]]:

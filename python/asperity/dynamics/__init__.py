@@ -4,14 +4,6 @@
 """Vibration of a mass on a contact, from the static law of its force over the approach.
 
 `run_dynamics` does the whole analysis for a curve and writes the result files. NumPy and SciPy suffice.
-
-Examples:
-    >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.01)
-    >>> oscillator.free([0.1, 0.2]).omega_ratio.round(6)
-    array([0.999575, 0.998259])
-    >>> omega, u_max = oscillator.response(0.01, (0.9, 1.1), tol=1e-4).peak
-    >>> print(f"{omega:.3f}, {u_max:.3f}")
-    0.989, 0.483
 """
 
 from __future__ import annotations

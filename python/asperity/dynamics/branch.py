@@ -41,11 +41,6 @@ class Event:
         Omega: forcing frequency over omega_s
         u_max, u_min: extreme displacements
         a1: amplitude at the forcing frequency
-
-    Examples:
-        >>> response = asp.ContactOscillator(asp.PowerLaw(1.5)).response(0.02, (0.85, 1.05), tol=1e-3)
-        >>> [(event.kind, round(event.Omega, 3)) for event in response.events]
-        [('grazing', 0.958), ('fold', 0.926), ('grazing', 0.948), ('fold', 0.971)]
     """
 
     kind: str
@@ -78,12 +73,6 @@ class Branch:
         tangent_omega: derivative of Omega along the branch; with `tangent` it has length 1
         valid: False where the law is unphysical (a Taylor law with u_min < -1)
         end: reason why the branch ends
-
-    Examples:
-        >>> response = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.1).response(0.01, (0.9, 1.1), tol=1e-3)
-        >>> branch = response.branches[0]
-        >>> branch.kind, branch.end, bool(branch.stable.all())
-        ('main', 'window', True)
     """
 
     kind: str
@@ -122,14 +111,7 @@ class Branch:
 
 @dataclass(frozen=True)
 class Solution:
-    """One periodic orbit at a given frequency; attributes as in `Branch`.
-
-    Examples:
-        >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.1)
-        >>> (orbit,) = oscillator.response(0.01, (0.9, 1.1), tol=1e-3).at(1.0)
-        >>> orbit.kind, orbit.stable, round(orbit.u_max, 3)
-        ('main', True, 0.05)
-    """
+    """One periodic orbit at a given frequency; attributes as in `Branch`."""
 
     branch: int
     kind: str

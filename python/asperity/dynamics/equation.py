@@ -44,13 +44,6 @@ class Restoring:
     Raises:
         InputError: load or static deflection beyond floating-point range, or stiffness not positive
         RangeError: the law does not reach the load
-
-    Examples:
-        >>> r = asp.ContactOscillator(asp.PowerLaw(2.0), load=4.0).restoring
-        >>> r.z_s, r.n_loc, r.a2
-        (2.0, 2.0, 0.5)
-        >>> r.f([-2.0, -1.0, 0.0, 1.0])  # contact is lost below u = -1
-        array([-0.5, -0.5,  0. ,  1.5])
     """
 
     law: Law

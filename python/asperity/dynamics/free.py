@@ -45,11 +45,6 @@ class FreeOrbit:
         flight: share of the period out of contact
         dissipation: INT g u'^2 over a period, for the requested damping model
         error: estimated relative error of `omega`
-
-    Examples:
-        >>> orbit = asp.ContactOscillator(asp.PowerLaw(1.5)).free(1.2).orbits[0]
-        >>> orbit.contact_loss, round(orbit.omega, 6), round(orbit.flight, 6)
-        (True, 0.850525, 0.384271)
     """
 
     u0: float
@@ -72,6 +67,10 @@ class FreeOrbit:
     def drive(self) -> float:
         """Forcing F^/(2 zeta) that sustains this orbit at phase resonance, by energy balance."""
         return self.dissipation / (np.pi * self.a1)
+
+
+def _column(name: str, words: str) -> property:
+    return property(lambda self: np.array([getattr(o, name) for o in self.orbits]), doc=f"{words}, shape (orbits,).")
 
 
 @dataclass(frozen=True)
@@ -107,30 +106,10 @@ class FreeVibration:
 
     __repr__ = short_repr
 
-    @property
-    def u0(self) -> Array:
-        """Amplitudes u_0, shape (orbits,)."""
-        return np.array([o.u0 for o in self.orbits])
-
-    @property
-    def omega_ratio(self) -> Array:
-        """Frequencies over omega_s, shape (orbits,)."""
-        return np.array([o.omega for o in self.orbits])
-
-    @property
-    def u_min(self) -> Array:
-        """Lower turning points, shape (orbits,)."""
-        return np.array([o.u_min for o in self.orbits])
-
-    @property
-    def a1(self) -> Array:
-        """Amplitudes of the first harmonic, shape (orbits,)."""
-        return np.array([o.a1 for o in self.orbits])
-
-    @property
-    def drive(self) -> Array:
-        """Forcing F^/(2 zeta) that sustains each orbit at phase resonance, shape (orbits,)."""
-        return np.array([o.drive for o in self.orbits])
+    u0 = _column("u0", "Amplitudes u_0")
+    omega_ratio = _column("omega", "Frequencies over omega_s")
+    u_min = _column("u_min", "Lower turning points")
+    a1 = _column("a1", "Amplitudes of the first harmonic")
 
     @property
     def turns(self) -> tuple[tuple[float, float], ...]:

@@ -88,14 +88,15 @@ class Balance(Equation):
         if self.restoring.contact:
             s = 1.0 + (uniform_basis(count, points) @ x if count <= _TABULATED else _sampled(x, points))
             lowest, highest, top = float(s.min()), float(s.max()), 1.0 + self.restoring.kink
-            near = _NEAR * max(1.0, 0.5 * (highest - lowest))
-            if lowest <= near or highest > top - near:
-                cuts = _cuts(x, s, near) if lowest <= near else np.array([[0.0, 2.0 * np.pi]])
-                if highest > top - near:  # where the distance to the kink vanishes, as 1 + u does at contact loss
-                    below = -x
-                    below[0] += top - 2.0
-                    cuts = _split(cuts, _cuts(below, top - s, near).ravel())
-                theta, weight = _panels(cuts, count) if len(cuts) else (np.empty(0), np.empty(0))
+            near, edges = _NEAR * max(1.0, 0.5 * (highest - lowest)), []
+            if lowest <= near:
+                edges.append(_edges(x, s, near))
+            if highest > top - near:  # where the distance to the kink vanishes, as 1 + u does at contact loss
+                below = -x
+                below[0] += top - 2.0
+                edges.append(_edges(below, top - s, near))
+            if edges:
+                theta, weight = _panels(x, np.sort(np.concatenate(edges)), s[0] > 0.0)
                 return basis_at(theta, count), weight
         return uniform_basis(count, points), np.full(points, 2.0 * np.pi / points)
 
@@ -191,45 +192,19 @@ def tail(x: Array) -> float:
     return float(np.sqrt(power[-(count // 4) :].sum() / total)) if total > 0 else 0.0
 
 
-def _cuts(x: Array, s: Array, near: float) -> Array:
-    """Contact intervals (m, 2) in angle, also split where the orbit just keeps contact."""
-    points = s.size
-    h = 2.0 * np.pi / points
-    angle: Array = h * np.arange(points + 1)
-    value: Array = np.append(s, s[0])
-    marks: Array = np.empty(0)
+def _edges(x: Array, s: Array, near: float) -> Array:
+    """Angles at which 1 + u (samples s) vanishes along an orbit, and those of its positive minima near zero."""
+    h = 2.0 * np.pi / s.size
+    angle, value, marks = h * np.arange(s.size + 1), np.append(s, s[0]), np.empty(0)
     low = np.flatnonzero(np.abs(s) < 4.0 * near)
-    if low.size:  # a short grazing arc may lie between samples: locate the minima themselves
-        dips = low[(s[low] <= s[low - 1]) & (s[low] < value[low + 1])]
-        if dips.size:
-            marks, depth = _minima(x, s, dips, h)
-            angle, value = np.concatenate([angle, marks]), np.concatenate([value, depth])
-            order = np.argsort(angle, kind="stable")
-            angle, value = angle[order], value[order]
-            marks = np.sort(marks[depth > 0])
-    touching = value > 0
-    change = np.flatnonzero(touching[1:] != touching[:-1])
-    if change.size == 0:
-        if not touching[0]:
-            return np.empty((0, 2))
-        ends = marks if marks.size else angle[:1]  # contact is never lost: cut at the near minima
-        return np.stack([ends, np.append(ends[1:], ends[0] + 2.0 * np.pi)], axis=1)
-    roots = _roots(x, angle[change], angle[change + 1], value[change], value[change + 1])
-    opening = ~touching[change]  # contact begins after this root
-    starts, stops = roots[opening], roots[~opening]
-    if stops[0] < starts[0]:
-        stops = np.append(stops[1:], stops[0] + 2.0 * np.pi)
-    return _split(np.stack([starts, stops], axis=1), marks)
-
-
-def _split(cuts: Array, marks: Array) -> Array:
-    """Intervals (m, 2) in angle, split at the marks inside."""
-    if marks.size == 0 or not len(cuts):
-        return cuts
-    marks = np.sort(marks % (2.0 * np.pi))
-    marks = np.concatenate([marks, marks + 2.0 * np.pi])
-    edges = [[begin, *marks[(marks > begin + 1e-9) & (marks < end - 1e-9)], end] for begin, end in cuts]
-    return np.concatenate([np.stack([e[:-1], e[1:]], axis=1) for e in edges])
+    dips = low[(s[low] <= s[low - 1]) & (s[low] < value[low + 1])]
+    if dips.size:  # a short grazing arc may lie between samples: locate the minima themselves
+        marks, depth = _minima(x, s, dips, h)
+        angle, value = np.concatenate([angle, marks]), np.concatenate([value, depth])
+        order = np.argsort(angle, kind="stable")
+        angle, value, marks = angle[order], value[order], marks[depth > 0.0] % (2.0 * np.pi)
+    i = np.flatnonzero((value[1:] > 0) != (value[:-1] > 0))
+    return np.append(marks, _roots(x, angle[i], angle[i + 1], value[i], value[i + 1]) if i.size else ())
 
 
 def _waves(x: Array) -> tuple[Array, Array]:
@@ -259,26 +234,18 @@ def _roots(x: Array, a: Array, b: Array, fa: Array, fb: Array) -> Array:
     """Angles in the brackets [a, b] where 1 + u = 0, by a safeguarded Newton iteration."""
     ik, c = _waves(x)
     c = c[:, :2]
-    theta = a + (b - a) * fa / (fa - fb)
-    rising = fb > fa
-    safe = False
+    theta, rising = a + (b - a) * fa / (fa - fb), fb > fa
     with np.errstate(divide="ignore", invalid="ignore"):
         for _ in range(60):
             u = (np.exp(np.multiply.outer(theta, ik)) @ c).real
-            f, slope = 1.0 + u[:, 0], u[:, 1]
-            new = theta - f / slope
+            f = 1.0 + u[:, 0]
+            above = (f > 0) == rising
+            a, b, new = np.where(above, a, theta), np.where(above, theta, b), theta - f / u[:, 1]
             inside = (new >= a) & (new <= b)
-            clean = bool(inside.all())
-            safe = safe or not clean
-            if safe:
-                above = (f > 0) == rising
-                b, a = np.where(above, theta, b), np.where(above, a, theta)
-                inside = (new >= a) & (new <= b)
-                clean = bool(inside.all())
-                new = np.where(inside, new, 0.5 * (a + b))
+            new = np.where(inside, new, 0.5 * (a + b))
             moved = float(np.abs(new - theta).max())
             theta = new
-            if (moved < 1e-8 and clean) or moved < 1e-14:  # the remaining error is the square of the step
+            if moved < (1e-8 if inside.all() else 1e-14):  # the remaining error is the square of a Newton step
                 break
     return theta
 
@@ -291,15 +258,23 @@ def _clustered(points: int) -> tuple[Array, Array]:
     return y * y * (3.0 - 2.0 * y), 0.5 * w * 6.0 * y * (1.0 - y)
 
 
-def _panels(cuts: Array, count: int) -> tuple[Array, Array]:
-    """Quadrature points and weights over the intervals `cuts`."""
-    nodes, weights = [], []
-    for begin, end in cuts:
+def _panels(x: Array, edges: Array, touching: bool) -> tuple[Array, Array]:
+    """Quadrature points and weights over the intervals between rising angles in which the orbit is in contact.
+
+    Without an angle it is either always in contact or never (`touching`).
+    """
+    if not edges.size:
+        edges = np.zeros(int(touching))
+    ends, count = np.append(edges[1:], edges[:1] + 2.0 * np.pi), x.size // 2
+    ik, c = _waves(x)
+    inside = 1.0 + (np.exp(np.multiply.outer(0.5 * (edges + ends), ik)) @ c[:, 0]).real > 0.0
+    nodes, weights = [np.empty(0)], [np.empty(0)]
+    for begin, end in zip(edges[inside], ends[inside], strict=True):
         width = end - begin
         points = 24 + int(1.2 * count * width)
         unit = max(4, 1 << points.bit_length() - 4)  # few different rules, which are cached
         points = unit * -(-points // unit)
-        x, w = _clustered(points)
-        nodes.append(begin + width * x)
+        rule, w = _clustered(points)
+        nodes.append(begin + width * rule)
         weights.append(width * w)
     return np.concatenate(nodes), np.concatenate(weights)

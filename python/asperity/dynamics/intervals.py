@@ -84,12 +84,6 @@ class Uncertainty:
         omega_s: natural frequency of small motion, sqrt(k_n/m) (rad/time), NaN without a mass
         members: laws that bound it
         origin: what they are made of, in words
-
-    Examples:
-        >>> law = asp.PowerLaw(1.5, ci_n=(1.45, 1.55), ci_K=(0.97, 1.03))
-        >>> result = asp.uncertainty(asp.ContactOscillator(law))
-        >>> [round(x, 4) for x in result.n_loc.to_list()], result.softening
-        ([1.5, 1.45, 1.55], 'softening')
     """
 
     n_loc: Interval
@@ -125,12 +119,6 @@ class Band:
         Omega: frequencies over omega_s of the central law, shape (frequencies,)
         upper: lowest and highest u_max on the upper stable branch, shape (2, frequencies); NaN where there is none
         lower: the same on the lower stable branch; that of `upper` where no law has two
-
-    Examples:
-        >>> from asperity.dynamics import Band
-        >>> band = Band(0.01, np.array([1.0]), np.array([[0.4], [0.5]]), np.array([[0.1], [0.2]]))
-        >>> list(next(band.rows()).values())
-        [0.01, 1.0, 0.4, 0.5, 0.1, 0.2]
     """
 
     F_hat: float
@@ -157,12 +145,6 @@ def ensemble(law: Law) -> tuple[Law, ...]:
 
     Raises:
         InputError: the law has no confidence interval
-
-    Examples:
-        >>> from asperity.dynamics import ensemble
-        >>> members = ensemble(asp.PowerLaw(1.5, ci_n=(1.45, 1.55), ci_K=(0.97, 1.03)))
-        >>> len(members), round(min(law.n for law in members), 6)
-        (12, 1.45)
     """
     if not isinstance(law, PowerLaw) or law.ci_n is None or law.ci_K is None:
         raise InputError("the law has no confidence interval: give ci_n and ci_K, or a fitted law")

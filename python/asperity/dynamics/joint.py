@@ -113,11 +113,6 @@ class Numbers:
         damping: damping ratio
         bar: error bar of the stiffness over it, NaN if unknown
         given: whether the frequency is an input, from which the mass follows, with the bar of the stiffness
-
-    Examples:
-        >>> from asperity.dynamics.joint import Numbers
-        >>> print(Numbers(2e5, 0.5, 100.66, 4e-9, 0.01, 0.0083).sentence("SI"))
-        k_n = 200 kN/m ± 0.83 %, m = 0.5 kg, f = 100.7 Hz ± 0.41 %, z_s = 4 nm, zeta = 0.01
     """
 
     stiffness: float

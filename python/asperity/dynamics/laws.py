@@ -45,15 +45,6 @@ class LawAtLoad:
         bar: error bar at the preload as a share: of the elastic stiffness where the law is made of it and the curve has
             it, else of the force; NaN for a curve without one
         bar_of: what the bar is of, "force" or "k_n_elastic"
-
-    Examples:
-        >>> delta = np.linspace(0.0, 1.0, 21)
-        >>> result = asp.run_dynamics({"delta": delta, "force": delta**1.5}, units="SI", model="exact",
-        ...                           omega=(0.9, 1.0), bands=False)
-        >>> for row in result.laws.rows[:2]:
-        ...     print(row.name, row.chosen, row.applies, f"{row.known['n_loc'].value:.3f}, {row.stiffness:.3f}")
-        table True True 1.500, 1.191
-        paper False True 1.500, 1.191
     """
 
     name: str
@@ -111,12 +102,6 @@ class LawTable:
         rows: one for each law, the chosen one first, those without a law last
         choice: the law of the vibration
         bar: error bar of the force over the force at the preload; NaN for a curve without one
-
-    Examples:
-        >>> curve = {"delta": np.linspace(0.0, 1.0, 21), "force": np.linspace(0.0, 1.0, 21) ** 1.5}
-        >>> laws = asp.run_dynamics(curve, units="SI", model="exact", omega=(0.9, 1.0), bands=False).laws
-        >>> laws.chosen.name, laws.spread < 1e-6, [row.name for row in laws.rows if row.law is None]
-        ('table', True, ['unload-reload', 'elastic'])
     """
 
     rows: tuple[LawAtLoad, ...]

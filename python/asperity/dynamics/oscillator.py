@@ -197,7 +197,6 @@ class ContactOscillator:
         directions: Sequence[str] = ("up", "down"),
         tol: float = 1e-4,
         max_periods: int | None = None,
-        steps: int | None = None,
     ) -> tuple[Sweep, ...]:
         """Integrate frequency sweeps with carried state, all forcings and directions at once.
 
@@ -208,7 +207,6 @@ class ContactOscillator:
             directions: "up", "down" or both
             tol: allowed distance from the steady state, relative to the orbit
             max_periods: largest number of forcing periods per frequency; default 4/zeta (100 to 20000)
-            steps: Runge-Kutta steps per period; default from the largest stiffness reached
 
         Returns:
             One `Sweep` per forcing and direction
@@ -228,7 +226,7 @@ class ContactOscillator:
             raise InputError(f"points = {points} is not legal: a sweep needs at least 2")
         return _sweep.sweep(
             self.balance(), [self.setting(f) for f in forcings(forcing)], np.linspace(*window(omega), points),
-            directions=tuple(directions), tol=positive("tol", tol), max_periods=max_periods, steps=steps
+            directions=tuple(directions), tol=positive("tol", tol), max_periods=max_periods
         )  # fmt: skip
 
     def simulate(

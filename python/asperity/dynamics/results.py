@@ -57,12 +57,6 @@ class Dynamics:
             mass
         laws: all laws of the curve at the preload; None for a given `Law`
         settings: what was computed
-
-    Examples:
-        >>> result = asp.run_dynamics(asp.PowerLaw(1.5), model="exact", omega=(0.9, 1.1), tol=1e-3)
-        >>> result.write("out")
-        >>> sorted(os.listdir("out"))
-        ['free.csv', 'response.csv', 'thresholds.json']
     """
 
     oscillators: dict[str, ContactOscillator]

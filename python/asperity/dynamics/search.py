@@ -97,8 +97,8 @@ class Search:
             self.notes.append(f"the branch of period {order} that leaves the window at {end.parameter:.6g} {reason}")
         if self._left_out:
             self.notes.append(
-                f"branches of period {_LONGEST} from {self._left_out} period doublings are not followed: they need more "
-                f"than {_MOST_HARMONICS} harmonics"
+                f"branches of period {_LONGEST} from {self._left_out} period doublings are not followed: they need "
+                f"more than {_MOST_HARMONICS} harmonics"
             )
         for order in self.orders:
             self.notes += [

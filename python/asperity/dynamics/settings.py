@@ -43,10 +43,6 @@ class Setting:
         zeta, damping: damping ratio and model
         F_hat: forcing F/(n_loc W), W the preload
         F_over_mg: forcing over the preload, n_loc F_hat (sigma in the Hertz literature)
-
-    Examples:
-        >>> print(asp.ContactOscillator(asp.PowerLaw(1.5)).setting(0.02).describe())
-        exact: power law n = 1.5, K = 1, zeta = 0.01 (always), F^ = 0.02, F/W = 0.03
     """
 
     model: str

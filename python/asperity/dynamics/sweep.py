@@ -41,12 +41,6 @@ class Sweep:
         periods: forcing periods integrated at each point
         tolerance: largest estimated distance from the steady state among the settled points, relative to the orbit
         valid: False where a Taylor law passes u = -1 or the motion has escaped
-
-    Examples:
-        >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.1)
-        >>> up, down = oscillator.sweep(0.05, (0.8, 1.2), points=3)
-        >>> up.direction, up.status, up.u_max.round(3)
-        ('up', ('settled', 'settled', 'settled'), array([0.126, 0.245, 0.099]))
     """
 
     setting: Setting
@@ -83,7 +77,6 @@ def sweep(
     directions: tuple[str, ...],
     tol: float,
     max_periods: int | None,
-    steps: int | None,
 ) -> tuple[Sweep, ...]:
     """Sweep all forcings and directions in parallel; see `ContactOscillator.sweep`. The frequencies `omega` rise."""
     lanes = [(s, d) for s in settings for d in directions]
@@ -93,7 +86,7 @@ def sweep(
     limit = max_periods or int(np.clip(4.0 / equation.zeta, 100, 20000))
     columns = []
     for j in range(omega.size):
-        state, found = _settle(equation, state, path[:, j], forcing, tol, limit, steps)
+        state, found = _settle(equation, state, path[:, j], forcing, tol, limit)
         columns.append(found)
     u_max, u_min, a1, residual, kind, periods = np.moveaxis(np.array(columns), 0, -1)
     low, high = equation.restoring.u_range
@@ -118,7 +111,7 @@ def sweep(
 
 
 def _settle(
-    equation: Equation, state: Array, omega: Array, forcing: Array, tol: float, limit: int, steps: int | None
+    equation: Equation, state: Array, omega: Array, forcing: Array, tol: float, limit: int
 ) -> tuple[Array, Array]:
     """Integrate every lane to its steady state, from the states (u, w) of shape (2, lanes); NaN after an escape.
 
@@ -138,7 +131,7 @@ def _settle(
     residual, a1, periods = np.full(lanes, np.inf), np.full(lanes, np.nan), np.zeros(lanes, int)
     highest, lowest = np.full((2, _LONGEST, lanes), np.nan)
     history = [state]
-    count = steps or steps_for(equation, omega, state[0])
+    count = steps_for(equation, omega, state[0])
     for period in range(limit):
         active = np.flatnonzero(kind == 0)
         if active.size == 0:
@@ -152,8 +145,7 @@ def _settle(
         periods[active] += 1
         highest[period % _LONGEST, active], lowest[period % _LONGEST, active], a1[active] = high, low, first
         history = [*history, state][-(2 * _LONGEST + 1) :]
-        if steps is None:
-            count = max(count, steps_for(equation, omega[active], np.where(gone, 0.0, high)))
+        count = max(count, steps_for(equation, omega[active], np.where(gone, 0.0, high)))
         if len(history) < 4:
             continue
         size = 0.5 * (np.nanmax(highest[:, active], axis=0) - np.nanmin(lowest[:, active], axis=0)) + 1e-12

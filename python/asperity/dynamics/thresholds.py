@@ -47,13 +47,6 @@ class Thresholds:
         F_over_mg: factor from F^ to F/(m g), equal to n_loc
         tolerance: relative error zeta^2 of onsets and peaks, which are leading terms in zeta
         valid: False if a peak of a Taylor law passes u = -1
-
-    Examples:
-        >>> onset = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.01).thresholds(0.005)
-        >>> print(f"contact loss from F^ = {onset.contact_loss:.4f}, hysteresis from {onset.hysteresis:.4f}")
-        contact loss from F^ = 0.0177, hysteresis from 0.0122
-        >>> round(onset.peaks[0]["u_max"], 3)
-        0.245
     """
 
     model: str

@@ -43,11 +43,6 @@ class Trajectory:
         setting: law, damping and forcing, if the motion is that of an oscillator
         tolerance: relative tolerance of the integrator
         valid: False if a Taylor law passes u = -1
-
-    Examples:
-        >>> path = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.0).simulate(1.0, 0.0, u=1.0, periods=1)
-        >>> len(path.flight), path.flight.round(4)
-        (1, array([[2.5587, 4.3343]]))
     """
 
     tau: Array

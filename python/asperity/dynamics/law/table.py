@@ -33,7 +33,6 @@ from asperity.runtime.display import short_repr
 _GROUPS = 4  # of points that are left out in turn
 _REACHES = 0.4 * 0.5 ** np.arange(9)  # distances in ln z of the divided differences, tried in turn
 _STEEPEST = 0.9  # largest exponent of the stiffness over the force with which a law begins at zero approach
-_DENSE = 40_000  # approaches between which the force for time integration is interpolated
 _CELL_X, _CELL_W = np.polynomial.legendre.leggauss(10)
 
 
@@ -166,14 +165,6 @@ class TableLaw(Law):
             force: at least two positive ones
             k: positive
             **options: `name`, `extrapolate`
-
-        Examples:
-            A Hertzian contact, K = 2 and k = 3 z^(1/2) = 3 (F/2)^(1/3):
-
-            >>> force = np.linspace(0.1, 2.0, 20)
-            >>> law = asp.TableLaw.of_stiffness(force, 3.0 * (force / 2.0) ** (1 / 3))
-            >>> round(law.deflection(2.0), 9), round(law.n_loc(1.0), 9), round(law.kappa(1.0), 6)
-            (1.0, 1.5, -0.041667)
         """
         F, stiffness = np.asarray(force, float), np.asarray(k, float)
         p = np.diff(np.log(stiffness)) / np.diff(np.log(F))
@@ -256,12 +247,11 @@ class TableLaw(Law):
     def both(self, z: Array) -> tuple[Array, Array]:
         z = np.asarray(z, float)
         s = np.maximum(z, 1e-300)
-        x = np.log(s)
-        force = np.where(z > 0, np.exp(self._curve(x)), 0.0)
-        return force, np.where(z > 0, force * self._curve(x, 1) / s, 0.0)
+        force = self.push(z)
+        return force, np.where(z > 0, force * self._curve(np.log(s), 1) / s, 0.0)
 
     def push(self, z: Array) -> Array:
-        return np.interp(z, *self._dense)
+        return np.where(z > 0, np.exp(self._curve(np.log(np.maximum(z, 1e-300)))), 0.0)
 
     def at(self, z: float) -> tuple[float, float]:
         if z <= 0.0:
@@ -396,18 +386,6 @@ class TableLaw(Law):
         curve = self._curve
         rows = [(*c, start) for c, start in zip(curve.c.T.tolist(), curve.x.tolist(), strict=False)]
         return curve.x[1:-1].tolist(), rows
-
-    @cached_property
-    def _dense(self) -> tuple[Array, Array]:
-        """Approaches to a thousand times the last point, and the forces there.
-
-        They are so dense that straight lines between them err by about 1e-9 of the last force, and by 1e-6 of the force
-        beyond twice that approach.
-        """
-        light, far = np.geomspace(1e-9, 1.0, _DENSE // 8), np.geomspace(2.0, 1e3, _DENSE // 8)
-        even = np.linspace(0.0, 2.0, _DENSE)
-        z = np.union1d(np.concatenate([even, light, far]) * self.known_to, self.z)
-        return z, self.both(z)[0]
 
     @cached_property
     def _energy(self) -> tuple[Array, float]:
