@@ -169,12 +169,9 @@ def adapt(equations: Equations, point: Point, normal: Array, normal_p: float, to
 
 def start(equations: Equations, x: Array, parameter: float, direction: float, how: Tracing) -> Point:
     """Turn a solution into the first point of a path; the parameter first changes with the sign of `direction`."""
-    normal = np.zeros(x.size)
-    x, parameter, t, tp = correct(equations, x, parameter, normal, 1.0)
-    point = adapt(equations, Point(x, parameter, t, tp, tail(x)), normal, 1.0, how.tol, how.min_harmonics)
-    if point.t_parameter * direction < 0:
-        point = point.turned()
-    return point
+    normal, sense = np.zeros(x.size), float(np.copysign(1.0, direction))
+    x, parameter, t, tp = correct(equations, x, parameter, normal, sense)
+    return adapt(equations, Point(x, parameter, t, tp, tail(x)), normal, sense, how.tol, how.min_harmonics)
 
 
 def trace(
@@ -210,9 +207,8 @@ def trace(
                 h *= _CUT
                 continue
         if not low <= point.parameter <= high:
-            edge = low if point.parameter < low else high
             try:
-                points.append(_at_edge(equations, here, point, edge, how.tol, least))
+                points.append(_at_edge(equations, here, point, low if point.parameter < low else high, how))
             except ConvergenceError:
                 if h > 1e-6:
                     h *= _CUT
@@ -356,16 +352,11 @@ def _prediction_error(guess: Array, x: Array, before: Array, watch: float) -> fl
     return 6.0 * float((miss_k / (size + floor)).max())
 
 
-def _at_edge(equations: Equations, inside: Point, outside: Point, edge: float, tol: float, min_harmonics: int) -> Point:
+def _at_edge(equations: Equations, inside: Point, outside: Point, edge: float, how: Tracing) -> Point:
     """Solution exactly at the edge of the window, between two points."""
     cubic = _segment(inside, outside)[0]
     s = brentq(lambda s: float(value(cubic[:, -1], s)) - edge, 0.0, 1.0)
-    guess = value(cubic, s)[:-1]
-    x, p, t, tp = correct(equations, guess, edge, np.zeros(guess.size), 1.0)
-    point = adapt(equations, Point(x, p, t, tp, tail(x)), np.zeros(x.size), 1.0, tol, min_harmonics)
-    if float(resize(point.t, inside.t.size // 2) @ inside.t) + point.t_parameter * inside.t_parameter < 0:
-        point = point.turned()
-    return point
+    return start(equations, value(cubic, s)[:-1], edge, outside.parameter - inside.parameter, how)
 
 
 def crossings(equations: Equations, points: Iterable[Point], parameter: float) -> Iterator[Point]:

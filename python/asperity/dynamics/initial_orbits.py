@@ -205,7 +205,10 @@ def periodic_orbits(
         h = 1e-4 * size
         path, speed, ends = mapped(np.tile(omega, 3), np.concatenate([u, u + h, u]), np.concatenate([w, w, w + h]))
         end = np.stack([path[-1].reshape(3, -1), ends.reshape(3, -1)])  # (u or w, lane of three, start)
-        step = _newton_step(end, np.array([u, w]), h)
+        with np.errstate(all="ignore"):
+            defect, ((a, b), (c, d)) = end[:, 0] - [u, w], (end[:, 1:] - end[:, :1]) / h
+            step = np.array([b * defect[1] - (d - 1.0) * defect[0], c * defect[0] - (a - 1.0) * defect[1]])
+            step /= (a - 1.0) * (d - 1.0) - b * c
         length = np.hypot(*step)
         for i in np.flatnonzero(length < _CLOSE * size):
             if (
@@ -240,15 +243,3 @@ def _near(rows: Array, omega: float, u: float, v: float) -> bool:
     s = (omega - a[0]) / np.where(b[0] == a[0], 1.0, b[0] - a[0])
     gap = np.hypot(a[1] + s * (b[1] - a[1]) - u, a[2] + s * (b[2] - a[2]) - v)
     return bool((gap < _KNOWN * (0.1 + abs(u) + abs(v))).any())
-
-
-def _newton_step(end: Array, start: Array, h: Array) -> Array:
-    """Newton steps (2, lanes) of the period map.
-
-    `end` are the states after the period (2, 3, lanes): from `start`, and from it with u and with w increased by `h`.
-    """
-    with np.errstate(all="ignore"):
-        defect, flow = end[:, 0] - start, (end[:, 1:] - end[:, :1]) / h
-        (a, b), (c, d) = flow
-        a, d = a - 1.0, d - 1.0
-        return np.array([b * defect[1] - d * defect[0], c * defect[0] - a * defect[1]]) / (a * d - b * c)
