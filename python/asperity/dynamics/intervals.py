@@ -8,7 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,17 +28,12 @@ _SAME_ORBIT = 1e-9  # relative difference in u_max up to which two orbits at a f
 BAND_COLUMNS = ("F_hat", "Omega", "upper_low", "upper_high", "lower_low", "lower_high")
 
 
-@dataclass(frozen=True)
-class Interval:
+class Interval(NamedTuple):
     """Value with the smallest and largest one by the laws that bound it."""
 
     value: float
     low: float
     high: float
-
-    def to_list(self) -> list[float]:
-        """[value, low, high]."""
-        return [self.value, self.low, self.high]
 
     @property
     def half(self) -> float:
@@ -104,7 +99,7 @@ class Uncertainty:
     def to_dict(self) -> dict[str, Any]:
         """Section "uncertainty" of thresholds.json."""
         names = ("n_loc", "kappa", "omega_s", "z_s", "k_n")
-        out: dict[str, Any] = {name: getattr(self, name).to_list() for name in names}
+        out: dict[str, Any] = {name: list(getattr(self, name)) for name in names}
         if np.isnan(self.omega_s.value):
             out["omega_s"] = None
         return {**out, "softening": self.softening, "origin": self.origin}
@@ -135,16 +130,10 @@ class Band:
 
 
 def ensemble(law: Law) -> tuple[Law, ...]:
-    """12 laws on the boundary of the misfit of a fit.
+    """12 laws on the boundary of the misfit of a fitted `PowerLaw`; `InputError` without ci_n and ci_K.
 
     Their extremes bound every smooth result over the intervals of n and K. For the points of one smooth curve these
     measure how badly a power law describes it, and not what is known of the force.
-
-    Args:
-        law: a `PowerLaw` with ci_n and ci_K
-
-    Raises:
-        InputError: the law has no confidence interval
     """
     if not isinstance(law, PowerLaw) or law.ci_n is None or law.ci_K is None:
         raise InputError("the law has no confidence interval: give ci_n and ci_K, or a fitted law")
@@ -188,7 +177,7 @@ def uncertainty(
     if not laws and not points:
         raise InputError("nothing bounds the law: it has too few points")
     known = law_intervals(law, oscillator.restoring.load, laws)
-    omega = Interval(*(float(np.sqrt(max(k, 0.0) / oscillator.mass)) for k in known["k_n"].to_list()))
+    omega = Interval(*(float(np.sqrt(max(k, 0.0) / oscillator.mass)) for k in known["k_n"]))
     text = " and ".join(text for text in (origin if laws else "", "points of the law" if points else "") if text)
     return Uncertainty(**known, omega_s=omega, members=laws, origin=text)
 
@@ -202,7 +191,7 @@ def response_band(
     points: int = 161,
     tol: float = 1e-4,
 ) -> Band:
-    """Compute the envelope of the stable response over the laws that bound its own.
+    """Envelope of the stable response over the laws that bound its own.
 
     A law that is stiffer by a factor s^2 moves about another position of rest, and the response is the same with
     frequencies s times as high and displacements 1/s^2 as large. So the band at a frequency contains all points of the
@@ -216,9 +205,6 @@ def response_band(
         members: laws that bound it, see `uncertainty`
         points: number of frequencies
         tol: see `ContactOscillator.response`
-
-    Raises:
-        InputError: an argument is not legal, or the law has no confidence interval
 
     Examples:
         >>> oscillator = asp.ContactOscillator(asp.PowerLaw(1.5), zeta=0.1)

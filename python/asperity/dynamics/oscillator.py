@@ -124,14 +124,10 @@ class ContactOscillator:
         return replace(self, law=TaylorLaw.about(self.law, self.restoring.load), load=self.restoring.load)
 
     def free(self, u0: ArrayLike | None = None) -> FreeVibration:
-        """Compute the natural frequency over the release amplitude, to 1e-12 for smooth laws.
+        """Natural frequency over the release displacement u0 > 0, to 1e-12 for smooth laws.
 
-        Args:
-            u0: release displacements over z_s, > 0; by default 120 up to 1.5 u_max (or to the end of the law)
-
-        Raises:
-            InputError: an amplitude is not positive
-            RangeError: an orbit leaves the table, or passes the rim of the Taylor well
+        By default 120 of them up to 1.5 u_max (or to the end of the law). An orbit that leaves the table, or passes the
+        rim of the Taylor well, is a `RangeError`.
         """
         if u0 is None:
             top = min(1.5 * self.u_max if np.isfinite(self.u_max) else 1.5, largest_amplitude(self.restoring))
@@ -139,12 +135,9 @@ class ContactOscillator:
         return free_vibration(self.balance(), u0, self.omega_s)
 
     def backbone(self, u_max: float | None = None, points: int = 60) -> FreeVibration:
-        """Compute free vibration at equal steps of amplitude and at contact loss.
+        """Free vibration at equal steps of amplitude up to u_max, or to the end of the law, and at contact loss.
 
-        Args:
-            u_max: largest amplitude; default 3 times the largest that keeps contact. The law may end before, at the rim
-                of a Taylor well or at the last point of a table.
-            points: number of amplitudes
+        By default u_max is 3 times the largest that keeps contact.
         """
         if points < 1:
             raise InputError(f"points = {points} is not legal: a backbone needs at least 1")
@@ -155,7 +148,7 @@ class ContactOscillator:
         return self.free(np.union1d(amplitudes, limit) if limit < top else amplitudes)
 
     def thresholds(self, forcing: float | Iterable[float] = ()) -> Thresholds:
-        """Compute the onsets of contact loss, hysteresis and period doubling, and the peak for each F^ in `forcing`."""
+        """Onsets of contact loss, hysteresis and period doubling, and the peak for each F^ in `forcing`."""
         values = () if isinstance(forcing, Sequence) and not forcing else forcings(forcing)
         return _thresholds.thresholds(self.balance(), values)
 
@@ -168,17 +161,16 @@ class ContactOscillator:
         subharmonics: bool = True,
         detached: bool = False,
     ) -> FrequencyResponse:
-        """Compute all periodic orbits in a window of frequencies, stable and unstable, with their bifurcations.
+        """All periodic orbits in a window of frequencies, stable and unstable, with their bifurcations.
 
         Args:
             forcing: F^ = F/(n_loc W), 1e-9 to 1e6
             omega: lowest and highest Omega, 0.01 to 100
             tol: allowed truncation error, relative to the amplitude
-            subharmonics: follow branches of period 2 and 4 from period doublings
+            subharmonics: whether branches of period 2 and 4 are followed
             detached: search longer for loops that no branch reaches, from 20 times as many initial states
 
         Raises:
-            InputError: forcing or window is not legal
             ConvergenceError: no orbit is found
         """
         (f,) = forcings(positive("forcing", forcing))
@@ -198,7 +190,7 @@ class ContactOscillator:
         tol: float = 1e-4,
         max_periods: int | None = None,
     ) -> tuple[Sweep, ...]:
-        """Integrate frequency sweeps with carried state, all forcings and directions at once.
+        """Frequency sweeps with carried state, one for each forcing and direction ("up", "down").
 
         Args:
             forcing: F^, or several
@@ -207,9 +199,6 @@ class ContactOscillator:
             directions: "up", "down" or both
             tol: allowed distance from the steady state, relative to the orbit
             max_periods: largest number of forcing periods per frequency; default 4/zeta (100 to 20000)
-
-        Returns:
-            One `Sweep` per forcing and direction
 
         Raises:
             InputError: an argument is not legal, or zeta is below 1e-4
@@ -240,12 +229,12 @@ class ContactOscillator:
         samples: int = 64,
         rtol: float = 1e-10,
     ) -> Trajectory:
-        """Integrate in time, locating each separation and landing.
+        """Motion in time from the state u, v = du/dtau, with each separation and landing located.
 
         Args:
             omega: Omega (with forcing = 0: the unit of `periods` only)
             forcing: F^, may be 0
-            u, v: initial state, v = du/dtau
+            u, v: initial state
             periods: length in forcing periods
             samples: output points per forcing period
             rtol: tolerance of the integrator
